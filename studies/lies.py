@@ -16,9 +16,10 @@ from testbench.kinematics.encoder_motion import mechanism_of
 from testbench.recording import Conditions, UniformClock
 from testbench.rig import Rig, load_rig
 from testbench.runs.si_run import SIRun
+from testbench.simulator.memory_run import MemoryRun, stored
 from testbench.simulator.simulated_logs import simulate_logs
 
-from .simulated_runs import MemoryRun, stored, with_values
+from .simulated_runs import with_values
 from .table import Row
 
 Campaign = list[MemoryRun]

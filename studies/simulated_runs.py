@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -11,30 +10,22 @@ from balance.mechanism.mjcf_parser import load_mechanism
 from balance.units import G0
 from testbench import rig as rigs
 from testbench.campaign_plan import PlannedRun
-from testbench.recording import Channel, TimeColumn, UniformClock
+from testbench.recording import Channel, TimeColumn
 from testbench.rig import Rig, rig_from_text
 from testbench.rig.sensors import Accelerometer, ForceSensor, Torque, Wrench
 from testbench.runs.aligned_run import AlignedRun
 from testbench.runs.si_run import SIRun
-from testbench.simulator.loggers import Log, record_log
+from testbench.simulator.loggers import record_log
+from testbench.simulator.memory_run import MemoryRun, memory_run, written_values
 from testbench.simulator.run import BenchRun, simulate_run
 from testbench.simulator.sensors import true_signals
-from testbench.simulator.simulated_logs import SimulatedRun
-from testbench.store.run import Run, StoredGroup
+from testbench.store.run import Run
 
 from .laboratories import Family
 
 MANIPULATOR = "parallelogram-6bar"
 BUILT = {"counter_A0A": 17.1105, "counter_B0B": 17.1105}
 """Counter-masses that were built for 3.4116 kg [kg]: they leave 0.03081 kg m on each arm."""
-
-
-class MemoryRun(Run):
-    """A run whose data are in memory, by path."""
-
-    def channels_at(self, places: Sequence[tuple[StoredGroup, int]]) -> list[np.ndarray]:
-        """Values by group and index."""
-        return [self.provenance["data"][f"{group.path}/{group.keys[index]}"] for group, index in places]
 
 
 @dataclass(frozen=True)
@@ -59,8 +50,8 @@ class Scene:
             if columns and (loggers is None or name in loggers):
                 drawn = logger.model_copy(update=self.starts(seed)[name])
                 log = record_log(drawn, columns, self.bench.time, self.seen, (seed, number))
-                recorded[name] = _written(log, self.rig, name)
-        return _memory_run(f"seed{seed}.h5", self.rig, self.planned, recorded)
+                recorded[name] = written_values(log, self.rig, name)
+        return memory_run(f"seed{seed}.h5", self.rig, self.planned, recorded)
 
 
 def edited_rig(edits: Mapping[str, str], name: str = MANIPULATOR) -> Rig:
@@ -77,33 +68,6 @@ def planned_run(
 ) -> PlannedRun:
     """A run of the manipulator."""
     return PlannedRun("memory", payload, dict(masses), motion, acceleration_g * G0, 1)
-
-
-def stored(made: SimulatedRun, rig: Rig, path: str = "memory.h5") -> MemoryRun:
-    """What ingest would have stored of a run's logs, their time columns too."""
-    recorded = {name: {"Time": log.time} | _written(log, rig, name) for name, log in made.logs.items()}
-    return _memory_run(path, rig, made.planned, recorded)
-
-
-def _written(log: Log, rig: Rig, name: str) -> dict[str, np.ndarray]:
-    """Values of a logger's channels with the decimals that it writes."""
-    return {c.channel: np.round(log.columns[c.channel], rig.loggers[name].decimals) for c in rig.columns(name)}
-
-
-def _memory_run(
-    path: str, rig: Rig, planned: PlannedRun, recorded: Mapping[str, Mapping[str, np.ndarray]]
-) -> MemoryRun:  # fmt: skip
-    data: dict[str, np.ndarray] = {}
-    groups = []
-    for name, columns in recorded.items():
-        logger, units = rig.loggers[name], {"Time": "s"} | {c.channel: c.unit for c in rig.columns(name)}
-        data |= {f"{name}/{key}": values for key, values in columns.items()}
-        timed = "Time" in columns and logger.clock != "uniform"
-        clock = TimeColumn(0) if timed else UniformClock(logger.rate)
-        keys, samples = tuple(columns), len(next(iter(columns.values())))
-        channels = tuple(Channel(key, units[key]) for key in keys)
-        groups.append(StoredGroup(name, channels, clock, samples, logger.rate, "declared", name, keys))
-    return MemoryRun(Path(path), tuple(groups), "simulated", planned.conditions, rig.text, (), {"data": data})
 
 
 def scene(

@@ -11,6 +11,7 @@ from balance.errors import CounterpoiseError
 from balance.mechanism.mjcf_parser import load_mechanism
 from testbench import rig as rigs
 from testbench.rig import Rig
+from testbench.simulator.memory_run import MemoryRun, stored
 from testbench.simulator.run import simulate_run
 from testbench.simulator.sensors import draw_transducers
 from testbench.simulator.simulated_logs import lead_s, record_run
@@ -20,14 +21,12 @@ from .laboratories import FAMILIES
 from .simulated_runs import (
     BUILT,
     MANIPULATOR,
-    MemoryRun,
     Scene,
     aligned,
     disturbed,
     edited_rig,
     planned_run,
     scene,
-    stored,
 )
 from .table import Row, covered
 

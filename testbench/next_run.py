@@ -1,7 +1,6 @@
 """Which run to make next: how far each candidate would narrow what is asked of a campaign, before it is made.
 
-A **reduction**: the variance of the logarithm of each amplitude falls with the number of its repeats, and another
-repeat of anything makes the scatter that is pooled over the campaign better known (Student's t).
+A **reduction**: its interval with one more run on a side, whose noise and scatter are those of the campaign.
 
 A **first moment**, or the counter-mass that has it: readings = W c + noise, and what a run says of c is W' W over the
 variance of the noise, nuisances solved for (Fedorov, Theory of Optimal Experiments, 1972; the criterion is c-optimal:
@@ -10,10 +9,9 @@ rig that is stored with the runs: its motion, its loggers, its clocks; the noise
 is the factor by which the jackknife finds more variance than white noise would leave.
 """
 
-import tempfile
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from itertools import product
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
@@ -25,29 +23,37 @@ from balance.estimation.estimate import Estimate, coverage_factor, effective_deg
 from balance.estimation.first_moment_imbalance import Imbalance, masses_per_value
 from balance.estimation.identifiability import NotIdentifiable
 from balance.estimation.regression import RegressionFit
-from balance.mechanism.mjcf_parser import load_mechanism
-from balance.motion.motion_files import load_motion
-from balance.results import Key
+from balance.motion import Motion
+from balance.motion.motion_files import load_motion, motion_from_texts
+from balance.results import INLINE, Key
 from balance.units import G0
 
-from .campaign_plan import Condition, Plan
+from .campaign_plan import PlannedRun
 from .errors import AnalysisError
-from .ingest import Ingest
-from .ingest.run_table import plan_runs
+from .kinematics.encoder_motion import mechanism_of
 from .runs.aligned_run import AlignedRun, recorded_clocks
 from .runs.si_run import SIRun
-from .simulator.campaign import RUN_TABLE, simulate_campaign
-from .simulator.run import payload_body
-from .store import open_campaign
+from .simulator.loggers import record_log
+from .simulator.memory_run import memory_run, written_values
+from .simulator.run import simulate_run
+from .simulator.sensors import true_signals
 from .trim import trim_runs
 from .trim.estimators import ESTIMATORS, present_sources
 from .trim.missing_masses import lacking, trim_problem
 from .trim.problem import NAMES, Source, TrimProblem
+from .vibration.metrics import Measure
+from .vibration.reduction import analyze
+from .vibration.run_pairs import ConditionKey
 
 if TYPE_CHECKING:
+    from balance.input_files import Measured
+
     from .store import Run
+    from .vibration.reduction import Reduction
 
 Question = Literal["reduction", "first-moment", "counter-mass"]
+_SEED = 0
+"""Of the noise of simulated runs, of which only the motion counts."""
 _NOTHING = 0.02
 """Share of a half width by which a run must narrow it to be worth making."""
 
@@ -56,18 +62,16 @@ _NOTHING = 0.02
 class Candidate:
     """A run that may be made next."""
 
-    payload_kg: Annotated[float | None, Key("", "payload kg", lambda kg: "-" if kg is None else f"{kg:g}")]
-    counter_masses: Annotated[dict[str, float], Key("counter_masses_kg", "counter-masses kg", lambda m: _masses(m))]
-    motion: Annotated[str, Key("", "motion")]
-    peak_acceleration_g: Annotated[float, Key("", "peak g0", "g")]
-    repeats: Annotated[str | None, Key("repeats", "repeat of", lambda name: name or "new")]
+    key: Annotated[ConditionKey, INLINE]
+    counter_masses: Annotated[dict[str, float], Key("counter_masses_kg")]
+    """By site [kg]; empty without."""
+    repeats: Annotated[str | None, Key()]
     """The run that it would repeat; None for one unlike any that was made."""
 
     def __str__(self) -> str:
-        what = f"motion {self.motion} at {self.peak_acceleration_g:g} g0"
         mounted = "with" if any(self.counter_masses.values()) else "without"
-        place = "" if self.payload_kg is None else f"{self.payload_kg:g} kg, "
-        return f"{'repeat ' + self.repeats if self.repeats else 'a new run'} ({place}{what}, {mounted} counter-masses)"
+        what = f"repeat {self.repeats}" if self.repeats else "a new run"
+        return f"{what} ({self.key}, {mounted} counter-masses)"
 
 
 @dataclass(frozen=True)
@@ -104,15 +108,76 @@ class Design:
         return f"{best.candidate} narrows {best.quantity} {before} to {best.after:.3g} {self.unit} (half of 95 %)"
 
 
-def _masses(masses: Mapping[str, float]) -> str:
-    return " + ".join(f"{mass:g}" for mass in masses.values()) or "none"
-
-
 def _ranked(question: Question, unit: str, proposals: Sequence[Proposal], notes: Sequence[str]) -> Design:
     if not proposals:
         raise AnalysisError("no run can be proposed: " + "; ".join(notes))
     order = sorted(proposals, key=lambda one: (one.share, one.after))
     return Design(question, unit, tuple(order), tuple(notes))
+
+
+def next_for_reduction(
+    runs: "Iterable[Run]",
+    measure: Measure,
+    payload_kg: float | None = None,
+    motions: Sequence[str] = (),
+    peaks: "Sequence[Measured[float]]" = (),
+    axes: Sequence[str] = (),
+    accept: Sequence[str] = (),
+) -> Design:
+    """The repeat that narrows the reductions of a campaign most, or those of some conditions and axes [points].
+
+    Raises AnalysisError where there is none with an interval.
+    """
+    analysis = analyze(runs, measure, accept)
+    wanted = [
+        one
+        for one in analysis.reductions
+        if (payload_kg is None or np.isclose(one.key.payload_kg or 0.0, payload_kg))
+        and (not motions or one.key.motion in motions)
+        and (not peaks or any(_has_peak(one.key, peak) for peak in peaks))
+        and (not axes or one.axis in axes)
+    ]
+    rows = [one for one in wanted if one.interval is not None and one.uncertainty is not None]
+    if not rows:
+        reasons = "; ".join(dict.fromkeys(finding.message for finding in analysis.findings)) or "none is of them"
+        raise AnalysisError(f"no reduction that is asked has an interval to narrow: {reasons}")
+    sides = dict.fromkeys(
+        (one.runs[: one.n[0]] if side == 0 else one.runs[one.n[0] :]) for one in rows for side in (0, 1)
+    )
+    notes = [] if len(rows) == len(wanted) else [f"{len(wanted) - len(rows)} reductions have no interval to narrow."]
+    if all(one.method == "propagation" for one in rows):
+        notes.append(
+            "No run is repeated: what repeats differ by beyond noise is not known, and not in the predictions."
+        )
+    return _ranked("reduction", "points", [_repeat(runs_of_side, rows) for runs_of_side in sides], notes)
+
+
+def _has_peak(key: ConditionKey, peak: "Measured[float]") -> bool:
+    """Whether a condition has this peak acceleration."""
+    if peak.dimension == "acceleration":
+        return key.peak_acceleration_g is not None and bool(np.isclose(key.peak_acceleration_g * G0, peak.value))
+    return key.peak_acceleration_rad_s2 is not None and bool(np.isclose(key.peak_acceleration_rad_s2, peak.value))
+
+
+def _repeat(repeated: tuple[str, ...], rows: "Sequence[Reduction]") -> Proposal:
+    """One more of the runs of a side of a condition."""
+    logs, best = [], None
+    for one in rows:
+        balanced, unbalanced = one.runs[: one.n[0]], one.runs[one.n[0] :]
+        assert one.uncertainty is not None
+        assert one.interval is not None
+        side: Literal[0, 1] = 0 if balanced == repeated else 1
+        share = one.uncertainty.with_one_more(side) if repeated in (balanced, unbalanced) else 1.0
+        now = 0.5 * (one.interval[1] - one.interval[0])
+        logs.append(np.log(max(share, 1e-9)))
+        if best is None or now * (1.0 - share) > best[0]:
+            best = now * (1.0 - share), one, now, now * share, side
+    assert best is not None
+    _, one, now, after, side = best
+    key, masses = one.key, one.counter_masses if side == 0 else {}
+    candidate = Candidate(key, masses, repeated[-1])
+    quantity = f"the reduction at {key}, {one.sensor} along {one.axis}"
+    return Proposal(candidate, quantity, now, after, float(np.exp(np.mean(logs))))
 
 
 def next_for_first_moment(
@@ -121,7 +186,7 @@ def next_for_first_moment(
     sites: Sequence[str] = (),
     payload_kg: float | None = None,
     motions: Sequence[str] = (),
-    accelerations_g: Sequence[float] = (),
+    peaks: "Sequence[Measured[float]]" = (),
 ) -> Design:
     """The run that tells most of what first moment is missing at the sites [kg m], or which counter-mass [kg].
 
@@ -129,8 +194,7 @@ def next_for_first_moment(
     AnalysisError where nothing that a run shows depends on it, or no run can be simulated.
     """
     mounted, notes = _of_one_mounting(runs, payload_kg)
-    bench = mounted[0].rig
-    model = load_mechanism(bench.mechanism)
+    model = mechanism_of(mounted[0], None)
     made = [AlignedRun(run, model, recorded_clocks(run)) for run in mounted]
     problem = trim_problem(made, sites, None)
     if not (sources := present_sources(problem, one_mounting=True)):
@@ -138,10 +202,9 @@ def next_for_first_moment(
             f"{problem.names}: nothing that these runs show depends on what is missing: expected force sensors, motor "
             "torques, or accelerometers on a base that the rig states"
         )
-    with tempfile.TemporaryDirectory(prefix="counterpoise-next-") as folder:
-        candidates, simulated = _simulated(made[0], mounted, motions, accelerations_g, Path(folder))
-        known = _Knowledge.of(problem, simulated, sources)
-        proposals = [_proposal(candidate, known, number, question) for number, candidate in enumerate(candidates)]
+    candidates = list(_candidates(mounted, motions, peaks))
+    known = _Knowledge.of(problem, [_simulated(one, made[0], mounted) for one in candidates], sources)
+    proposals = [_proposal(candidate, known, number, question) for number, candidate in enumerate(candidates)]
     return _ranked(question, "kg m" if question == "first-moment" else "kg", proposals, [*notes, *known.notes])
 
 
@@ -163,69 +226,68 @@ def _of_one_mounting(runs: "Sequence[Run]", payload_kg: float | None) -> tuple[l
     """The runs of the mounting with the most, bound to their rigs, and what is left out."""
     groups: dict[tuple[object, ...], list[Run]] = {}
     for run in runs:
-        c = run.conditions
-        if run.rig is None or "motion" not in c or "peak_acceleration_g" not in c:
-            continue
-        payload = c.get("payload_kg")
-        if payload_kg is None or (payload is not None and np.isclose(payload, payload_kg)):
-            groups.setdefault((payload, *sorted(c.get("counter_masses", {}).items())), []).append(run)
+        payload = run.conditions.get("payload_kg")
+        asked = payload_kg is None or (payload is not None and np.isclose(payload, payload_kg))
+        if asked and run.rig is not None and "motion" in run.conditions:
+            masses = run.conditions.get("counter_masses", {})
+            groups.setdefault((payload, *sorted(masses.items())), []).append(run)
     if not groups:
         wanted = "" if payload_kg is None else f" of {payload_kg:g} kg"
         raise AnalysisError(
-            f"no run{wanted} has a rig, a motion and a peak acceleration: the rig says what a run would show; ingest "
-            "with --rig and --runs"
+            f"no run{wanted} has a rig and a motion: the rig says what a run would show; ingest with --rig and --runs"
         )
     most = max(groups.values(), key=len)
-    bound = [SIRun.of(run) for run in most]
     names = ", ".join(run.name for run in most)
-    return bound, [f"Of the mounting of {names}; runs of other mountings do not add to it."]
+    return [SIRun.of(run) for run in most], [f"Of the mounting of {names}; runs of other mountings do not add to it."]
 
 
-def _simulated(
-    first: AlignedRun, mounted: Sequence[SIRun], motions: Sequence[str], accelerations_g: Sequence[float], folder: Path
-) -> tuple[list[Candidate], list[AlignedRun]]:
-    """The candidates, and runs of them on the simulated bench of the rig, seen by its loggers."""
-    conditions = first.conditions
-    masses = {site: mass for site, mass in conditions.get("counter_masses", {}).items() if mass > 0.0}
-    made = {(run.conditions["motion"], round(run.conditions["peak_acceleration_g"], 9)): run.name for run in mounted}
-    accelerations = [*dict.fromkeys([*accelerations_g, *(peak for _, peak in made)])]
-    payload = conditions.get("payload_kg")
-    plan = Plan.model_construct(
-        mechanism=first.rig.mechanism,
-        conditions=[
-            Condition.model_construct(
-                payload=[payload or first.unloaded.mass(payload_body(first.unloaded))],
-                counter_masses=masses,
-                motion=list(dict.fromkeys([*(m for m, _ in made), *(motions or _like(next(iter(made))[0]))])),
-                peak_acceleration=[peak * G0 for peak in accelerations],
-                also_without=False,
-            )
-        ],
-    )
-    logs = simulate_campaign(plan, first.rig, folder / "logs")
-    (folder / "runs").mkdir()
-    ingest = Ingest(folder / "runs", first.rig)
-    for planned in plan_runs(logs, folder / "logs" / RUN_TABLE):
-        for outcome in ingest.run(planned):
-            if outcome.status != "stored":
-                raise AnalysisError(f"{outcome.source}: the simulated run cannot be stored: {outcome.message}")
-    bound = [SIRun.of(run).preloaded([]) for run in open_campaign(folder / "runs").runs]
-    candidates = [
-        Candidate(payload, masses, c["motion"], c["peak_acceleration_g"],
-                  made.get((c["motion"], round(c["peak_acceleration_g"], 9))))
-        for c in (run.conditions for run in bound)
-    ]  # fmt: skip
-    return candidates, [AlignedRun(run, first.unloaded) for run in bound]
+def _candidates(
+    mounted: Sequence[SIRun], motions: Sequence[str], peaks: "Sequence[Measured[float]]"
+) -> Iterator[Candidate]:
+    """Repeats of what was made, and every motion with every peak acceleration of its kind."""
+    made: dict[ConditionKey, str] = {}
+    for run in mounted:
+        made.setdefault(ConditionKey.of(run.recorded), run.name)
+    first, given = next(iter(made)), [motion_of(run) for run in mounted]
+    shipped = () if motions else datasets.dataset_names("motions", ".toml")
+    others = [*motions, *(name for name in shipped if any(_alike(load_motion(name), motion) for motion in given))]
+    sizes = [(key.peak_acceleration_g, key.peak_acceleration_rad_s2) for key in made]
+    sizes += [(p.value / G0, None) if p.dimension == "acceleration" else (None, p.value) for p in peaks]
+    masses = {s: mass for s, mass in mounted[0].conditions.get("counter_masses", {}).items() if mass > 0.0}
+    for motion, (linear, turning) in product(
+        dict.fromkeys([*(key.motion for key in made), *others]), dict.fromkeys(sizes)
+    ):
+        key = replace(first, motion=motion, peak_acceleration_g=linear, peak_acceleration_rad_s2=turning)
+        yield Candidate(key, masses, made.get(key))
 
 
-def _like(name: str) -> Iterator[str]:
-    """Shipped motions that drive the same from the same place as one of the campaign's."""
-    given = load_motion(name)
-    for other in datasets.dataset_names("motions", ".toml"):
-        motion = load_motion(other)
-        same = (motion.joints, motion.point, motion.axes) == (given.joints, given.point, given.axes)
-        if same and motion.recorded is None and given.recorded is None and _overlap(motion.waypoints, given.waypoints):
-            yield other
+def _simulated(candidate: Candidate, first: AlignedRun, mounted: Sequence[SIRun]) -> AlignedRun:
+    """What the loggers would record of a candidate, on the simulated bench of the rig."""
+    key, rig = candidate.key, first.rig
+    linear, turning = key.peak_acceleration_g, key.peak_acceleration_rad_s2
+    peak = turning if linear is None else linear * G0
+    planned = PlannedRun("next", key.payload_kg, candidate.counter_masses, key.motion, peak, 1, turning is not None)
+    own = next((run for run in mounted if run.conditions["motion"] == key.motion), None)
+    motion = load_motion(key.motion) if own is None else motion_of(own)
+    bench = simulate_run(rig, first.unloaded, planned, motion=motion)
+    shown, recorded = true_signals(rig, bench), {}
+    for number, (name, logger) in enumerate(rig.loggers.items()):
+        if columns := list(rig.columns(name)):
+            log = record_log(logger, columns, bench.time, shown, (_SEED, number))
+            recorded[name] = {"Time": log.time} | written_values(log, rig, name)
+    return AlignedRun(SIRun.of(memory_run("next/next.h5", rig, planned, recorded)), first.unloaded)
+
+
+def _alike(one: Motion, other: Motion) -> bool:
+    """Whether two motions drive the same, and have places in common."""
+    same = (one.joints, one.point, one.axes) == (other.joints, other.point, other.axes)
+    return same and one.recorded is None and other.recorded is None and _overlap(one.waypoints, other.waypoints)
+
+
+def motion_of(run: SIRun) -> Motion:
+    """The motion stored with a run, else the shipped one that its conditions name. Raises DataError for neither."""
+    own = run.recorded.inputs.get("motion")
+    return load_motion(run.conditions["motion"]) if own is None else motion_from_texts(*own)
 
 
 def _overlap(one: Floats, other: Floats) -> bool:

@@ -8,7 +8,7 @@ import click
 
 from balance.cli.framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
 from balance.cli.options import figure_option, scheduler_option
-from balance.results import document, table
+from balance.results import document, plain, table
 
 from ..signal import METRIC_NAMES
 from . import options
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ..vibration.reduction import Analysis, Reduction
 
 
-def _measure_options(command: F) -> F:
+def measure_options(command: F) -> F:
     """Add ``--metric`` and ``--band``."""
     metric = click.option(
         "--metric",
@@ -61,13 +61,15 @@ def _origins_text(counts: dict[str, int]) -> str:
 Examples:
   testbench analyze campaign --figure reductions.png
   testbench analyze campaign --metric rms --band 1..100 --json
+  testbench analyze campaign --budget
 \b
 Exit codes: 0 done, 3 done with findings (no partner, doubtful channels, lower bounds), 1 nothing to compare."""
 )
 @click.argument("campaign", type=click.Path(path_type=Path))
-@_measure_options
+@measure_options
 @options.accept_option
 @scheduler_option
+@options.budget_option
 @figure_option
 @json_option
 def analyze(
@@ -76,6 +78,7 @@ def analyze(
     band: "Band | None",
     accept: tuple[str, ...],
     scheduler: str | None,
+    budget: bool,
     figure: str | None,
     as_json: bool,
 ) -> int:
@@ -84,7 +87,8 @@ def analyze(
     Runs of one payload, motion, acceleration and origin are compared. The noise of the rest before the motion is
     subtracted. Intervals (95 %) come from the scatter of the campaign's repeats, pooled over its conditions, else from
     that noise, propagated. Where the residual vibration is not above the noise, the reduction is a lower bound:
-    ">= 97.2 < noise".
+    ">= 97.2 < noise". The calibration of a sensor cancels in a reduction unless it was calibrated anew in between;
+    the intervals of the amplitudes themselves hold it.
 
     Every run is cross-examined first (testbench doctor): a number of which sensors, run table or other runs contradict
     each other is withheld or marked, until its CODE is accepted.
@@ -103,9 +107,16 @@ def analyze(
     if figure:
         _draw(analysis, figure)
     if as_json:
-        emit_json(document(analysis) | {"calibrations": options.calibrations(runs)})
+        shown = document(analysis) | {"calibrations": options.calibrations(runs)}
+        if budget:
+            for row, one in zip(shown["reductions"], analysis.reductions, strict=True):
+                row["budget"] = plain(one.uncertainty.budgets if one.uncertainty else [])
+        emit_json(shown)
     else:
         _print_reductions(campaign, analysis)
+        for one in analysis.reductions if budget else ():
+            of = f"{one.key}, {one.sensor} along {one.axis}"
+            options.print_budgets(of, one.uncertainty.budgets if one.uncertainty else ())
         options.print_calibrations(options.calibrations(runs))
     return EXIT_WITH_FINDINGS if analysis.findings else 0
 
@@ -147,7 +158,7 @@ Exit codes: 0 done, 3 done with findings (runs without a partner, what cannot be
     "--published", "table", metavar="NAME", help="Published reductions: a shipped table, kiper2019, or a file."
 )
 @click.option("--mechanism", metavar="MECH", help="A mechanism in place of the one that is stored with the runs.")
-@_measure_options
+@measure_options
 @options.accept_option
 @figure_option
 @json_option

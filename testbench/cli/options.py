@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, plain_text
+from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_table, plain_text
 
 if TYPE_CHECKING:
+    from balance.estimation.uncertainty_budget import Budget
     from balance.mechanism.mechanism import Mechanism
 
     from ..readers import ReadOptions
@@ -79,6 +80,22 @@ def contradictions(runs: "Iterable[SIRun]", accepted: Iterable[str], mechanism: 
     from ..cross_examination import examine
 
     return examine(runs, accepted, mechanism).open_findings
+
+
+budget_option = click.option(
+    "--budget", is_flag=True, help="Also what contributes how much to each interval (uncertainty budget, JCGM 100)."
+)
+
+
+def print_budgets(of: str, budgets: "Iterable[Budget]") -> None:
+    """Print the budgets of what is stated of one thing, the largest contribution first; a line where there is none."""
+    from balance.estimation.uncertainty_budget import budget_rows
+
+    every = list(budgets)
+    for one in every:
+        emit_table(f"{of}: {one.quantity}", *budget_rows(one), one.text)
+    if not every:
+        click.echo(f"{of}: no budget, for there is no interval, or the amplitudes are within the noise.")
 
 
 def print_findings(findings: Iterable["Finding"]) -> None:

@@ -22,6 +22,7 @@ COLUMNS = ("site", "first_moment", "interval", "mass", "position")
 Examples:
   testbench trim parallelogram-6bar campaign/r021.h5 campaign/r035.h5
   testbench trim parallelogram-6bar campaign/r0*.h5 --stock shelf.csv --json
+  testbench trim parallelogram-6bar campaign/r0*.h5 --budget
   testbench trim two-joint-arm-a0 campaign/swing.h5 --from torque --site counter_link_1
   testbench trim parallelogram-6bar built/*.h5 plus-1kg-A0A/*.h5 plus-1kg-B0B/*.h5 --from trials
 \b
@@ -54,6 +55,7 @@ tell."""
     help="Draw what is missing and what the plates leave (.png, .svg, .pdf).",
 )
 @options.accept_option
+@options.budget_option
 @json_option
 def trim(
     mechanism: str,
@@ -65,6 +67,7 @@ def trim(
     rig: str | None,
     figure: Path | None,
     accept: tuple[str, ...],
+    budget: bool,
     as_json: bool,
 ) -> int:
     """What first moment is missing on which arm of MECH, and which mass to add there, from measured runs.
@@ -107,10 +110,13 @@ def trim(
         save(draw(result), figure)
     accepted = [finding.as_dict() for finding in examination.findings if finding.code in accept]
     if as_json:
-        emit_json({**trim_document(result), "accepted": accepted, "calibrations": options.calibrations(bound)})
+        shown = {**trim_document(result), "accepted": accepted, "calibrations": options.calibrations(bound)}
+        emit_json(shown | ({"budget": result.budgets} if budget else {}))
     else:
         _print(result, stock)
         options.print_findings(f for f in examination.findings if f.code in accept)
+        if budget:
+            options.print_budgets(result.mechanism.name, result.budgets)
         options.print_calibrations(options.calibrations(bound))
     return EXIT_WITH_FINDINGS if examination.findings or result.findings or result.doubts() else 0
 

@@ -62,6 +62,7 @@ def trim_runs(
         both,
         tuple(plates),
         tuple(finding for one in found for finding in one.findings),
+        tuple(one.imbalance for one in found),
     )
 
 

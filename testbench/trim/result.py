@@ -12,14 +12,20 @@ from balance.balancing.conditions import Conditions, text_of
 from balance.balancing.stock_plates import Plate
 from balance.estimation.covariance_weighting import CombinedImbalance
 from balance.estimation.estimate import LEVEL, Estimate
-from balance.estimation.first_moment_imbalance import Imbalance, MissingMass, with_condition_values
+from balance.estimation.first_moment_imbalance import (
+    Imbalance,
+    MissingMass,
+    masses_per_value,
+    with_condition_values,
+)
 from balance.estimation.identifiability import NotIdentifiable
+from balance.estimation.uncertainty_budget import Budget, Contribution
 from balance.mechanism.mechanism import Mechanism
 from balance.results import Key, plain
 
 from ..kinematics.gaps import GAP_FINDING
 from ..recording import Finding, Origin
-from .problem import Source
+from .problem import NAMES, Source
 
 DOUBTFUL_SHARE: dict[Source, float] = {"wrench": 0.1, "torque": 0.15, "vibration": 0.1, "trials": np.inf}
 """Of what was measured that stays unexplained, from which a result is doubtful: noise leaves half of that where
@@ -71,6 +77,34 @@ class Trim:
     """Whether several sources agree."""
     plates: tuple[Plate, ...] = ()
     findings: tuple[Finding, ...] = ()
+    estimates: tuple[Imbalance, ...] = ()
+    """The conditions' values by each source, in the order of ``shares``."""
+
+    @property
+    def budgets(self) -> list[Budget]:
+        """Of what each site lacks [kg m]: by source, noise and what its sensors' stated errors leave open.
+
+        Several sources are weighted by their inverse covariances, so that each has a part in both.
+        """
+        combined = self.imbalance
+        rows = masses_per_value(self.conditions, self.mechanism, [one.site for one in self.missing], combined.values)
+        gains = [np.eye(len(combined.values))] if len(self.estimates) < 2 else [
+            combined.covariance @ np.linalg.pinv(one.covariance, hermitian=True) for one in self.estimates
+        ]  # fmt: skip
+        return [
+            Budget(
+                f"first moment missing at {one.site}",
+                one.first_moment.value,
+                "kg m",
+                tuple(
+                    part
+                    for share, estimate, gain in zip(self.shares, self.estimates, gains, strict=True)
+                    for part in _contributions(share.source, estimate, one.lever_arm * row @ gain)
+                ),
+                one.first_moment.degrees_of_freedom,
+            )
+            for one, row in zip(self.missing, rows, strict=True)
+        ]
 
     @property
     def source(self) -> str:
@@ -167,6 +201,22 @@ class Trim:
         if not significant:
             return "nothing told"
         return "remove" if min(significant) < 0.0 else "add"
+
+
+def _contributions(source: Source, estimate: Imbalance, gain: Floats) -> list[Contribution]:
+    """Of one source to a combination of the conditions' values in which it has a gain (rank,) [-]."""
+    whole = max(float(gain @ estimate.covariance @ gain), 0.0)
+    noise, freedom = whole, estimate.constant_degrees_of_freedom
+    if estimate.regression is not None:
+        own = estimate.coordinates(gain, len(estimate.regression.values))
+        noise = min(float(own @ estimate.regression.covariance @ own), whole)
+        freedom = estimate.regression.degrees_of_freedom(own)
+    name = NAMES[source].partition(",")[0]
+    parts = [Contribution(f"{name}: noise, and what the model lacks", "A", noise**0.5, "kg m", 1.0, "t", freedom)]
+    if whole > noise * (1.0 + 1e-9):
+        stated = f"{name}: stated errors of calibration, cross-talk, resolution"
+        parts.append(Contribution(stated, "B", (whole - noise) ** 0.5, "kg m", 1.0, "normal"))
+    return parts
 
 
 def trim_document(result: Trim) -> dict[str, Any]:

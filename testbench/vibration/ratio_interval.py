@@ -44,7 +44,8 @@ class Ratio:
         """Whether anything vibrated above the noise without counter-masses; otherwise every ratio is possible."""
         nothing = self.unbalanced.deviation(np.zeros(1))
         return bool(
-            _normal(nothing, self.unbalanced.degrees_of_freedom)[0] > feldman_cousins_acceptance(np.zeros(1))[1][0]
+            normal_deviates(nothing, self.unbalanced.degrees_of_freedom)[0]
+            > feldman_cousins_acceptance(np.zeros(1))[1][0]
         )
 
     @cached_property
@@ -96,7 +97,7 @@ class Ratio:
         total = max(above**2 + below**2, 1e-300)
         sign = np.sign(self.balanced.deviation(np.array([ratio * self.unbalanced.amplitude]))[0])
         free = pooled_degrees_of_freedom((self.balanced, self.unbalanced), (above**2 / total, below**2 / total))
-        score = _normal(np.array([sign * total**0.5]), free)[0]
+        score = normal_deviates(np.array([sign * total**0.5]), free)[0]
         distance = self.balanced.distance(np.array([ratio * amplitude]))
         return float(score), float(distance[0])
 
@@ -108,7 +109,7 @@ def _end(excess: Callable[[float], float], inside: float, outside: float) -> flo
     return inside if excess(inside) <= 0.0 else float(brentq(excess, inside, outside))
 
 
-def _normal(deviations: Floats, degrees_of_freedom: float) -> Floats:
+def normal_deviates(deviations: Floats, degrees_of_freedom: float) -> Floats:
     """Normal deviates of the same probability as deviates of Student's t (k,)."""
     if np.isinf(degrees_of_freedom):
         return deviations

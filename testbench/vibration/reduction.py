@@ -5,7 +5,7 @@ An interval comes from the scatter of the campaign's repeats or, without repeats
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
@@ -21,6 +21,7 @@ from ..recording import Finding
 from ..runs.si_run import SIRun
 from . import ConditionAmplitude, Ratio
 from .amplitude import Place
+from .amplitude_uncertainty import SIDES, AmplitudesUncertainty, Interval
 from .condition import Condition, RepeatabilityByPlace, campaign_repeatability
 from .metrics import Measure
 from .run_pairs import ConditionKey, Pair, pairs
@@ -33,8 +34,6 @@ if TYPE_CHECKING:
 Method = Literal["repeats", "propagation"]
 """Where an interval comes from: the scatter of the campaign's repeats, or noise at rest, propagated."""
 Limit = Literal["at_least", "at_most"]
-SIDES = ("with", "without")
-"""Keys of a pair of numbers."""
 
 
 def _masses(masses: dict[str, float]) -> str:
@@ -76,8 +75,18 @@ class Reduction:
     n: Annotated[tuple[int, int], Key("", "n", lambda n: f"{n[0]}/{n[1]}", parts=SIDES)]
     """Number of runs with and without counter-masses."""
     runs: Annotated[tuple[str, ...], Key("", "runs", " ".join)]
+    uncertainty: AmplitudesUncertainty | None = field(default=None, repr=False, compare=False)
+    """What contributes to the intervals; None where there is none."""
     doubts: Annotated[tuple[str, ...], Key("", "doubts", " ".join)] = ()
     """Codes of contradictions about these runs and this channel; after some the number is withheld."""
+
+    @property
+    def amplitude_intervals(
+        self,
+    ) -> Annotated[tuple[Interval | None, Interval | None], Key("amplitude_interval_m_s2", parts=SIDES)]:
+        """95 % intervals of ``amplitudes``, the calibration of the sensor in them [m/s2]; None where there is none."""
+        known = self.uncertainty
+        return (None, None) if known is None else (known.amplitude_interval(0), known.amplitude_interval(1))
 
     @property
     def at_least(self) -> Annotated[float | None, Key("at_least_percent")]:
@@ -164,7 +173,10 @@ def _doubted(pair: Pair, reductions: Sequence[Reduction], examination: Examinati
     """Reductions of a pair with their doubts; without a number where these spoil it."""
     channels = {(c.sensor, c.component): c.channel for c in SIRun.of(pair.runs[0]).rig.base_columns}
     marked = [replace(r, doubts=examination.doubts(r.runs, channels[r.sensor, r.axis])) for r in reductions]
-    return [replace(r, interval=None, method=None) if examination.withheld(r.doubts) else r for r in marked]
+    return [
+        replace(r, interval=None, method=None, uncertainty=None) if examination.withheld(r.doubts) else r
+        for r in marked
+    ]
 
 
 def _conditions(found: Sequence[Pair], measure: Measure, findings: list[Finding]) -> list[Condition]:
@@ -202,7 +214,7 @@ def _reduction(condition: Condition, place: Place, scatter: RepeatabilityByPlace
     ratio = Ratio(*sides)
     interval = None if ratio.interval is None else (_percent(ratio.interval[1]), _percent(ratio.interval[0]))
     scattered = any(side.own_scatter or side.repeats for side in sides)
-    return Reduction(
+    found = Reduction(
         pair.key,
         pair.counter_masses,
         *place,
@@ -219,6 +231,15 @@ def _reduction(condition: Condition, place: Place, scatter: RepeatabilityByPlace
         (len(pair.balanced), len(pair.unbalanced)),
         tuple(run.name for run in pair.runs),
     )
+    return _with_calibration(found, AmplitudesUncertainty.of(sides, pair, place))
+
+
+def _with_calibration(found: Reduction, known: AmplitudesUncertainty) -> Reduction:
+    """With what calibrations add to the interval, and what there is to say of the amplitudes."""
+    interval = found.interval
+    if interval is not None and found.percent is not None:
+        interval = known.with_calibration(interval, found.percent)
+    return replace(found, interval=interval, uncertainty=known)
 
 
 def _reduction_without_interval(condition: Condition, place: Place) -> Reduction:

@@ -8,8 +8,8 @@ from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import simulate
 from balance.mechanism.mechanism import Mechanism
 from balance.motion import Samples
-from studies.simulated_runs import MemoryRun
 from testbench.recording import Channel, UniformClock
+from testbench.simulator.memory_run import MemoryRun
 from testbench.store.run import StoredGroup
 
 RATE = 1000.0

@@ -38,6 +38,16 @@ def test_the_deep_bench(manipulator, deep):
     )
 
 
+def test_the_budget_is_the_interval(manipulator, deep):
+    """Contributions of each source, noise and stated errors apart, add up to the interval of each site."""
+    found = trim_runs(memory.aligned(deep, manipulator), source=("wrench", "torque"))
+    for one, budget in zip(found.missing, found.budgets, strict=True):
+        assert budget.half_width == pytest.approx(one.first_moment.half_width(), rel=1e-6)
+        assert sum(budget.shares) == pytest.approx(1.0)
+        assert {part.source.partition(":")[0] for part in budget.contributions} >= {"force sensors"}
+        assert [part.evaluation for part in budget.contributions].count("B") >= 1
+
+
 def test_what_is_not_stated_is_not_in_the_interval(manipulator, deep):
     """By a rig that states no errors of its sensors the same runs give narrower intervals, which are not of 95 %."""
     rig = rigs.load_rig("parallelogram-6bar-deep")

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from studies import simulated_runs as memory
-from studies.simulated_runs import stored
 from testbench import campaign_plan as plans
 from testbench.rig import load_rig
 from testbench.signal.filters import Band
 from testbench.simulator import simulated_logs
+from testbench.simulator.memory_run import stored
 from testbench.store import open_campaign
 from testbench.vibration.metrics import METRICS, Measure
 from testbench.vibration.reduction import analyze
