@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -43,17 +44,13 @@ class _Stated(Quantity):
         return expressions.symbol(text, self.dimensions[0])
 
 
-def _size(text: str, lengths: Mapping[str, Symbol]) -> Expression:
-    """A length above zero with the named lengths as stated."""
+def _size(text: str, lengths: Mapping[str, Symbol], or_zero: bool = False) -> Expression:
+    """A length above zero, ``or_zero``, with the named lengths as stated."""
     found = expressions.read_length(text, lengths)
-    if not (size := found.at({name: symbol.value for name, symbol in lengths.items()})) > 0.0:
+    size = found.at({name: symbol.value for name, symbol in lengths.items()})
+    if not size > 0.0 and not (or_zero and size == 0.0):
         raise UnitError(f"{text!r} is {size:.6g} m: expected more than zero")
     return found
-
-
-def _size_or_zero(text: str, lengths: Mapping[str, Symbol]) -> Expression:
-    found = expressions.read_length(text, lengths)
-    return found if found.at({name: symbol.value for name, symbol in lengths.items()}) == 0.0 else _size(text, lengths)
 
 
 def _without_units(lengths: dict[str, Symbol]) -> dict[str, Symbol]:
@@ -69,7 +66,7 @@ def _without_units(lengths: dict[str, Symbol]) -> dict[str, Symbol]:
 
 Length = Annotated[Expression, FromText(expressions.read_length, "L2/2 + 10 mm", ("length",))]
 Size = Annotated[Expression, FromText(_size, "L2/2 + 10 mm", ("length",))]
-SizeOrZero = Annotated[Expression, FromText(_size_or_zero, "L2/2 + 10 mm", ("length",))]
+SizeOrZero = Annotated[Expression, FromText(partial(_size, or_zero=True), "L2/2 + 10 mm", ("length",))]
 
 
 def _not_reserved(links: object) -> object:
@@ -291,7 +288,7 @@ def linkage_from_table(content: Mapping[str, Any], name: str, source: str = "lin
     lengths = model_from_table(_LengthsTable, content, source).lengths
     table = model_from_table(LinkageTable, content, source, context=lengths)
     with in_file(source):
-        return _with_bodies_named(_Builder(table).linkage(name), table)
+        return _Builder(table).linkage(name)
 
 
 @dataclass(frozen=True)
@@ -324,19 +321,43 @@ class _Builder:
         self.names = {link: "+".join(members[placement.root]) for link, placement in self.where.items()}
 
     def linkage(self, name: str) -> Linkage:
-        """The linkage; what refers to bodies is still by the name of one of their links."""
+        """The linkage: its bodies and joints, then what refers to them, bodies by the name of one of their links."""
         table, bodies = self.table, self._bodies()
-        return Linkage(
-            name=name,
-            title=table.title or name,
-            symbols=self.symbols,
-            bodies=bodies,
-            joints={key: self._joint(key, joint) for key, joint in table.joints.items()},
-            gears={key: self._gear(key, gear) for key, gear in table.gears.items()},
-            drive=table.drive,
+        joints = {key: self._joint(key, joint) for key, joint in table.joints.items()}
+        bare = Linkage(name, table.title or name, self.symbols, bodies, joints)
+
+        def body(key: str, link: str) -> str:
+            with in_file(key):
+                return bare.body(link).name
+
+        def joint(key: str, name: str) -> str:
+            with in_file(key):
+                return bare.joint(name).name
+
+        two_point = {}
+        for link, shaped in table.two_point.items():
+            on = bodies[body("two_point", link)]
+            for each in shaped.joints:
+                joint(f"two_point.{link}", each)
+            if shaped.reshaped not in (part.link for part in on.parts):
+                raise DataError(f"two_point.{link}: reshaped is {shaped.reshaped!r}: expected a link of {on.name}")
+            two_point[on.name] = shaped
+        reduction = {body("reduction", link): joint("reduction", each) for link, each in table.reduction.items()}
+        return replace(
+            bare,
+            gears={
+                key: self._gear(key, body(f"gears.{key}.body", gear.body), gear) for key, gear in table.gears.items()
+            },
+            reduction=reduction | {on: shaped.joints[0] for on, shaped in two_point.items()},
+            two_point=two_point,
+            turns_with=tuple(
+                (body("turns_with", a), GROUND if b == GROUND else body("turns_with", b)) for a, b in table.turns_with
+            ),
+            drive=None if table.drive is None else joint("drive", table.drive),
             speed=table.speed,
             swing=table.swing,
             gravity=table.gravity,
+            start={body("start", link): angle for link, angle in table.start.items()},
             published=None if table.printed == Published() else table.printed,
             built=table.built,
         )
@@ -412,13 +433,13 @@ class _Builder:
             raise DataError(f"{key}: {link!r}: no such link: there are {GROUND}, {', '.join(self.names)}")
         return self.names[link], self.where[link]
 
-    def _gear(self, name: str, table: GearTable) -> Gear:
+    def _gear(self, name: str, body: str, table: GearTable) -> Gear:
         counter, carrier, pivot = table.counter, None, None
         if counter.on is not None and counter.at is not None:
             carrier, frame = self._body(f"gears.{name}.counter.on", counter.on)
             pivot = frame.of(Point(*counter.at))
         return Gear(
-            name, table.body, table.joint, table.teeth, table.disc or table.wheel, pivot, carrier, counter.mass,
+            name, body, table.joint, table.teeth, table.disc or table.wheel, pivot, carrier, counter.mass,
             counter.radius_of_gyration,
         )  # fmt: skip
 
@@ -434,40 +455,3 @@ def _check_distinct(places: Mapping[str, list[Place]]) -> None:
                     "another name = '...'"
                 )
             seen[place.name] = body
-
-
-def _with_bodies_named(linkage: Linkage, table: LinkageTable) -> Linkage:
-    """Fill in what refers to bodies by the name of one of their links."""
-
-    def named(key: str, link: str) -> str:
-        with in_file(key):
-            return linkage.body(link).name
-
-    def joint(key: str, name: str) -> str:
-        with in_file(key):
-            return linkage.joint(name).name
-
-    two_point = {named("two_point", link): _checked(linkage, link, each) for link, each in table.two_point.items()}
-    reduction = {named("reduction", link): joint("reduction", each) for link, each in table.reduction.items()}
-    if table.drive is not None:
-        joint("drive", table.drive)
-    return replace(
-        linkage,
-        start={named("start", link): angle for link, angle in table.start.items()},
-        reduction=reduction | {body: shaped.joints[0] for body, shaped in two_point.items()},
-        two_point=two_point,
-        turns_with=tuple(
-            (named("turns_with", a), GROUND if b == GROUND else named("turns_with", b)) for a, b in table.turns_with
-        ),
-        gears={key: replace(pair, body=named(f"gears.{key}.body", pair.body)) for key, pair in linkage.gears.items()},
-    )
-
-
-def _checked(linkage: Linkage, link: str, shaped: TwoPoint) -> TwoPoint:
-    with in_file(f"two_point.{link}"):
-        for name in shaped.joints:
-            linkage.joint(name)
-        body = linkage.body(link)
-        if shaped.reshaped not in (part.link for part in body.parts):
-            raise DataError(f"reshaped is {shaped.reshaped!r}: expected a link of {body.name}")
-    return shaped
