@@ -41,7 +41,6 @@ STUDIES = {
     "lies": Study("lies about runs are found, honest campaigns are not suspected", "campaigns a bench", 40, 1),
     "order_vectors": Study("intervals of `testbench vectors`", "seeds", 200, 6),
     "reader_faults": Study("damaged files are read to their end or refused", "copies a file", 200, 4),
-    "reductions": Study("intervals of `testbench analyze`", "seeds", 200, 3),
     "store_faults": Study("ingests killed, bits flipped, files cut", "kills", 300, 4),
     "trim": Study("intervals of `testbench trim`", "seeds", 200, 4),
 }
