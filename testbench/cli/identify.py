@@ -38,7 +38,8 @@ def print_result(
     emit_table(terms, *table(Value, result.joint_values(), *VALUE_COLUMNS))
     moments = [value for value in result.first_moments() if value.in_file] or result.first_moments()
     rows = [[value.name, *(f"{other:.4f}" for other in value.variants.values())] for value in moments]
-    emit_table("First moments by other choices [kg m]", ["", *result.variants], rows)
+    others = moments[0].variants if moments else result.variants
+    emit_table("First moments by other choices [kg m]", ["", *others], rows)
     header = ["", f"{_kind(result)} unexplained", "simulated angle off by, rms [rad]", "first moments [kg m]"]
     emit_table("Methods on held-out blocks", header, [_method(result, one, moments) for one in result.comparison])
     if result.mechanism.counter_sites and not result.undetermined_moments():
@@ -51,12 +52,12 @@ def print_result(
 
 def _method(result: "Identification", one: "MethodErrors", moments: "Sequence[Value]") -> list[str]:
     used = one.method == result.method
-    values = (value.value if used else value.variants[one.method] for value in moments)
+    values = [value.value if used else value.variants.get(one.method) for value in moments]
     return [
         f"{one.method}: {one.name}{' (used)' if used else ''}",
         f"{one.torque_error:.1%}",
         "-" if one.angles is None else f"{one.angles.all_rms:.4f}",
-        ", ".join(f"{value:.4f}" for value in values),
+        ", ".join("-" if value is None else f"{value:.4f}" for value in values),
     ]
 
 

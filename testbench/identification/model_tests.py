@@ -250,7 +250,7 @@ class ModelTests:
     @property
     def doubts(self) -> list[Doubt]:
         """Of all tests."""
-        found = [doubt for law in self.laws for doubt in law.doubts]
+        found = [*self._doubts_of_scale, *(doubt for law in self.laws for doubt in law.doubts)]
         found += [doubt for free in self.free for doubt in free.doubts]
         bodies = {law.joint: law.share.value > NEAREST_LAW for law in self.laws}
         for joint in self.negative_inertia:
@@ -264,9 +264,9 @@ class ModelTests:
             found.append(Doubt("stall", text))
         if self.motion is not None:
             found += self.motion.doubts
-        elif self.joints:
+        elif self.joints and not self.negative_inertia:
             found.append(Doubt("no_motion", "no motion can be simulated with what the torques show"))
-        return found + self._doubts_of_scale
+        return found
 
     @property
     def _doubts_of_scale(self) -> list[Doubt]:
@@ -315,7 +315,8 @@ class ModelTests:
         def stacked(values: Floats) -> Floats:
             return np.asarray((values[:, :joints] * weights[:, :, None])[::keep].reshape(-1, values.shape[2]))
 
-        columns, rows = stacked(self._base), stacked(self._rows[:, :, None])[:, 0]
+        scaled = [self._known[:, :, None]] if self.scale is not None else []  # a wrong scale has a test of its own
+        columns, rows = stacked(np.concatenate([self._base, *scaled], axis=2)), stacked(self._rows[:, :, None])[:, 0]
         before, terms = _left(columns, rows)
         after, more = _left(np.hstack([columns, stacked(np.concatenate(added, axis=2))]), rows)
         freedom = 2.0 * cutoff * float(used.sum()) * self._models[0].step - more

@@ -7,6 +7,7 @@ import pytest
 
 from balance.mechanism.mjcf_parser import load_mechanism
 from studies.joint_records import Maker
+from testbench.cli.identify import print_result
 from testbench.identification import identify
 from testbench.identification.model_tests import law_terms
 
@@ -41,9 +42,13 @@ def test_what_deceives_is_named(kind, seed, code):
 
 
 @pytest.mark.parametrize(("seed", "verdict"), [(4, "usable"), (5, "usable up to a torque scale")])
-def test_honest_records_pass(seed, verdict):
-    """With a known mass the scale is closed, without it is not; the true values lie within."""
+def test_honest_records_pass(seed, verdict, capsys):
+    """With a known mass the scale is closed, without it is not; the true values lie within; the verdict comes first."""
     result, case = identified("honest", seed)
+    print_result(result)
+    shown = capsys.readouterr().out
+    assert shown.startswith(f"Verdict: {verdict}\n")
+    assert ("Scale of the torques by masses known to differ" in shown) == case.closed
     assert result.doubts == []
     assert result.verdict == verdict
     for names, value in case.truth.values():
