@@ -243,10 +243,9 @@ def test_a_wrong_table_is_named_by_line_and_column(tmp_path: Path, text, message
         csv_rows(Mass, tmp_path / "x.csv")
 
 
-def test_columns_of_numbers_come_in_si_with_their_dimension(tmp_path: Path):
+def test_columns_of_numbers_come_in_si_with_their_dimension():
     """In the order of the header; others are left aside."""
-    (tmp_path / "x.csv").write_text("x (mm),note,time (ms)\n1,a,2\n3,b,4\n", encoding="utf-8")
-    found = csv_columns(tmp_path / "x.csv", {"time": ("time",), "x": ("angle", "length")})
+    found = csv_columns("x (mm),note,time (ms)\n1,a,2\n3,b,4\n", "x.csv", {"time": ("time",), "x": ("angle", "length")})
     assert found["time"].value == pytest.approx([0.002, 0.004])
     assert found["x"].value == pytest.approx([0.001, 0.003])
     assert found["x"].dimension == "length"
