@@ -13,7 +13,7 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.closure import Closure, Trajectory
-from balance.dynamics.inverse_dynamics import simulate
+from balance.dynamics.inverse_dynamics import driven_rates, simulate
 from balance.dynamics.moving_base import BaseMotion, acceleration_in_body, locked_inertia
 from balance.dynamics.regressor import driven_torque_regressor
 from balance.mechanism import forward_kinematics
@@ -46,6 +46,8 @@ BAND_HZ = 40.0
 """Low pass of readings and expectations [Hz]."""
 POSITION_HZ = 80.0
 """Of the positions that the expectations are made of: twice the band, which leaves the band undistorted [Hz]."""
+LEAST_SAMPLES = 64
+"""Of the grid, below which nothing is compared."""
 EDGE_S = 0.04
 """Left out at both ends, where low-passes start up [s]."""
 COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
@@ -73,6 +75,8 @@ class ModelledRun:
         time = run.instants(columns[0])
         fine, gaps = grid_of(time, f"{run.name}: encoders", bridged=True), encoder_gaps(run)
         coarse = coarse_grid(fine)
+        if coarse.count < LEAST_SAMPLES:
+            raise AnalysisError(f"{run.name}: {coarse.count} samples of {RATE_HZ:g} Hz are too few to compare")
         cutoff = min(POSITION_HZ, HIGHEST_CUTOFF * fine.rate, HIGHEST_CUTOFF * coarse.rate)
         if cutoff < BAND_HZ:
             raise AnalysisError(
@@ -116,8 +120,7 @@ class ModelledRun:
         if len(mechanism.payload_bodies) != 1:
             raise AnalysisError(f"{mechanism.name} has {len(mechanism.payload_bodies)} payload bodies: expected one")
         driven = mechanism.driven
-        rows = [mechanism.coordinate_index(joint) for joint in driven]
-        rates = np.einsum("nij,njk->nik", path.per_drive, np.linalg.inv(path.per_drive[:, rows]))
+        rates = driven_rates(mechanism, path.per_drive, driven)
         body = mechanism.payload_bodies[0]
         masses = {"payload": mechanism.with_payload({body: 2.0}).pi - mechanism.with_payload({body: 1.0}).pi}
         masses |= {s: mechanism.with_counter_mass({s: 1.0}).pi - mechanism.pi for s in mechanism.counter_sites}

@@ -21,11 +21,11 @@ from ..kinematics.motion_recognition import (
     legs_of_path,
     name_motions,
 )
-from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF, grid_of, low_pass
+from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF, bridge_gaps, grid_of, low_pass
 from ..quality.clipping import is_dead
 from ..rig.sensors import Encoder, Target, Torque
 from ..runs.si_run import SIRun
-from .model_loads import BAND_HZ, ModelledRun
+from .model_loads import BAND_HZ, LEAST_SAMPLES, ModelledRun
 
 if TYPE_CHECKING:
     from ..recording import Conditions
@@ -184,14 +184,18 @@ def _attempt(seen: Observation, witness: str, work: Callable[[], None]) -> None:
         work()
     except CounterpoiseError as error:
         seen.reasons[witness] = str(error)
+    except np.linalg.LinAlgError:  # a dead centre
+        seen.reasons[witness] = "the drives do not determine the motion everywhere"
 
 
 def _record(run: SIRun, column: "Column") -> ChannelRecord:
     values, rate = run.signal(column)
     count = len(values)
-    length = min(SPAN_SAMPLES, max(count // SPANS, 4), count)
+    if count < SPANS:
+        raise AnalysisError(f"{run.name}: {column.channel}: {count} samples are too few to compare")
+    length = min(SPAN_SAMPLES, max(count // SPANS, 4))
     starts = np.linspace(0, count - length, SPANS).astype(int)
-    rough = np.diff(values[starts[:, None] + np.arange(length)], min(3, length - 1), axis=1)
+    rough = np.diff(values[starts[:, None] + np.arange(length)], 3, axis=1)
     noise = float(np.quantile(rough.std(axis=1), 0.1)) / 20.0**0.5
     thin = values[:: max(count // THIN_SAMPLES, 1)]
     x = np.linspace(-0.5, 0.5, len(thin))
@@ -259,10 +263,14 @@ class _Readings:
         return found
 
 
-def _smooth(run: SIRun, columns: "list[Column]", step: float) -> tuple[Floats, Floats]:
+def _smooth(run: SIRun, columns: "list[Column]", step: float, bridged: bool = False) -> tuple[Floats, Floats]:
     """Instants (n,) [s] and readings (n, k) [SI] below BAND_HZ, on a grid of their clock near ``step`` [s]."""
     values, time = run.stacked(columns), run.instants(columns[0])
-    grid = grid_of(time, f"{run.name}: {columns[0].channel}")
+    grid = grid_of(time, f"{run.name}: {columns[0].channel}", bridged)
+    if bridged:
+        time, values = bridge_gaps(time, values, grid.step)
+    if grid.count < LEAST_SAMPLES:
+        raise AnalysisError(f"{run.name}: {columns[0].channel}: {grid.count} samples are too few to compare")
     smooth = low_pass(values, min(BAND_HZ, HIGHEST_CUTOFF * grid.rate), grid.rate)
     every = max(int(step / grid.step), 1)
     return time[::every], smooth[::every]
@@ -308,7 +316,7 @@ def _torque_equations(run: ModelledRun, readings: _Readings) -> TorqueEquations:
     parts = np.array_split(np.flatnonzero(run.valid), BLOCKS)
     products = np.zeros((BLOCKS, len(joints), len(names), len(names)))
     for j, joint in enumerate(joints):
-        time, values = _smooth(run.run, [columns[joint]], grid.step)
+        time, values = _smooth(run.run, [columns[joint]], grid.step, bridged=True)
         k, i = run.unloaded.coordinate_index(joint), driven.index(joint)
         v, a = run.path.v[:, k], run.path.a[:, k]
         terms = (np.ones(grid.count), *run.smooth(np.column_stack([a, v, np.tanh(v / COULOMB_SPEED)])).T)
