@@ -33,7 +33,7 @@ def aligned(campaign, tmp_path_factory):
 @pytest.fixture(scope="module")
 def trimmed(campaign):
     """The document of ``trim``."""
-    return json.loads(invoke(trim, "parallelogram-6bar", campaign, "--json"))
+    return json.loads(invoke(trim, "parallelogram-6bar", campaign, "--json", "--budget"))
 
 
 def invoke(command, *arguments, expected=0) -> str:
@@ -113,6 +113,9 @@ def test_trim_document(trimmed):
         assert added["site"] == missing["site"]
         assert low / 0.03755 < added["mass_kg"] < high / 0.03755
     assert found["predicted_residual_kgm"] < 0.005
+    for missing, budget in zip(found["missing"], found["budget"], strict=True):
+        low, high = missing["interval"]
+        assert budget["expanded_uncertainty"] == pytest.approx(0.5 * (high - low))
 
 
 def test_trim_for_people(aligned, tmp_path):

@@ -80,8 +80,9 @@ def three(brief, tmp_path):
 
 def test_text_of_analyze(three):
     """People read the metric, the band and the origin beside the numbers."""
-    said = command("analyze", three)
+    said = command("analyze", three, "--budget")
     assert said.returncode == 3
+    assert "combined standard uncertainty" in said.stdout
     assert f"{DEFAULT_METRIC} (" in said.stdout
     assert f"band {DEFAULT_BAND}" in said.stdout
     assert "2 of 2 runs are simulated." in said.stdout  # of the pair
@@ -96,13 +97,33 @@ def test_defaults_of_the_commands_are_those_of_the_module(three):
 
 def test_no_band_and_a_run_without_partner(three):
     """``--band none`` keeps all frequencies and says null; the run that is left over is listed: exit 3."""
-    said = command("analyze", three, "--json", "--metric", "rms", "--band", "none")
+    said = command("analyze", three, "--json", "--metric", "rms", "--band", "none", "--budget")
     assert said.returncode == 3
     document = json.loads(said.stdout)
+    for row in document["reductions"]:
+        for budget in row["budget"]:
+            assert sum(budget["variance_shares"]) == pytest.approx(1.0)
+            assert all(part["contribution"] >= 0.0 for part in budget["contributions"])
+        for side, interval in row["amplitude_interval_m_s2"].items():
+            assert interval[0] <= row["amplitude_m_s2"][side] <= interval[1]
     assert document["reductions"][0]["band_hz"] is None
     assert len(document["reductions"]) == 3
     alone = [finding["where"] for finding in document["findings"] if finding["code"] == "no_partner"]
     assert alone == ["r003"]
+
+
+def test_plan_next(three):
+    """The verdict comes first, and names the run; JSON has every candidate; what does not fit is refused."""
+    said = command("plan", "next", three, "--metric", "rms", "--axis", "y")
+    assert said.returncode == 0
+    assert said.stdout.startswith("repeat r00")
+    document = json.loads(command("plan", "next", three, "--metric", "rms", "--axis", "y", "--json").stdout)
+    assert [one["run"]["repeats"] for one in document["proposals"]] in (["r001", "r002"], ["r002", "r001"])
+    assert document["verdict"] in said.stdout
+    assert document["unit"] == "points"
+    for words in (["--site", "counter_A0A"], ["--for", "first-moment", "--axis", "x"], ["--peak", "3 kg"]):
+        assert command("plan", "next", three, *words).returncode == 2
+    assert command("plan", "next", three, "--payload", "77").returncode == 1
 
 
 def test_no_rig(brief, tmp_path):
