@@ -35,6 +35,8 @@ BLOCKS = 8
 """Blocks of a run, for the block jackknife."""
 RECORD_S = 2.0
 """Start of a record that is kept to compare runs [s]."""
+RECORD_SAMPLES = 1 << 14
+"""Most samples of it: hundreds of runs fit into a hundred megabytes."""
 SPANS = 40
 """Spans of a record of which the quietest tenth shows the noise."""
 SPAN_SAMPLES = 512
@@ -200,7 +202,7 @@ def _record(run: SIRun, column: "Column") -> ChannelRecord:
     thin = values[:: max(count // THIN_SAMPLES, 1)]
     x = np.linspace(-0.5, 0.5, len(thin))
     slope = float(np.sum(x * thin)) / max(float(np.sum(x * x)), 1e-300)
-    kept = np.asarray(values[: round(RECORD_S * rate)], dtype=np.float32)
+    kept = np.asarray(values[: min(round(RECORD_S * rate), RECORD_SAMPLES)], dtype=np.float32)
     span = float(np.ptp(thin - slope * x))
     clipped = column.dimensions[0] == "acceleration" and run.saturation(column) is not None
     return ChannelRecord(column, run.group_of(column), kept, rate, is_dead(values), clipped, noise, slope, span)

@@ -30,8 +30,8 @@ SIMILAR_SIZE = 2.0
 LEAST_EXPLAINED = 0.8
 """Mean square of the correlations from which the model explains the forces."""
 GAIN_FACTOR = 1.6
-"""Least factor between gains of two runs that is a contradiction: across the motion, the model of the base is right to a
-factor of 1.5 on the deep simulated bench."""
+"""Least factor between gains of two runs that is a contradiction: on the deep simulated bench the model of the base is
+right to a factor of 1.5 across the motion."""
 GAIN_DEVIATIONS = 6.0
 """Robust standard deviations of the logarithm of a channel's gains over the campaign within which a run agrees."""
 NOISE_FACTOR = 1.5
