@@ -3,13 +3,14 @@
 from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from balance.arrays import Floats
-from balance.results import INLINE, Key
+from balance.estimation.estimate import coverage_factor
+from balance.results import INLINE, Key, per_cent
 
 from ..rig.sensor_channels import Column
 from ..runs.si_run import SIRun
@@ -47,6 +48,8 @@ class ChannelLevels:
     """``peak``, ``peak_to_peak``, ``rms``, after removing the mean over the record and filtering by the band."""
     spectrum: Spectra | None
     """Of the whole record without a band; None where it is shorter than two short segments."""
+    calibration: Annotated[float | None, Key("calibration_percent", to=per_cent)] = None
+    """Half of the 95 % interval of every level that its sensor's calibration leaves open [-]; None: none is stated."""
 
     @property
     def levels(self) -> Annotated[dict[str, float], INLINE]:
@@ -110,7 +113,12 @@ def channel_levels(
     for (rate, _), waiting in together.items():
         if waiting:
             found += _levels_of_block(waiting, rate, band, segment)
-    return found
+    return [replace(one, calibration=_calibration(run, one.column)) for one in found]
+
+
+def _calibration(run: SIRun, column: Column) -> float | None:
+    stated = run.sensitivity_uncertainty(column)
+    return None if stated is None else coverage_factor(stated.degrees_of_freedom) * stated.relative
 
 
 def _segment_length(count: int, wanted: int) -> int:

@@ -5,6 +5,7 @@ import pytest
 
 from balance.results import plain
 from studies import simulated_runs as memory
+from testbench.rig import rig_from_text
 from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign
 from testbench.vibration.channel_levels import channel_levels, level_definitions, levels_of_runs
@@ -44,7 +45,10 @@ def test_a_line_in_the_noise_is_found():
     time = np.arange(60_000) / 5000.0
     quiet = np.random.default_rng(2).normal(0.0, 0.001, len(time))
     line = memory.with_values(run, "AccX", quiet + np.sin(2 * np.pi * 63.0 * time) / 98.1)
-    (level,) = channel_levels(SIRun.of(line), [column])
+    stated = "[sensors.base_acc.calibration.uncertainty]\nexpanded = '1 %'\ncoverage_factor = 2\n"
+    certified = rig_from_text(SIRun.of(line).rig.text + stated)
+    level, *_ = channel_levels(SIRun(line, certified), certified.sensors["base_acc"].columns("base_acc"))
+    assert plain(level)["calibration_percent"] == pytest.approx(0.5 * 1.959964)
     assert [peak["frequency_hz"] for peak in level.peaks] == [pytest.approx(63.0, abs=5000.0 / 4096.0)]
     (nothing,) = channel_levels(SIRun.of(memory.with_values(run, "AccX", quiet)), [column])
-    assert nothing.peaks == []
+    assert (nothing.peaks, nothing.calibration) == ([], None)
