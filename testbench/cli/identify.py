@@ -109,8 +109,15 @@ def _torque_notes(result: "Identification", moments: "Sequence[Value]") -> list[
             f"Scale of the torques by masses known to differ: {scale.value:.3f}, {LEVEL_TEXT}: {low:.3f} .. {high:.3f}."
         )
     listed = [f"{one.name} " + ", ".join(f"{x:.4f} ({label})" for label, x in one.one_sided.items()) for one in moments]
+    motion = result.tests.motion
+    simulated = []
+    if motion is not None:
+        wider = f"the intervals are {motion.factor**0.5:.2f} times as wide for it"
+        chance = f"{motion.expected:.2g} were what the torques lack independent"
+        simulated = [f"The simulated motion deviates by {motion.error:.2g} rms (rad, m), by {chance}: {wider}."]
     return [
         text,
+        *simulated,
         "Smoothing torque and rates but not positions, as is often done, is biased and would have given: "
         + "; ".join(listed),
     ]

@@ -372,7 +372,7 @@ class ModelTests:
 
     @cached_property
     def _known(self) -> Floats:
-        return self.equations.joined(lambda part: part.low_passed(part.known))
+        return self.equations.joined(lambda part: part.low_passed_known)
 
     @cached_property
     def _residual(self) -> Floats:

@@ -121,7 +121,12 @@ class RecordEquations:
 
     def low_passed_measured(self, delay: float) -> Floats:
         """The same, low-passed at the cut-off, (samples, rows) [N m, N]."""
-        return self.delayed(self._smooth, delay) - self.low_passed(self.known)
+        return self.delayed(self._smooth, delay) - self.low_passed_known
+
+    @cached_property
+    def low_passed_known(self) -> Floats:
+        """What known masses take of each row, low-passed at the cut-off, (samples, rows) [N m, N]."""
+        return self.low_passed(self.known) if self.known.any() else self.known
 
     @cached_property
     def _smooth(self) -> Floats:

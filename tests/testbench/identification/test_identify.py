@@ -100,20 +100,20 @@ def test_masses_are_not_filled_in(result):
 
 
 def test_intervals_hold_over_records():
-    """Of eight records the intervals of both first moments contain the truth at least seven times."""
+    """Of five records the intervals of both first moments contain the truth at least four times."""
     inside = np.zeros(2)
-    for seed in range(8):
-        found = identify([arms.record(ARM, seed=20 + seed, noise=0.1)], ARM)
+    for seed in range(5):
+        found = identify([arms.record(ARM, seed=20 + seed, noise=0.1)], ARM, others=False)
         for k, (moment, value) in enumerate(zip(MOMENTS, (0.34912, 0.11106), strict=True)):
             low, high = found.value(moment).interval
             inside[k] += low <= value <= high
-    assert (inside >= 7).all()
+    assert (inside >= 4).all()
 
 
 def test_two_records_together():
     """Two records tell more than one: the statistical interval shrinks, no stretch runs over from one to the other."""
-    one = identify([arms.record(ARM, seed=1, noise=0.2)], ARM)
-    both = identify([arms.record(ARM, seed=s, noise=0.2) for s in (1, 2)], ARM)
+    one = identify([arms.record(ARM, seed=1, noise=0.2)], ARM, others=False)
+    both = identify([arms.record(ARM, seed=s, noise=0.2) for s in (1, 2)], ARM, others=False)
     assert both.identified.fit.blocks > 1.5 * one.identified.fit.blocks
     assert both.value(MOMENTS[0]).estimate.half_width() < one.value(MOMENTS[0]).estimate.half_width()
     assert both.runs == ("arm 1", "arm 2")

@@ -48,6 +48,7 @@ def test_honest_records_pass(seed, verdict, capsys):
     print_result(result)
     shown = capsys.readouterr().out
     assert shown.startswith(f"Verdict: {verdict}\n")
+    assert "The simulated motion deviates by" in shown
     assert ("Scale of the torques by masses known to differ" in shown) == case.closed
     assert result.doubts == []
     assert result.verdict == verdict
@@ -72,7 +73,7 @@ def test_a_brake_is_a_stall():
 
 def test_a_scale_leaves_ratios_and_verdict():
     """Torques that read 30 % too much: every first moment is 30 % too large, their ratio and the verdict stay."""
-    record = arms.record(ARM, seed=3)
+    record = arms.record(ARM, seed=3, rate=100.0)
     one, other = (identify([replace(record, torque=s * record.torque)], ARM, others=False) for s in (1.0, 1.3))
     assert one.verdict == other.verdict == "usable up to a torque scale"
     assert other.first_moments()[0].value == pytest.approx(1.3 * one.first_moments()[0].value, rel=1e-6)
@@ -83,7 +84,7 @@ def test_a_scale_leaves_ratios_and_verdict():
 
 def test_what_adds_up_widens_the_intervals():
     """White noise leaves the covariance as it is; the same noise slowed down makes the motion stray, and widens it."""
-    record = arms.record(ARM, seed=5, noise=0.05)
+    record = arms.record(ARM, seed=5, noise=0.05, rate=100.0)
     slow = np.cumsum(np.random.default_rng(1).normal(0.0, 0.01, record.torque.shape), axis=0)
     white, drifting = (identify([r], ARM, others=False) for r in (record, replace(record, torque=record.torque + slow)))
     assert white.tests.motion.factor < 1.5
