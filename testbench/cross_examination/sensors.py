@@ -21,8 +21,11 @@ ABOVE_NOISE = 5.0
 FOLLOWS = 0.95
 """Correlation with the expected reading from which a channel's gain is known: what counter-masses leave is as small as
 what the model lacks, and correlates less."""
+PROVEN = 0.9
+"""Correlation from which the model of the base, which a rig may assume, proves right enough to contradict an axis or a
+sign: of other channels, or of the same with the axes exchanged."""
 REVERSED = -0.8
-"""Correlation with the expected reading below which a channel is reversed."""
+"""Correlation with its load below which a force channel is reversed."""
 LARGE = 0.1
 """Least expected load of a force channel over the largest of its kind."""
 SIMILAR_SIZE = 2.0
@@ -110,6 +113,10 @@ class Gains:
         """Channels whose gain is known, (k,)."""
         return self.witnessed & (self.correlation > FOLLOWS)
 
+    def crossed(self, of: int, by: int) -> float:
+        """Correlation of channel ``of`` with expectation ``by`` [-]."""
+        return float(self.yp[of, by] / max(self.readings[of] * self.expected[by], 1e-300))
+
     def remainder(self, of: int, by: int, scale: float) -> float:
         """What expectation ``by`` leaves of channel ``of``, over the power of both: 0 all, 1 unrelated, 2 opposed."""
         power = self.yy[of, of] + scale**2 * self.pp[by, by]
@@ -163,7 +170,8 @@ def _exchanged(seen: Observation, one: Gains) -> list[Statement]:
             scale = fitting / max(one.pp[a, a] + one.pp[b, b], 1e-300)
             remainders.append(one.remainder(i, a, scale) + one.remainder(k, b, scale) if scale > 0.0 else 4.0)
         names = [one.columns[n].channel for n in (i, k)]
-        wrong = remainders[0] > 1.0 and remainders[1] < EXCHANGED * remainders[0]
+        crossed = [one.crossed(a, b) for a, b in ((i, k), (k, i)) if one.witnessed[b]]
+        wrong = remainders[0] > 1.0 and remainders[1] < EXCHANGED * remainders[0] and min(crossed) > PROVEN
         found.append(
             Statement(seen.name, "axis", names[0], f"{names[0]} is axis {one.columns[i].component}, {names[1]} axis "
                       f"{one.columns[k].component} by the rig",
@@ -174,7 +182,9 @@ def _exchanged(seen: Observation, one: Gains) -> list[Statement]:
 
 
 def _sign(seen: Observation, one: Gains, i: int) -> Statement:
-    wrong = bool(one.correlation[i] < REVERSED)
+    of_the_base = one.columns[i].sensor in seen.rig.base_accelerometers
+    proven = not of_the_base or bool((one.witnessed & (one.correlation > PROVEN)).any())
+    wrong = proven and bool(one.correlation[i] < -PROVEN)
     return Statement(
         seen.name, "sign", one.columns[i].channel, "sign as in the rig",
         f"{'reversed: ' if wrong else ''}correlation {one.correlation[i]:.2f} with the model, expected near 1",
