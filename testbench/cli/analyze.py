@@ -33,9 +33,10 @@ def measure_options(command: F) -> F:
     band = click.option(
         "--band",
         type=options.BandText(),
-        default="0..200",
+        default="1..200",
         show_default=True,
-        help="Frequencies that count [Hz], zero-phase Butterworth; none: all.",
+        help="Frequencies that count [Hz], zero-phase Butterworth; none: all. Above a lower end of zero, an offset and a "
+        "ramp are removed first: they are no vibration.",
     )
     return metric(band(command))
 

@@ -25,27 +25,48 @@ METRICS: dict[Metric, tuple[str, Callable[[Floats], float]]] = {
 DEFAULT_METRIC: Metric = "peak_to_peak"
 """It does not depend on what counts as zero."""
 DEFAULT_BAND = Band(0.0, 200.0)
-"""Contains the motion (below 60 Hz) and the base's modes; above lies the noise of the accelerometer."""
+"""Of levels of any channel: contains the motion (below 60 Hz); above lies the noise of the accelerometer."""
+VIBRATION_BAND = Band(1.0, 200.0)
+"""Of vibration. The base rests before and after a motion, so that its acceleration and the first moment of it over time
+are zero: its spectrum rises with the square of the frequency, and below 1 Hz there are offsets, ramps and drift only, as
+long as a leg lasts less than half a second (shipped motions: 0.05 to 0.3 s). It moves no shipped reduction by 0.05 %."""
 
 
 @dataclass(frozen=True)
 class Measure:
-    """How an amplitude is taken: mean over the record removed, then the band, then the metric."""
+    """How an amplitude is taken: what is slow is removed, then the band cut out, then the metric read.
+
+    Slow is a straight line (offset and ramp) where the band has a lower end, else the mean over the record.
+    """
 
     metric: Annotated[Metric, Key()] = DEFAULT_METRIC
-    band: Annotated[Band | None, Key("band_hz", to=Band.limits)] = DEFAULT_BAND
+    band: Annotated[Band | None, Key("band_hz", to=Band.limits)] = VIBRATION_BAND
 
     def __str__(self) -> str:
-        return f"{self.metric} ({METRICS[self.metric][0]}), mean removed, band {self.band or 'not limited'}"
+        slow = "offset and ramp" if self.detrends else "mean"
+        return f"{self.metric} ({METRICS[self.metric][0]}), {slow} removed, band {self.band or 'not limited'}"
+
+    @property
+    def detrends(self) -> bool:
+        """Whether a ramp is no vibration: the band has a lower end."""
+        return self.band is not None and self.band.low_hz > 0.0
 
     def amplitude(self, values: Floats, rate_hz: float) -> float:
         """Amplitude [unit] of a signal (n,) [unit]."""
         return METRICS[self.metric][1](self.shape(values, rate_hz))
 
     def shape(self, values: Floats, rate_hz: float) -> Floats:
-        """The signal (n,) [unit] without its mean and in the band, (n,) [unit]."""
-        values = without_mean(values)
+        """The signal (n,) [unit] without what is slow and in the band, (n,) [unit]."""
+        values = self.without_trend(values)
         return self.band.filtered(values, rate_hz) if self.band else values
+
+    def without_trend(self, values: Floats) -> Floats:
+        """The signal (n,) [unit] less its mean, and less its ramp where that is no vibration, (n,) [unit]."""
+        values = without_mean(values)
+        if not self.detrends:
+            return values
+        along = np.linspace(-1.0, 1.0, len(values))
+        return values - along * (along @ values / (along @ along))
 
 
 def base_accelerations(run: "SIRun") -> dict[tuple[str, str], tuple[Floats, float]]:

@@ -6,7 +6,7 @@ import shutil
 import pytest
 
 from balance.results import table
-from testbench.vibration.metrics import DEFAULT_BAND, DEFAULT_METRIC
+from testbench.vibration.metrics import VIBRATION_BAND, DEFAULT_METRIC
 
 from ..conftest import call as command
 
@@ -84,7 +84,7 @@ def test_text_of_analyze(three):
     assert said.returncode == 3
     assert "combined standard uncertainty" in said.stdout
     assert f"{DEFAULT_METRIC} (" in said.stdout
-    assert f"band {DEFAULT_BAND}" in said.stdout
+    assert f"band {VIBRATION_BAND}" in said.stdout
     assert "2 of 2 runs are simulated." in said.stdout  # of the pair
 
 
@@ -92,7 +92,7 @@ def test_defaults_of_the_commands_are_those_of_the_module(three):
     """What the help shows as default is what the analysis has as default."""
     said = json.loads(command("compare", three, "--published", "kiper2019", "--json").stdout)
     assert said["rows"][0]["metric"] == DEFAULT_METRIC
-    assert said["rows"][0]["band_hz"] == [DEFAULT_BAND.low_hz, DEFAULT_BAND.high_hz]
+    assert said["rows"][0]["band_hz"] == [VIBRATION_BAND.low_hz, VIBRATION_BAND.high_hz]
 
 
 def test_no_band_and_a_run_without_partner(three):

@@ -31,7 +31,19 @@ def test_metrics_of_a_sine(metric, amplitude):
 def test_a_measure_says_what_it_is():
     """Metric, offset and band stand in its text."""
     assert str(Measure("rms", None)) == "rms (root mean square over the whole record), mean removed, band not limited"
+    assert str(Measure("peak")).endswith("offset and ramp removed, band 1..200 Hz")
     assert document(Measure("peak", Band(1.0, 50.0))) == {"metric": "peak", "band_hz": [1.0, 50.0]}
+
+
+@pytest.mark.parametrize("ramp", [0.0, 9.81, -40.0])
+def test_a_ramp_is_no_vibration(ramp):
+    """An offset and a ramp many times the vibration do not show above a lower end of zero; a base that rests before and
+    after its motion has nothing there, so that the amplitude is that of the whole.
+    """
+    swing = np.gradient(np.gradient(np.exp(-(((TIME - 2.0) / 0.05) ** 2)), TIME), TIME)
+    drifted = swing + 3.0 + ramp * TIME / TIME[-1]
+    assert Measure().amplitude(drifted, RATE) == pytest.approx(Measure(band=None).amplitude(swing, RATE), rel=2e-3)
+    assert Measure().amplitude(drifted, RATE) == pytest.approx(Measure().amplitude(swing, RATE), rel=1e-9)
 
 
 def stored(folder: Path, unit: str | None, values: np.ndarray, rate: float | None = RATE) -> Run:
