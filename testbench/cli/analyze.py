@@ -35,8 +35,8 @@ def measure_options(command: F) -> F:
         type=options.BandText(),
         default="1..200",
         show_default=True,
-        help="Frequencies that count [Hz], zero-phase Butterworth; none: all. Above a lower end of zero, an offset and a "
-        "ramp are removed first: they are no vibration.",
+        help="Frequencies that count [Hz], zero-phase Butterworth; none: all. Above a lower end of zero, an offset and "
+        "a ramp are removed first: they are no vibration.",
     )
     return metric(band(command))
 

@@ -7,9 +7,12 @@ From the top: ``reduction`` of a campaign (``comparison`` with simulation and pr
 
 from .amplitude import Amplitude
 from .amplitude_likelihood import AmplitudeLikelihood
-from .condition import ConditionAmplitude
+from .condition import CampaignNoise, ConditionAmplitude
 from .noise_floor import Noise
 from .ratio_interval import Ratio
 from .repeatability import Group, Repeatability
 
-__all__ = ["Amplitude", "AmplitudeLikelihood", "ConditionAmplitude", "Group", "Noise", "Ratio", "Repeatability"]
+__all__ = [
+    "Amplitude", "AmplitudeLikelihood", "CampaignNoise", "ConditionAmplitude", "Group", "Noise", "Ratio",
+    "Repeatability",
+]  # fmt: skip

@@ -1,10 +1,10 @@
-"""The amplitude of one channel in one run: what was read, and what would be read if the amplitude were another.
+"""One channel in one run: its record, what was read of it, and what would be read if the amplitude were another.
 
-Noise with the spectrum of the run's rest is simulated and added to the signal that the record shows (propagation of
-distributions, JCGM 101:2008): the reading and its interval then contain the same effect of the noise. The power of the
-noise is itself uncertain, since it is estimated from the rest alone. For the RMS no records need be simulated: its
-square is the power of the signal, plus twice the product of signal and noise (Gaussian), plus the power of the noise
-(chi squared).
+Noise as the campaign shows it (``noise_floor``) is drawn and added to the signal that the record shows (propagation of
+distributions, JCGM 101:2008): the reading and its interval then contain the same effect of the noise. Drawn with it are
+what the lines of the mains may be wrong by that were taken out (``tonal_lines``), and what a step hides: where the
+noise does not dither the channel, rounding is no noise but the same in all samples near an extreme. The signal that the
+record shows is then rounded anew, at offsets within a step of which nothing is known (a Type B term).
 
 Peaks need a model of the signal. Several swings may be of nearly equal height, and noise may make any of them the
 largest. If the largest is h, the likeliest heights are: as estimated where that is below h, h where it is above, and h
@@ -14,40 +14,41 @@ would count as larger in truth.
 """
 
 import zlib
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from balance.arrays import Floats
 
-from ..errors import AnalysisError
-from ..kinematics.motion_onset import rest_before
-from ..quality.clipping import flat_tops, stuck_value
 from ..signal import Metric
-from .metrics import Measure, base_accelerations
-from .noise_floor import ENOUGH, Noise
-
-if TYPE_CHECKING:
-    from ..runs.si_run import SIRun
+from .metrics import METRICS, Measure
+from .noise_floor import Noise, Segment
+from .tonal_lines import Lines
 
 Place = tuple[str, str]
 """Sensor and axis."""
-DRAWS = 500
-"""Simulated records of noise: a quantile of 2.5 % is known to 0.7 %."""
-POWERS = 4000
-"""Simulated powers."""
-_SAMPLES_PER_PERIOD = 6.0
-"""Simulated samples per period of the band's upper edge."""
-_NEIGHBOURS = 15
-"""Frequencies whose power is averaged: 30 degrees of freedom."""
+DRAWS = 400
+"""Simulated records of noise: a quantile of 2.5 % is known to 0.8 %."""
+FEWEST = 60
+"""Of long records."""
+SAMPLES_PER_PERIOD = 6.0
+"""Samples of a simulated record per period of the band's upper edge."""
+_WHOLE = 0.8
+"""Share of the frequencies of a resampled record up to which it is not tapered."""
 _SIGNIFICANT = 1.5
-"""Power over that of the noise from which a frequency belongs to the signal; noise alone exceeds it once in 25."""
-_BLOCK = 8_000_000
-"""Most samples simulated at a time."""
-_CLIPPED = ("clipping", "clipping_suspected")
+"""Power over that of the noise from which a frequency belongs to the signal."""
+_NEIGHBOURS = 15
+"""Frequencies whose power is averaged."""
+_OFFSETS = 24
+"""Offsets within a step at which a course is rounded."""
+_UNSURE = 1.7
+"""Factor on what rounding does to a course: it is known to its own rounding only (Monte Carlo: 0.5 to 1.7)."""
+_DITHERED = 1e-3
+"""Share of a step's error below which it is noise alone."""
+_MOST = 8_000_000
+"""Samples that are simulated, unless of the fewest draws."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +113,18 @@ class ConstrainedPeaks:
 
 
 @dataclass(frozen=True)
+class NoiseRecords:
+    """Draws of what a record has beyond its signal."""
+
+    courses: Floats
+    """In the band, (draws, n) [unit]."""
+    powers: Floats
+    """Mean square of the noise that each was drawn from: what runs in one noise share, (draws,) [unit^2]."""
+    rounding: Floats
+    """What a step that is not dithered adds to a reading, (draws,) [unit, or its square]."""
+
+
+@dataclass(frozen=True)
 class MetricStatistic:
     """What is read of a record: a peak itself, but the square of the RMS, to which noise adds its own power."""
 
@@ -130,10 +143,16 @@ class MetricStatistic:
         """The amplitude of a reading without noise [unit]."""
         return max(reading, 0.0) ** 0.5 if self.squared else reading
 
-    def extremes(self, peaks: ConstrainedPeaks, amplitudes: Floats, noise: Floats) -> Floats:
-        """Peaks, or peak-to-peak values, at amplitudes (k,) in records of noise (b, n), (b, k); all [unit]."""
+    def readings(self, peaks: ConstrainedPeaks, amplitudes: Floats, noises: "NoiseRecords") -> Floats:
+        """Readings at amplitudes (k,) [unit] in records of noise, (draws, k) [unit, or its square]."""
+        noise = noises.courses
+        if self.squared:
+            unit = peaks.course / max(float(np.sqrt(np.mean(peaks.course**2))), 1e-300)
+            product, power = noise @ unit.astype(noise.dtype) / len(unit), np.mean(noise**2, axis=1)
+            return amplitudes**2 + 2.0 * np.outer(product, amplitudes) + (power + noises.rounding)[:, None]
         at = {"peak": peaks.with_peak, "peak_to_peak": peaks.with_peak_to_peak}[self.metric]
-        return np.stack([self._extreme(at(float(a)).astype(noise.dtype), noise) for a in amplitudes], axis=1)
+        read = [self._extreme(at(float(a)).astype(noise.dtype), noise) + noises.rounding for a in amplitudes]
+        return np.stack(read, axis=1).astype(float)
 
     def _extreme(self, signal: Floats, noise: Floats) -> Floats:
         """Extremes (b,) of the signal in noise; only samples within 12 standard deviations of the largest matter."""
@@ -147,230 +166,221 @@ class MetricStatistic:
 
 @dataclass(frozen=True)
 class Amplitude:
-    """A channel in one run; ``noise`` is None where no rest shows it."""
+    """A channel in one run, resampled to what its band needs; lines of the mains are taken out."""
 
-    values: Floats
-    """As recorded, (n,) [unit]."""
-    rate_hz: float
     measure: Measure
-    noise: Noise | None
+    seconds: float
+    """Length of the record [s]."""
+    reading: float
+    """What was read at the logger's rate, noise included [unit, or its square]."""
+    course: Floats
+    """In the band, (n,) [unit]."""
+    whole: Floats
+    """Not limited by the band, without what is slow, (n,) [unit]."""
+    rest: slice | None = None
+    """Samples before the motion; None where it is not known when anything moves."""
+    moving: slice | None = None
+    """Samples from the first to the last motion; all where that is not known."""
+    line_errors: Floats | None = None
+    """By how much the lines that were taken out may be wrong, in the band, a standard deviation each, (j, n) [unit]."""
+    rounding: tuple[float, ...] = ()
+    """What rounding at random offsets adds to the reading [unit, or its square]; none where noise dithers the step."""
+    envelope: Floats | None = None
+    """Standard deviation of the noise over time, (n,) [-]; None where it is the same in rest and motion."""
+    step: float = 0.0
+    """Of the channel [unit]; zero where none is known."""
+    logger_hz: float = np.inf
+    """Rate at which it was recorded."""
     saturated: bool = False
     """Whether the sensor reached the end of its range: the amplitude is at least what was read."""
-    own_rest: bool = True
-    """Whether the noise is that of this record's own rest, not of another run's."""
-    stated_noise: Noise | None = None
-    """The channel's noise by the rig, used where no rest shows it."""
+    dead: bool = False
+    """Whether the channel shows one value only."""
+    stated: Noise | None = None
+    """The channel's noise by the rig."""
     faults: tuple[tuple[str, str], ...] = ()
     """Signs of a failed sensor in the record: finding code and message."""
+
+    @classmethod
+    def of(
+        cls,
+        values: Floats,
+        rate_hz: float,
+        measure: Measure,
+        rest: tuple[float, float] | None = None,
+        moving: tuple[float, float] | None = None,
+        step: float = 0.0,
+    ) -> "Amplitude":
+        """From a record (m,) [unit]; ``rest`` and ``moving`` are spans of time from its first sample [s]."""
+        band, statistic = measure.band, MetricStatistic(measure.metric)
+        every = max(int(rate_hz // (SAMPLES_PER_PERIOD * band.high_hz)), 1) if band else 1
+        count = len(values) // every
+        used, seconds = count * every, count * every / rate_hz
+        values, errors = measure.without_trend(values), None
+        still = None if rest is None else _samples(rest, count, seconds)
+        if still is not None and (lines := Lines.fitted(_resampled(values[:used], count)[still], count / seconds)):
+            values = values - lines.at((np.arange(len(values)) + 0.5) / rate_hz)
+            errors = lines.errors((np.arange(count) + 0.5) * seconds / count)
+            errors = errors if band is None else np.array([band.filtered(e, count / seconds) for e in errors])
+        reading = float(statistic.noiseless_reading(np.array(measure.amplitude(values, rate_hz))))
+        gain = _gain(measure, np.arange(count) / (2.0 * seconds), rate_hz)
+        whole, course = _resampled(values[:used], count), _from_cosines(_cosines(values[:used], count) * gain)
+        at_rest = np.diff(values, 2) / 6.0**0.5 if rest is None else values[_samples(rest, used, seconds)]
+        undithered = undithered_share(at_rest, step)
+        rounding = _rounding(measure, course, step, undithered, used, rate_hz) if undithered > _DITHERED else ()
+        return cls(
+            measure, seconds, reading, course, whole, still,
+            None if moving is None else _samples(moving, count, seconds), errors, rounding, step=step, logger_hz=rate_hz,
+        )  # fmt: skip
 
     @property
     def statistic(self) -> MetricStatistic:
         """What is read of the record."""
         return MetricStatistic(self.measure.metric)
 
-    @cached_property
-    def reading(self) -> float:
-        """What was read, noise included [unit, or its square]."""
-        return float(self.statistic.noiseless_reading(np.array(self.measure.amplitude(self.values, self.rate_hz))))
+    @property
+    def rate_hz(self) -> float:
+        """Of the resampled record."""
+        return len(self.course) / self.seconds
 
     @property
-    def seconds(self) -> float:
-        """Length of the record [s]."""
-        return len(self.values) / self.rate_hz
+    def step_density(self) -> float:
+        """Density of steps that noise dithers, white of variance step^2 / 12 (JCGM 100:2008, F.2.2.1) [unit^2/Hz]."""
+        return self.step**2 / (6.0 * self.logger_hz)
 
-    @cached_property
-    def floor(self) -> float | None:
-        """Median reading of noise alone [unit, or its square]."""
-        return None if self.noise is None else float(np.median(self.simulate(np.zeros(1), known=True)))
+    @property
+    def resting(self) -> Segment | None:
+        """The rest before the motion."""
+        return None if self.rest is None else Segment(self.whole[self.rest], self.rate_hz)
 
-    def simulate(self, amplitudes: Floats, known: bool = False) -> Floats:
-        """Simulated readings (draws, k) [unit, or its square] if the amplitude were one of ``amplitudes`` (k,) [unit].
+    def noises(self, noise: Noise) -> "NoiseRecords":
+        """Records of noise in the band, seeded by the record: the same record gives the same draws.
 
-        With ``known`` the noise has exactly the estimated power; otherwise its power varies as far as the rest allows.
-        """
-        if self.statistic.squared:
-            return self._powers(amplitudes, known)
-        scale = np.ones(DRAWS, np.float32) if known else self._scales
-        found, done = [], 0
-        for noise in self._noises():
-            block = noise * scale[done : done + len(noise), None]
-            found.append(self.statistic.extremes(self._peaks, amplitudes, block))
-            done += len(noise)
-        return np.concatenate(found).astype(float)
-
-    def _powers(self, amplitudes: Floats, known: bool) -> Floats:
-        """Mean squares a^2 + 2 a c + p: c the mean product of noise and a signal of RMS 1, p the power of the noise.
-
-        Only after its rest may the noise of the record have another power than estimated: that ratio has an F
-        distribution with the degrees of freedom of both parts. c has Student's t, since its variance is estimated too.
-        """
-        assert self.noise is not None
-        rng, band, power = self._generator(), self.measure.band, self.noise.power(self.measure.band)
-        share = min(self.noise.seconds / self.seconds, 1.0) if self.own_rest and not known else 0.0
-        variance, freedom = self._product
-        if known:
-            own, cross = (
-                _chi_squared(rng, self.noise.degrees_of_freedom(band, self.seconds)),
-                rng.standard_normal(POWERS),
-            )
-        else:
-            later = _chi_squared(rng, self.noise.degrees_of_freedom(band, (1.0 - share) * self.seconds))
-            own = share + (1.0 - share) * later / _chi_squared(rng, self.noise.degrees_of_freedom(band))
-            cross = rng.standard_normal(POWERS) / np.sqrt(_chi_squared(rng, freedom))
-        return amplitudes**2 + 2.0 * np.outer(variance**0.5 * cross, amplitudes) + (power * own)[:, None]
-
-    @cached_property
-    def _product(self) -> tuple[float, float]:
-        """Variance of the mean product of noise and the signal at RMS 1 [unit^2], and its degrees of freedom.
-
-        sum |signal|^2 S / 2 T over both signs of frequency, signal and noise as filtered by the band.
-        """
-        assert self.noise is not None
-        course = self._course
-        frequency = np.arange(len(course) // 2 + 1) / self.seconds
-        power = 2.0 * np.abs(np.fft.rfft(course)) ** 2 / max(float(np.sum(course**2)) * len(course), 1e-300)
-        weights = power * self._gain(frequency) ** 2
-        variance = float(weights @ self._density(frequency)) / (2.0 * self.seconds)
-        return variance, self.noise.degrees_of_freedom_of_sum(frequency, weights)
-
-    @cached_property
-    def _scales(self) -> Floats:
-        """Simulated true over estimated amplitude of the noise: sqrt(nu / chi squared), (DRAWS,) [-]."""
-        assert self.noise is not None
-        freedom = self.noise.degrees_of_freedom(self.measure.band)
-        drawn = self._generator().chisquare(freedom, DRAWS) if np.isfinite(freedom) else np.full(DRAWS, 1.0)
-        return np.sqrt((freedom if np.isfinite(freedom) else 1.0) / drawn).astype(np.float32)
-
-    def _generator(self) -> np.random.Generator:
-        """Seeded by the record: the same record gives the same draws."""
-        return np.random.default_rng(zlib.crc32(np.ascontiguousarray(self.values).tobytes()))
-
-    def _noises(self) -> Iterable[Floats]:
-        """DRAWS records of noise in blocks (b, n) [unit]; one cached block where it is small."""
-        return [self._only_block] if DRAWS * self._count <= _BLOCK else self._blocks()
-
-    @cached_property
-    def _only_block(self) -> Floats:
-        return np.concatenate(list(self._blocks()))
-
-    def _blocks(self) -> Iterator[Floats]:
-        rng, block = self._generator(), max(_BLOCK // self._count, 1)
-        for start in range(0, DRAWS, block):
-            yield self._draw(min(block, DRAWS - start), rng)
-
-    @cached_property
-    def _count(self) -> int:
-        """Samples of a simulated record: as many as its band needs."""
-        band = self.measure.band
-        rate = min(_SAMPLES_PER_PERIOD * band.high_hz, self.rate_hz) if band else self.rate_hz
-        return max(round(self.seconds * rate), 16)
-
-    def _draw(self, count: int, rng: np.random.Generator) -> Floats:
-        """Noise in the band, (count, n) [unit]: cosines at multiples of half a period a record, sqrt(S / T) each.
-
-        Cosines are even about both ends of the record, like noise that the band's filter mirrors there.
+        They are made of cosines at multiples of half a period a record, which are even about both ends, like noise that
+        the band's filter mirrors there.
         """
         from scipy.fft import idct
 
-        frequency = np.arange(self._count) / (2.0 * self.seconds)
-        sizes = self._gain(frequency) * np.sqrt(self._density(frequency) / self.seconds)
-        sizes[0] = 0.0  # the mean is removed
-        used = max(int(np.flatnonzero(sizes > 1e-4 * sizes.max())[-1]) + 1 if sizes.any() else 1, 1)
-        cosines = rng.standard_normal((count, used), dtype=np.float32) * sizes[:used].astype(np.float32)
-        return np.asarray(idct(cosines * np.float32((self._count / 2.0) ** 0.5), n=self._count, norm="ortho"))
+        rng, count = np.random.default_rng(zlib.crc32(np.ascontiguousarray(self.course).tobytes())), len(self.course)
+        number = int(np.clip(_MOST // count, FEWEST, DRAWS))
+        frequency = np.arange(count) / (2.0 * self.seconds)
+        gain = _gain(self.measure, frequency)
+        used = int(np.flatnonzero(gain > 1e-3)[-1]) + 1
+        sizes = noise.draws(frequency[:used], gain[:used], number, rng) / np.float32(self.seconds**0.5)
+        sizes[:, 0] = 0.0
+        cosines = rng.standard_normal(sizes.shape, dtype=np.float32) * sizes * np.float32((count / 2.0) ** 0.5)
+        drawn = np.asarray(idct(cosines, n=count, norm="ortho"))
+        if self.envelope is not None:
+            drawn *= self.envelope.astype(np.float32)
+        if self.line_errors is not None:
+            drawn += rng.standard_normal((number, len(self.line_errors)), np.float32) @ self.line_errors.astype(
+                np.float32
+            )
+        rounding = rng.choice(self.rounding, number) if self.rounding else np.zeros(number)
+        return NoiseRecords(drawn, 0.5 * np.sum(sizes**2, axis=1), rounding)
 
-    def _density(self, frequency: Floats) -> Floats:
-        assert self.noise is not None
-        return self.noise.at(frequency)
+    def in_band(self, whole: Floats) -> Floats:
+        """A record (m,) of the same rate in the band, (m,)."""
+        count = len(whole)
+        gain = _gain(self.measure, np.arange(count) * self.rate_hz / (2.0 * count), self.logger_hz)
+        return _from_cosines(_cosines(whole, count) * gain)
 
-    def _gain(self, frequency: Floats) -> Floats:
-        band = self.measure.band
-        return band.gain(frequency, self.rate_hz) if band else np.ones_like(frequency)
+    def mean_of(self, runs: Sequence["Amplitude"], lags: Sequence[float], mean: Floats) -> "Amplitude":
+        """The mean (n,) [unit] of repeats that show it ``lags`` [samples] later, read as each of them would show it."""
+        course = self.in_band(mean)
+        read = []
+        for run, lag in zip(runs, lags, strict=True):
+            count = round(run.seconds * run.logger_hz)
+            shown = np.pad(shifted(course, -lag, len(course)), (0, max(len(run.course) - len(course), 0)))
+            fine = _from_cosines(_cosines(shown[: len(run.course)], count))
+            read.append(run.statistic.noiseless_reading(np.array(METRICS[self.measure.metric][1](fine))))
+        errors = [run.line_errors for run in runs if run.line_errors is not None]
+        same = [e[:, : len(course)] / len(runs) for e in errors if e.shape[1] >= len(course)]
+        return replace(
+            self, seconds=len(course) / self.rate_hz, reading=float(np.mean(read)), course=course, whole=mean,
+            line_errors=np.concatenate(same) if same else None,
+            rounding=tuple(error for run in runs for error in run.rounding),
+            saturated=any(run.saturated for run in runs),
+        )  # fmt: skip
 
-    @cached_property
-    def _peaks(self) -> ConstrainedPeaks:
-        """Swings of the signal; the highest one alone where no frequency rises above the noise."""
-        peaks = ConstrainedPeaks(self._course)
-        return peaks if self._seen.any() else peaks.highest
+    def peaks(self, noise: Noise) -> ConstrainedPeaks:
+        """Swings of the signal; the highest one alone where no frequency rises above the noise.
 
-    @cached_property
-    def _course(self) -> Floats:
-        """The signal: the frequencies of the record that rise above the noise, or all if none does, (n,) [unit].
-
-        They are not weighted as by a Wiener filter, which would make the swings too low.
+        The signal is those frequencies of the record that have, with their neighbours, significantly more power than
+        the noise. They are not weighted as by a Wiener filter, which would make the swings too low.
         """
-        spectrum = self._spectrum
-        return np.fft.irfft(spectrum * self._seen if self._seen.any() else spectrum, self._count)
-
-    @cached_property
-    def _seen(self) -> np.ndarray:
-        """Frequencies that have, with their neighbours, significantly more power than the noise, (m,)."""
-        frequency = np.arange(self._count // 2 + 1) / self.seconds
-        noise = self._count**2 * self._density(frequency) * self._gain(frequency) ** 2 / (2.0 * self.seconds)
-        power = np.convolve(np.abs(self._spectrum) ** 2, np.full(_NEIGHBOURS, 1.0 / _NEIGHBOURS), "same")
-        return power > _SIGNIFICANT * noise
-
-    @cached_property
-    def _spectrum(self) -> np.ndarray:
-        """Of the record in its band, resampled to the length of the simulated noise, (m,) [unit]."""
-        shaped = self.measure.shape(self.values, self.rate_hz)
-        count = self._count // 2 + 1
-        spectrum = np.fft.rfft(shaped)[:count] * (self._count / len(shaped))
-        return np.pad(spectrum, (0, count - len(spectrum)))
+        spectrum, frequency = _cosines(self.course, len(self.course)), np.arange(len(self.course)) / 2.0 / self.seconds
+        expected = noise.at(frequency) * _gain(self.measure, frequency) ** 2 * len(self.course) / (2.0 * self.seconds)
+        power = np.convolve(spectrum**2, np.full(_NEIGHBOURS, 1.0 / _NEIGHBOURS), "same")
+        seen = power > _SIGNIFICANT * expected
+        return ConstrainedPeaks(_from_cosines(spectrum * seen)) if seen.any() else ConstrainedPeaks(self.course).highest
 
 
-def _chi_squared(rng: np.random.Generator, freedom: float) -> Floats:
-    """Draws of chi squared over its degrees of freedom, (POWERS,) [-]."""
-    return rng.chisquare(freedom, POWERS) / freedom if np.isfinite(freedom) else np.ones(POWERS)
+def shifted(values: Floats, lag: float, count: int) -> Floats:
+    """A record (m,) moved ``lag`` samples earlier, (count,); mirrored at its ends."""
+    mirrored = np.concatenate([values, values[::-1]])
+    turn = np.exp(2j * np.pi * np.arange(len(values) + 1) / len(mirrored) * lag)
+    return np.asarray(np.fft.irfft(np.fft.rfft(mirrored) * turn, len(mirrored))[:count])
 
 
-def amplitudes_of_run(run: "SIRun", measure: Measure) -> dict[Place, Amplitude]:
-    """Amplitudes [m/s2] of each axis of each accelerometer on the base; ``noise`` is None where no rest shows it."""
-    clipped = {f.channel for f in run.doubts(run.rig.base_columns) if f.code in _CLIPPED}
-    columns = {(c.sensor, c.component): c for c in run.rig.base_columns}
-    rests: dict[str, slice | None] = {}
-    found = {}
-    for place, (values, rate) in base_accelerations(run).items():
-        group, index = run.recorded.find(columns[place].channel)
-        if group.name not in rests:
-            rests[group.name] = _rest(run, group.name, rate)
-        column = columns[place]
-        noise = _noise(values, rate, rests[group.name], column.resolution, measure)
-        stated = Noise.stated(column.noise, rate, column.resolution)
-        clipping_found = group.channels[index].name in clipped
-        faults = _faults(values, rate, clipping_found)
-        saturated = clipping_found or any(code in _CLIPPED for code, _ in faults)
-        found[place] = Amplitude(values, rate, measure, noise, saturated, stated_noise=stated, faults=faults)
-    return found
+def undithered_share(resting: Floats, step: float) -> float:
+    """How much of a step's error is no noise, as a rest (n,) shows, between 0 and 1 [-].
+
+    With Gaussian noise of standard deviation s the mean reading is off by exp(-2 pi^2 s^2 / q^2) of what it is without
+    (Widrow and Kollar, Quantization Noise, 2008). A rest that toggles between two values scatters by up to half a
+    step however small the noise is, so that much proves nothing. The median tells the scatter, of motion too.
+    """
+    if step <= 0.0 or not len(resting):
+        return 0.0
+    scatter = min(float(np.std(resting)), 1.4826 * float(np.median(np.abs(resting - np.median(resting)))) + 0.5 * step)
+    dither = max(scatter**2 - step**2 / 4.0, 0.0)
+    return float(np.exp(-2.0 * np.pi**2 * dither / step**2))
 
 
-def _faults(values: Floats, rate_hz: float, clipping_found: bool) -> tuple[tuple[str, str], ...]:
-    """Signs of a failed sensor in a record; ``clipping_found``: ingest reported already that it clipped."""
-    shown = {
-        "held_value": stuck_value(values, rate_hz),
-        "clipping_suspected": None if clipping_found else flat_tops(values),
-    }
-    return tuple((code, message) for code, message in shown.items() if message)
+def _rounding(
+    measure: Measure, course: Floats, step: float, share: float, count: int, rate_hz: float
+) -> tuple[float, ...]:
+    """By how much the reading of a course (n,) moves if it is rounded to a step at offsets all over it."""
+    fine, statistic = _from_cosines(_cosines(course, count)), MetricStatistic(measure.metric)
+    offsets = (np.arange(_OFFSETS)[:, None] + 0.5) / _OFFSETS
+    read = np.round(fine / step + offsets) * step
+    gain = _gain(measure, np.arange(count) * rate_hz / (2.0 * count), rate_hz)
+    rows = _from_cosines(_cosines(np.concatenate([read - read.mean(axis=1, keepdims=True), fine[None]]), count) * gain)
+    found = np.array([statistic.noiseless_reading(np.array(METRICS[measure.metric][1](row))) for row in rows])
+    return tuple((_UNSURE * share * (found[:-1] - found[-1])).tolist())
 
 
-def _noise(values: Floats, rate_hz: float, still: slice | None, step: float, measure: Measure) -> Noise | None:
-    if still is None:
-        return None
-    try:
-        noise = Noise.of(values[still], rate_hz, step or observed_resolution(values))
-    except AnalysisError:
-        return None
-    return noise if noise.degrees_of_freedom(measure.band) >= ENOUGH else None
+def _samples(span: tuple[float, float], count: int, seconds: float) -> slice:
+    begin, end = (int(np.clip(round(at * count / seconds), 0, count)) for at in span)
+    return slice(begin, end)
 
 
-def _rest(run: "SIRun", group: str, rate_hz: float) -> slice | None:
-    """The rest before anything moves, in samples of the logger that recorded ``group``."""
-    signals = [run.recorded.channel(c.channel, group) for c in run.rig.columns() if run.holds(c, group)]
-    return rest_before([s for s in signals if np.isfinite(s).all()], rate_hz)
+def _cosines(values: Floats, count: int) -> Floats:
+    """The lowest ``count`` coefficients of a record (m,) mirrored at both ends, scaled to ``count`` samples."""
+    from scipy.fft import dct
+
+    size = values.shape[-1]
+    found = dct(values, norm="ortho")[..., :count] * (count / size) ** 0.5
+    return np.pad(found, [(0, 0)] * (values.ndim - 1) + [(0, max(count - size, 0))])
 
 
-def observed_resolution(values: Floats) -> float:
-    """Smallest step between the values (n,) [unit] of a channel [unit]: its resolution, where the rig states none."""
-    steps = np.diff(np.unique(values))
-    real = steps[steps > 1e-9 * max(float(np.abs(values).max(initial=0.0)), 1e-300)]
-    return float(real.min()) if real.size else 0.0
+def _from_cosines(spectrum: Floats) -> Floats:
+    from scipy.fft import idct
+
+    return np.asarray(idct(spectrum, norm="ortho"))
+
+
+def _resampled(values: Floats, count: int) -> Floats:
+    """A record (m,) at ``count`` samples of the same time, (count,); its uppermost frequencies tapered."""
+    if count >= len(values):
+        return values
+    share = np.arange(count) / count
+    taper = 0.5 + 0.5 * np.cos(np.pi * np.clip((share - _WHOLE) / (1.0 - _WHOLE), 0.0, 1.0))
+    return _from_cosines(_cosines(values, count) * taper)
+
+
+def _gain(measure: Measure, frequency: Floats, rate_hz: float = np.inf) -> Floats:
+    """Factor on an amplitude at each frequency (n,) [Hz], (n,) [-]."""
+    band = measure.band
+    if band is None:
+        return np.ones_like(frequency)
+    return band.gain(frequency, min(rate_hz, 50.0 * band.high_hz))

@@ -1,6 +1,6 @@
 """By how many standard deviations of the noise a reading lies above what any amplitude would read, tabulated."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -8,7 +8,8 @@ import numpy as np
 from balance.arrays import Floats
 from balance.estimation.estimate import normal_quantile
 
-from .amplitude import Amplitude, MetricStatistic
+from .amplitude import Amplitude, MetricStatistic, NoiseRecords
+from .noise_floor import Noise
 
 POINTS = 16
 """Amplitudes in the table."""
@@ -27,12 +28,12 @@ class AmplitudeLikelihood:
     statistic: MetricStatistic
     reading: float
     """What was read, noise included [unit, or its square]."""
-    floor: float | None
-    """What noise alone would read [unit, or its square]; None where no noise is known."""
+    floor: float
+    """What noise alone would read [unit, or its square]."""
     saturated: bool
     """Whether the sensor reached the end of its range."""
-    quantization_share: float
-    """Share of the noise's power that is the channel's quantization, at most 1 [-]."""
+    common: float
+    """Share of the variance that repeats have in common: the noise's power is one for all, and so is a step [-]."""
     amplitudes: Floats
     """Amplitudes around the reading, rising, (POINTS,) [unit]."""
     deviations: Floats
@@ -41,16 +42,20 @@ class AmplitudeLikelihood:
     """What each of ``amplitudes`` reads less what the first reads, (POINTS,) [standard deviations of noise]."""
 
     @classmethod
-    def of(cls, run: Amplitude) -> "AmplitudeLikelihood":
-        """From a run's record; in logarithms instead of standard deviations where no noise is known."""
-        run = replace(run)  # the simulated noise that is cached for the table goes with this copy
-        if run.noise is None:
-            return cls(run.statistic, run.reading, None, run.saturated, 0.0, *_without_noise(run))
-        tried = _amplitudes_near(run)
-        draws = run.simulate(tried)
-        table = np.minimum.accumulate([_score(column, run.reading) for column in draws.T])
+    def of(cls, run: Amplitude, noise: Noise) -> "AmplitudeLikelihood":
+        """From a run's record in noise."""
+        statistic, peaks, noises = run.statistic, run.peaks(noise), run.noises(noise)
+        floor = float(np.median(statistic.readings(peaks, np.zeros(1), noises)))
+        net, extra = run.reading - floor, 0.0 if statistic.squared else floor
+        spread = statistic.readings(peaks, np.array([statistic.amplitude(max(net, 0.0))]), noises).std()
+        reach = _REACH * float(spread) + 20.0 * _DIGITS * abs(run.reading)
+        low, high = (statistic.amplitude(max(v, 0.0)) for v in (net - reach, max(net, 0.0) + extra + reach))
+        tried = np.linspace(low, high, POINTS)
+        draws = statistic.readings(peaks, tried, noises)
+        table = np.minimum.accumulate([_score(column, run.reading) for column in draws.T]) - _DIGITS * np.arange(POINTS)
         rising = np.array([_score(draws[:, 0], float(np.median(column))) for column in draws.T])
-        return cls(run.statistic, run.reading, run.floor, run.saturated, _quantization_share(run), tried, table, rising)
+        common = _common(draws[:, int(np.argmin(np.abs(table)))], noises)
+        return cls(statistic, run.reading, floor, run.saturated, common, tried, table, rising)
 
     def deviation(self, amplitude: Floats) -> Floats:
         """The reading less what each amplitude (k,) [unit] would read, (k,) [standard deviations].
@@ -79,37 +84,18 @@ class AmplitudeLikelihood:
 
     @cached_property
     def noise_scale(self) -> float:
-        """Amplitude below which noise dominates [unit]; next to nothing where no noise is known."""
-        if self.floor is None:
-            return _DIGITS * float(self.amplitudes[0])
+        """Amplitude below which noise dominates [unit]."""
         return float(_WITHIN * (self.amplitudes[-1] - self.amplitudes[0]) / (self.deviations[0] - self.deviations[-1]))
 
     def _asinh_scaled(self, amplitude: Floats) -> Floats:
         return np.arcsinh(amplitude / self.noise_scale)
 
 
-def _amplitudes_near(run: Amplitude) -> Floats:
-    """Amplitudes around the reading, rising, (POINTS,) [unit]."""
-    statistic, floor = run.statistic, run.floor or 0.0
-    net, extra = run.reading - floor, 0.0 if statistic.squared else floor
-    reach = _REACH * float(run.simulate(np.array([statistic.amplitude(max(net, 0.0))])).std())
-    reach += 20.0 * _DIGITS * abs(net)
-    low, high = (statistic.amplitude(max(v, 0.0)) for v in (net - reach, max(net, 0.0) + extra + reach))
-    return np.linspace(low, high, POINTS)
-
-
-def _without_noise(run: Amplitude) -> tuple[Floats, Floats, Floats]:
-    away = np.linspace(-_DIGITS, _DIGITS, POINTS)
-    tried = run.statistic.amplitude(run.reading) * np.exp(away)
-    return tried, -away, away + _DIGITS
-
-
-def _quantization_share(run: Amplitude) -> float:
-    """Share of the noise's power in the band that the steps of the channel have, at most 1 [-]."""
-    noise, band = run.noise, run.measure.band
-    if noise is None or noise.step == 0.0:
-        return 0.0
-    return min(type(noise).of(np.zeros(64), run.rate_hz, noise.step).power(band) / noise.power(band), 1.0)
+def _common(draws: Floats, noises: NoiseRecords) -> float:
+    """Share of the variance of readings (d,) that the noise's power explains, and what a step adds."""
+    basis = np.column_stack([np.ones_like(noises.powers), np.sqrt(noises.powers), noises.rounding])
+    left = draws - basis @ np.linalg.lstsq(basis, draws, rcond=None)[0]
+    return float(np.clip(1.0 - left.var() / max(float(draws.var()), 1e-300), 0.0, 1.0))
 
 
 def _score(draws: Floats, reading: float) -> float:

@@ -1,7 +1,7 @@
 """The amplitudes of one condition, with and without counter-masses, each from one run or from repeats.
 
-How sure a mean of repeats is follows from the scatter of all repeats of the campaign (``repeatability``), from the
-condition's own repeats where their noise is unknown or they do not fit the others, else from the noise of its run.
+How sure a mean of repeats is follows from the noise of the campaign, rests and what does not repeat taken together
+(``CampaignNoise``), and from what the repeats differ by beyond it (``repeatability``).
 """
 
 from collections.abc import Iterable, Sequence
@@ -15,13 +15,14 @@ from balance.arrays import Floats
 from balance.estimation.estimate import student_quantile
 
 from ..errors import AnalysisError
-from ..quality.clipping import is_dead
 from ..recording import Finding
 from ..runs.si_run import SIRun
-from .amplitude import Amplitude, MetricStatistic, Place, amplitudes_of_run
+from .amplitude import Amplitude, MetricStatistic, Place
 from .amplitude_likelihood import AmplitudeLikelihood
 from .metrics import Measure
-from .repeatability import Group, Repeatability
+from .noise_floor import Noise, Segment
+from .repeatability import Group, Repeatability, Synchronous
+from .run_amplitudes import amplitudes_of_run
 from .run_pairs import Pair
 
 if TYPE_CHECKING:
@@ -39,16 +40,10 @@ _FINE = 401
 
 @dataclass(frozen=True)
 class ConditionAmplitude:
-    """One run, or n repeats, whose mean deviation has the variance v / n.
-
-    Without ``repeats`` v is 1, since deviations are in standard deviations of one run's noise. With them v is pooled
-    over the campaign; with ``own_scatter`` it is that of these repeats alone.
-    """
+    """One run, or repeats; deviations are in standard deviations of one run's noise."""
 
     group: Group
-    repeats: Repeatability | None = None
-    own_scatter: bool = False
-    """Whether these repeats alone give the variance: their noise is unknown, or they are outlying."""
+    repeats: Repeatability = field(default_factory=Repeatability)
 
     @property
     def runs(self) -> tuple[AmplitudeLikelihood, ...]:
@@ -66,10 +61,9 @@ class ConditionAmplitude:
         return self.runs[0].statistic
 
     @cached_property
-    def floor(self) -> float | None:
-        """What the metric would read of noise alone [unit]; None where the noise of a run is unknown."""
-        known = [run.floor for run in self.runs if run.floor is not None]
-        return self.statistic.amplitude(float(np.mean(known))) if len(known) == len(self.runs) else None
+    def floor(self) -> float:
+        """What the metric would read of noise alone [unit]."""
+        return self.statistic.amplitude(float(np.mean([run.floor for run in self.runs])))
 
     @property
     def amplitude(self) -> float:
@@ -99,64 +93,56 @@ class ConditionAmplitude:
     @property
     def degrees_of_freedom(self) -> float:
         """Degrees of freedom of the variance."""
-        return pooled_degrees_of_freedom((self,), (1.0,))
+        return self.repeats.degrees_of_freedom_of(self.group)
 
     @cached_property
-    def variance(self) -> float:
-        """Variance of one reading [in variances of its noise]."""
-        if self.own_scatter:
-            return self.group.variance
-        return 1.0 if self.repeats is None else self.repeats.variance(self.group.signal_to_noise)
-
-    @property
-    def relative_sensitivity(self) -> Floats:
-        """Derivative of the logarithm of the variance by each pooled component, (2,) [-]."""
-        pooled = self.repeats is not None and not self.own_scatter
-        return np.array([1.0, self.group.signal_to_noise**2]) / self.variance if pooled else np.zeros(2)
-
-    @property
-    def own_degrees_of_freedom(self) -> float:
-        """Degrees of freedom of a variance that is not pooled; infinite for one that is."""
-        return self.group.degrees_of_freedom if self.own_scatter else np.inf
-
-    @property
     def _error(self) -> float:
         """Standard deviation of the mean deviation."""
-        return float((self.variance / len(self.runs)) ** 0.5)
+        return float(self.repeats.variance(self.group) ** 0.5)
 
 
 def pooled_degrees_of_freedom(sides: Sequence[ConditionAmplitude], shares: Sequence[float]) -> float:
     """Degrees of freedom of a variance to which each side contributes its share [-].
 
-    Welch and Satterthwaite (JCGM 100:2008, G.4); the pooled components are common to all sides.
+    Welch and Satterthwaite (JCGM 100:2008, G.4); a pooled share of the amplitude is common to all sides.
     """
-    repeats = sides[0].repeats
-    pooled = np.sum([share * side.relative_sensitivity for side, share in zip(sides, shares, strict=True)], axis=0)
-    doubt = sum(2.0 * share**2 / side.own_degrees_of_freedom for side, share in zip(sides, shares, strict=True))
-    doubt += 0.0 if repeats is None else float(pooled @ repeats.covariance @ pooled)
-    return max(2.0 / doubt, 1.0) if doubt > 0.0 else np.inf
+    if sides[0].repeats.share > 0.0:
+        return max(sides[0].degrees_of_freedom, 1.0)
+    doubt = sum(share**2 / side.degrees_of_freedom for side, share in zip(sides, shares, strict=True))
+    return max(1.0 / doubt, 1.0) if doubt > 0.0 else np.inf
 
 
 EQUAL_DURATION = 0.9
 """Share of the longest record of a condition from which the others count as equally long."""
-RepeatabilityByPlace = dict[Place, Repeatability | None]
-"""Scatter of a campaign's repeats; None where there are too few."""
+AmplitudesOfRun = dict[Place, Amplitude]
+
+
+@dataclass(frozen=True)
+class Side:
+    """Repeats of a condition, with counter-masses or without."""
+
+    stored: tuple["Run", ...]
+    records: tuple[AmplitudesOfRun, ...]
+
+    @property
+    def key(self) -> tuple[int, ...]:
+        """The same for runs that are compared with several sets of counter-masses."""
+        return tuple(map(id, self.stored))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the runs."""
+        return tuple(run.name for run in self.stored)
 
 
 @dataclass(frozen=True)
 class Condition:
-    """A pair and the likelihood of each run's amplitude; it does not keep the records."""
+    """A pair and the records of its runs, resampled to what the band needs."""
 
     pair: Pair
     measure: Measure
-    groups: dict[Place, tuple[Group, Group]]
-    """Repeats with and without counter-masses."""
-    noise_stated: dict[Place, bool]
-    """Whether the noise of any run is the one that the rig states."""
-    resolution: dict[Place, float]
-    """Step of the channel [m/s2]; zero where none is known."""
-    dead: dict[Place, tuple[str, ...]] = field(default_factory=dict)
-    """Runs in which the channel shows one value only."""
+    balanced: tuple[AmplitudesOfRun, ...]
+    unbalanced: tuple[AmplitudesOfRun, ...]
     findings: tuple[Finding, ...] = ()
     """Runs that are left out, sensors that failed in a run, records of unequal length."""
     doubts: tuple[Finding, ...] = ()
@@ -176,62 +162,127 @@ class Condition:
                     f"{run.name}: its rig has other accelerometers on the base than that of {pair.runs[0].name}: "
                     "ingest both with one rig"
                 )
-        lent = {place: _with_noise([some[place] for some in found]) for place in found[0]}
-        return cls(
-            pair,
-            measure,
-            {place: _groups(pair, some) for place, some in lent.items()},
-            {
-                place: any(r.noise is not None and r.noise is r.stated_noise for r in some)
-                for place, some in lent.items()
-            },
-            {place: max((r.noise.step for r in some if r.noise), default=0.0) for place, some in lent.items()},
-            {place: _dead(pair, some) for place, some in lent.items()},
-            (*unread, *_failed(pair, found), *unequal_durations(pair, found)),
-            tuple(doubts),
-        )
-
-    def sides(self, place: Place, scatter: RepeatabilityByPlace) -> tuple[ConditionAmplitude, ConditionAmplitude]:
-        """Amplitudes with and without counter-masses, each with the variance that applies to it."""
-        groups, repeats = self.groups[place], scatter[place]
-        if not (self.noise_known(place) and repeats):
-            own = self.repeated and not self.noise_known(place)
-            return ConditionAmplitude(groups[0], own_scatter=own), ConditionAmplitude(groups[1], own_scatter=own)
-        balanced, unbalanced = (
-            ConditionAmplitude(group, repeats, own_scatter=repeats.excludes(group)) for group in groups
-        )
-        return balanced, unbalanced
-
-    def has_interval(self, place: Place) -> bool:
-        """Whether noise or repeats give an uncertainty, and something was read."""
-        if self.dead.get(place):
-            return False
-        read = all(run.reading > 0.0 for group in self.groups[place] for run in group.runs)
-        return read and (self.repeated or self.noise_known(place))
-
-    def noise_known(self, place: Place) -> bool:
-        """Whether the noise of every run is known."""
-        return all(group.noise_known for group in self.groups[place])
+        count = len(pair.balanced)
+        problems = (*unread, *_failed(pair, found), *unequal_durations(pair, found))
+        return cls(pair, measure, tuple(found[:count]), tuple(found[count:]), problems, tuple(doubts))
 
     @property
-    def repeated(self) -> bool:
-        """Whether there are repeats on both sides."""
-        return min(len(self.pair.balanced), len(self.pair.unbalanced)) > 1
+    def places(self) -> tuple[Place, ...]:
+        """Sensors and axes."""
+        return tuple(self.balanced[0])
+
+    @property
+    def runs(self) -> tuple[AmplitudesOfRun, ...]:
+        """In the order of the pair's."""
+        return (*self.balanced, *self.unbalanced)
+
+    @property
+    def sides(self) -> "tuple[Side, Side]":
+        """Runs with counter-masses, and without."""
+        return Side(self.pair.balanced, self.balanced), Side(self.pair.unbalanced, self.unbalanced)
+
+    def dead(self, place: Place) -> bool:
+        """Whether the channel shows one value only in a run."""
+        return any(run[place].dead for run in self.runs)
+
+    def resolution(self, place: Place) -> float:
+        """Step of the channel [m/s2]; zero where none is known."""
+        return max(run[place].step for run in self.runs)
 
 
-def campaign_repeatability(conditions: Iterable[Condition]) -> RepeatabilityByPlace:
-    """Repeatability at each place over a campaign; runs that are compared with several sets count once."""
-    groups: dict[Place, dict[tuple[str, ...], Group]] = {}
-    for condition in conditions:
-        for place, both in condition.groups.items():
-            groups.setdefault(place, {}).update({group.names: group for group in both})
-    return {place: Repeatability.of(list(some.values())) for place, some in groups.items()}
+@dataclass(frozen=True)
+class CampaignNoise:
+    """The noise of every channel, and the repeats of every side, of a campaign."""
 
+    noises: dict[tuple[Place, int], Noise | None]
+    """By place and rate [Hz]."""
+    in_motion: dict[Place, bool]
+    """Whether what does not repeat shows more noise in motion than the rests do."""
+    aligned: dict[tuple[int, ...], Synchronous | None]
+    """By the side's key."""
 
-def _groups(pair: Pair, runs: list[Amplitude]) -> tuple[Group, Group]:
-    names, judged = tuple(run.name for run in pair.runs), tuple(map(AmplitudeLikelihood.of, runs))
-    count = len(pair.balanced)
-    return Group(judged[:count], names[:count]), Group(judged[count:], names[count:])
+    @classmethod
+    def of(cls, conditions: Iterable[Condition]) -> "CampaignNoise":
+        """Pooled over all runs with one setting of the logger."""
+        sides = {side.key: side for condition in conditions for side in condition.sides}
+        aligned = {key: Synchronous.of(side.records) for key, side in sides.items()}
+        rests: dict[tuple[Place, int], list[Segment]] = {}
+        residuals: dict[tuple[Place, int], list[Segment]] = {}
+        least: dict[tuple[Place, int], float] = {}
+        for name, side in sides.items():
+            for place, one in (item for record in side.records for item in record.items()):
+                key = place, round(one.rate_hz)
+                least[key] = max(least.get(key, 0.0), one.step_density)
+                if one.resting is not None and not one.dead:
+                    rests.setdefault(key, []).append(one.resting)
+            for place, some in (both.residuals if (both := aligned[name]) else {}).items():
+                residuals.setdefault((place, round(some[0].rate_hz)), []).extend(some)
+        noises: dict[tuple[Place, int], Noise | None] = {}
+        in_motion: dict[Place, bool] = {}
+        for key, density in least.items():
+            measure = next(iter(sides.values())).records[0][key[0]].measure
+            rest, left = rests.get(key, []), residuals.get(key, [])
+            at_rest, moving = Noise.of(rest, density), Noise.of(left, density)
+            louder = at_rest is not None and moving is not None and moving.exceeds(at_rest, measure.band)
+            noises[key] = moving if louder else Noise.of([*rest, *left], density)
+            in_motion[key[0]] = louder or in_motion.get(key[0], False)
+        return cls(noises, in_motion, aligned)
+
+    def noise(self, one: Amplitude, place: Place) -> Noise | None:
+        """Of a channel in a run, by what was recorded, else as the rig states; None where neither is."""
+        return self.noises[place, round(one.rate_hz)] or one.stated
+
+    def is_stated(self, condition: Condition, place: Place) -> bool:
+        """Whether the noise of a run is known from the rig alone."""
+        return any(self.noises[place, round(run[place].rate_hz)] is None for run in condition.runs)
+
+    def repeated(self, place: Place) -> bool:
+        """Whether repeats of the campaign show the noise."""
+        return any(both is not None and place in both.means for both in self.aligned.values())
+
+    def groups(self, condition: Condition, place: Place) -> tuple[Group, Group] | None:
+        """Repeats with and without counter-masses; None where the noise is unknown, or nothing was read."""
+        found = []
+        for side in condition.sides:
+            lags = both.lags if (both := self.aligned[side.key]) else (0.0,) * len(side.records)
+            some = [
+                (self.in_envelope(condition, place, run[place], lag), self.noise(run[place], place))
+                for run, lag in zip(side.records, lags, strict=True)
+            ]
+            if condition.dead(place) or any(noise is None or one.reading <= 0.0 for one, noise in some):
+                return None
+            found.append(Group(tuple(AmplitudeLikelihood.of(one, noise) for one, noise in some if noise), side.names))
+        return found[0], found[1]
+
+    def mean(self, condition: Condition, place: Place, side: Side) -> Group | None:
+        """The mean of the aligned repeats of a side; None without repeats."""
+        both = self.aligned[side.key]
+        if both is None or condition.dead(place):
+            return None
+        one = self.in_envelope(condition, place, both.means[place])
+        noise = self.noise(one, place)
+        if noise is None or noise is one.stated or one.reading <= 0.0:
+            return None
+        return Group((AmplitudeLikelihood.of(one, noise.averaged(len(side.stored))),), side.names)
+
+    def in_envelope(self, condition: Condition, place: Place, one: Amplitude, lag: float = 0.0) -> Amplitude:
+        """A record with the course of its noise over time, where noise acts in motion: that of its own repeats, else
+        that of the condition's other side, from the beginning of the motion on.
+        """
+        if not self.in_motion[place]:
+            return one
+        sides = sorted(condition.sides, key=lambda side: not any(one is run[place] for run in side.records))
+        for side in sides:
+            both = self.aligned[side.key]
+            if both is None:
+                continue
+            over_time, first = both.envelopes[place], side.records[0][place]
+            own = one is both.means[place] or any(one is run[place] for run in side.records)
+            if not own and one.moving and first.moving:
+                lag = float(one.moving.start - first.moving.start)
+            at = np.arange(len(one.course)) - lag
+            return replace(one, envelope=np.interp(at, np.arange(len(over_time)), over_time))
+        return one
 
 
 def _readable(pair: Pair, measure: Measure) -> tuple[Pair, list[dict[Place, Amplitude]], list[Finding], list[Finding]]:
@@ -258,10 +309,6 @@ def _readable(pair: Pair, measure: Measure) -> tuple[Pair, list[dict[Place, Ampl
     return replace(pair, balanced=sides[0], unbalanced=sides[1]), records, unread, doubts
 
 
-def _dead(pair: Pair, runs: list[Amplitude]) -> tuple[str, ...]:
-    return tuple(run.name for run, one in zip(pair.runs, runs, strict=True) if is_dead(one.values))
-
-
 def _failed(pair: Pair, found: list[dict[Place, Amplitude]]) -> list[Finding]:
     """Sensors that failed in a run, as its record shows."""
     return [
@@ -283,12 +330,3 @@ def unequal_durations(pair: Pair, found: list[dict[Place, Amplitude]]) -> list[F
         "a part of the motion, or an RMS over more rest, is compared with another; cut the logs alike or leave one out"
     )
     return [Finding("durations_differ", None, f"{brief} {name}", message)]
-
-
-def _with_noise(found: list[Amplitude]) -> list[Amplitude]:
-    """Where a run's rest shows no noise: that of another run with the same rate, or else the rig's."""
-    known = {run.rate_hz: run.noise for run in reversed(found) if run.noise is not None}
-    return [
-        run if run.noise else replace(run, noise=known.get(run.rate_hz, run.stated_noise), own_rest=False)
-        for run in found
-    ]

@@ -28,8 +28,9 @@ DEFAULT_BAND = Band(0.0, 200.0)
 """Of levels of any channel: contains the motion (below 60 Hz); above lies the noise of the accelerometer."""
 VIBRATION_BAND = Band(1.0, 200.0)
 """Of vibration. The base rests before and after a motion, so that its acceleration and the first moment of it over time
-are zero: its spectrum rises with the square of the frequency, and below 1 Hz there are offsets, ramps and drift only, as
-long as a leg lasts less than half a second (shipped motions: 0.05 to 0.3 s). It moves no shipped reduction by 0.05 %."""
+are zero: its spectrum rises with the square of the frequency, and below 1 Hz there are offsets, ramps and drift only,
+as long as a leg lasts less than half a second (shipped motions: 0.05 to 0.3 s). It moves no shipped reduction by 0.05
+%."""
 
 
 @dataclass(frozen=True)

@@ -1,120 +1,183 @@
-"""The noise spectrum of a channel, estimated from the rest before the motion or stated by the rig."""
+"""The noise of a channel: a spectrum, how well it is known, and records drawn from it.
 
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+The spectrum is pooled over all segments that show noise alone: the rests of the campaign's runs, and what does not
+repeat between aligned repeats (which shows noise that acts in motion only). By sine tapers (Riedel and Sidorenko, IEEE
+Trans. Signal Process. 43, 188, 1995) a segment of T seconds resolves 4 / T; in a cell so wide the power may be that of
+a narrow mode, of which each segment shows one complex amplitude: two degrees of freedom, however many the segment has
+elsewhere. Below 1 / T nothing is known but that spectra of floors and drift rise towards low frequencies: there the
+density is extrapolated by a power of the frequency between 0 and -2, drawn at random (JCGM 101:2008, 6.4).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from balance.arrays import Floats
-
-from ..errors import AnalysisError
+from balance.estimation.estimate import chi_square_tail, f_tail
 
 if TYPE_CHECKING:
     from ..signal.filters import Band
 
-BANDWIDTH = 16.0
-"""Time-bandwidth product: 31 tapers, so that the density is known to a fifth at every frequency."""
-ENOUGH = 12.0
-"""Least degrees of freedom of the noise power in a band for which a rest is used."""
-STATED_S = 0.2
-"""Rest that a stated noise is taken to be worth [s]: the shortest of the shipped rigs' rests."""
-_SEGMENT = 8192
-"""Longest segment of a spectrum [samples]."""
+TAPERS = 3
+SHORTEST = 24
+"""Least samples of a segment [-]."""
+LEAST_S = 0.03
+"""Least length of a segment [s]."""
+DIFFER = 0.01
+"""Level at which powers of several segments, or of rest and motion, differ."""
+_STATED = 30.0
+"""Degrees of freedom of a cell of a stated spectrum: data sheets are good to a quarter."""
+_PRIOR = 1.0
+"""Degrees of freedom that a cell has beyond those of its segments: its neighbours are much like it."""
+_MOST_SCATTER = 2.0
+"""Of powers of segments: a factor of seven."""
+_STEEPEST = 2.0
+"""Of the extrapolation: a random walk."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Part of a record that shows noise alone."""
+
+    values: Floats
+    """(n,) [unit]"""
+    rate_hz: float
+    weight: float = 1.0
+    """Share of an independent segment: n residuals of n repeats count for n - 1."""
+
+    @property
+    def seconds(self) -> float:
+        """Its length [s]."""
+        return len(self.values) / self.rate_hz
+
+    @property
+    def usable(self) -> bool:
+        """Whether it is long enough for any spectrum."""
+        return len(self.values) >= SHORTEST and self.seconds >= LEAST_S
+
+    def density(self, size: int) -> Floats:
+        """One-sided power spectral density at size // 2 + 1 even frequencies, [unit^2/Hz]."""
+        count = len(self.values)
+        along = np.pi * np.arange(1, count + 1) / (count + 1)
+        tapers = np.sin(np.outer(np.arange(1, TAPERS + 1), along)) * np.sqrt(2.0 / (count + 1))
+        line = np.linspace(-1.0, 1.0, count)
+        flat = self.values - self.values.mean()
+        flat = flat - line * (line @ flat / (line @ line))
+        power = np.abs(np.fft.rfft(flat * tapers, size)) ** 2
+        return 2.0 * power.mean(axis=0) / self.rate_hz
 
 
 @dataclass(frozen=True)
 class Noise:
-    """A noise spectrum and the length of rest that it is known from."""
+    """A spectrum in cells that are each known to so many degrees of freedom."""
 
     frequency: Floats
-    """(m,) [Hz]"""
+    """Even, from zero, (m,) [Hz]."""
     density: Floats
-    """One-sided power spectral density, (m,) [unit^2/Hz]."""
-    seconds: float
-    """Length of the rest [s]."""
-    rate_hz: float
-    step: float
-    """Resolution of the channel [unit]."""
+    """One-sided, (m,) [unit^2/Hz]."""
+    resolution_hz: float
+    """Width of a cell."""
+    lowest_hz: float
+    """Frequency below which the density is extrapolated."""
+    freedom: float
+    """Degrees of freedom of a cell."""
+    scatter: float = 0.0
+    """Standard deviation of the logarithm of the power from run to run, beyond chance [-]."""
 
     @classmethod
-    def of(cls, resting: Floats, rate_hz: float, step: float = 0.0) -> "Noise":
-        """By Thomson's multitaper method, from a rest (n,) [unit] of a channel with the resolution ``step`` [unit].
-
-        A coarse channel may show no noise at rest; in motion its quantization is white noise of variance step^2 / 12
-        (JCGM 100:2008, F.2.2.1), so the density is no less than that. Noise slower than the rest is not seen. Raises
-        AnalysisError for a rest too short for any spectrum.
-        """
-        size = min(len(resting), _SEGMENT)
-        if size < 4 * BANDWIDTH:
-            raise AnalysisError(
-                f"{len(resting)} samples at rest are too few for a spectrum: expected at least {4 * BANDWIDTH:.0f}"
-            )
-        pieces = resting[: len(resting) // size * size].reshape(-1, 1, size)
-        tapers = _tapers(size)
-        power = np.abs(np.fft.rfft((pieces - pieces.mean(axis=-1, keepdims=True)) * tapers)) ** 2
-        density = 2.0 * power.mean(axis=(0, 1)) / rate_hz
-        frequency = np.fft.rfftfreq(size, 1.0 / rate_hz)
-        return cls(frequency, np.maximum(density, step**2 / (6.0 * rate_hz)), len(resting) / rate_hz, rate_hz, step)
+    def of(cls, segments: Sequence[Segment], least: float = 0.0) -> "Noise | None":
+        """Pooled over segments of one rate; None where none is usable. ``least`` is a density below which none is."""
+        some = [segment for segment in segments if segment.usable]
+        if not some:
+            return None
+        rate, longest = some[0].rate_hz, max(len(segment.values) for segment in some)
+        size = 1 << int(np.ceil(np.log2(2 * longest)))
+        frequency = np.arange(size // 2 + 1) * rate / size
+        densities = np.maximum([segment.density(size) for segment in some], max(least, 1e-300))
+        seconds = np.array([segment.seconds for segment in some])
+        lowest = 1.0 / float(np.average(seconds, weights=seconds))
+        weights = (seconds * [segment.weight for segment in some])[:, None] * (frequency >= 0.9 / seconds[:, None])
+        weights[:, frequency < lowest] = 0.0
+        density = (weights * densities).sum(axis=0) / np.maximum(weights.sum(axis=0), 1e-300)
+        first = int(np.searchsorted(frequency, lowest))
+        density[:first] = density[first : 2 * first + 1].mean()
+        effective = np.sum([segment.weight * segment.seconds for segment in some]) * lowest
+        return cls(
+            frequency,
+            density,
+            4.0 * lowest,
+            lowest,
+            2.0 * float(effective) + _PRIOR,
+            _scatter(some, densities, round(4.0 * lowest * size / rate)),
+        )
 
     @classmethod
-    def stated(cls, deviation: float, rate_hz: float, step: float = 0.0) -> "Noise | None":
-        """White noise of the standard deviation [unit] that a rig states, as if from STATED_S of rest; None of zero."""
+    def stated(cls, deviation: float, rate_hz: float) -> "Noise | None":
+        """White noise of the standard deviation [unit] that a rig states; None of zero."""
         if deviation <= 0.0:
             return None
-        frequency = np.linspace(0.0, rate_hz / 2.0, _SEGMENT // 2 + 1)
-        density = max(2.0 * deviation**2 / rate_hz, step**2 / (6.0 * rate_hz))
-        return cls(frequency, np.full_like(frequency, density), STATED_S, rate_hz, step)
+        frequency = np.linspace(0.0, rate_hz / 2.0, 1025)
+        return cls(frequency, np.full_like(frequency, 2.0 * deviation**2 / rate_hz), rate_hz / 50.0, 0.0, _STATED)
 
     def at(self, frequency: Floats) -> Floats:
         """The density at frequencies (k,) [Hz], (k,) [unit^2/Hz]."""
         return np.interp(frequency, self.frequency, self.density)
 
-    def power(self, band: "Band | None") -> float:
-        """Mean square of the noise in a band [unit^2]."""
-        return float(np.trapezoid(self._weighted(band), self._fine))
+    def draws(self, frequency: Floats, gain: Floats, count: int, rng: np.random.Generator) -> Floats:
+        """Square roots of densities that the segments allow at rising frequencies (k,) [Hz], times the gain of a band
+        there (k,) [-], (count, k) [unit/Hz^0.5].
 
-    def degrees_of_freedom(self, band: "Band | None", seconds: float | None = None) -> float:
-        """Degrees of freedom of the power in a band over ``seconds`` [s], by default over the rest.
-
-        2 T (int S df)^2 / int S^2 df, the lower integral corrected for the scatter of the tapers.
+        The power of a cell is nu / chi squared of what was estimated, on average more than 1; the mean over many cells
+        is 1, however, so that a factor takes off as much of the excess as averages out.
         """
-        weighted = self._weighted(band)
-        square = np.trapezoid(weighted**2, self._fine) / (1.0 + 1.0 / round(2 * BANDWIDTH - 1))
-        if square <= 0.0:
-            return np.inf
-        whole = np.trapezoid(weighted, self._fine) ** 2
-        return float(2.0 * (self.seconds if seconds is None else seconds) * whole / square)
+        cell = (frequency / self.resolution_hz).astype(int)
+        levels = np.sqrt(self.at(frequency)) * gain
+        factors = np.sqrt(self.freedom / rng.chisquare(self.freedom, (count, int(cell.max(initial=0)) + 1)))
+        powers = np.bincount(cell, levels**2)
+        alone = float((powers**2).sum() / max(float(powers.sum()) ** 2, 1e-300))
+        factors /= np.sqrt(1.0 + (1.0 - alone) * 2.0 / (self.freedom - 2.0))
+        factors *= np.exp(0.5 * self.scatter * rng.standard_normal((count, 1)))
+        found = factors.astype(np.float32)[:, cell] * levels.astype(np.float32)
+        slopes = np.clip(rng.normal(self._slope, 0.7, (count, 1)), 0.0, _STEEPEST)
+        below = int(np.searchsorted(frequency, self.lowest_hz))
+        found[:, :below] *= (self.lowest_hz / np.maximum(frequency[:below], 0.1)) ** (0.5 * slopes)
+        return np.asarray(found)
 
-    def degrees_of_freedom_of_sum(self, frequency: Floats, weights: Floats) -> float:
-        """Degrees of freedom of sum w S, with weights w (k,) [-] at frequencies (k,) [Hz].
+    def averaged(self, count: int) -> "Noise":
+        """Of the mean of so many records."""
+        return replace(self, density=self.density / count)
 
-        The tapers average over their bandwidth, mirrored at zero: 2 T (sum w S)^2 / int (w~ S)^2 df, w~ the weights
-        averaged the same way.
-        """
-        half = BANDWIDTH * float(self.frequency[1])
-        density = weights * self.at(frequency)
-        edges = np.linspace(0.0, self.rate_hz / 2.0 + half, 2001)
-        total = np.concatenate([[0.0], np.cumsum(density)])
-        below = total[np.searchsorted(frequency, np.concatenate([edges + half, np.abs(edges - half)]))]
-        upper, lower = below.reshape(2, -1)
-        spread = np.where(edges < half, upper + lower, upper - lower) / (2.0 * half)
-        square = float(np.trapezoid(spread**2, edges))
-        return 2.0 * self.seconds * float(total[-1]) ** 2 / square if square > 0.0 else np.inf
+    def exceeds(self, other: "Noise", band: "Band | None") -> bool:
+        """Whether its power in a band is larger than another's, beyond chance."""
+        (power, freedom), (below, freedom_below) = self.power(band), other.power(band)
+        return power > below and f_tail(power / max(below, 1e-300), freedom, freedom_below) < DIFFER
+
+    def power(self, band: "Band | None") -> tuple[float, float]:
+        """Mean square of the noise in a band [unit^2], and its degrees of freedom."""
+        fine = self.frequency[self.frequency >= self.lowest_hz]
+        gain = band.gain(fine, 2.0 * float(self.frequency[-1]) * 1.0001) if band else np.ones_like(fine)
+        cells = np.bincount((fine / self.resolution_hz).astype(int), self.at(fine) * gain**2)
+        total = float(cells.sum())
+        return total * float(self.frequency[1]), self.freedom * total**2 / max(float((cells**2).sum()), 1e-300)
 
     @cached_property
-    def _fine(self) -> Floats:
-        """Frequencies of integrals [Hz]."""
-        return np.linspace(0.0, self.rate_hz / 2.0, 4001)
-
-    def _weighted(self, band: "Band | None") -> Floats:
-        gain = band.gain(self._fine, self.rate_hz) if band else 1.0
-        return self.at(self._fine) * gain**2
+    def _slope(self) -> float:
+        """Likeliest power of the extrapolation: that of the lowest octaves that are resolved."""
+        low, high = (self.at(self.lowest_hz * np.linspace(*span, 9)).mean() for span in ((1.0, 2.0), (3.0, 6.0)))
+        return float(np.clip(np.log(low / max(high, 1e-300)) / np.log(3.0), 0.0, _STEEPEST))
 
 
-@lru_cache(maxsize=8)
-def _tapers(size: int) -> Floats:
-    """Discrete prolate spheroidal sequences, (2 BANDWIDTH - 1, size) [-]; a logger's channels share them."""
-    from scipy.signal.windows import dpss
-
-    return np.asarray(dpss(size, BANDWIDTH, round(2 * BANDWIDTH - 1)))
+def _scatter(segments: Sequence[Segment], densities: Floats, cell: int) -> float:
+    """By how much the power differs between segments beyond chance, as a standard deviation of its logarithm."""
+    if len(segments) < 3:
+        return 0.0
+    starts = np.arange(0, densities.shape[1], max(cell, 1))
+    cells = np.add.reduceat(densities, starts, axis=1)
+    powers, mean = cells.sum(axis=1), cells.mean(axis=0)
+    freedom = 2.0 * float(mean.sum() ** 2 / (mean**2).sum())
+    variance, others = float(np.log(powers).var(ddof=1)), len(segments) - 1.0
+    differ = chi_square_tail(0.5 * freedom * variance * others, others) < DIFFER
+    return min(max(variance - 2.0 / freedom, 0.0) ** 0.5, _MOST_SCATTER) if differ else 0.0

@@ -1,6 +1,7 @@
 """By how many per cent counter-masses reduce the vibration of the base, with intervals.
 
-An interval comes from the scatter of the campaign's repeats or, without repeats, from the noise at rest.
+An interval comes from the noise that the campaign shows, in its rests and in what does not repeat between its repeats,
+and from what the repeats differ by beyond that noise.
 """
 
 from collections import Counter
@@ -22,8 +23,9 @@ from ..runs.si_run import SIRun
 from . import ConditionAmplitude, Ratio
 from .amplitude import Place
 from .amplitude_uncertainty import SIDES, AmplitudesUncertainty, Interval
-from .condition import Condition, RepeatabilityByPlace, campaign_repeatability
+from .condition import CampaignNoise, Condition
 from .metrics import Measure
+from .repeatability import Group, Repeatability
 from .run_pairs import ConditionKey, Pair, pairs
 
 if TYPE_CHECKING:
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
     from ..store import Run
 
 Method = Literal["repeats", "propagation"]
-"""Where an interval comes from: the scatter of the campaign's repeats, or noise at rest, propagated."""
+"""Where an interval comes from: what repeats of the campaign differ by, or noise at rest alone, propagated."""
 Limit = Literal["at_least", "at_most"]
 
 
@@ -55,7 +57,9 @@ class Reduction:
     axis: Annotated[str, Key("", "axis")]
     measure: Annotated[Measure, INLINE]
     percent: Annotated[float | None, Key("reduction_percent")]
-    """Of amplitudes without noise; None where nothing vibrated above the noise without counter-masses."""
+    """Of the amplitudes of each run, without noise; None where nothing vibrated above the noise without
+    counter-masses.
+    """
     interval: Annotated[tuple[float, float] | None, Key("interval_percent")]
     """95 % interval of ``percent``; None where there is none."""
     method: Annotated[Method | None, Key("", "interval from")]
@@ -69,12 +73,21 @@ class Reduction:
     noise_floor: Annotated[tuple[float | None, float | None], Key("noise_floor_m_s2", "noise m/s2", _both, parts=SIDES)]
     """Reading of noise alone, with and without counter-masses [m/s2]; None where the noise is unknown."""
     noise_stated: Annotated[bool, Key()]
-    """Whether the noise is the one that the rig states, since no rest of the runs shows it."""
+    """Whether the noise is the one that the rig states, since nothing recorded shows any: then there is no interval."""
     resolution: Annotated[float, Key("resolution_m_s2")]
     """Step of the channel [m/s2]; zero where none is known."""
     n: Annotated[tuple[int, int], Key("", "n", lambda n: f"{n[0]}/{n[1]}", parts=SIDES)]
     """Number of runs with and without counter-masses."""
     runs: Annotated[tuple[str, ...], Key("", "runs", " ".join)]
+    synchronous_percent: Annotated[float | None, Key("synchronous_reduction_percent")] = None
+    """Of the mean of aligned repeats: what repeats with the command. None without repeats on both sides."""
+    synchronous_interval: Annotated[tuple[float, float] | None, Key("synchronous_interval_percent")] = None
+    """95 % interval of ``synchronous_percent``."""
+    synchronous_amplitudes: Annotated[tuple[float | None, float | None], Key("synchronous_m_s2", parts=SIDES)] = (
+        None,
+        None,
+    )
+    """Of the mean of aligned repeats, with and without counter-masses, without noise [m/s2]."""
     uncertainty: AmplitudesUncertainty | None = field(default=None, repr=False, compare=False)
     """What contributes to the intervals; None where there is none."""
     doubts: Annotated[tuple[str, ...], Key("", "doubts", " ".join)] = ()
@@ -123,7 +136,10 @@ class Analysis:
     @property
     def definition(self) -> Annotated[str, Key()]:
         """What an amplitude is."""
-        return str(self.measure)
+        return (
+            f"{self.measure}; reduction: mean over the runs of a side, noise taken off; "
+            "synchronous: of the mean of aligned repeats, which is what repeats with the command"
+        )
 
     @property
     def origins(self) -> dict[str, int]:
@@ -159,11 +175,11 @@ def analyze(
     if not found:
         raise AnalysisError("no two runs can be compared:\n" + "\n".join(f"  {f.message}" for f in findings))
     conditions = _conditions(found, measure, findings)
-    scatter, reductions = campaign_repeatability(conditions), []
+    judged, reductions = CampaignLikelihoods.of(conditions), []
     for condition in conditions:
-        some = _reductions(condition, scatter)
+        some = judged.calibrated(condition)
         findings += [*condition.findings, *reduction_findings(condition, some)]
-        findings += [*scatter_findings(condition, scatter), *condition.doubts]
+        findings += [*judged.scatter_findings(condition), *condition.doubts]
         reductions += _doubted(condition.pair, some, examination)
     found_pairs = tuple(condition.pair for condition in conditions)
     return Analysis(found_pairs, tuple(reductions), tuple(dict.fromkeys(findings)), measure)
@@ -174,7 +190,7 @@ def _doubted(pair: Pair, reductions: Sequence[Reduction], examination: Examinati
     channels = {(c.sensor, c.component): c.channel for c in SIRun.of(pair.runs[0]).rig.base_columns}
     marked = [replace(r, doubts=examination.doubts(r.runs, channels[r.sensor, r.axis])) for r in reductions]
     return [
-        replace(r, interval=None, method=None, uncertainty=None) if examination.withheld(r.doubts) else r
+        replace(r, interval=None, method=None, uncertainty=None, synchronous_interval=None) if examination.withheld(r.doubts) else r
         for r in marked
     ]
 
@@ -197,63 +213,116 @@ def _conditions(found: Sequence[Pair], measure: Measure, findings: list[Finding]
 def reduction_of_pair(pair: Pair, measure: Measure) -> list[Reduction]:
     """The reductions of one pair by itself, for each axis of each accelerometer on the base."""
     condition = Condition.of(pair, measure)
-    return _reductions(condition, campaign_repeatability([condition]))
+    judged = CampaignLikelihoods.of([condition])
+    return judged.calibrated(condition)
 
 
-def _reductions(condition: Condition, scatter: RepeatabilityByPlace) -> list[Reduction]:
-    return [
-        _reduction(condition, place, scatter)
-        if condition.has_interval(place)
-        else _reduction_without_interval(condition, place)
-        for place in condition.groups
-    ]
+@dataclass(frozen=True)
+class CampaignLikelihoods:
+    """The amplitudes of every condition and place of a campaign, in its noise."""
+
+    noise: CampaignNoise
+    groups: dict[tuple[int, Place], tuple[Group, Group] | None]
+    """By condition and place."""
+    repeats: dict[Place, Repeatability]
+
+    @classmethod
+    def of(cls, conditions: Sequence[Condition]) -> "CampaignLikelihoods":
+        """Runs that are compared with several sets of counter-masses count once."""
+        noise, groups = CampaignNoise.of(conditions), {}
+        once: dict[Place, dict[tuple[int, ...], Group]] = {}
+        for condition in conditions:
+            for place in condition.places:
+                groups[id(condition), place] = both = noise.groups(condition, place)
+                keys = [side.key for side in condition.sides]
+                once.setdefault(place, {}).update(zip(keys, both or (), strict=False))
+        return cls(noise, groups, {place: Repeatability.of(list(some.values())) for place, some in once.items()})
+
+    def reduction(self, condition: Condition, place: Place) -> Reduction:
+        """Of one place of a condition."""
+        pair, groups = condition.pair, self.groups[id(condition), place]
+        if groups is None:
+            return _reduction_without_noise(condition, place)
+        means = [self.noise.mean(condition, place, side) for side in condition.sides]
+        balanced, unbalanced = (self._side(group, mean, place) for group, mean in zip(groups, means, strict=True))
+        sides = balanced, unbalanced
+        ratio, stated = Ratio(*sides), self.noise.is_stated(condition, place)
+        interval = None if ratio.interval is None or stated else _percents(ratio.interval)
+        together = [ConditionAmplitude(mean) for mean in means if mean]
+        mean = Ratio(*together) if len(together) == len(means) else None
+        return Reduction(
+            pair.key,
+            pair.counter_masses,
+            *place,
+            condition.measure,
+            None if ratio.value is None or ratio.interval is None else _percent(ratio.value),
+            _bounded(interval, sides),
+            None if interval is None else "repeats" if self.noise.repeated(place) else "propagation",
+            _limit(sides, ratio.defined and ratio.below_noise),
+            ratio.defined and ratio.below_noise,
+            (sides[0].amplitude, sides[1].amplitude),
+            (sides[0].floor, sides[1].floor),
+            stated,
+            condition.resolution(place),
+            (len(pair.balanced), len(pair.unbalanced)),
+            tuple(run.name for run in pair.runs),
+            None if mean is None or mean.value is None else _percent(mean.value),
+            None if mean is None or mean.interval is None else _percents(mean.interval),
+            (together[0].amplitude, together[1].amplitude) if mean else (None, None),
+        )
+
+    def calibrated(self, condition: Condition) -> list[Reduction]:
+        """Of all places, with what calibrations add to the interval, and what there is to say of the amplitudes."""
+        return [self._calibrated(self.reduction(condition, place), condition, place) for place in condition.places]
+
+    def _calibrated(self, found: Reduction, condition: Condition, place: Place) -> Reduction:
+        groups, repeats, interval = self.groups[id(condition), place], self.repeats[place], found.interval
+        if groups is None or found.noise_stated:
+            return found
+        sides = ConditionAmplitude(groups[0], repeats), ConditionAmplitude(groups[1], repeats)
+        known = AmplitudesUncertainty.of(sides, condition.pair, place)
+        if interval is not None and found.percent is not None:
+            interval = known.with_calibration(interval, found.percent)
+        return replace(found, interval=interval, uncertainty=known)
+
+    def _side(self, runs: Group, mean: Group | None, place: Place) -> ConditionAmplitude:
+        """By the mean of the aligned repeats, which has least noise; by each of them where they differ."""
+        repeats = self.repeats[place]
+        if mean is None or repeats.share > 0.0 or repeats.excludes(runs):
+            return ConditionAmplitude(runs, repeats)
+        return ConditionAmplitude(mean)
+
+    def scatter_findings(self, condition: Condition) -> list[Finding]:
+        """A finding for each group of repeats that differ by more than noise, naming the one that differs most."""
+        odd = [
+            (place, group)
+            for place in condition.places
+            for group in self.groups[id(condition), place] or ()
+            if self.repeats[place].excludes(group)
+        ]
+        return [
+            Finding(
+                "repeats_differ",
+                None,
+                where := " ".join(group.names),
+                f"{condition.pair.key}, {sensor} along {axis}: repeats differ by more than their noise, most "
+                f"{group.odd}: the interval is wider for it; compare their logs, leave out what is not like the others "
+                f"({where})",
+            )
+            for (sensor, axis), group in odd
+        ]
 
 
-def _reduction(condition: Condition, place: Place, scatter: RepeatabilityByPlace) -> Reduction:
-    pair, sides = condition.pair, condition.sides(place, scatter)
-    ratio = Ratio(*sides)
-    interval = None if ratio.interval is None else (_percent(ratio.interval[1]), _percent(ratio.interval[0]))
-    scattered = any(side.own_scatter or side.repeats for side in sides)
-    found = Reduction(
-        pair.key,
-        pair.counter_masses,
-        *place,
-        condition.measure,
-        None if ratio.value is None or interval is None else _percent(ratio.value),
-        _bounded(interval, sides),
-        None if interval is None else "repeats" if scattered else "propagation",
-        _limit(sides, ratio.defined and ratio.below_noise),
-        ratio.defined and ratio.below_noise,
-        (sides[0].amplitude, sides[1].amplitude),
-        (sides[0].floor, sides[1].floor),
-        condition.noise_stated[place],
-        condition.resolution[place],
-        (len(pair.balanced), len(pair.unbalanced)),
-        tuple(run.name for run in pair.runs),
-    )
-    return _with_calibration(found, AmplitudesUncertainty.of(sides, pair, place))
-
-
-def _with_calibration(found: Reduction, known: AmplitudesUncertainty) -> Reduction:
-    """With what calibrations add to the interval, and what there is to say of the amplitudes."""
-    interval = found.interval
-    if interval is not None and found.percent is not None:
-        interval = known.with_calibration(interval, found.percent)
-    return replace(found, interval=interval, uncertainty=known)
-
-
-def _reduction_without_interval(condition: Condition, place: Place) -> Reduction:
-    """Of the readings, noise included: neither repeats nor a rest give an interval."""
-    pair, groups = condition.pair, condition.groups[place]
-    sides = ConditionAmplitude(groups[0]), ConditionAmplitude(groups[1])
-    read = [[run.statistic.amplitude(run.reading) for run in group.runs] for group in groups]
-    means = float(np.mean(read[0])), float(np.mean(read[1]))
-    count = len(read[0]), len(read[1])
-    names = tuple(run.name for run in pair.runs)
-    fell = None if condition.dead.get(place) else reduction_percent(read[0], read[1])
+def _reduction_without_noise(condition: Condition, place: Place) -> Reduction:
+    """Of the readings, noise included: nothing shows the noise, or a channel is dead."""
+    pair = condition.pair
+    read = [[run[place].statistic.amplitude(run[place].reading) for run in side.records] for side in condition.sides]
+    saturated = [any(run[place].saturated for run in side.records) for side in condition.sides]
+    fell = None if condition.dead(place) else reduction_percent(read[0], read[1])
     return Reduction(
         pair.key, pair.counter_masses, *place, condition.measure, fell, None, None,
-        _limit(sides, False), False, means, (None, None), False, 0.0, count, names,
+        _limit_of(saturated[0], saturated[1], False), False, (float(np.mean(read[0])), float(np.mean(read[1]))),
+        (None, None), False, 0.0, (len(read[0]), len(read[1])), tuple(run.name for run in pair.runs),
     )  # fmt: skip
 
 
@@ -267,9 +336,17 @@ def _bounded(
 
 
 def _limit(sides: tuple[ConditionAmplitude, ConditionAmplitude], below_noise: bool) -> Limit | None:
-    if sides[0].saturated:
-        return None if sides[1].saturated else "at_most"
-    return "at_least" if sides[1].saturated or below_noise else None
+    return _limit_of(sides[0].saturated, sides[1].saturated, below_noise)
+
+
+def _limit_of(balanced_saturated: bool, unbalanced_saturated: bool, below_noise: bool) -> Limit | None:
+    if balanced_saturated:
+        return None if unbalanced_saturated else "at_most"
+    return "at_least" if unbalanced_saturated or below_noise else None
+
+
+def _percents(ratios: tuple[float, float]) -> tuple[float, float]:
+    return _percent(ratios[1]), _percent(ratios[0])
 
 
 def _percent(ratio: float) -> float:
@@ -287,7 +364,7 @@ def reduction_percent(balanced: Sequence[float], unbalanced: Sequence[float]) ->
 
 def reduction_findings(condition: Condition, found: Sequence[Reduction]) -> list[Finding]:
     """Findings about the reductions of a pair that have no value, no interval, or only a bound."""
-    pair, dead = condition.pair, {place for place, runs in condition.dead.items() if runs}
+    pair, dead = condition.pair, {place for place in condition.places if condition.dead(place)}
     where = " ".join(run.name for run in pair.runs)
     alive = [r for r in found if (r.sensor, r.axis) not in dead]
     kinds = {
@@ -309,12 +386,14 @@ def reduction_findings(condition: Condition, found: Sequence[Reduction]) -> list
         ),
         "noise_stated": (
             [r for r in found if r.noise_stated],
-            "no rest before the motion shows the noise: that which the rig states is subtracted",
+            "nothing recorded shows the noise: that which the rig states is subtracted, and there is no interval; log "
+            "half a second of rest before the motion, or repeat the runs",
         ),
         "no_noise_floor": (
             [r for r in alive if None in r.noise_floor],
-            "no rest before the motion is long enough to show the noise, and the rig states none: the amplitudes "
-            "contain it, so that a reduction may be one of noise; log a longer rest or state noise in the rig",
+            "no rest before the motion is long enough to show the noise, no run is repeated, and the rig states none: the "
+            "amplitudes contain it, so that a reduction may be one of noise; log half a second of rest, or repeat the
+            runs",
         ),
     }
     return [
@@ -331,23 +410,3 @@ def sets_differ(reductions: Sequence[Reduction]) -> bool:
     for one in reductions:
         sets.setdefault(one.key, []).append(one.counter_masses)
     return any(masses != some[0] for some in sets.values() for masses in some)
-
-
-def scatter_findings(condition: Condition, scatter: RepeatabilityByPlace) -> list[Finding]:
-    """A finding for each condition whose repeats scatter more than expected from those of the others."""
-    odd = [
-        (place, group)
-        for place, groups in condition.groups.items()
-        for group in groups
-        if (repeats := scatter[place]) and repeats.excludes(group)
-    ]
-    return [
-        Finding(
-            "repeats_differ",
-            None,
-            where := " ".join(group.names),
-            f"{condition.pair.key}, {sensor} along {axis}: repeats differ more than expected from those of "
-            f"other conditions: the interval comes from them alone ({where})",
-        )
-        for (sensor, axis), group in odd
-    ]

@@ -1,12 +1,10 @@
-"""How much the repeats of a campaign scatter: noise, and a share of the amplitude, pooled over conditions.
+"""Repeats of a condition: how they are aligned, what does not repeat between them, and by how much runs differ.
 
-At a signal-to-noise ratio x (the noise being that of the run's rest) a reading has the variance p0 + p1 x^2, in
-variances of that noise: p0 is the noise in motion, which may differ from that at rest, p1 the square of the share by
-which runs differ (two components: Rocke and Lorenzato, Technometrics 37, 176, 1995; pooled over conditions:
-JCGM 100:2008, 4.2.4, and ISO 5725-2). Both are estimated by maximum likelihood from the variances within groups of
-repeats, which are p0 + p1 x^2 times chi squared over its degrees of freedom. The noise of a single run is thus counted
-once, as part of the scatter, and the scatter is never assumed to be as small as noise at rest alone would make it. A
-group that scatters more than expected from the others is not pooled.
+Runs of one condition follow one command. Aligned by their own correlation, what they share is vibration that the
+mechanism causes, and what they do not share is noise as it is in motion. Whether amplitudes of runs differ beyond that
+noise is tested over all groups of repeats of a campaign; only where they do is a share of the amplitude added to the
+variance (two components: Rocke and Lorenzato, Technometrics 37, 176, 1995; pooled over conditions: JCGM 100:2008,
+4.2.4), and the repeat that differs is named.
 """
 
 from collections.abc import Sequence
@@ -16,21 +14,25 @@ from functools import cached_property
 import numpy as np
 
 from balance.arrays import Floats
-from balance.estimation.estimate import f_tail
+from balance.estimation.estimate import chi_square_tail
 
+from .amplitude import Amplitude, Place, shifted
 from .amplitude_likelihood import AmplitudeLikelihood
+from .noise_floor import Segment
 
-OUTLYING = 0.01
-"""Level at which the largest variance is an outlier (ISO 5725-2, 7.3.3)."""
-_FEWEST = 3
-"""Least number of groups of which one can be an outlier."""
-_TRIED = 200
-"""Ratios of the components among which the likeliest is searched."""
-_DITHERED = 0.25
-"""Share of quantization in the noise power where the noise's standard deviation is half a step: below it quantization
-errors are random in every run (Widrow and Kollar, Quantization Noise, 2008), above it repeats may share them."""
-_LEAST = 1e-12
-"""Variance of readings that differ by rounding alone [variances of the noise]."""
+DIFFER = 0.01
+"""Level at which repeats differ beyond noise, over a campaign."""
+SAMPLING_SHARE = {True: 0.02, False: 0.005}
+"""Share of the amplitude by which repeats may differ: an RMS by where the record begins and ends, a peak by the
+instants of samples about it."""
+SAME_RATE = 1e-4
+"""Of rates of repeats: over two seconds they part by a fifth of a millisecond."""
+SMOOTHED_S = 0.04
+"""Over which the power of noise in motion is averaged [s]."""
+LEAST_LEVEL = 0.05
+"""Of an envelope [-]."""
+LEAST_CORRELATION = 0.3
+"""Between two repeats, from which they are shifted to match: below it there is nothing to align by."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,21 +56,33 @@ class Group:
         return len(self.runs) - 1
 
     @cached_property
-    def variance(self) -> float:
-        """Of the readings [variances of the noise]; at least that of quantization which the repeats may share."""
-        steps = float(np.mean([run.quantization_share for run in self.runs]))
-        least = steps if steps > _DITHERED else _LEAST
-        return max(float(self.deviations(np.array([self.amplitude])).var(ddof=1)), least)
+    def common(self) -> float:
+        """Share of the noise's variance that the runs have in common."""
+        return float(np.mean([run.common for run in self.runs]))
+
+    @cached_property
+    def scatter(self) -> float:
+        """Sum of squares of the readings about their mean [variances of what each run has of its own]."""
+        away = self.deviations(np.array([self.amplitude]))[:, 0]
+        return float(((away - away.mean()) ** 2).sum()) / self.own
+
+    @cached_property
+    def own(self) -> float:
+        """Variance of what each run has of its own: noise, and what makes no repeat differ [variances of noise]."""
+        return (
+            max(1.0 - self.common, 0.05) + (SAMPLING_SHARE[self.runs[0].statistic.squared] * self.signal_to_noise) ** 2
+        )
+
+    @cached_property
+    def odd(self) -> str:
+        """Name of the run that differs most from the mean."""
+        away = self.deviations(np.array([self.amplitude]))[:, 0]
+        return self.names[int(np.argmax(np.abs(away - away.mean())))] if self.names else ""
 
     @cached_property
     def signal_to_noise(self) -> float:
         """The amplitude in standard deviations of the noise [-]."""
         return float(np.sqrt(np.mean([run.signal_to_noise(self.amplitude) ** 2 for run in self.runs])))
-
-    @property
-    def noise_known(self) -> bool:
-        """Whether the noise of every run is known."""
-        return all(run.floor is not None for run in self.runs)
 
     def deviations(self, amplitudes: Floats) -> Floats:
         """Of each run from amplitudes (k,) [unit], (n, k) [standard deviations of noise]."""
@@ -77,100 +91,114 @@ class Group:
 
 @dataclass(frozen=True)
 class Repeatability:
-    """The two components of the variance of repeats, and their covariance."""
+    """By what share of the amplitude the runs of a campaign differ beyond noise; zero where they do not."""
 
-    noise: float
-    """p0 [variances of the noise at rest]."""
-    share: float
-    """p1 [-]."""
-    covariance: Floats
-    """Of p0 and p1, by the Fisher information, (2, 2) [-]."""
+    share: float = 0.0
+    """Square of the share [-]."""
+    degrees_of_freedom: float = np.inf
     outlying: tuple[Group, ...] = ()
-    """Groups that are not pooled: they scatter more than expected."""
+    """Groups that scatter more than the others, and by more than noise."""
 
     @classmethod
-    def of(cls, groups: Sequence[Group]) -> "Repeatability | None":
-        """From groups of repeats; None where fewer than two of known noise have repeats."""
-        pooled = [group for group in groups if group.degrees_of_freedom and group.noise_known]
-        outlying: list[Group] = []
-        while len(pooled) >= _FEWEST and (odd := _outlier(pooled)):
-            pooled.remove(odd)
-            outlying.append(odd)
-        return _maximum_likelihood(pooled, tuple(outlying)) if len(pooled) > 1 else None
+    def of(cls, groups: Sequence[Group]) -> "Repeatability":
+        """From all groups of one place."""
+        repeated = [group for group in groups if group.degrees_of_freedom]
+        if not repeated:
+            return cls()
+        share, freedom = 0.0, np.inf
+        total, count = sum(g.scatter for g in repeated), sum(g.degrees_of_freedom for g in repeated)
+        least = DIFFER / len(repeated)
+        odd = [g for g in repeated if chi_square_tail(g.scatter, g.degrees_of_freedom) < least]
+        if chi_square_tail(total, count) < DIFFER and (len(odd) > 1 or len(repeated) < 3 or not odd):
+            away = sum(g.degrees_of_freedom * g.signal_to_noise**2 for g in repeated)
+            excess = sum((g.scatter - g.degrees_of_freedom) * g.own for g in repeated)
+            share, freedom = max(excess, 0.0) / max(away, 1e-300), float(count)
+            odd = [g for g in repeated if g.scatter > g.degrees_of_freedom]
+        return cls(share, freedom, tuple(odd))
 
-    def variance(self, signal_to_noise: float) -> float:
-        """Of a reading [variances of the noise]."""
-        return self.noise + self.share * signal_to_noise**2
+    def variance(self, group: Group) -> float:
+        """Of the mean of a group [variances of the noise of one run]."""
+        own = 1.0 - group.common + self.share * group.signal_to_noise**2
+        if self.share == 0.0 and self.excludes(group):
+            own = group.own * group.scatter / group.degrees_of_freedom
+        return group.common + own / len(group.runs)
+
+    def degrees_of_freedom_of(self, group: Group) -> float:
+        """Degrees of freedom of that variance: infinite where the noise alone makes it."""
+        if self.share:
+            return self.degrees_of_freedom
+        return float(group.degrees_of_freedom) if self.excludes(group) else np.inf
 
     def excludes(self, group: Group) -> bool:
-        """Whether a group is an outlier and not pooled."""
-        return group.names in {other.names for other in self.outlying}
-
-    def degrees_of_freedom(self, signal_to_noise: float) -> float:
-        """Degrees of freedom of the variance: 2 v^2 / var v (Satterthwaite; JCGM 100:2008, G.4), at least 1."""
-        terms = np.array([1.0, signal_to_noise**2])
-        return max(2.0 * self.variance(signal_to_noise) ** 2 / float(terms @ self.covariance @ terms), 1.0)
+        """Whether a group's repeats differ."""
+        return any(group is other or (bool(group.names) and group.names == other.names) for other in self.outlying)
 
 
-def _maximum_likelihood(groups: Sequence[Group], outlying: tuple[Group, ...] = ()) -> Repeatability:
-    """The likeliest components, neither below zero: least sum of nu (log v + variance / v).
+@dataclass(frozen=True)
+class Synchronous:
+    """Repeats of one side, aligned: their mean, and what does not repeat."""
 
-    Since their ratio is fitted too, v is too small by 1 in as many degrees of freedom as there are; with that
-    corrected, 95 % intervals cover 95 % (Monte Carlo, tests of this module).
-    """
-    freedom, variance, square = _groups_table(groups)
-    variance *= 1.0 + 1.0 / freedom.sum()
-    unit = float(square.mean()) or 1.0  # scales both components to similar size
-    terms = np.stack([np.ones_like(square), square / unit])
-    ratio = _variance_ratio(freedom, variance, terms[1])
-    noise = float(freedom @ (variance / (1.0 + ratio * terms[1])) / freedom.sum())
-    weights = freedom / (2.0 * (noise * (1.0 + ratio * terms[1])) ** 2)
-    scale = np.array([1.0, 1.0 / unit])
-    covariance = np.linalg.pinv((terms * weights) @ terms.T, hermitian=True) * np.outer(scale, scale)
-    return Repeatability(noise, noise * ratio / unit, covariance, outlying)
+    means: dict[Place, Amplitude]
+    residuals: dict[Place, tuple[Segment, ...]]
+    """In motion, each divided by its envelope."""
+    envelopes: dict[Place, Floats]
+    """Standard deviation of what does not repeat over time, 1 on average in motion, (n,) [-]."""
+    lags: tuple[float, ...]
+    """By how much later each run shows what the first shows [samples]."""
 
-
-def _variance_ratio(freedom: Floats, variance: Floats, square: Floats) -> float:
-    """The likeliest p1 / p0; for each ratio the likeliest p0 is a weighted mean."""
-    from scipy.optimize import minimize_scalar
-
-    def deviance(logarithm: Floats | float) -> Floats:
-        factors = 1.0 + np.multiply.outer(np.exp(logarithm), square)
-        mean = (freedom * variance / factors).sum(axis=-1) / freedom.sum()
-        return np.asarray(freedom.sum() * np.log(mean) + (freedom * np.log(factors)).sum(axis=-1))
-
-    clear = square[square > 0.0]
-    if not clear.size:
-        return 0.0
-    tried = np.linspace(np.log(1e-3 / clear.max()), np.log(1e6 / clear.min()), _TRIED)
-    best = int(np.argmin(deviance(tried)))
-    if best == 0:
-        return 0.0
-    ends = float(tried[best - 1]), float(tried[min(best + 1, _TRIED - 1)])
-    return float(np.exp(minimize_scalar(lambda at: float(deviance(at)), bounds=ends, method="bounded").x))
-
-
-def _outlier(groups: Sequence[Group]) -> Group | None:
-    """The group whose variance exceeds the expected one most, if significantly (OUTLYING); else None.
-
-    Expected is the largest of what noise alone, a share alone and both predict from all other groups.
-    """
-    freedom, variance, square = _groups_table(groups)
-    probabilities = []
-    for index, group in enumerate(groups):
-        rest = np.arange(len(groups)) != index
-        expected = _maximum_likelihood([*groups[:index], *groups[index + 1 :]]).variance(group.signal_to_noise)
-        noise = float(np.average(variance[rest], weights=freedom[rest]))
-        share = float(np.average((variance / np.maximum(square, 1.0))[rest], weights=freedom[rest]))
-        excess = group.variance / max(expected, noise, share * group.signal_to_noise**2)
-        probabilities.append(f_tail(excess, group.degrees_of_freedom, float(freedom[rest].sum())))
-    odd = int(np.argmin(probabilities))
-    return groups[odd] if probabilities[odd] < OUTLYING / len(groups) else None
+    @classmethod
+    def of(cls, runs: Sequence[dict[Place, Amplitude]]) -> "Synchronous | None":
+        """From repeats; None of a single run, or of records whose rates differ."""
+        places = list(runs[0])
+        rates = [run[places[0]].rate_hz for run in runs]
+        if len(runs) < 2 or max(rates) - min(rates) > SAME_RATE * max(rates):
+            return None
+        count = min(len(run[places[0]].course) for run in runs)
+        lags = _lags(runs, places, count)
+        means, residuals, envelopes = {}, {}, {}
+        first = runs[0]
+        for place in places:
+            whole = np.array([shifted(run[place].whole, lag, count) for run, lag in zip(runs, lags, strict=True)])
+            mean = whole.mean(axis=0)
+            shape = first[place].in_band(mean)
+            basis = np.column_stack([shape, np.gradient(shape), np.ones(count)])
+            left = (whole - mean).T - basis @ np.linalg.lstsq(basis, (whole - mean).T, rcond=None)[0]
+            scale = (len(runs) / (len(runs) - 1.0)) ** 0.5
+            part, rate = first[place].moving or slice(None), first[place].rate_hz
+            over_time = _envelope(scale * np.array([first[place].in_band(one) for one in left.T]), part, rate)
+            envelopes[place] = over_time
+            residuals[place] = tuple(Segment((scale * one / over_time)[part], rate, 1.0 / scale**2) for one in left.T)
+            means[place] = first[place].mean_of([run[place] for run in runs], lags, mean)
+        return cls(means, residuals, envelopes, tuple(lags))
 
 
-def _groups_table(groups: Sequence[Group]) -> tuple[Floats, Floats, Floats]:
-    """Degrees of freedom, variances and squared signal-to-noise ratios, (m,) each."""
-    table = np.array(
-        [(group.degrees_of_freedom, group.variance, group.signal_to_noise**2) for group in groups], dtype=float
-    )
-    return table[:, 0], table[:, 1], table[:, 2]
+def _envelope(residuals: Floats, part: slice, rate_hz: float) -> Floats:
+    """Standard deviation over time of residuals (k, n), smoothed, of mean square 1 in a part, (n,) [-]."""
+    from scipy.ndimage import gaussian_filter1d
+
+    power = gaussian_filter1d(np.mean(residuals**2, axis=0), SMOOTHED_S * rate_hz, mode="nearest")
+    return np.asarray(np.sqrt(np.maximum(power / max(float(power[part].mean()), 1e-300), LEAST_LEVEL**2)))
+
+
+def _lags(runs: Sequence[dict[Place, Amplitude]], places: Sequence[Place], count: int) -> list[float]:
+    """By how many samples each run shows later what the first shows."""
+    size = 2 * count
+    spectra = []
+    for run in runs:
+        rows = np.array([run[place].course[:count] for place in places])
+        spectra.append(np.fft.rfft(rows, size, axis=1))
+    lags = [0.0]
+    for spectrum in spectra[1:]:
+        both = np.fft.irfft((spectrum * np.conj(spectra[0])).sum(axis=0), size)
+        energy = np.sqrt(
+            np.fft.irfft(np.abs(spectrum) ** 2, size)[:, 0].sum()
+            * np.fft.irfft(np.abs(spectra[0]) ** 2, size)[:, 0].sum()
+        )
+        best = int(np.argmax(both))
+        if both[best] < LEAST_CORRELATION * energy:
+            lags.append(0.0)
+            continue
+        before, top, after = both[best - 1], both[best], both[(best + 1) % size]
+        lag = best + 0.5 * (before - after) / min(before - 2.0 * top + after, -1e-300)
+        lags.append(lag - size if lag > count else lag)
+    return lags

@@ -6,7 +6,7 @@ import shutil
 import pytest
 
 from balance.results import table
-from testbench.vibration.metrics import VIBRATION_BAND, DEFAULT_METRIC
+from testbench.vibration.metrics import DEFAULT_METRIC, VIBRATION_BAND
 
 from ..conftest import call as command
 

@@ -1,0 +1,200 @@
+"""When a run rests and moves, on the clock of its accelerometers: by command and encoders, else by what they feel.
+
+The command, else the encoders, say when and for how long anything moves on their own logger's clock. Where that is
+another one, the motion begins where the accelerometers cannot be predicted any more from what they showed before (an
+autoregression sees neither hum nor a mode of the floor begin, but a motion, to some milliseconds), and not later than
+where the power that is felt matches the power that is commanded. The former alone tells the rest where neither command
+nor encoders were logged.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from balance.arrays import Floats
+from balance.errors import CounterpoiseError
+from balance.estimation.estimate import chi_square_tail
+
+from ..rig.sensors import Accelerometer, Encoder, Target
+from ..runs.si_run import SIRun
+
+MARGIN_S = 0.006
+"""Of a rest, before the motion."""
+COARSE_S = 0.06
+"""Half of the window about the coarse beginning of the motion in which its exact one is searched."""
+FIRST_S = 0.04
+"""Taken for rest to begin with."""
+LEAST_REST_S = 0.03
+ORDER = 16
+"""Of the autoregression, at most."""
+_RATE_HZ = 1000.0
+_WINDOW_S = 0.008
+_CERTAIN = 1e-9
+"""Probability that a window is no motion, from which it is one."""
+_FADING_S = 0.08
+"""In which the base forgets what it was shaken by, roughly."""
+_CELL_S = 0.004
+"""Resolution of the coarse lag."""
+_LEAST_MATCH = 0.6
+"""Correlation of powers from which a coarse lag counts."""
+
+
+@dataclass(frozen=True)
+class MotionTiming:
+    """Spans on a logger's clock, from its first sample [s]; None where they are not known."""
+
+    rest: tuple[float, float] | None
+    """Before the motion; None also where there is none."""
+    moving: tuple[float, float] | None
+    """From the first to the last motion."""
+
+    @classmethod
+    def of(cls, run: SIRun, group: str) -> "MotionTiming":
+        """Of the accelerometers in a group of a run."""
+        columns = [c for s in run.rig.of_kind(Accelerometer).values() for c in s.columns("") if run.holds(c, group)]
+        signals = [run.recorded.channel(c.channel, group) for c in columns]
+        rate, signals = run.rate(columns[0]), [s for s in signals if np.isfinite(s).all()]
+        seconds = len(signals[0]) / rate if signals else 0.0
+        stated = _stated_motion(run)
+        if stated is None:
+            begin = beginning(signals, rate)
+            return cls(_rest(begin), None if begin is None else (begin, seconds))
+        source, time, power, span = stated
+        if source == group:
+            first, last = (at - run.time(group)[0] for at in span)
+            return cls(_rest(first), (max(first, 0.0), min(last, seconds)))
+        first, lag = beginning(signals, rate), coarse_lag(signals, rate, time, power)
+        if lag is not None and (first is None or first > span[0] + lag + COARSE_S):
+            coarse = span[0] + lag
+            found = beginning(signals, rate, (coarse - COARSE_S, coarse + COARSE_S))
+            first = coarse - COARSE_S if found is None else found
+        if first is None:
+            return cls(None, None)
+        return cls(_rest(first), (max(first, 0.0), min(first + span[1] - span[0], seconds)))
+
+
+def _rest(begin: float | None) -> tuple[float, float] | None:
+    return None if begin is None or begin - MARGIN_S < LEAST_REST_S else (0.0, begin - MARGIN_S)
+
+
+def _stated_motion(run: SIRun) -> tuple[str, Floats, Floats, tuple[float, float]] | None:
+    """Group, instants [s], power of the acceleration (n,) and span of the motion, by the command, else the encoders."""
+    for kind in (Target, Encoder):
+        columns = [column for column in run.rig.columns_of(kind) if run.holds(column)]
+        if not columns or len(run.groups_of(columns)) > 1:
+            continue
+        try:
+            values, time = run.stacked(columns), run.instants(columns[0])
+        except CounterpoiseError:
+            continue
+        if len(time) < 16 or not np.ptp(values, axis=0).any():
+            continue
+        if kind is Target:
+            away = np.abs(values).max(axis=1)
+            moved = np.flatnonzero(away > 1e-3 * away.max())
+            power = (values**2).sum(axis=1)
+        else:
+            moved, power = _encoded_motion(values, time)
+        if moved.size and moved[0] > 0:
+            return run.groups_of(columns)[0], time, power, (float(time[moved[0]]), float(time[moved[-1]]))
+    return None
+
+
+def _encoded_motion(values: Floats, time: Floats) -> tuple[np.ndarray, Floats]:
+    """Samples at which encoders (n, k) [SI] are away from where they begin or end, and the power of the
+    acceleration.
+    """
+    from scipy.ndimage import gaussian_filter1d
+
+    edge = max(len(values) // 50, 4)
+    reach = np.ptp(values, axis=0)
+    noise = 6.0 * np.std(np.diff(values[:edge], axis=0), axis=0)
+    least = np.maximum(1e-3 * reach, noise)
+    first, last = (np.median(part, axis=0) for part in (values[:edge], values[-edge:]))
+    away = (np.abs(values - first) > least).any(axis=1)
+    left = np.flatnonzero(away)
+    arrived = np.flatnonzero((np.abs(values - last) > least).any(axis=1))
+    moved = np.arange(left[0], arrived[-1] + 1) if left.size and arrived.size else np.array([], dtype=int)
+    rate = (len(time) - 1) / float(time[-1] - time[0])
+    bent = gaussian_filter1d(values, 0.006 * rate, axis=0, order=2, mode="nearest")
+    return moved, ((bent / np.maximum(reach, 1e-300)) ** 2).sum(axis=1)
+
+
+def coarse_lag(signals: Sequence[Floats], rate_hz: float, time: Floats, power: Floats) -> float | None:
+    """What to add to instants (m,) [s] at which so much ``power`` (m,) was commanded, for the time from the first
+    sample of signals (n,) [any unit]; None where they do not match.
+    """
+    cell = max(round(_CELL_S * rate_hz), 1)
+    count = len(signals[0]) // cell
+    felt = np.zeros(count)
+    for values in signals:
+        changes = np.diff(values, prepend=values[0])
+        changes = np.convolve(changes, np.ones(cell) / cell, "same")
+        squares = (changes**2)[: count * cell].reshape(count, cell).mean(axis=1)
+        felt += np.sqrt(squares / max(float(squares.mean()), 1e-300))
+    step = cell / rate_hz
+    instants = np.arange(time[0], time[-1], step)
+    given = np.interp(instants, time, power)
+    given = np.sqrt(np.convolve(given, np.exp(-np.arange(0.0, 4.0 * _FADING_S, step) / _FADING_S))[: len(given)])
+    size = count + len(given)
+    spectra = [np.fft.rfft(values, size) for values in (felt - felt.mean(), given, given**2, np.ones(count))]
+    product, total, squares = (
+        np.fft.irfft(np.fft.rfft(one, size) * np.conj(spectra[k]), size)
+        for one, k in ((felt - felt.mean(), 1), (np.ones(count), 1), (np.ones(count), 2))
+    )
+    match = (
+        product
+        / np.sqrt(np.maximum(squares - total**2 / count, 1e-9 * squares.max()))
+        / max(np.sqrt(count) * felt.std(), 1e-300)
+    )
+    match[squares < 0.3 * squares.max()] = 0.0
+    best = int(np.argmax(match))
+    if match[best] < _LEAST_MATCH:
+        return None
+    shift = best - size if best >= count else best
+    return float(shift * step - instants[0])
+
+
+def beginning(signals: Sequence[Floats], rate_hz: float, within: tuple[float, float] | None = None) -> float | None:
+    """When signals (n,) [any unit] cease to be what an autoregression predicts from their past [s from the first
+    sample].
+
+    It is fitted to what was found to be rest so far, at first to FIRST_S of the record, or to all that is before
+    ``within``, and then further by a third at a time. None where that is too short, or nothing unforeseen happens
+    (``within``, where that is given).
+    """
+    every = max(int(rate_hz // _RATE_HZ), 1)
+    rate, count = rate_hz / every, min(map(len, signals), default=0) // every
+    rows = [values[: count * every].reshape(count, every).mean(axis=1) for values in signals]
+    rows = [row for row in rows if np.ptp(row) > 0.0]
+    known = round(FIRST_S * rate) if within is None else round(within[0] * rate)
+    last = count if within is None else min(round(within[1] * rate), count)
+    window = max(round(_WINDOW_S * rate), 4)
+    if not rows or known < 2 * window or known >= last:
+        return None
+    level = len(rows) * window
+    while chi_square_tail(level, len(rows) * window) > _CERTAIN:
+        level *= 1.1
+    while known < last:
+        ahead = min(known + max(known // 3, 4 * window), last)
+        surprise = np.sum([_innovations(row[:ahead], known) for row in rows], axis=0)
+        felt = np.convolve(surprise, np.ones(window))[:ahead]
+        crossed = np.flatnonzero(felt[known:] > 1.5 * level * (1.0 + 2.0 * ORDER / known))
+        if crossed.size:
+            return (known + int(crossed[0]) - window // 2) / rate
+        known = ahead
+    return None
+
+
+def _innovations(row: Floats, known: int) -> Floats:
+    """Squares of what is not predicted of a row (n,), in variances of the first ``known`` samples, (n,) [-]."""
+    order = int(np.clip(known // 5, 2, ORDER))
+    centred = row - row[:known].mean()
+    past = np.lib.stride_tricks.sliding_window_view(centred, order)[:-1]
+    fit, wanted = past[: known - order], centred[order:known]
+    ridge = 1e-6 * float(np.sum(wanted**2)) + 1e-12 * float(np.mean(centred**2))
+    weights = np.linalg.solve(fit.T @ fit + ridge * np.eye(order), fit.T @ wanted)
+    left = centred[order:] - past @ weights
+    variance = float(np.sum(left[: known - order] ** 2)) / max(known - 2 * order, 2)
+    return np.concatenate([np.zeros(order), left**2 / max(variance, 1e-300)])
