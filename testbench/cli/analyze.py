@@ -85,9 +85,9 @@ def analyze(
 ) -> int:
     """By how much counter-masses reduce the vibration amplitude of the base: runs with them against runs without.
 
-    Runs of one payload, motion, acceleration and origin are compared. The noise of the rest before the motion is
-    subtracted. Intervals (95 %) come from the scatter of the campaign's repeats, pooled over its conditions, else from
-    that noise, propagated. Where the residual vibration is not above the noise, the reduction is a lower bound:
+    Runs of one payload, motion, acceleration and origin are compared. The noise that the campaign's
+    rests and repeats show is subtracted, and propagated to intervals (95 %); repeats that differ beyond it widen them.
+    Where nothing recorded shows the noise there is no interval. Where the residual vibration is not above the noise, the reduction is a lower bound:
     ">= 97.2 < noise". The calibration of a sensor cancels in a reduction unless it was calibrated anew in between;
     the intervals of the amplitudes themselves hold it.
 

@@ -229,7 +229,8 @@ class Amplitude:
         rounding = _rounding(measure, course, step, undithered, used, rate_hz) if undithered > _DITHERED else ()
         return cls(
             measure, seconds, reading, course, whole, still,
-            None if moving is None else _samples(moving, count, seconds), errors, rounding, step=step, logger_hz=rate_hz,
+            None if moving is None else _samples(moving, count, seconds), errors, rounding, step=step,
+            logger_hz=rate_hz,
         )  # fmt: skip
 
     @property

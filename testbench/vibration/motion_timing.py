@@ -173,7 +173,7 @@ def beginning(signals: Sequence[Floats], rate_hz: float, within: tuple[float, fl
     window = max(round(_WINDOW_S * rate), 4)
     if not rows or known < 2 * window or known >= last:
         return None
-    level = len(rows) * window
+    level = float(len(rows) * window)
     while chi_square_tail(level, len(rows) * window) > _CERTAIN:
         level *= 1.1
     while known < last:

@@ -190,7 +190,9 @@ def _doubted(pair: Pair, reductions: Sequence[Reduction], examination: Examinati
     channels = {(c.sensor, c.component): c.channel for c in SIRun.of(pair.runs[0]).rig.base_columns}
     marked = [replace(r, doubts=examination.doubts(r.runs, channels[r.sensor, r.axis])) for r in reductions]
     return [
-        replace(r, interval=None, method=None, uncertainty=None, synchronous_interval=None) if examination.withheld(r.doubts) else r
+        replace(r, interval=None, method=None, uncertainty=None, synchronous_interval=None)
+        if examination.withheld(r.doubts)
+        else r
         for r in marked
     ]
 
@@ -391,9 +393,9 @@ def reduction_findings(condition: Condition, found: Sequence[Reduction]) -> list
         ),
         "no_noise_floor": (
             [r for r in alive if None in r.noise_floor],
-            "no rest before the motion is long enough to show the noise, no run is repeated, and the rig states none: the "
-            "amplitudes contain it, so that a reduction may be one of noise; log half a second of rest, or repeat the
-            runs",
+            "no rest before the motion is long enough to show the noise, no run is repeated, and the rig states none: "
+            "the amplitudes contain it, so that a reduction may be one of noise; log half a second of rest, or repeat "
+            "the runs",
         ),
     }
     return [

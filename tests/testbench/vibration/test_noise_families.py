@@ -89,7 +89,8 @@ def half(found: Reduction) -> float:
     ("noise", "repeats", "more"),
     [
         (white, 1, {}), (white, 2, {}), (mode_of_the_floor, 1, {}), (mode_of_the_floor, 2, {}), (hum, 1, {}),
-        (drift, 1, {}), (roughness, 2, {}), (white, 1, {"step": 0.05}), (lambda rng: 1e-3 * white(rng), 1, {"step": 0.5}),
+        (drift, 1, {}), (roughness, 2, {}), (white, 1, {"step": 0.05}),
+        (lambda rng: 1e-3 * white(rng), 1, {"step": 0.5}),
         (lambda rng: 1e-3 * white(rng), 2, {"step": 0.5}), (white, 1, {"rest": 0.05}),
     ],
 )  # fmt: skip
