@@ -87,7 +87,8 @@ def analyze(
 
     Runs of one payload, motion, acceleration and origin are compared. The noise that the campaign's
     rests and repeats show is subtracted, and propagated to intervals (95 %); repeats that differ beyond it widen them.
-    Where nothing recorded shows the noise there is no interval. Where the residual vibration is not above the noise, the reduction is a lower bound:
+    Where nothing recorded shows the noise there is no interval. Where the residual vibration is not above the noise,
+    the reduction is a lower bound:
     ">= 97.2 < noise". The calibration of a sensor cancels in a reduction unless it was calibrated anew in between;
     the intervals of the amplitudes themselves hold it.
 
