@@ -6,7 +6,8 @@ it cancels where both sides have the same calibration, and is twice where the se
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -19,7 +20,6 @@ from ..runs.si_run import SensitivityUncertainty, SIRun
 from .amplitude import Place
 from .condition import ConditionAmplitude, pooled_degrees_of_freedom
 from .ratio_interval import Ratio, feldman_cousins_acceptance, normal_deviates
-from .repeatability import Group
 from .run_pairs import Pair
 
 if TYPE_CHECKING:
@@ -90,13 +90,13 @@ class AmplitudesUncertainty:
     def with_one_more(self, side: Literal[0, 1]) -> float:
         """Width of the reduction's interval with one more run on a side like those there are, relative to what it is.
 
-        One where the reduction is not defined.
+        The variance of a side falls with the number of its runs. One where the reduction is not defined.
         """
-        sides = list(self.sides)
-        group = sides[side].group
-        more = Group((*group.runs, group.runs[0]), group.names)
-        sides[side] = replace(sides[side], group=more)
-        now, after = Ratio(*self.sides).interval, Ratio(*sides).interval
+        one, other = self.sides[side], self.sides[1 - side]
+        count = max(len(one.runs), len(one.group.names))
+        surer = _Surer(one.group, one.repeats, scale=float(np.sqrt(count / (count + 1.0))))
+        now = Ratio(*self.sides).interval
+        after = (Ratio(surer, other) if side == 0 else Ratio(other, surer)).interval
         return 1.0 if now is None or after is None else (after[1] - after[0]) / (now[1] - now[0])
 
     def amplitude_budget(self, side: Literal[0, 1]) -> Budget:
@@ -170,6 +170,17 @@ class AmplitudesUncertainty:
         return effective_degrees_of_freedom(variances, np.array([pooled, *(part.degrees_of_freedom for part in sure)]))
 
 
+@dataclass(frozen=True)
+class _Surer(ConditionAmplitude):
+    """A side whose standard deviation is scaled."""
+
+    scale: float = 1.0
+
+    @cached_property
+    def _error(self) -> float:
+        return self.scale * super()._error
+
+
 def accepted_amplitudes(side: ConditionAmplitude) -> Interval:
     """Amplitudes that the mean reading does not contradict, 95 % [unit]: Feldman and Cousins', as for a ratio."""
     grid = side.amplitudes
@@ -190,8 +201,11 @@ def _crossing(grid: Floats, excess: Floats, last: int, step: int) -> float:
 
 
 def standard_uncertainty(side: ConditionAmplitude) -> float:
-    """Of an amplitude, as its readings scatter [unit]: half of what one standard deviation to either side allows."""
-    grid = side.amplitudes
+    """Of an amplitude, as its readings scatter [unit]: half of what they allow at 95 %, over the coverage factor.
+
+    Of normally distributed readings their standard deviation; of others what gives their interval.
+    """
+    grid, factor = side.amplitudes, coverage_factor(side.degrees_of_freedom)
     falling = np.minimum.accumulate(side.deviation(grid))
-    low, high = np.interp([-1.0, 1.0], -falling, grid)
-    return float(0.5 * (high - low))
+    low, high = np.interp([-factor, factor], -falling, grid)
+    return float(0.5 * (high - low)) / factor
