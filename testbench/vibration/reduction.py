@@ -241,18 +241,23 @@ class CampaignLikelihoods:
         return cls(noise, groups, {place: Repeatability.of(list(some.values())) for place, some in once.items()})
 
     def reduction(self, condition: Condition, place: Place) -> Reduction:
-        """Of one place of a condition."""
+        """Of one place of a condition, without what calibrations add."""
+        return self._with_sides(condition, place)[0]
+
+    def _with_sides(
+        self, condition: Condition, place: Place
+    ) -> tuple[Reduction, tuple[ConditionAmplitude, ConditionAmplitude] | None]:
+        """The reduction and the amplitudes that its interval is of; None where nothing shows the noise."""
         pair, groups = condition.pair, self.groups[id(condition), place]
         if groups is None:
-            return _reduction_without_noise(condition, place)
+            return _reduction_without_noise(condition, place), None
         means = [self.noise.mean(condition, place, side) for side in condition.sides]
-        balanced, unbalanced = (self._side(group, mean, place) for group, mean in zip(groups, means, strict=True))
-        sides = balanced, unbalanced
+        sides = self._side(groups[0], means[0], place), self._side(groups[1], means[1], place)
         ratio, stated = Ratio(*sides), self.noise.is_stated(condition, place)
         interval = None if ratio.interval is None or stated else _percents(ratio.interval)
         together = [ConditionAmplitude(mean) for mean in means if mean]
         mean = Ratio(*together) if len(together) == len(means) else None
-        return Reduction(
+        found = Reduction(
             pair.key,
             pair.counter_masses,
             *place,
@@ -272,20 +277,15 @@ class CampaignLikelihoods:
             None if mean is None or mean.interval is None else _percents(mean.interval),
             (together[0].amplitude, together[1].amplitude) if mean else (None, None),
         )
+        return found, None if stated else sides
 
     def calibrated(self, condition: Condition) -> list[Reduction]:
         """Of all places, with what calibrations add to the interval, and what there is to say of the amplitudes."""
-        return [self._calibrated(self.reduction(condition, place), condition, place) for place in condition.places]
-
-    def _calibrated(self, found: Reduction, condition: Condition, place: Place) -> Reduction:
-        groups, repeats, interval = self.groups[id(condition), place], self.repeats[place], found.interval
-        if groups is None or found.noise_stated:
-            return found
-        sides = ConditionAmplitude(groups[0], repeats), ConditionAmplitude(groups[1], repeats)
-        known = AmplitudesUncertainty.of(sides, condition.pair, place)
-        if interval is not None and found.percent is not None:
-            interval = known.with_calibration(interval, found.percent)
-        return replace(found, interval=interval, uncertainty=known)
+        each = [(place, *self._with_sides(condition, place)) for place in condition.places]
+        return [
+            found if sides is None else _calibrated(found, AmplitudesUncertainty.of(sides, condition.pair, place))
+            for place, found, sides in each
+        ]
 
     def _side(self, runs: Group, mean: Group | None, place: Place) -> ConditionAmplitude:
         """By the mean of the aligned repeats, which has least noise; by each of them where they differ."""
@@ -313,6 +313,13 @@ class CampaignLikelihoods:
             )
             for (sensor, axis), group in odd
         ]
+
+
+def _calibrated(found: Reduction, known: AmplitudesUncertainty) -> Reduction:
+    interval = found.interval
+    if interval is not None and found.percent is not None:
+        interval = known.with_calibration(interval, found.percent)
+    return replace(found, interval=interval, uncertainty=known)
 
 
 def _reduction_without_noise(condition: Condition, place: Place) -> Reduction:
