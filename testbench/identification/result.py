@@ -131,7 +131,7 @@ FAIR_CONDITION = 30.0
 POOR_CONDITION = 100.0
 """Of the base columns, scaled to unit length, from which an excitation is no longer good, and poor (Gautier, Khalil,
 Int. J. Robot. Res. 11, 1992)."""
-DOUBTFUL_WIDTH = 0.5
+DOUBTFUL_WIDTH = 0.25
 """Half of an interval, as a part of the largest first moment, from which a first moment is doubtful."""
 CLOSED = 0.05
 """Half width of the interval of the torques' scale, as a part of it, up to which known masses close it."""
