@@ -288,9 +288,9 @@ class CampaignLikelihoods:
         ]
 
     def _side(self, runs: Group, mean: Group | None, place: Place) -> ConditionAmplitude:
-        """By the mean of the aligned repeats, which has least noise; by each of them where they differ."""
+        """By the mean of the aligned repeats near the noise; far above it, or if they differ, by each of them."""
         repeats = self.repeats[place]
-        if mean is None or repeats.share > 0.0 or repeats.excludes(runs):
+        if mean is None or repeats.share > 0.0 or repeats.excludes(runs) or runs.clear:
             return ConditionAmplitude(runs, repeats)
         return ConditionAmplitude(mean)
 

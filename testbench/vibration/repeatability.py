@@ -25,6 +25,8 @@ DIFFER = 0.01
 SAMPLING_SHARE = {True: 0.02, False: 0.005}
 """Share of the amplitude by which repeats may differ: an RMS by where the record begins and ends, a peak by the
 instants of samples about it."""
+CLEAR = 0.25
+"""Of what noise does, from which what repeats may differ by counts."""
 SAME_RATE = 1e-4
 """Of rates of repeats: over two seconds they part by a fifth of a millisecond."""
 SMOOTHED_S = 0.04
@@ -83,6 +85,11 @@ class Group:
     def signal_to_noise(self) -> float:
         """The amplitude in standard deviations of the noise [-]."""
         return float(np.sqrt(np.mean([run.signal_to_noise(self.amplitude) ** 2 for run in self.runs])))
+
+    @property
+    def clear(self) -> bool:
+        """Whether noise is so small that ends of records and instants of samples are no smaller than it."""
+        return SAMPLING_SHARE[self.runs[0].statistic.squared] * self.signal_to_noise > CLEAR
 
     def deviations(self, amplitudes: Floats) -> Floats:
         """Of each run from amplitudes (k,) [unit], (n, k) [standard deviations of noise]."""
@@ -161,7 +168,10 @@ class Synchronous:
             whole = np.array([shifted(run[place].whole, lag, count) for run, lag in zip(runs, lags, strict=True)])
             mean = whole.mean(axis=0)
             shape = first[place].in_band(mean)
-            basis = np.column_stack([shape, np.gradient(shape), np.ones(count)])
+            turn = 2j * np.pi * np.fft.rfftfreq(2 * count)
+            spectrum = np.fft.rfft(np.concatenate([shape, shape[::-1]]))
+            slopes = [np.fft.irfft(spectrum * turn**order, 2 * count)[:count] for order in (1, 2)]
+            basis = np.column_stack([shape, *slopes, np.ones(count)])
             left = (whole - mean).T - basis @ np.linalg.lstsq(basis, (whole - mean).T, rcond=None)[0]
             scale = (len(runs) / (len(runs) - 1.0)) ** 0.5
             part, rate = first[place].moving or slice(None), first[place].rate_hz
