@@ -193,7 +193,7 @@ def _innovations(row: Floats, known: int) -> Floats:
     centred = row - row[:known].mean()
     past = np.lib.stride_tricks.sliding_window_view(centred, order)[:-1]
     fit, wanted = past[: known - order], centred[order:known]
-    ridge = 1e-6 * float(np.sum(wanted**2)) + 1e-12 * float(np.mean(centred**2))
+    ridge = 1e-6 * float(np.sum(wanted**2)) + 1e-12 * float(np.mean(centred**2)) + np.finfo(float).tiny  # flat: zero
     weights = np.linalg.solve(fit.T @ fit + ridge * np.eye(order), fit.T @ wanted)
     left = centred[order:] - past @ weights
     variance = float(np.sum(left[: known - order] ** 2)) / max(known - 2 * order, 2)
