@@ -170,8 +170,9 @@ def _exchanged(seen: Observation, one: Gains) -> list[Statement]:
             scale = fitting / max(one.pp[a, a] + one.pp[b, b], 1e-300)
             remainders.append(one.remainder(i, a, scale) + one.remainder(k, b, scale) if scale > 0.0 else 4.0)
         names = [one.columns[n].channel for n in (i, k)]
-        crossed = [one.crossed(a, b) for a, b in ((i, k), (k, i)) if one.witnessed[b]]
-        wrong = remainders[0] > 1.0 and remainders[1] < EXCHANGED * remainders[0] and min(crossed) > PROVEN
+        strong, weak = (i, k) if one.expected[i] > one.expected[k] else (k, i)
+        wrong = remainders[0] > 1.0 and remainders[1] < EXCHANGED * remainders[0]
+        wrong = wrong and one.crossed(weak, strong) > PROVEN
         found.append(
             Statement(seen.name, "axis", names[0], f"{names[0]} is axis {one.columns[i].component}, {names[1]} axis "
                       f"{one.columns[k].component} by the rig",
