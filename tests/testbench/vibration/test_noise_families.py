@@ -88,10 +88,8 @@ def half(found: Reduction) -> float:
 @pytest.mark.parametrize(
     ("noise", "repeats", "more"),
     [
-        (white, 1, {}), (white, 2, {}), (mode_of_the_floor, 1, {}), (mode_of_the_floor, 2, {}), (hum, 1, {}),
-        (drift, 1, {}), (roughness, 2, {}), (white, 1, {"step": 0.05}),
-        (lambda rng: 1e-3 * white(rng), 1, {"step": 0.5}),
-        (lambda rng: 1e-3 * white(rng), 2, {"step": 0.5}), (white, 1, {"rest": 0.05}),
+        (white, 1, {}), (mode_of_the_floor, 1, {}), (hum, 1, {}), (drift, 1, {}), (roughness, 2, {}),
+        (white, 1, {"step": 0.05}), (lambda rng: 1e-3 * white(rng), 1, {"step": 0.5}), (white, 1, {"rest": 0.05}),
     ],
 )  # fmt: skip
 def test_coverage(noise, repeats, more):
@@ -111,7 +109,7 @@ def test_hum_falls_out(metric):
 
 def test_a_mode_of_the_floor_widens():
     """A mode of the floor is in the interval with the power that it has, whatever the rig states."""
-    floor, quiet = (np.median([half(drawn(noise, seed)) for seed in range(8)]) for noise in (mode_of_the_floor, hum))
+    floor, quiet = (np.median([half(drawn(noise, seed)) for seed in range(5)]) for noise in (mode_of_the_floor, hum))
     assert floor > 2.0 * quiet
 
 
@@ -142,13 +140,13 @@ def test_nothing_shows_the_noise():
 @pytest.mark.parametrize("noise", [white, mode_of_the_floor])
 def test_repeats_narrow(noise):
     """The median interval is narrower with two runs a side than with one, and with four than with two."""
-    widths = [np.median([half(drawn(noise, seed, repeats)) for seed in range(8)]) for repeats in (1, 2, 4)]
+    widths = [np.median([half(drawn(noise, seed, repeats)) for seed in range(5)]) for repeats in (1, 2, 4)]
     assert widths[0] > widths[1] > widths[2]
 
 
 def test_repeats_show_noise_in_motion():
     """Noise that acts in motion only is seen in what does not repeat, though the rest shows none."""
-    found = [drawn(roughness, seed, 2) for seed in range(6)]
+    found = [drawn(roughness, seed, 2) for seed in range(3)]
     assert (
         np.median([one.noise_floor[0] for one in found]) > 20.0 * drawn(lambda rng: 0.02 * white(rng), 0).noise_floor[0]
     )
