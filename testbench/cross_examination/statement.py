@@ -12,7 +12,6 @@ WITHHOLDING = {
     "axis_contradiction": "axis",
     "gain_contradiction": "gain",
     "flat_channel": "dead",
-    "level_drift": "rest",
     "copied_run": "copy",
 }
 """Contradictions after which a number is withheld, and their subjects."""
@@ -20,18 +19,19 @@ MARKING = {
     "payload_contradiction": "payload",
     "acceleration_contradiction": "acceleration",
     "motion_contradiction": "axis",
+    "level_drift": "rest",
     "sign_contradiction": "sign",
     "force_sign": "sign",
     "torque_contradiction": "gain",
 }
-"""Contradictions after which a number is marked: it is right, but of another condition than the run table's."""
+"""Contradictions after which a number is marked: it is right, but of another condition, or of a sensor to look at."""
 SUBJECTS = WITHHOLDING | MARKING
 ADVICE = {
     "counter_mass_contradiction": "check which runs had counter-masses, correct the run table and ingest again",
     "axis_contradiction": "check which channel is which axis in the rig and the log, and whether the sensor was turned",
     "gain_contradiction": "check the sensor's sensitivity and the amplifier's range; testbench calibrate corrects them",
     "flat_channel": "check the sensor, its cable and its supply; repeat the run",
-    "level_drift": "check the sensor's zero and its supply; use a band that starts above, such as --band 1..200",
+    "level_drift": "check the sensor's zero and its supply; amplitudes leave it out unless --band starts at 0",
     "copied_run": "it counts once; remove the copy from the campaign, or ingest the log that was meant",
     "payload_contradiction": "weigh what the platform carried, correct the run table and ingest again",
     "acceleration_contradiction": "correct peak_acceleration_g in the run table and ingest again",
