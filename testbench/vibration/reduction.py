@@ -16,6 +16,7 @@ from balance.results import INLINE, Key
 from balance.task_pool import HERE, TaskPool
 
 from ..cross_examination import Examination, examine
+from ..cross_examination.statement import WITHHOLDING
 from ..errors import AnalysisError
 from ..published_tables import MANIPULATOR, NO_ORIGINALS
 from ..recording import Finding
@@ -36,6 +37,11 @@ if TYPE_CHECKING:
 Method = Literal["repeats", "propagation"]
 """Where an interval comes from: what repeats of the campaign differ by, or noise at rest alone, propagated."""
 Limit = Literal["at_least", "at_most"]
+ONE_RUN = (
+    "Of a side with one run the interval holds the noise that its rest shows. Noise that acts only during the motion, "
+    "such as that of drives and bearings, shows in repeats alone: make each run at least twice."
+)
+"""What the interval of a lone run cannot hold."""
 
 
 def _masses(masses: dict[str, float]) -> str:
@@ -117,7 +123,7 @@ class Reduction:
         if self.limit == "at_least" and self.at_least is not None:
             return f">= {self.at_least:.1f} {'< noise' if self.below_noise else 'clipped'}"
         value = "-" if self.percent is None else f"{self.percent:.1f}"
-        if self.doubts and self.interval is None:
+        if self.percent is not None and self.interval is None and not WITHHOLDING.keys().isdisjoint(self.doubts):
             return f"withheld ({value})"
         if self.limit == "at_most":
             return f"<= {value} clipped"
@@ -152,7 +158,8 @@ class Analysis:
         """Notes for who reads the reductions."""
         simulated = [run for pair in self.pairs for run in pair.runs if run.origin == "simulated"]
         shown = any(SIRun.of(run).rig.mechanism.startswith(MANIPULATOR) for run in simulated)
-        return [NO_ORIGINALS] if shown else []
+        lone = any(1 in one.n and one.interval is not None for one in self.reductions)
+        return [note for note, applies in ((NO_ORIGINALS, shown), (ONE_RUN, lone)) if applies]
 
 
 def analyze(
