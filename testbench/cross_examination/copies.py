@@ -2,8 +2,8 @@
 
 Two repeats of a run vibrate alike, but their noise is not the same. So runs are compared in what no motion repeats: the
 phases of a band of high frequencies, at any lag (generalised cross-correlation with phase transform, Knapp & Carter
-1976). Where these agree, a copy must also leave nothing: less of the difference than a quarter of the noise in the
-quiet spans of the record.
+1976). Where these agree, a copy must also leave nothing: less of the difference than a quarter of the record's noise,
+which a fast motion in that band does not raise. A channel of the same logger with unlike phases acquits.
 """
 
 from collections import defaultdict
@@ -25,6 +25,8 @@ LEAST_BINS = 24
 """Frequencies below which nothing is compared."""
 SIMILAR = 0.3
 """Correlation of the phases from which two records are compared in full; of independent noise below 0.15."""
+UNLIKE = 0.2
+"""Correlation of the phases below which a channel acquits the others of its logger."""
 REMAINDER = 0.25
 """Share of the noise that the difference of two records may have to be one: 2 of independent noise, 0 of copies."""
 
@@ -39,6 +41,8 @@ class _Signature:
     """The same with magnitudes of one, (k,)."""
     windowed: Complexes
     """The band of the windowed start, in which lines do not leak, (k,)."""
+    noise: float
+    """Power in a frequency of white noise as large as the record's."""
 
 
 def copies(observations: Sequence[Observation]) -> list[Statement]:
@@ -48,13 +52,17 @@ def copies(observations: Sequence[Observation]) -> list[Statement]:
         for record in _noisy(seen):
             by_channel[record.column.channel].append((i, record))
     found: dict[tuple[int, int], list[str]] = defaultdict(list)
+    unlike: dict[tuple[int, int], list[str]] = defaultdict(list)
     for channel, records in by_channel.items():
-        for pair in _equal(records):
-            found[pair].append(channel)
+        for pair, same in _compared(records).items():
+            (found if same else unlike)[pair].append(channel)
     source: dict[int, int] = {}
     statements = []
-    for (first, second), channels in sorted(found.items()):
-        if second in source:
+    for (first, second), equal in sorted(found.items()):
+        logger = {channel: record.group for channel, record in observations[second].records.items()}
+        acquitted = {logger[channel] for channel in unlike[first, second]}
+        channels = [channel for channel in equal if logger[channel] not in acquitted]
+        if second in source or not channels:
             continue
         source[second] = source.get(first, first)
         one, other = observations[second].name, observations[source[second]].name
@@ -82,25 +90,25 @@ def _noisy(seen: Observation) -> list[ChannelRecord]:
     return list(sensors.values())
 
 
-def _equal(records: list[tuple[int, ChannelRecord]]) -> list[tuple[int, int]]:
-    """Pairs of runs whose records of one channel are the same."""
+def _compared(records: list[tuple[int, ChannelRecord]]) -> dict[tuple[int, int], bool]:
+    """Pairs of runs whose records of one channel are the same (True) or have nothing in common (False)."""
     if len(records) < 2:
-        return []
+        return {}
     seconds = min(len(record.start) / record.rate_hz for _, record in records)
     rate = min(record.rate_hz for _, record in records)
     first, last = int(LOW_SHARE * rate * seconds), int(HIGH_SHARE * rate * seconds)
     last = min(last, first + MOST_BINS)
     if last - first < LEAST_BINS:
-        return []
+        return {}
     signatures = [_signature(record, seconds, first, last) for _, record in records]
     phases = np.stack([one.phases for one in signatures])
-    pairs = []
+    pairs = {}
     for i in range(len(records) - 1):
         both = np.fft.ifft(phases[i] * phases[i + 1 :].conj(), 2 * (last - first), axis=1)
         peaks = 2.0 * np.abs(both).max(axis=1)
-        for j in np.flatnonzero(peaks > SIMILAR) + i + 1:
-            if _difference(signatures[i], signatures[j]) < REMAINDER:
-                pairs.append((records[i][0], records[j][0]))
+        for j, peak in enumerate(peaks, i + 1):
+            if peak < UNLIKE or (peak > SIMILAR and _difference(signatures[i], signatures[j]) < REMAINDER):
+                pairs[records[i][0], records[j][0]] = bool(peak > SIMILAR)
     return pairs
 
 
@@ -109,14 +117,16 @@ def _signature(record: ChannelRecord, seconds: float, first: int, last: int) -> 
     band = np.fft.rfft(values - values.mean())[first:last] / len(values)
     size = np.abs(band)
     windowed = np.fft.rfft((values - values.mean()) * np.hanning(len(values)))[first:last] / len(values)
-    return _Signature(band, (band / np.maximum(size, 1e-300)).astype(np.complex64), windowed)
+    noise = record.noise**2 / len(values)
+    return _Signature(band, (band / np.maximum(size, 1e-300)).astype(np.complex64), windowed, noise)
 
 
 def _difference(first: _Signature, second: _Signature) -> float:
     """What the best lag and gain leave: the larger of two shares [-].
 
-    In the median span, the power of the difference over the noise of quiet spans, which repeats of a motion share with
-    nothing; in the median frequency, over the power of both, which repeats in one mains hum do not share.
+    In the median span, the power of the difference over the noise, which repeats of a motion share with nothing: the
+    lesser of that in quiet spans and of that by the record's third differences. In the median frequency, over the power
+    of both, which repeats in one mains hum do not share.
     """
     one, other = first.band, second.band
     count = len(one)
@@ -128,7 +138,8 @@ def _difference(first: _Signature, second: _Signature) -> float:
     rest = np.abs(a - gain * b) ** 2
     spans = np.array_split(np.arange(count), min(SPANS, count // 8))
     noise = np.quantile([float(np.mean(np.abs(a[s]) ** 2)) for s in spans], 0.2)
-    inside = float(np.median([float(np.mean(rest[s])) for s in spans]) / max(float(noise), 1e-300))
+    noise = min(float(noise), first.noise / count)
+    inside = float(np.median([float(np.mean(rest[s])) for s in spans]) / max(noise, 1e-300))
     turned = gain * np.exp(-2j * np.pi * lag * np.arange(count)) * second.windowed
     power = np.abs(first.windowed) ** 2 + np.abs(turned) ** 2
     return max(inside, float(np.median(np.abs(first.windowed - turned) ** 2 / np.maximum(power, 1e-300))))

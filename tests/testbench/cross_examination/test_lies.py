@@ -7,6 +7,7 @@ import pytest
 
 from studies import lies
 from studies.lies import LIES, Witnesses
+from studies.simulated_runs import with_values
 from testbench.rig import load_rig
 from testbench.vibration.metrics import Measure
 from testbench.vibration.reduction import analyze
@@ -72,6 +73,22 @@ def test_repeats_are_no_copies():
     found = witnesses.hear(again)
     assert found.copied == names
     assert [s.others for s in found.contradictions] == [(runs[1].name,)]
+
+
+def test_a_fast_motion_in_the_band_is_no_copy():
+    """Torques that repeat a fast motion far above their noise; one logger's file filed twice is a copy of its own."""
+    rig = lies.slimmed(load_rig("parallelogram-6bar"))
+    runs, witnesses = lies.simulated(rig, lies.plan(5.0, 24.2626, ["x"], [3.0], repeats=2), 5), Witnesses()
+    fast, filed = list(runs), list(runs)
+    for i, run in enumerate(runs):
+        for channel in ("tau1", "tau2"):
+            torque = run.channel(channel)
+            motion = np.random.default_rng(0).normal(0.0, 2.0, len(torque))
+            motion[: len(motion) // 4] = 0.0
+            fast[i] = with_values(fast[i], channel, torque + motion)
+    assert not witnesses.hear(fast).copied
+    filed[1] = with_values(runs[1], "AccX", runs[0].channel("AccX"))
+    assert witnesses.hear(filed).copied == {runs[1].name}
 
 
 def test_numbers_obey(campaign):
