@@ -26,11 +26,15 @@ TORQUE_FACTOR = 2.0
 
 
 def accelerations(seen: Observation) -> list[Statement]:
-    """The peak acceleration by the command and by the encoders, of a point or of joints."""
+    """The peak acceleration by the command and by the encoders, of a point or of joints.
+
+    Of joints the run table may state the largest of one joint or, as motion files do, that along the leg.
+    """
     found = []
     turning, stated = seen.conditions.get("peak_acceleration_rad_s2"), seen.conditions.get("peak_acceleration_g")
-    if turning and seen.peak_joint_acceleration is not None:
-        found.append(_peak(seen, turning, seen.peak_joint_acceleration, "rad/s2", "encoders"))
+    if turning and seen.peak_joint_acceleration:
+        value = min(seen.peak_joint_acceleration, key=lambda peak: abs(peak - turning))
+        found.append(_peak(seen, turning, value, "rad/s2", "encoders"))
     for witness, value in seen.peak_acceleration.items() if stated else ():
         of_the_payload = witness == "command" or seen.conditions.get("motion") in NAMED_MOTIONS
         if stated and of_the_payload and value > 0.0:
@@ -43,9 +47,11 @@ def _peak(seen: Observation, stated: float, value: float, unit: str, witness: st
         return f"{peak:.4g} {unit}" + (f" = {peak / G0:.3g} g0" if unit == "m/s2" else "")
 
     code = "acceleration_contradiction" if abs(value / stated - 1.0) > ACCELERATION_SHARE[witness] else None
+    column = "peak_acceleration_g" if unit == "m/s2" else "peak_acceleration_rad_s2"
     return Statement(
-        seen.name, "acceleration", None, f"peak {text(stated)} by the run table", text(value), f"the {witness}", code
-    )
+        seen.name, "acceleration", None, f"peak {text(stated)} by the run table", text(value), f"the {witness}", code,
+        column=column,
+    )  # fmt: skip
 
 
 def motions(seen: Observation) -> list[Statement]:

@@ -115,8 +115,8 @@ class Observation:
     """By channel."""
     peak_acceleration: dict[str, float] = field(default_factory=dict)
     """Of what is driven, by ``command`` and ``encoders`` [m/s2]."""
-    peak_joint_acceleration: float | None = None
-    """Of all joints with an encoder, by the encoders [rad/s2, m/s2]."""
+    peak_joint_acceleration: tuple[float, ...] = ()
+    """Of joints that turn and have an encoder: largest of one joint, and of the norm over all [rad/s2]."""
     motions: dict[str, list[str]] = field(default_factory=dict)
     """Names of motions, by ``command``, ``encoders`` and ``acceleration``."""
     torque: TorqueEquations | None = None
@@ -159,8 +159,10 @@ def _by_model(seen: Observation, run: SIRun, mechanism: Callable[[], Mechanism])
         raise AnalysisError("the rig has no encoder")
     modelled = ModelledRun.of(run, mechanism())
     joints = [modelled.unloaded.coordinate_index(column.component) for column in run.rig.columns_of(Encoder)]
-    turning = np.linalg.norm(modelled.path.a[:, joints], axis=1)
-    seen.peak_joint_acceleration = float(turning[modelled.valid].max(initial=0.0))
+    if turning := [joint for joint in joints if modelled.unloaded.tree.joints[joint].revolute]:
+        found = np.abs(modelled.path.a[modelled.valid][:, turning])
+        along = np.linalg.norm(found, axis=1)
+        seen.peak_joint_acceleration = (float(found.max(initial=0.0)), float(along.max(initial=0.0)))
     seen.moves |= bool(np.ptp(modelled.path.q, axis=0).max() > MOVED)
     _attempt(seen, "place", partial(_by_place, seen, modelled))
     readings = _Readings(modelled)

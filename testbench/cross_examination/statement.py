@@ -34,7 +34,7 @@ ADVICE = {
     "level_drift": "check the sensor's zero and its supply; amplitudes leave it out unless --band starts at 0",
     "copied_run": "it counts once; remove the copy from the campaign, or ingest the log that was meant",
     "payload_contradiction": "weigh what the platform carried, correct the run table and ingest again",
-    "acceleration_contradiction": "correct peak_acceleration_g in the run table and ingest again",
+    "acceleration_contradiction": "correct {column} in the run table and ingest again",
     "motion_contradiction": "correct the motion in the run table and ingest again",
     "sign_contradiction": "check the direction in which the sensor is mounted and the sign of its sensitivity",
     "force_sign": "check its sign in the rig and the wiring, and whether it is exchanged with another channel",
@@ -61,11 +61,13 @@ class Statement:
     """Of the contradiction; None where both agree."""
     others: Annotated[tuple[str, ...], Key(None, "")] = ()
     """Other runs that it is about, such as the one that was copied."""
+    column: Annotated[str, Key(None, "")] = ""
+    """Column of the run table to correct, where the code has several."""
 
     @property
     def advice(self) -> Annotated[str | None, Key("", "what to do", lambda advice: advice or "-")]:
         """What to do about a contradiction."""
-        return None if self.code is None else ADVICE[self.code]
+        return None if self.code is None else ADVICE[self.code].format(column=self.column)
 
     @property
     def finding(self) -> Finding:

@@ -5,9 +5,12 @@ import json
 import numpy as np
 import pytest
 
+from balance.units import G0
 from studies import lies
 from studies.lies import LIES, Witnesses
 from studies.simulated_runs import with_values
+from testbench.cross_examination.conditions import accelerations
+from testbench.cross_examination.observation import Observation
 from testbench.rig import load_rig
 from testbench.vibration.metrics import Measure
 from testbench.vibration.reduction import analyze
@@ -89,6 +92,25 @@ def test_a_fast_motion_in_the_band_is_no_copy():
     assert not witnesses.hear(fast).copied
     filed[1] = with_values(runs[1], "AccX", runs[0].channel("AccX"))
     assert witnesses.hear(filed).copied == {runs[1].name}
+
+
+@pytest.mark.parametrize(
+    ("conditions", "advised"),
+    [
+        ({"peak_acceleration_rad_s2": 30.0}, None),
+        ({"peak_acceleration_rad_s2": 42.0}, None),
+        ({"peak_acceleration_rad_s2": 60.0}, "correct peak_acceleration_rad_s2 in"),
+        ({"peak_acceleration_g": 2.0}, None),
+        ({"peak_acceleration_g": 3.0}, "correct peak_acceleration_g in"),
+    ],
+)
+def test_peak_acceleration(conditions, advised):
+    """Of joints the largest of one or that along the leg, 30 and 30 sqrt(2) rad/s2; advice names the column used."""
+    seen = Observation("r001", conditions, load_rig("parallelogram-6bar"))
+    seen.peak_joint_acceleration, seen.peak_acceleration = (30.0, 30.0 * 2.0**0.5), {"command": 2.0 * G0}
+    (statement,) = accelerations(seen)
+    assert (statement.code is None) == (advised is None)
+    assert (statement.advice or "").startswith(advised or "")
 
 
 def test_numbers_obey(campaign):
