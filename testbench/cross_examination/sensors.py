@@ -41,6 +41,8 @@ NOISE_FACTOR = 1.5
 """Least factor between noises of a channel in two runs that is a contradiction."""
 FLAT = 0.1
 """Share of the expected reading below which a channel is flat."""
+OTHER_RUN = 3.0
+"""Factor of reading over model, inverse in the other run of a pair, from which runs or counter-masses are exchanged."""
 EXCHANGED = 0.35
 """Remainder with two axes exchanged over that without from which they are exchanged."""
 MANY_STEPS = 8
@@ -127,25 +129,31 @@ def examined_sensors(observations: Sequence[Observation], unsure: frozenset[str]
     """Axis, sign and gain of every sensor of every run; the model of runs of ``unsure`` masses is no witness."""
     statements: list[Statement] = []
     gains: Gained = defaultdict(dict)
+    sizes: dict[str, list[tuple[Observation, Gains]]] = defaultdict(list)
     for seen in observations:
         for response in seen.responses:
             if seen.name in unsure and response.columns[0].sensor in seen.rig.base_accelerometers:
                 continue
-            one = Gains(response, np.array([_noise_in_band(seen, c) for c in response.columns]))
+            noise = np.array([_noise_in_band(seen, c) for c in response.columns])
+            one = Gains(response, noise)
             acceleration = response.columns[0].dimensions[0] == "acceleration"
             if acceleration:
+                sizes[one.columns[0].sensor].append((seen, one))
                 wrong = _exchanged(seen, one)
                 statements += wrong
                 if any(s.code for s in wrong):
                     continue
                 witnessed = [int(i) for i in np.flatnonzero(one.witnessed)]
                 statements += [_sign(seen, one, i) for i in witnessed]
-                still = [i for i in witnessed if one.readings[i] < FLAT * one.expected[i]]
+                quiet = one.readings < ABOVE_NOISE * noise
+                still = [i for i in witnessed if quiet[i] and one.readings[i] < FLAT * one.expected[i]]
                 statements += [_flat(seen, one, i) for i in still if not seen.records[one.columns[i].channel].dead]
             for i in np.flatnonzero(one.follows):
                 if acceleration and not seen.records[one.columns[i].channel].clipped:
                     gains[one.columns[i].channel][seen.name] = (float(one.gain[i]), float(one.deviation[i]))
         statements += [] if seen.name in unsure else _forces(seen)
+    for sensor, sized in sizes.items():
+        statements += _exchanged_runs(sensor, sized)
     for channel, by_run in gains.items():
         statements += _gain_statements(channel, by_run)
     known = {(s.run, s.channel) for s in statements if s.code in {"gain_contradiction", "flat_channel"}}
@@ -179,6 +187,33 @@ def _exchanged(seen: Observation, one: Gains) -> list[Statement]:
                       "axes exchanged: each follows what the other should show" if wrong else "as the rig states",
                       "the model of the motion", "axis_contradiction" if wrong else None)
         )  # fmt: skip
+    return found
+
+
+def _exchanged_runs(sensor: str, sized: Sequence[tuple[Observation, Gains]]) -> list[Statement]:
+    """Runs with and without counter-masses of one condition, of which one shows too much and the other too little."""
+    factors = []
+    for seen, one in sized:
+        read, expected = (float(np.linalg.norm(size[one.witnessed])) for size in (one.readings, one.expected))
+        if read > 0.0 and expected > 0.0 and not OTHER_RUN > read / expected > 1.0 / OTHER_RUN:
+            factors.append((seen, read, expected))
+    found = []
+    for seen, read, expected in factors:
+        others = [
+            other.name
+            for other, more, less in factors
+            if (more > less) != (read > expected)
+            and bool(other.counter_masses) != bool(seen.counter_masses)
+            and {**other.conditions, "counter_masses": {}, "repeat": 0}
+            == {**seen.conditions, "counter_masses": {}, "repeat": 0}
+        ]
+        if others:
+            witnessed = f"{read:.3g} m/s2 RMS, the inverse in {others[0]}: runs or counter-masses exchanged"
+            stated = f"{expected:.3g} m/s2 RMS of {sensor} by the model with the counter-masses of the run table"
+            found.append(
+                Statement(seen.name, "counter-masses", None, stated, witnessed, "its readings",
+                          "counter_mass_contradiction", (others[0],))
+            )  # fmt: skip
     return found
 
 

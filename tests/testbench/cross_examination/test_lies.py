@@ -94,6 +94,23 @@ def test_a_fast_motion_in_the_band_is_no_copy():
     assert witnesses.hear(filed).copied == {runs[1].name}
 
 
+def test_exchanged_readings_are_no_flat_channel(campaign):
+    """Accelerometer logs of a run with and one without counter-masses, exchanged: both runs, and no sensor blamed."""
+    runs, witnesses = campaign
+    one = lies.shaking(runs)[0]
+    two = next(k for k, r in enumerate(runs) if k != one and r.conditions["motion"] == runs[one].conditions["motion"])
+    changed = list(runs)
+    for to, of in ((one, two), (two, one)):
+        for channel in ("AccX", "AccY", "AccZ"):
+            changed[to] = with_values(changed[to], channel, runs[of].channel(channel))
+    found = witnesses.hear(changed)
+    assert {s.run for s in found.contradictions if s.code == "counter_mass_contradiction"} == {
+        runs[one].name,
+        runs[two].name,
+    }
+    assert not any(s.code == "flat_channel" for s in found.contradictions)
+
+
 @pytest.mark.parametrize(
     ("conditions", "advised"),
     [
