@@ -118,17 +118,23 @@ class Certificate:
                 "expected one value, or frequencies in Hz in the same table; give --sensitivity and --uncertainty"
             )
         given = beside[0].values * si_unit(beside[0].unit, ()).value / si_unit("Hz", ()).value
+        rows = np.flatnonzero(given > 0.0)  # a static value has no place among them
+        if not rows.size:
+            raise RigError(
+                f"certificate {self.number}: {quantity.name}: no frequency above 0 Hz: give --sensitivity and "
+                "--uncertainty"
+            )
         if frequency_hz is None:
             raise RigError(
-                f"certificate {self.number}: {quantity.name}: values at {given.min():g} to {given.max():g} Hz: give "
+                f"certificate {self.number}: {quantity.name}: values at {given[rows].min():g} to {given.max():g} Hz: give "
                 "--frequency, that of the vibration"
             )
-        if not given.min() <= frequency_hz <= given.max():
+        if not given[rows].min() <= frequency_hz <= given.max():
             raise RigError(
-                f"certificate {self.number}: {frequency_hz:g} Hz is outside of {given.min():g} to {given.max():g} Hz, "
+                f"certificate {self.number}: {frequency_hz:g} Hz is outside of {given[rows].min():g} to {given.max():g} Hz, "
                 "for which it was calibrated: give another --frequency"
             )
-        return int(np.argmin(np.abs(np.log(given / frequency_hz))))
+        return int(rows[np.argmin(np.abs(np.log(given[rows] / frequency_hz)))])
 
 
 def read_certificate(path: Path) -> Certificate:
@@ -242,22 +248,27 @@ def unit_of_dsi(text: str) -> str:
     words = re.findall(r"\\([A-Za-z]+)(?:\{([^}]*)\})?", text)
     if "".join(f"\\{word}" + (f"{{{power}}}" if power else "") for word, power in words) != text:
         raise UnitError(f"unit {text[:80]!r}: expected one of D-SI, such as '\\volt\\per\\metre\\second\\tothe{{2}}'")
-    parts: list[str] = []
-    below, prefix = False, ""
+    above: list[str] = []
+    under: list[str] = []
+    beyond: list[str] = []
+    last: list[str] = []
+    parts, prefix = above, ""
     for word, power in words:
         if word == "per":
-            below = True
+            parts = under
         elif word in _PREFIXES:
             prefix = _PREFIXES[word]
-        elif word == "tothe" and parts and re.fullmatch(r"-?[0-9]", power):
-            parts[-1] += f"^{power}"
+        elif word == "tothe" and last and re.fullmatch(r"-?[0-9]", power):
+            last[-1] += f"^{power}"
         elif word in _UNITS:
-            parts.append(("/" if below else "*") + (prefix + _UNITS[word] or "1"))
-            below, prefix = False, ""
+            parts.append(prefix + _UNITS[word] or "1")
+            last, parts, prefix = parts, beyond if under else above, ""
         else:
             raise UnitError(f"unit {text[:80]!r}: \\{word} is not known")
-    joined = "".join(parts)
-    return joined[1:] if joined.startswith("*") else f"1{joined}"
+    over = "*".join(above) or "1"
+    if beyond:  # V s2 / m is written V/(m/s^2), as data sheets have it
+        return f"{over}/({'/'.join(['*'.join(under), *beyond])})"
+    return "/".join([over, *under])
 
 
 def _is_sensitivity(unit: str, dimensions: Sequence[str]) -> bool:

@@ -68,6 +68,7 @@ def written(folder, body, frame=FRAME):
          10.5, None),
         (TABLE, 10.0, 10.0, 0.005),
         (TABLE, 20.0, 10.2, 0.2 / 2 / 10.2),
+        (TABLE.replace("10 16 80", "0 16 80"), 20.0, 10.2, 0.2 / 2 / 10.2),
         (TABLE + NAMED.format("T", ONE.format("23", r"\quux", "")), 80.0, 10.4, 0.3 / 2 / 10.4),
     ],
 )  # fmt: skip
@@ -90,6 +91,8 @@ def test_a_sensitivity_with_its_uncertainty(tmp_path, body, frequency, value, re
         (SENSITIVITY * 2, None, "2 sensitivities.*--quantity"),
         (TABLE, None, "values at 10 to 80 Hz: give --frequency"),
         (TABLE, 200.0, "200 Hz is outside of 10 to 80 Hz"),
+        (TABLE.replace("10 16 80", "0 16 80"), 0.0, "0 Hz is outside of 16 to 80 Hz"),
+        (TABLE.replace("10 16 80", "0 0 0"), 10.0, "no frequency above 0 Hz"),
         (NAMED.format("s", LIST.format("1 2", PER, "")), 10.0, "without frequencies"),
         (NAMED.format("s", ONE.format("1", r"\volt\per\newton", "")), None, "0 sensitivities to acceleration"),
     ],
@@ -129,7 +132,8 @@ def test_what_is_no_certificate(tmp_path, content, message, monkeypatch):
 @pytest.mark.parametrize(
     ("text", "unit"),
     [
-        (r"\volt\per\metre\second\tothe{2}", "V/m*s^2"),
+        (r"\volt\per\metre\second\tothe{2}", "V/(m/s^2)"),
+        (r"\kilogram\metre\per\second\tothe{2}", "kg*m/s^2"),
         (r"\pico\coulomb\per\newton", "pC/N"),
         (r"\per\second", "1/s"),
         (r"\one", "1"),
@@ -147,7 +151,7 @@ def test_the_command_records_it(tmp_path, capsys):
     words = [str(run.path.parent), "acc", "--certificate", str(path), "--offset", "2.5 V", "--reason", "new", "--json"]
     assert calibrate.main(words, standalone_mode=False) == 0
     recorded = json.loads(capsys.readouterr().out)["calibration"]
-    assert recorded["uncertainty"] == {"expanded": "0.105 mV/m*s^2", "coverage_factor": 2.0}
+    assert recorded["uncertainty"] == {"expanded": "0.105 mV/(m/s^2)", "coverage_factor": 2.0}
     si = SIRun.of(open_run(run.path))
     (column,) = si.rig.sensors["acc"].columns("acc")
     np.testing.assert_allclose(si.values(column), volts.ACCELERATION / 9.81 * 100.0 / 10.5, atol=1e-7)
