@@ -119,6 +119,7 @@ class Certificate:
             )
         given = beside[0].values * si_unit(beside[0].unit, ()).value / si_unit("Hz", ()).value
         rows = np.flatnonzero(given > 0.0)  # a static value has no place among them
+        given = given[rows]
         if not rows.size:
             raise RigError(
                 f"certificate {self.number}: {quantity.name}: no frequency above 0 Hz: give --sensitivity and "
@@ -126,15 +127,15 @@ class Certificate:
             )
         if frequency_hz is None:
             raise RigError(
-                f"certificate {self.number}: {quantity.name}: values at {given[rows].min():g} to {given.max():g} Hz: give "
+                f"certificate {self.number}: {quantity.name}: values at {given.min():g} to {given.max():g} Hz: give "
                 "--frequency, that of the vibration"
             )
-        if not given[rows].min() <= frequency_hz <= given.max():
+        if not given.min() <= frequency_hz <= given.max():
             raise RigError(
-                f"certificate {self.number}: {frequency_hz:g} Hz is outside of {given[rows].min():g} to {given.max():g} Hz, "
+                f"certificate {self.number}: {frequency_hz:g} Hz is outside of {given.min():g} to {given.max():g} Hz, "
                 "for which it was calibrated: give another --frequency"
             )
-        return int(rows[np.argmin(np.abs(np.log(given[rows] / frequency_hz)))])
+        return int(rows[np.argmin(np.abs(np.log(given / frequency_hz)))])
 
 
 def read_certificate(path: Path) -> Certificate:
