@@ -86,7 +86,11 @@ def _print(campaign: Path, examination: "Examination", shown: list[str]) -> None
     doubtful = [s for run in shown for s in examination.about(run)]
     if doubtful:
         emit_table("Contradictions", *table(Statement, doubtful))
+    sharing: dict[str, list[str]] = {}
     for run in shown:
         if missing := examination.unwitnessed(run):
             reasons = "; ".join(dict.fromkeys(examination.reasons[run].values()))
-            click.echo(f"{run}: nothing witnesses {', '.join(missing)}{f' ({reasons})' if reasons else ''}")
+            text = f"nothing witnesses {', '.join(missing)}{f' ({reasons})' if reasons else ''}"
+            sharing.setdefault(text, []).append(run)
+    for text, runs in sharing.items():
+        click.echo(f"{', '.join(runs)}: {text}")

@@ -10,6 +10,7 @@ from studies import lies
 from studies.lies import LIES, Witnesses
 from studies.simulated_runs import with_values
 from testbench.cross_examination.conditions import accelerations
+from testbench.cross_examination.examination import Examination
 from testbench.cross_examination.observation import Observation
 from testbench.rig import load_rig
 from testbench.vibration.metrics import Measure
@@ -159,3 +160,12 @@ def test_doctor(brief, command):
     assert all(run["statements"] for run in told["runs"])
     assert command("doctor", brief.campaign, "r404")[0] == 1
     assert "no such contradiction" in command("analyze", brief.campaign, "--accept", "nonsense")[2]
+
+
+def test_doctor_says_once_what_nothing_witnesses(brief, command, monkeypatch):
+    """Runs that share it stand in one line."""
+    names = [f"r00{i}" for i in range(1, 9)]
+    silent = Examination(tuple(names), (), {name: {"torque": "no torque sensor"} for name in names})
+    monkeypatch.setattr("testbench.cross_examination.examine", lambda *arguments: silent)
+    lines = [line for line in command("doctor", brief.campaign)[1].splitlines() if "nothing witnesses" in line]
+    assert [line.split(": ")[0] for line in lines] == [", ".join(names)]
