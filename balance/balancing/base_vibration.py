@@ -44,6 +44,8 @@ class MeasuredBase:
     """A (k, 6) [-, m] with A x'' the accelerations that are measured, a row a channel."""
     left_out: tuple[str, ...]
     """Keys of the rig's ``[bench]`` that count for its vibration and are not known here, such as ``modes``."""
+    mechanism: str = ""
+    """Name or file of the mechanism on it, as the rig states it; empty where it states none."""
 
 
 class _Accelerometer(Table):
@@ -54,9 +56,17 @@ class _Accelerometer(Table):
 
 
 def load_measured_base(rig: str | Path) -> MeasuredBase:
-    """The base of a rig, by a shipped one's name or its file. Raises DataError without an accelerometer on the base."""
+    """The base of a rig, by a shipped one's name or its file.
+
+    Raises DataError without a stated base, or an accelerometer on it.
+    """
     path = datasets.find_dataset(rig, "rigs", ".toml")
     tables = read_toml(path)
+    if not tables.get("bench"):
+        raise DataError(
+            f"{path.name}: no [bench]: expected the base whose vibration is made small; add its mass, centre, inertia "
+            "and [[bench.mounts]] (`testbench schema rig`)"
+        )
     bench, sensors = (_table(tables.get(key, {}), path.name, key) for key in ("bench", "sensors"))
     own = {key: value for key, value in bench.items() if key in MountedBase.model_fields}
     rows = []
@@ -70,7 +80,8 @@ def load_measured_base(rig: str | Path) -> MeasuredBase:
         raise DataError(f"{path.name}: no accelerometer is attached to the base: there is no vibration to make small")
     unlike = {"settling", *own}
     left_out = tuple(key for key, value in bench.items() if key not in unlike and value and value != "locked")
-    return MeasuredBase(model_from_table(MountedBase, own, f"{path.name}: bench"), np.array(rows), left_out)
+    named = str(tables.get("mechanism", ""))
+    return MeasuredBase(model_from_table(MountedBase, own, f"{path.name}: bench"), np.array(rows), left_out, named)
 
 
 def _table(value: Any, file: str, key: str) -> Mapping[str, Any]:  # noqa: ANN401

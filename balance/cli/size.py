@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from math import inf
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -140,6 +141,12 @@ def size(
         from ..balancing.base_vibration import least_vibration, load_measured_base, vibration_objective
 
         measured = load_measured_base(rig)
+        stands = PurePath(measured.mechanism).stem
+        if stands not in {"", "none", model.name, PurePath(mechanism).stem}:
+            raise click.UsageError(
+                f"--rig {rig}: is of mechanism {measured.mechanism!r}, not {mechanism!r}: expected a rig of the "
+                "mechanism that is sized"
+            )
         left_out = tuple(f"bench.{key}" for key in measured.left_out)
         vibration = vibration_objective(model, trajectory, measured)
         any_mass = least_vibration(conditions, model, sites, vibration, sized)
@@ -347,7 +354,8 @@ def _print_sizing(result: "Sizing", stock: str | None, attainable: bool) -> None
             "without counter-masses)"
         )
     for body, value in result.balanced_payloads().items():
-        click.echo(f"Balanced payload       {body} = {'none' if value is None else mass(value) + ' kg'}")
+        if value is not None:
+            click.echo(f"Balanced payload       {body} = {mass(value)} kg")
     click.echo(f"Added                  {result.added_mass:.4f} kg, {result.added_inertia:.5f} kg m2 about the joints")
 
 

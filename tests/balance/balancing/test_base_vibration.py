@@ -111,8 +111,11 @@ def test_plates_by_brute_force(vibration: VibrationObjective) -> None:
 
 
 def test_a_rig_without_an_accelerometer_on_its_base_is_refused(tmp_path) -> None:
-    """And what of a rig's bench is not known here is listed."""
+    """Nor one without a stated base; and what of a rig's bench is not known here is listed."""
     rig = tmp_path / "rig.toml"
+    rig.write_text('mechanism = "four-bar"\n', encoding="utf-8")
+    with pytest.raises(DataError, match=r"rig\.toml: no \[bench\]: .* add its mass"):
+        load_measured_base(rig)
     rig.write_text('[bench]\nmass = "90 kg"\nplanes = { AB = "10 mm" }\ncoupling = "locked"\n', encoding="utf-8")
     with pytest.raises(DataError, match=r"rig\.toml: no accelerometer is attached to the base"):
         load_measured_base(rig)

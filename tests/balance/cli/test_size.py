@@ -220,10 +220,14 @@ def test_least_vibration_of_a_base(balance, tmp_path):
         encoding="utf-8",
     )
     text = datasets.find_dataset("parallelogram-6bar", "rigs", ".toml").read_text(encoding="utf-8")
+    text = text.replace('mechanism = "parallelogram-6bar"', 'mechanism = "four-bar.xml"')
+    (tmp_path / "r0.toml").write_text(text, encoding="utf-8")
     (tmp_path / "r.toml").write_text(text.replace("[bench]", "[bench]\nweight = true"), encoding="utf-8")
     given = ("size", "four-bar", "--motion", str(tmp_path / "m.toml"), "--objective", "vibration")
-    code, out, _ = balance(*given, "--rig", "parallelogram-6bar")
-    assert code == 3
+    code, _, err = balance(*given, "--rig", "parallelogram-6bar")
+    assert (code, "is of mechanism 'parallelogram-6bar', not 'four-bar'" in err) == (2, True)
+    code, out, _ = balance(*given, "--rig", str(tmp_path / "r0.toml"))
+    assert (code, "Balanced payload" in out) == (3, False)
     assert re.match(r"Not balanced completely: [\d.]+ % of the RMS acceleration remains .* m/s2 of .* m/s2\); no", out)
     assert "a bound is not known" in out
     document = json.loads(balance(*given, "--rig", str(tmp_path / "r.toml"), "--json").out)
