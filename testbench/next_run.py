@@ -108,11 +108,17 @@ class Design:
         return f"{best.candidate} narrows {best.quantity} {before} to {best.after:.3g} {self.unit} (half of 95 %)"
 
 
+def _widens(one: Proposal) -> str:
+    """What is added to what a run narrows, where it would not."""
+    return " (would not narrow)" if one.now is not None and one.after >= one.now else ""
+
+
 def _ranked(question: Question, unit: str, proposals: Sequence[Proposal], notes: Sequence[str]) -> Design:
     if not proposals:
         raise AnalysisError("no run can be proposed: " + "; ".join(notes))
     order = sorted(proposals, key=lambda one: (one.share, one.after))
-    return Design(question, unit, tuple(order), tuple(notes))
+    said = [replace(one, quantity=one.quantity + _widens(one)) for one in order]
+    return Design(question, unit, tuple(said), tuple(notes))
 
 
 def next_for_reduction(
@@ -144,7 +150,8 @@ def next_for_reduction(
     sides = dict.fromkeys(
         (one.runs[: one.n[0]] if side == 0 else one.runs[one.n[0] :]) for one in rows for side in (0, 1)
     )
-    notes = [] if len(rows) == len(wanted) else [f"{len(wanted) - len(rows)} reductions have no interval to narrow."]
+    lost = len(wanted) - len(rows)
+    notes = [f"{lost} reduction{' has' if lost == 1 else 's have'} no interval to narrow."] if lost else []
     if all(one.method == "propagation" for one in rows):
         notes.append(
             "No run is repeated: what repeats differ by beyond noise is not known, and not in the predictions."

@@ -8,6 +8,7 @@ import pytest
 
 from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
+from testbench import next_run
 from testbench.errors import AnalysisError
 from testbench.next_run import next_for_first_moment, next_for_reduction
 from testbench.rig import rig_from_text
@@ -92,6 +93,13 @@ def test_the_verdict(design):
     assert (best.candidate.repeats, other.candidate.repeats) == (None, "seed1")
     assert "a new run (3.4116 kg, motion triangle, 3 g0, with counter-masses) narrows" in design.verdict
     assert f"from {best.now:.3g} to {best.after:.3g} kg m" in design.verdict
+
+
+def test_a_run_that_would_widen(design):
+    """Says so in its row; the others do not."""
+    best, other = design.proposals
+    rows = next_run._ranked("reduction", "points", [best, replace(other, now=1.0, after=1.1, share=1.1)], ()).proposals
+    assert [row.quantity for row in rows] == [best.quantity, f"{other.quantity} (would not narrow)"]
 
 
 @pytest.mark.parametrize(
