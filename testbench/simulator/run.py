@@ -153,10 +153,10 @@ def simulate_run(
     bench = rig.bench
     loaded = _loaded(mechanism, bench, planned)
     try:
-        planned_motion = _with_peak(motion or _motion(rig, planned.motion), planned)
+        moved_by = with_planned_peak(motion or planned_motion(rig, planned.motion), planned)
     except DataError as error:
         raise RigError(f"motion {planned.motion!r} of run {planned.name}: {error}") from error
-    command = _settling(planned_motion.sample(rate_hz(rig)), bench.settling, lead)
+    command = _settling(moved_by.sample(rate_hz(rig)), bench.settling, lead)
     trajectory = Closure(loaded).follow(command)
     response = _with_rotors(simulate(loaded, trajectory), loaded, bench, trajectory)
     carried = locked_inertia(loaded, trajectory.q[0])
@@ -174,19 +174,27 @@ def simulate_run(
     )
 
 
-def _motion(rig: Rig, name: str) -> Motion:
+def planned_motion(rig: Rig, name: str) -> Motion:
+    """A motion of the rig's folder, else a shipped one. Raises DataError for neither."""
     own = [] if rig.folder is None else [rig.folder / name, rig.folder / f"{name}.toml"]
     return load_motion(next((path for path in own if path.is_file()), name))
 
 
-def _with_peak(motion: Motion, planned: PlannedRun) -> Motion:
+def with_planned_peak(motion: Motion, planned: PlannedRun) -> Motion:
     """The motion with the planned peak acceleration. Raises DataError for one of another kind than the motion's."""
     if planned.peak_acceleration is None:
         return motion
     turning = bool(motion.joints) and not any(motion.sliding)
     if planned.turning != turning:
-        kind, example = ("joints that turn", "60 rad/s^2") if turning else ("a point or slides", "3 g0")
-        raise DataError(f"moves {kind}: expected a peak acceleration such as {example!r}, or none for the file's own")
+        kind, example, column = (
+            ("joints that turn", "60 rad/s^2", "peak_acceleration_rad_s2")
+            if turning
+            else ("a point or slides", "3 g0", "peak_acceleration_g")
+        )
+        raise DataError(
+            f"moves {kind}: expected a peak acceleration such as {example!r} ({column} in a run table), or none "
+            "for the file's own"
+        )
     return motion.with_peak_acceleration(planned.peak_acceleration)
 
 

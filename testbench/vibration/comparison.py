@@ -69,7 +69,9 @@ class Prediction:
                 )
             linear, turning = pair.key.peak_acceleration_g, pair.key.peak_acceleration_rad_s2
             peak = turning if linear is None else linear * G0
-            planned = PlannedRun("anew", pair.key.payload_kg, masses, pair.key.motion, peak, 1, turning is not None)
+            planned = PlannedRun(
+                pair.runs[0].name, pair.key.payload_kg, masses, pair.key.motion, peak, 1, turning is not None
+            )
             run = simulate_run(
                 self.rig, self.mechanism, planned, motion=None if stored is None else motion_from_texts(*stored)
             )

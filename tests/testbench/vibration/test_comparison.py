@@ -9,7 +9,7 @@ import pytest
 from balance import datasets
 from balance.mechanism.mjcf_parser import load_mechanism
 from balance.results import document
-from testbench.errors import AnalysisError
+from testbench.errors import AnalysisError, RigError
 from testbench.kinematics.encoder_motion import mechanism_of
 from testbench.published_tables import ORIGINAL_LOGS, load_published
 from testbench.rig import load_rig
@@ -117,6 +117,14 @@ def test_prediction_is_the_truth_without_noise(brief, high_hz):
                 signal = np.concatenate([np.zeros(2370), table[f"Acc{axis.upper()}_m_s2"].to_numpy()])
                 peaks.append(measure.amplitude(signal, 10_000.0))
             assert predicted["base_acc", axis] == pytest.approx(100.0 * (1.0 - peaks[0] / peaks[1]), abs=0.1)
+
+
+def test_a_peak_of_another_kind_names_the_run(brief):
+    """Of the campaign, with the column of the run table that is wrong."""
+    pair = pairs(open_campaign(brief.campaign).runs)[0][0]
+    key = dataclasses.replace(pair.key, peak_acceleration_g=None, peak_acceleration_rad_s2=60.0)
+    with pytest.raises(RigError, match=rf"of run {pair.runs[0].name}: moves a point .*\(peak_acceleration_g in a run"):
+        Prediction(RIG, MECHANISM, Measure()).reductions(dataclasses.replace(pair, key=key))
 
 
 def test_another_bench_another_prediction(brief):
