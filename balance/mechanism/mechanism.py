@@ -199,7 +199,9 @@ class Mechanism:
     def _with_body_mass(self, body: str, mass: float) -> "Mechanism":
         index = self.body_index(body)
         if not 0.0 < mass < MASS_LIMIT:
-            raise ModelError(f"payload of body {body!r} is {mass:g} kg: expected a positive mass")
+            raise ModelError(
+                f"payload of body {body!r} is {mass:g} kg: expected a positive mass below {MASS_LIMIT:g} kg"
+            )
         own = self.own_mass[body][1]
         if own[0] <= 0.0:
             raise ModelError(f"body {body!r} of {self.name} has no mass of its own to set: give it one in the file")
@@ -216,7 +218,9 @@ class Mechanism:
             if site.body < 0:
                 raise ModelError(f"site {name!r} of {self.name} is on the base: a counter-mass there moves nothing")
             if not 0.0 <= mass < MASS_LIMIT:
-                raise ModelError(f"counter-mass at {name!r} is {mass:g} kg: expected zero or a positive mass")
+                raise ModelError(
+                    f"counter-mass at {name!r} is {mass:g} kg: expected zero or a positive mass below {MASS_LIMIT:g} kg"
+                )
             parameters[site.body] += mass * site.unit_mass()
         return replace(self, parameters=frozen(parameters))
 
