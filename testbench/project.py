@@ -9,7 +9,7 @@ import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from balance import datasets
 from balance.balancing import exact_sizing
@@ -20,14 +20,16 @@ from balance.errors import CounterpoiseError, DataError
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
 from balance.motion import Motion
-from balance.motion.motion_files import load_motion, motion_from_table
+from balance.motion.motion_files import motion_from_table
 from balance.results import Key
+from balance.units import G0
 
-from .campaign_plan import Plan, load_plan
+from .campaign_plan import Plan, PlannedRun, load_plan
 from .errors import RigError
-from .ingest.run_table import read_run_table
+from .ingest.run_table import RunTableRow, read_run_table
 from .rig import Rig, load_rig
 from .rig.rig import mechanism_file
+from .simulator.run import planned_motion, planned_samples
 
 RIG, PLAN, RUNS, MOTION = "rig.toml", "plan.toml", "runs.csv", "motion.toml"
 FREQUENCY_HZ, DAMPING = 12.0, 0.05
@@ -250,70 +252,109 @@ def project_problems(folder: Path) -> list[Problem]:
 
 
 def _problems(folder: Path) -> Iterator[Problem]:
-    rig, plan = None, None
-    try:
-        rig = load_rig(folder / RIG)
-    except (CounterpoiseError, OSError) as error:
-        yield Problem(RIG, str(error))
-    try:
-        plan = load_plan(folder / PLAN)
-    except (CounterpoiseError, OSError) as error:
-        yield Problem(PLAN, str(error))
-    if rig is None:
+    read: dict[str, Any] = {}
+    for file, reader in ((RIG, load_rig), (PLAN, load_plan), (RUNS, read_run_table)):
+        try:
+            if not (folder / file).exists():
+                raise RigError("not there: `testbench new` writes one into a new folder; copy it here and edit it")
+            if (folder / file).is_dir():
+                raise RigError("is a folder: expected a file")
+            read[file] = reader(folder / file)
+        except (CounterpoiseError, OSError) as error:
+            yield from _rows(folder, file, error)
+    if (rig := read.get(RIG)) is None:
         return
-    path = mechanism_file(rig.mechanism, rig.folder)
     try:
-        model = load_mechanism(path or rig.mechanism)
+        model = load_mechanism(mechanism_file(rig.mechanism, rig.folder) or rig.mechanism)
     except CounterpoiseError as error:
-        yield Problem(rig.mechanism, str(error))
+        yield from _rows(folder, rig.mechanism, error)
         return
-    stated = []
-    if plan is not None:
+    stated: list[tuple[str, str, PlannedRun]] = []
+    if (plan := read.get(PLAN)) is not None:
         if plan.mechanism != rig.mechanism:
             yield Problem(PLAN, f"mechanism is {plan.mechanism!r}, that of {RIG} {rig.mechanism!r}: make them the same")
-        stated += [(PLAN, run.name, dict(run.conditions)) for run in plan.runs()]
+        stated += [(PLAN, f"{run.name}: ", run) for run in plan.runs()]
         if not any(run.counter_masses for run in plan.runs()):
             sites = ", ".join(model.counter_sites) or "none yet: name sites counter... in its file"
             yield Problem(PLAN, f"no run has counter-masses, so nothing can be compared: put some on sites ({sites})")
-    if (folder / RUNS).is_file():
-        try:
-            rows = read_run_table(folder / RUNS)
-            stated += [(RUNS, f"line {row.line}", dict(row.conditions)) for row in rows]
-            missing = [row.file for row in rows if not (folder / row.file).is_file()]
-            if missing and len(missing) < len(rows):
-                yield Problem(
-                    RUNS, f"names {', '.join(missing)}, not in the folder: add the logs, or remove their rows"
-                )
-        except CounterpoiseError as error:
-            yield Problem(RUNS, str(error))
+    rows = read.get(RUNS, [])
+    stated += [(RUNS, f"line {row.line}: ", _run(row)) for row in rows]
+    missing = [row.file for row in rows if not (folder / row.file).is_file()]
+    if missing and len(missing) < len(rows):
+        yield Problem(RUNS, f"names {', '.join(missing)}, not in the folder: add the logs, or remove their rows")
     said = set()
-    for file, where, conditions in stated:
-        for message in _contradictions(folder, model, conditions):
-            if (file, message) not in said:
-                said.add((file, message))
-                yield Problem(file, f"{where}: {message}")
+    motions: dict[tuple[object, ...], list[Problem]] = {}
+    for file, where, run in stated:
+        moved = (run.motion, run.peak_acceleration, run.turning)
+        if moved not in motions:
+            motions[moved] = list(_motion_problems(folder, rig, model, run)) if run.motion else []
+        for problem in [*(Problem("", message) for message in _contradictions(model, run)), *motions[moved]]:
+            found = (problem.file or file, problem.message)
+            if found not in said:
+                said.add(found)
+                yield Problem(found[0], problem.message if problem.file else f"{where}{problem.message}")
 
 
-def _contradictions(folder: Path, model: Mechanism, conditions: "dict[str, object]") -> Iterator[str]:
-    """What a run's conditions name that the mechanism does not have, or cannot do."""
-    masses = conditions.get("counter_masses")
-    for site in masses if isinstance(masses, dict) else ():
+def _rows(folder: Path, file: str, error: Exception) -> Iterator[Problem]:
+    """A problem for each line of an error, without the file's name, which stands beside it."""
+    for line in str(error).splitlines():
+        for start in (f"{folder / file}: ", f"{file}: ", f"{file}, "):
+            line = line.removeprefix(start)
+        yield Problem(file, line.replace("``", "'"))
+
+
+def _run(row: RunTableRow) -> PlannedRun:
+    """What a row of the run table states, as a run to be made; without a motion its name is empty."""
+    stated = row.conditions
+    turning = stated.get("peak_acceleration_rad_s2")
+    linear = stated.get("peak_acceleration_g")
+    return PlannedRun(
+        row.run or row.file,
+        stated.get("payload_kg"),
+        stated.get("counter_masses", {}),
+        stated.get("motion", ""),
+        turning if linear is None else linear * G0,
+        stated.get("repeat", 1),
+        turning is not None,
+    )
+
+
+def _contradictions(model: Mechanism, run: PlannedRun) -> Iterator[str]:
+    """What a run carries that the mechanism cannot."""
+    for site, mass in run.counter_masses.items():
         try:
-            model.site(site)
+            model.with_counter_mass({site: mass})
         except CounterpoiseError as error:
             yield f"counter_masses: {error}"
-    if conditions.get("payload_kg") is not None and len(model.payload_bodies) != 1:
+    if run.payload is None:
+        return
+    if len(model.payload_bodies) != 1:
         yield (
             f"payload: {model.name} names {len(model.payload_bodies)} payload bodies: leave the payload out, or name "
             'one by <custom><text name="payload" data="BODY"/></custom> in its file'
         )
-    if (motion := conditions.get("motion")) is None:
         return
-    own = folder / f"{motion}.toml"
     try:
-        moved = load_motion(own if own.is_file() else str(motion))
-        Closure(model).follow(moved.sample(_RATE_HZ))
-    except DataError as error:
-        yield f"motion: {error}"
+        model.with_payload({model.payload_bodies[0]: run.payload})
     except CounterpoiseError as error:
-        yield f"motion {motion!r}: {model.name} cannot follow it: {error}"
+        yield str(error)
+
+
+def _motion_problems(folder: Path, rig: Rig, model: Mechanism, run: PlannedRun) -> Iterator[Problem]:
+    """Why a run's motion cannot be simulated; without a file where the run is to be named."""
+    own = run.motion if run.motion.endswith(".toml") else f"{run.motion}.toml"
+    try:
+        motion = planned_motion(rig, run.motion)
+    except DataError as error:
+        if (folder / own).exists():
+            yield from _rows(folder, own, error)
+        else:
+            shipped = ", ".join(datasets.dataset_names("motions", ".toml"))
+            yield Problem(own, f"not there: write {own} in this folder, or name a shipped motion ({shipped})")
+        return
+    try:
+        Closure(model).follow(planned_samples(rig, run, motion))
+    except DataError as error:
+        yield Problem("", f"motion {run.motion!r}: {error}")
+    except CounterpoiseError as error:
+        yield Problem("", f"motion {run.motion!r}: {model.name} cannot follow it: {error}")

@@ -153,10 +153,10 @@ def simulate_run(
     bench = rig.bench
     loaded = _loaded(mechanism, bench, planned)
     try:
-        moved_by = with_planned_peak(motion or planned_motion(rig, planned.motion), planned)
+        moved_by = planned_samples(rig, planned, motion or planned_motion(rig, planned.motion))
     except DataError as error:
         raise RigError(f"motion {planned.motion!r} of run {planned.name}: {error}") from error
-    command = _settling(moved_by.sample(rate_hz(rig)), bench.settling, lead)
+    command = _settling(moved_by, bench.settling, lead)
     trajectory = Closure(loaded).follow(command)
     response = _with_rotors(simulate(loaded, trajectory), loaded, bench, trajectory)
     carried = locked_inertia(loaded, trajectory.q[0])
@@ -180,8 +180,15 @@ def planned_motion(rig: Rig, name: str) -> Motion:
     return load_motion(next((path for path in own if path.is_file()), name))
 
 
-def with_planned_peak(motion: Motion, planned: PlannedRun) -> Motion:
-    """The motion with the planned peak acceleration. Raises DataError for one of another kind than the motion's."""
+def planned_samples(rig: Rig, planned: PlannedRun, motion: Motion) -> Samples:
+    """The motion with the planned peak acceleration, at the simulation's rate.
+
+    Raises DataError for a peak of another kind than the motion's, and for a rate that cannot be simulated.
+    """
+    return _with_peak(motion, planned).sample(rate_hz(rig))
+
+
+def _with_peak(motion: Motion, planned: PlannedRun) -> Motion:
     if planned.peak_acceleration is None:
         return motion
     turning = bool(motion.joints) and not any(motion.sliding)

@@ -1,6 +1,7 @@
 """A project of one's own machine: valid as written, and everything wrong in it said at once."""
 
 import json
+import re
 
 import pytest
 
@@ -77,6 +78,52 @@ def test_what_is_wrong_is_said(tmp_path, file):
     (folder / file).write_text(text.replace(old, new))
     problems = project_problems(folder)
     assert any(said in problem.message for problem in problems), problems
+
+
+REFUSED = {
+    "a peak of another kind": ("plan.toml", 'motion = "motion"', 'motion = "motion"\npeak_acceleration = "3 g0"',
+                               ("plan.toml", r"r001: motion 'motion': moves joints that turn: expected a peak")),
+    "a mass that nothing has": ("runs.csv", ";counter_B0B", "e300;counter_B0B",
+                                ("runs.csv", r"line 2: counter_masses: .*e\+300 kg: .* below 1e\+09 kg")),
+    "a rate that nothing has": ("rig.toml", 'rate = "2 kHz"', 'rate = "1e12 Hz"',
+                                ("plan.toml", r"r001: motion 'motion': 2e\+12 Hz .*: expected fewer than")),
+    "a motion that is not there": ("runs.csv", ",motion,1", ",swing,1",
+                                   ("swing.toml", "not there: write swing.toml in this folder, or name a shipped")),
+    "two keys": ("rig.toml", 'kind = "encoder"', 'kind = "coder"',
+                 ("rig.toml", r"sensors\.encoder_\w+\.kind: [^\n]*$")),
+    "a cell": ("runs.csv", "measured", "gemessen", ("runs.csv", "line 2: origin: 'gemessen'")),
+    "no run table": ("runs.csv", None, None, ("runs.csv", "not there: `testbench new` writes one")),
+    "a folder for it": ("runs.csv", None, "", ("runs.csv", "is a folder: expected a file")),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_the_simulator_refuses_is_said(tmp_path, case):
+    """Each row begins with what is wrong, its file beside it; a motion is named once."""
+    file, old, new, (named, said) = REFUSED[case]
+    folder = tmp_path / "test"
+    new_project(folder, "four-bar")
+    if old is None:
+        (folder / file).unlink()
+        if new is not None:
+            (folder / file).mkdir()
+    else:
+        text = (folder / file).read_text()
+        assert old in text
+        (folder / file).write_text(text.replace(old, new))
+    problems = project_problems(folder)
+    found = [problem for problem in problems if problem.file == named]
+    assert found, problems
+    assert re.match(said, found[0].message), problems
+    assert len({(p.file, p.message) for p in problems}) == len(problems)
+
+
+def test_quick_motions_are_followed_at_the_rate_of_the_simulator(tmp_path):
+    """What ``simulate`` makes is no problem, though 1 kHz would be too slow for it."""
+    new_project(tmp_path / "test", "four-bar")
+    path = tmp_path / "test" / "motion.toml"
+    path.write_text(path.read_text().replace("15 deg", "1 deg").replace("60 rad/s^2", "2000 rad/s^2"))
+    assert project_problems(tmp_path / "test") == []
 
 
 def test_a_folder_in_use(tmp_path):
