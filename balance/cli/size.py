@@ -195,7 +195,7 @@ def size(
         if responses:
             print_responses(responses)
         for key in left_out:
-            click.echo(f"The vibration of the base leaves out {key}, which the rig has.")
+            click.echo(f"The vibration of the base is without {key}, which the rig has.")
     sys.exit(EXIT_WITH_FINDINGS if verdict.has_finding or left_out else 0)
 
 

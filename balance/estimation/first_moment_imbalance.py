@@ -221,6 +221,16 @@ def masses_per_value(conditions: Conditions, mechanism: Mechanism, sites: Sequen
     return -distribute_masses(columns, -weights @ values, removable=True).per_target @ weights
 
 
+def can_be_met(conditions: Conditions, mechanism: Mechanism, sites: Sequence[str]) -> bool:
+    """Whether masses at the sites, added or removed, meet all conditions, to 1e-6 of what the mechanism lacks."""
+    from ..balancing.sizing import site_columns
+
+    columns, values = site_columns(conditions, mechanism, sites), conditions.values(mechanism)
+    remaining = columns @ np.linalg.lstsq(columns, values, rcond=None)[0] - values
+    scale = float(np.linalg.norm(np.abs(conditions.matrix) @ np.abs(mechanism.pi)))
+    return bool(np.linalg.norm(remaining) <= 1e-6 * scale)
+
+
 def with_condition_values(conditions: Conditions, mechanism: Mechanism, values: Floats) -> Mechanism:
     """The mechanism with the least change of its parameters that gives the conditions these values (rank,) [kg m]."""
     change = np.linalg.pinv(conditions.matrix) @ (values - conditions.values(mechanism))

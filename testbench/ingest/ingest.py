@@ -189,13 +189,13 @@ class Ingest:
 
     def _inputs(self, planned: PlannedRun) -> "tuple[Inputs, list[Finding]]":
         """The files that a run was made with: beside the run table, else beside the rig, else shipped ones."""
-        motion = (planned.conditions or {}).get("motion")
-        if self.rig is None and motion is None:
+        conditions = planned.conditions or {}
+        if self.rig is None and "motion" not in conditions:
             return {}, []
         from .run_inputs import run_inputs  # late: a log alone needs none of it
 
         folders = [planned.folder, None if self.rig is None else self.rig.folder]
-        return run_inputs(self.rig, motion, [folder for folder in folders if folder is not None])
+        return run_inputs(self.rig, conditions, [folder for folder in folders if folder is not None])
 
     def _copy(self, source: Source, writer: RunWriter) -> list[Group]:
         """Read one file to its end, checking and writing each block; the groups that it held."""

@@ -12,7 +12,7 @@ from balance import datasets
 from balance.errors import CounterpoiseError
 from balance.input_files import read_text
 
-from ..recording import Finding
+from ..recording import Conditions, Finding
 from ..rig.rig import NONE, mechanism_file
 
 if TYPE_CHECKING:
@@ -24,11 +24,13 @@ Inputs = dict[str, tuple[str, ...]]
 """Name and texts of a file by ``mechanism`` and ``motion``."""
 
 
-def run_inputs(rig: "Rig | None", motion: str | None, folders: Iterable[Path]) -> tuple[Inputs, list[Finding]]:
+def run_inputs(rig: "Rig | None", conditions: Conditions, folders: Iterable[Path]) -> tuple[Inputs, list[Finding]]:
     """The rig's mechanism, and the motion that the run table names, looked for in ``folders``, then among the shipped.
 
-    A motion that is no file's name is a label, and none is stored.
+    A motion that is no file's name is a label, and none is stored. A peak acceleration of another kind than that of the
+    motion is a finding.
     """
+    motion = conditions.get("motion")
     found, findings = Inputs(), list[Finding]()
     for kind, path in (("mechanism", _mechanism(rig)), ("motion", _motion(motion, folders))):
         if path is None:
@@ -40,7 +42,28 @@ def run_inputs(rig: "Rig | None", motion: str | None, folders: Iterable[Path]) -
             findings.append(Finding("input_not_stored", None, None, message))
         else:
             found[kind] = (path.name, *texts)
-    return found, findings
+    return found, findings + (_peak_findings(found["motion"], conditions) if "motion" in found else [])
+
+
+def _peak_findings(motion: tuple[str, ...], conditions: Conditions) -> list[Finding]:
+    """A finding where g0 are stated of joints that turn, or rad/s2 of anything else."""
+    turning = False
+    if "joints" in motion[1]:
+        from balance.motion.motion_files import motion_from_texts  # late: most motions are of a point
+
+        try:
+            moved = motion_from_texts(*motion)
+        except CounterpoiseError:
+            return []  # told where the motion is used
+        turning = bool(moved.joints) and not any(moved.sliding)
+    wrong, right = "peak_acceleration_g", "peak_acceleration_rad_s2"
+    if not turning:
+        wrong, right = right, wrong
+    if wrong not in conditions:
+        return []
+    kind = "joints that turn" if turning else "no joints that turn"
+    message = f"{wrong} is stated, but {motion[0]} moves {kind}: state {right} in the run table"
+    return [Finding("condition_contradiction", None, None, message)]
 
 
 def _mechanism(rig: "Rig | None") -> Path | None:

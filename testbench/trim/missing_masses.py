@@ -6,7 +6,7 @@ from balance.balancing import conditions
 from balance.balancing.stock_plates import Plate
 from balance.errors import CounterpoiseError
 from balance.estimation.covariance_weighting import combine
-from balance.estimation.first_moment_imbalance import masses_per_value
+from balance.estimation.first_moment_imbalance import can_be_met, masses_per_value
 from balance.estimation.identifiability import NotIdentifiable
 
 from ..errors import AnalysisError
@@ -57,13 +57,24 @@ def trim_runs(
         ),
         tuple(measured.missing(mounted, names)),
         measured,
-        tuple(dict.fromkeys([*_about(found), *failed])),
+        tuple(dict.fromkeys([*_about(found), *_compromise(problem), *failed])),
         tuple(doubt for one in found for doubt in one.doubts) + contradiction,
         both,
         tuple(plates),
         tuple(finding for one in found for finding in one.findings),
         tuple(one.imbalance for one in found),
     )
+
+
+def _compromise(problem: TrimProblem) -> list[str]:
+    """A note where no masses at the sites meet all conditions; none where some do."""
+    if can_be_met(problem.conditions, problem.mounted, problem.sites):
+        return []
+    return [
+        "No masses at these sites meet all conditions: these leave the least momentum over the whole workspace, and "
+        "differ from those of least force for one motion, which `balance size --motion` gives; compare the two by "
+        "`balance simulate` before masses are removed."
+    ]
 
 
 def trim_problem(runs: Sequence[AlignedRun], sites: Sequence[str], cutoff: float | None) -> TrimProblem:

@@ -11,7 +11,12 @@ from balance.balancing import conditions
 from balance.closure import Closure
 from balance.dynamics.regressor import wrench_regressor
 from balance.errors import DataError
-from balance.estimation.first_moment_imbalance import condition_columns, imbalance_fit, with_condition_values
+from balance.estimation.first_moment_imbalance import (
+    can_be_met,
+    condition_columns,
+    imbalance_fit,
+    with_condition_values,
+)
 from balance.estimation.identifiability import NotIdentifiable
 from balance.estimation.regression import RegressionRecord
 from balance.mechanism.mjcf_parser import load_mechanism
@@ -217,3 +222,19 @@ def test_every_condition_takes_a_degree_of_freedom():
     measured = measure([record(equal, equal @ found.values() + noise)], found)
     assert found.rank == 4
     assert measured.degrees_of_freedom_of(np.eye(4)[0]) == pytest.approx(16.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "sites", "met"),
+    [
+        ("parallelogram-6bar", ("counter_A0A", "counter_B0B"), True),
+        ("parallelogram-6bar", ("counter_A0A",), False),
+        ("serial-2r", None, True),
+        ("five-bar", ("counter_crank_left", "counter_crank_right"), False),
+    ],
+)
+def test_whether_masses_at_sites_can_meet_the_conditions(name, sites, met):
+    """Both arms of the manipulator carry one each; cranks alone never balance the rods of a five-bar."""
+    mechanism = load_mechanism(name)
+    found = conditions.balance_conditions(mechanism)
+    assert can_be_met(found, mechanism, sites or mechanism.counter_sites) is met

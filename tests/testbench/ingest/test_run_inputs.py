@@ -73,8 +73,8 @@ def test_a_label_is_no_file(folder):
     """A motion of which there is no file is a label; one outside the folder is not looked for."""
     (folder / "inner").mkdir()
     for name in ("as by hand", "../swing", str(folder / "swing.toml")):
-        assert run_inputs(None, name, [folder / "inner"]) == ({}, [])
-    assert "motion" in run_inputs(None, "swing", [folder])[0]
+        assert run_inputs(None, {"motion": name}, [folder / "inner"]) == ({}, [])
+    assert "motion" in run_inputs(None, {"motion": "swing"}, [folder])[0]
 
 
 def test_what_cannot_be_read_is_said(folder):
@@ -86,3 +86,19 @@ def test_what_cannot_be_read_is_said(folder):
     assert outcome.status == "stored"
     said = [finding.message for finding in outcome.findings if finding.code == "input_not_stored"]
     assert [name in message for name, message in zip(("arm.xml", "swing.csv"), said, strict=True)] == [True, True]
+
+
+@pytest.mark.parametrize(
+    ("motion", "stated", "said"),
+    [
+        ("swing", "peak_acceleration_g", "state peak_acceleration_rad_s2"),
+        ("swing", "peak_acceleration_rad_s2", None),
+        ("x", "peak_acceleration_rad_s2", "state peak_acceleration_g"),
+        ("x", "peak_acceleration_g", None),
+    ],
+)
+def test_a_peak_of_another_kind_is_said(folder, motion, stated, said):
+    """g0 of joints that turn, rad/s2 of a point: a finding that names the right column; the log is stored."""
+    _, findings = run_inputs(None, {"motion": motion, stated: 3.0}, [folder])
+    assert [finding.code for finding in findings] == ["condition_contradiction"] * (said is not None)
+    assert said is None or said in findings[0].message
