@@ -23,7 +23,7 @@ from ..errors import DataError, SizingError
 from ..input_files import Table, model_from_table, read_toml
 from ..mechanism.mechanism import Mechanism
 from .conditions import Conditions
-from .objective import Objective, motion_objective
+from .objective import Objective, motion_objective, scaled
 from .sizing import Sizing, sizing_of_given
 
 UNIT = "m_per_s2"
@@ -96,10 +96,15 @@ class VibrationObjective(Objective):
 
     measured: MeasuredBase
     trajectory: Trajectory
+    scale: float
+    """1, or in a weighted objective the weight of the vibration by its mean square without counter-masses [s4/m2]."""
+    others: Objective | None
+    """Of a weighted objective: force, moment and torque."""
 
     def value(self, mechanism: Mechanism) -> float:
-        """J of a mechanism of the same kind with other masses, exactly [m2/s4]."""
-        return float(np.mean(np.sum((self._base_acceleration(mechanism) @ self.measured.directions.T) ** 2, axis=1)))
+        """J of a mechanism of the same kind with other masses, exactly [m2/s4, or 1 with others]."""
+        squares = np.sum((self._base_acceleration(mechanism) @ self.measured.directions.T) ** 2, axis=1)
+        return self.scale * float(np.mean(squares)) + (self.others.value(mechanism) if self.others else 0.0)
 
     def around(self, mechanism: Mechanism, sites: Sequence[str]) -> "VibrationObjective":
         """With the factor near the masses that ``mechanism`` has, for those at ``sites``."""
@@ -112,9 +117,10 @@ class VibrationObjective(Objective):
             pushed = self._wrench(heavier) - wrench - times(inertia, moved)
             columns.append(self._respond(carried, pushed) @ self.measured.directions.T)
         rows = np.array([one.ravel() for one in [*columns, moved @ self.measured.directions.T]]).T
-        triangle = np.asarray(np.linalg.qr(rows, mode="r")) / np.sqrt(len(moved))
+        triangle = np.asarray(np.linalg.qr(rows, mode="r")) * np.sqrt(self.scale / len(moved))
         per_parameter = triangle[:, :-1] @ np.linalg.pinv(added.T)
-        return replace(self, factor=np.column_stack([per_parameter, triangle[:, -1] - per_parameter @ mechanism.pi]))
+        factor = np.column_stack([per_parameter, triangle[:, -1] - per_parameter @ mechanism.pi])
+        return replace(self, factor=np.vstack([factor, self.others.factor]) if self.others else factor)
 
     def _base_acceleration(self, mechanism: Mechanism) -> Floats:
         return self._respond(self._carried(mechanism), self._wrench(mechanism))
@@ -132,13 +138,27 @@ class VibrationObjective(Objective):
         return self.measured.base.elastic(carried).respond(wrench, step).acceleration
 
 
-def vibration_objective(mechanism: Mechanism, trajectory: Trajectory, measured: MeasuredBase) -> VibrationObjective:
-    """The vibration of a rig's base in a motion of ``mechanism``. Raises SizingError for samples of uneven steps."""
+def vibration_objective(
+    mechanism: Mechanism, trajectory: Trajectory, measured: MeasuredBase, weights: Mapping[str, float] | None = None
+) -> VibrationObjective:
+    """The vibration of a rig's base in a motion of ``mechanism``; weighed, as ``combined`` does, against QUANTITIES.
+
+    ``weights`` are of the vibration and the others by name. Raises SizingError for samples of uneven steps.
+    """
     steps = np.diff(trajectory.time)
     if len(steps) < 2 or np.ptp(steps) > _EVEN * steps[0]:
         raise SizingError("vibration needs samples at equal steps of time: resample the motion")
     nothing = np.zeros((1, mechanism.pi.size + 1))
-    return VibrationObjective(nothing, UNIT, measured, trajectory)
+    alone = VibrationObjective(nothing, UNIT, measured, trajectory, 1.0, None)
+    shares = {name: weight for name, weight in (weights or {}).items() if name != "vibration"}
+    if not shares:
+        return alone
+    parts = [motion_objective(mechanism, trajectory, {name: 1.0}) for name in shares]
+    whole = alone.value(mechanism)
+    if not whole > 0.0:
+        raise SizingError(f"{mechanism.name} does not shake the base in this motion: there is nothing to weigh against")
+    others = Objective(scaled(mechanism, parts, list(shares.values()), list(shares)), "1")
+    return replace(alone, unit="1", scale=(weights or {})["vibration"] / whole, others=others)
 
 
 def least_vibration(

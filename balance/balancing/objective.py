@@ -82,13 +82,16 @@ def combined(
     mechanism: Mechanism, parts: Sequence[Objective], weights: Sequence[float], names: Sequence[str]
 ) -> Objective:
     """One objective of several, each in parts of what it is for ``mechanism``; a single one as it is."""
-    if len(parts) == 1:
-        return parts[0]
+    return parts[0] if len(parts) == 1 else Objective(scaled(mechanism, parts, weights, names), "1")
+
+
+def scaled(mechanism: Mechanism, parts: Sequence[Objective], weights: Sequence[float], names: Sequence[str]) -> Floats:
+    """Factor (k, 10 nb + 1) [-] of the weighted sum of objectives, each in parts of what it is for ``mechanism``."""
     whole = [part.value(mechanism) for part in parts]
     if idle := [name for name, value in zip(names, whole, strict=True) if not value > 0.0]:
         raise SizingError(f"{mechanism.name} has no {idle[0]} in this motion: there is nothing to weigh against")
-    scaled = [part.factor * np.sqrt(w / value) for part, w, value in zip(parts, weights, whole, strict=True)]
-    return Objective(np.asarray(np.linalg.qr(np.vstack(scaled), mode="r")), "1")
+    rows = [part.factor * np.sqrt(w / value) for part, w, value in zip(parts, weights, whole, strict=True)]
+    return np.asarray(np.linalg.qr(np.vstack(rows), mode="r"))
 
 
 def triangle(blocks: Iterator[Floats]) -> Floats:

@@ -74,7 +74,7 @@ Exit code 3: no masses at these sites balance it completely, or plates leave mor
     multiple=True,
     metavar="NAME=WEIGHT",
     help="What is made small: force, moment or torque (of the drives that turn) of the motion; of several the sum of "
-    "weight times (RMS / RMS without)^2; or vibration, alone and with --rig [default: force].",
+    "weight times (RMS / RMS without)^2; vibration too, with --rig [default: force].",
 )
 @click.option("--rig", metavar="RIG", help="A rig's file, or a shipped one: the base whose vibration is made small.")
 @click.option("--closed-form", is_flag=True, help="parallelogram-6bar by its published formula, without Pinocchio.")
@@ -148,7 +148,7 @@ def size(
                 "mechanism that is sized"
             )
         left_out = tuple(f"bench.{key}" for key in measured.left_out)
-        vibration = vibration_objective(model, trajectory, measured)
+        vibration = vibration_objective(model, trajectory, measured, weights)
         any_mass = least_vibration(conditions, model, sites, vibration, sized)
     else:
         from ..balancing.objective import objective_of
@@ -214,8 +214,8 @@ def _weights(texts: Sequence[str], motion: str | None, rig: str | None) -> dict[
             names = ", ".join([*QUANTITIES, "vibration"])
             raise click.UsageError(f"--objective {text!r}: expected {names}, each once, or NAME=WEIGHT")
         found[name] = weight
-    if bool(rig) != ("vibration" in found) or (rig and len(found) > 1):
-        raise click.UsageError("--objective vibration and --rig RIG go together, without other objectives")
+    if bool(rig) != ("vibration" in found):
+        raise click.UsageError("--objective vibration and --rig RIG go together")
     if found and motion is None:
         raise click.UsageError("--objective is of a motion: give --motion")
     return found or {"force": 1.0}

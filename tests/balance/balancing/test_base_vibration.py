@@ -6,6 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import minimize
 
 from balance.balancing.base_vibration import (
     VibrationObjective,
@@ -60,7 +61,7 @@ def test_what_is_made_small_by_an_integration_of_its_own(vibration: VibrationObj
                       path.time[:151], rtol=1e-9, atol=1e-13, max_step=3e-3)  # fmt: skip
     theirs = np.array([acceleration(t, y) for t, y in zip(found.t, found.y.T, strict=True)])
     measured = theirs @ vibration.measured.directions.T
-    short = VibrationObjective(vibration.factor, vibration.unit, vibration.measured, part(path, 151))
+    short = replace(vibration, trajectory=part(path, 151))
     assert short.value(loaded) == pytest.approx(np.mean(np.sum(measured**2, axis=1)), rel=1e-6)
 
 
@@ -88,6 +89,33 @@ def test_no_other_masses_are_better(vibration: VibrationObjective, limits) -> No
     least_force = sized(motion_objective(FOUR_BAR, vibration.trajectory), limits)
     assert least < 0.999 * vibration.value(least_force.after) ** 0.5
     assert found.bound is None
+
+
+def test_weighed_against_force_and_moment(vibration: VibrationObjective) -> None:
+    """Its value is that of its parts, each over what it is without; by a minimiser of its own, no masses have less."""
+    weights = {"vibration": 1.0, "force": 0.5, "moment": 2.0}
+    both = vibration_objective(FOUR_BAR, vibration.trajectory, vibration.measured, weights)
+
+    def mean_squares(masses) -> dict[str, float]:
+        loaded = FOUR_BAR.with_counter_mass(dict(zip(SITES, masses, strict=True)))
+        response = simulate(loaded, vibration.trajectory)
+        squares = {name: np.mean(np.sum(getattr(response, name) ** 2, axis=1)) for name in ("force", "moment")}
+        return squares | {"vibration": vibration.value(loaded)}
+
+    without = mean_squares((0.0, 0.0))
+
+    def weighed(masses) -> float:
+        squares = mean_squares(masses)
+        return float(sum(weight * squares[name] / without[name] for name, weight in weights.items()))
+
+    found = least_vibration(CONDITIONS, FOUR_BAR, SITES, both, sized)
+    masses = [c.mass for c in found.counter_masses]
+    assert both.value(found.after) == pytest.approx(weighed(masses), rel=1e-9)
+    best = minimize(weighed, (1.0, 1.0), method="Nelder-Mead", bounds=[(0.0, 9.0)] * 2,
+                    options={"xatol": 1e-5, "fatol": 1e-10})  # fmt: skip
+    assert weighed(masses) == pytest.approx(best.fun, rel=1e-8)
+    alone = least_vibration(CONDITIONS, FOUR_BAR, SITES, vibration, sized)
+    assert weighed(masses) < 0.99 * weighed([c.mass for c in alone.counter_masses])
 
 
 def test_plates_by_brute_force(vibration: VibrationObjective) -> None:

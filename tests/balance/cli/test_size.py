@@ -233,6 +233,9 @@ def test_least_vibration_of_a_base(balance, tmp_path):
     document = json.loads(balance(*given, "--rig", str(tmp_path / "r.toml"), "--json").out)
     assert document["rms_m_per_s2"] < 0.5 * document["rms_before_m_per_s2"]
     assert (document["rms_bound_m_per_s2"], document["left_out"]) == (None, ["bench.weight"])
-    for wrong in (given, (*given, "--objective", "force", "--rig", "r"), (*given[:-2], "--rig", "r")):
+    weighed = json.loads(balance(*given, "--objective", "force=2", "--rig", str(tmp_path / "r0.toml"), "--json").out)
+    assert weighed["objective"]["weights"] == {"vibration": 1.0, "force": 2.0}
+    assert weighed["rms"] < weighed["rms_before"] == pytest.approx(3.0**0.5)
+    for wrong in (given, (*given[:-2], "--rig", "r")):
         code, _, err = balance(*wrong)
         assert (code, "--objective vibration and --rig RIG go together" in err) == (2, True)
