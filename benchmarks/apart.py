@@ -51,8 +51,8 @@ def compare(module: str, log: Path, rounds: int, same: Callable[[Path, Path], bo
 
 def ingest(log: Path, folder: Path) -> None:
     """Our side: as the command does."""
-    from testbench.ingest import Ingest
-    from testbench.ingest.run_table import plan_runs
+    from testbench.ingestion import Ingest
+    from testbench.ingestion.run_table import plan_runs
 
     folder.mkdir()
     (outcome,) = Ingest(folder).run(plan_runs([log], None)[0])

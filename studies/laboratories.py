@@ -19,8 +19,8 @@ from scipy.stats import binomtest
 
 from balance.arrays import Floats
 from testbench.errors import AnalysisError
-from testbench.ingest import Ingest
-from testbench.ingest.run_table import plan_runs
+from testbench.ingestion import Ingest
+from testbench.ingestion.run_table import plan_runs
 from testbench.rig import load_rig
 from testbench.signal import METRIC_NAMES, Metric
 from testbench.store import open_campaign

@@ -39,8 +39,8 @@ def in_pieces(self, columns):
     for begin in range(0, len(columns[0]), 8192):
         whole(self, [column[begin : begin + 8192] for column in columns])
 writer.GroupWriter.append = in_pieces
-from testbench.ingest import Ingest
-from testbench.ingest.run_table import plan_runs
+from testbench.ingestion import Ingest
+from testbench.ingestion.run_table import plan_runs
 work, (run,) = Ingest(Path(sys.argv[2])), plan_runs([Path(sys.argv[1])], None)
 print("ready", flush=True)
 outcomes = work.run(run)

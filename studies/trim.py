@@ -15,7 +15,7 @@ from testbench.simulator.memory_run import MemoryRun, stored
 from testbench.simulator.run import simulate_run
 from testbench.simulator.sensors import draw_transducers
 from testbench.simulator.simulated_logs import lead_s, record_run
-from testbench.trim import trim_runs
+from testbench.trimming import trim_runs
 
 from .laboratories import FAMILIES
 from .simulated_runs import (

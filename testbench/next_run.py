@@ -37,10 +37,10 @@ from .simulator.loggers import record_log
 from .simulator.memory_run import memory_run, written_values
 from .simulator.run import simulate_run
 from .simulator.sensors import true_signals
-from .trim import trim_runs
-from .trim.estimators import ESTIMATORS, present_sources
-from .trim.missing_masses import lacking, trim_problem
-from .trim.problem import NAMES, Source, TrimProblem
+from .trimming import trim_runs
+from .trimming.estimators import ESTIMATORS, present_sources
+from .trimming.missing_masses import lacking, trim_problem
+from .trimming.problem import NAMES, Source, TrimProblem
 from .vibration.metrics import Measure
 from .vibration.reduction import analyze
 from .vibration.run_pairs import ConditionKey

@@ -37,14 +37,14 @@ LAYERS: tuple[str, ...] = (
     "testbench.campaign_plan testbench.published_tables",
     "testbench.quality",
     "testbench.runs",
-    "testbench.signal testbench.ingest",
+    "testbench.signal testbench.ingestion",
     "testbench.kinematics testbench.rotating",
     "testbench.vibration",
     "testbench.synchronization",
     "testbench.runs.aligned_run",
     "testbench.loads testbench.kinematics.motion_recognition testbench.figures.style",
     "testbench.cross_examination",
-    "testbench.identification testbench.trim testbench.vibration.reduction",
+    "testbench.identification testbench.trimming testbench.vibration.reduction",
     "testbench.simulator",
     "testbench.vibration.comparison testbench.next_run testbench.project",
     "testbench.figures",
@@ -283,7 +283,7 @@ def test_identify_imports_few_modules() -> None:
         "import importlib, json, sys\n"
         "for name in sys.argv[1:]: importlib.import_module(name)\n"
         "own = [name for name in sys.modules if name.partition('.')[0] in ('balance', 'testbench')]\n"
-        "print(json.dumps({'modules': len(own), 'trim': 'testbench.trim' in own}))"
+        "print(json.dumps({'modules': len(own), 'trim': 'testbench.trimming' in own}))"
     )
     found = run(code, *sorted(needed))
     assert not found["trim"]

@@ -196,7 +196,7 @@ def recover(campaign: Path, as_json: bool) -> int:
     It becomes a run of its own, NAME.recovered, which says what is lost; no stored run is touched. If the log is
     still at hand, ingest it again: then nothing is lost at all, and `testbench analyze` leaves NAME.recovered out.
     """
-    from ..ingest.recovered_runs import recover as save
+    from ..ingestion.recovered_runs import recover as save
     from ..store.crash_recovery import Recovery
 
     found = save(campaign)

@@ -15,8 +15,8 @@ from . import options
 from .options import progress
 
 if TYPE_CHECKING:
-    from ..ingest.ingest import Outcome
-    from ..ingest.watch_folder import Watch
+    from ..ingestion.ingest import Outcome
+    from ..ingestion.watch_folder import Watch
     from ..rig import Rig
 
 
@@ -69,7 +69,7 @@ def ingest(
 
     Where logs lie in the campaign's folder, a pattern may name its runs too: they are left alone.
     """
-    from ..ingest.log_sources import own_files
+    from ..ingestion.log_sources import own_files
 
     options.refuse_patterns(files)
     own = own_files(files, campaign)
@@ -106,9 +106,9 @@ def _ingest(
     text: dict[str, Any],
     scheduler: str | None,
 ) -> "list[Outcome]":
-    from ..ingest import Ingest
-    from ..ingest.log_sources import SiblingLogs
-    from ..ingest.run_table import plan_runs
+    from ..ingestion import Ingest
+    from ..ingestion.log_sources import SiblingLogs
+    from ..ingestion.run_table import plan_runs
 
     runs, form = plan_runs(files, run_table), options.read_options(**text)
     others = SiblingLogs(files if run_table is None else (), form)
@@ -126,7 +126,7 @@ def _ingest(
 
 
 def _print(outcomes: "Sequence[Outcome]") -> None:
-    from ..ingest.ingest import Outcome
+    from ..ingestion.ingest import Outcome
 
     emit_table("Runs", *table(Outcome, outcomes, "source", "file", "origin", "status", "findings"))
     for outcome in outcomes:
@@ -190,7 +190,7 @@ def watch(
     watching = _watching(folder, campaign, rig, accept, settle, text)
     watching.store_unnamed = unnamed == "store"
     if run_table is not None:
-        from ..ingest.watch_folder import WatchedRunTable
+        from ..ingestion.watch_folder import WatchedRunTable
 
         watching.run_table = WatchedRunTable(run_table, watching.settle_s)
     if not once:
@@ -214,8 +214,8 @@ def _watching(
     from balance.units import parse
 
     from .. import rig as rigs
-    from ..ingest import Ingest
-    from ..ingest.watch_folder import Watch
+    from ..ingestion import Ingest
+    from ..ingestion.watch_folder import Watch
 
     work = Ingest(
         campaign, None if rig is None else rigs.load_rig(rig), options.read_options(**text), frozenset(accept)

@@ -5,7 +5,7 @@ from balance.cli.schemas import schema_command
 MODELS = {
     "plan": "testbench.campaign_plan:Plan",
     "rig": "testbench.rig:Rig",
-    "run-table": "testbench.ingest.run_table:RunRow",
+    "run-table": "testbench.ingestion.run_table:RunRow",
 }
 """Model of each kind of input file."""
 schema = schema_command("testbench", MODELS, "rig")

@@ -12,7 +12,7 @@ from balance.results import table
 from . import options
 
 if TYPE_CHECKING:
-    from ..trim import Source, Trim
+    from ..trimming import Source, Trim
 
 COLUMNS = ("site", "first_moment", "interval", "mass", "position")
 
@@ -87,8 +87,8 @@ def trim(
     from ..cross_examination import examine
     from ..runs.aligned_run import AlignedRun, recorded_clocks
     from ..runs.si_run import SIRun
-    from ..trim import trim_runs
-    from ..trim.result import trim_document
+    from ..trimming import trim_runs
+    from ..trimming.result import trim_document
 
     options.refuse_unknown_codes(accept)
     if cutoff is not None and not cutoff > 0.0:
@@ -105,7 +105,7 @@ def trim(
     if figure:
         from balance.figures.mechanism import save
 
-        from ..trim.figure import draw
+        from ..trimming.figure import draw
 
         save(draw(result), figure)
     accepted = [finding.as_dict() for finding in examination.findings if finding.code in accept]

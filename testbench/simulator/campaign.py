@@ -21,7 +21,7 @@ from balance.table_files import can_write_parquet, write_csv, write_csv_file, wr
 
 from ..campaign_plan import Plan, PlannedRun
 from ..errors import RigError
-from ..ingest.run_table import COLUMNS
+from ..ingestion.run_table import COLUMNS
 from ..rig import Column, Rig
 from ..rig.bench import Logger
 from . import simulated_logs

@@ -3,8 +3,8 @@ from pathlib import Path
 import pytest
 
 from testbench.cli.options import print_reading_findings
-from testbench.ingest import Ingest
-from testbench.ingest.run_table import PlannedRun
+from testbench.ingestion import Ingest
+from testbench.ingestion.run_table import PlannedRun
 from testbench.quality.log_description import describe_log
 from testbench.recording import (
     MEANING,

@@ -13,7 +13,7 @@ from testbench.errors import AnalysisError
 from testbench.next_run import next_for_first_moment, next_for_reduction
 from testbench.rig import rig_from_text
 from testbench.signal.filters import Band
-from testbench.trim import trim_runs
+from testbench.trimming import trim_runs
 from testbench.vibration.metrics import Measure
 from testbench.vibration.reduction import reduction_of_pair
 from testbench.vibration.run_pairs import pairs

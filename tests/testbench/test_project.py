@@ -8,7 +8,7 @@ import pytest
 from balance import datasets
 from testbench.campaign_plan import load_plan
 from testbench.errors import RigError
-from testbench.ingest.run_table import read_run_table
+from testbench.ingestion.run_table import read_run_table
 from testbench.project import new_project, project_problems
 from testbench.rig import load_rig
 from testbench.rig.sensors import Encoder

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from testbench import rig as rigs
-from testbench.ingest import Ingest
-from testbench.ingest.run_table import PlannedRun
+from testbench.ingestion import Ingest
+from testbench.ingestion.run_table import PlannedRun
 from testbench.store import Run, open_run
 
 COUNT = 400

@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from testbench import rig as rigs
-from testbench.ingest import Ingest
-from testbench.ingest.run_table import plan_runs as sheet
+from testbench.ingestion import Ingest
+from testbench.ingestion.run_table import plan_runs as sheet
 from testbench.simulator.campaign import RUN_TABLE
 
 from ..conftest import Simulated

@@ -11,8 +11,8 @@ from balance.mechanism.mjcf_parser import load_mechanism
 from testbench import rig as rigs
 from testbench.cli.identify import identify
 from testbench.errors import AnalysisError
-from testbench.ingest import Ingest
-from testbench.ingest.run_table import PlannedRun
+from testbench.ingestion import Ingest
+from testbench.ingestion.run_table import PlannedRun
 
 from ..conftest import built
 from .gapped import without_rows

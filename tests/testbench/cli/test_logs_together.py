@@ -7,8 +7,8 @@ import pytest
 
 from testbench import rig as rigs
 from testbench.cli import main
-from testbench.ingest import Ingest
-from testbench.ingest.watch_folder import Watch
+from testbench.ingestion import Ingest
+from testbench.ingestion.watch_folder import Watch
 from testbench.store import open_run
 
 RIG = """

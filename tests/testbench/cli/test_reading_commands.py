@@ -143,7 +143,7 @@ def test_help_carries_examples(command, name):
 
 def test_reading_needs_no_mechanics():
     """Where Pinocchio cannot be installed, logs are still read, stored, listed and verified."""
-    modules = ["ingest", "quality.log_description", "store", "cli.ingest", "cli.logs", "cli.campaign", "rig"]
+    modules = ["ingestion", "quality.log_description", "store", "cli.ingest", "cli.logs", "cli.campaign", "rig"]
     code = "import sys; sys.modules['pinocchio'] = None; import " + ", ".join(f"testbench.{one}" for one in modules)
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 

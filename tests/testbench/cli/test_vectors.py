@@ -12,8 +12,8 @@ from balance.cli.rotor_trial_runs import influence
 from testbench.cli.vectors import vectors
 from testbench.errors import AnalysisError, StoreError
 from testbench.figures.rotating import draw_vectors
-from testbench.ingest import Ingest
-from testbench.ingest.run_table import PlannedRun
+from testbench.ingestion import Ingest
+from testbench.ingestion.run_table import PlannedRun
 
 from ..rotating.machine import UNBALANCE, Rotor
 

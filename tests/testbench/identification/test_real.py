@@ -14,8 +14,8 @@ from testbench.identification.diagnostics import Explanation
 from testbench.identification.estimators import Methods
 from testbench.identification.figure import draw
 from testbench.identification.regression_equations import regression_equations
-from testbench.ingest import Ingest
-from testbench.ingest.run_table import PlannedRun
+from testbench.ingestion import Ingest
+from testbench.ingestion.run_table import PlannedRun
 from testbench.store import open_run
 
 from . import arms

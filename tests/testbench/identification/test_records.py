@@ -10,8 +10,8 @@ from balance.mechanism.mjcf_parser import load_mechanism
 from testbench import rig as rigs
 from testbench.errors import AnalysisError
 from testbench.identification import joint_record
-from testbench.ingest import Ingest
-from testbench.ingest.run_table import PlannedRun
+from testbench.ingestion import Ingest
+from testbench.ingestion.run_table import PlannedRun
 from testbench.runs.aligned_run import AlignedRun
 from testbench.runs.si_run import SIRun
 from testbench.store import Run, open_run

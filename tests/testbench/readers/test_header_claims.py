@@ -6,8 +6,8 @@ from nptdms import ChannelObject, RootObject, TdmsWriter
 from scipy.io import savemat
 
 from testbench.export import TARGETS, export
-from testbench.ingest import Ingest
-from testbench.ingest.run_table import PlannedRun
+from testbench.ingestion import Ingest
+from testbench.ingestion.run_table import PlannedRun
 from testbench.readers import open_recording
 from testbench.readers.header_claims import stated_origin
 from testbench.store import open_run

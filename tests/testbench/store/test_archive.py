@@ -14,8 +14,8 @@ import testbench
 from testbench.cli.campaign import archive as command
 from testbench.errors import StoreError
 from testbench.export import export
-from testbench.ingest import Ingest
-from testbench.ingest.run_table import plan_runs
+from testbench.ingestion import Ingest
+from testbench.ingestion.run_table import plan_runs
 from testbench.recording import Channel, Group, TimeColumn, UniformClock
 from testbench.runs.si_run import physical
 from testbench.store import append_only_records, atomic_files, encodings, open_campaign, open_run, writer
@@ -190,7 +190,7 @@ def test_never_over_a_run_and_never_twice(run, archived, tmp_path):
 
 def test_an_archive_that_was_stopped_is_made_again(run, tmp_path, monkeypatch):
     """Killed meanwhile: nothing is lost, recover tidies up and says so."""
-    from testbench.ingest.recovered_runs import recover
+    from testbench.ingestion.recovered_runs import recover
 
     with monkeypatch.context() as patch:
         patch.setattr(RunWriter, "__exit__", lambda self, *_: self._journal._stream.close())

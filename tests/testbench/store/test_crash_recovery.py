@@ -10,9 +10,9 @@ import pytest
 from studies import store_faults as faults
 from testbench.cli.campaign import recover as command
 from testbench.errors import StoreError
-from testbench.ingest import Ingest
-from testbench.ingest.recovered_runs import recover
-from testbench.ingest.run_table import plan_runs
+from testbench.ingestion import Ingest
+from testbench.ingestion.recovered_runs import recover
+from testbench.ingestion.run_table import plan_runs
 from testbench.recording import Channel, Group, TimeColumn, UniformClock
 from testbench.store import atomic_files, open_campaign, open_run, writer
 from testbench.store.archive import archive

@@ -12,9 +12,9 @@ import pytest
 from studies import store_faults as faults
 from testbench.errors import StoreError
 from testbench.export import TARGETS, export
-from testbench.ingest import Ingest
-from testbench.ingest.recovered_runs import recover
-from testbench.ingest.run_table import plan_runs
+from testbench.ingestion import Ingest
+from testbench.ingestion.recovered_runs import recover
+from testbench.ingestion.run_table import plan_runs
 from testbench.store import open_campaign
 from testbench.store.archive import archive
 

@@ -236,6 +236,6 @@ def test_logs_that_are_read_at_once_start_one_compiler(monkeypatch):
 
 def test_reading_imports_no_compiler():
     """What is kept runs without numba, and a short log without LLVM."""
-    code = "import sys, testbench.ingest; from testbench.readers.csv import reader, row_parser; "
+    code = "import sys, testbench.ingestion; from testbench.readers.csv import reader, row_parser; "
     code += "assert 'llvmlite' not in sys.modules; assert row_parser.ROWS.loop(); assert 'numba' not in sys.modules"
     subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, timeout=60)

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from testbench.errors import RigError
-from testbench.ingest.run_table import plan_runs, read_run_table
+from testbench.ingestion.run_table import plan_runs, read_run_table
 
 HEAD = "file,origin,payload_kg,counter_masses,motion,peak_acceleration_g,repeat\n"
 

@@ -11,9 +11,9 @@ from studies import simulated_runs as memory
 from studies.trim import BENCHES
 from testbench import rig as rigs
 from testbench.errors import AnalysisError
-from testbench.trim import trim_runs
-from testbench.trim.figure import draw
-from testbench.trim.result import trim_document
+from testbench.trimming import trim_runs
+from testbench.trimming.figure import draw
+from testbench.trimming.result import trim_document
 
 from ..coverage import assert_holds
 

@@ -11,7 +11,7 @@ from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from testbench import rig as rigs
 from testbench.errors import AnalysisError
-from testbench.trim import trim_runs
+from testbench.trimming import trim_runs
 
 from ..coverage import assert_holds
 from . import linkages

@@ -9,8 +9,8 @@ from studies.trim import BENCHES, campaign
 from testbench import rig as rigs
 from testbench.rig.sensor_channels import sensitivity_scatter
 from testbench.runs.si_run import SIRun
-from testbench.trim import sensor_errors, trim_runs
-from testbench.trim.result import trim_document
+from testbench.trimming import sensor_errors, trim_runs
+from testbench.trimming.result import trim_document
 
 MISSING = 0.0308090
 

@@ -10,8 +10,8 @@ import pytest
 
 from testbench.cli.ingest import watch as command
 from testbench.errors import RecordingError
-from testbench.ingest import Ingest
-from testbench.ingest.watch_folder import Watch, WatchedRunTable
+from testbench.ingestion import Ingest
+from testbench.ingestion.watch_folder import Watch, WatchedRunTable
 from testbench.store import open_campaign
 
 HEADER = "Time (s),AccX (g)\n"

@@ -12,9 +12,9 @@ from balance.mechanism.mjcf_parser import load_mechanism
 from balance.motion import Samples
 from studies import simulated_runs as memory
 from testbench.kinematics.smoothing_and_derivatives import smoothed_derivatives
-from testbench.trim.encoder_quantization import per_reading, step_covariance, wrench_slopes
-from testbench.trim.problem import parameter_basis, shared_unknowns, with_shared_unknowns
-from testbench.trim.vibration_regression import shaken_base, vibration_regression
+from testbench.trimming.encoder_quantization import per_reading, step_covariance, wrench_slopes
+from testbench.trimming.problem import parameter_basis, shared_unknowns, with_shared_unknowns
+from testbench.trimming.vibration_regression import shaken_base, vibration_regression
 
 STEP = 4.8e-5
 """Of the encoders [rad]."""

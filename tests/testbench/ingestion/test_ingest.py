@@ -8,8 +8,8 @@ import pytest
 
 from balance.results import document
 from testbench import rig as rigs
-from testbench.ingest import Ingest
-from testbench.ingest.run_table import PlannedRun
+from testbench.ingestion import Ingest
+from testbench.ingestion.run_table import PlannedRun
 from testbench.store import open_campaign, open_run
 
 HEADER = "Time (s),AccX (g),AccY (g),AccZ (g)\n"
@@ -282,7 +282,7 @@ def test_a_damaged_run_keeps_no_other_out(folder, damage):
 
 def test_channels_without_end_are_refused(folder, monkeypatch):
     """Named in the header, or by headers that come again and again: refused with their number."""
-    monkeypatch.setattr("testbench.ingest.log_sources.MOST_CHANNELS", 30)
+    monkeypatch.setattr("testbench.ingestion.log_sources.MOST_CHANNELS", 30)
     wide, again = folder / "wide.csv", folder / "again.csv"
     wide.write_text(",".join(f"c{i}" for i in range(31)) + "\n" + (",".join("1" * 31) + "\n") * 3)
     again.write_text((HEADER + "".join(ROWS[:20])) * 8)

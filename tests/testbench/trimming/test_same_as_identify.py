@@ -6,7 +6,7 @@ from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from testbench.identification import identify
 from testbench.identification.records import assemble
-from testbench.trim import trim_runs
+from testbench.trimming import trim_runs
 
 from . import linkages
 

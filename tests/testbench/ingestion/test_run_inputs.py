@@ -8,9 +8,9 @@ import pytest
 from balance import datasets
 from balance.mechanism.mjcf_parser import load_mechanism
 from balance.motion.motion_files import load_motion, motion_from_texts
-from testbench.ingest import Ingest
-from testbench.ingest.run_inputs import run_inputs
-from testbench.ingest.run_table import plan_runs
+from testbench.ingestion import Ingest
+from testbench.ingestion.run_inputs import run_inputs
+from testbench.ingestion.run_table import plan_runs
 from testbench.kinematics.encoder_motion import stored_mechanism
 from testbench.rig import load_rig
 from testbench.store import open_run

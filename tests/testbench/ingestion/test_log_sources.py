@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 from nptdms import ChannelObject, TdmsWriter
 
-from testbench.ingest import Ingest
-from testbench.ingest.log_sources import distinct_groups
-from testbench.ingest.run_table import PlannedRun
+from testbench.ingestion import Ingest
+from testbench.ingestion.log_sources import distinct_groups
+from testbench.ingestion.run_table import PlannedRun
 from testbench.recording import Block, Channel, Group, Recording, UniformClock
 from testbench.store import open_run
 
