@@ -17,6 +17,7 @@ annotation is shown by the names of its fields.
 import dataclasses
 import inspect
 import math
+import unicodedata
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, cached_property, reduce
 from pathlib import PurePath
@@ -81,6 +82,11 @@ def micro(value: Any) -> Any:  # noqa: ANN401
 def finite(number: float) -> float | None:
     """A number, or None for one that is not finite."""
     return number if math.isfinite(number) else None
+
+
+def plain_text(text: str) -> str:
+    """Text from a file with control characters escaped."""
+    return "".join(c if unicodedata.category(c)[0] != "C" else f"\\x{ord(c):02x}" for c in text)
 
 
 def document(result: Any) -> dict[str, Any]:  # noqa: ANN401

@@ -4,7 +4,6 @@ import json
 import os
 import re
 import sys
-import unicodedata
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import Any, NoReturn
@@ -13,6 +12,7 @@ import click
 
 from ..errors import CounterpoiseError
 from ..results import plain
+from ..results import plain_text as plain_text
 
 EXIT_REFUSED = 1
 """Refused or failed once a file or model was read; nothing half-written."""
@@ -146,11 +146,6 @@ def emit_table(title: str, header: list[str], rows: list[list[str]], note: str =
     for row in rows:
         table.add_row(*(escape(plain_text(cell)) for cell in row))
     Console(width=None if sys.stdout.isatty() else 160).print(table)
-
-
-def plain_text(text: str) -> str:
-    """Text from a file with control characters escaped."""
-    return "".join(c if unicodedata.category(c)[0] != "C" else f"\\x{ord(c):02x}" for c in text)
 
 
 def mass(kilograms: float) -> str:

@@ -43,9 +43,9 @@ def draw_mechanism(
 def draw_on(axes: "Axes", mechanism: Mechanism, counter_masses: Sequence[CounterMass], q: Floats) -> None:
     """Draw links, pivots, payload and counter-masses at ``q`` (nv,) [rad, m] on axes of equal scale."""
     at = forward_kinematics.pose(mechanism.tree, q[:, None])
-    for body, joint in enumerate(mechanism.tree.bodies):
-        colour = PAYLOAD if mechanism.bodies[body] in mechanism.payload_bodies else LINK
-        _draw_link(axes, _corners(mechanism, at, body, joint), mechanism.bodies[body], colour)
+    for body, name in enumerate(mechanism.bodies):
+        colour = PAYLOAD if name in mechanism.payload_bodies else LINK
+        _draw_link(axes, link_points(mechanism, at, body)[:, :2, 0], name, colour)
     for joint, elementary in enumerate(mechanism.tree.joints):
         if elementary.revolute:
             ground = elementary.parent < 0
@@ -73,17 +73,23 @@ def save(figure: "Figure", path: str | Path) -> None:
     figure.savefig(path, dpi=160)
 
 
-def _corners(mechanism: Mechanism, at: forward_kinematics.Pose, body: int, joint: int) -> Floats:
-    """Points of a link worth joining: its joint, its children's joints, the sites where loops close, (k, 2) [m]."""
-    points = [_flat(at.position[child]) for child, j in enumerate(mechanism.tree.joints) if j.parent == joint]
+def link_points(mechanism: Mechanism, at: forward_kinematics.Pose, body: int) -> Floats:
+    """Points of a link worth joining: its joint, its children's joints, where loops close, (k, 3, n) [m].
+
+    In the order of their angles about their middle in the plane x-y at the first sample.
+    """
+    joint = mechanism.tree.bodies[body]
+    points = [at.position[child] for child, j in enumerate(mechanism.tree.joints) if j.parent == joint]
     if mechanism.tree.joints[joint].revolute:
-        points.append(_flat(at.position[joint]))
+        points.append(at.position[joint])
     ends = [end for loop in mechanism.closed_loops for end in (loop.first, loop.second) if end.joint == joint]
-    points += [_flat(at.point(end.joint, end.position)) for end in ends]
+    points += [at.point(end.joint, end.position) for end in ends]
     if len(points) < 2:
         sites = [site for site in mechanism.sites.values() if site.body == body and not site.name.startswith("counter")]
-        points += [_flat(at.point(joint, site.position)) for site in sites]
-    return np.array(points or [_flat(at.position[joint])])
+        points += [at.point(joint, site.position) for site in sites]
+    found = np.array([dense(point, at.count) for point in points or [at.position[joint]]])
+    off = found[:, :2, 0] - found[:, :2, 0].mean(axis=0)
+    return found[np.argsort(np.arctan2(off[:, 1], off[:, 0]))]
 
 
 def _flat(point: Vector) -> Floats:
@@ -93,9 +99,7 @@ def _flat(point: Vector) -> Floats:
 
 def _draw_link(axes: "Axes", points: Floats, name: str, colour: str) -> None:
     centre = points.mean(axis=0)
-    order = np.argsort(np.arctan2(*(points - centre).T[::-1]))
-    closed = np.vstack([points[order], points[order][:1]])
-    axes.plot(*closed.T, color=colour, lw=4, solid_capstyle="round", alpha=0.9, zorder=3)
+    axes.plot(*np.vstack([points, points[:1]]).T, color=colour, lw=4, solid_capstyle="round", alpha=0.9, zorder=3)
     box = {"fc": "white", "ec": "none", "alpha": 0.7, "pad": 1.0}
     axes.annotate(name, centre, (7, 5), textcoords="offset points", color=colour, fontsize=9, zorder=6, bbox=box)
 

@@ -1,12 +1,12 @@
 """``testbench doctor``."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from balance.cli.framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
-from balance.results import document, table
+from balance.results import table
 
 from . import options
 
@@ -48,41 +48,16 @@ def doctor(campaign: Path, runs: tuple[str, ...], mechanism: str | None, accept:
     examination = examine(stored, accept, load_mechanism(mechanism) if mechanism else None)
     shown = sorted(runs or examination.runs, key=lambda run: -len(examination.about(run)))
     if as_json:
-        emit_json(_document(examination, shown))
+        emit_json(examination.document(shown))
     else:
         _print(campaign, examination, shown)
     return EXIT_WITH_FINDINGS if any(examination.about(run) for run in shown) else 0
 
 
-def _verdict(examination: "Examination", shown: list[str]) -> str:
-    doubtful = [run for run in shown if examination.about(run)]
-    if not doubtful:
-        return f"Nothing contradicts in {len(shown)} runs."
-    subjects = sorted({s.subject for run in doubtful for s in examination.about(run)})
-    return (
-        f"{len(doubtful)} of {len(shown)} runs contradict the run table, the rig or other runs: {', '.join(subjects)}."
-    )
-
-
-def _document(examination: "Examination", shown: list[str]) -> dict[str, Any]:
-    runs = [
-        {
-            "run": run,
-            "contradictions": [document(s) for s in examination.about(run)],
-            "statements": [document(s) for s in examination.statements if s.run == run],
-            "unwitnessed": examination.unwitnessed(run),
-            "silent": examination.reasons[run],
-        }
-        for run in shown
-    ]
-    findings = [document(s.finding) for run in shown for s in examination.about(run)]
-    return {"verdict": _verdict(examination, shown), "runs": runs, "findings": findings}
-
-
 def _print(campaign: Path, examination: "Examination", shown: list[str]) -> None:
     from ..cross_examination import Statement
 
-    click.echo(f"{campaign.name}: {_verdict(examination, shown)}")
+    click.echo(f"{campaign.name}: {examination.verdict(shown)}")
     doubtful = [s for run in shown for s in examination.about(run)]
     if doubtful:
         emit_table("Contradictions", *table(Statement, doubtful))

@@ -3,10 +3,11 @@
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from balance.errors import CounterpoiseError
 from balance.mechanism.mechanism import Mechanism
+from balance.results import document
 from balance.task_pool import HERE, TaskPool
 
 from ..errors import AnalysisError
@@ -82,6 +83,29 @@ class Examination:
         """Subjects on which nothing witnesses a run."""
         heard = {s.subject for s in self.statements if s.run == run}
         return [subject for subject in WITNESSED if subject not in heard and (subject != "copy" or len(self.runs) < 2)]
+
+    def verdict(self, shown: Sequence[str]) -> str:
+        """In one sentence, of the runs ``shown``."""
+        doubtful = [run for run in shown if self.about(run)]
+        if not doubtful:
+            return f"Nothing contradicts in {len(shown)} runs."
+        subjects = ", ".join(sorted({s.subject for run in doubtful for s in self.about(run)}))
+        return f"{len(doubtful)} of {len(shown)} runs contradict the run table, the rig or other runs: {subjects}."
+
+    def document(self, shown: Sequence[str]) -> dict[str, Any]:
+        """The runs ``shown`` as they stand in JSON."""
+        runs = [
+            {
+                "run": run,
+                "contradictions": [document(s) for s in self.about(run)],
+                "statements": [document(s) for s in self.statements if s.run == run],
+                "unwitnessed": self.unwitnessed(run),
+                "silent": self.reasons[run],
+            }
+            for run in shown
+        ]
+        findings = [document(s.finding) for run in shown for s in self.about(run)]
+        return {"verdict": self.verdict(shown), "runs": runs, "findings": findings}
 
 
 def examine(
