@@ -17,7 +17,7 @@ from ..quality import rig_checks
 from ..quality.group_checks import RecordingCheck
 from ..readers import ReadOptions
 from ..recording import Finding, Group, Origin, Refusal, findings_by_group, refusing_findings
-from ..store import atomic_files, chunk_io, open_run
+from ..store import atomic_files, open_run
 from ..store.campaign import StoredSources
 from ..store.writer import RunWriter
 from .log_sources import Source, distinct_groups, refuse_stored_run, refuse_too_many, refuse_twice
@@ -161,7 +161,6 @@ class Ingest:
         origin = _origin(planned, sources)
         inputs, lacking = self._inputs(planned)
         sources[0].findings.extend(lacking)
-        chunk_io.CHECKSUM.is_ready(sum(source.size for source in sources))  # made ready while the first lines are read
         with RunWriter(self.folder, planned.name, self._intent(planned, origin, sources, inputs)) as writer:
             groups = [self._copy(source, writer) for source in sources]
             for source, own in zip(sources, groups, strict=True):

@@ -37,6 +37,8 @@ def save(leftover: Leftover, known: Journal) -> Recovery:
     if (stored := _saved_before(leftover)) is not None:
         return Recovery(leftover.run, "superseded", f"was saved before as {stored}", stored)
     intent = known.intent
+    if not known.groups:
+        return Recovery(leftover.run, "empty", "the unfinished file is gone, and nothing of it; ingest the log again")
     name = next(n for n in _names(leftover) if not leftover.part.with_name(f"{n}.h5").exists())
     findings = [_interrupted(intent, known)]
     with RunWriter(leftover.part.parent, name, {**intent, "run": name}) as writer:
@@ -80,7 +82,7 @@ def _saved_before(leftover: Leftover) -> str | None:
 def _blocks(leftover: Leftover, known: Journal) -> Iterator[Block]:
     for kept in known.groups:
         start = 0
-        for columns in crash_recovery.blocks(leftover.part, kept):
+        for columns in crash_recovery.blocks(leftover, kept):
             yield Block(kept.group, columns, start)
             start += len(columns[0])
 

@@ -17,7 +17,7 @@ import zlib
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, astuple, dataclass, field
 from pathlib import Path
 from types import ModuleType
 from typing import IO, Any, NamedTuple
@@ -209,6 +209,8 @@ class Piece:
     at: int
     size: int
     count: int
+    digest: str = ""
+    """Of its samples, see :mod:`.chunk_io`; empty where it was written before there were digests."""
 
 
 @dataclass
@@ -216,7 +218,10 @@ class Kept:
     """A group as the journal knows it: for each channel the pieces that were acknowledged."""
 
     group: Group
+    number: int
     pieces: list[list[Piece]]
+    synced: int = 0
+    """So many of them had been synced to the disk when the journal ended."""
 
     @property
     def samples(self) -> int:
@@ -232,6 +237,21 @@ class Journal:
     groups: list[Kept] = field(default_factory=list)
     sealed: str | None = None
     """SHA-256 of the file, if it was written to its end."""
+    boot: str = ""
+    """Which start of the machine it was written in; empty where that is not known."""
+
+    @property
+    def may_have_lost_power(self) -> bool:
+        """Whether the machine may have stopped since, and with it lost what was not synced."""
+        return not self.boot or self.boot != boot_id()
+
+
+def boot_id() -> str:
+    """Which start of this machine this is; empty where the system does not say."""
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text("ascii").strip()
+    except OSError:
+        return ""
 
 
 class JournalWriter:
@@ -247,7 +267,7 @@ class JournalWriter:
         else:
             self.path = made  # Windows does not rename what is open
         try:
-            self._note({"intent": intent})
+            self._note({"intent": intent, "boot": boot_id()})
         except OSError:
             self.remove()
             raise
@@ -258,7 +278,12 @@ class JournalWriter:
 
     def acknowledge(self, number: int, pieces: Sequence[Sequence[Piece]]) -> None:
         """Note chunks of each channel of a group that are written: from now on they survive this process."""
-        self._note({"group": number, "pieces": [[[p.at, p.size, p.count] for p in row] for row in pieces]})
+        self._note({"group": number, "pieces": [[list(astuple(p)) for p in row] for row in pieces]})
+
+    def sync(self) -> None:
+        """Wait until the journal is on the disk, as all that it acknowledges is; both survive the machine then."""
+        self._note({"synced": True})
+        os.fsync(self._stream.fileno())
 
     def seal(self, sha256: str) -> None:
         """Note that the run is written to its end, and the digest of its file."""
@@ -278,10 +303,15 @@ class JournalWriter:
 
 
 def read_journal(path: Path) -> Journal:
-    """Read a journal up to its last whole line. Raises StoreError if a line before that is damaged."""
+    """Read a journal up to its last whole line, or a hole that a loss of power left in it.
+
+    Raises StoreError if a line before that is damaged.
+    """
     journal = Journal()
     lines = path.read_bytes().split(b"\n")
     for number, line in enumerate(lines[:-1], 1):
+        if b"\0" in line:
+            break
         checksum, _, text = line.partition(b" ")
         if checksum != b"%08x" % zlib.crc32(text):
             raise StoreError(f"{path.name}, line {number}: damaged; what the lines after it say is not trusted either")
@@ -291,12 +321,15 @@ def read_journal(path: Path) -> Journal:
 
 def _take(journal: Journal, line: dict[str, Any]) -> None:
     if "intent" in line:
-        journal.intent = line["intent"]
+        journal.intent, journal.boot = line["intent"], line.get("boot", "")
     elif "sealed" in line:
         journal.sealed = line["sealed"]
+    elif "synced" in line:
+        for kept in journal.groups:
+            kept.synced = len(kept.pieces[0])
     elif "is" in line:
         group = group_from_dict(line["is"])
-        journal.groups.append(Kept(group, [[] for _ in group.channels]))
+        journal.groups.append(Kept(group, line["group"], [[] for _ in group.channels]))
     else:
         for known, more in zip(journal.groups[line["group"]].pieces, line["pieces"], strict=True):
             known.extend(Piece(*piece) for piece in more)

@@ -19,6 +19,12 @@ KEPT = frozenset({"records", "ro-crate-metadata.json"})
 """What else belongs into a campaign: later records, and the description of a crate."""
 
 
+WITHOUT_DIGESTS = (
+    "stored before samples had digests: a hole, or a chunk in the place of another, is found by verify alone, not when "
+    "it is read; `testbench archive` gives its copy digests"
+)
+
+
 @dataclass(frozen=True)
 class FileState:
     """What :meth:`Campaign.verify` found of a file: ``intact``, ``damaged``, ``missing``, ``unfinished``, ``extra``."""
@@ -112,9 +118,29 @@ def _state_of(run: Path, progress: Callable[[int], None]) -> FileState:
     except OSError as error:
         return FileState(run.name, "damaged", f"cannot be read ({error.strerror or error})")
     if found == expected:
-        return FileState(run.name, "intact")
-    message = f"its content changed: SHA-256 {found[:12]}..., when written {expected[:12]}..."
+        return FileState(run.name, "intact", "" if _has_digests(run) else WITHOUT_DIGESTS)
+    message = f"its content changed: SHA-256 {found[:12]}..., when written {expected[:12]}...; {_what_changed(run)}"
     return FileState(run.name, "damaged", message)
+
+
+def _has_digests(path: Path) -> bool:
+    """Whether what is read of a run is compared with digests each time."""
+    try:
+        return all(group.digests is not None for group in open_run(path).groups)
+    except StoreError:
+        return True  # no run that we know: whoever opens it says so
+
+
+def _what_changed(path: Path) -> str:
+    """What reading finds of the damage; never an error."""
+    try:
+        run = open_run(path)
+        for group in run.groups:
+            for index in range(len(group.channels)):
+                run.channel_at(group.name, index)
+    except StoreError as error:
+        return str(error).removeprefix(f"{path.name}: ")
+    return "reading it finds nothing"
 
 
 @dataclass

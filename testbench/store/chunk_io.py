@@ -3,29 +3,34 @@
 HDF5 crashes the process when it cannot write out what it holds, as on a full disk: :class:`OutFile` keeps the first
 error and drops the writes after it, so that HDF5 closes in good order and the caller raises.
 
-HDF5 reads a chunk, checks it and copies it, one after the other, and copies twice what it writes. Where the checksum is
-compiled (the extra ``compiled``), whole chunks of float64 are written and read past it, with the checksum that its own
-filter leaves; everywhere else HDF5 does both. Where a chunk lies is asked of HDF5, and believed only if it is whole and
+HDF5 reads a chunk, checks it and copies it, one after the other, and copies twice what it writes. Long float64 whose
+blocks have digests are read past it; all float64 is written past it, with the checksum that its own filter leaves, for
+other people's tools. Where a chunk lies is asked of HDF5, and believed only if it is whole and
 inside the file.
 
 The checksum is Fletcher-32: of the 16-bit big-endian words w[0..n), s1 = sum w[i] and s2 = sum (n - i) w[i], both
-modulo 65535 (J. G. Fletcher, IEEE Trans. Commun. 30 (1982) 247; H5checksum.c of HDF5).
+modulo 65535 (J. G. Fletcher, IEEE Trans. Commun. 30 (1982) 247; H5checksum.c of HDF5). That of zeros is zero, so that a
+chunk that was never written passes it, and it says nothing of where a chunk belongs. Each block of samples has therefore
+a digest in the run's description: XXH3 (64 bits) of the float64 values as they are read, seeded by XXH3 of the text
+``SALT GROUP CHANNEL FIRST COUNT``: the salt of the run, the numbers of group and channel, the first sample of the block
+and how many it has. https://xxhash.com
 """
 
 import io
 import os
 import sys
-import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from xxhash import xxh3_64_digest, xxh3_64_intdigest
 
-from balance.compiled_kernels import INTEGER, PLACE, Kernel
-
+from ..errors import StoreError
 from ..recording import Samples
 
 if TYPE_CHECKING:
@@ -90,6 +95,10 @@ class OutFile(io.RawIOBase):
     def flush(self) -> None:
         """Nothing waits here."""
 
+    def sync(self) -> None:
+        """Wait until what was written is on the disk."""
+        os.fsync(self._stream.fileno())
+
     def close(self) -> None:
         """Close the file."""
         if not self.closed:
@@ -99,92 +108,66 @@ class OutFile(io.RawIOBase):
 
 WORTH = 1 << 20
 """Bytes of a channel from which on it pays to read past HDF5."""
-MUCH_BYTES = 32_000_000
-"""What HDF5 writes and reads before the compiled checksum is asked for [bytes]."""
-LONGEST = 1 << 20
-"""Samples of a chunk whose sums the compiled loop holds."""
-KERNEL = Kernel("testbench.store.fletcher32_kernel", "checksum", (PLACE, INTEGER))
 _CHECKSUM_BYTES = 4
-_WORDS = 4
-"""Words of 16 bits in a sample."""
 _AT_ONCE = 16
-"""Chunks that are read between two looks."""
+"""Chunks that are read in one go."""
+_MODULUS, _BYTE, _WORD = 65535, 256, 16
 
 
-class CompiledChecksum:
-    """Fletcher-32 by the compiled loop, which is made ready in a thread once there was much to do."""
-
-    def __init__(self) -> None:
-        self._done = 0
-        self._loop: Callable[..., int] | None = None
-        self._asked = False
-
-    def is_ready(self, size: int) -> bool:
-        """Whether the loop is there, asked before ``size`` more bytes are written or read; never waited for."""
-        self._done += size
-        if not self._asked and self._done > MUCH_BYTES:
-            self._asked = True
-            threading.Thread(target=self._load, daemon=True).start()
-        return self._loop is not None
-
-    def _load(self) -> None:
-        self._loop = KERNEL.loop()
-
-    def of_samples(self, samples: Samples) -> int:
-        """The checksum of the bytes of ``samples``, (n,) as recorded [-], once :meth:`is_ready`."""
-        assert self._loop is not None
-        return self._loop(samples.ctypes.data, _WORDS * len(samples))
+@lru_cache(4)
+def _weights(count: int) -> NDArray[np.float64]:
+    return np.arange(count, 0, -1, dtype=np.float64)
 
 
-CHECKSUM = CompiledChecksum()
-"""Of this process."""
+def fletcher32(samples: Samples) -> int:
+    """HDF5's checksum of the bytes of ``samples``, (n,) as recorded [-], at most 2**17.
+
+    The sums are of whole numbers below 2**53, so that float64 has them all. They are of words whose bytes are swapped,
+    which modulo 65535 is a factor of 256; end-around carries leave 65535, not 0, unless there was nothing.
+    """
+    words = samples.view("<u2").astype(np.float64)
+    sums = int(words.sum()), int(words @ _weights(len(words)))
+    low, high = ((value % _MODULUS * _BYTE + _MODULUS - 1) % _MODULUS + 1 for value in sums)
+    return high << _WORD | low if sums[0] else 0
 
 
 def checked_samples(chunk: bytes) -> Samples:
     """The samples, (n,) as recorded [-], of a chunk as it lies in a file, four bytes of checksum last.
 
-    Raises OSError, or ValueError, if they are not as they were written.
+    Raises ValueError if they are not as they were written.
     """
-    import h5py
-
-    with h5py.File("chunk", "w", driver="core", backing_store=False) as file:  # in memory: HDF5's own check
-        size = ((len(chunk) - _CHECKSUM_BYTES) // 8,)
-        dataset = file.create_dataset("chunk", size, "<f8", chunks=size, fletcher32=True)
-        dataset.id.write_direct_chunk((0,), chunk)
-        return np.asarray(dataset[()])
+    samples = np.frombuffer(chunk[:-_CHECKSUM_BYTES], "<f8")
+    if fletcher32(samples) != int.from_bytes(chunk[-_CHECKSUM_BYTES:], "little"):
+        raise ValueError("the checksum does not match")
+    return samples
 
 
-def is_possible(dataset: "h5py.Dataset") -> bool:
-    """Whether ``dataset`` is long float64 in whole chunks with no filter but the checksum, which is compiled here."""
+def is_possible(dataset: "h5py.Dataset", block: int) -> bool:
+    """Whether ``dataset`` is long float64 in whole chunks of ``block`` samples, with no filter but the checksum."""
     if dataset.dtype != np.dtype("<f8") or dataset.ndim != 1 or dataset.nbytes < WORTH or not hasattr(os, "preadv"):
         return False
     file, filters = dataset.file, dataset.id.get_create_plist().get_nfilters()
     plain = file.driver == "sec2" and not file.userblock_size and filters == 1 and dataset.fletcher32
-    return plain and bool(dataset.chunks) and dataset.chunks[0] <= LONGEST and CHECKSUM.is_ready(dataset.nbytes)
+    return plain and sys.byteorder == "little" and dataset.chunks == (block,)
 
 
-def read_chunks(dataset: "h5py.Dataset") -> Samples:
-    """The values of ``dataset``, (n,) as recorded [-].
+def read_chunks(dataset: "h5py.Dataset", check: Callable[[int, Samples], None]) -> Samples:
+    """The values of ``dataset``, (n,) as recorded [-]; ``check`` is given the first sample and the values of each part.
 
-    Raises OSError if a chunk is missing, elsewhere, or not as it was written. :func:`is_possible` is asked before.
+    Raises OSError if a chunk is missing or elsewhere. :func:`is_possible` is asked before.
     """
-    length = dataset.chunks[0]
+    length, total = dataset.chunks[0], len(dataset)
     handle = dataset.file.id.get_vfd_handle()
     places = _places(dataset, os.fstat(handle).st_size)
     values = np.empty((len(places), length))
-    written = np.empty((len(places), 1), "<u4")
-    found = np.empty(len(places), "<u4")
-    parts = [range(i, min(i + _AT_ONCE, len(places))) for i in range(0, len(places), _AT_ONCE)]
-    with ThreadPoolExecutor(1) as pool:
-        pending = [pool.submit(_read, handle, places, values, written, part) for part in parts]
-        for part, filled in zip(parts, pending, strict=True):
-            filled.result()
-            for number in part:
-                found[number] = CHECKSUM.of_samples(values[number])
-    odd = np.flatnonzero(found != written[:, 0])
-    if odd.size:
-        raise OSError(f"{dataset.name}: the checksum of the samples from {odd[0] * length} on does not match")
-    return values.reshape(-1)[: len(dataset)]
+
+    def read(first: int) -> None:
+        _read(handle, places, values, range(first, min(first + _AT_ONCE, len(places))))
+        check(first * length, values[first : first + _AT_ONCE].reshape(-1)[: total - first * length])
+
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(read, range(0, len(places), _AT_ONCE)))
+    return values.reshape(-1)[:total]
 
 
 def _places(dataset: "h5py.Dataset", file_size: int) -> list[int]:
@@ -202,15 +185,14 @@ def _places(dataset: "h5py.Dataset", file_size: int) -> list[int]:
     return [at for _, at, *_ in found]
 
 
-def _read(handle: int, places: Sequence[int], values: Samples, written: NDArray[np.uint32], part: range) -> None:
-    """Read the chunks of ``part`` and the checksums behind them; those that follow one another in one go."""
-    begin = part.start
-    size = values[0].nbytes + _CHECKSUM_BYTES
+def _read(handle: int, places: Sequence[int], values: Samples, part: range) -> None:
+    """Read the chunks of ``part``, those that follow one another in one go; the checksums between them are let go."""
+    begin, size, unused = part.start, values[0].nbytes + _CHECKSUM_BYTES, np.empty(1, "<u4")
     while begin < part.stop:
         end = begin + 1
         while end < part.stop and places[end] == places[begin] + (end - begin) * size:
             end += 1
-        _fill(handle, [b for i in range(begin, end) for b in (values[i], written[i])], places[begin])
+        _fill(handle, [b for i in range(begin, end) for b in (values[i], unused)], places[begin])
         begin = end
 
 
@@ -227,54 +209,77 @@ def _fill(handle: int, buffers: Sequence[NDArray[Any]], at: int) -> None:
             views[0] = views[0][count:]
 
 
-def are_possible(dataset: "h5py.Dataset") -> bool:
-    """Whether whole chunks of ``dataset`` can be written past HDF5: float64 with no filter but the checksum."""
-    plain = dataset.dtype == np.dtype("<f8") and dataset.fletcher32 and dataset.compression is None
-    return plain and sys.byteorder == "little" and dataset.chunks[0] <= LONGEST
-
-
-class Room:
-    """Memory in which chunks of ``length`` samples are put together, used again and again; ``size`` of one [bytes]."""
+class Chunk:
+    """Memory of one chunk of ``length`` samples and its checksum, used again and again."""
 
     def __init__(self, length: int) -> None:
-        self.length, self.size = length, 8 * length + _CHECKSUM_BYTES
-        self._chunks = np.empty((0, length + 1))  # so that each begins aligned; the last four bytes are not used
+        self._bytes = np.zeros(8 * length + _CHECKSUM_BYTES, np.uint8)
+        self._samples = self._bytes[:-_CHECKSUM_BYTES].view("<f8")
+        self._checksum = self._bytes[-_CHECKSUM_BYTES:].view("<u4")
 
-    def write(
-        self,
-        dataset: "h5py.Dataset",
-        start: int,
-        waiting: Sequence[Samples],
-        count: int,
-        written: Callable[[], object] = lambda: None,
-    ) -> list[Samples]:
-        """Write the first ``count`` of the ``waiting`` samples, whole chunks, from sample ``start`` on.
-
-        Returns the other samples, (n,) each as recorded [-]. ``written`` is called after each chunk.
-        """
-        length, rows = self.length, count // self.length
-        if len(self._chunks) < rows:
-            self._chunks = np.empty((rows, length + 1))
-        chunks = self._chunks[:rows]
-        rest = _fill_rows(chunks[:, :length], waiting)
-        for row in range(rows):
-            chunks.view("<u4")[row, 2 * length] = CHECKSUM.of_samples(chunks[row, :length])
-            dataset.id.write_direct_chunk((start + row * length,), chunks[row].view(np.uint8)[: self.size])
-            written()
-        return rest
+    def write(self, dataset: "h5py.Dataset", start: int, samples: Samples) -> int:
+        """Write samples (n,) [as recorded] from ``start`` on as a chunk, zeros behind the last; its size [bytes]."""
+        self._samples[: len(samples)] = samples
+        self._samples[len(samples) :] = 0.0
+        self._checksum[0] = fletcher32(self._samples)
+        dataset.id.write_direct_chunk((start,), self._bytes)
+        return self._bytes.nbytes
 
 
-def _fill_rows(chunks: NDArray[np.float64], waiting: Sequence[Samples]) -> list[Samples]:
-    """Copy the ``waiting`` samples into the chunks, row by row; those that are left."""
-    rows, length = chunks.shape
-    done, rest = 0, []
-    for samples in waiting:
-        taken = 0
-        while taken < len(samples) and done < rows * length:
-            row, at = divmod(done, length)
-            step = min(length - at, len(samples) - taken)
-            chunks[row, at : at + step] = samples[taken : taken + step]
-            taken, done = taken + step, done + step
-        if taken < len(samples):
-            rest.append(samples[taken:].copy() if taken else samples)
-    return rest
+_DIGEST_BYTES = 8
+"""Of a digest."""
+
+
+def digest(samples: Samples, salt: str, group: int, channel: int, first: int) -> bytes:
+    """The digest of a block (n,) [as recorded] that begins at sample ``first`` of a channel, by its number."""
+    place = f"{salt} {group} {channel} {first} {len(samples)}"
+    return xxh3_64_digest(samples, seed=xxh3_64_intdigest(place.encode()))
+
+
+def digest_of_texts(texts: Sequence[str], salt: str, path: str) -> str:
+    """The digest of the texts of one dataset, in hexadecimal."""
+    return xxh3_64_digest("\0".join(texts).encode(), seed=xxh3_64_intdigest(f"{salt} {path}".encode())).hex()
+
+
+@dataclass(frozen=True)
+class Digests:
+    """The digests of the samples of one group, as its run's description has them."""
+
+    salt: str
+    group: int
+    block: int
+    """Samples of each block but the last."""
+    channels: tuple[bytes, ...]
+    """Of each channel, its digests one after the other."""
+
+    def check(self, channel: int, first: int, samples: Samples, name: str) -> None:
+        """Raise StoreError if samples (n,) [as recorded], from the beginning of a block on, are not as written."""
+        for begin in range(0, len(samples), self.block):
+            block, at = samples[begin : begin + self.block], first + begin
+            if digest(block, self.salt, self.group, channel, at) != self._stored(channel, at):
+                what = self._what_is_there(channel, at, block)
+                raise StoreError(f"{name}, samples {at} to {at + len(block) - 1}: {what}")
+
+    def _stored(self, channel: int, first: int) -> bytes:
+        at = first // self.block * _DIGEST_BYTES
+        return self.channels[channel][at : at + _DIGEST_BYTES]
+
+    def _what_is_there(self, channel: int, first: int, block: Samples) -> str:
+        """What lies in the place of a block: zeros, a block of elsewhere in the group, or anything else."""
+        if not block.any():
+            return "a hole, read as zeros; an interrupted copy or a loss of power leaves such files"
+        blocks = range(0, self.block * (len(self.channels[channel]) // _DIGEST_BYTES), self.block)
+        places = [(channel, at) for at in blocks] + [(other, first) for other in range(len(self.channels))]
+        for other, at in places:
+            if digest(block, self.salt, self.group, other, at) == self._stored(other, at):
+                of = "this channel" if other == channel else f"channel {other + 1} of the group"
+                return f"a chunk is swapped or repeated: there lie those of {of} from sample {at} on"
+        return "the values are not those that were written"
+
+
+def digests_from(known: Any, group: int, channels: Sequence[Any]) -> Digests | None:  # noqa: ANN401
+    """The digests of a group out of the run's description; None of a run that was stored before there were any."""
+    if known is None:
+        return None
+    found = tuple(bytes.fromhex(channel["digests"]) for channel in channels)
+    return Digests(str(known["salt"]), group, int(known["samples"]), found)

@@ -11,7 +11,7 @@ from ..errors import StoreError
 from ..recording import Samples
 from . import archive, atomic_files
 from .atomic_files import Journal, Kept, Leftover, leftovers, place_with_digest, read_journal, unfinished
-from .chunk_io import checked_samples
+from .chunk_io import checked_samples, digest
 from .run import Run, open_run
 
 MARK = ".recovered"
@@ -66,6 +66,9 @@ def _recovered(leftover: Leftover, save: Save) -> Recovery | None:
     if archive.INTENT in known.intent:
         message = f"the archive of {known.intent[archive.INTENT]} was not finished; that run is whole: archive it again"
         return Recovery(leftover.run, "superseded", message)
+    if not leftover.part.exists():
+        return save(leftover, Journal(known.intent))
+    _cut_to_the_disk(leftover, known)
     if not any(kept.samples for kept in known.groups):
         return Recovery(leftover.run, "empty", "no sample had been acknowledged; ingest the log again")
     if (stored := _superseded(leftover, known)) is not None:
@@ -97,7 +100,7 @@ def _superseded(leftover: Leftover, known: Journal) -> str | None:
     if not leftover.target.exists():
         return None
     run = open_run(leftover.target)
-    whole = all(_holds(run, kept, leftover.part) for kept in known.groups if kept.samples)
+    whole = all(_holds(run, kept, leftover) for kept in known.groups if kept.samples)
     return leftover.target.name if whole else None
 
 
@@ -114,32 +117,54 @@ def is_digest(orphan: Path) -> bool:
     return named is not None and named.name.endswith(f".h5{atomic_files.SUFFIX}")
 
 
-def blocks(part: Path, kept: Kept) -> Iterator[tuple[Samples, ...]]:
+def _cut_to_the_disk(leftover: Leftover, known: Journal) -> None:
+    """Leave out of the journal what a loss of power took: of each group what follows the first chunk that is not there.
+
+    Raises StoreError for a chunk that is damaged though it was synced, or though the machine has not stopped since.
+    """
+    for kept in known.groups:
+        whole = 0
+        try:
+            for _ in blocks(leftover, kept):
+                whole += 1
+        except StoreError:
+            if whole < kept.synced or not known.may_have_lost_power:
+                raise
+            kept.pieces = [column[:whole] for column in kept.pieces]
+
+
+def blocks(leftover: Leftover, kept: Kept) -> Iterator[tuple[Samples, ...]]:
     """The acknowledged samples of a group, (n,) a channel as recorded [-], chunk by chunk.
 
     Raises StoreError if one is not as it was written.
     """
-    with part.open("rb") as stream:
+    first = 0
+    with leftover.part.open("rb") as stream:
         for row in zip(*kept.pieces, strict=True):
             columns = []
-            for piece in row:
+            for channel, piece in enumerate(row):
                 stream.seek(piece.at)
                 try:
-                    columns.append(checked_samples(stream.read(piece.size))[: piece.count])
+                    samples = checked_samples(stream.read(piece.size))[: piece.count]
                 except (OSError, ValueError) as error:
-                    message = f"{part.name}: damaged at byte {piece.at}; its checksum does not match"
+                    message = f"{leftover.part.name}: damaged at byte {piece.at}; its checksum does not match"
                     raise StoreError(message) from error
+                found = digest(samples, leftover.tag, kept.number, channel, first).hex()
+                if piece.digest and piece.digest != found:
+                    raise StoreError(f"{leftover.part.name}: damaged at byte {piece.at}: not the samples written there")
+                columns.append(samples)
             yield tuple(columns)
+            first += row[0].count
 
 
-def _holds(run: Run, kept: Kept, part: Path) -> bool:
+def _holds(run: Run, kept: Kept, leftover: Leftover) -> bool:
     """Whether a stored run begins with the acknowledged samples of a group."""
     names = [group.name for group in run.groups]
     if kept.group.name not in names or run.group(kept.group.name).channels != kept.group.channels:
         return False
     stored = [run.channel_at(kept.group.name, i) for i in range(len(kept.group.channels))]
     start = 0
-    for columns in blocks(part, kept):
+    for columns in blocks(leftover, kept):
         stop = start + len(columns[0])
         if any(s[start:stop].tobytes() != c.tobytes() for s, c in zip(stored, columns, strict=True)):
             return False

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import StoreError
 from ..recording import Channel
 from . import encodings, safe_hdf5
+from .chunk_io import digest_of_texts
 from .encodings import Decimals
 
 if TYPE_CHECKING:
@@ -34,6 +35,8 @@ RIG = f"{NOTES}/rig"
 MECHANISM = f"{NOTES}/mechanism"
 MOTION = f"{NOTES}/motion"
 """Name and texts of the files that a run was made with: of the mechanism; of the motion, and of its samples."""
+TEXTS = (FINDINGS, RIG, MECHANISM, MOTION)
+"""Texts beside the description, which has the digest of each that is there."""
 MINUS = f"{NOTES}/negative_zeros"
 """Of channels kept as whole numbers: a bit for each zero with a minus sign."""
 TIME = "time"
@@ -73,6 +76,16 @@ def read_description(file: "h5py.File") -> dict[str, Any]:
     if not isinstance(known, dict) or known.get("layout") != LAYOUT:
         raise StoreError(f"{file.filename}: not a run stored by this version (layout {LAYOUT})")
     return known
+
+
+def read_texts(file: "h5py.File", path: str, digests: Mapping[str, Any] | None) -> list[str]:
+    """The texts at ``path``, none if nothing is there. Raises StoreError if they are not those that were written."""
+    found = safe_hdf5.texts(file, path, LARGEST) if safe_hdf5.has(file, path) else []
+    if digests is not None:
+        written = digests["texts"].get(path)
+        if (digest_of_texts(found, digests["salt"], path) if found else None) != written:
+            raise StoreError(f"{file.filename}: {path} is not what was written")
+    return found
 
 
 def channels(document: Iterable[Mapping[str, Any]]) -> tuple[Channel, ...]:

@@ -13,6 +13,7 @@ from balance.results import Key
 from ..errors import StoreError
 from ..recording import Conditions, Finding, Group, Origin, Samples, TimeColumn, UniformClock, clock_from_dict
 from . import atomic_files, layout, safe_hdf5
+from .chunk_io import Digests, digests_from
 from .encodings import Decimals
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
 ARCHIVED_FROM = "archived_from"
 """Key of the provenance of an archived run."""
+_SIGNS = 8
+"""Signs of zeros in a byte."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,8 @@ class StoredGroup(Group):
     keys: tuple[str, ...] = ()
     whole: tuple[Decimals | None, ...] = ()
     """How each channel is kept as whole numbers, if it is."""
+    digests: Digests | None = field(default=None, repr=False)
+    """What its samples must be; None of a run that was stored before there were digests."""
 
     @property
     def has_time(self) -> bool:
@@ -54,16 +59,34 @@ class StoredGroup(Group):
         signs = form is not None and form.negative_zeros
         return (path, path.replace(layout.ENTRY, layout.MINUS, 1)) if signs else (path,)
 
-    def samples_of(self, file: "h5py.File", index: int, begin: int = 0, end: int | None = None) -> Samples:
-        """The values of a channel as recorded, from sample ``begin``, a multiple of eight, to ``end``."""
+    def samples_of(
+        self, file: "h5py.File", index: int, begin: int = 0, end: int | None = None, node: "h5py.Group | None" = None
+    ) -> Samples:
+        """The values of a channel as recorded, from sample ``begin`` to ``end``; ``node`` is the group in the file.
+
+        Whole blocks are read. Raises StoreError where one is not as written: damaged, a hole, or of another place.
+        """
+        end = self.samples if end is None else min(end, self.samples)
+        block = self.digests.block if self.digests else _SIGNS
+        first, last = begin // block * block, min(-(-end // block) * block, self.samples)
+
+        def check(at: int, values: Samples) -> None:
+            if self.digests:
+                name = f"{Path(file.filename).name}: group {self.name!r}, channel {self.channels[index].name!r}"
+                self.digests.check(index, at, values, name)
+
         path, *signs = self.places(index)
         form = self.whole[index] if self.whole else None
         if form is None:
-            return safe_hdf5.numbers(file, path, begin, end)
-        stored = safe_hdf5.whole_numbers(file, path, form.kind, begin, end)
-        bits = begin // 8, begin // 8 - (-len(stored) // 8)
-        minus = safe_hdf5.whole_numbers(file, signs[0], "u1", *bits) if signs else None
-        return form.restored(stored, minus)
+            place = (file, path) if node is None else (node, self.keys[index])
+            values = safe_hdf5.numbers(*place, first, last, block if self.digests else 0, check)
+        else:
+            stored = safe_hdf5.whole_numbers(file, path, form.kind, first, last)
+            bits = first // _SIGNS, first // _SIGNS - (-len(stored) // _SIGNS)
+            minus = safe_hdf5.whole_numbers(file, signs[0], "u1", *bits) if signs else None
+            values = form.restored(stored, minus)
+            check(first, values)
+        return values[begin - first : end - first]
 
     def index(self, name: str) -> int | None:
         """The channel of this name as written; else of this name without its unit; else of this HDF5 name."""
@@ -145,7 +168,7 @@ class Run:
             if len(places) == 1:
                 return [group.samples_of(file, index) for group, index in places]
             nodes = {group.path: safe_hdf5.member(file, group.path) for group, _ in places}
-            return [_samples(file, nodes[group.path], group, index) for group, index in places]
+            return [group.samples_of(file, index, node=nodes[group.path]) for group, index in places]
 
     def to_pandas(self, group: str | None = None, channels: Sequence[str] | None = None) -> "pandas.DataFrame":
         """A group as a table against time [s], or sample where there is no time; of ``channels`` alone if given.
@@ -217,18 +240,20 @@ def open_run(path: str | Path) -> Run:
     path = Path(path)
     with safe_hdf5.open_for_reading(path) as file:
         known = layout.read_description(file)
+        digests = known.get("digests")
+        texts = {place: layout.read_texts(file, place, digests) for place in layout.TEXTS}
         return Run(
             path=path,
-            groups=tuple(_group(file, group) for group in known["groups"]),
+            groups=tuple(_group(file, group, n, digests) for n, group in enumerate(known["groups"])),
             origin=cast(Origin, known["origin"]),
             conditions=cast(Conditions, known["conditions"]),
-            rig=safe_hdf5.texts(file, layout.RIG, layout.LARGEST)[0] if safe_hdf5.has(file, layout.RIG) else None,
-            findings=_findings(file),
+            rig=texts[layout.RIG][0] if texts[layout.RIG] else None,
+            findings=tuple(Finding(**json.loads(text)) for text in texts[layout.FINDINGS]),
             provenance=dict(known["provenance"]),
             inputs={
-                place.rpartition("/")[2]: tuple(safe_hdf5.texts(file, place, layout.LARGEST))
+                place.rpartition("/")[2]: tuple(texts[place])
                 for place in (layout.MECHANISM, layout.MOTION)
-                if safe_hdf5.has(file, place)
+                if texts[place]
             },
         )
 
@@ -240,7 +265,7 @@ def identities(run: Path) -> frozenset[str]:
     return frozenset({own, str(known["sha256"])} if isinstance(known, dict) and "sha256" in known else {own})
 
 
-def _group(file: "h5py.File", known: Mapping[str, Any]) -> StoredGroup:
+def _group(file: "h5py.File", known: Mapping[str, Any], number: int, digests: Any) -> StoredGroup:  # noqa: ANN401
     group = StoredGroup(
         name=str(known["name"]),
         channels=layout.channels(known["channels"]),
@@ -251,24 +276,12 @@ def _group(file: "h5py.File", known: Mapping[str, Any]) -> StoredGroup:
         path=f"{layout.ENTRY}/{known['key']}",
         keys=tuple(str(channel["key"]) for channel in known["channels"]),
         whole=layout.whole_numbers(known["channels"]),
+        digests=digests_from(digests, number, known["channels"]),
     )
     for key in group.keys:
         if (found := safe_hdf5.member(file, f"{group.path}/{key}").shape) != (group.samples,):
             raise StoreError(f"{file.filename}: {group.path}/{key} holds {found}, expected {group.samples} samples")
     return group
-
-
-def _samples(file: "h5py.File", node: "h5py.Group", group: StoredGroup, index: int) -> Samples:
-    """As the group reads them; values that are stored as they are without going down to the group once more."""
-    if group.whole and group.whole[index] is not None:
-        return group.samples_of(file, index)
-    return safe_hdf5.numbers(node, group.keys[index])
-
-
-def _findings(file: "h5py.File") -> tuple[Finding, ...]:
-    if not safe_hdf5.has(file, layout.FINDINGS):
-        return ()
-    return tuple(Finding(**json.loads(text)) for text in safe_hdf5.texts(file, layout.FINDINGS, layout.LARGEST))
 
 
 def _listed(names: Any) -> str:  # noqa: ANN401

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Iterator, Set
+from collections.abc import Callable, Iterator, Set
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,8 @@ from . import atomic_files, chunk_io
 if TYPE_CHECKING:
     import h5py
 
+Check = Callable[[int, NDArray[np.float64]], None]
+"""Given the first sample and values (n,) [as recorded]."""
 _DEFLATE, _SHUFFLE, _FLETCHER32 = 1, 2, 3
 _FILTERS = frozenset({_DEFLATE, _SHUFFLE, _FLETCHER32})
 """Numbers of the filters that every HDF5 library has."""
@@ -77,14 +79,21 @@ def texts(group: "h5py.Group", path: str, largest: int) -> list[str]:
     return [bytes(text).decode("utf-8") for text in dataset[()]]
 
 
-def numbers(group: "h5py.Group", path: str, begin: int = 0, end: int | None = None) -> NDArray[np.float64]:
-    """The samples of a dataset of numbers, from ``begin`` to ``end``, (n,) [as recorded]."""
+def numbers(
+    group: "h5py.Group", path: str, begin: int, end: int, block: int = 0, check: Check = lambda first, values: None
+) -> NDArray[np.float64]:
+    """The samples of a dataset of numbers, from ``begin`` to ``end``, (n,) [as recorded].
+
+    ``check`` is given them, and refuses those that are not as written; long ones in parts of ``block`` samples.
+    """
     dataset = member(group, path)
     if dataset.dtype.kind not in "fiu" or dataset.ndim != 1:
         raise StoreError(f"{group.file.filename}: {path} does not hold one number a sample")
-    whole = begin == 0 and end is None
-    values = chunk_io.read_chunks(dataset) if whole and chunk_io.is_possible(dataset) else dataset[begin:end]
-    return np.asarray(values, dtype=np.float64)
+    if block and (begin, end) == (0, len(dataset)) and chunk_io.is_possible(dataset, block):
+        return chunk_io.read_chunks(dataset, check)
+    values = np.asarray(dataset[begin:end], dtype=np.float64)
+    check(begin, values)
+    return values
 
 
 def whole_numbers(group: "h5py.Group", path: str, kind: str, begin: int = 0, end: int | None = None) -> NDArray[Any]:

@@ -8,6 +8,7 @@ import contextlib
 import errno
 import json
 import os
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
@@ -25,7 +26,7 @@ from ..errors import StoreError
 from ..recording import Channel, Conditions, Finding, Group, Origin, Samples, TimeColumn, UniformClock
 from . import atomic_files, chunk_io, layout
 from .atomic_files import JOURNAL, PART, JournalWriter, Piece, place_with_digest, sync
-from .chunk_io import OutFile
+from .chunk_io import OutFile, digest, digest_of_texts
 from .encodings import COMPRESSED, PLAIN, Decimals, Form, minus_bits
 
 if TYPE_CHECKING:
@@ -35,6 +36,8 @@ CHUNK = 1 << 15
 """Samples a chunk."""
 GATHERED = 4 * CHUNK
 """Samples that are gathered before whole chunks are written."""
+SYNCED_EVERY_S = 1.0
+"""How long chunks that are acknowledged may wait to be synced with the journal [s]: what a loss of power may cost."""
 Acknowledge = Callable[[Sequence[Sequence[Piece]]], None]
 Writing = AbstractContextManager[None]
 _NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable. %10d"
@@ -46,7 +49,8 @@ class GroupWriter:
     """The samples of one group, gathered to whole chunks and written.
 
     ``acknowledge`` is given where the chunks of each channel lie, once they do; ``writing`` puts failures in words;
-    ``out`` is the file below HDF5. ``forms`` says how the samples of each channel are stored; without it as they are.
+    ``out`` is the file below HDF5; ``place``, the run's salt and the number of the group, is part of each digest.
+    ``forms`` says how the samples of each channel are stored; without it as they are.
     """
 
     def __init__(
@@ -56,13 +60,14 @@ class GroupWriter:
         acknowledge: Acknowledge,
         writing: Callable[[], Writing],
         out: OutFile,
+        place: tuple[str, int],
         forms: Sequence[Form] | None = None,
     ) -> None:
         self.node, self.group, self.samples = node, group, 0
         self.forms = [PLAIN] * len(group.channels) if forms is None else list(forms)
         self._form_of_time = PLAIN if forms is None else COMPRESSED
         self._minus: list[list[NDArray[np.uint8]]] = [[] for _ in group.channels]
-        self._acknowledge, self._writing, self._out = acknowledge, writing, out
+        self._acknowledge, self._writing, self._out, self._place = acknowledge, writing, out, place
         self.rate_hz: float | None = None
         self.rate_source: str | None = None
         self.has_plot = False
@@ -76,8 +81,7 @@ class GroupWriter:
         self._datasets: list[h5py.Dataset] = []
         self._written = 0
         self._chunk = CHUNK
-        self._whole: list[bool] = []
-        self._room = chunk_io.Room(CHUNK)
+        self.digests = [bytearray() for _ in group.channels]
 
     def append(self, columns: Sequence[Samples]) -> None:
         """Take in the next samples, one column a channel."""
@@ -95,32 +99,41 @@ class GroupWriter:
             self._datasets = [
                 _dataset(self.node, k, self._chunk, f) for k, f in zip(self.keys, self.forms, strict=True)
             ]
-            self._whole = [chunk_io.are_possible(dataset) for dataset in self._datasets]
-            self._room = chunk_io.Room(self._chunk)
         pieces: list[Sequence[Piece]] = []
         for i, (dataset, form, waiting) in enumerate(zip(self._datasets, self.forms, self._waiting, strict=True)):
-            dataset.resize((self._written + count,))
-            if self._whole[i] and count and count % self._chunk == 0 and chunk_io.CHECKSUM.is_ready(8 * count):
-                pieces.append(self._write_whole(dataset, waiting, count))
-                continue
             samples = waiting[0] if len(waiting) == 1 else np.concatenate([np.empty(0), *waiting])
+            waiting[:] = [samples[count:]]
+            dataset.resize((self._written + count,))
+            if form is PLAIN:
+                pieces.append(self._write_chunks(i, samples[:count]))
+                continue
             dataset[self._written : self._written + count] = form.stored(samples[:count])
             if isinstance(form, Decimals) and form.negative_zeros:
                 self._minus[i].append(minus_bits(samples[:count]))
-            waiting[:] = [samples[count:]]
-            dataset.flush()
-            pieces.append(_pieces(dataset, self._written))
+            for begin in range(0, count, CHUNK):
+                self._note_digest(i, self._written + begin, samples[begin : min(begin + CHUNK, count)])
         self._out.check()
-        self._acknowledge(pieces)
+        if pieces:
+            self._acknowledge(pieces)
         self._written += count
 
-    def _write_whole(self, dataset: "h5py.Dataset", waiting: list[Samples], count: int) -> Sequence[Piece]:
-        """Write whole chunks past HDF5's filter; where they went is seen below HDF5, which would look through all."""
-        places: list[tuple[int, int]] = []
-        waiting[:] = self._room.write(dataset, self._written, waiting, count, lambda: places.append(self._out.last))
-        if {size for _, size in places} != {self._room.size}:
-            return _pieces(dataset, self._written)
-        return [Piece(at, size, self._chunk) for at, size in places]
+    def _write_chunks(self, index: int, samples: Samples) -> list[Piece]:
+        """Write chunks past HDF5's filter; where they went is seen below HDF5, which would look through all."""
+        dataset, chunk, pieces = self._datasets[index], chunk_io.Chunk(self._chunk), []
+        for begin in range(0, len(samples), self._chunk):
+            block, first = np.ascontiguousarray(samples[begin : begin + self._chunk], "<f8"), self._written + begin
+            size = chunk.write(dataset, first, block)
+            at, seen = self._out.last
+            if seen != size:
+                at = dataset.id.get_chunk_info_by_coord((first,)).byte_offset
+            pieces.append(Piece(at, size, len(block), self._note_digest(index, first, block).hex()))
+        return pieces
+
+    def _note_digest(self, index: int, first: int, block: Samples) -> bytes:
+        salt, group = self._place
+        found = digest(np.ascontiguousarray(block, "<f8"), salt, group, index, first)
+        self.digests[index] += found
+        return found
 
     def finish(self, rate_hz: float | None, rate_source: str | None) -> None:
         """Write what waits, then names, units and clock."""
@@ -208,16 +221,6 @@ def _dataset(node: "h5py.Group", key: str, chunk: int, form: Form) -> "h5py.Data
     )
 
 
-def _pieces(dataset: "h5py.Dataset", start: int) -> list[Piece]:
-    """The chunks from sample ``start`` to the end."""
-    pieces = []
-    total, length = len(dataset), dataset.chunks[0]
-    for begin in range(start, total, length):
-        info = dataset.id.get_chunk_info_by_coord((begin,))
-        pieces.append(Piece(info.byte_offset, info.size, min(length, total - begin)))
-    return pieces
-
-
 def _name(dataset: "h5py.Dataset", channel: Channel) -> None:
     dataset.attrs.update({"long_name": channel.name, "label": channel.label})
     if channel.unit is not None:
@@ -252,8 +255,8 @@ class RunWriter:
 
     def __init__(self, campaign: Path, name: str, intent: Mapping[str, Any] | None = None) -> None:
         self.target = campaign / f"{name}.h5"
-        self._tag = f"{uuid4().hex[:12]}{PART}"
-        self._part = campaign / f".{name}.{self._tag}"
+        self._salt = uuid4().hex[:12]
+        self._part = campaign / f".{name}.{self._salt}{PART}"
         self._intent = {"run": name, **(intent or {})}
         self._journal: JournalWriter | None = None
         self._out: OutFile | None = None
@@ -262,6 +265,7 @@ class RunWriter:
         self._taken: set[str] = {"conditions", "provenance", "notes"}
         self._file: h5py.File | None = None
         self._made_folder = False
+        self._synced = time.monotonic()
         if self.target.exists():
             raise StoreError(f"{self.target}: there is a run of this name already; stored runs never change")
 
@@ -315,9 +319,21 @@ class RunWriter:
             with self._writing():
                 node = self._file[layout.ENTRY].create_group(key)
                 self._journal.group(number, group)
-            acknowledge = partial(self._journal.acknowledge, number)
-            self._groups[group.name] = GroupWriter(node, group, acknowledge, self._writing, self._out, forms)
+            acknowledge = partial(self._acknowledge, number)
+            place = self._salt, number
+            self._groups[group.name] = GroupWriter(node, group, acknowledge, self._writing, self._out, place, forms)
         return self._groups[group.name]
+
+    def _acknowledge(self, number: int, pieces: Sequence[Sequence[Piece]]) -> None:
+        """Note chunks in the journal; those of the last second at most are not on the disk yet."""
+        assert self._journal is not None
+        assert self._out is not None
+        self._journal.acknowledge(number, pieces)
+        if time.monotonic() - self._synced >= SYNCED_EVERY_S:
+            self._out.sync()
+            self._journal.sync()
+            sync(self.target.parent)
+            self._synced = time.monotonic()
 
     def describe(
         self,
@@ -332,7 +348,12 @@ class RunWriter:
         assert self._file is not None
         keys = [writer.key for writer in self._groups.values()]
         default = next((writer.key for writer in self._groups.values() if writer.has_plot), keys[0])
+        texts = {place: list(inputs.get(place.rpartition("/")[2], ())) for place in layout.TEXTS}
+        texts[layout.FINDINGS] = [json.dumps(finding.as_dict(), ensure_ascii=False) for finding in findings]
+        texts[layout.RIG] = [] if rig is None else [rig]
+        digests = {place: digest_of_texts(found, self._salt, place) for place, found in texts.items() if found}
         known = {"layout": layout.LAYOUT, "origin": origin, "conditions": conditions, "provenance": provenance,
+                 "digests": {"kind": "XXH3", "salt": self._salt, "samples": CHUNK, "texts": digests},
                  "groups": [_group(writer) for writer in self._groups.values()]}  # fmt: skip
         with self._writing():
             self._file[layout.ENTRY].attrs.update({"origin": origin, "groups": keys, "default": default})
@@ -345,12 +366,9 @@ class RunWriter:
                 flat = {k: v for k, v in source.items() if isinstance(v, str | int | float)}
                 _collection(self._file, f"{layout.PROVENANCE}/source_{number}").attrs.update(flat)
             _collection(self._file, layout.NOTES)
-            texts = [json.dumps(finding.as_dict(), ensure_ascii=False) for finding in findings]
             _write_texts(self._file, layout.DESCRIPTION, [json.dumps(known, ensure_ascii=False)])
-            _write_texts(self._file, layout.FINDINGS, texts)
-            _write_texts(self._file, layout.RIG, [] if rig is None else [rig])
-            for place in (layout.MECHANISM, layout.MOTION):
-                _write_texts(self._file, place, list(inputs.get(place.rpartition("/")[2], ())))
+            for place, found in texts.items():
+                _write_texts(self._file, place, found)
 
     def seal(self) -> None:
         """Close the file, wait until it is on the disk, and take its digest: all that takes long before the end."""
@@ -404,9 +422,11 @@ def _group(writer: GroupWriter) -> dict[str, Any]:
         "rate_source": writer.rate_source,
         "clock": writer.group.clock and asdict(writer.group.clock),
         "channels": [
-            {"key": key, "name": channel.name, "label": channel.label, "unit": channel.unit}
+            {"key": key, "name": channel.name, "label": channel.label, "unit": channel.unit, "digests": found.hex()}
             | ({"whole": form.as_dict()} if isinstance(form, Decimals) else {})
-            for key, channel, form in zip(writer.keys, writer.group.channels, writer.forms, strict=True)
+            for key, channel, form, found in zip(
+                writer.keys, writer.group.channels, writer.forms, writer.digests, strict=True
+            )
         ],
     }
 

@@ -1,14 +1,15 @@
 """Chunks below HDF5: the bits and checksums that HDF5 would write, and the same refusal of what is not as written."""
 
-import threading
+import json
 
 import h5py
 import numpy as np
 import pytest
 
 from testbench.errors import StoreError
-from testbench.recording import Channel, Group, UniformClock
-from testbench.store import atomic_files, chunk_io, open_run, writer
+from testbench.recording import Channel, Finding, Group, UniformClock
+from testbench.store import atomic_files, chunk_io, layout, open_campaign, open_run, writer
+from testbench.store.archive import archive
 from testbench.store.writer import RunWriter
 
 from .test_writer import store
@@ -17,52 +18,38 @@ LENGTHS = [chunk_io.WORTH // 8, writer.GATHERED + 1, 3 * writer.GATHERED, 5 * wr
 GROUP = Group("log", (Channel("AccX (g)", "g", "AccX"), Channel("AccY (g)", "g", "AccY")), UniformClock(5000.0))
 
 
-@pytest.fixture(scope="module")
-def loop():
-    """The compiled checksum, kept for the next run of the tests."""
-    found = chunk_io.KERNEL.loop()
-    assert found is not None
-    return found
-
-
-@pytest.fixture
-def ready(loop, monkeypatch):
-    """The checksum of this process, its loop there from the beginning; gives the calls of it."""
-    used = []
-    monkeypatch.setattr(chunk_io, "CHECKSUM", chunk_io.CompiledChecksum())
-    chunk_io.CHECKSUM._loop = lambda place, words: used.append(words) or loop(place, words)
-    return used
-
-
 @pytest.fixture
 def run(tmp_path):
     """The path of a run that is long enough."""
     return store(tmp_path, GROUP, np.random.default_rng(4).normal(size=(2, LENGTHS[1])), block=50_000).path
 
 
-def chunk_of(path, number):
-    """Where a chunk of AccY lies in the file, and its size [bytes]."""
+def chunk_of(path, number, channel="AccY"):
+    """Where a chunk of a channel lies in the file, and its size [bytes]."""
     with h5py.File(path) as file:
-        info = file["entry/log/AccY"].id.get_chunk_info(number)
+        info = file[f"entry/log/{channel}"].id.get_chunk_info(number)
     return info.byte_offset, info.size
 
 
 @pytest.mark.parametrize("samples", LENGTHS)
-def test_the_same_bits_as_hdf5_reads(tmp_path, ready, samples):
-    """Whole and begun chunks; the array is one's own, to write to."""
+def test_the_same_bits_as_hdf5_reads(tmp_path, samples):
+    """Whole and begun chunks; the array is one's own, to write to; of a part, no more than is asked for."""
     columns = np.random.default_rng(samples).normal(size=(2, samples))
     columns[0][:3] = -0.0, np.nan, np.inf
     run = store(tmp_path, GROUP, columns, block=77_777)
     with h5py.File(run.path) as file:
-        assert chunk_io.is_possible(file["entry/log/AccX"])
-        assert chunk_io.read_chunks(file["entry/log/AccX"]).tobytes() == file["entry/log/AccX"][()].tobytes()
+        assert chunk_io.is_possible(file["entry/log/AccX"], writer.CHUNK)
+        read = chunk_io.read_chunks(file["entry/log/AccX"], lambda first, values: None)
+        assert read.tobytes() == file["entry/log/AccX"][()].tobytes()
+        part = run.group().samples_of(file, 1, 33_000, 70_000)
+        assert part.tobytes() == columns[1][33_000:70_000].tobytes()
     values = run.channel("AccY")
     assert values.tobytes() == columns[1].tobytes()
     assert values.flags.writeable
 
 
-@pytest.mark.parametrize("samples", [1, 63, 64, 65, 1024, 1 << 15, 100_001, chunk_io.LONGEST])
-def test_the_checksum_is_that_of_hdf5(loop, samples):
+@pytest.mark.parametrize("samples", [1, 63, 64, 65, 1024, 1 << 15, 100_001])
+def test_the_checksum_is_that_of_hdf5(samples):
     """Of random bits, of nothing, of the largest words, of a single bit: four bytes behind a chunk that HDF5 wrote."""
     for content in (
         np.random.default_rng(samples).integers(0, 1 << 63, samples, dtype=np.uint64),
@@ -73,27 +60,116 @@ def test_the_checksum_is_that_of_hdf5(loop, samples):
         with h5py.File("x", "w", driver="core", backing_store=False) as file:
             dataset = file.create_dataset("x", data=content, chunks=(samples,), fletcher32=True)
             chunk = dataset.id.read_direct_chunk((0,))[1]
-        assert loop(content.ctypes.data, 4 * samples) == int.from_bytes(chunk[-4:], "little")
+        assert chunk_io.fletcher32(content.view("<f8")) == int.from_bytes(chunk[-4:], "little")
         assert chunk_io.checked_samples(chunk).tobytes() == content.tobytes()
-        with pytest.raises(OSError, match=r"[Ff]ilter"):
+        with pytest.raises(ValueError, match="checksum"):
             chunk_io.checked_samples(bytes([chunk[0] ^ 1]) + chunk[1:])
 
 
-@pytest.mark.parametrize("compiled", [True, False])
-def test_a_flipped_bit_is_found(run, ready, monkeypatch, compiled):
-    """In the samples, behind the last of them and in the checksum, with and without the loop: one clear error."""
-    if not compiled:
-        monkeypatch.setattr(chunk_io.CHECKSUM, "_loop", None)
+def test_a_flipped_bit_is_found(run):
+    """In the samples, read past HDF5: one clear error that says which."""
     content = bytearray(run.read_bytes())
-    for number in (0, 3, 4):
-        at, size = chunk_of(run, number)
-        for place in (0, 12_345, -5, -4, -1):
-            content[at + place % size] ^= 16
+    for number in (0, 3):
+        at, _ = chunk_of(run, number)
+        for place in (0, 12_345, 8 * writer.CHUNK - 1):
+            content[at + place] ^= 16
             run.write_bytes(content)
-            with pytest.raises(StoreError, match="not a stored run, or damaged"):
+            first = number * writer.CHUNK
+            with pytest.raises(StoreError, match=rf"'AccY \(g\)', samples {first} to .* not those that were written"):
                 open_run(run).channel("AccY")
-            content[at + place % size] ^= 16
+            content[at + place] ^= 16
     assert len(open_run(run).channel("AccX")) == LENGTHS[1]
+
+
+def hole(content, path):
+    """Zeros, the checksum included, which of zeros is zero."""
+    at, size = chunk_of(path, 1)
+    content[at : at + size] = bytes(size)
+
+
+def repeated(content, path):
+    """The chunk before once more, with its checksum."""
+    (source, size), (at, _) = chunk_of(path, 0), chunk_of(path, 1)
+    content[at : at + size] = content[source : source + size]
+
+
+def of_another_channel(content, path):
+    """The chunk of the same samples of the other channel."""
+    (source, size), (at, _) = chunk_of(path, 1, "AccX"), chunk_of(path, 1)
+    content[at : at + size] = content[source : source + size]
+
+
+def of_another_run(content, path):
+    """The chunk at the same place of a run of the same channels."""
+    other = store(path.parent / "other", GROUP, np.random.default_rng(5).normal(size=(2, LENGTHS[1]))).path
+    (source, size), (at, _) = chunk_of(other, 1), chunk_of(path, 1)
+    content[at : at + size] = other.read_bytes()[source : source + size]
+
+
+@pytest.mark.parametrize(
+    ("put", "named"),
+    [
+        (hole, "a hole, read as zeros"),
+        (repeated, "swapped or repeated: there lie those of this channel from sample 0 on"),
+        (of_another_channel, "swapped or repeated: there lie those of channel 1 of the group from sample 32768 on"),
+        (of_another_run, "not those that were written"),
+    ],
+)
+def test_a_whole_chunk_in_the_place_of_another_is_found(run, put, named):
+    """Chunks whose checksum is right, h5py reads them: refused by name on reading, and named by verify."""
+    content = bytearray(run.read_bytes())
+    put(content, run)
+    run.write_bytes(content)
+    with h5py.File(run) as file:
+        assert len(file["entry/log/AccY"][()]) == LENGTHS[1]  # HDF5 sees nothing
+    with pytest.raises(StoreError, match=named):
+        open_run(run).channel("AccY")
+    state = open_campaign(run.parent).verify()[0]
+    assert state.status == "damaged"
+    assert named in state.message
+
+
+@pytest.mark.parametrize("path", [layout.RIG, layout.FINDINGS, layout.DESCRIPTION])
+def test_a_hole_in_the_texts_is_found(tmp_path, path):
+    """An empty rig would be one that states nothing."""
+    with RunWriter(tmp_path, "r001") as storing:
+        storing.group(GROUP).append([np.ones(3), np.ones(3)])
+        storing.group(GROUP).finish(None, None)
+        storing.describe("simulated", {}, [Finding("clipping", "AccX", None, "x")], {"sources": []}, "a = 1\n")
+        stored = storing.commit()
+    with h5py.File(stored) as file:
+        info = file[path].id.get_chunk_info(0)
+    content = bytearray(stored.read_bytes())
+    content[info.byte_offset : info.byte_offset + info.size] = bytes(info.size)
+    stored.write_bytes(content)
+    with pytest.raises(StoreError):
+        open_run(stored)
+
+
+def test_a_hole_in_an_archive_is_found(run, tmp_path):
+    """Chunks of an archive are digested as the values that they give."""
+    stored = archive(open_run(run), tmp_path / "a").file
+    assert open_run(stored).channel("AccY").tobytes() == open_run(run).channel("AccY").tobytes()
+    with h5py.File(stored, "r+") as file:
+        chunk = file["entry/log/AccY"].id.read_direct_chunk((0,))
+        file["entry/log/AccY"].id.write_direct_chunk((writer.CHUNK,), chunk[1], chunk[0])
+    with pytest.raises(StoreError, match="swapped or repeated"):
+        open_run(stored).channel("AccY")
+
+
+def test_a_run_without_digests_is_read_and_says_so(run):
+    """Stored before there were any: the same values, by HDF5's own checks; verify says what is not proven."""
+    expected = open_run(run).channel("AccY")
+    with h5py.File(run, "r+") as file:
+        known = json.loads(file[layout.DESCRIPTION][0])
+        del known["digests"], file[layout.DESCRIPTION]
+        writer._write_texts(file, layout.DESCRIPTION, [json.dumps(known)])
+    digest = atomic_files.sha256_of(run)
+    atomic_files.digest_file(run).write_text(atomic_files.line_for(run.name, digest))
+    assert open_run(run).channel("AccY").tobytes() == expected.tobytes()
+    (state,) = open_campaign(run.parent).verify()
+    assert state.status == "intact"
+    assert "stored before samples had digests" in state.message
 
 
 def rewritten(run, make):
@@ -128,13 +204,13 @@ def of_another_size(dataset, values):
 
 
 @pytest.mark.parametrize("make", [without_checksum, with_a_hole, of_another_size])
-def test_other_chunks_are_refused(run, ready, make):
+def test_other_chunks_are_refused(run, make):
     """What is not checked, not there or not whole gives an error and no number."""
     with pytest.raises(StoreError):
         open_run(rewritten(run, make)).channel("AccY")
 
 
-def test_places_outside_the_file_are_refused(run, ready, monkeypatch):
+def test_places_outside_the_file_are_refused(run, monkeypatch):
     """A chunk that an index puts behind the end of the file, or a file that is cut while it is read."""
     with h5py.File(run) as file:
         size = run.stat().st_size
@@ -142,83 +218,40 @@ def test_places_outside_the_file_are_refused(run, ready, monkeypatch):
             chunk_io._places(file["entry/log/AccY"], size // 4)
         monkeypatch.setattr(chunk_io, "_places", lambda dataset, _: [size - 100] * -(-len(dataset) // writer.CHUNK))
         with pytest.raises(OSError, match="ends inside a chunk"):
-            chunk_io.read_chunks(file["entry/log/AccY"])
+            chunk_io.read_chunks(file["entry/log/AccY"], lambda first, values: None)
 
 
-def test_what_cannot_be_read_so_is_left_to_hdf5(tmp_path, ready):
+def test_what_cannot_be_read_so_is_left_to_hdf5(tmp_path):
     """Short channels, other filters, other types."""
     kinds = {"short": {"fletcher32": True}, "plain": {}, "gzip": {"compression": "gzip"}}
     with h5py.File(tmp_path / "x.h5", "w") as file:
         for name, options in kinds.items():
+            options |= {"chunks": (1000,)} if name != "short" else {}
             data = np.zeros(10 if name == "short" else LENGTHS[1])
-            assert not chunk_io.is_possible(file.create_dataset(name, data=data, **options))
-        assert not chunk_io.is_possible(file.create_dataset("f4", data=data.astype("f4"), fletcher32=True))
-
-
-def dataset(file, length=1024, **options):
-    """An empty channel."""
-    options = {"dtype": "<f8", "fletcher32": True, **options}
-    return file.create_dataset("x", shape=(0,), maxshape=(None,), chunks=(length,), **options)
+            assert not chunk_io.is_possible(file.create_dataset(name, data=data, **options), 1000)
+        f4 = file.create_dataset("f4", data=data.astype("f4"), fletcher32=True, chunks=(1000,))
+        assert not chunk_io.is_possible(f4, 1000)
+        other = file.create_dataset("other", data=data, fletcher32=True, chunks=(999,))
+        assert not chunk_io.is_possible(other, 1000)
 
 
 @pytest.mark.parametrize("length", [256, 1024, 1 << 15])
-@pytest.mark.parametrize("sizes", [[4096], [1, 4095], [1000] * 5, [4096, 7, 7]])
-def test_chunks_are_those_of_hdf5(tmp_path, ready, length, sizes):
-    """The bits of every chunk and its checksum as the library writes them; the rest is given back."""
-    rng = np.random.default_rng(len(sizes) + length)
-    times = max(1, length // 4096)
-    waiting = [rng.normal(size=n * times) for n in sizes]
-    values, count = np.concatenate(waiting), 4096 * times
+def test_chunks_are_those_of_hdf5(tmp_path, length):
+    """The bits of every chunk and its checksum as the library writes them, the last one filled up with zeros."""
+    values = np.random.default_rng(length).normal(size=3 * length + 7)
     with h5py.File(tmp_path / "ours.h5", "w") as ours, h5py.File(tmp_path / "theirs.h5", "w") as theirs:
-        mine, other = dataset(ours, length), dataset(theirs, length)
-        assert chunk_io.are_possible(mine)
-        for d in (mine, other):
-            d.resize((count,))
-        rest = chunk_io.Room(length).write(mine, 0, waiting, count)
-        other[:] = values[:count]
+        mine, other = (
+            file.create_dataset("x", values.shape, "<f8", chunks=(length,), fletcher32=True) for file in (ours, theirs)
+        )
+        chunk = chunk_io.Chunk(length)
+        for begin in range(0, len(values), length):
+            assert chunk.write(mine, begin, values[begin : begin + length]) == 8 * length + 4
+        other[:] = values
         theirs.flush()
-        assert np.concatenate([np.empty(0), *rest]).tobytes() == values[count:].tobytes()
-        for begin in range(0, count, length):
+        for begin in range(0, len(values), length):
             assert mine.id.read_direct_chunk((begin,)) == other.id.read_direct_chunk((begin,))
     with h5py.File(tmp_path / "ours.h5") as file:
-        assert file["x"][()].tobytes() == values[:count].tobytes()
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"length": chunk_io.LONGEST + 1},
-        {"dtype": "<f4"},
-        {"dtype": ">f8"},
-        {"fletcher32": False},
-        {"compression": "gzip"},
-    ],
-)
-def test_anything_else_is_left_to_hdf5(tmp_path, options):
-    """Other types, other filters."""
-    with h5py.File(tmp_path / "x.h5", "w") as file:
-        assert not chunk_io.are_possible(dataset(file, **options))
-
-
-def test_runs_are_the_same_with_it_and_hdf5_checks_them(loop, tmp_path, monkeypatch):
-    """A run whose checksums are compiled from its second block on: the same chunks, which HDF5 takes as whole."""
-    values = np.random.default_rng(3).normal(size=5 * (1 << 17) + 77)
-    group = Group("log", (Channel("a", "V"), Channel("b", "V")))
-    provenance = {"sources": [{"name": "log.csv", "sha256": "0" * 64, "size_bytes": 1}]}
-    used = []
-    for name, ready in (("without", None), ("with", lambda *given: used.append(given) or loop(*given))):
-        monkeypatch.setattr(chunk_io, "CHECKSUM", chunk_io.CompiledChecksum())
-        with RunWriter(tmp_path, name) as storing:
-            for part in np.array_split(values, 5):
-                storing.group(group).append([part, -part])
-                chunk_io.CHECKSUM._loop = ready
-            storing.group(group).finish(None, None)
-            storing.describe("simulated", {}, [], provenance, None)
-            run = open_run(storing.commit())
-        assert run.channel("a").tobytes() == values.tobytes()
-        with h5py.File(run.path) as file:  # HDF5 checks each chunk
-            assert file["entry/log/b"][()].tobytes() == (-values).tobytes()
-    assert len(used) > 10
+        assert file["x"][()].tobytes() == values.tobytes()
 
 
 def test_the_journal_says_where_chunks_lie(tmp_path):
@@ -231,19 +264,3 @@ def test_the_journal_says_where_chunks_lie(tmp_path):
             known = [dataset.id.get_chunk_info(i) for i in range(len(pieces))]
             assert [(p.at, p.size) for p in pieces] == [(k.byte_offset, k.size) for k in known]
             assert len(pieces) == 300_000 // 32768
-
-
-def test_it_is_asked_for_only_where_much_is_done(monkeypatch):
-    """A short run starts no compiler, and nobody waits for it."""
-    asked = []
-    monkeypatch.setattr(chunk_io.Kernel, "loop", lambda self: asked.append(self) or (lambda *given: 7))
-    checksum = chunk_io.CompiledChecksum()
-    assert not checksum.is_ready(chunk_io.MUCH_BYTES)
-    assert not asked
-    checksum.is_ready(8)
-    for thread in threading.enumerate():
-        if thread is not threading.current_thread() and thread.daemon:
-            thread.join(10)
-    assert checksum.is_ready(8)
-    assert checksum.of_samples(np.zeros(1)) == 7
-    assert asked == [chunk_io.KERNEL]
