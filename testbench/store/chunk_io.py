@@ -9,11 +9,11 @@ other people's tools. Where a chunk lies is asked of HDF5, and believed only if 
 inside the file.
 
 The checksum is Fletcher-32: of the 16-bit big-endian words w[0..n), s1 = sum w[i] and s2 = sum (n - i) w[i], both
-modulo 65535 (J. G. Fletcher, IEEE Trans. Commun. 30 (1982) 247; H5checksum.c of HDF5). That of zeros is zero, so that a
-chunk that was never written passes it, and it says nothing of where a chunk belongs. Each block of samples has therefore
-a digest in the run's description: XXH3 (64 bits) of the float64 values as they are read, seeded by XXH3 of the text
-``SALT GROUP CHANNEL FIRST COUNT``: the salt of the run, the numbers of group and channel, the first sample of the block
-and how many it has. https://xxhash.com
+modulo 65535 (J. G. Fletcher, IEEE Trans. Commun. 30 (1982) 247; H5checksum.c of HDF5). That of zeros is zero, so that
+a chunk that was never written passes it, and it says nothing of where a chunk belongs. Each block of samples has
+therefore a digest in the run's description: XXH3 (64 bits, https://xxhash.com) of the float64 values as they are read,
+seeded by XXH3 of the text ``SALT GROUP CHANNEL FIRST COUNT``: the salt of the run, the numbers of group and channel,
+the first sample of the block and how many it has.
 """
 
 import io
