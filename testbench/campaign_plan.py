@@ -1,7 +1,7 @@
 """A campaign's plan: which runs, with which payload, counter-masses, motion and acceleration (``datasets/plans``)."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from typing import Annotated
@@ -10,7 +10,7 @@ from pydantic import Field
 
 from balance import datasets
 from balance.errors import DataError
-from balance.input_files import Measured, OneOrMore, Table, load_model, model_from_table, toml_tables
+from balance.input_files import OneOrMore, Table, load_model, model_from_table, toml_tables
 from balance.units import G0
 
 from .errors import RigError
@@ -33,6 +33,8 @@ class PlannedRun:
     repeat: int
     turning: bool = False
     """Whether the peak acceleration is one of joints that turn."""
+    payloads: Mapping[str, float] = field(default_factory=dict)
+    """Further payloads: all that a body carries, itself included, or what is added at a site [kg]."""
 
     @property
     def conditions(self) -> Conditions:
@@ -40,6 +42,8 @@ class PlannedRun:
         found = Conditions(counter_masses=self.counter_masses, motion=self.motion, repeat=self.repeat)
         if self.payload is not None:
             found["payload_kg"] = self.payload
+        if self.payloads:
+            found["payloads"] = dict(self.payloads)
         if self.peak_acceleration is not None and self.turning:
             found["peak_acceleration_rad_s2"] = self.peak_acceleration
         elif self.peak_acceleration is not None:
@@ -55,6 +59,8 @@ class Condition(Table):
 
     payload: Annotated[list[key_types.Mass], *_ONE_OR_MORE] | None = None
     """Everything that the platform carries, itself included; one or several [kg]. None: the mechanism as it is."""
+    payloads: dict[str, key_types.Mass] = Field(default_factory=dict)
+    """By body: everything that it carries, itself included; by site: a mass added there [kg]."""
     counter_masses: dict[str, key_types.Mass] = Field(default_factory=dict)
     """Counter-masses by site [kg]."""
     motion: Annotated[list[str], *_ONE_OR_MORE]
@@ -64,14 +70,13 @@ class Condition(Table):
     also_without: bool = True
     """Whether every run is made without counter-masses too."""
 
-    def combinations(self) -> Iterator[tuple[float | None, dict[str, float], str, Measured[float] | None]]:
-        """Payload [kg], counter-masses [kg], motion, peak acceleration; runs with counter-masses first."""
+    def runs(self) -> Iterator[PlannedRun]:
+        """Every combination once, without name or repeat; runs with counter-masses first."""
         sets = [self.counter_masses] + [{}] * (self.also_without and bool(self.counter_masses))
-        payloads: list[float | None] = [*self.payload] if self.payload else [None]
-        peaks: list[Measured[float] | None] = [*self.peak_acceleration] if self.peak_acceleration else [None]
-        for payload, motion, acceleration in product(payloads, self.motion, peaks):
+        for payload, motion, peak in product(self.payload or [None], self.motion, self.peak_acceleration or [None]):
+            turning = peak is not None and peak.dimension == "angular acceleration"
             for masses in sets:
-                yield payload, masses, motion, acceleration
+                yield PlannedRun("", payload, masses, motion, peak and peak.value, 0, turning, self.payloads)
 
 
 class Plan(Table):
@@ -90,25 +95,13 @@ class Plan(Table):
 
     def runs(self) -> list[PlannedRun]:
         """All runs in order, named ``r001``, ``r002``, ...; one that several conditions contain is made once."""
-        distinct: dict[object, tuple[float | None, dict[str, float], str, Measured[float] | None]] = {}
-        for condition in self.conditions:
-            for payload, masses, motion, peak in condition.combinations():
-                key = (payload, tuple(sorted(masses.items())), motion, peak)
-                distinct.setdefault(key, (payload, masses, motion, peak))
+        distinct: dict[object, PlannedRun] = {}
+        for run in (run for condition in self.conditions for run in condition.runs()):
+            mounted = (frozenset(masses.items()) for masses in (run.payloads, run.counter_masses))
+            distinct.setdefault((run.payload, *mounted, run.motion, run.peak_acceleration, run.turning), run)
         each = [(repeat, run) for run in distinct.values() for repeat in range(1, self.repeats + 1)]
         digits = max(3, len(str(len(each))))
-        return [
-            PlannedRun(
-                f"r{i:0{digits}d}",
-                payload,
-                masses,
-                motion,
-                peak and peak.value,
-                repeat,
-                peak is not None and peak.dimension == "angular acceleration",
-            )
-            for i, (repeat, (payload, masses, motion, peak)) in enumerate(each, 1)
-        ]
+        return [replace(run, name=f"r{i:0{digits}d}", repeat=repeat) for i, (repeat, run) in enumerate(each, 1)]
 
 
 def load_plan(name: str | Path) -> Plan:

@@ -28,7 +28,6 @@ from balance.motion.motion_files import load_motion, motion_from_texts
 from balance.results import INLINE, Key
 from balance.units import G0
 
-from .campaign_plan import PlannedRun
 from .errors import AnalysisError
 from .kinematics.encoder_motion import mechanism_of
 from .runs.aligned_run import AlignedRun, recorded_clocks
@@ -237,7 +236,8 @@ def _of_one_mounting(runs: "Sequence[Run]", payload_kg: float | None) -> tuple[l
         asked = payload_kg is None or (payload is not None and np.isclose(payload, payload_kg))
         if asked and run.rig is not None and "motion" in run.conditions:
             masses = run.conditions.get("counter_masses", {})
-            groups.setdefault((payload, *sorted(masses.items())), []).append(run)
+            others = tuple(sorted(run.conditions.get("payloads", {}).items()))
+            groups.setdefault((payload, others, *sorted(masses.items())), []).append(run)
     if not groups:
         wanted = "" if payload_kg is None else f" of {payload_kg:g} kg"
         raise AnalysisError(
@@ -271,9 +271,7 @@ def _candidates(
 def _simulated(candidate: Candidate, first: AlignedRun, mounted: Sequence[SIRun]) -> AlignedRun:
     """What the loggers would record of a candidate, on the simulated bench of the rig."""
     key, rig = candidate.key, first.rig
-    linear, turning = key.peak_acceleration_g, key.peak_acceleration_rad_s2
-    peak = turning if linear is None else linear * G0
-    planned = PlannedRun("next", key.payload_kg, candidate.counter_masses, key.motion, peak, 1, turning is not None)
+    planned = key.planned("next", candidate.counter_masses)
     own = next((run for run in mounted if run.conditions["motion"] == key.motion), None)
     motion = load_motion(key.motion) if own is None else motion_of(own)
     bench = simulate_run(rig, first.unloaded, planned, motion=motion)

@@ -24,9 +24,9 @@ from balance.motion.motion_files import motion_from_table
 from balance.results import Key
 from balance.units import G0
 
-from .campaign_plan import Plan, PlannedRun, load_plan
+from .campaign_plan import PlannedRun, load_plan
 from .errors import RigError
-from .ingestion.run_table import RunTableRow, read_run_table
+from .ingestion.run_table import RunTableRow, read_run_table, write_run_table
 from .rig import Rig, load_rig
 from .rig.rig import mechanism_file
 from .simulator.run import planned_motion, planned_samples
@@ -92,7 +92,12 @@ def new_project(folder: Path, mechanism: str | None, loggers: int = 2) -> list[s
     try:
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
-        (folder / RUNS).write_text(_run_table_text(load_plan(folder / PLAN), load_rig(folder / RIG)), encoding="utf-8")
+        loggers = load_rig(folder / RIG).loggers
+        runs = load_plan(folder / PLAN).runs()
+        write_run_table(
+            folder / RUNS,
+            [(f"{run.name}_{name}.csv", run.name, "measured", run.conditions) for run in runs for name in loggers],
+        )
     except BaseException:
         if made:
             shutil.rmtree(folder, ignore_errors=True)
@@ -231,19 +236,6 @@ def _rig_text(file: str, model: Mechanism, loggers: int) -> str:
     return "\n".join([*lines, ""])
 
 
-def _run_table_text(plan: Plan, rig: Rig) -> str:
-    """Rows for the logs of the planned runs, one a logger."""
-    rows = ["file,run,origin,payload_kg,counter_masses,motion,repeat"]
-    for run in plan.runs():
-        masses = ";".join(f"{site}={mass:g}" for site, mass in run.counter_masses.items())
-        payload = "" if run.payload is None else f"{run.payload:g}"
-        rows += [
-            f"{run.name}_{logger}.csv,{run.name},measured,{payload},{masses},{run.motion},{run.repeat}"
-            for logger in rig.loggers
-        ]
-    return "\n".join([*rows, ""])
-
-
 def project_problems(folder: Path) -> list[Problem]:
     """All that is missing in a project's folder, or contradicts, at once."""
     if not folder.is_dir():
@@ -316,6 +308,7 @@ def _run(row: RunTableRow) -> PlannedRun:
         turning if linear is None else linear * G0,
         stated.get("repeat", 1),
         turning is not None,
+        stated.get("payloads", {}),
     )
 
 
@@ -326,18 +319,10 @@ def _contradictions(model: Mechanism, run: PlannedRun) -> Iterator[str]:
             model.with_counter_mass({site: mass})
         except CounterpoiseError as error:
             yield f"counter_masses: {error}"
-    if run.payload is None:
-        return
-    if len(model.payload_bodies) != 1:
-        yield (
-            f"payload: {model.name} names {len(model.payload_bodies)} payload bodies: leave the payload out, or name "
-            'one by <custom><text name="payload" data="BODY"/></custom> in its file'
-        )
-        return
     try:
-        model.with_payload({model.payload_bodies[0]: run.payload})
+        model.with_payload(run.payloads, run.payload)
     except CounterpoiseError as error:
-        yield str(error)
+        yield f"payload: {error}"
 
 
 def _motion_problems(folder: Path, rig: Rig, model: Mechanism, run: PlannedRun) -> Iterator[Problem]:

@@ -184,11 +184,24 @@ class Conditions(TypedDict, total=False):
     """What a run was made with, from the run table; what it leaves empty is absent."""
 
     payload_kg: float
+    payloads: dict[str, float]
     counter_masses: dict[str, float]
     motion: str
     peak_acceleration_g: float
     peak_acceleration_rad_s2: float
     repeat: int
+
+
+def payload_text(stated: Conditions) -> str:
+    """``5 kg, tip 0.1 kg``; empty where none is stated."""
+    whole = [f"{stated['payload_kg']:g} kg"] if "payload_kg" in stated else []
+    return ", ".join([*whole, *(f"{name} {mass:g} kg" for name, mass in stated.get("payloads", {}).items())])
+
+
+def peak_text(stated: Conditions) -> str:
+    """Peak acceleration with its unit, ``3 g0`` or ``60 rad/s2``; empty where none is stated."""
+    keys = (("peak_acceleration_g", "g0"), ("peak_acceleration_rad_s2", "rad/s2"))
+    return ", ".join(f"{stated[key]:.9g} {unit}" for key, unit in keys if key in stated)  # type: ignore[literal-required]
 
 
 LONGEST_NAME = 1000

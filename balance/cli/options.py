@@ -153,7 +153,7 @@ def growing_payloads(pairs: tuple[tuple[str, float], ...]) -> list[tuple[tuple[s
 
 def payload_bodies(mechanism: "Mechanism", payload: tuple[tuple[str, float], ...]) -> tuple[str, ...]:
     """Bodies whose balanced payload is computed: those named, or else the mechanism's own."""
-    return tuple(name for name, _ in payload) or mechanism.payload_bodies
+    return tuple(name for name, _ in payload if name in mechanism.own_mass) or mechanism.payload_bodies
 
 
 def response_summary(response: "Response") -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..arrays import Floats, frozen
 from ..errors import ModelError
+from ..input_files import suggestion
 from .forward_kinematics import Joint, Tree
 from .loop_constraints import Constraint, Loop
 
@@ -189,11 +190,40 @@ class Mechanism:
             raise ModelError(f"body {body!r} of {self.name} has no mass of its own, so no centre")
         return own[1:4] / own[0]
 
-    def with_payload(self, masses: Mapping[str, float]) -> "Mechanism":
-        """Set the masses of bodies [kg], at their own centres and with their own radii of gyration."""
-        mechanism = self
-        for body, mass in masses.items():
-            mechanism = mechanism._with_body_mass(body, mass)
+    @property
+    def payload_body(self) -> str:
+        """The one body that carries the payload. Raises ModelError where the file names none, or several."""
+        if len(self.payload_bodies) != 1:
+            raise ModelError(
+                f"{self.name} names {len(self.payload_bodies)} payload bodies: expected one; name it in the file by "
+                '<custom><text name="payload" data="BODY"/></custom>, or state the payload by body or site: '
+                f"payload_{next(iter(self.own_mass))}_kg in a run table, payloads in a plan (bodies: "
+                f"{', '.join(self.own_mass)}; sites: {', '.join(self.sites) or 'none'})"
+            )
+        return self.payload_bodies[0]
+
+    def with_payload(self, masses: Mapping[str, float], stated: float | None = None) -> "Mechanism":
+        """Set masses of bodies [kg], at their own centres and with their own radii of gyration; add masses at sites.
+
+        ``stated`` is the mass of the one body that carries the payload [kg]. Raises ModelError for an unknown name, for
+        one that a body and a site have, and for a body that is named twice.
+        """
+        mechanism, each = self, [*masses.items(), *([] if stated is None else [(self.payload_body, stated)])]
+        known = [*self.own_mass, *self.sites]
+        for name, mass in each:
+            if [other for other, _ in each].count(name) > 1:
+                raise ModelError(f"the payload of body {name!r} is stated twice: once by its name, once as that of all")
+            if name in self.own_mass and name in self.sites:
+                raise ModelError(f"{self.name} has a body and a site {name!r}: rename one, so that a payload names one")
+            if name in self.own_mass:
+                mechanism = mechanism._with_body_mass(name, mass)
+            elif name in self.sites:
+                mechanism = mechanism.with_counter_mass({name: mass})
+            else:
+                raise ModelError(
+                    f"{self.name} has no body or site {name!r}{suggestion(name, known)}: bodies are "
+                    f"{', '.join(self.own_mass)}, sites {', '.join(self.sites) or 'none'}"
+                )
         return mechanism
 
     def _with_body_mass(self, body: str, mass: float) -> "Mechanism":

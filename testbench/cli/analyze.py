@@ -140,8 +140,8 @@ def _place(reductions: "Sequence[Reduction]") -> tuple[str, ...]:
     """Columns of place and of what any condition states, with the counter-masses where one has several sets."""
     from ..vibration.reduction import sets_differ
 
-    names = ("payload_kg", "motion", "peak_acceleration_g", "peak_acceleration_rad_s2")
-    stated = [name for name in names if any(getattr(r.key, name) is not None for r in reductions)]
+    names = ("payload_kg", "payloads_kg", "motion", "peak_acceleration_g", "peak_acceleration_rad_s2")
+    stated = [name for name in names if any(getattr(r.key, name) not in (None, {}) for r in reductions)]
     masses = ("counter_masses",) if sets_differ(reductions) else ()
     return (*stated, *masses, "sensor", "axis")
 

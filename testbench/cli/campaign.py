@@ -133,22 +133,20 @@ def archive(stored: tuple[Path, ...], output: Path, as_json: bool) -> int:
 
 def _run_table(runs: "Sequence[Run]") -> tuple[list[str], list[list[str]]]:
     """Header and rows of the table of runs."""
+    from ..recording import payload_text, peak_text
+
     columns: dict[str, Callable[[Run], str]] = {
         "run": lambda run: run.name,
         "origin": lambda run: run.origin,
-        "payload kg": lambda run: _number(run.conditions.get("payload_kg")),
+        "payload": lambda run: payload_text(run.conditions) or "-",
         "counter-masses kg": lambda run: _masses(run.conditions.get("counter_masses")),
         "motion": lambda run: run.conditions.get("motion", "-"),
-        "peak g0": lambda run: _number(run.conditions.get("peak_acceleration_g")),
+        "peak": lambda run: peak_text(run.conditions) or "-",
         "repeat": lambda run: str(run.conditions.get("repeat", "-")),
         "samples": lambda run: ", ".join(str(group.samples) for group in run.groups),
         "findings": lambda run: str(sum(finding.severity > 0 for finding in run.findings)),
     }
     return list(columns), [[cell(run) for cell in columns.values()] for run in runs]
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:g}"
 
 
 def _masses(masses: dict[str, float] | None) -> str:

@@ -100,12 +100,8 @@ class ModelledRun:
         return low_pass(values, BAND_HZ, self.grid.rate)
 
     def place(self) -> Floats:
-        """Path of the payload's centre, base axes, (n, 3) [m]. Raises AnalysisError without one payload body."""
-        if len(self.unloaded.payload_bodies) != 1:
-            raise AnalysisError(
-                f"{self.unloaded.name} has {len(self.unloaded.payload_bodies)} payload bodies: expected one"
-            )
-        body = self.unloaded.payload_bodies[0]
+        """Path of the payload's centre, base axes, (n, 3) [m]. Raises ModelError without one payload body."""
+        body = self.unloaded.payload_body
         at = forward_kinematics.pose(self.unloaded.tree, np.ascontiguousarray(self.path.q.T))
         joint = self.unloaded.tree.bodies[self.unloaded.body_index(body)]
         return dense(at.point(joint, self.unloaded.centre(body)), at.count).T
@@ -117,11 +113,9 @@ class ModelledRun:
         counter-mass; ``base``: what all that the run table states adds as the base accelerates, ``base`` (n, 3) [m/s2].
         """
         mechanism, path = self.unloaded, self.path
-        if len(mechanism.payload_bodies) != 1:
-            raise AnalysisError(f"{mechanism.name} has {len(mechanism.payload_bodies)} payload bodies: expected one")
         driven = mechanism.driven
         rates = driven_rates(mechanism, path.per_drive, driven)
-        body = mechanism.payload_bodies[0]
+        body = mechanism.payload_body
         masses = {"payload": mechanism.with_payload({body: 2.0}).pi - mechanism.with_payload({body: 1.0}).pi}
         masses |= {s: mechanism.with_counter_mass({s: 1.0}).pi - mechanism.pi for s in mechanism.counter_sites}
         masses["model"] = mechanism.with_payload({body: 1.0}).pi - masses["payload"]

@@ -1,7 +1,6 @@
 """Figures of runs: motor torques, forces and base acceleration with and without counter-masses; command; spectrum."""
 
 from collections.abc import Sequence
-from math import nan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -189,11 +188,8 @@ def base_acceleration(with_run: "Run", without_run: "Run", measure: Measure | No
 
 
 def _pair(with_run: "Run", without_run: "Run") -> Pair:
-    c = with_run.conditions
-    key = ConditionKey(
-        c.get("payload_kg", nan), c.get("motion", ""), c.get("peak_acceleration_g", nan), with_run.origin
-    )
-    return Pair(key, c.get("counter_masses", {}), (with_run,), (without_run,))
+    masses = with_run.conditions.get("counter_masses", {})
+    return Pair(ConditionKey.of(with_run), masses, (with_run,), (without_run,))
 
 
 def _text(found: Reduction) -> str:

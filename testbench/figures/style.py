@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from balance.arrays import Floats
 
+from ..recording import payload_text, peak_text
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -69,9 +71,9 @@ def condition_of(run: "Run | SIRun") -> str:
     """Payload, motion and acceleration of a run in words; its name where none is known."""
     c = run.conditions
     parts = (
-        f"payload {c['payload_kg']:g} kg" if "payload_kg" in c else "",
+        f"payload {payload_text(c)}" if payload_text(c) else "",
         f"motion {c['motion']}" if "motion" in c else "",
-        f"peak {c['peak_acceleration_g']:g} g0" if "peak_acceleration_g" in c else "",
+        f"peak {peak_text(c)}" if peak_text(c) else "",
     )
     return ", ".join(part for part in parts if part) or run.name
 

@@ -4,6 +4,7 @@ A mechanism that is made of several files (includes, meshes, the loops of a robo
 same. What cannot be found or read is a finding: the logs are stored nevertheless.
 """
 
+import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +19,8 @@ from ..rig.rig import NONE, mechanism_file
 if TYPE_CHECKING:
     from ..rig import Rig
 
+_ONE_PAYLOAD = re.compile(r'<text name="payload" data="[^" ]+" */>')
+"""How a mechanism's text names one body as its payload."""
 _SEVERAL_FILES = ("<include", "<attach", "<model", "file=", "<robot", "<sdf")
 """What a mechanism's text holds that is made of more than itself, or whose loops are described elsewhere."""
 Inputs = dict[str, tuple[str, ...]]
@@ -28,7 +31,7 @@ def run_inputs(rig: "Rig | None", conditions: Conditions, folders: Iterable[Path
     """The rig's mechanism, and the motion that the run table names, looked for in ``folders``, then among the shipped.
 
     A motion that is no file's name is a label, and none is stored. A peak acceleration of another kind than that of the
-    motion is a finding.
+    motion is a finding, and so is a payload that no body is named for.
     """
     motion = conditions.get("motion")
     found, findings = Inputs(), list[Finding]()
@@ -42,7 +45,21 @@ def run_inputs(rig: "Rig | None", conditions: Conditions, folders: Iterable[Path
             findings.append(Finding("input_not_stored", None, None, message))
         else:
             found[kind] = (path.name, *texts)
-    return found, findings + (_peak_findings(found["motion"], conditions) if "motion" in found else [])
+    findings += _peak_findings(found["motion"], conditions) if "motion" in found else []
+    return found, findings + (_payload_findings(found["mechanism"], conditions) if "mechanism" in found else [])
+
+
+def _payload_findings(mechanism: tuple[str, ...], conditions: Conditions) -> list[Finding]:
+    """A finding where a payload is stated and the mechanism does not name the one body that carries it."""
+    if "payload_kg" not in conditions or _ONE_PAYLOAD.search(mechanism[1]):
+        return []
+    from balance.mechanism.mjcf_parser import mechanism_from_text  # late: most files say it in one line
+
+    try:
+        _ = mechanism_from_text(mechanism[1], mechanism[0]).payload_body
+    except CounterpoiseError as error:
+        return [Finding("condition_contradiction", None, None, f"payload_kg is stated, but {error}")]
+    return []
 
 
 def _peak_findings(motion: tuple[str, ...], conditions: Conditions) -> list[Finding]:

@@ -1,18 +1,22 @@
-"""The run table, ``runs.csv``: one row a log file with the conditions of its run, checked by line and column.
+"""The run table, ``runs.csv`` or ``runs.xlsx``: what each run was made with, checked by line and column.
 
-From it, and the files that are given, follow the runs to be stored, or why one cannot be.
+A long table has a row a log file, a wide one a row a run with a column ``file_NAME`` for each log. From it, and the
+files that are given, follow the runs to be stored, or why one cannot be.
 """
 
 import csv
 import io
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from pathlib import Path, PurePath
 from typing import Annotated, cast
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, ConfigDict, Field
+from pydantic.json_schema import SkipJsonSchema
 
+from balance.errors import DataError
 from balance.input_files import Table, Text, model_from_table, read_text, suggestion
 
 from ..errors import RigError
@@ -38,16 +42,37 @@ BySite = Annotated[dict[str, NotNegative], BeforeValidator(_by_site, json_schema
 
 
 class RunRow(Table):
-    """A log file, and what its run was made with."""
+    """A log file, or all logs of a run, and what the run was made with."""
 
-    file: Text
-    """Name of the log file, or its place relative to the table's folder."""
+    model_config = ConfigDict(
+        json_schema_extra={
+            "patternProperties": {
+                "^file_.+$": {
+                    "type": "string",
+                    "description": "In a table with a row a run: one column for each of its log files, by any NAME.",
+                },
+                "^payload_.+_kg$": {
+                    "type": "number",
+                    "minimum": 0,
+                    "description": "payload_NAME_kg: all that the body NAME carries, itself included, or what is added "
+                    "at the site NAME [kg].",
+                },
+            }
+        }
+    )
+
+    file: Text | None = None
+    """Name of the log file, or its place relative to the table's folder; or columns file_NAME."""
     run: Text | None = None
     """Name of the run; files of one run are stored together."""
     origin: Origin = "unstated"
     """Where the log is from."""
     payload_kg: NotNegative | None = None
-    """Everything that the platform carries, itself included [kg]."""
+    """Everything that the mechanism's payload body carries, itself included [kg]."""
+    payloads: SkipJsonSchema[dict[str, NotNegative] | None] = None
+    """Of columns ``payload_NAME_kg``: by body or site [kg]."""
+    files: SkipJsonSchema[tuple[Text, ...]] = ()
+    """Of columns ``file_NAME``."""
     counter_masses: BySite | None = None
     """Counter-masses by site, ``SITE=KG;SITE=KG`` [kg]."""
     motion: Text | None = None
@@ -62,12 +87,20 @@ class RunRow(Table):
     @property
     def conditions(self) -> Conditions:
         """What the run was made with; what the table leaves empty is absent."""
-        return cast(Conditions, self.model_dump(exclude={"file", "run", "origin"}, exclude_none=True))
+        return cast(Conditions, self.model_dump(exclude={"file", "files", "run", "origin"}, exclude_none=True))
+
+    def _check(self) -> None:
+        if bool(self.file) == bool(self.files):
+            raise DataError("file: missing: expected name of the log file, or columns file_NAME, one for each log")
+        if self.files and self.run is None:
+            raise DataError("run: missing: expected a name, which the run of several files needs")
 
 
-COLUMNS = tuple(RunRow.model_fields)
-"""Columns of a run table; ``file`` alone must be there."""
-_NUMBERS = ("payload_kg", "counter_masses", "peak_acceleration_g", "peak_acceleration_rad_s2")
+COLUMNS = tuple(name for name in RunRow.model_fields if name not in {"payloads", "files"})
+"""Columns of a run table, beside those of _OTHERS; ``file``, or some ``file_NAME``, alone must be there."""
+_OTHERS = {"files": re.compile(r"file_(.+)"), "payloads": re.compile(r"payload_(.+)_kg")}
+"""Columns with a name of the user's."""
+_NUMBERS = {"payload_kg", "counter_masses", "peak_acceleration_g", "peak_acceleration_rad_s2"}
 
 
 @dataclass(frozen=True)
@@ -84,30 +117,74 @@ class RunTableRow:
 
 
 def read_run_table(run_table: Path) -> list[RunTableRow]:
-    """The rows of a run table. Raises RigError, with line and column, for what it does not understand.
+    """The rows of a run table, one a log. Raises RigError, with line and column, for what it does not understand.
 
-    Commas, tabs or semicolons separate the cells, as the first line shows; with semicolons, as spreadsheets of half of
-    Europe write them, numbers may have decimal commas, all or none.
+    Of a CSV commas, tabs or semicolons separate the cells, as the first line shows; with semicolons, as spreadsheets of
+    half of Europe write them, numbers may have decimal commas, all or none.
     """
-    text = read_text(run_table, RigError).removeprefix("\ufeff")
-    first = text.partition("\n")[0]
-    delimiter = ";" if ";" in first else "\t" if "\t" in first else ","
-    table = csv.DictReader(io.StringIO(text), delimiter=delimiter)
-    columns = [name.strip() for name in table.fieldnames or []]
-    table.fieldnames = columns
-    if "file" not in columns:
-        raise RigError(f"{run_table.name}: no column 'file': expected a run table with {', '.join(COLUMNS)}")
-    if unknown := [name for name in columns if name not in COLUMNS]:
-        hint = suggestion(unknown[0], COLUMNS) or f": expected some of {', '.join(COLUMNS)}"
-        raise RigError(f"{run_table.name}: unknown column {unknown[0]!r}{hint}")
-    try:
-        rows = [_row(run_table.name, table.line_num, cells, delimiter) for cells in table if any(cells.values())]
-    except csv.Error as error:
-        raise RigError(f"{run_table.name}, line {table.line_num}: {error}") from error
+    if run_table.suffix.lower() in {".xlsx", ".xlsm"}:
+        from .spreadsheet import spreadsheet_rows  # late: it needs a library that few tables do
+
+        table, delimiter = spreadsheet_rows(run_table), ""
+    else:
+        table, delimiter = _csv_table(run_table)
+    columns = [cell.strip() for cell in table[0][1]] if table else []
+    _check_columns(run_table, columns)
+    rows = [row for line, cells in table[1:] for row in _rows(run_table.name, line, columns, cells, delimiter)]
     if not rows:
         raise RigError(f"{run_table.name}: names no file")
     _check_rows(run_table, rows)
     return rows
+
+
+def write_run_table(path: Path, rows: Iterable[tuple[str, str, Origin, Conditions]]) -> None:
+    """Write a long run table: a row for each file, with its run, origin and conditions."""
+    lines = [{"run": run, "file": file, "origin": origin} | _cells(stated) for file, run, origin, stated in rows]
+    used = dict.fromkeys(column for line in lines for column in line)
+    known = [column for column in ("run", *COLUMNS) if column in used]
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.DictWriter(stream, list(dict.fromkeys([*known, *used])), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(lines)
+
+
+def _cells(stated: Conditions) -> dict[str, str]:
+    """Conditions as the cells of a row."""
+    found = {key: _written(value) for key, value in stated.items() if key != "payloads"}
+    return found | {f"payload_{name}_kg": _written(mass) for name, mass in stated.get("payloads", {}).items()}
+
+
+def _written(value: object) -> str:
+    if isinstance(value, dict):
+        return ";".join(f"{site}={_written(mass)}" for site, mass in value.items())
+    return f"{value:.12g}" if isinstance(value, float) else str(value)
+
+
+def _csv_table(run_table: Path) -> tuple[list[tuple[int, list[str]]], str]:
+    """Line and cells of each row that is not blank, and what separates the cells."""
+    text = read_text(run_table, RigError).removeprefix("\ufeff")
+    first = text.partition("\n")[0]
+    delimiter = ";" if ";" in first else "\t" if "\t" in first else ","
+    lines = csv.reader(io.StringIO(text), delimiter=delimiter)
+    try:
+        return [(lines.line_num, cells) for cells in lines if any(cells)], delimiter
+    except csv.Error as error:
+        raise RigError(f"{run_table.name}, line {lines.line_num}: {error}") from error
+
+
+def _check_columns(run_table: Path, columns: Sequence[str]) -> None:
+    if "file" not in columns and not any(_OTHERS["files"].fullmatch(name) for name in columns):
+        raise RigError(
+            f"{run_table.name}: no column 'file': expected a run table with {', '.join(COLUMNS)}; or a row a run, with "
+            "columns file_NAME in place of file"
+        )
+    if again := [name for name in columns if columns.count(name) > 1]:
+        raise RigError(f"{run_table.name}: column {again[0]!r} is there twice: remove one")
+    for name in columns:
+        if name not in COLUMNS and not any(form.fullmatch(name) for form in _OTHERS.values()):
+            hint = suggestion(name, COLUMNS)
+            more = f"{hint or ': expected some of ' + ', '.join(COLUMNS)}, payload_BODY_kg, file_LOGGER"
+            raise RigError(f"{run_table.name}: unknown column {name!r}{hint or more}")
 
 
 def _check_rows(run_table: Path, rows: Sequence[RunTableRow]) -> None:
@@ -129,20 +206,30 @@ def _check_rows(run_table: Path, rows: Sequence[RunTableRow]) -> None:
         )
 
 
-def _row(name: str, line: int, cells: Mapping[str | None, str | None], delimiter: str) -> RunTableRow:
+def _rows(name: str, line: int, columns: Sequence[str], cells: Sequence[str], delimiter: str) -> Iterator[RunTableRow]:
+    """The logs that a row of the table names; without a ``delimiter`` it ends with its last cell that is not blank."""
     place = f"{name}, line {line}"
-    if None in cells or None in cells.values():
+    if len(cells) > len(columns) or (delimiter and len(cells) < len(columns)):
         hint = (
             "" if delimiter != ";" else "; counter_masses with several sites need quotes in a run table with semicolons"
         )
         raise RigError(f"{place}: more or fewer cells than columns{hint}")
-    text = {str(column): (cell or "").strip() for column, cell in cells.items()}
-    marks = frozenset(re.findall(r"(?<=\d)[.,](?=\d)", " ".join(text.get(column, "") for column in _NUMBERS)))
+    text = {column: cell.strip() for column, cell in zip_longest(columns, cells, fillvalue="")}
+    numbers = [column for column in text if column in _NUMBERS or _OTHERS["payloads"].fullmatch(column)]
+    marks = frozenset(re.findall(r"(?<=\d)[.,](?=\d)", " ".join(text[column] for column in numbers)))
     if delimiter == ";" and marks == {","}:
-        text |= {column: text[column].replace(",", ".") for column in _NUMBERS if column in text}
-    given = {column: cell for column, cell in text.items() if cell or column == "counter_masses"}
+        text |= {column: text[column].replace(",", ".") for column in numbers}
+    given: dict[str, object] = {}
+    for column, cell in text.items():
+        if column in COLUMNS and (cell or column == "counter_masses"):
+            given[column] = cell
+        elif cell and (found := _OTHERS["files"].fullmatch(column)):
+            given["files"] = (*cast(tuple[str, ...], given.get("files", ())), cell)
+        elif cell and (found := _OTHERS["payloads"].fullmatch(column)):
+            given.setdefault("payloads", {})[found[1]] = cell  # type: ignore[attr-defined]
     row = model_from_table(RunRow, given, place, RigError)
-    return RunTableRow(line, row.file, row.run, row.origin, row.conditions, marks)
+    for file in row.files or (row.file or "",):
+        yield RunTableRow(line, file, row.run, row.origin, row.conditions, marks)
 
 
 _NAME = re.compile(r"[\w+(#@][\w+()#@,=~ .-]{0,119}")
@@ -184,10 +271,10 @@ def plan_rows(rows: Sequence[RunTableRow], files: Sequence[Path], run_table: Pat
     Raises RigError if rows of one run differ in their conditions, or runs would have one name, or one row means several
     files.
     """
-    paths = {row.line: path for row in rows if (path := _given(row, files, run_table)) is not None}
+    paths = {row.file: path for row in rows if (path := _given(row, files, run_table)) is not None}
     named = list(paths.values())
     for row in rows:
-        if row.line in paths and named.count(paths[row.line]) > 1:
+        if row.file in paths and named.count(paths[row.file]) > 1:
             raise RigError(f"{run_table.name}, line {row.line}: names {row.file} a second time")
     groups: dict[str, list[RunTableRow]] = {}
     for row in rows:
@@ -220,7 +307,7 @@ def _problems(runs: Sequence[PlannedRun]) -> dict[str, str]:
     return found
 
 
-def _run(name: str, rows: Sequence[RunTableRow], paths: Mapping[int, Path], run_table: Path) -> PlannedRun:
+def _run(name: str, rows: Sequence[RunTableRow], paths: Mapping[str, Path], run_table: Path) -> PlannedRun:
     first = rows[0]
     for row in rows[1:]:
         if row.run is None:
@@ -229,8 +316,8 @@ def _run(name: str, rows: Sequence[RunTableRow], paths: Mapping[int, Path], run_
             )
         if (row.conditions, row.origin) != (first.conditions, first.origin):
             raise RigError(f"{run_table.name}, line {row.line}: run {name!r} has other conditions in line {first.line}")
-    missing = tuple(row.file for row in rows if row.line not in paths)
-    given = tuple(paths[row.line] for row in rows if row.line in paths)
+    missing = tuple(row.file for row in rows if row.file not in paths)
+    given = tuple(paths[row.file] for row in rows if row.file in paths)
     problem = f"waits for {', '.join(missing)}, of the same run {name!r}" if missing else ""
     return PlannedRun(name, given, first.origin, first.conditions, problem, run_table.parent, missing)
 

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from balance.closure import Closure, Trajectory
+from balance.errors import ModelError
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
 from balance.motion import Samples
@@ -63,17 +64,16 @@ def encoder_trajectory(
 def loaded_mechanism(run: "SIRun", mechanism: Mechanism) -> Mechanism:
     """The mechanism with the payload and counter-masses that the run table states for a run.
 
-    Raises AnalysisError where a payload is stated and the mechanism does not name one body for it.
+    Raises AnalysisError where the mechanism has no place for one of them.
     """
-    conditions = run.conditions
-    if "payload_kg" in conditions:
-        if len(mechanism.payload_bodies) != 1:
-            raise AnalysisError(
-                f"{run.name}: its payload is {conditions['payload_kg']:g} kg, but {mechanism.name} names "
-                f"{len(mechanism.payload_bodies)} payload bodies: expected one"
-            )
-        mechanism = mechanism.with_payload({mechanism.payload_bodies[0]: conditions["payload_kg"]})
-    return mechanism.with_counter_mass(conditions.get("counter_masses", {}))
+    stated = run.conditions
+    try:
+        carrying = mechanism.with_payload(stated.get("payloads", {}), stated.get("payload_kg"))
+        return carrying.with_counter_mass(stated.get("counter_masses", {}))
+    except ModelError as error:
+        raise AnalysisError(
+            f"{run.name}: {error}; a corrected mechanism file takes the place of the stored one"
+        ) from error
 
 
 def mechanism_of(run: "SIRun", given: str | None) -> Mechanism:

@@ -258,9 +258,7 @@ def _followed_point(run: "AlignedRun") -> tuple[str, Floats]:
     for sensor in run.run.rig.of_kind(Accelerometer).values():
         if sensor.attached_to != "base":
             return sensor.attached_to, np.array(sensor.position)
-    if len(mechanism.payload_bodies) != 1:
-        raise AnalysisError(f"{mechanism.name} has {len(mechanism.payload_bodies)} payload bodies: expected one")
-    body = mechanism.payload_bodies[0]
+    body = mechanism.payload_body
     return body, np.array(mechanism.centre(body))
 
 

@@ -45,11 +45,14 @@ def rate_findings(rig: "Rig | None", groups: Iterable[GroupCheck]) -> list[Findi
 
 
 def of_conditions(rig: "Rig", conditions: Mapping[str, Any]) -> list[Finding]:
-    """Counter-masses that the run table puts on sites which the rig's mechanism does not have."""
+    """Counter-masses and payloads that the run table puts on sites which the rig's mechanism does not have."""
     if rig.names is None:
         return []
-    wrong = [rig.names.unknown("site", site) for site in conditions.get("counter_masses", {})]
-    return [Finding("unknown_site", None, None, f"the run table's counter_masses: {text}") for text in wrong if text]
+    wrong = [("counter_masses", rig.names.unknown("site", site)) for site in conditions.get("counter_masses", {})]
+    for name in conditions.get("payloads", {}):
+        if name not in rig.names.bodies:
+            wrong.append((f"payload_{name}_kg", rig.names.unknown("site", name)))
+    return [Finding("unknown_site", None, None, f"the run table's {key}: {text}") for key, text in wrong if text]
 
 
 def rig_findings(

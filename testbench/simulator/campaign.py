@@ -5,13 +5,12 @@ serves tests and the evaluation of an analysis, which never reads it: a Parquet 
 noise (base and drives in single precision), and one JSON document with all that was drawn.
 """
 
-import csv
 import json
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -19,9 +18,10 @@ from balance.balancing import conditions
 from balance.mechanism.mechanism import Mechanism
 from balance.table_files import can_write_parquet, write_csv, write_csv_file, write_parquet
 
-from ..campaign_plan import Plan, PlannedRun
+from ..campaign_plan import Plan
 from ..errors import RigError
-from ..ingestion.run_table import COLUMNS
+from ..ingestion.run_table import write_run_table
+from ..recording import Origin
 from ..rig import Column, Rig
 from ..rig.bench import Logger
 from . import simulated_logs
@@ -152,19 +152,14 @@ def _write_all(
     balance = conditions.balance_conditions(mechanism)
     for number, run in enumerate(simulated_logs.simulate_logs(plan, rig), 1):
         names = _write_logs(folder, rig, run)
-        table += [_row(run.planned, name) for name in names]
+        planned = run.planned
+        table += [(name, planned.name, cast(Origin, "simulated"), planned.conditions) for name in names]
         facts.append(write_run_truth(folder / TRUTH_FOLDER, rig, run, balance))
         if progress:
             progress(number, total)
     write_campaign_truth(folder / TRUTH_FOLDER, rig, plan.seed, facts)
-    with (folder / RUN_TABLE).open("w", encoding="utf-8", newline="") as file:
-        used = {column for row in table for column in row}
-        writer = csv.DictWriter(
-            file, [name for name in dict.fromkeys(("run", *COLUMNS)) if name in used], lineterminator="\n"
-        )
-        writer.writeheader()
-        writer.writerows(table)
-    return [row["file"] for row in table]
+    write_run_table(folder / RUN_TABLE, table)
+    return [row[0] for row in table]
 
 
 def _write_logs(folder: Path, rig: Rig, run: SimulatedRun) -> list[str]:
@@ -174,12 +169,3 @@ def _write_logs(folder: Path, rig: Rig, run: SimulatedRun) -> list[str]:
         about = {"rig": rig.name or rig.mechanism, "run": run.planned.name, "logger": name}
         write_log(folder / names[-1], rig.loggers[name], list(rig.columns(name)), log, about)
     return names
-
-
-def _row(planned: PlannedRun, file: str) -> dict[str, str]:
-    """A line of the run table, as a person at the bench would keep it."""
-    masses = ";".join(f"{site}={mass:.12g}" for site, mass in planned.counter_masses.items())
-    stated = {
-        key: f"{value:.12g}" if isinstance(value, float) else str(value) for key, value in planned.conditions.items()
-    }
-    return {"run": planned.name, "file": file, "origin": "simulated", **stated, "counter_masses": masses}

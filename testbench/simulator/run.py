@@ -130,15 +130,10 @@ class BenchRun:
 
 def payload_body(mechanism: Mechanism, named: str | None = None) -> str:
     """The body whose mass is the payload, the one that the mechanism's file names. Raises RigError for another one."""
-    own = mechanism.payload_bodies
-    if len(own) != 1:
-        raise RigError(
-            f"{mechanism.name} names {len(own)} bodies as its payload: expected one, by "
-            '<custom><text name="payload" data="BODY"/></custom> in its file'
-        )
-    if named not in {None, own[0]}:
-        raise RigError(f"payload_body is {named!r}, but the payload of {mechanism.name} is {own[0]!r}")
-    return own[0]
+    own = mechanism.payload_body
+    if named not in {None, own}:
+        raise RigError(f"payload_body is {named!r}, but the payload of {mechanism.name} is {own!r}")
+    return own
 
 
 def simulate_run(
@@ -225,7 +220,7 @@ def _loaded(mechanism: Mechanism, bench: Bench, planned: PlannedRun) -> Mechanis
         placed = replace(
             placed, gravity=moving_base_coupling.gravity_in_tilted_axes(mechanism.gravity, np.array(bench.tilt))
         )
-    loaded = placed if planned.payload is None else placed.with_payload({payload_body(mechanism): planned.payload})
+    loaded = placed.with_payload(planned.payloads, planned.payload)
     return loaded.with_counter_mass(planned.counter_masses)
 
 

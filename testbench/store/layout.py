@@ -26,7 +26,6 @@ MARK = "counterpoise_layout"
 
 ENTRY = "entry"
 CONDITIONS = f"{ENTRY}/conditions"
-COUNTER_MASSES = f"{CONDITIONS}/counter_masses"
 PROVENANCE = f"{ENTRY}/provenance"
 NOTES = f"{ENTRY}/notes"
 DESCRIPTION = f"{NOTES}/description"

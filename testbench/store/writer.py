@@ -358,9 +358,11 @@ class RunWriter:
         with self._writing():
             self._file[layout.ENTRY].attrs.update({"origin": origin, "groups": keys, "default": default})
             node = _collection(self._file, layout.CONDITIONS)
-            node.attrs.update({key: value for key, value in conditions.items() if key != "counter_masses"})
-            if "counter_masses" in conditions:
-                _collection(self._file, layout.COUNTER_MASSES).attrs.update(conditions["counter_masses"])
+            for key, value in conditions.items():
+                if isinstance(value, dict):
+                    _collection(self._file, f"{layout.CONDITIONS}/{key}").attrs.update(value)
+                else:
+                    node.attrs[key] = value
             _collection(self._file, layout.PROVENANCE).attrs["json"] = json.dumps(provenance, ensure_ascii=False)
             for number, source in enumerate(provenance["sources"], 1):
                 flat = {k: v for k, v in source.items() if isinstance(v, str | int | float)}

@@ -16,6 +16,7 @@ from .estimators import ESTIMATORS, HINTS, present_sources
 from .problem import NAMES, Source, SourceEstimate, TrimProblem
 from .result import Share, Trim
 
+_PAYLOAD = ("payload_kg", "payloads")
 RESOLUTION = 0.25
 """Half of an interval, as a part of the first moment that the site lacks without counter-masses, from which a record
 cannot tell what is missing."""
@@ -92,7 +93,7 @@ def trim_problem(runs: Sequence[AlignedRun], sites: Sequence[str], cutoff: float
 
 def _checked(problem: TrimProblem, wanted: list[Source]) -> list[Source]:
     """The sources that are named, if the runs are fit for them."""
-    differs = _differs(problem, "payload_kg", "counter_masses")
+    differs = _differs(problem, *_PAYLOAD, "counter_masses")
     if "trials" in wanted and len(wanted) > 1:
         raise AnalysisError("trial masses are runs of several mountings, other sources take runs of one: name one")
     if wanted != ["trials"] and differs:
@@ -105,7 +106,7 @@ def _checked(problem: TrimProblem, wanted: list[Source]) -> list[Source]:
 def _present(problem: TrimProblem) -> list[Source]:
     """The sources that the rig has for these runs."""
     first = problem.runs[0]
-    if other := _differs(problem, "payload_kg"):
+    if other := _differs(problem, *_PAYLOAD):
         raise AnalysisError(f"{other}: expected runs of one mounting")
     differs = _differs(problem, "counter_masses")
     if differs and not first.rig.base_accelerometers:
@@ -167,9 +168,8 @@ def _refuse_wide(estimate: SourceEstimate, problem: TrimProblem) -> None:
 
 def lacking(problem: TrimProblem) -> list[float]:
     """What each site lacks without counter-masses, by the model [kg m]."""
-    payload = problem.runs[0].conditions.get("payload_kg")
-    bare = problem.mechanism
-    bare = bare if payload is None else bare.with_payload({bare.payload_bodies[0]: payload})
+    stated = problem.runs[0].conditions
+    bare = problem.mechanism.with_payload(stated.get("payloads", {}), stated.get("payload_kg"))
     values = problem.conditions.values(bare)
     masses = masses_per_value(problem.conditions, bare, problem.sites, values) @ values
     return [float(mass) * bare.lever_arm(site) for mass, site in zip(masses, problem.sites, strict=True)]

@@ -13,7 +13,7 @@ from balance.estimation.first_moment_imbalance import Imbalance
 from balance.estimation.regression import RegressionRecord, equal_blocks
 from balance.mechanism.mechanism import Mechanism
 
-from ..recording import Finding
+from ..recording import Finding, peak_text
 from ..runs.aligned_run import AlignedRun
 from .valid_samples import ValidSamples
 
@@ -121,8 +121,8 @@ def offset_and_drift(kept: Floats, rows: int) -> Floats:
 
 def motion_name(run: AlignedRun) -> str:
     """What repeats of one motion have in common; empty where the conditions do not say."""
-    motion, peak = run.conditions.get("motion"), run.conditions.get("peak_acceleration_g")
-    return "" if motion is None or peak is None else f"{motion} at {peak:.9g} g0"
+    motion, peak = run.conditions.get("motion"), peak_text(run.conditions)
+    return f"{motion} at {peak}" if motion and peak else ""
 
 
 def shared_unknowns(records: Sequence[RegressionRecord], rank: int) -> Floats:

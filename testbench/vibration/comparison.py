@@ -16,9 +16,7 @@ from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism
 from balance.motion.motion_files import motion_from_texts
 from balance.results import INLINE, Key
-from balance.units import G0
 
-from ..campaign_plan import PlannedRun
 from ..errors import AnalysisError
 from ..kinematics.encoder_motion import mechanism_of
 from ..published_tables import Published
@@ -67,13 +65,11 @@ class Prediction:
                     f"be simulated: put {pair.key.motion}.toml into the folder of the run table and ingest into a new "
                     "campaign"
                 )
-            linear, turning = pair.key.peak_acceleration_g, pair.key.peak_acceleration_rad_s2
-            peak = turning if linear is None else linear * G0
-            planned = PlannedRun(
-                pair.runs[0].name, pair.key.payload_kg, masses, pair.key.motion, peak, 1, turning is not None
-            )
             run = simulate_run(
-                self.rig, self.mechanism, planned, motion=None if stored is None else motion_from_texts(*stored)
+                self.rig,
+                self.mechanism,
+                pair.key.planned(pair.runs[0].name, masses),
+                motion=None if stored is None else motion_from_texts(*stored),
             )
             self._simulated[key] = self._base(run), self._force(run)
         return self._simulated[key]

@@ -1,19 +1,26 @@
 """Which runs of a campaign are compared: those whose conditions are equal but for the counter-masses."""
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 from balance.results import Key
+from balance.units import G0
 
+from ..campaign_plan import PlannedRun
 from ..recording import Finding
 
 if TYPE_CHECKING:
     from ..store import Run
 
-_COMPARED = ("payload_kg", "motion", "peak_acceleration_g", "peak_acceleration_rad_s2")
+_COMPARED = ("payload_kg", "payloads", "motion", "peak_acceleration_g", "peak_acceleration_rad_s2")
 """Conditions that two runs must share; one that no run of a campaign states is not needed, the motion excepted."""
+
+
+def masses_text(masses: Mapping[str, float]) -> str:
+    """``tool 0.5 kg, tip 0.1 kg``."""
+    return ", ".join(f"{name} {mass:g} kg" for name, mass in masses.items())
 
 
 @dataclass(frozen=True)
@@ -28,19 +35,41 @@ class ConditionKey:
     origin: Annotated[str, Key("", "origin")]
     peak_acceleration_rad_s2: Annotated[float | None, Key("", "peak rad/s2", "g")] = None
     """Of joints that turn [rad/s2]; None where no run states one."""
+    payloads: tuple[tuple[str, float], ...] = ()
+    """By body or site, in the order of their names [kg]."""
+
+    @property
+    def payloads_kg(self) -> Annotated[dict[str, float], Key("", "payloads", masses_text)]:
+        """By body or site [kg]."""
+        return dict(self.payloads)
 
     @classmethod
     def of(cls, run: "Run") -> "ConditionKey":
-        """The key of a run whose conditions are complete."""
+        """The key of a run; its motion is empty where none is stated."""
         c = run.conditions
         peaks = (c.get("peak_acceleration_g"), c.get("peak_acceleration_rad_s2"))
         linear, turning = (None if peak is None else round(peak, 9) for peak in peaks)
-        return cls(c.get("payload_kg"), c["motion"], linear, run.origin, turning)
+        return cls(
+            c.get("payload_kg"),
+            c.get("motion", ""),
+            linear,
+            run.origin,
+            turning,
+            tuple(sorted(c.get("payloads", {}).items())),
+        )
+
+    def planned(self, name: str, counter_masses: Mapping[str, float]) -> PlannedRun:
+        """A run of this condition with these counter-masses [kg], to be simulated."""
+        linear, turning = self.peak_acceleration_g, self.peak_acceleration_rad_s2
+        peak = turning if linear is None else linear * G0
+        return PlannedRun(
+            name, self.payload_kg, dict(counter_masses), self.motion, peak, 1, turning is not None, dict(self.payloads)
+        )
 
     def __str__(self) -> str:
         stated = {" kg": self.payload_kg, " g0": self.peak_acceleration_g, " rad/s2": self.peak_acceleration_rad_s2}
         payload, *peaks = ("" if value is None else f"{value:g}{unit}" for unit, value in stated.items())
-        return ", ".join(filter(None, (payload, f"motion {self.motion}", *peaks)))
+        return ", ".join(filter(None, (payload, masses_text(self.payloads_kg), f"motion {self.motion}", *peaks)))
 
 
 @dataclass(frozen=True)

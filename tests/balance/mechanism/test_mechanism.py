@@ -1,5 +1,7 @@
 """Payloads and counter-masses set in a mechanism, without touching the one that was read."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -83,9 +85,22 @@ def test_impossible_counter_masses(manipulator: Mechanism, mass: float) -> None:
         manipulator.with_counter_mass({"counter_A0A": mass})
 
 
+def test_payloads_by_name(manipulator: Mechanism) -> None:
+    """By a body as by the file's own payload; at a site as a mass there, which is added; each body once."""
+    named = manipulator.with_payload({"platform": 3.0})
+    assert np.array_equal(named.pi, manipulator.with_payload({}, 3.0).pi)
+    tip = manipulator.with_payload({"C_platform": 0.5}, 3.0)
+    assert np.array_equal(tip.pi, named.with_counter_mass({"C_platform": 0.5}).pi)
+    with pytest.raises(ModelError, match="'platform' is stated twice"):
+        manipulator.with_payload({"platform": 2.0}, 3.0)
+    none = replace(manipulator, payload_bodies=())
+    with pytest.raises(ModelError, match=r"0 payload bodies.*data=\"BODY\".*payload_A0A_kg.*sites: counter_A0A"):
+        none.with_payload({}, 3.0)
+
+
 def test_unknown_names_list_what_there_is(manipulator: Mechanism) -> None:
     """A body, a site, a joint that is not there."""
-    with pytest.raises(ModelError, match="no moving body 'crate': there are A0A, AC, B0B, BD, platform"):
+    with pytest.raises(ModelError, match="no body or site 'crate': bodies are A0A, AC, B0B, BD, platform, sites "):
         manipulator.with_payload({"crate": 1.0})
     with pytest.raises(ModelError, match="no site 'nowhere': there are counter_A0A, C_AC"):
         manipulator.with_counter_mass({"nowhere": 1.0})

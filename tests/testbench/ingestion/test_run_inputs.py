@@ -88,6 +88,16 @@ def test_what_cannot_be_read_is_said(folder):
     assert [name in message for name, message in zip(("arm.xml", "swing.csv"), said, strict=True)] == [True, True]
 
 
+def test_a_payload_that_nothing_carries_is_said(folder):
+    """Where no body is named for it, the finding says how to state it by body or site."""
+    (folder / "none.xml").write_text((folder / "arm.xml").read_text())
+    rig = load_rig(folder / "rig.toml")
+    _, findings = run_inputs(rig, {"payload_kg": 0.5}, [folder])
+    assert [finding.code for finding in findings] == ["condition_contradiction"]
+    assert "payload_" in findings[0].message
+    assert run_inputs(rig, {"payloads": {"tip": 0.5}}, [folder])[1] == []
+
+
 @pytest.mark.parametrize(
     ("motion", "stated", "said"),
     [

@@ -1,9 +1,11 @@
+import zipfile
 from pathlib import Path
 
+import openpyxl
 import pytest
 
 from testbench.errors import RigError
-from testbench.ingestion.run_table import plan_runs, read_run_table
+from testbench.ingestion.run_table import plan_runs, read_run_table, write_run_table
 
 HEAD = "file,origin,payload_kg,counter_masses,motion,peak_acceleration_g,repeat\n"
 
@@ -77,7 +79,7 @@ def test_files_of_one_name_are_told_apart_by_their_folder(tmp_path):
         ("a.csv,,,A=1;A=2,,,\n", r"name the site 'A' twice"),
         ("a.csv,,,,,,1.5\n", r"repeat: '1.5': expected a whole number"),
         ("a.csv,,,\n", r"line 2: more or fewer cells than columns"),
-        (",,,,,,1\n", r"line 2: file: missing: expected name of the log file"),
+        (",,,,,,1\n", r"line 2: file: missing: expected name of the log file, or columns file_NAME"),
     ],
 )
 def test_a_wrong_sheet_is_refused_by_line_and_column(run_table, rows, message):
@@ -106,6 +108,8 @@ def test_rows_without_logs_and_logs_without_rows(run_table):
         ("name,origin\n", "no column 'file'"),
         ("file,paylod\n", "unknown column 'paylod'.* mean 'payload_kg'"),
         ("", "no column 'file'"),
+        ("file,motion,motion\n", "column 'motion' is there twice"),
+        ("file_daq,motion\n", "line 2: run: missing: expected a name"),
     ],
 )
 def test_wrong_columns(run_table, head, message):
@@ -162,3 +166,87 @@ def test_what_semicolons_leave_unclear(run_table, rows, message):
     path, _ = run_table(rows, head=SEMICOLONS)
     with pytest.raises(RigError, match=message):
         read_run_table(path)
+
+
+WIDE = """run,file_daq,file_plc,payload_platform_kg,payload_tip_kg,counter_masses,repeat
+r1,a.csv,b.csv,1.451,,C=24.2626;D=1,1
+r2,c.csv,,2,0.1,,2
+"""
+LONG = """run,file,payload_platform_kg,payload_tip_kg,counter_masses,repeat
+r1,a.csv,1.451,,C=24.2626;D=1,1
+r1,b.csv,1.451,,C=24.2626;D=1,1
+r2,c.csv,2,0.1,,2
+"""
+
+
+def workbook(path, text, sheet="Sheet"):
+    """A CSV as a spreadsheet, numbers as numbers."""
+    book = openpyxl.Workbook()
+    page = book.active
+    page.title = sheet
+    for row in text.splitlines():
+        page.append([float(c) if c.replace(".", "").isdigit() else c or None for c in row.split(",")])
+    book.save(path)
+    return path
+
+
+def test_wide_and_long_tables_and_spreadsheets_say_the_same(tmp_path):
+    """A row a run or a row a log, as CSV or as a spreadsheet: the same files, runs and conditions."""
+    said = []
+    for name, text in (("wide", WIDE), ("long", LONG)):
+        (tmp_path / f"{name}.csv").write_text(text)
+        for path in (tmp_path / f"{name}.csv", workbook(tmp_path / f"{name}.xlsx", text)):
+            said.append([(row.file, row.run, row.conditions) for row in read_run_table(path)])
+    assert said[0] == said[1] == said[2] == said[3]
+    file, run, conditions = said[0][1]
+    assert (file, run) == ("b.csv", "r1")
+    assert conditions == {
+        "payloads": {"platform": 1.451}, "counter_masses": {"C": 24.2626, "D": 1.0}, "repeat": 1,
+    }  # fmt: skip
+
+
+def test_a_run_table_is_written_as_it_is_read(tmp_path):
+    """What the simulation writes is what ingest takes."""
+    rows = [("a.csv", "r1", "simulated", {"payloads": {"tip": 0.1}, "counter_masses": {"C": 1 / 3}, "motion": "x"})]
+    write_run_table(tmp_path / "runs.csv", rows)
+    (row,) = read_run_table(tmp_path / "runs.csv")
+    assert row.conditions == rows[0][3] | {"counter_masses": {"C": pytest.approx(1 / 3, rel=1e-11)}}
+
+
+def broken(path, how):
+    """A spreadsheet that cannot be taken as it is."""
+    if how == "two sheets":
+        book = openpyxl.load_workbook(workbook(path, WIDE))
+        book.create_sheet("other")
+        book.save(path)
+    elif how == "bomb":
+        workbook(path, WIDE)
+        with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr("xl/media/a.bin", bytes(101_000_000))
+    elif how == "entities":
+        workbook(path, WIDE)
+        with zipfile.ZipFile(path, "a") as archive:
+            archive.writestr("xl/more.xml", "<!DOCTYPE x [<!ENTITY a 'aaaa'>]><x>&a;</x>")
+    elif how == "text":
+        path.write_text(WIDE)
+    else:
+        workbook(path, f"file,repeat\na.csv,{how}\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("how", "message"),
+    [
+        ("two sheets", "has the sheets Sheet, other: name that of the run table 'runs'"),
+        ("bomb", "unpacks to more than 100 MB"),
+        ("entities", "xl/more.xml has a document type"),
+        ("text", r"not a spreadsheet \(.xlsx\)"),
+        ("=1+1", "line 2: cell B2 is a formula without a stored value"),
+        ("1.5", "line 2: repeat: '1.5': expected a whole number"),
+        ("#REF!", "line 2: cell B2 shows #REF!"),
+    ],
+)
+def test_spreadsheets_that_are_refused(tmp_path, how, message):
+    """Bounded, nothing computed, and every refusal says where."""
+    with pytest.raises(RigError, match=message):
+        read_run_table(broken(tmp_path / "runs.xlsx", how))

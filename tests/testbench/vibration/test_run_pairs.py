@@ -5,6 +5,7 @@ from itertools import permutations
 
 import pytest
 
+from balance.results import document
 from testbench.errors import AnalysisError
 from testbench.recording import Channel, Finding, Group
 from testbench.runs.si_run import SIRun
@@ -55,6 +56,17 @@ def test_pairs():
     assert [[r.name for r in pair.runs] for pair in found] == [["a", "c", "b"], ["d", "e"]]
     assert found[0].counter_masses == BUILT
     assert not findings
+
+
+def test_payloads_by_name_are_conditions():
+    """Runs with other payloads on bodies or at sites are not compared; the order of their names does not matter."""
+    runs = [run(name, masses) for name, masses in (("a", BUILT), ("b", {}), ("c", {}))]
+    for each, payloads in zip(runs, ({"tip": 0.1, "tool": 1.0}, {"tool": 1.0, "tip": 0.1}, {"tool": 1.0}), strict=True):
+        each.conditions["payloads"] = payloads
+    (pair,), findings = pairs(runs)
+    assert [one.name for one in pair.runs] == ["a", "b"]
+    assert document(pair.key)["payloads_kg"] == {"tip": 0.1, "tool": 1.0}
+    assert "tool 1 kg, motion x, 3 g0" in findings[0].message
 
 
 def test_no_test_counts_twice():
