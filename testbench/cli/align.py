@@ -27,6 +27,7 @@ Examples:
   testbench align campaign/r001.h5
   testbench align campaign --no-drift --json
   testbench align campaign/r001.h5 --pair theta1=AccX --dry-run
+  testbench align campaign --by trigger                               (sensors of kind "trigger" in the rig)
   testbench align campaign/r001.h5 --by trigger --pair Sync1=Sync2
 \b
 Exit codes: 0 done, 3 done but some clocks are not determined, or records have gaps, as listed, 1 none is
@@ -72,11 +73,10 @@ def align(
     from .. import rig as rigs
     from ..kinematics.encoder_motion import loaded_mechanism, mechanism_of
     from ..runs.si_run import SIRun
+    from ..synchronization import common_signals
     from ..synchronization import run_alignment as clocks
     from ..synchronization.event_alignment import METHODS
 
-    if by == "trigger" and not pair:
-        raise click.UsageError("--by trigger needs --pair: the channel of each logger that holds the trigger")
     if cutoff is not None and not cutoff > 0.0:
         raise click.UsageError(f"--cutoff {cutoff:g}: expected a positive frequency")
     described = rigs.load_rig(rig) if rig else None
@@ -89,8 +89,9 @@ def align(
             return clocks.align_named(run, *_channel_pair(pair), not no_drift, cutoff, METHODS[by])
         si = SIRun.of(run, described)
         return clocks.align_run(
-            si, lambda: loaded_mechanism(si, mechanism_of(si, mechanism)), reference, not no_drift, cutoff, METHODS[by]
-        )
+            si, lambda: loaded_mechanism(si, mechanism_of(si, mechanism)), reference, not no_drift, cutoff, METHODS[by],
+            pairs=common_signals.trigger_pairs if by == "trigger" else common_signals.signal_pairs,
+        )  # fmt: skip
 
     done, refused = _aligned_runs(opened, aligned)
     bound = [SIRun.of(run, described) for run in opened if described or run.rig]

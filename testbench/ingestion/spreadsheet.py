@@ -16,8 +16,8 @@ from ..errors import RigError
 LARGEST_UNPACKED = 10 * LARGEST_FILE
 """Size limit of all that the file unpacks to [bytes]."""
 MOST_ROWS, MOST_COLUMNS = 20_000, 200
-SHEET = "runs"
-"""Name of the sheet that is read where there are several."""
+WORKSHEET = "runs"
+"""Name of the worksheet that is read where there are several."""
 
 
 def spreadsheet_rows(path: Path) -> list[tuple[int, list[str]]]:
@@ -34,7 +34,7 @@ def spreadsheet_rows(path: Path) -> list[tuple[int, list[str]]]:
     _check_archive(path)
     try:
         values, formulas = (openpyxl.load_workbook(path, read_only=True, data_only=stored) for stored in (True, False))
-        name = _sheet(path, values.sheetnames)
+        name = _worksheet(path, values.sheetnames)
         rows = values[name].iter_rows(max_row=MOST_ROWS + 1, max_col=MOST_COLUMNS + 1)
         behind = formulas[name].iter_rows(max_row=MOST_ROWS + 1, max_col=MOST_COLUMNS + 1)
         found = []
@@ -70,10 +70,10 @@ def _check_archive(path: Path) -> None:
         raise RigError(f"{path.name}: not a spreadsheet (.xlsx): {error}; save it as .xlsx or CSV") from error
 
 
-def _sheet(path: Path, names: list[str]) -> str:
-    if len(names) == 1 or SHEET in names:
-        return SHEET if SHEET in names else names[0]
-    raise RigError(f"{path.name}: has the sheets {', '.join(names)}: name that of the run table {SHEET!r}")
+def _worksheet(path: Path, names: list[str]) -> str:
+    if len(names) == 1 or WORKSHEET in names:
+        return WORKSHEET if WORKSHEET in names else names[0]
+    raise RigError(f"{path.name}: has the worksheets {', '.join(names)}: name that of the run table {WORKSHEET!r}")
 
 
 def _text(path: Path, row: int, cell: Any, source: Any) -> str:  # noqa: ANN401

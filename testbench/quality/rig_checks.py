@@ -23,8 +23,8 @@ def range_findings(rig: "Rig | None") -> dict[str, SensorRange]:
 
 
 def without_commanded(rig: "Rig | None", recording: Recording, found: Iterable[Finding]) -> list[Finding]:
-    """Findings less those of a flat signal in channels that the rig calls commanded: a target may rest and hold."""
-    labels = {c.channel for c in (() if rig is None else rig.columns()) if c.commanded}
+    """Findings less those of a flat signal in commands and triggers: these may rest and hold."""
+    labels = {c.channel for c in (() if rig is None else rig.columns()) if c.commanded or not c.level}
     names = {c.name for g in recording.groups for c in g.channels if c.label in labels}
     return [f for f in found if not (f.channel in names and f.code in _FLAT)]
 
@@ -142,7 +142,7 @@ def _unit(column: "Column", channel: Channel) -> list[Finding]:
         message = f"sensors.{column.sensor}: unit {column.unit!r} in the rig, {channel.unit!r} in the log"
         return [Finding(_CODE, channel.name, None, message)]
     unit = channel.unit or column.unit
-    if not unit or _measures(unit, column.dimensions):
+    if not unit or not column.level or _measures(unit, column.dimensions):
         return []
     from ..calibration.definition import is_electrical
 

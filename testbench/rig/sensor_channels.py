@@ -47,6 +47,8 @@ class Column:
     """Step between two values [SI]."""
     commanded: bool = False
     """Computed by the controller and not measured: flat tops and constant values are no fault of it."""
+    level: bool = True
+    """Whether its values count; of a trigger the instants of its edges alone do."""
     stated: bool = True
     """Whether the rig states the unit, rather than the usual one of the kind being taken."""
     calibration: Calibration | None = None

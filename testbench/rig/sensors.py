@@ -286,8 +286,25 @@ class Target(LoggedSensor):
             yield Column(channel, name, axis, self.logger, unit, ("acceleration",), commanded=True, stated=stated)
 
 
+class Trigger(LoggedSensor):
+    """A line that several loggers record, each by a trigger sensor of its own: its rising edges align their clocks."""
+
+    kind: Literal["trigger"]
+    """Kind of sensor."""
+    channel: str
+    """Its channel."""
+    unit: str = "V"
+    """Unit in which the log is written; of no effect, since edges alone count."""
+
+    def _channels(self, name: str) -> Iterator[Column]:
+        """Its one channel."""
+        yield Column(self.channel, name, "trigger", self.logger, self.unit, ("voltage",), stated=False, level=False)
+
+
 Support = Wrench | ForceSensor
-Sensor = Annotated[Accelerometer | Wrench | ForceSensor | Encoder | Torque | Target, Field(discriminator="kind")]
+Sensor = Annotated[
+    Accelerometer | Wrench | ForceSensor | Encoder | Torque | Target | Trigger, Field(discriminator="kind")
+]
 
 
 def _value(level: Measured[float] | None) -> float | None:

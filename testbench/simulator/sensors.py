@@ -29,6 +29,10 @@ if TYPE_CHECKING:
     from ..rig import Column
 
 
+TRIGGER_V = 5.0
+"""Level of a simulated trigger [V]."""
+
+
 @dataclass(frozen=True)
 class Transducer:
     """One sensor with its errors."""
@@ -174,6 +178,12 @@ def _target(sensor: kinds.Target, run: BenchRun) -> dict[str, Floats]:
     return {axis: driven.get(axis, np.zeros_like(run.time)) for axis in sensor.channels}
 
 
+def _trigger(sensor: kinds.Trigger, run: BenchRun) -> dict[str, Floats]:
+    """High while the command moves."""
+    moves = (run.command.velocity != 0.0) | (run.command.acceleration != 0.0)
+    return {"trigger": TRIGGER_V * moves.any(axis=1)}
+
+
 _LAWS: dict[type, Callable[[Any, BenchRun], dict[str, Floats]]] = {
     kinds.Accelerometer: _accelerometer,
     kinds.Encoder: lambda sensor, run: {
@@ -181,4 +191,5 @@ _LAWS: dict[type, Callable[[Any, BenchRun], dict[str, Floats]]] = {
     },
     kinds.Torque: _torque,
     kinds.Target: _target,
+    kinds.Trigger: _trigger,
 }

@@ -26,7 +26,7 @@ from ..kinematics.encoder_motion import encoder_trajectory
 from ..kinematics.gaps import gap_spans
 from ..kinematics.motion_onset import rest_before
 from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF, low_pass
-from ..rig.sensors import Accelerometer, Encoder
+from ..rig.sensors import Accelerometer, Encoder, Trigger
 from ..runs.si_run import SIRun
 from .clock_map import ClockMap
 from .signal_preparation import SharedSignals
@@ -266,6 +266,29 @@ def signal_pairs(motion: RunMotion, reference: str, own: str, known: Mapping[str
     loads = [c for name, s in supports for c in motion.columns(s.columns(name), own) if c.component[0] == "F"]
     if loads:
         yield partial(support_forces, motion, loads, known)
+
+
+SignalPairs = Callable[[RunMotion, str, str, Mapping[str, ClockMap]], Iterator[SignalBuilder]]
+"""Finds the common signals of two groups, best first."""
+
+
+def trigger_pairs(
+    motion: RunMotion, reference: str, own: str, _known: Mapping[str, ClockMap]
+) -> Iterator[SignalBuilder]:
+    """The trigger that the groups ``reference`` and ``own`` recorded, by the rig."""
+    yield partial(_common_trigger, motion, reference, own)
+
+
+def _common_trigger(motion: RunMotion, reference: str, own: str, _first: ClockMap | None) -> SharedSignals:
+    """Raises AnalysisError where one of the groups has no trigger sensor."""
+    found = {group: motion.columns(motion.run.rig.columns_of(Trigger), group) for group in (reference, own)}
+    for group, columns in found.items():
+        if not columns:
+            raise AnalysisError(
+                f"the rig has no sensor of kind 'trigger' in {group}: add one for each logger that recorded the "
+                "trigger, or name its channels, --pair REFERENCE=OWN"
+            )
+    return named_channels(motion.run.recorded, found[reference][0].channel, found[own][0].channel)
 
 
 def named_channels(run: "Run", reference: str, own: str, cutoff: float | None = None) -> SharedSignals:

@@ -78,8 +78,8 @@ def clock_map_from_events(name: str, reference: Events, own: Events, drift: bool
     with_drift = drift and count > 1
     if drift and not with_drift:
         raise AnalysisError(
-            f"{name}: one event determines an offset and no drift; align the offset alone, which takes the drift to be "
-            f"within {ASSUMED_DRIFT / PPM:g} ppm"
+            f"{name}: one event determines an offset and no drift; align the offset alone, --no-drift, which takes the "
+            f"drift to be within {ASSUMED_DRIFT / PPM:g} ppm"
         )
     difference = reference.time - own.time
     slope = float(lever @ difference / (lever @ lever)) if with_drift else 0.0

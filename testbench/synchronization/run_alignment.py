@@ -15,7 +15,7 @@ from ..rig.sensors import Encoder
 from ..runs.si_run import SIRun
 from ..store import append_only_records
 from .clock_map import ClockMap, same_clock
-from .common_signals import RunMotion, SignalBuilder, delay_of, named_channels, signal_pairs
+from .common_signals import RunMotion, SignalBuilder, SignalPairs, delay_of, named_channels, signal_pairs
 from .offset_and_drift import AlignedClock, by_correlation
 
 if TYPE_CHECKING:
@@ -87,9 +87,11 @@ def align_run(
     cutoff: float | None = None,
     method: AlignmentMethod = by_correlation,
     among: Collection[str] | None = None,
+    pairs: SignalPairs = signal_pairs,
 ) -> RunClocks:
     """Align all groups, or those ``among``, by what both recorded by the rig; the encoders' group is the reference
-    unless another is named. The base's accelerometers are aligned in any case: others need them.
+    unless another is named. The base's accelerometers are aligned in any case: others need them. ``pairs`` are the
+    signals that are compared, best first.
 
     Raises AnalysisError if the run has one group only.
     """
@@ -102,7 +104,7 @@ def align_run(
     aligned: dict[str, AlignedClock] = {}
     refused: dict[str, str] = {}
     for group in _base_first(run, reference, among):
-        found = _first_determined(signal_pairs(motion, reference, group, known), drift, method)
+        found = _first_determined(pairs(motion, reference, group, known), drift, method)
         if isinstance(found, AlignedClock):
             aligned[group], known[group] = found, found.clock
         else:

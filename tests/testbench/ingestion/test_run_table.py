@@ -237,7 +237,7 @@ def broken(path, how):
 @pytest.mark.parametrize(
     ("how", "message"),
     [
-        ("two sheets", "has the sheets Sheet, other: name that of the run table 'runs'"),
+        ("two sheets", "has the worksheets Sheet, other: name that of the run table 'runs'"),
         ("bomb", "unpacks to more than 100 MB"),
         ("entities", "xl/more.xml has a document type"),
         ("text", r"not a spreadsheet \(.xlsx\)"),

@@ -13,6 +13,8 @@ from testbench.errors import AnalysisError
 from testbench.kinematics.encoder_motion import loaded_mechanism, mechanism_of
 from testbench.runs.si_run import SIRun
 from testbench.synchronization.clock_map import ClockMap
+from testbench.synchronization.common_signals import trigger_pairs
+from testbench.synchronization.event_alignment import by_trigger
 from testbench.synchronization.offset_and_drift import by_correlation
 from testbench.synchronization.run_alignment import align_named, align_run
 
@@ -155,3 +157,24 @@ def test_gaps_do_not_hide_the_lag(moved, seed):
         clock = found.map_of(group)
         late = float(clock.to_reference(np.array([clock.at_own]))[0]) - truth(moved, seed, group, clock.at_own)
         assert abs(late) < 2.0 * clock.half_width(clock.at_own)
+
+
+def test_a_trigger_that_the_rig_names():
+    """Every logger with a sensor of kind trigger is aligned by its edges, no motion or mechanism needed.
+
+    Edges are known to a sample of the slower logger; the rise of the line is one step of the simulation.
+    """
+    text = datasets.find_dataset("parallelogram-6bar", "rigs", ".toml").read_text("utf-8")
+    for logger in ("controller", "daq", "forces"):
+        text += f'\n[sensors.trigger_{logger}]\nkind = "trigger"\nlogger = "{logger}"\nchannel = "{logger}_sync"\n'
+    scene = memory.scene("x", rig=rigs.rig_from_text(text))
+    run = scene.run(0)
+    found = aligned_by(run, scene.rig, drift=False, method=by_trigger, pairs=trigger_pairs)
+    assert not found.refused
+    for group in ("daq", "forces"):
+        clock = found.map_of(group)
+        late = float(clock.to_reference(np.array([clock.at_own]))[0]) - truth(scene, 0, group, clock.at_own)
+        assert abs(late) < 1.5e-3
+    bare = rigs.rig_from_text(text.replace('channel = "daq_sync"', 'channel = "unplugged"'))
+    refused = aligned_by(run, bare, drift=False, method=by_trigger, pairs=trigger_pairs).refused
+    assert "no sensor of kind 'trigger' in daq: add one" in refused["daq"]
