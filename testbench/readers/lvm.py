@@ -18,6 +18,7 @@ import numpy as np
 
 from ..recording import Block, Channel, Clock, Finding, Group, Recording, Report, Samples, TimeColumn, UniformClock
 from . import header_claims
+from .csv.cell_syntax import shown
 from .csv.dialect import Dialect
 from .csv.irregular_rows import CellFilter, RegularRows, RowFilter, last_row
 from .csv.row_parser import RowParser
@@ -33,6 +34,7 @@ _NUMBER_WORD = re.compile(r"(?:nan|inf)", re.IGNORECASE)
 _MOST_HEADER_LINES = 200_000
 _MAGIC = b"LabVIEW Measurement"
 _COMMENT = "Comment"
+_MOST_COMMENTS = 10
 _MOST_BLOCKS = 100
 """More blocks without header than this are no triggered recordings, but writes in pieces."""
 
@@ -130,7 +132,7 @@ def text_settings(path: Path, head: Header) -> tuple[Dialect, dict[str, str]]:
     return Dialect(separator, decimal), pairs
 
 
-def read_segment(path: Path, head: Header, dialect: Dialect, x_columns: str, name: str) -> Segment:
+def read_segment(path: Path, head: Header, dialect: Dialect, x_columns: str, name: str, encoding: str) -> Segment:
     """The segment below ``head``; its groups are called ``name``, and by their channel where there are several."""
     split = dialect.delimiter
     rows = {line.split(split)[0]: [cell.strip() for cell in line.split(split)[1:]] for line in head.lines}
@@ -148,7 +150,7 @@ def read_segment(path: Path, head: Header, dialect: Dialect, x_columns: str, nam
         raise damaged(path, f"line {head.first - 1}: {message}")
     parts, findings = _parts(path, name, rows, names, columns, dialect.decimal)
     texts = {key: "; ".join(filter(None, cells)) for key, cells in rows.items() if any(cells) and key != "X_Value"}
-    form = RowParser(dialect, len(names))
+    form = RowParser(dialect, len(names), encoding=encoding)
     return Segment(form, parts, head.first, head.end, tuple(names), texts, tuple(findings))
 
 
@@ -162,8 +164,11 @@ def _parts(
 ) -> tuple[tuple[Part, ...], list[Finding]]:
     """Channels gathered by abscissa and number of samples."""
     keys = ("Samples", "X0", "Delta_X", "X_Dimension", "X_Unit_Label", "Y_Unit_Label")
-    cells = [[*rows.get(key, []), *[""] * len(columns)] for key in keys]
-    stated = [dict(zip(keys, texts, strict=True)) for texts in zip(*cells, strict=False)]
+    cells = [rows.get(key, []) for key in keys]
+    # a cell above each value's column, blank ones above abscissae counted; some writers leave the blank ones out
+    spaced = any(any(row[len(columns) :]) for row in cells)
+    places = [y - 1 if spaced else i for i, (_, y) in enumerate(columns)]
+    stated = [dict(zip(keys, (row[i] if i < len(row) else "" for row in cells), strict=True)) for i in places]
     gathered: dict[tuple[int | None, str], list[int]] = {}
     for i, (x, _) in enumerate(columns):
         gathered.setdefault((x, "\t".join(stated[i][key] for key in keys[:-1])), []).append(i)
@@ -203,8 +208,11 @@ def _clock(path: Path, stated: Mapping[str, str], decimal: str, x: int | None) -
     return None if factor is None else clock_of_step(step * factor, start * factor), None
 
 
-def without_comments(text: bytes, form: RowParser) -> bytes:
-    """Rows with what stands behind their last column cut off: a comment, or a separator alone."""
+def without_comments(text: bytes, form: RowParser) -> tuple[bytes, list[tuple[int, str]]]:
+    """Rows with what stands behind their last column cut off: a comment, or a separator alone.
+
+    Comments that say something are given too, each with the index of its row.
+    """
     data = np.frombuffer(text, dtype=np.uint8)
     ends = np.flatnonzero(data == ord("\n"))
     separators = np.flatnonzero(data == ord(form.separator))
@@ -212,11 +220,17 @@ def without_comments(text: bytes, form: RowParser) -> bytes:
     before = np.concatenate(([0], upto[:-1]))
     long = np.flatnonzero(upto - before >= form.fields)
     if not len(long):
-        return text
+        return text, []
+    begins = separators[before[long] + form.fields - 1]
     change = np.zeros(len(data) + 1, dtype=np.int8)
-    change[separators[before[long] + form.fields - 1]] = 1
+    change[begins] = 1
     change[ends[long]] = -1
-    return data[np.cumsum(change[:-1]) == 0].tobytes()
+    said = [
+        (int(row), words)
+        for row, begin, end in zip(long, begins, ends[long], strict=True)
+        if end - begin > 1 and (words := text[begin:end].strip(b"\t, \r").decode(form.encoding, "replace"))
+    ]
+    return data[np.cumsum(change[:-1]) == 0].tobytes(), said
 
 
 @dataclass
@@ -233,11 +247,15 @@ class SegmentRows:
     def __post_init__(self) -> None:
         self._rows = RowFilter(self.segment.form, None)
         self._cells = CellFilter(self.segment.form, self.segment.names, self.encoding)
+        self._comments, self._commented = list[tuple[int, str]](), 0
 
     def blocks(self, text: bytes, first_line: int, bytes_read: int) -> Iterator[Block]:
         """Whole lines of this segment, each with its line feed, as blocks of its groups."""
         form = self.segment.form
-        for piece in self._rows.pieces(without_comments(form.plain(text), form), first_line):
+        plain, comments = without_comments(form.plain(text), form)
+        self._comments += [(first_line + row, words) for row, words in comments[: _MOST_COMMENTS - len(self._comments)]]
+        self._commented += len(comments)
+        for piece in self._rows.pieces(plain, first_line):
             columns = form.columns(piece.text)
             if columns is None:
                 raise RuntimeError(f"rows from line {piece.lines[0]} on are regular, but do not parse")
@@ -269,6 +287,11 @@ class SegmentRows:
         """Report what was odd in rows and cells, and in the number of rows against the declared one."""
         self._rows.report(report)
         self._cells.report(report)
+        if self._comments:
+            listed = ", ".join(f"{shown(words)} in line {line}" for line, words in self._comments)
+            message = f"text behind {self._commented} rows, which is not kept as data: {listed}"
+            more = ", ..." if self._commented > len(self._comments) else ""
+            report(Finding("text_channel", _COMMENT, f"line {self._comments[0][0]}", message + more))
         declared, found = self.segment.declared, self.rows
         if not declared or found == declared:
             return
@@ -292,7 +315,11 @@ def open_lvm(path: Path, options: ReadOptions) -> Recording:
         raise damaged(path, "the header of the file stands alone: no segment with channels below it")
     names = [path.stem, *(f"{path.stem} segment {i}" for i in range(2, len(found)))]
     x_columns = metadata.get("X_Columns", "No")
-    written = [read_segment(path, h, dialect, x_columns, name) for h, name in zip(found[1:], names, strict=True)]
+    block_encoding = encoding.name_in_blocks
+    written = [
+        read_segment(path, h, dialect, x_columns, name, block_encoding)
+        for h, name in zip(found[1:], names, strict=True)
+    ]
     for i, each in enumerate(written, 1):
         metadata |= {key if len(written) == 1 else f"segment {i}: {key}": text for key, text in each.pairs.items()}
     segments = tuple(map(_joined_writes, written))
