@@ -108,6 +108,14 @@ def _dataset(source: ByteSource, kind: re.Match[bytes], begin: int) -> Dataset:
     return _closed(source, number, begin, data, declared, "<" if order == 1 else ">", layouts)
 
 
+def _header_text(raw: bytes) -> str:
+    """Lines of a header: UTF-8 where they are that, else Latin-1; the format itself knows ASCII alone."""
+    try:
+        return raw.decode("utf-8")
+    except UnicodeDecodeError:
+        return raw.decode("latin-1")
+
+
 def _lines(source: ByteSource, offset: int, count: int) -> tuple[list[bytes], int]:
     """``count`` lines, fewer if the file ends; and where they end."""
     lines: list[bytes] = []
@@ -249,7 +257,7 @@ def parse_function(source: ByteSource, dataset: Dataset) -> Function:
     """The header of the dataset 58 that ``dataset`` is."""
     lines, offset = _lines(source, dataset.begin, 11)
     with refusing(source.path, f"the header of dataset 58 at byte {dataset.begin}", ValueError, IndexError):
-        return _parsed([line.decode("latin-1").rstrip("\r\n") for line in lines], dataset, offset)
+        return _parsed([_header_text(line).rstrip("\r\n") for line in lines], dataset, offset)
 
 
 def _parsed(lines: list[str], dataset: Dataset, offset: int) -> Function:
@@ -279,7 +287,13 @@ def _parsed(lines: list[str], dataset: Dataset, offset: int) -> Function:
 
 
 def _axis(line: str) -> Axis:
-    label, unit = (None if (text := line[a : a + 20].strip()) in ("", "NONE") else text for a in (26, 47))
+    """Label and unit in their columns: of letters, or of bytes where a letter stands in the blank before the unit."""
+    if line[46:47].strip():
+        line = line.encode("utf-8").decode("latin-1")
+        columns = ((line[a : a + 20].encode("latin-1").decode("utf-8", "replace")).strip() for a in (26, 47))
+    else:
+        columns = (line[a : a + 20].strip() for a in (26, 47))
+    label, unit = (None if text in ("", "NONE") else text for text in columns)
     return Axis(_integer(line[0:10]), label, unit)
 
 
@@ -367,9 +381,9 @@ def parse_nodal_data(source: ByteSource, dataset: Dataset, name: str) -> NodalDa
     """The data at nodes that ``dataset`` holds."""
     if dataset.end - dataset.begin > _MOST_BYTES:
         raise damaged(source.path, f"dataset 55 at byte {dataset.begin} is larger than {_MOST_BYTES >> 20} MiB")
-    text = source.read(dataset.begin, dataset.end - dataset.begin, "dataset 55").decode("latin-1")
+    raw = source.read(dataset.begin, dataset.end - dataset.begin, "dataset 55")
     with refusing(source.path, f"dataset 55 at byte {dataset.begin}", ValueError, IndexError):
-        return _parsed_nodal(text.splitlines(), name)
+        return _parsed_nodal(_header_text(raw).splitlines(), name)
 
 
 def _parsed_nodal(lines: list[str], name: str) -> NodalData:
@@ -531,8 +545,8 @@ def _metadata(
     metadata: dict[str, str] = {}
     for dataset in whole:
         if dataset.kind in _HEADERS:
-            text = source.read(dataset.begin, min(2000, dataset.end - dataset.begin), "a header").decode("latin-1")
-            lines = (" ".join(line.split()) for line in text.splitlines())
+            raw = source.read(dataset.begin, min(2000, dataset.end - dataset.begin), "a header")
+            lines = (" ".join(line.split()) for line in _header_text(raw).splitlines())
             metadata[_HEADERS[dataset.kind]] = "; ".join(filter(None, lines))
     for f in functions[:200]:
         ids = [text for text in f.ids[1:] if text not in ("", "NONE")]

@@ -53,6 +53,21 @@ def test_a_time_of_unknown_unit_is_a_channel_without_rate(tmp_path):
     assert "time_unit_unknown" in found.codes
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1"])
+@pytest.mark.parametrize("padded", ["letters", "bytes"])
+def test_units_and_names_are_in_utf_8_or_latin_1(tmp_path, encoding, padded):
+    """The format knows ASCII alone; other programs write UTF-8, and count columns in letters or in bytes."""
+    path = _write(tmp_path, _function("Schwingung ü", np.arange(9.0), ordinate_axis_lab="Beschl_ü_lang", binary=0,
+                                      ordinate_axis_units_lab="m/s²"))  # fmt: skip
+    text = path.read_text(encoding="utf-8")
+    if padded == "bytes" and encoding == "utf-8":
+        text = text.replace("Beschl_ü_lang ", "Beschl_ü_lang")
+    path.write_bytes(text.encode(encoding))
+    found = reading.read(path)
+    assert found.unit("Schwingung ü") == "m/s²"
+    assert found.recording.metadata["Schwingung ü: quantity"] == "Beschl_ü_lang"
+
+
 @pytest.mark.parametrize("binary", [0, 1])
 @pytest.mark.parametrize("kind", [2, 4])
 def test_real_functions_are_what_another_program_wrote(tmp_path, binary, kind):
