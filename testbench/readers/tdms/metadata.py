@@ -204,6 +204,8 @@ class Channel:
     texts: int = 0
     to_microseconds: bool = True
     has_remainder: bool = False
+    lacking: int = 0
+    """Samples of others of its group that this one does not have, for the file is cut; NaN."""
 
     @property
     def length(self) -> int:
@@ -351,7 +353,22 @@ def _locate_chunks(source: ByteSource, segment: Segment, raw: dict[str, Index], 
         else:
             contents.channels[path].of_scale(None, kind).add(at, index.values, kind.itemsize, chunks, chunk)
         at += sizes[path]
+    if not segment.is_whole:
+        _locate_rest(segment, raw, sizes, segment.raw + chunks * chunk, contents)
     return chunk
+
+
+def _locate_rest(
+    segment: Segment, raw: dict[str, Index], sizes: dict[str, int], begin: int, contents: Contents
+) -> None:
+    """Note what is there of a chunk in which the file ends: channels lie one behind the other."""
+    for path, index in raw.items():
+        kind = stored_type(index.kind, segment.order)
+        if kind is None or begin >= segment.end:
+            return
+        there = min(index.values, (segment.end - begin) // kind.itemsize)
+        contents.channels[path].of_scale(None, kind).add(begin, there, kind.itemsize, 1, 0)
+        begin += sizes[path]
 
 
 def _bytes(source: ByteSource, index: Index, segment: Segment) -> int:
@@ -386,8 +403,10 @@ def _locate_daqmx(source: ByteSource, segment: Segment, raw: dict[str, Index], c
             if kind is None or scaler.offset + kind.itemsize > first.widths[scaler.buffer]:
                 raise damaged(source.path, f"segment {segment.number}: {path} has DAQmx numbers of type {scaler.kind}")
             at = segment.raw + int(begins[scaler.buffer]) + scaler.offset
-            spans = contents.channels[path].of_scale(scaler.scale, kind)
-            spans.add(at, index.values, first.widths[scaler.buffer], chunks, chunk)
+            spans, width = contents.channels[path].of_scale(scaler.scale, kind), first.widths[scaler.buffer]
+            spans.add(at, index.values, width, chunks, chunk)
+            if not segment.is_whole and len(first.widths) == 1:  # the rows of a chunk in which the file ends
+                spans.add(at + chunks * chunk, (segment.end - segment.raw - chunks * chunk) // width, width, 1, 0)
     return int(chunk)
 
 

@@ -110,13 +110,12 @@ def _channel_groups(contents: Contents, stem: str) -> list[_ChannelGroup]:
     found = []
     for name, channels in by_group.items():
         if contents.is_cut:
-            _trim(channels)
+            _pad(channels)
         parts: dict[tuple[object, ...], list[Channel]] = {}
         for channel in channels:
             stated = contents.properties.get(channel.path, {})
-            parts.setdefault((channel.length, _seconds_per(stated), *(stated.get(key) for key in _CLOCK)), []).append(
-                channel
-            )
+            length = channel.length + channel.lacking
+            parts.setdefault((length, _seconds_per(stated), *(stated.get(key) for key in _CLOCK)), []).append(channel)
         changed = {(change.path, change.name) for change in contents.contradicted}
         for members in parts.values():
             whole = name if len(parts) == 1 else f"{name} {channel_title(members[0].path)}"
@@ -125,17 +124,16 @@ def _channel_groups(contents: Contents, stem: str) -> list[_ChannelGroup]:
             if any((member.path, "wf_increment") in changed for member in members):
                 stated.pop("wf_increment", None)
             group = Group(whole, own, _clock(members, own, stated))
-            found.append(_ChannelGroup(group, tuple(members), members[0].length))
+            found.append(_ChannelGroup(group, tuple(members), members[0].length + members[0].lacking))
     return found
 
 
-def _trim(channels: Sequence[Channel]) -> None:
-    """In a cut file some channels end a chunk later than others: all end where the first does."""
-    shortest = min(channel.length for channel in channels)
+def _pad(channels: Sequence[Channel]) -> None:
+    """In a cut file some channels end up to a chunk before others: they end with NaN, so that nothing is lost."""
+    longest = max(channel.length for channel in channels)
     for channel in channels:
-        for spans in channel.spans.values():
-            if spans.length - shortest <= max(spans.counts):
-                spans.trim(shortest)
+        if all(longest - spans.length <= max(spans.counts) for spans in channel.spans.values()):
+            channel.lacking = longest - channel.length
 
 
 def _channels(member: Channel, stated: dict[str, Property]) -> list[model.Channel]:
@@ -192,9 +190,16 @@ class _Values:
         group = member.path[: member.path.rfind("/'")]
         owners = (contents.properties.get(p, {}) for p in (member.path, group, "/"))
         self._scaling = Scaling(next((stated for stated in owners if "NI_Number_Of_Scales" in stated), {}))
+        self._left = member.length
 
     def next(self, count: int) -> tuple[Samples, ...]:
-        """The next values: one column, or two of complex numbers."""
+        """The next values, NaN behind the last one: one column, or two of complex numbers."""
+        there = min(count, self._left)
+        self._left -= there
+        columns = self._next(there) if there else (np.empty(0),) * len(_channels(self._member, {}))
+        return columns if there == count else tuple(np.append(c, np.full(count - there, np.nan)) for c in columns)
+
+    def _next(self, count: int) -> tuple[Samples, ...]:
         raw = {scale: reading.next(count) for scale, reading in self._readings.items()}
         first = next(iter(raw.values()))
         if first.dtype.names:

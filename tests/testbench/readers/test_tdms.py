@@ -180,15 +180,29 @@ def test_daqmx_rows_are_scaled(of_bytes):
     np.testing.assert_array_equal(found.column("b"), TdmsFile.read(path)["g"]["b"][:])
 
 
-@pytest.mark.parametrize("cut", [3, 30, 60, 200])
+@pytest.mark.parametrize("cut", [3, 30, 60, 100, 155])
 def test_a_cut_file_says_where_and_how_many(tmp_path, cut):
-    """The segment, the channels and their samples; those of whole segments can be had by one who accepts it."""
+    """The segment, the channels and their samples; all that npTDMS finds too can be had by one who accepts it."""
     path = write(tmp_path, *([channel("a", np.arange(10.0) + i), channel("b", np.arange(10.0))] for i in range(5)))
     path.write_bytes(path.read_bytes()[:-cut])
     found = reading.read(path)
     assert "inside segment 5" in found.message("cut_file")
-    assert "a 40" in found.message("cut_file")
-    assert len(found.column("a")) == len(found.column("b")) == 40
+    library = TdmsFile.read(path)["DAQ"]
+    lengths = [len(library[name][:]) for name in "ab"]
+    assert f"a {lengths[0]} of 50 declared" in found.message("cut_file")
+    for name, length in zip("ab", lengths, strict=True):
+        assert found.column(name)[:length].tolist() == library[name][:].tolist()
+        assert np.isnan(found.column(name)[length:]).all()
+        assert len(found.column(name)) == max(lengths)
+
+
+def test_a_file_cut_in_its_only_chunk_keeps_what_is_there(tmp_path):
+    """1,883 of 2,000 numbers; of a second channel behind it nothing is there."""
+    path = write(tmp_path, [channel("a", np.arange(2000.0)), channel("b", np.arange(2000.0))])
+    path.write_bytes(path.read_bytes()[: -2000 * 8 - 117 * 8 + 3])
+    found = reading.read(path)
+    assert found.column("a").tolist() == list(range(1883))
+    assert "no sample in b" in found.message("empty_group")
 
 
 def test_a_file_that_was_never_finished_is_found(tmp_path):
@@ -209,7 +223,7 @@ def test_a_file_that_was_never_finished_is_found(tmp_path):
         (segment(METADATA, [(*numbers(10, count=1)[0][:2], struct.pack("<I", 1 << 31))], b""), "end inside"),
         (segment(METADATA, [], b"") + b"TDSx" + bytes(24), "expected the next segment"),
         (b"TDSh" + bytes(24), "give the .tdms file"),
-        (segment(NEW, numbers(10, count=1 << 50), bytes(80), size=1 << 53), "a 0 of 1125899906842624 declared"),
+        (segment(NEW, numbers(10, count=1 << 50), bytes(80), size=1 << 53), "a 10 of 1125899906842624 declared"),
     ],
 )
 def test_what_contradicts_itself_is_refused(of_bytes, raw, message):
