@@ -1,4 +1,6 @@
-"""Input files: TOML, and CSV with units in the header, read into models that check and document every key.
+"""Input files: TOML, JSON, XML, and CSV with units in the header, read into models that check and document every key.
+
+One loader reads them all within limits of size, depth and encoding, and says in one way what is beyond them.
 
 A model is a ``Table``; a key that is a quantity is a text with its unit, ``Annotated[float, Quantity("mass")]``, and
 comes out in SI. All errors of a file are reported at once, a line each: the file, the key, what was found, what was
@@ -6,6 +8,7 @@ expected. ``json_schema`` is the documentation of a file, from the docstrings of
 """
 
 import csv
+import json
 import math
 import re
 import reprlib
@@ -16,6 +19,7 @@ from difflib import get_close_matches
 from io import StringIO
 from pathlib import Path
 from typing import Annotated, Any, Generic, NamedTuple, TypeVar, get_args
+from xml.etree import ElementTree
 
 from pydantic import (
     AfterValidator,
@@ -49,7 +53,10 @@ _LONGEST_TEXT = 200
 """Length limit of a quantity [characters]."""
 _SHOWN = 20
 """Most errors shown of a file."""
-_LONG_KEY = re.compile(rf"(?:[\w-]+[ \t]*\.[ \t]*){{{DEEPEST},}}")
+_DEEPEST_XML = 1000
+"""Deepest nesting of elements: a chain of bodies nests one in the other."""
+_LONG_KEY = re.compile(rf"""(?<![\w."'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*\.[ \t]*){{{DEEPEST},}}""")
+_XML_ENCODING = re.compile(r"""\s*<\?xml[^>]*?\bencoding\s*=\s*["']([^"'>]*)["']""")
 _BARE_KEY = re.compile(r"[\w-]+")
 _COLUMN = re.compile(r"\s*([^()]*?)\s*(?:\((.+)\)\s*)?")
 _EXPLAINED, _ABSENT = "explained", "absent"
@@ -211,15 +218,15 @@ def in_file(source: str, key: str = "") -> Iterator[None]:
         raise kind(f"{source}: {key}: {error}" if key else f"{source}: {error}") from error
 
 
-def read_text(path: Path, error: type[CounterpoiseError] = DataError) -> str:
-    """The text of a file in UTF-8; a byte order mark stays in it.
+def read_text(path: Path, error: type[CounterpoiseError] = DataError, largest: int = LARGEST_FILE) -> str:
+    """The text of a file in UTF-8 of at most ``largest`` bytes; a byte order mark stays in it.
 
     Raises ``error`` where there is no such file, or it is too large, or in another encoding.
     """
     try:
         size = path.stat().st_size
-        if size > LARGEST_FILE:
-            raise error(f"{path.name}: is {size / 1e6:.0f} MB: expected at most {LARGEST_FILE / 1e6:.0f} MB")
+        if size > largest:
+            raise error(f"{path.name}: is {size / 1e6:.0f} MB: expected at most {largest / 1e6:.0f} MB")
         return path.read_text(encoding="utf-8")
     except FileNotFoundError as missing:
         raise error(f"no such file {path.name!r}") from missing
@@ -249,6 +256,45 @@ def toml_tables(text: str, source: str, error: type[CounterpoiseError] = DataErr
     except ValueError as wrong:  # also of an integer of more digits than Python reads
         raise error(f"{source}: not a TOML file: {_SHORT.repr(str(wrong))[1:-1]}") from wrong
     return tables
+
+
+def json_document(text: str, source: str, error: type[CounterpoiseError] = DataError) -> Any:  # noqa: ANN401
+    """What a JSON text says; ``source`` is what messages call it. Raises ``error`` if it is none."""
+    try:
+        document = json.loads(text.removeprefix("\ufeff"))
+        if _depth(document) > DEEPEST:
+            raise RecursionError
+    except RecursionError:
+        raise error(f"{source}: tables or lists are nested more than {DEEPEST} deep") from None
+    except ValueError as wrong:  # also of an integer of more digits than Python reads
+        raise error(f"{source}: not a JSON file: {_SHORT.repr(str(wrong))[1:-1]}") from wrong
+    return document
+
+
+def xml_root(text: str, source: str, error: type[CounterpoiseError] = DataError) -> ElementTree.Element:
+    """The root of an XML text; ``source`` is what messages call it. Raises ``error`` if it is none.
+
+    A document type, which may define entities, is refused, and so is a declared encoding that the text is not in.
+    """
+    text = text.removeprefix("\ufeff")
+    declared = _XML_ENCODING.match(text)
+    if declared and declared[1].casefold() not in ("utf-8", "us-ascii", "ascii"):
+        raise error(f"{source}: not UTF-8 but {declared[1][:40]!r}, as it says: save it as UTF-8")
+    if "<!DOCTYPE" in text:
+        raise error(f"{source}: has a document type, which may define entities: take it out")
+    parser, depth, root = ElementTree.XMLPullParser(("start", "end")), 0, None
+    try:
+        for begin in range(0, len(text), 1 << 16):
+            parser.feed(text[begin : begin + (1 << 16)])
+            for event, element in parser.read_events():
+                root, depth = element if root is None else root, depth + (1 if event == "start" else -1)
+                if depth > _DEEPEST_XML:
+                    raise error(f"{source}: elements are nested more than {_DEEPEST_XML} deep")
+        parser.close()
+    except (ElementTree.ParseError, ValueError) as wrong:
+        raise error(f"{source}: not an XML file: {wrong}") from wrong
+    assert isinstance(root, ElementTree.Element)
+    return root
 
 
 def _depth(value: object) -> int:

@@ -1,6 +1,5 @@
 """Published tables of reductions (``datasets/published``), with the numbers as printed."""
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,6 +7,7 @@ from typing import Annotated, Any
 
 from balance import datasets
 from balance.errors import DataError
+from balance.input_files import json_document, read_text
 from balance.results import Key
 
 from .errors import AnalysisError
@@ -106,7 +106,7 @@ def load_published(name: str) -> Published:
     """A shipped table by name, such as ``kiper2019``, or a file of the same form. Raises AnalysisError for another."""
     try:
         path = datasets.find_dataset(name, "published", ".json")
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json_document(read_text(path), path.name)
         table = document[_TABLE]
         axes = [column.removesuffix("_axis") for column in table["columns"][3:]]
         rows = {
@@ -120,7 +120,7 @@ def load_published(name: str) -> Published:
         return Published(path.stem, str(document["source"]), str(table["definition"]), rows, extremes)
     except DataError as error:
         raise AnalysisError(str(error)) from error
-    except (UnicodeDecodeError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise AnalysisError(
             f"{name}: not a table of published reductions: expected JSON with {_TABLE}: columns, rows, definition"
         ) from error

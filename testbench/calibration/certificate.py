@@ -11,12 +11,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from xml.etree import ElementTree
-from xml.parsers import expat
 
 import numpy as np
 
 from balance.errors import UnitError
+from balance.input_files import read_text, xml_root
 
 from ..errors import RigError
 from .definition import electrical_name, si_unit
@@ -140,17 +139,9 @@ class Certificate:
 
 def read_certificate(path: Path) -> Certificate:
     """Read a certificate. Raises RigError, saying what was expected, for a file that is none or not safe to read."""
+    text = read_text(path, RigError, LARGEST_BYTES)
     try:
-        with path.open("rb") as file:
-            content = file.read(LARGEST_BYTES + 1)
-    except IsADirectoryError as error:
-        raise RigError(f"{path}: is a folder; expected a digital calibration certificate (XML)") from error
-    except OSError as error:
-        raise RigError(f"{path.name}: cannot be read: {error.strerror or error}") from error
-    if len(content) > LARGEST_BYTES:
-        raise RigError(f"{path.name}: larger than {LARGEST_BYTES >> 20} MiB: expected a certificate (DCC, XML)")
-    try:
-        root = _parsed(content)
+        root = xml_root(text, path.name, RigError)
         if root.tag != f"{DCC}digitalCalibrationCertificate":
             raise RigError(f"{path.name}: its root is {root.tag[:80]!r}: expected dcc:digitalCalibrationCertificate")
         core = f"{DCC}administrativeData/{DCC}coreData/{DCC}"
@@ -160,23 +151,11 @@ def read_certificate(path: Path) -> Certificate:
             _name(root.find(f"{DCC}administrativeData/{DCC}calibrationLaboratory/{DCC}contact")),
             day.strip()[:10],
             tuple(_serials(root)),
-            hashlib.sha256(content).hexdigest(),
+            hashlib.sha256(path.read_bytes()).hexdigest(),
             tuple(_quantities(root)),
         )
-    except (ElementTree.ParseError, expat.ExpatError, ValueError, UnitError, RecursionError) as error:
+    except (ValueError, UnitError) as error:
         raise RigError(f"{path.name}: {error}: expected a digital calibration certificate (DCC, XML)") from error
-
-
-def _parsed(content: bytes) -> "Element":
-    """The document's root; a document type is refused before anything of it is used."""
-
-    def refuse(*_: object) -> None:
-        raise ValueError("it has a document type, which may define entities")
-
-    guard = expat.ParserCreate()
-    guard.StartDoctypeDeclHandler = refuse
-    guard.Parse(content, True)
-    return ElementTree.fromstring(content)
 
 
 def _serials(root: "Element") -> Iterator[str]:

@@ -18,7 +18,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from balance.errors import UnitError
-from balance.input_files import Table
+from balance.input_files import Table, read_text
 from balance.units import SI_UNITS, parse_unit
 
 from ..errors import RigError
@@ -269,12 +269,7 @@ def read_matrix(path: Path) -> list[list[float]]:
 
     Raises RigError, with the line, for a cell that is no number.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except IsADirectoryError as error:
-        raise RigError(f"{path}: is a folder; expected a CSV file of the matrix, a row a component") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise RigError(f"{path.name}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+    text = read_text(path, RigError).removeprefix("\ufeff")
     lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
     separator = ";" if ";" in text else "\t" if "\t" in text else ","
     rows = [

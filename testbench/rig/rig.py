@@ -8,14 +8,14 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self, TypeVar
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 from pydantic import Field, model_validator
 from pydantic.json_schema import SkipJsonSchema
 
 from balance import datasets
 from balance.errors import DataError
-from balance.input_files import Table, model_from_table, read_text, suggestion, toml_tables
+from balance.input_files import Table, in_file, model_from_table, read_text, suggestion, toml_tables, xml_root
 
 from ..errors import RigError
 from . import sensors as kinds
@@ -61,12 +61,9 @@ def mechanism_names(name: str, folder: Path | None) -> MechanismNames | None:
             f"mechanism: no shipped mechanism {name!r}{suggestion(name, shipped)}{place} "
             f"(there are: {', '.join(shipped)}; '{NONE}' for a bench without one)"
         )
-    try:
-        # A file of the user's own, of which names alone are taken.
-        root = ElementTree.parse(path).getroot()
-    except (ElementTree.ParseError, OSError) as error:
-        raise RigError(f"mechanism: {path.name} cannot be read: {error}") from error
-    return _names_in(name, root)
+    # a file of the user's own, of which names alone are taken
+    with in_file("mechanism"):
+        return _names_in(name, xml_root(read_text(path, RigError), path.name, RigError))
 
 
 def mechanism_file(name: str, folder: Path | None) -> Path | None:
@@ -77,7 +74,7 @@ def mechanism_file(name: str, folder: Path | None) -> Path | None:
     return next((p for p in [*own, *([shipped] if plain else [])] if p.is_file()), None)
 
 
-def _names_in(mechanism: str, root: ElementTree.Element) -> MechanismNames | None:
+def _names_in(mechanism: str, root: Element) -> MechanismNames | None:
     """The names in a file; None for one that includes others, whose names are not known here."""
     elements = list(root.iter())
     if any(element.tag in {"include", "attach", "replicate"} for element in elements):
@@ -90,7 +87,7 @@ def _names_in(mechanism: str, root: ElementTree.Element) -> MechanismNames | Non
     )
 
 
-def _names_of_tags(elements: Iterable[ElementTree.Element], tags: set[str]) -> tuple[str, ...]:
+def _names_of_tags(elements: Iterable[Element], tags: set[str]) -> tuple[str, ...]:
     found = (element.get("name") for element in elements if element.tag in tags)
     return tuple(dict.fromkeys(name for name in found if name))
 

@@ -21,10 +21,12 @@ from balance.input_files import (
     Vector,
     csv_columns,
     csv_rows,
+    json_document,
     json_schema,
     load_model,
     model_from_table,
     read_toml,
+    xml_root,
 )
 
 
@@ -182,6 +184,7 @@ def test_all_that_is_wrong_is_said_at_once():
         (b"a = " + b"[" * 40 + b"]" * 40, "more than 32 deep"),
         (b".".join([b"a"] * 1_000_000) + b" = 1", "more than 32 deep"),
         (b"a = " + b"1" * 5000, "not a TOML file: Exceeds the limit"),
+        (b".".join([b'"a"'] * 20_000) + b" = 1", "more than 32 deep"),
         (b"a." * 20 + b"a = {" + b"b." * 20 + b"b = 1}", "more than 32 deep"),
     ],
     ids=[
@@ -195,6 +198,7 @@ def test_all_that_is_wrong_is_said_at_once():
         "lists",
         "dotted",
         "digits",
+        "quoted",
         "dotted twice",
     ],
 )
@@ -258,3 +262,37 @@ def test_the_schema_says_what_every_key_means():
         "title": "Mass", "description": "Mass of the body [kg].", "type": "string", "unit": "kg", "examples": ["1 kg"],
     }  # fmt: skip
     assert mass["angle"]["default"] == "0 rad"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("<a>" * 50_000, "elements are nested more than 1000 deep"),
+        ('<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "document type"),
+        ('<?xml version="1.0" encoding="gbk"?><a/>', "not UTF-8 but 'gbk'"),
+        ('<?xml version="1.0" encoding="utf-7"?><a/>', "not UTF-8 but 'utf-7'"),
+        ("<a><b></a>", "not an XML file: mismatched tag"),
+        ("", "not an XML file"),
+    ],
+)
+def test_xml_that_is_not_read(text, said):
+    """Without end in depth, with entities, in another encoding than it is read in; the file is named."""
+    with pytest.raises(DataError, match=f"m.xml: .*{said}|m.xml: {said}"):
+        xml_root(text, "m.xml")
+    assert xml_root('\ufeff<?xml version="1.0" encoding="utf-8"?><a b="1"/>', "m.xml").get("b") == "1"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[" * 50_000, "nested more than 32 deep"),
+        ("[" * 40 + "]" * 40, "nested more than 32 deep"),
+        ('{"a": ' + "9" * 6000 + "}", "not a JSON file"),
+        ("{", "not a JSON file"),
+    ],
+)
+def test_json_that_is_not_read(text, said):
+    """Without end in depth, of integers without end, or none at all; the file is named."""
+    with pytest.raises(DataError, match=rf"t\.json: .*{said}"):
+        json_document(text, "t.json")
+    assert json_document('\ufeff{"a": [1]}', "t.json") == {"a": [1]}

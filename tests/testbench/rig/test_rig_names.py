@@ -77,7 +77,7 @@ def test_what_the_mechanism_does_not_have(rig, given, said):
 def test_a_file_that_is_no_mechanism(rig, tmp_path):
     """Its name and place in the message."""
     (tmp_path / "mine.xml").write_text("<mujoco>")
-    with pytest.raises(RigError, match=r"mine\.xml cannot be read"):
+    with pytest.raises(RigError, match=r"mechanism: mine\.xml: not an XML file"):
         rig("mine")
 
 
