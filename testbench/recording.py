@@ -53,11 +53,10 @@ _ERRORS = {
     "unknown_site": "The run table puts a counter-mass on a site that the rig's mechanism does not have.",
 }
 _WARNINGS = {
-    "cut_last_row": "The file ends inside a row, or in one that may be cut. That row is left out.",
+    "cut_last_row": "The file ends inside a row, or in a number that may be cut, which is left out.",
     "not_a_number": "Cells that are no finite number. Kept as inf where so written, otherwise as NaN.",
     "text_channel": "A column of text; its cells are not kept as data.",
     "repeated_header": "The header comes again inside the file: several recordings, kept as separate groups.",
-    "encoding_inferred": "The encoding was inferred from typical letters; it is declared nowhere.",
     "no_header": "The first row is data; the columns are named col0, col1, ...",
     "duplicate_names": "Several channels of one name.",
     "several_clocks": "Several columns of time in one table: each with the columns behind it is a group of its own.",
@@ -73,7 +72,9 @@ _WARNINGS = {
     "rate_contradiction": "The rate in the header and the steps of the time column differ.",
     "clipping": "Samples at the limit of the sensor's range.",
     "clipping_suspected": "Flat tops at the largest or smallest value, as a saturated sensor leaves them.",
+    "coded_values": "Codes of overflow or of missing values among the samples, such as 9.9E37 or -9999; kept.",
     "constant_channel": "A channel of one single value: a dead, stuck or unused one.",
+    "not_finalized": "The logger left counts and lengths unwritten, and says so; all whole records are read.",
     "appended_blocks": "More samples than declared, in whole blocks: each is a group of its own.",
     "header_contradiction": "A header that says something else than the data, which are whole and read as they are.",
     "duplicate_dof": "Several channels of one node and direction.",
@@ -99,6 +100,7 @@ _WARNINGS = {
 _NOTES = {
     "simulated": "The log says that it is simulated.",
     "dialect": "Delimiter, decimal mark and encoding as detected in the first lines.",
+    "encoding_inferred": "The encoding was inferred from typical letters; it is declared nowhere.",
     "unit_missing": "Channels without a unit.",
     "no_final_newline": "The last line has no end, but every number of it is as long as those above.",
     "comment_inside": "Comment lines between the rows.",

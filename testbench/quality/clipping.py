@@ -1,4 +1,9 @@
-"""Records of a sensor that failed: flat tops at its limit or at its own largest value, one value only, or stuck."""
+"""Samples that are no measured values: flat tops at a limit or at the largest value, a stuck sensor, and codes.
+
+An overflow is written as 9.9E37 (SCPI-99, vol. 1, 7.2.1.4; 9.91E37 for not a number) or as the largest number of its
+type. A missing value is written as -9999 and its kin, which measured values may reach too: they count as a code only
+where no other sample comes half as far.
+"""
 
 from dataclasses import dataclass, field
 
@@ -7,7 +12,7 @@ from numpy.typing import NDArray
 
 from balance.arrays import Floats
 
-from ..recording import Samples, SensorRange
+from ..recording import Block, Samples, SensorRange
 
 LONG_RUN = 3
 """Successive equal samples at the extreme that a smooth peak does not leave."""
@@ -152,3 +157,60 @@ def flat_tops(values: Floats, unit: str = "m/s2") -> str | None:
     clipping = Clipping(None)
     clipping.update(np.asarray(values, dtype=np.float64))
     return clipping.message(unit)
+
+
+_OVERFLOW = (9.9e37, 9.91e37, float(np.finfo(np.float32).max), float(np.finfo(np.float64).max))
+_MISSING = (-999.0, -999.25, -999.9, -9999.0, -9999.25, -9999.9, -99999.0, -999999.0, 9999.0, 99999.0, 999999.0, 1e30)
+_CODES = np.array(sorted({*_OVERFLOW, *(-code for code in _OVERFLOW), *_MISSING}))
+_LIKE = 1e-6
+"""Share by which a code may differ: float32 rounds it."""
+
+
+@dataclass
+class _Found:
+    count: int
+    first: str
+
+
+@dataclass
+class CodedValues:
+    """The samples of one channel that are such codes, block by block, and the extremes of all others."""
+
+    found: dict[float, _Found] = field(default_factory=dict)
+    least: float = np.inf
+    most: float = -np.inf
+
+    def update(self, block: Block, samples: Samples, extremes: tuple[float, float] | None) -> None:
+        """Take in the next samples, whose least and largest are ``extremes`` if all are finite."""
+        if extremes is None:
+            finite = samples[np.isfinite(samples)]
+            if not len(finite):
+                return
+            extremes = float(finite.min()), float(finite.max())
+        while (code := _code(extremes[0])) or (code := _code(extremes[1])):
+            same = np.isclose(samples, code, rtol=_LIKE, atol=0.0)
+            first = block.where(int(np.argmax(same)))
+            self.found.setdefault(code, _Found(0, first)).count += int(same.sum())
+            samples = samples[np.isfinite(samples) & ~same]
+            if not len(samples):
+                return
+            extremes = float(samples.min()), float(samples.max())
+        self.least, self.most = min(self.least, extremes[0]), max(self.most, extremes[1])
+
+    def places(self) -> list[tuple[str, str]]:
+        """For each code that is no measured value a message, and where it stands first."""
+        found = []
+        for code, each in self.found.items():
+            rest = self.least if code < 0.0 else self.most
+            if abs(code) not in _OVERFLOW and not (np.isfinite(rest) and rest / code < 0.5):
+                continue
+            what = "an instrument's overflow" if abs(code) in _OVERFLOW else "a missing value, it seems"
+            message = f"{each.count} samples are {code:g}, the code of {what}; kept as written, and no measured value"
+            found.append((message, each.first))
+        return found
+
+
+def _code(value: float) -> float:
+    """The code that a value is; 0 if it is none."""
+    at = int(np.searchsorted(_CODES, value * (1.0 - np.copysign(_LIKE, value))))
+    return float(_CODES[at]) if at < len(_CODES) and abs(value - _CODES[at]) <= _LIKE * abs(_CODES[at]) else 0.0

@@ -14,7 +14,7 @@ from balance.results import Key, finite
 from ..readers import header_claims
 from ..recording import Block, Channel, Finding, Group, Recording, Samples, SensorRange, TimeColumn, UniformClock
 from ..units import is_unit, same_unit, seconds_per
-from .clipping import Clipping
+from .clipping import Clipping, CodedValues
 from .time_column import TimeCheck
 from .time_steps import ClockStats
 
@@ -85,12 +85,14 @@ class GroupCheck:
     stats: list[ChannelStats] = field(init=False)
     clock: ClockStats = field(default_factory=ClockStats)
     _clipping: dict[int, Clipping] = field(init=False)
+    _coded: dict[int, CodedValues] = field(init=False)
 
     def __post_init__(self) -> None:
         clock = self.group.clock
         time = clock.index if isinstance(clock, TimeColumn) else None
         self.stats = [ChannelStats() for _ in self.group.channels]
         self._clipping = {i: Clipping(self._range(c)) for i, c in enumerate(self.group.channels) if i != time}
+        self._coded = {i: CodedValues() for i in self._clipping}
 
     def _range(self, channel: Channel) -> SensorRange | None:
         """The range that holds for a channel: the rig's, else the only one that the log states in its unit."""
@@ -105,6 +107,7 @@ class GroupCheck:
         extremes = [stats.update(column) for stats, column in zip(self.stats, block.columns, strict=True)]
         for i, clipping in self._clipping.items():
             clipping.update(block.columns[i], extremes[i])
+            self._coded[i].update(block, block.columns[i], extremes[i])
         if isinstance(self.group.clock, TimeColumn):
             index = self.group.clock.index
             self.clock.update(block, block.columns[index], all_finite=extremes[index] is not None)
@@ -140,10 +143,12 @@ class GroupCheck:
         if (time := self._time) is not None:
             found += time.findings()
         for i, channel in enumerate(self.group.channels):
+            coded = self._coded[i].places() if i in self._coded else []
+            found += [Finding("coded_values", channel.name, where, message) for message, where in coded]
             if self.stats[i].is_constant:
                 message = f"all {self.samples} samples are {self.stats[i].first:g}: dead, stuck or unused"
                 found.append(Finding("constant_channel", channel.name, None, message))
-            elif i in self._clipping and (text := self._clipping[i].message(channel.unit)) is not None:
+            elif not coded and i in self._clipping and (text := self._clipping[i].message(channel.unit)) is not None:
                 code = "clipping" if self._clipping[i].limit else "clipping_suspected"
                 found.append(Finding(code, channel.name, None, text))
         return found

@@ -7,7 +7,7 @@ step with it, as one group.
 import struct
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,7 @@ from ..format_findings import (
 from ..header_claims import recorded_time
 from ..registry import ReadOptions
 from .records import (
+    LONGEST_FRAME,
     Bytes,
     DataGroup,
     File,
@@ -36,6 +37,7 @@ from .records import (
     may_be_rounded,
     physical_values,
     record_parts,
+    sorted_records,
 )
 from .version3 import read_version3
 from .version4 import read_version4
@@ -118,14 +120,23 @@ def open_mdf(path: Path, options: ReadOptions) -> Recording:
         (version,) = struct.unpack_from("<H", head, 28)
         unfinished = head[:8] == _MARKS[1]
         file = (read_version4 if version >= 400 else read_version3)(source, unfinished)
+    for i, data in enumerate(file.groups):
+        if unfinished or any(records.frames for records in data.records):
+            file.groups[i] = _counted(path, data, file, unfinished)
     sets, lost = column_sets(file)
     if lost:
         raise damaged(path, f"channel group {lost!r}: its time lies in another group, which cannot be read with it")
-    groups = _groups(path.stem, file, sets, unfinished)
+    groups = _groups(path.stem, file, sets)
     findings = [*file.findings, *_header_findings(file, groups, sets)]
     if unfinished:
+        (flags, custom) = struct.unpack_from("<HH", head, 60)
         message = "its writer never finished the file: what was in memory then is lost"
-        findings.insert(0, Finding("cut_file", None, None, message))
+        if version >= 400 and flags and not custom:
+            message = (
+                "the logger left the file to be finalized, with counts and lengths unwritten; whole records are read"
+            )
+        code = "not_finalized" if version >= 400 and flags and not custom else "cut_file"
+        findings.insert(0, Finding(code, None, None, message))
     if not groups:
         raise nothing_to_read(path, findings, "no channel has samples")
     return Recording(
@@ -133,21 +144,58 @@ def open_mdf(path: Path, options: ReadOptions) -> Recording:
         format="ASAM MDF",
         reader="testbench.readers.mdf",
         groups=tuple(groups.values()),
-        read=lambda report: watch_nonfinite(_blocks(path, file, sets, groups, unfinished, report), report),
+        read=lambda report: watch_nonfinite(_blocks(path, file, sets, groups, report), report),
         settings={"version": file.version},
         metadata=file.metadata,
         findings=tuple(findings),
     )
 
 
-def _groups(stem: str, file: File, sets: Sequence[ColumnSet], unfinished: bool) -> dict[int, Group]:
+def _counted(path: Path, data: DataGroup, file: File, unfinished: bool) -> DataGroup:
+    """A data group with its records counted where the file is unfinished, and with the bytes of frames as channels."""
+    if not data.identifier_size:
+        size = data.records[0].size
+        return replace(data, records=(replace(data.records[0], declared=data.bytes // size),)) if size else data
+    counts, longest = Counter[int](), Counter[int]()
+    try:
+        for found in sorted_records(data):
+            for identifier, rows in found.items():
+                counts[identifier] += len(rows)
+                longest[identifier] = max(longest[identifier], *map(len, rows))
+    except UnknownIdentifier as error:
+        raise damaged(path, str(error)) from error
+    by_address = {records.address: longest[records.identifier] for records in data.records}
+    return replace(
+        data,
+        records=tuple(
+            _with_frames(replace(r, declared=counts[r.identifier]) if unfinished else r, by_address, file)
+            for r in data.records
+        ),
+    )
+
+
+def _with_frames(records: Records, longest: Mapping[int, int], file: File) -> Records:
+    """Records with a channel for each byte of their frames; frames longer than those of a bus are left out by name."""
+    if (frames := records.frames) is None:
+        return records
+    count, size = longest.get(frames.address, 0), records.size or 0
+    if count > LONGEST_FRAME or frames.address not in longest:
+        file.left_out.append(f"{frames.name} (bytes of records apart, up to {count})")
+    if not 0 < count <= LONGEST_FRAME:
+        return replace(records, frames=None)
+    own = [Member(f"{frames.name}[{i}]", None, "u", "<", size + 1 + i, 0, 8, within=(size, i)) for i in range(count)]
+    members = (*records.members[: frames.place], *own, *records.members[frames.place :])
+    return replace(records, members=members, frames=replace(frames, longest=count))
+
+
+def _groups(stem: str, file: File, sets: Sequence[ColumnSet]) -> dict[int, Group]:
     """A group for each kind of records that has channels and samples; the key is that of its records.
 
     Records stored by column are one group together, whose key is that of the records with their time.
     """
     followers = _followers(sets)
     members = {id(one.first): one.members for one in sets}
-    kept = [r for g in file.groups for r in g.records if r.members and _has_samples(g, r, unfinished)]
+    kept = [r for g in file.groups for r in g.records if r.members and _has_samples(g, r)]
     kept = [r for r in kept if id(r) not in followers]
     names = Counter(r.name for r in kept)
     groups, numbers = {}, Counter[str]()
@@ -166,10 +214,10 @@ def _followers(sets: Sequence[ColumnSet]) -> set[int]:
     return {id(records) for one in sets for _, records in one.streams[1:]}
 
 
-def _has_samples(group: DataGroup, records: Records, unfinished: bool) -> bool:
+def _has_samples(group: DataGroup, records: Records) -> bool:
     if records.size == 0:
         return 0 < (records.declared or 0) <= _MOST_VIRTUAL
-    return bool(group.bytes and (records.declared or unfinished))
+    return bool(group.bytes and records.declared)
 
 
 def _clock(members: Sequence[Member]) -> TimeColumn | None:
@@ -180,7 +228,7 @@ def _clock(members: Sequence[Member]) -> TimeColumn | None:
 
 
 def _blocks(
-    path: Path, file: File, sets: Sequence[ColumnSet], groups: Mapping[int, Group], unfinished: bool, report: Report
+    path: Path, file: File, sets: Sequence[ColumnSet], groups: Mapping[int, Group], report: Report
 ) -> Iterator[Block]:
     odd = _Odd()
     by_column = _followers(sets) | {id(one.first) for one in sets}
@@ -202,7 +250,7 @@ def _blocks(
             raise damaged(path, str(error)) from error
         for records in data.records:
             declared, found = records.declared, done[id(records)]
-            if data.identifier_size and id(records) in groups and found != declared and not unfinished:
+            if data.identifier_size and id(records) in groups and found != declared:
                 message = f"group {groups[id(records)].name!r} declares {declared} samples, {found} are there"
                 report(Finding("count_contradiction", None, None, message))
     for finding in odd.findings():

@@ -36,14 +36,29 @@ class Member:
     conversion: Conversion | None = None
     is_time: bool = False
     invalid_bit: int | None = None
+    within: tuple[int, int] | None = None
+    """Of a byte of a frame: which byte says how long the frame is, and its number; NaN where that is shorter."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Frames of varying length, such as those of a bus: channel, place among the members, and their own records.
+
+    Each is joined to its record, behind a byte that says how long it is, filled up to the ``longest``.
+    """
+
+    name: str
+    place: int
+    address: int
+    longest: int = 0
 
 
 @dataclass(frozen=True)
 class Records:
     """Records of one kind: their size without identifier [bytes], the size of their data, how many are declared.
 
-    ``size`` is None for texts of varying length, which are passed over. ``master`` is the address of the records that
-    hold their time, 0 if they do themselves.
+    ``size`` is None for records of varying length: frames, or texts, which are passed over. ``master`` is the address
+    of the records that hold their time, 0 if they do themselves.
     """
 
     name: str
@@ -54,6 +69,7 @@ class Records:
     members: tuple[Member, ...]
     address: int = 0
     master: int = 0
+    frames: Frames | None = None
 
 
 @dataclass(frozen=True)
@@ -83,6 +99,8 @@ class File:
 
 
 Bytes = NDArray[np.uint8]
+LONGEST_FRAME = 64
+"""Bytes of the longest frame of a bus (CAN FD)."""
 _ROUND = (8, 16, 32, 64)
 _BITS_OF_FLOAT = 53
 
@@ -101,7 +119,10 @@ def raw_values(member: Member, rows: Bytes, first: int) -> Samples:
     if member.kind == "f" or (member.bit == 0 and member.bits in _ROUND):
         kind = np.dtype(f"{member.order}{member.kind}{member.bits // 8}")
         view = np.ndarray((len(rows),), kind, rows, offset=member.byte, strides=(rows.strides[0],))
-        return np.asarray(view.astype(np.float64))
+        values = np.asarray(view.astype(np.float64))
+        return (
+            values if member.within is None else np.where(rows[:, member.within[0]] > member.within[1], values, np.nan)
+        )
     return _bits(member, rows)
 
 
@@ -180,8 +201,39 @@ def record_parts(group: DataGroup) -> Iterator[tuple[Records, Bytes]]:
 
 
 def _by_identifier(group: DataGroup) -> Iterator[tuple[Records, Bytes]]:
-    """Records of several kinds, sorted within each piece of bytes."""
+    """Records of several kinds, sorted within each piece of bytes; frames are joined to theirs, in their order."""
     by_identifier = {records.identifier: records for records in group.records}
+    identifiers = {records.address: records.identifier for records in group.records}
+    waiting: dict[int, list[bytes]] = {records.identifier: [] for records in group.records}
+    for found in sorted_records(group):
+        for identifier, rows in found.items():
+            waiting[identifier] += rows
+        for identifier, records in by_identifier.items():
+            rows, frames = waiting[identifier], records.frames
+            if not records.size:
+                continue
+            if frames is not None and frames.longest:
+                parts = waiting[identifiers[frames.address]]
+                count = min(len(rows), len(parts))
+                joined = [
+                    row + bytes((len(part),)) + part.ljust(frames.longest, b"\0")
+                    for row, part in zip(rows[:count], parts[:count], strict=True)
+                ]
+                del rows[:count], parts[:count]
+                rows = joined
+            else:
+                waiting[identifier] = []
+            if rows:
+                yield records, np.frombuffer(b"".join(rows), dtype=np.uint8).reshape(len(rows), -1)
+
+
+def sorted_records(group: DataGroup) -> Iterator[dict[int, list[bytes]]]:
+    """The records of each piece of bytes by identifier, each in its order; what is no whole one at the end is dropped.
+
+    Texts, which are records of varying length that no channel takes for frames, are passed over.
+    """
+    by_identifier = {records.identifier: records for records in group.records}
+    frames = {records.frames.address for records in group.records if records.frames is not None}
     order = "little" if group.order == "<" else "big"
     head, tail = group.identifier_size, group.identifier_size if group.trailing else 0
     keep = b""
@@ -200,11 +252,10 @@ def _by_identifier(group: DataGroup) -> Iterator[tuple[Records, Bytes]]:
                 begin, size = begin + 4, int.from_bytes(data[begin : begin + 4], order)  # type: ignore[arg-type]
             if begin + size + tail > len(data):
                 break
-            if records.size:
+            if records.size or records.address in frames:
                 found.setdefault(identifier, []).append(data[begin : begin + size])
             at = begin + size + tail
         keep = data[at:]
         if len(keep) > 64 * BLOCK_BYTES:
             raise UnknownIdentifier(f"a record of more than {64 * BLOCK_BYTES >> 20} MiB")
-        for identifier, rows in found.items():
-            yield by_identifier[identifier], np.frombuffer(b"".join(rows), dtype=np.uint8).reshape(len(rows), -1)
+        yield found

@@ -2,6 +2,7 @@
 
 import struct
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -11,7 +12,7 @@ from ..byte_source import ByteSource
 from ..format_findings import damaged
 from . import conversions
 from .conversions import Conversion
-from .records import DataGroup, File, Member, Records, fits
+from .records import LONGEST_FRAME, DataGroup, File, Frames, Member, Records, fits
 from .version4_blocks import (
     Block,
     DataBlock,
@@ -30,6 +31,8 @@ from .version4_blocks import (
 _VLSD, _REMOTE_MASTER = 1, 8
 _MASTER, _VIRTUAL_MASTER, _VIRTUAL, _TIME = 2, 3, 6, 1
 _TEXTS = (6, 7, 8, 9, 17)
+_BYTES = 10
+"""Data type of an array of bytes."""
 _INVALID_ALL, _INVALID_BIT = 1, 2
 _TO_TEXT = (7, 8, 9, 10, 11)
 _DEEPEST = 16
@@ -96,15 +99,25 @@ def _records(source: ByteSource, block: Block, file: File) -> Records:
     identifier, declared, flags, _, size, invalidation = struct.unpack_from("<QQHH4xII", raw)
     name = block_text(source, block.links[2]) or block_text(source, block.links[5])
     if flags & _VLSD:
-        return Records(name, identifier, None, 0, declared, ())
+        return Records(name, identifier, None, 0, declared, (), block.address)
     master = block.links[6] if flags & _REMOTE_MASTER and len(block.links) > 6 else 0
     if flags & _REMOTE_MASTER and not master:
         raise damaged(source.path, f"channel group {name!r}: its time lies in another group, which is not named")
-    members = tuple(_members(source, block.links[1], file, size, ""))
-    return Records(name, identifier, size + invalidation, size, declared, members, block.address, master)
+    members: list[Member] = []
+    frames: list[Frames] = []
+    for found in _members(source, block.links[1], file, size, ""):
+        if isinstance(found, Frames):
+            frames.append(replace(found, place=len(members)))
+        else:
+            members.append(found)
+    file.texts += [one.name for one in frames[1:]]
+    own = frames[0] if frames else None
+    return Records(name, identifier, size + invalidation, size, declared, tuple(members), block.address, master, own)
 
 
-def _members(source: ByteSource, address: int, file: File, size: int, prefix: str, depth: int = 0) -> Iterator[Member]:
+def _members(
+    source: ByteSource, address: int, file: File, size: int, prefix: str, depth: int = 0
+) -> Iterator[Member | Frames]:
     """The channels of a list, and those that they are composition of."""
     if depth > _DEEPEST:
         raise damaged(source.path, f"channels within channels, {depth} deep")
@@ -119,22 +132,31 @@ def _members(source: ByteSource, address: int, file: File, size: int, prefix: st
         if composition:
             file.left_out.append(f"{name} (an array)")
             continue
-        if (member := _member(source, block, file, size, name)) is not None:
-            yield member
+        yield from _own_members(source, block, file, size, name)
 
 
-def _member(source: ByteSource, block: Block, file: File, size: int, name: str) -> Member | None:
+def _own_members(source: ByteSource, block: Block, file: File, size: int, name: str) -> Iterator[Member | Frames]:
+    """The channel of a block; of an array of bytes, such as the data of a bus, one for each byte. None of texts."""
     raw = block_data(source, block)
     if len(raw) < 24:
         raise damaged(source.path, f"channel {name!r}: its block has {len(raw)} bytes of data")
     kind, sync, form, bit, byte, bits, flags, invalid = struct.unpack_from("<BBBBIIII", raw)
+    if form == _BYTES and kind == 1 and source.read(block.links[5], 4, "frames") == b"##CG":
+        yield Frames(name, 0, block.links[5])
+        return
     if form in _TEXTS or kind == 1:
         file.texts.append(name)
-        return None
+        return
+    if form == _BYTES and bits <= 8 * LONGEST_FRAME and not (bits % 8 or bit):
+        if byte + bits // 8 > size:
+            raise damaged(source.path, f"channel {name!r}: {bits // 8} bytes from byte {byte} of {size} bytes a record")
+        for i in range(bits // 8):
+            yield Member(f"{name}[{i}]", None, "u", "<", byte + i, 0, 8)
+        return
     virtual = kind in (_VIRTUAL_MASTER, _VIRTUAL)
     if not virtual and form > 5:
         file.left_out.append(f"{name} (of data type {form})")
-        return None
+        return
     conversion, stated_unit = _conversion(source, block.links[4], file, name, not virtual and form > 3)
     member = Member(
         name=name,
@@ -152,7 +174,7 @@ def _member(source: ByteSource, block: Block, file: File, size: int, name: str) 
         raise damaged(
             source.path, f"channel {name!r}: {bits} bits from byte {byte}, bit {bit} of {size} bytes a record"
         )
-    return member
+    yield member
 
 
 def _conversion(

@@ -3,8 +3,8 @@ import pytest
 
 from balance.results import document
 from testbench.quality.clipping import Clipping
-from testbench.quality.group_checks import ChannelStats
-from testbench.recording import SensorRange
+from testbench.quality.group_checks import ChannelStats, GroupCheck
+from testbench.recording import Block, Channel, Group, SensorRange
 
 RANDOM = np.random.default_rng(7)
 
@@ -82,3 +82,36 @@ def test_flat_tops_are_suspected_without_a_range(low, high):
 def test_what_is_flat_by_nature_is_not_suspected(samples):
     """Quantised slow signals, switches, unloaded sensors and wrapping angles are no saturated sensors."""
     assert clipped(np.asarray(samples))[1] is None
+
+
+@pytest.mark.parametrize(
+    ("code", "count", "said"),
+    [
+        (9.9e37, 3, "3 samples are 9.9e+37, the code of an instrument's overflow"),
+        (-9.9e37, 1, "1 samples are -9.9e+37"),
+        (float(np.float32(9.91e37)), 2, "2 samples are 9.91e+37"),
+        (3.4028234663852886e38, 2, "overflow"),
+        (-9999.0, 2, "2 samples are -9999, the code of a missing value"),
+        (-999.25, 5, "missing value"),
+        (99999.0, 1, "missing value"),
+        (-9998.0, 2, None),
+    ],
+)
+def test_codes_of_overflow_and_missing_values(code, count, said):
+    """They are found with their number and first place, in whatever block they stand."""
+    samples = RANDOM.normal(0.0, 100.0, 5000)
+    samples[RANDOM.permutation(4000)[:count] + 500] = code
+    check = GroupCheck(Group("g", (Channel("F", "N"),)))
+    for start in range(0, 5000, 700):
+        check.update(Block(check.group, (samples[start : start + 700],), start))
+    found = [(f.channel, f.where, f.message) for f in check.findings() if f.code == "coded_values"]
+    first = int(np.argmax(samples == code))
+    assert [(channel, where) for channel, where, _ in found] == ([("F", f"sample {first}")] if said else [])
+    assert said is None or said in found[0][2]
+
+
+def test_values_near_a_code_are_measured():
+    """-9999 among samples down to -9000 is one of them; 9999 is a count that was reached."""
+    check = GroupCheck(Group("g", (Channel("F", "N"), Channel("n"))))
+    check.update(Block(check.group, (np.linspace(-9999.0, 0.0, 500), np.arange(9500.0, 10000.0)), 0))
+    assert "coded_values" not in {finding.code for finding in check.findings()}

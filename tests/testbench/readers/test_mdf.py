@@ -11,6 +11,7 @@ from asammdf.blocks import conversion_utils
 
 from testbench.readers.mdf import conversions, records
 from testbench.readers.mdf.records import Member
+from testbench.recording import refusing_findings
 
 from . import reading
 
@@ -260,6 +261,39 @@ def test_records_of_several_kinds_are_distinguished(tmp_path):
     assert found.column("b").tolist() == [500, 502, 504, 506]
     path.write_bytes(path.read_bytes().replace(b"\x02" + struct.pack("<dH", 0.5, 502), b"\x09" + bytes(10)))
     assert "identifier 9" in reading.said(path)
+
+
+FRAMES = [bytes(range(1, 2 + i % 5)) for i in range(8)]
+
+
+@pytest.mark.parametrize("piece", [8 << 20, 23])
+@pytest.mark.parametrize("is_finished", [True, False])
+def test_frames_of_a_bus_keep_their_bytes(tmp_path, monkeypatch, piece, is_finished):
+    """A channel for each byte, of a fixed array, and of records of varying length that come before or behind theirs.
+
+    A logger that leaves counts unwritten, and says so by its flags, leaves nothing to accept.
+    """
+    monkeypatch.setattr("testbench.readers.mdf.version4_blocks.BLOCK_BYTES", piece)
+    file = Written(b"MDF     " if is_finished else b"UnFinMF ")
+    file.raw[60:62] = b"\0\0" if is_finished else b"\x25\0"
+    frames = file.records(0, 0, 2, 8 * is_finished, 0, flags=1)
+    data = struct.pack("<BBBBIIII", 1, 0, 10, 0, 10, 64, 0, 0).ljust(72, b"\0")
+    title = file.add(b"TX", [], b"payload\0")
+    payload = file.add(b"CN", [0, 0, title, 0, 0, frames, 0, 0], data)
+    fixed = file.channel("id", payload, 8, form=10, bits=16)
+    one = file.records(frames, file.channel("t", fixed, 0, kind=2, sync=1), 1, 8 * is_finished, 18)
+    empty = file.records(one, file.pair(), 3, 0, 16)
+    raw = b""
+    for i, (row, frame) in enumerate(zip(ROWS, FRAMES, strict=True)):
+        pair = [b"\x01" + struct.pack("<d2BQ", row[0], i, 7, 99), b"\x02" + struct.pack("<I", len(frame)) + frame]
+        raw += b"".join(pair if i % 3 else pair[::-1])
+    file.data_group(empty, file.add(b"DT", [], raw), 1)
+    found = reading.read(file.write(tmp_path / "made.mf4"))
+    columns = np.array([found.column(f"payload[{k}]") for k in range(5)])
+    np.testing.assert_array_equal(columns, [[f[k] if k < len(f) else np.nan for f in FRAMES] for k in range(5)])
+    assert (found.column("id[0]").tolist(), set(found.column("id[1]"))) == (list(range(8)), {7.0})
+    assert ("not_finalized" in found.codes) != is_finished
+    assert not refusing_findings(found.findings)
 
 
 COLUMN_TIME = np.arange(1000) / 100
