@@ -37,7 +37,7 @@ Exit codes: 0 nothing odd, 3 findings, 1 would be refused or cannot be read."""
 def info(file: Path, stats: bool, as_json: bool, **text: Any) -> int:  # noqa: ANN401
     """What a log file holds, and what is odd in it. Reads the whole file, keeps nothing."""
     from ..quality.log_description import describe_log
-    from ..recording import Refusal
+    from ..recording import Refusal, refusing_findings
 
     try:
         found = describe_log(file, options.read_options(**text))
@@ -51,6 +51,9 @@ def info(file: Path, stats: bool, as_json: bool, **text: Any) -> int:  # noqa: A
         emit_json(found.document(stats))
     else:
         _print(found, stats)
+    if grave := refusing_findings(found.findings):
+        codes = ", ".join(dict.fromkeys(finding.code for finding in grave))
+        options.complain(f"{file.name}: would be refused for {codes}; `testbench ingest --accept CODE` stores it")
     return options.exit_code(found.findings)
 
 

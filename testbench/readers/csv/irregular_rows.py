@@ -320,12 +320,14 @@ class LateDecimalMark:
             report(Finding("ambiguous_number", None, self.places.where, message))
 
 
-def last_row(parser: RowParser, rest: bytes, before: bytes, line: int) -> tuple[bytes, Finding | None]:
-    """The last row of the file if it is whole, else nothing; and the finding on it.
+def last_row(
+    parser: RowParser, rest: bytes, before: bytes, line: int, time: int | None = None
+) -> tuple[bytes, Finding | None]:
+    """The last row of the file as far as it is whole; and the finding on it.
 
-    ``rest`` is the text after the last line feed, ``before`` rows above it, both plain. A number that may be cut is
-    never used: the row is whole only if its last number has as many decimals as every one above it, or if something
-    comes after that number.
+    ``rest`` is the text after the last line feed, ``before`` rows above it, both plain, ``time`` the clock's field.
+    A number that may be cut is never used: the last one is whole only if it has as many decimals as most above, and
+    none has more, or if something comes after it. The cells before it are kept, unless it is the row's time.
     """
     text, separator = rest.rstrip(b"\x1a"), parser.separator.encode()
     cells = text.split(separator)
@@ -333,7 +335,7 @@ def last_row(parser: RowParser, rest: bytes, before: bytes, line: int) -> tuple[
     kept = b""
     if not text.strip():
         return kept, None
-    shape = _shape(cells[-1])
+    shape, above = _shape(cells[-1]), [_shape(row[-1]) for row in rows if len(row) == parser.fields]
     code = "cut_last_row"
     if b"\0" in text:
         code = "nul_bytes"
@@ -343,9 +345,14 @@ def last_row(parser: RowParser, rest: bytes, before: bytes, line: int) -> tuple[
         message += "it is left out"
     elif text.endswith(b"\r"):
         return text + b"\n", None
-    elif {shape} == {_shape(row[-1]) for row in rows if len(row) == parser.fields} and shape is not None:
+    elif shape is not None and 2 * above.count(shape) > len(above) and shape == max(filter(None, above)):
         code, kept = "no_final_newline", text + b"\n"
         message = f"line {line} has no line end; it is whole, since its last number has as many decimals as those above"
+    elif parser.fields > 1 and time != parser.fields - 1:
+        kept = separator.join([*cells[:-1], b""]) + b"\n"
+        number = shown(cells[-1].decode("latin-1").strip())
+        message = f"line {line} has no line end, so that its last number, {number}, may be cut: it is left out, the "
+        message += "cells before it are kept; if the file is whole, end its last line"
     else:
         message = f"line {line} has no line end, so that its last number may be cut; the row is left out"
     return kept, Finding(code, None, f"line {line}", message)

@@ -77,7 +77,7 @@ class Table:
         loop = FastParser(self.parser, self.kept).columns if is_long else lambda plain: None
         for block, plain, columns in in_order(partial(self._parse, loop), blocks):
             if block.rest:
-                plain, finding = last_row(self.parser, self.parser.plain(block.rest), before, line)
+                plain, finding = last_row(self.parser, self.parser.plain(block.rest), before, line, rows.time)
                 columns = None
                 if finding is not None:
                     report(finding)

@@ -123,40 +123,55 @@ def test_thousands_are_not_decimals(log):
 @pytest.mark.parametrize(
     ("ending", "kept", "code"),
     [
-        ("0.5000,1.0000,2.0000", True, "no_final_newline"),
-        ("0.5000,1.0000,2.000", False, "cut_last_row"),
-        ("0.5000,1.0000,2", False, "cut_last_row"),
-        ("0.5000,1.0000,", False, "cut_last_row"),
-        ("0.5000,1.0", False, "cut_last_row"),
-        ("0.5000,1.0000,2.0000\r", True, None),
-        ("\0\0\0\0", False, "nul_bytes"),
-        ("\x1a", False, None),
+        ("0.5000,1.0000,2.0000", [1.0, 2.0], "no_final_newline"),
+        ("0.5000,1.0000,2.000", [1.0, np.nan], "cut_last_row"),
+        ("0.5000,1.0000,2", [1.0, np.nan], "cut_last_row"),
+        ("0.5000,1.0000,", [1.0, np.nan], "cut_last_row"),
+        ("0.5000,1.0", [], "cut_last_row"),
+        ("0.5000,1.0000,2.0000\r", [1.0, 2.0], None),
+        ("\0\0\0\0", [], "nul_bytes"),
+        ("\x1a", [], None),
     ],
 )
 def test_a_last_number_that_may_be_cut_is_never_used(log, ending, kept, code):
-    """A last line without an end counts only if its last number has as many decimals as all above."""
+    """Without a line end it counts only if it has as many decimals as all above; the cells before it are whole."""
     found = log(HEADER + "".join(SHORT) + ending)
-    assert len(found.time()) == len(SHORT) + kept
-    assert found.codes - {"dialect"} == ({code} if code else set()) | ({"time_gap"} if kept else set())
+    assert len(found.time()) == len(SHORT) + bool(kept)
+    last = [found.column(name)[-1] for name in ("AccX (g)", "AccY (g)")]
+    np.testing.assert_array_equal(last if kept else [], kept)
+    ends_empty = {"not_a_number"} if kept and np.isnan(kept[-1]) else set()
+    assert found.codes - {"dialect"} == ({code} if code else set()) | ({"time_gap"} if kept else set()) | ends_empty
 
 
-def test_integers_may_be_cut_too(log):
-    """123 may be the rest of 1234: without a line end the row is left out."""
-    found = log("t (s),n\n" + "".join(f"{i / 10:.1f},{i + 100}\n" for i in range(50)) + "5.0,15")
-    assert len(found.time()) == 50
-    assert "line 52" in found.message("cut_last_row")
+@pytest.mark.parametrize(
+    ("numbers", "last", "value"),
+    [
+        ([f"{i + 100}" for i in range(50)], "15", np.nan),  # of whole numbers none tells
+        ([f"{i / 10 + 0.003:g}" for i in range(50)], "0.376", 0.376),
+        ([f"{i / 1000:g}" for i in range(50)], "0.076", 0.076),  # 0.01, 0.02 among them
+        ([f"{i / 1000:g}" for i in range(50)], "0.07", np.nan),
+    ],
+)
+def test_a_last_number_that_is_as_long_as_most_is_whole(log, numbers, last, value):
+    """Where programs drop zeros at the end, most numbers have all decimals; 123 may be the rest of 1234."""
+    found = log("t (s),n\n" + "".join(f"{i / 10:.1f},{text}\n" for i, text in enumerate(numbers)) + f"5.0,{last}")
+    np.testing.assert_array_equal(found.column("n")[-1:], [value])
+    assert ("cut_last_row" in found.codes) == bool(np.isnan(value))
 
 
 def test_every_cut_gives_a_prefix_of_the_rows(log):
-    """Wherever a file is cut, what is read are whole rows of the original."""
+    """Wherever a file is cut, what is read are whole rows of the original; of the last one the last cell may lack."""
     text = HEADER + "".join(ROWS[:8])
     whole = log(text)
     for cut in range(len(HEADER) + len(ROWS[0]) + 1, len(text), 3):  # every place in a row, for rows are of 22 bytes
         found = log(text[:cut])
         n = len(found.time())
         assert n in (text[:cut].count("\n") - 1, text[:cut].count("\n"))
-        for name in ("Time (s)", "AccX (g)", "AccY (g)"):
+        for name in ("Time (s)", "AccX (g)"):
             assert found.column(name).tobytes() == whole.column(name)[:n].tobytes()
+        column, expected = found.column("AccY (g)"), whole.column("AccY (g)")[:n]
+        assert (column == expected)[:-1].all()
+        assert column[-1] == expected[-1] or (np.isnan(column[-1]) and "cut_last_row" in found.codes)
 
 
 def test_comments_and_blank_lines_between_the_rows(log):
