@@ -17,7 +17,7 @@ ANSWERS = {
     "b04_nan_inf_tokens.csv": (3, "not_a_number", ["in line 11"]),
     "b05_header_repeated.csv": (3, "repeated_header", ["0.00735983"]),
     "b06_time_not_monotonic.csv": (1, "time_not_increasing", ["line 202", "line 401", "-0.9949996471 s at line 601"]),
-    "b08_cp1254_turkish.csv": (0, "encoding_inferred", ["cp1254"]),
+    "b08_cp1254_turkish.csv": (3, "encoding_inferred", ["cp1254"]),
     "b11_empty.csv": (1, "empty_file", ["empty"]),
     "b13_links_outside.h5": (3, "outside_reference", ["b13_outside"]),
     "b15_mixed_decimal.csv": (1, "decimal_mark_changes", ["the first is '"]),
