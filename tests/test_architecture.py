@@ -28,6 +28,7 @@ LAYERS: tuple[str, ...] = (
     "balance.rotors balance.drives balance.linkages",
     "balance.engines",
     "balance.figures",
+    "balance.report",
     "balance",
     "balance.cli",
     "testbench.errors testbench.units testbench.compiled_kernels",

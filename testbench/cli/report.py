@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option, json_text
 from balance.results import table
@@ -14,9 +15,9 @@ from .options import BandText
 
 if TYPE_CHECKING:
     from ..report import RunReport
+    from ..signal import Metric
     from ..signal.filters import Band
     from ..store import Run
-    from ..vibration.run_pairs import Pair
 
 Part = dict[str, Any]
 
@@ -167,6 +168,7 @@ class PointText(click.ParamType[tuple[float, float, float]]):
 Examples:
   testbench report campaign/r001.h5
   testbench report campaign -o figures
+  testbench report campaign -o report.html --published kiper2019
   testbench report campaign/r001.h5 --at 0m,-0.1m,0m --band 1..100 --json
 \b
 Exit codes: 0 done, 3 done with findings (a clipped or dead sensor, a motion or torque not the sheet's), 1 some
@@ -180,9 +182,14 @@ run was refused (the others are reported)."""
 @click.option("--bandwidth", type=float, default=80.0, show_default=True, metavar="HZ",
               help="Of accelerations from encoders and of torques [Hz].")  # fmt: skip
 @click.option("--mechanism", metavar="MECH", help="A mechanism in place of the one that the rig names.")
+@click.option("--published", metavar="NAME", help="On the page: published reductions, kiper2019 or a file.")
+@click.option("--metric", type=click.Choice(METRIC_NAMES), default="peak_to_peak", show_default=True,
+              help="On the page: what an amplitude is whose reduction is shown.")  # fmt: skip
+@options.accept_option
 @click.option(
-    "-o", "--output", type=click.Path(path_type=Path, file_okay=False), help="Folder for figures and report.json."
-)
+    "-o", "--output", type=click.Path(path_type=Path),
+    help="A name ending in .html: one page of all runs, to sign and mail. Else a folder for figures and report.json.",
+)  # fmt: skip
 @json_option
 def report(
     runs: tuple[Path, ...],
@@ -190,6 +197,9 @@ def report(
     band: "Band | None",
     bandwidth: float,
     mechanism: str | None,
+    published: str | None,
+    metric: "Metric",
+    accept: tuple[str, ...],
     output: Path | None,
     as_json: bool,
 ) -> int:
@@ -198,20 +208,35 @@ def report(
     Motions found (x, y, triangle; by command, encoders, acceleration); how well the command was reached; vibration of
     the base, its modes from the free decay, its response to the shaking force; force and moment at a point; torques
     against the model. With --output also figures: each run, and runs with counter-masses beside those without.
+
+    With -o report.html one page, readable without network or script: reductions with intervals (as testbench compare),
+    what would balance it (trim), the mechanism moving with the log, time series, cross-examination, findings,
+    uncertainty, digests. Reductions are of 1..200 Hz unless --band is given.
     """
     from balance.mechanism.mjcf_parser import load_mechanism
 
     from ..cross_examination import examine
     from ..report import report as reported
+    from ..report.campaign_page import torques_compared
     from ..runs.si_run import SIRun
-    from ..vibration.run_pairs import pairs
+    from ..vibration.metrics import Measure
 
+    options.refuse_unknown_codes(accept)
     if not bandwidth > 0.0:
         raise click.UsageError(f"--bandwidth {bandwidth:g}: expected a positive frequency")
     opened, refused = options.openable_runs(runs)
+    if output and output.suffix.lower() == ".html":
+        given = click.get_current_context().get_parameter_source("band") is not ParameterSource.DEFAULT
+        measure = Measure(metric, band) if given else Measure(metric)
+        return _page(runs[0], opened, refused, output, as_json, measure=measure, published=published, accept=accept,
+                     mechanism=mechanism, point=point, band=band, bandwidth_hz=bandwidth)  # fmt: skip
+    if published:
+        raise click.UsageError("--published is shown on the page: give it with -o report.html")
+    if output and output.is_file():
+        raise click.UsageError(f"--output {output}: is a file; expected a folder, or a name ending in .html")
     examination = examine(opened, mechanism=load_mechanism(mechanism) if mechanism else None)
     found = {run.name: reported(SIRun.of(run), point, band, bandwidth, mechanism, examination) for run in opened}
-    compared = [_compared(pair, found) for pair in pairs(opened)[0]]
+    compared = torques_compared(opened, found)
     document = {
         "runs": [one.as_dict() for one in found.values()],
         "compared": compared,
@@ -234,18 +259,36 @@ def report(
     return EXIT_WITH_FINDINGS if any(one.findings for one in found.values()) else 0
 
 
-def _compared(pair: "Pair", found: "dict[str, RunReport]") -> dict[str, Any]:
-    """Effect of the counter-masses on the torques of one condition."""
-    from ..report.sections import torque_changes
+def _page(
+    first: Path,
+    opened: "list[Run]",
+    refused: "list[options.NotOpened]",
+    output: Path,
+    as_json: bool,
+    **how: Any,  # noqa: ANN401
+) -> int:
+    """One page of all runs; on stdout its verdict, or the document that its numbers are from."""
+    from ..errors import StoreError
+    from ..published_tables import load_published
+    from ..report import campaign_report
 
-    sides = [[found[run.name].parts["torque"] for run in runs] for runs in (pair.balanced, pair.unbalanced)]
-    return {
-        "condition": str(pair.key),
-        "counter_masses_kg": pair.counter_masses,
-        "origin": pair.key.origin,
-        "runs": [run.name for run in pair.runs],
-        "torques": torque_changes(sides[0], sides[1]),
-    }
+    if not opened:
+        raise StoreError("; ".join(one.message for one in refused) or f"{first}: no run")
+    how["published"] = load_published(how["published"]) if how["published"] else None
+    name = first.resolve().name if first.is_dir() else ", ".join(run.name for run in opened)
+    found = campaign_report(name, opened, unopened={one.run: one.message for one in refused}, **how)
+    path = found.page().write(output)
+    if as_json:
+        emit_json({**found.document, "refused": refused, "written": [str(path)]})
+    else:
+        click.echo(f"{name}: {found.document['verdict']}")
+        for finding in found.document["findings"]:
+            click.echo(f"  {finding['code']}: {finding['count']}, {finding['decision']}")
+        click.echo(f"Wrote {path}.")
+    options.complain(*(one.message for one in refused))
+    if refused:
+        return EXIT_REFUSED
+    return EXIT_WITH_FINDINGS if found.document["findings"] else 0
 
 
 def _print_compared(compared: list[dict[str, Any]]) -> None:

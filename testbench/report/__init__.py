@@ -1,5 +1,6 @@
-"""The report of one run: motions, command, base vibration, modes, response, forces, torques."""
+"""The report of one run: motions, command, base vibration, modes, forces, torques; that of a campaign as a page."""
 
+from .campaign_page import CampaignReport, campaign_report, html_report
 from .run_report import RunReport, report
 
-__all__ = ["RunReport", "report"]
+__all__ = ["CampaignReport", "RunReport", "campaign_report", "html_report", "report"]

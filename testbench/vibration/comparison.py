@@ -30,6 +30,7 @@ from .reduction import Reduction, analyze, reduction_percent
 from .run_pairs import Pair
 
 if TYPE_CHECKING:
+    from ..cross_examination import Examination
     from ..rig import Rig
     from ..store import Run
 
@@ -127,6 +128,8 @@ class Comparison:
     findings: Annotated[tuple[Finding, ...], Key()]
     published: Annotated[Published | None, Key()]
     measure: Measure
+    examination: "Examination | None" = field(default=None, repr=False, compare=False)
+    """What the campaign's sensors and runs state of each other."""
 
     @property
     def definition(self) -> Annotated[str, Key()]:
@@ -218,7 +221,8 @@ def compare_campaign(
             for r in analysis.reductions
             if r.key == pair.key and r.counter_masses == pair.counter_masses
         ]
-    return Comparison(tuple(rows), analysis.origins, tuple(dict.fromkeys(findings)), published, measure)
+    findings = list(dict.fromkeys(findings))
+    return Comparison(tuple(rows), analysis.origins, tuple(findings), published, measure, analysis.examination)
 
 
 def _simulated(

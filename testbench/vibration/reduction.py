@@ -138,6 +138,8 @@ class Analysis:
     reductions: Annotated[tuple[Reduction, ...], Key()]
     findings: Annotated[tuple[Finding, ...], Key()]
     measure: Measure
+    examination: Examination | None = field(default=None, repr=False, compare=False)
+    """What its sensors and runs state of each other."""
 
     @property
     def definition(self) -> Annotated[str, Key()]:
@@ -189,7 +191,7 @@ def analyze(
         findings += [*judged.scatter_findings(condition), *condition.doubts]
         reductions += _doubted(condition.pair, some, examination)
     found_pairs = tuple(condition.pair for condition in conditions)
-    return Analysis(found_pairs, tuple(reductions), tuple(dict.fromkeys(findings)), measure)
+    return Analysis(found_pairs, tuple(reductions), tuple(dict.fromkeys(findings)), measure, examination)
 
 
 def _doubted(pair: Pair, reductions: Sequence[Reduction], examination: Examination) -> list[Reduction]:

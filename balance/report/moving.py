@@ -1,0 +1,137 @@
+"""A mechanism in motion for a page, to scale: links, pivots, counter-masses, centre of mass and shaking force.
+
+Planar mechanisms are seen along z; others obliquely, the direction of gravity downwards, and then only lengths across
+the line of sight are to scale.
+"""
+
+import base64
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Floats
+from ..closure import Trajectory
+from ..dynamics.inverse_dynamics import simulate
+from ..dynamics.regressor import first_moment
+from ..figures.mechanism import STEEL_KG_PER_M2, link_points
+from ..mechanism import forward_kinematics
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.sparse_components import dense
+
+FRAMES = 160
+"""Most pictures of one motion."""
+WIDTH = 1000.0
+"""Of the drawing [its units]; coordinates are kept to a tenth of one."""
+_MARGIN = 60.0
+_LONGEST_ARROW = 0.3
+"""Of the largest shaking force, as a share of the mechanism's size."""
+_AZIMUTH, _ELEVATION = np.radians(30.0), np.radians(20.0)
+_PLANAR = 1e-3
+"""Extent along z from which a mechanism is seen obliquely, as a share of its size."""
+
+
+@dataclass(frozen=True)
+class _Picture:
+    """What is drawn of one design: points (frames, k, 2) [m], and shapes that refer to them by index."""
+
+    points: Floats
+    shapes: list[dict[str, Any]]
+
+
+def moving(
+    name: str, trajectory: Trajectory, designs: Mapping[str, tuple[Mechanism, Mapping[str, float]]]
+) -> dict[str, Any]:
+    """A motion of one mechanism for the page's script, a panel for each design.
+
+    ``designs``: by label the mechanism as it moves and its counter-masses [kg] by site, which are in it already. The
+    shaking force is the model's along the trajectory.
+    """
+    step = max(1, -(-len(trajectory.time) // FRAMES))
+    frames = np.arange(0, len(trajectory.time), step)
+    forces = {label: simulate(mechanism, trajectory).force for label, (mechanism, _) in designs.items()}
+    largest = max(float(np.linalg.norm(force, axis=1).max()) for force in forces.values())
+    view, flat = _view(next(iter(designs.values()))[0], trajectory.q[frames])
+    pictures = {
+        label: _picture(mechanism, masses, trajectory.q[frames], view) for label, (mechanism, masses) in designs.items()
+    }
+    extent = np.concatenate([one.points.reshape(-1, 2) for one in pictures.values()])
+    low, size = extent.min(axis=0), np.ptp(extent, axis=0)
+    arrow = _LONGEST_ARROW * float(size.max()) / (largest or 1.0)
+    scale = (WIDTH - 2.0 * _MARGIN) / (float(size[0]) + 2.0 * arrow * largest)
+    room = _MARGIN + scale * arrow * largest
+    height = float(size[1]) * scale + 2.0 * room
+
+    def drawn(points: Floats) -> Floats:
+        """Coordinates of the drawing, y downwards, (..., 2)."""
+        off = (points - low) * scale
+        return np.stack([room + off[..., 0], height - room - off[..., 1]], axis=-1)
+
+    panels = []
+    for label, one in pictures.items():
+        force = forces[label][frames] @ view.T
+        points = np.concatenate([one.points, one.points[:, -1:] + arrow * force[:, None]], axis=1)
+        shapes = [{**shape, "radius": shape["radius"] * scale} if "radius" in shape else shape for shape in one.shapes]
+        last = points.shape[1] - 1
+        shapes += [{"kind": "centre", "points": [last - 1]}, {"kind": "force", "points": [last - 1, last]}]
+        tenths = np.rint(10.0 * drawn(points)).astype("<i2")
+        panels.append({
+            "label": label, "shapes": shapes, "count": points.shape[1],
+            "points": base64.b64encode(tenths.tobytes()).decode("ascii"),
+            "first": (0.1 * tenths[0].astype(float)).tolist(),
+            "largest_N": float(np.linalg.norm(forces[label], axis=1).max()),
+            "force_N": [float(f"{value:.4g}") for value in np.linalg.norm(forces[label][frames], axis=1)],
+        })  # fmt: skip
+    metre = 10.0 ** np.floor(np.log10(0.5 * float(size.max())))
+    return {
+        "name": name, "time": [float(f"{t:.6g}") for t in trajectory.time[frames]], "width": WIDTH, "height": height,
+        "panels": panels, "scale_bar_m": float(metre), "scale_bar": float(metre * scale),
+        "view": "seen along z" if flat else "seen obliquely, to scale only across the line of sight",
+        "arrow_N": largest,
+    }  # fmt: skip
+
+
+def _view(mechanism: Mechanism, q: Floats) -> tuple[Floats, bool]:
+    """Directions to the right and upwards, (2, 3), and whether the mechanism lies in x-y."""
+    at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
+    points = np.concatenate([link_points(mechanism, at, body) for body in range(len(mechanism.bodies))])
+    extent = np.ptp(points.transpose(0, 2, 1).reshape(-1, 3), axis=0)
+    if extent[2] <= _PLANAR * extent.max():
+        return np.eye(3)[:2], True
+    weight = float(np.linalg.norm(mechanism.gravity))
+    up = -mechanism.gravity / weight if weight > 0.0 else np.array([0.0, 0.0, 1.0])
+    right = np.cross(np.eye(3)[int(np.argmin(np.abs(up)))], up)
+    right /= np.linalg.norm(right)
+    away = np.cos(_AZIMUTH) * np.cross(up, right) + np.sin(_AZIMUTH) * right
+    right = np.cross(away, up)
+    return np.array([right, np.cos(_ELEVATION) * up + np.sin(_ELEVATION) * away]), False
+
+
+def _picture(mechanism: Mechanism, masses: Mapping[str, float], q: Floats, view: Floats) -> _Picture:
+    """Links, pivots and counter-masses at ``q`` (frames, nv) [rad, m]; the centre of mass is the last point."""
+    tree, count = mechanism.tree, len(q)
+    at = forward_kinematics.pose(tree, np.ascontiguousarray(q.T))
+    points: list[Floats] = []
+    shapes: list[dict[str, Any]] = []
+
+    def added(kind: str, some: Floats, **more: Any) -> None:  # noqa: ANN401
+        shapes.append({"kind": kind, "points": list(range(len(points), len(points) + len(some))), **more})
+        points.extend(view @ point for point in some)
+
+    for site, mass in masses.items():
+        place, own = mechanism.site(site), tree.bodies[mechanism.site(site).body]
+        ends = np.array([dense(at.position[own], count), dense(at.point(own, place.position), count)])
+        radius = float(np.sqrt(mass / (np.pi * STEEL_KG_PER_M2)))
+        added("stay", ends)
+        added("counter", ends[1:], radius=radius, label=f"{mass:.4g} kg at {site}")
+    for body, name in enumerate(mechanism.bodies):
+        kind = "payload" if name in mechanism.payload_bodies else "link"
+        added(kind, link_points(mechanism, at, body), label=name)
+    for i, joint in enumerate(tree.joints):
+        if joint.revolute:
+            added("ground" if joint.parent < 0 else "pivot", dense(at.position[i], count)[None])
+    for loop in mechanism.closed_loops:
+        added("pivot", dense(at.point(loop.first.joint, loop.first.position), count)[None])
+    points.append(view @ (first_moment(mechanism, q) / mechanism.total_mass).T)
+    return _Picture(np.array(points).transpose(2, 0, 1), shapes)

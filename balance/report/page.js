@@ -1,0 +1,259 @@
+"use strict";
+(() => {
+  const data = JSON.parse(document.getElementById("page-data").textContent);
+  const at = (id) => document.getElementById(id);
+  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  const made = (tag, text, attributes = {}) => {
+    const one = document.createElement(tag);
+    if (text) one.textContent = text;
+    for (const [name, value] of Object.entries(attributes)) one.setAttribute(name, value);
+    return one;
+  };
+  const steps = (text) => {
+    const raw = atob(text), bytes = new Uint8Array(raw.length);
+    for (let i = 0; i < raw.length; i++) bytes[i] = raw.charCodeAt(i);
+    return new Int16Array(bytes.buffer);
+  };
+
+  /* The mechanism in motion. */
+  const motions = data.motions || [];
+  if (motions.length) {
+    const SVG = "http://www.w3.org/2000/svg", slider = at("motion-time"), play = at("motion-play");
+    let motion = motions[0], panels = [], playing = 0, begun = 0, from = 0;
+    const element = (tag, attributes) => {
+      const one = document.createElementNS(SVG, tag);
+      for (const [name, value] of Object.entries(attributes)) one.setAttribute(name, value);
+      return one;
+    };
+    const build = () => {
+      at("motion-panels").replaceChildren(...motion.panels.map((panel) => {
+        const figure = made("figure"), svg = element("svg", {
+          role: "img", viewBox: `0 0 ${motion.width} ${motion.height}`,
+          "aria-label": `${motion.name}, ${panel.label}: the mechanism, its centre of mass and the shaking force`,
+        });
+        for (const shape of panel.shapes) {
+          const closed = shape.kind === "link" || shape.kind === "payload";
+          const line = closed || shape.kind === "stay" || shape.kind === "force";
+          const one = element(closed ? "polygon" : line ? "polyline" : "circle", { class: shape.kind });
+          if (!line) one.setAttribute("r", shape.radius === undefined ? 9 : shape.radius);
+          if (shape.label) one.append(Object.assign(element("title", {}), { textContent: shape.label }));
+          svg.append(one);
+        }
+        const low = motion.height - 25, text = element("text", { x: 30, y: low - 10 });
+        text.textContent = `${+(1000 * motion.scale_bar_m).toPrecision(3)} mm`;
+        svg.append(element("line", { class: "bar", x1: 30, x2: 30 + motion.scale_bar, y1: low, y2: low }), text);
+        figure.append(svg, made("figcaption", ""));
+        return figure;
+      }));
+      panels = motion.panels.map((panel, i) => ({
+        panel, points: steps(panel.points), shapes: at("motion-panels").children[i].firstChild.children,
+        caption: at("motion-panels").children[i].lastChild,
+      }));
+      slider.max = motion.time.length - 1;
+      slider.value = 0;
+      draw(0);
+    };
+    const draw = (frame) => {
+      for (const { panel, points, shapes, caption } of panels) {
+        const place = (i) => [0, 1].map((k) => points[2 * (frame * panel.count + i) + k] / 10);
+        panel.shapes.forEach((shape, k) => {
+          const one = shapes[k];
+          if (one.tagName === "circle") {
+            const [x, y] = place(shape.points[0]);
+            one.setAttribute("cx", x);
+            one.setAttribute("cy", y);
+          } else one.setAttribute("points", shape.points.map((i) => place(i).join()).join(" "));
+        });
+        caption.textContent = `${panel.label}: shaking force ${panel.force_N[frame]} N, largest ${+panel.largest_N.toPrecision(4)} N`;
+      }
+      const now = `t = ${motion.time[frame].toFixed(3)} s`;
+      at("motion-now").textContent = now;
+      slider.setAttribute("aria-valuetext", now);
+    };
+    const stop = () => {
+      cancelAnimationFrame(playing);
+      playing = 0;
+      play.textContent = "Play";
+      play.setAttribute("aria-pressed", "false");
+    };
+    const tick = (now) => {
+      const time = motion.time, passed = from + (now - begun) / 1000 * Number(at("motion-speed").value);
+      if (passed >= time[time.length - 1]) { begun = now; from = time[0]; }
+      const frame = time.findIndex((t) => t >= passed);
+      slider.value = frame < 0 ? 0 : frame;
+      draw(Number(slider.value));
+      playing = requestAnimationFrame(tick);
+    };
+    play.addEventListener("click", () => {
+      if (playing) return stop();
+      play.textContent = "Pause";
+      play.setAttribute("aria-pressed", "true");
+      begun = performance.now();
+      from = motion.time[Number(slider.value)];
+      playing = requestAnimationFrame(tick);
+    });
+    slider.addEventListener("input", () => { stop(); draw(Number(slider.value)); });
+    at("motion-choice").addEventListener("change", (event) => { stop(); motion = motions[event.target.value]; build(); });
+    at("motion-controls").hidden = false;
+    build();
+  }
+
+  /* Time series and spectra. */
+  const runs = data.runs || [];
+  if (runs.length) {
+    const conditions = data.conditions || [], help = at("series-help"), kinds = at("series-kind");
+    let plots = [], moving = false;
+    const chosen = () => ["series-a", "series-b"].map((id) => runs[at(id).value]).filter((run) => run);
+    const over = () => at("series-over").value;
+    const curve = (one) => {
+      if (one.frequency_hz) return [one.frequency_hz, one.density];
+      if (!one.curve) {
+        const raw = steps(one.values), scale = (one.high - one.low) / 65534, x = [], y = [];
+        for (let i = 0; i < raw.length; i++) {
+          x.push(one.start + (one.whole ? i : i + 0.5) * one.step);
+          y.push(raw[i] === -32768 ? null : one.low + (raw[i] + 32767) * scale);
+        }
+        one.curve = [x, y];
+      }
+      return one.curve;
+    };
+    const listed = (run) => (over() === "time" ? run.channels : run.spectra);
+    const offer = () => {
+      const names = [...new Set(chosen().flatMap((run) => listed(run).map((one) => one.kind)))], before = kinds.value;
+      kinds.replaceChildren(...names.map((name) => made("option", name, { value: name })));
+      if (names.includes(before)) kinds.value = before;
+    };
+    const stated = (plot) => {
+      const { min, max } = plot.u.scales.x;
+      if (min === null || min === undefined) return;
+      const unit = over() === "time" ? "s" : "Hz";
+      const parts = plot.u.series.slice(1).map((line, k) => {
+        let low = Infinity, high = -Infinity;
+        plot.u.data[0].forEach((x, i) => {
+          const y = plot.u.data[k + 1][i];
+          if (x >= min && x <= max && y !== null && y !== undefined) { low = Math.min(low, y); high = Math.max(high, y); }
+        });
+        return low > high ? `${line.label}: nothing` : `${line.label}: ${low.toPrecision(4)} .. ${high.toPrecision(4)}`;
+      });
+      plot.text.textContent = `${min.toPrecision(4)} .. ${max.toPrecision(4)} ${unit}; ${parts.join("; ")}`;
+    };
+    const show = (min, max) => {
+      moving = true;
+      for (const plot of plots) { plot.u.setScale("x", { min, max }); }
+      moving = false;
+      plots.forEach(stated);
+    };
+    const change = (what) => {
+      if (!plots.length) return;
+      const all = plots[0].u.data[0], { min, max } = plots[0].u.scales.x, log = over() !== "time";
+      const [go, back] = log ? [Math.log, Math.exp] : [(x) => x, (x) => x];
+      const ends = [go(all[0]), go(all[all.length - 1])];
+      let [low, high] = [go(min), go(max)];
+      const width = high - low, part = { in: [0.25, -0.25], out: [-0.5, 0.5], left: [-0.25, -0.25], right: [0.25, 0.25] }[what];
+      [low, high] = part ? [low + part[0] * width, high + part[1] * width] : ends;
+      if (low < ends[0]) { high = Math.min(high + ends[0] - low, ends[1]); low = ends[0]; }
+      if (high > ends[1]) { low = Math.max(low - high + ends[1], ends[0]); high = ends[1]; }
+      show(back(low), back(high));
+    };
+    const keys = { ArrowLeft: "left", ArrowRight: "right", "+": "in", "=": "in", "-": "out", "0": "all" };
+    const plotted = (name, unit, lines) => {
+      const box = made("div", "", { class: "plot", tabindex: 0, role: "group", "aria-describedby": "series-help" });
+      const text = made("p", "", { class: "note" }), time = over() === "time";
+      const title = `${name} [${time ? unit : `(${unit})²/Hz`}]`;
+      box.setAttribute("aria-label", title);
+      box.append(made("h3", title));
+      at("series-plots").append(box);
+      const axis = { stroke: colour("--ink"), grid: { stroke: colour("--line"), width: 1 }, ticks: { stroke: colour("--line") } };
+      const u = new uPlot({
+        width: box.clientWidth, height: 220, legend: { live: true },
+        cursor: { sync: { key: "counterpoise" }, drag: { x: true, y: false } },
+        scales: { x: { time: false, distr: time ? 1 : 3 }, y: { distr: time ? 1 : 3 } },
+        axes: [{ ...axis, label: time ? "time of the logger [s]" : "frequency [Hz]", labelSize: 22 }, { ...axis, size: 70 }],
+        series: [{ label: time ? "s" : "Hz" }, ...lines.map(({ run }) => ({
+          label: `${run.name}, ${run.balanced ? "with" : "without"} counter-masses`, stroke: colour(run.balanced ? "--with" : "--without"), width: 1.2, points: { show: false },
+          dash: run.again ? [6, 4] : undefined,
+        }))],
+        hooks: { setScale: [(self, key) => {
+          if (key === "x" && !moving && plots.some((plot) => plot.u === self)) show(self.scales.x.min, self.scales.x.max);
+        }] },
+      }, uPlot.join(lines.map(({ one }) => curve(one))), box);
+      box.append(text);
+      box.addEventListener("keydown", (event) => {
+        if (keys[event.key]) { event.preventDefault(); change(keys[event.key]); }
+      });
+      let grabbed = null;
+      u.over.addEventListener("mousedown", (event) => {
+        if (!event.shiftKey) return;
+        event.stopImmediatePropagation();
+        grabbed = { x: event.clientX, ...u.scales.x };
+      }, true);
+      u.over.addEventListener("mousemove", (event) => {
+        if (!grabbed || !time) return;
+        const off = (event.clientX - grabbed.x) / u.over.clientWidth * (grabbed.max - grabbed.min);
+        show(grabbed.min - off, grabbed.max - off);
+      });
+      window.addEventListener("mouseup", () => { grabbed = null; });
+      return { u, box, text };
+    };
+    const redraw = () => {
+      plots.forEach((plot) => plot.u.destroy());
+      at("series-plots").replaceChildren();
+      plots = [];
+      const [first, second] = chosen();
+      first.again = false;
+      if (second) second.again = second.balanced === first.balanced;
+      const names = [...new Set(chosen().flatMap((run) => listed(run).filter((one) => one.kind === kinds.value).map((one) => one.name)))];
+      const built = names.map((name) => {
+        const lines = chosen().map((run) => ({ run, one: listed(run).find((one) => one.kind === kinds.value && one.name === name) }))
+          .filter(({ one }) => one && curve(one)[0].length);
+        return lines.length ? plotted(name, lines[0].one.unit, lines) : null;
+      });
+      plots = built.filter((plot) => plot);
+      plots.forEach(stated);
+      const used = over() === "time" ? chosen().flatMap((run) => run.channels.filter((one) => one.kind === kinds.value)) : [];
+      const reduced = used.filter((one) => !one.whole);
+      at("series-note").textContent = over() !== "time"
+        ? "Power spectral density by Welch's method; of neighbouring lines the largest is drawn."
+        : reduced.length
+          ? `Of ${Math.max(...reduced.map((one) => one.samples))} samples in SI the least and the largest of each `
+            + `${(2000 * reduced[0].step).toPrecision(3)} ms are drawn: every peak is there, its place known to that. Values are rounded to 1/65534 of their range.`
+          : "Every sample in SI, not filtered; values are rounded to 1/65534 of their range.";
+    };
+    const pair = () => {
+      const one = conditions[at("series-condition").value];
+      at("series-a").value = one.first;
+      at("series-b").value = one.second;
+    };
+    if (conditions.length) {
+      pair();
+      at("series-condition").addEventListener("change", () => { pair(); offer(); redraw(); });
+    } else if (runs.length > 1) at("series-b").value = 1;
+    for (const id of ["series-a", "series-b", "series-over"]) at(id).addEventListener("change", () => { offer(); redraw(); });
+    kinds.addEventListener("change", redraw);
+    for (const button of document.querySelectorAll("[data-view]")) button.addEventListener("click", () => change(button.dataset.view));
+    at("series-controls").hidden = help.hidden = false;
+    offer();
+    redraw();
+    new ResizeObserver(() => plots.forEach(({ u, box }) => {
+      if (box.clientWidth && u.width !== box.clientWidth) u.setSize({ width: box.clientWidth, height: 220 });
+    })).observe(at("series-plots"));
+    const recolour = () => {
+      if (!plots.length) return;
+      const { min, max } = plots[0].u.scales.x;
+      redraw();
+      show(min, max);
+    };
+    for (const query of ["(prefers-color-scheme: dark)", "print"]) matchMedia(query).addEventListener("change", recolour);
+  }
+
+  /* Tables that filter, details that print. */
+  for (const input of document.querySelectorAll("input[data-filters]")) {
+    const rows = at(input.dataset.filters).tBodies[0].rows;
+    input.addEventListener("input", () => {
+      const words = input.value.toLowerCase().split(/\s+/);
+      for (const row of rows) row.hidden = !words.every((word) => row.textContent.toLowerCase().includes(word));
+    });
+    input.closest(".controls").hidden = false;
+  }
+  window.addEventListener("beforeprint", () => document.querySelectorAll("details").forEach((one) => { one.open = true; }));
+})();

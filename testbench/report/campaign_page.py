@@ -1,0 +1,300 @@
+"""The report of a campaign as one page: verdict, reductions by three sources, what would balance it, runs, provenance.
+
+:func:`campaign_report` puts together what `compare`, `doctor`, `report` and `trim` find. Its ``document`` is what
+``testbench report CAMPAIGN -o report.html --json`` prints, and the page shows no number that is not in it.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from balance.errors import CounterpoiseError
+from balance.mechanism.mechanism import Mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
+from balance.report.page import Page, document_of
+from balance.results import plain
+
+from ..cross_examination import Examination, examine
+from ..errors import AnalysisError
+from ..kinematics.encoder_motion import mechanism_of
+from ..loads import command_tracking
+from ..published_tables import MANIPULATOR, ORIGINAL_LOGS, Published
+from ..recording import MEANING, Finding
+from ..runs.aligned_run import AlignedRun, recorded_clocks
+from ..runs.si_run import SIRun, calibrations_in_force
+from ..store import open_campaign
+from ..store.atomic_files import recorded_digest
+from ..trimming import trim_runs
+from ..trimming.result import trim_document
+from ..vibration.comparison import Comparison, compare_campaign
+from ..vibration.metrics import DEFAULT_BAND, Measure
+from ..vibration.run_pairs import pairs
+from .run_report import RunReport, report
+from .sections import torque_changes
+
+if TYPE_CHECKING:
+    from ..signal.filters import Band
+    from ..store import Run
+
+TRIM_RUNS = 3
+"""Runs of a mounting from which the report says what is missing: those with the largest peak acceleration."""
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignReport:
+    """All that the page of a campaign shows."""
+
+    name: str
+    runs: tuple["Run", ...]
+    comparison: Comparison | str
+    """The reductions, or why there are none."""
+    examination: Examination
+    accepted: tuple[str, ...]
+    reports: dict[str, RunReport]
+    """By run."""
+    unread: dict[str, str]
+    """By run, why it has no report."""
+    trims: tuple[dict[str, Any], ...]
+    """What is missing in each mounting, or the reason why the runs cannot tell."""
+    mechanism: str | None = None
+    """In place of the one that the rigs name."""
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """The report in plain JSON types, units in the keys."""
+        compared = self.comparison
+        findings: list[Finding] = [] if isinstance(compared, str) else list(compared.findings)
+        findings += [f for f in self.examination.findings if f not in findings]
+        findings += [f for one in self.reports.values() for f in one.findings if f not in findings]
+        return document_of({
+            "campaign": self.name,
+            "software": {"name": "counterpoise", "version": version("counterpoise")},
+            "origins": _counted(str(run.origin) for run in self.runs),
+            "verdict": verdict(compared),
+            "comparison": {"reason": compared} if isinstance(compared, str) else _comparison(compared),
+            "examination": self.examination.document(self.examination.runs),
+            "trim": self.trims,
+            "runs": [one.as_dict() for one in self.reports.values()],
+            "unread": self.unread,
+            "compared": torques_compared(self.runs, self.reports),
+            "findings": _grouped(findings, self.accepted),
+            "calibrations": calibrations_in_force(SIRun.of(run) for run in self.runs if run.rig),
+            "provenance": [_provenance(run) for run in self.runs],
+            "notes": self._notes,
+        })  # fmt: skip
+
+    @property
+    def _notes(self) -> list[str]:
+        """What a reader must know beside the numbers."""
+        manipulator = any(run.rig and SIRun.of(run).rig.mechanism.startswith(MANIPULATOR) for run in self.runs)
+        published = isinstance(self.comparison, Comparison) and self.comparison.published is not None
+        return [ORIGINAL_LOGS] if manipulator or published else []
+
+    def page(self) -> Page:
+        """The page, with pictures and what its script draws."""
+        from .page_contents import conditions_of, motions_of, plotted_runs, reductions_svg, strongest_condition
+
+        found = self.comparison
+        runs = plotted_runs(self.runs)
+        data = {
+            "runs": [run.as_dict() for run in runs],
+            "conditions": conditions_of(self.runs, [run.name for run in runs]),
+            "motions": motions_of(self.runs, self.mechanism),
+        }
+        about = {
+            "version": version("counterpoise"),
+            "sections": SECTIONS,
+            "figure": None if isinstance(found, str) else reductions_svg(found),
+            "pictures": [] if isinstance(found, str) else strongest_condition(found, self.runs),
+            "calibrations": [str(one) for one in calibrations_in_force(SIRun.of(run) for run in self.runs if run.rig)],
+        }
+        return Page(Path(__file__).with_name("campaign.html"), self.document, data, about)
+
+
+SECTIONS = (
+    ("reductions", "Reductions"),
+    ("balance", "What would balance it"),
+    ("motion", "The mechanism"),
+    ("series", "Time series and spectra"),
+    ("runs", "Forces, torques, command"),
+    ("doctor", "Cross-examination"),
+    ("findings", "Findings"),
+    ("budget", "Uncertainty"),
+    ("provenance", "Provenance"),
+)
+
+
+def html_report(
+    campaign: str | Path,
+    output: str | Path,
+    measure: Measure | None = None,
+    published: Published | None = None,
+    mechanism: str | None = None,
+    accept: Iterable[str] = (),
+) -> Path:
+    """Write the report of the campaign in folder ``campaign`` as one HTML page, and return where it is.
+
+    Reductions are of ``measure`` (peak to peak, 1..200 Hz, unless given), beside those ``published`` where a table is
+    given; ``mechanism`` takes the place of the one that the rig names; contradictions whose codes are in ``accept``
+    are taken for accepted by a person. Raises StoreError where there is no campaign.
+    """
+    opened = open_campaign(campaign)
+    name = opened.path.resolve().name
+    return campaign_report(name, opened.runs, measure, published, mechanism, accept).page().write(output)
+
+
+def campaign_report(
+    name: str,
+    runs: "Sequence[Run]",
+    measure: Measure | None = None,
+    published: Published | None = None,
+    mechanism: str | None = None,
+    accept: Iterable[str] = (),
+    point: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    band: "Band | None" = DEFAULT_BAND,
+    bandwidth_hz: float = command_tracking.BANDWIDTH_HZ,
+    unopened: Mapping[str, str] | None = None,
+) -> CampaignReport:
+    """All that the page of these runs shows; of each run vibration and forces in ``band``, moments about ``point`` [m].
+
+    A part that cannot be found has the reason in its place; so have runs that could not be opened, ``unopened``.
+    """
+    runs, accept = tuple(runs), tuple(accept)
+    given = load_mechanism(mechanism) if mechanism else None
+    comparison: Comparison | str
+    try:
+        comparison = compare_campaign(runs, published, measure or Measure(), mechanism, accept)
+        examination = comparison.examination or examine(runs, accept, given)
+    except AnalysisError as error:
+        comparison, examination = str(error), examine(runs, accept, given)
+    reports, unread = {}, dict(unopened or {})
+    for run in runs:
+        try:
+            reports[run.name] = report(SIRun.of(run), point, band, bandwidth_hz, mechanism, examination)
+        except CounterpoiseError as error:
+            unread[run.name] = str(error)
+    return CampaignReport(
+        name, runs, comparison, examination, accept, reports, unread, tuple(_trims(runs, given, examination)), mechanism
+    )
+
+
+def verdict(found: Comparison | str) -> str:
+    """The answer in one sentence: along each axis from the least reduction to the largest, with their intervals."""
+    if isinstance(found, str):
+        return f"No reduction: {found.splitlines()[0]}"
+    places = list(dict.fromkeys((row.analyzed.sensor, row.analyzed.axis) for row in found.rows))
+    several = len({sensor for sensor, _ in places}) > 1
+    parts = []
+    for place in places:
+        rows = [row.analyzed for row in found.rows if (row.analyzed.sensor, row.analyzed.axis) == place]
+        known = sorted((r for r in rows if r.percent is not None and r.limit is None and r.interval), key=_percent)
+        name = " ".join(place) if several else place[1]
+        ends = " to ".join(r.text.replace(" ", " % ", 1) for r in known[:: max(len(known) - 1, 1)])
+        bounds = f"{len(rows) - len(known)} of {len(rows)} conditions without a value"
+        without = "" if len(known) == len(rows) else f" ({bounds})" if known else f"no value in {len(rows)} conditions"
+        parts.append(f"{name} {ends}{without}" if known else f"{name}: {without}")
+    return f"Vibration of the base reduced: {'; '.join(parts)}."
+
+
+def _percent(one: Any) -> float:  # noqa: ANN401
+    return float(one.percent)
+
+
+def _comparison(found: Comparison) -> dict[str, Any]:
+    """As `testbench compare --json`, with the budget of each row as `testbench analyze --budget --json` has it."""
+    shown: dict[str, Any] = plain(found)
+    for row, one in zip(shown["rows"], found.rows, strict=True):
+        row["budget"] = plain(one.analyzed.uncertainty.budgets if one.analyzed.uncertainty else [])
+        row["text"] = one.analyzed.text
+    return shown
+
+
+def _counted(words: Iterable[str]) -> dict[str, int]:
+    found = list(words)
+    return {word: found.count(word) for word in dict.fromkeys(found)}
+
+
+def _grouped(findings: Sequence[Finding], accepted: Sequence[str]) -> list[dict[str, Any]]:
+    """Findings by code, each with its meaning, number and decision."""
+    codes = sorted({finding.code for finding in findings}, key=lambda code: (code in accepted, code))
+    return [
+        {
+            "code": code,
+            "meaning": MEANING.get(code, ""),
+            "decision": "accepted in this report (--accept)" if code in accepted else "open",
+            "count": len(some := [finding for finding in findings if finding.code == code]),
+            "messages": [finding.message for finding in some],
+        }
+        for code in codes
+    ]
+
+
+def _provenance(run: "Run") -> dict[str, Any]:
+    """Where a run is from: its digest, the logs' digests, what wrote it."""
+    try:
+        digest = recorded_digest(run.path)
+    except CounterpoiseError:
+        digest = None
+    return {
+        "run": run.name,
+        "origin": str(run.origin),
+        "sha256": digest,
+        "written": run.provenance.get("written"),
+        "software": run.provenance.get("software", {}),
+        "sources": [
+            {"name": source["name"], "size_bytes": source["size_bytes"], "sha256": source["sha256"]}
+            for source in run.provenance["sources"]
+        ],
+    }
+
+
+def torques_compared(runs: "Sequence[Run]", reports: dict[str, RunReport]) -> list[dict[str, Any]]:
+    """Effect of the counter-masses on the torques of each condition; runs without a report are left out."""
+    found = []
+    for pair in pairs([run for run in runs if run.name in reports])[0]:
+        sides = [[reports[run.name].parts["torque"] for run in some] for some in (pair.balanced, pair.unbalanced)]
+        found.append({
+            "condition": str(pair.key),
+            "counter_masses_kg": pair.counter_masses,
+            "origin": pair.key.origin,
+            "runs": [run.name for run in pair.runs],
+            "torques": torque_changes(sides[0], sides[1]),
+        })  # fmt: skip
+    return found
+
+
+def _trims(runs: "Sequence[Run]", given: Mechanism | None, examination: Examination) -> list[dict[str, Any]]:
+    """What is missing in each mounting with counter-masses, from its runs of the largest peak accelerations."""
+    mountings: dict[tuple[Any, ...], list[Run]] = {}
+    for pair in pairs(runs)[0]:
+        key = (pair.key.payload_kg, pair.key.origin, tuple(pair.counter_masses.items()))
+        mountings.setdefault(key, []).extend(run for run in pair.balanced)
+    return [_trim(key[0], dict(key[2]), some, given, examination) for key, some in mountings.items()]
+
+
+def _trim(
+    payload: float | None,
+    masses: dict[str, float],
+    runs: "list[Run]",
+    given: Mechanism | None,
+    examination: Examination,
+) -> dict[str, Any]:
+    """One mounting as `testbench trim --json` has it, or the reason why the runs cannot tell."""
+    chosen = sorted(runs, key=_peak, reverse=True)[:TRIM_RUNS]
+    about = {"payload_kg": payload, "counter_masses_kg": masses, "runs": [run.name for run in chosen]}
+    if doubts := examination.doubts([run.name for run in chosen]):
+        return {**about, "reason": f"contradictions about these runs are open: {', '.join(doubts)}"}
+    try:
+        bound = [SIRun.of(run) for run in chosen]
+        model = given or mechanism_of(bound[0], None)
+        return about | trim_document(trim_runs([AlignedRun(run, model, recorded_clocks(run)) for run in bound]))
+    except CounterpoiseError as error:
+        return {**about, "reason": str(error)}
+
+
+def _peak(run: "Run") -> float:
+    c = run.conditions
+    return float(c.get("peak_acceleration_g") or c.get("peak_acceleration_rad_s2") or 0.0)

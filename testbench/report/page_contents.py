@@ -1,0 +1,169 @@
+"""What the page of a campaign draws: every channel of its rig with peaks kept, spectra, the mechanism along the log."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from balance.errors import CounterpoiseError
+from balance.mechanism.mechanism import Mechanism
+from balance.report.moving import moving
+from balance.report.page import inline_svg
+from balance.report.plotted import PlottedChannel, PlottedRun, plotted, spans_for, spectrum
+from balance.units import SI_UNITS
+
+from .. import figures
+from ..errors import AnalysisError
+from ..figures.runs import HIGHEST, LOWEST
+from ..figures.style import condition_of
+from ..kinematics.encoder_motion import loaded_mechanism, mechanism_of
+from ..loads.command_tracking import BANDWIDTH_HZ
+from ..rig.sensors import Accelerometer, Encoder, Target, Torque
+from ..runs.aligned_run import AlignedRun
+from ..runs.si_run import SIRun
+from ..vibration.channel_levels import channel_levels
+from ..vibration.run_pairs import pairs
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+    from matplotlib.figure import Figure
+
+    from ..rig import Column
+    from ..store import Run
+    from ..vibration.comparison import Comparison
+
+MOST_MOTIONS = 60
+"""Motions of the mechanism on a page; of a campaign with more, those of the first conditions."""
+KINDS: tuple[tuple[type, str], ...] = (
+    (Accelerometer, "Acceleration of what moves"),
+    (Torque, "Torque of the drives"),
+    (Encoder, "Positions of the joints"),
+    (Target, "Command"),
+)
+"""Under which heading the channels of a kind of sensor are listed."""
+BASE, SUPPORTS = "Acceleration of the base", "Forces between mechanism and base"
+
+
+def plotted_runs(runs: "Sequence[Run]") -> list[PlottedRun]:
+    """Every run that has a rig, with all channels that the rig names and the log holds, in SI."""
+    bound = [SIRun.of(run) for run in runs if run.rig]
+    counts = [run.group(run.group_of(column)).samples for run in bound for _, column in _columns(run)]
+    spans = spans_for(counts)
+    return [_plotted_run(run, spans) for run in bound]
+
+
+def _plotted_run(run: SIRun, spans: int) -> PlottedRun:
+    masses = any(run.conditions.get("counter_masses", {}).values())
+    label = f"{run.name}: {condition_of(run)}, {'with' if masses else 'without'} counter-masses"
+    fresh = SIRun(run.recorded, run.rig)  # so that a campaign larger than memory is read run by run
+    return PlottedRun(run.name, label, masses, tuple(_channels(fresh, spans)), tuple(_spectra(fresh)))
+
+
+def _columns(run: SIRun) -> "Iterator[tuple[str, Column]]":
+    """The rig's channels that were recorded, the base's acceleration first, and what each is listed under."""
+    base = {column.channel for column in run.rig.base_columns}
+    supports = {c.channel for name, sensor in run.rig.supports.items() for c in sensor.columns(name)}
+    found = []
+    for column in run.rig.columns():
+        if run.holds(column):
+            sensor = run.rig.sensors[column.sensor]
+            kind = next((heading for of, heading in KINDS if isinstance(sensor, of)), SUPPORTS)
+            found.append((BASE if column.channel in base else SUPPORTS if column.channel in supports else kind, column))
+    yield from sorted(found, key=lambda one: (one[0] != BASE, one[0] != SUPPORTS))
+
+
+def _channels(run: SIRun, spans: int) -> "Iterator[PlottedChannel]":
+    """Each channel as its sensor gives it; one that cannot be read in SI is left out, for the findings say why."""
+    for kind, column in _columns(run):
+        try:
+            unit = SI_UNITS[run.dimension(column)].replace("^2", "²")
+            time, values = run.instants(column), run.readings(column)
+        except CounterpoiseError:
+            continue
+        if len(values):
+            yield plotted(kind, f"{column.sensor} {column.component}", unit, time, values, spans)
+
+
+def _spectra(run: SIRun) -> "Iterator[Mapping[str, Any]]":
+    """Power spectral densities of the base's acceleration."""
+    try:
+        levels = channel_levels(run, run.rig.base_columns)
+    except CounterpoiseError:
+        return
+    for level in levels:
+        if level.spectrum is not None:
+            frequency, power = level.spectrum.frequency, level.spectrum.power()
+            used = (frequency >= LOWEST) & (frequency <= HIGHEST)
+            name = f"{level.column.sensor} {level.column.component}"
+            yield spectrum(BASE, name, "m/s²", frequency[used], power[used])
+
+
+def conditions_of(runs: "Sequence[Run]", names: Sequence[str]) -> list[dict[str, Any]]:
+    """Of each condition a run without counter-masses and one with them, by their places among ``names``."""
+    return [
+        {"label": str(pair.key), "first": names.index(pair.unbalanced[0].name), "second": names.index(with_masses.name)}
+        for pair in pairs(runs)[0]
+        for with_masses in pair.balanced[:1]
+        if {pair.unbalanced[0].name, with_masses.name} <= set(names)
+    ]
+
+
+def motions_of(runs: "Sequence[Run]", given: str | None) -> list[dict[str, Any]]:
+    """The mechanism of each condition along the encoders of a run, with its counter-masses and without.
+
+    A run whose encoders or mechanism do not allow it is left out; ``given`` is a mechanism in place of the rig's.
+    """
+    found, _ = pairs(runs)
+    paired = {run.name for pair in found for run in pair.runs}
+    shown = [(pair.balanced[0], str(pair.key)) for pair in found]
+    shown += [(run, condition_of(run)) for run in runs if run.name not in paired]
+    motions: list[dict[str, Any]] = []
+    for run, condition in shown:
+        if len(motions) == MOST_MOTIONS:
+            break
+        try:
+            motions.append(_motion(SIRun.of(run), condition, given))
+        except CounterpoiseError:
+            continue
+    return motions
+
+
+def _motion(run: SIRun, condition: str, given: str | None) -> dict[str, Any]:
+    bare = mechanism_of(run, given)
+    mounted = loaded_mechanism(run, bare)
+    masses = {site: mass for site, mass in run.conditions.get("counter_masses", {}).items() if mass > 0.0}
+    trajectory = AlignedRun(run, bare).trajectory(BANDWIDTH_HZ)
+    if not np.ptp(trajectory.q, axis=0).any():
+        raise AnalysisError(f"{run.name}: nothing moves")
+    payload = run.conditions.get("payload_kg")
+    without = bare if payload is None else bare.with_payload({bare.payload_bodies[0]: payload})
+    designs: dict[str, tuple[Mechanism, dict[str, float]]] = {"without counter-masses": (without, {})}
+    if masses:
+        designs["with counter-masses"] = mounted, masses
+    return moving(f"{condition}, encoders of {run.name}", trajectory, designs)
+
+
+def reductions_svg(found: "Comparison") -> "Markup":
+    """Reductions by payload, acceleration and axis, by every source."""
+    name = "Reductions by payload, acceleration and axis, with intervals; the table below has the same numbers"
+    return inline_svg(figures.reductions(found), name)
+
+
+def strongest_condition(found: "Comparison", runs: "Sequence[Run]") -> "list[Markup]":
+    """Figures of the condition whose base vibrates most without counter-masses; those that can be drawn."""
+    row = max(found.rows, key=lambda row: row.analyzed.amplitudes[1])
+    by_name = {run.name: run for run in runs}
+    names, (count, _) = row.analyzed.runs, row.analyzed.n
+    balanced, unbalanced = by_name[names[0]], by_name[names[count]]
+    draws: tuple[tuple[str, Callable[[], Figure]], ...] = (
+        ("Acceleration of the base", lambda: figures.base_acceleration(balanced, unbalanced)),
+        ("Torques of the drives", lambda: figures.motor_torques(balanced, unbalanced)),
+        ("Spectrum of the base's acceleration", lambda: figures.base_spectrum(unbalanced)),
+    )
+    drawn = []
+    for name, draw in draws:
+        try:
+            drawn.append(inline_svg(draw(), f"{name}, {row.analyzed.key}"))
+        except CounterpoiseError:
+            continue
+    return drawn

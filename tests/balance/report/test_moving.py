@@ -1,0 +1,70 @@
+"""The mechanism on a page: to scale, along the trajectory, with the model's force."""
+
+import base64
+
+import numpy as np
+import pytest
+
+from balance.closure import Closure
+from balance.dynamics.inverse_dynamics import simulate
+from balance.mechanism import forward_kinematics
+from balance.mechanism.mjcf_parser import load_mechanism
+from balance.motion.motion_files import load_motion
+from balance.report.moving import FRAMES, moving
+
+
+def points_of(panel, frames):
+    """Coordinates of the drawing, (frames, k, 2)."""
+    raw = np.frombuffer(base64.b64decode(panel["points"]), "<i2").reshape(frames, panel["count"], 2)
+    return raw / 10.0
+
+
+@pytest.mark.parametrize(("name", "planar"), [("five-bar", True), ("delta", False)])
+def test_links_keep_their_length(name, planar):
+    """Of a planar mechanism every link is as long as its scale says in every picture; of others never longer."""
+    mechanism = load_mechanism(name)
+    trajectory = Closure(mechanism).follow(load_motion(name).sample(1000.0))
+    drawn = moving("motion", trajectory, {"as it is": (mechanism, {})})
+    panel, frames = drawn["panels"][0], len(drawn["time"])
+    assert frames <= FRAMES
+    assert ("along z" in drawn["view"]) == planar
+    scale = drawn["scale_bar"] / drawn["scale_bar_m"]
+    points = points_of(panel, frames)
+    assert points.min() >= 0.0
+    assert (points <= [drawn["width"], drawn["height"] + 0.1]).all()
+    step = -(-len(trajectory.time) // FRAMES)
+    pose = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(trajectory.q[::step].T))
+    pivots = [s["points"][0] for s in panel["shapes"] if s["kind"] in ("pivot", "ground")]
+    joints = [i for i, joint in enumerate(mechanism.tree.joints) if joint.revolute]
+    places = np.array([np.array([np.broadcast_to(c, frames) for c in pose.position[i]]).T for i in joints])
+    for (a, pa), (b, pb) in zip(
+        list(zip(pivots, places, strict=False))[:-1], list(zip(pivots, places, strict=False))[1:], strict=True
+    ):
+        seen = np.linalg.norm(points[:, a] - points[:, b], axis=1)
+        true = scale * np.linalg.norm(pa - pb, axis=1)
+        assert (seen <= true + 0.3).all()  # coordinates are rounded to a tenth
+        assert not planar or seen == pytest.approx(true, abs=0.3)
+
+
+def test_arrows_are_the_models_force():
+    """In all panels to one scale: the arrow's length over the largest is the force over the largest."""
+    bare = load_mechanism("parallelogram-6bar").with_payload({"platform": 5.0})
+    masses = {"counter_A0A": 12.0, "counter_B0B": 12.0}
+    heavy = bare.with_counter_mass(masses)
+    trajectory = Closure(bare).follow(load_motion("x").sample(1000.0))
+    drawn = moving("x", trajectory, {"without": (bare, {}), "with": (heavy, masses)})
+    largest = np.linalg.norm(simulate(bare, trajectory).force, axis=1).max()
+    assert drawn["arrow_N"] == pytest.approx(largest)
+    step, units = -(-len(trajectory.time) // FRAMES), None
+    for panel, mechanism in zip(drawn["panels"], (bare, heavy), strict=True):
+        force = simulate(mechanism, trajectory).force[::step, :2]
+        points = points_of(panel, len(drawn["time"]))
+        (tail, tip) = next(s["points"] for s in panel["shapes"] if s["kind"] == "force")
+        arrow = (points[:, tip] - points[:, tail]) * [1.0, -1.0]
+        k = int(np.argmax(np.abs(force[:, 0])))
+        units = units or arrow[k, 0] / force[k, 0]
+        assert arrow == pytest.approx(units * force, abs=0.3)
+    assert [s["label"] for s in drawn["panels"][1]["shapes"] if s["kind"] == "counter"] == [
+        "12 kg at counter_A0A",
+        "12 kg at counter_B0B",
+    ]
