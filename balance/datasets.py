@@ -1,5 +1,6 @@
 """Shipped data: in a wheel the folder ``balance/_datasets``, in a checkout ``datasets``."""
 
+from difflib import get_close_matches
 from pathlib import Path
 
 from .errors import DataError
@@ -31,6 +32,7 @@ def find_dataset(name: str | Path, folder: str, *suffixes: str) -> Path:
         raise DataError(
             f"{name}: is a folder; expected a file ({kinds}), or a shipped one of {folder} (there are: {known})"
         )
-    raise DataError(
-        f"{str(name) or repr('')}: no such file, and no shipped one of that name in {folder} (there are: {known})"
-    )
+    near = get_close_matches(str(name), [n for suffix in suffixes for n in dataset_names(folder, suffix)], n=1)
+    meant = f"; did you mean {near[0]!r}?" if near else ""
+    given = str(name) or repr("")
+    raise DataError(f"{given}: no such file, and no shipped one of that name in {folder}{meant} (there are: {known})")

@@ -5,9 +5,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+from pydantic import ConfigDict, Field
+
 from balance import datasets
 from balance.errors import DataError
-from balance.input_files import json_document, read_text
+from balance.input_files import Table, Text, json_document, model_from_table, read_text
 from balance.results import Key
 
 from .errors import AnalysisError
@@ -19,7 +21,6 @@ NO_ORIGINALS = "The original logs of the manipulator tests are not available: wh
 """Note with reductions of simulated runs of that manipulator."""
 MANIPULATOR = "parallelogram-6bar"
 """Beginning of the names of the mechanisms that model it."""
-_TABLE = "acceleration_amplitude_reduction_percent"
 _EXTREMES = "force_x_motion_5kg_3g"
 """Key of the force sensors' extremes in a file of published numbers."""
 PAYLOAD_KG, MOTION, PEAK_G = 5.0, "x", 3.0
@@ -102,28 +103,62 @@ class Published:
         return None
 
 
+class ReductionsTable(Table):
+    """Printed reductions: a row a condition."""
+
+    definition: Text
+    """How amplitudes were taken, by the source."""
+    columns: Annotated[list[Text], Field(min_length=4)]
+    """Names of the columns: payload [kg], motion, peak acceleration [g0], then ``x_axis`` and so on."""
+    rows: Annotated[list[list[float | str]], Field(min_length=1)]
+    """Payload [kg], motion, peak acceleration [g0], and the reduction along each axis [%], as printed."""
+
+    @property
+    def by_condition(self) -> dict[tuple[float, str, float], dict[str, float]]:
+        """Reductions [%] by axis, by payload [kg], motion and peak acceleration [g0]."""
+        axes = [column.removesuffix("_axis") for column in self.columns[3:]]
+        return {
+            (float(payload), str(motion), float(peak)): dict(zip(axes, map(float, percents), strict=True))
+            for payload, motion, peak, *percents in self.rows
+        }
+
+    def _check(self) -> None:
+        for i, row in enumerate(self.rows):
+            if len(row) != len(self.columns):
+                raise DataError(f"rows[{i}]: has {len(row)} values: expected {len(self.columns)}, one for each column")
+            numbers = [isinstance(cell, float) and math.isfinite(cell) for cell in row]
+            if numbers != [k != 1 for k in range(len(row))]:
+                raise DataError(f"rows[{i}]: {row}: expected numbers, but for the motion, a name in the second column")
+
+
+class PublishedTable(Table):
+    """A published table of reductions, JSON; keys that are not listed here are notes."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    source: Text
+    """Where it was published."""
+    acceleration_amplitude_reduction_percent: ReductionsTable
+    """The table."""
+    tests: dict[str, Any] = Field(default_factory=dict)
+    """About the tests; ``force_x_motion_5kg_3g``: printed extremes of the force sensors [N]."""
+
+
 def load_published(name: str) -> Published:
     """A shipped table by name, such as ``kiper2019``, or a file of the same form. Raises AnalysisError for another."""
     try:
         path = datasets.find_dataset(name, "published", ".json")
         document = json_document(read_text(path), path.name)
-        table = document[_TABLE]
-        axes = [column.removesuffix("_axis") for column in table["columns"][3:]]
-        rows = {
-            (float(payload), str(motion), float(acceleration)): dict(zip(axes, map(float, percents), strict=True))
-            for payload, motion, acceleration, *percents in table["rows"]
-        }
-        for condition, percents in rows.items():
-            if not all(map(math.isfinite, (*percents.values(), condition[0], condition[2]))):
-                raise AnalysisError(f"{path.name}: {condition} has {percents}: expected numbers")
-        extremes = ForceExtremes.of(document.get("tests", {}), rows.get((PAYLOAD_KG, MOTION, PEAK_G), {}).get(MOTION))
-        return Published(path.stem, str(document["source"]), str(table["definition"]), rows, extremes)
     except DataError as error:
         raise AnalysisError(str(error)) from error
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise AnalysisError(
-            f"{name}: not a table of published reductions: expected JSON with {_TABLE}: columns, rows, definition"
-        ) from error
+    table = model_from_table(PublishedTable, document, path.name, AnalysisError)
+    reductions = table.acceleration_amplitude_reduction_percent
+    rows = reductions.by_condition
+    try:
+        extremes = ForceExtremes.of(table.tests, rows.get((PAYLOAD_KG, MOTION, PEAK_G), {}).get(MOTION))
+    except (ValueError, KeyError, TypeError) as error:
+        raise AnalysisError(f"{path.name}: tests.{_EXTREMES}: expected the least and the largest force [N]") from error
+    return Published(path.stem, table.source, reductions.definition, rows, extremes)
 
 
 def _reduction(without: float, balanced: float) -> float:

@@ -10,13 +10,13 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from .. import datasets
 from ..errors import DataError
-from ..input_files import Positive, Table, load_model
+from ..input_files import Positive, Table, Text, load_model, model_from_table, suggestion
 
 _ROUNDING = 1e-9
 
@@ -127,6 +127,36 @@ def _check(shape: Rectangle | Ring, holes: Sequence[Hole]) -> None:
                 raise DataError(f"holes {j} and {i} overlap: expected holes apart from each other")
 
 
+_Millimetres = Annotated[float, Field(gt=0.0, lt=1e5, allow_inf_nan=False)] | None
+
+
+class StockRow(Table):
+    """A kind of plate, a row of the CSV: weighed (name, mass_kg, quantity), or as drawn, without a mass."""
+
+    name: Text
+    """Name of the plate, used once."""
+    mass_kg: Annotated[float, Field(gt=0.0, lt=1e6, allow_inf_nan=False)] | None = None
+    """Of one plate, weighed [kg]."""
+    quantity: Annotated[int, Field(ge=0, lt=10_000)]
+    """How many there are, for all sites together."""
+    shape: Literal["rectangle", "disc", "ring"] | None = None
+    """Outline: a rectangle has length and width, a disc a diameter, a ring a bore too."""
+    material: Text | None = None
+    """One of the materials whose densities are known: `balance files materials`."""
+    thickness_mm: _Millimetres = None
+    """Thickness of the plate [mm]."""
+    length_mm: _Millimetres = None
+    """Of a rectangle [mm]."""
+    width_mm: _Millimetres = None
+    """Of a rectangle [mm]."""
+    diameter_mm: _Millimetres = None
+    """Of a disc or ring [mm]."""
+    bore_mm: _Millimetres = None
+    """Of a ring [mm]."""
+    holes_mm: str = ""
+    """Round holes ``x y diameter; x y diameter``, from the centre of the outline [mm]."""
+
+
 WEIGHED = ("name", "mass_kg", "quantity")
 """Columns of a stock that was weighed."""
 DRAWN = (
@@ -183,20 +213,14 @@ def _rows(path: Path) -> list[dict[str, str]]:
 def _plate(row: dict[str, str], where: str, densities: Mapping[str, float]) -> Plate:
     if None in row:  # the csv module's key of cells beyond the last column
         raise DataError(f"{where}: more cells than columns: {row}")
+    cells = {key: cell.strip() for key, cell in row.items() if (cell or "").strip()}
+    plate = model_from_table(StockRow, cells, where)
     if densities:
-        mass, inertia = mass_and_inertia(row, where, densities)
-        row = {"name": row["name"], "quantity": row["quantity"], "mass_kg": repr(mass)}
-    else:
-        inertia = None
-    try:
-        plate = Plate(row["name"].strip(), float(row["mass_kg"]), int(row["quantity"]), inertia)
-    except (TypeError, ValueError, AttributeError) as error:
-        raise DataError(f"{where}: expected a name, a mass in kg and a whole quantity, found {row}") from error
-    if not plate.name or not 0 < plate.mass < 1e6 or not 0 <= plate.quantity < 10_000:
-        raise DataError(
-            f"{where}: expected a name, a mass above zero and below 1e6 kg, and a quantity from 0 to 9999, found {row}"
-        )
-    return plate
+        mass, inertia = mass_and_inertia(plate, where, densities)
+        return Plate(plate.name, mass, plate.quantity, inertia)
+    if plate.mass_kg is None:
+        raise DataError(f"{where}: mass_kg: missing: expected the mass of one plate in kg")
+    return Plate(plate.name, plate.mass_kg, plate.quantity)
 
 
 def plates_mass(names: Sequence[str], plates: Sequence[Plate]) -> float:
@@ -217,36 +241,28 @@ _SIZES = ("length_mm", "width_mm", "diameter_mm", "bore_mm")
 _M_PER_MM = 1e-3
 
 
-def mass_and_inertia(row: Mapping[str, str], where: str, densities: Mapping[str, float]) -> tuple[float, float]:
+def mass_and_inertia(row: StockRow, where: str, densities: Mapping[str, float]) -> tuple[float, float]:
     """Mass [kg] and inertia about the centre of mass [kg m2] of a row; ``densities`` by material [kg/m3]."""
-    kind, material = (row["shape"] or "").strip(), (row["material"] or "").strip()
-    if kind not in SHAPES:
-        raise DataError(f"{where}: shape {kind!r}: expected {', '.join(SHAPES)}")
-    if material not in densities:
-        raise DataError(f"{where}: material {material!r}: expected {', '.join(densities)}")
-    if extra := [key for key in _SIZES if key not in SHAPES[kind] and (row.get(key) or "").strip()]:
-        raise DataError(f"{where}: a {kind} has no {extra[0]}: leave it empty")
-    sizes = [_metres(row.get(key), key, where) for key in SHAPES[kind]]
-    if kind == "ring" and sizes[1] >= sizes[0]:
+    if row.shape is None:
+        raise DataError(f"{where}: shape: missing: expected {', '.join(SHAPES)}")
+    if row.material not in densities:
+        near = suggestion(row.material or "", densities)
+        raise DataError(f"{where}: material {row.material or ''!r}: expected {', '.join(densities)}{near}")
+    given = {key: getattr(row, key) for key in ("thickness_mm", *_SIZES) if getattr(row, key) is not None}
+    if extra := [key for key in _SIZES if key not in SHAPES[row.shape] and key in given]:
+        raise DataError(f"{where}: a {row.shape} has no {extra[0]}: leave it empty")
+    if lacking := [key for key in ("thickness_mm", *SHAPES[row.shape]) if key not in given]:
+        raise DataError(f"{where}: {lacking[0]} is empty: expected millimetres above zero")
+    sizes = [given[key] * _M_PER_MM for key in SHAPES[row.shape]]
+    if row.shape == "ring" and sizes[1] >= sizes[0]:
         raise DataError(f"{where}: bore_mm is not smaller than diameter_mm")
-    shape = Rectangle(*sizes) if kind == "rectangle" else Ring(*sizes)
-    thickness = _metres(row["thickness_mm"], "thickness_mm", where)
-    holes = _holes(row.get("holes_mm") or "", where)
+    shape = Rectangle(*sizes) if row.shape == "rectangle" else Ring(*sizes)
+    holes = _holes(row.holes_mm, where)
     try:
-        found = plate_section(shape, thickness, densities[material], holes)
+        found = plate_section(shape, given["thickness_mm"] * _M_PER_MM, densities[row.material], holes)
     except DataError as error:
         raise DataError(f"{where}: {error}") from error
     return found.mass, found.inertia
-
-
-def _metres(text: str | None, key: str, where: str) -> float:
-    try:
-        value = float(text or "")
-    except ValueError:
-        value = math.nan
-    if not 0.0 < value < 1e5:
-        raise DataError(f"{where}: {key} is {text or 'empty'}: expected millimetres above zero")
-    return value * _M_PER_MM
 
 
 def _holes(text: str, where: str) -> list[Hole]:

@@ -17,6 +17,7 @@ COMMANDS = {
     "drive": ("drive", "Speed of a motor-driven machine over a turn: steady, start-up, flywheel."),
     "static": ("methods", "Potential energy constant over the workspace, by counter-masses or springs."),
     "methods": ("methods", "The named ways of balancing side by side: left over, cost, need."),
+    "files": ("files", "What is shipped: mechanisms, motions, engines and others; copies of it, to be edited."),
     "schema": ("schemas", "The JSON schema of an input file: its keys, units, defaults."),
 }
 

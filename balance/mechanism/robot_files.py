@@ -14,9 +14,11 @@ from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
+from pydantic import Field
 
 from ..arrays import Floats
 from ..errors import ModelError
+from ..input_files import Table, model_from_table
 from .mjcf_compiler import located_file, read_text, refuse_tags
 from .robot import Link, Placement, Robot, RobotJoint
 
@@ -24,9 +26,26 @@ _LOOPS_COMMENT = re.compile(r"<!-- counterpoise loops: (.*?) -->", re.S)
 """Where a mechanism's text keeps, as JSON, what the YAML file beside it said."""
 _BOUNDED = {"revolute", "prismatic"}
 _TYPES = {"fixed", "continuous", "ball", "spherical", "universal"} | _BOUNDED
-_SIDECAR_KEYS = ("closed_loop", "type", "joint_name", "joint_type", "name_mot")
 _INFINITE = 1e15
 """A limit from here on is none, as SDF writes it; nor are two equal ones, as URDF has them [rad, m]."""
+
+
+class RobotLoops(Table):
+    """Loops and motors of a URDF, in a YAML file of its name beside it, as Gepetto/example-parallel-robots has them."""
+
+    closed_loop: list[list[str]] = Field(default_factory=list)
+    """Pairs of names of links, or of joints, which stand for their child links."""
+    type: list[str] = Field(default_factory=list)
+    """Of each loop: 3d, the points coincide; 6d, the default: the axes too."""
+    joint_name: list[str] = Field(default_factory=list)
+    """Joints of another type than in the URDF; those that it does not have are passed over."""
+    joint_type: list[str] = Field(default_factory=list)
+    """Of each of them: SPHERICAL, FIXED, or UJOINT_ZY with two axes."""
+    name_mot: list[str] = Field(default_factory=list)
+    """Joints with a motor."""
+
+
+_SIDECAR_KEYS = tuple(RobotLoops.model_fields)
 
 
 def read_robot(text: str, file: str, path: Path | None) -> tuple[Robot, str]:
@@ -122,11 +141,8 @@ def _sidecar(path: Path) -> dict[str, Any]:
                 f"{path.name}: the YAML file {other.name} states loops; name it {path.stem}.yaml if it is meant"
             )
         found = {key: data[key] for key in _SIDECAR_KEYS if key in data} if own else found
-    for key in found:
-        flat = [name for item in found[key] or () for name in (item if key == "closed_loop" else [item])]
-        if not isinstance(found[key], list) or not all(isinstance(name, str) for name in flat):
-            raise ModelError(f"{path.stem}.yaml: {key}: expected a list of names")
-    return found
+    stated = {key: value for key, value in found.items() if value is not None}
+    return model_from_table(RobotLoops, stated, f"{path.stem}.yaml", ModelError).model_dump(exclude_unset=True)
 
 
 def _with_loops(robot: Robot, stated: Mapping[str, Any]) -> Robot:

@@ -28,6 +28,7 @@ COMMANDS = {
     "trim": ("trim", "The residual first moment of each arm, and the mass to add."),
     "speed": ("speed", "Speed over a turn and its fluctuation, from the instants of encoder edges."),
     "vectors": ("vectors", "Amplitude and phase of vibration sensors by a tachometer, for balance rotor influence."),
+    "files": ("files", "What is shipped: mechanisms, motions, rigs, plans and others; copies of it, to be edited."),
     "schema": ("schemas", "The JSON schema of an input file: its keys, units, defaults."),
 }
 

@@ -219,14 +219,15 @@ def _rows(name: str, line: int, columns: Sequence[str], cells: Sequence[str], de
     marks = frozenset(re.findall(r"(?<=\d)[.,](?=\d)", " ".join(text[column] for column in numbers)))
     if delimiter == ";" and marks == {","}:
         text |= {column: text[column].replace(",", ".") for column in numbers}
-    given: dict[str, object] = {}
-    for column, cell in text.items():
-        if column in COLUMNS and (cell or column == "counter_masses"):
-            given[column] = cell
-        elif cell and (found := _OTHERS["files"].fullmatch(column)):
-            given["files"] = (*cast(tuple[str, ...], given.get("files", ())), cell)
-        elif cell and (found := _OTHERS["payloads"].fullmatch(column)):
-            given.setdefault("payloads", {})[found[1]] = cell  # type: ignore[attr-defined]
+    given: dict[str, object] = {
+        column: cell for column, cell in text.items() if column in COLUMNS and (cell or column == "counter_masses")
+    }
+    named = {
+        key: {found[1]: cell for column, cell in text.items() if cell and (found := form.fullmatch(column))}
+        for key, form in _OTHERS.items()
+    }
+    given |= {"files": tuple(named["files"].values())} if named["files"] else {}
+    given |= {"payloads": named["payloads"]} if named["payloads"] else {}
     row = model_from_table(RunRow, given, place, RigError)
     for file in row.files or (row.file or "",):
         yield RunTableRow(line, file, row.run, row.origin, row.conditions, marks)

@@ -135,7 +135,8 @@ class Run:
         for group in self.groups:
             if group.name == name:
                 return group
-        raise StoreError(f"{self.path.name}: no group {name!r}; there are {_listed(g.name for g in self.groups)}")
+        wanted = f"no group {name!r}" if name is not None else "has several groups: name one"
+        raise StoreError(f"{self.path.name}: {wanted}; there are {_listed(g.name for g in self.groups)}")
 
     @property
     def rate_hz(self) -> float | None:
@@ -173,10 +174,26 @@ class Run:
     def to_pandas(self, group: str | None = None, channels: Sequence[str] | None = None) -> "pandas.DataFrame":
         """A group as a table against time [s], or sample where there is no time; of ``channels`` alone if given.
 
-        Columns are the channels by name as written; units are in ``.attrs["units"]``.
+        Columns are the channels by name as written; units are in ``.attrs["units"]``. Without a ``group``, the tables
+        of several groups stand below each other, ``table.loc["daq"]`` one of them, each on its own logger's clock; a
+        channel that a group does not have is NaN there. Raises StoreError where one name has several channels or units.
         """
         import pandas
 
+        if group is None and len(self.groups) > 1 and channels is None:
+            each = {one.name: self.to_pandas(one.name) for one in self.groups}
+            units: dict[str, str | None] = {}
+            for one in each.values():
+                own = one.attrs.pop("units")
+                if len(own) < one.shape[1] or any(units.get(name, unit) != unit for name, unit in own.items()):
+                    raise StoreError(
+                        f"{self.path.name}: a name has several channels or units: name a group, there are "
+                        f"{_listed(g.name for g in self.groups)}"
+                    )
+                units |= own
+            together = pandas.concat(each, names=["group", "time (s) or sample"])
+            together.attrs = {**self._about(None), "units": units}
+            return together
         where = self.group(group)
         indices = self._selected(where, channels)
         kind, index = self._index(where)
@@ -205,9 +222,9 @@ class Run:
         axis = {kind: (kind, index, {"units": "s"} if kind == layout.TIME else {})}
         return xarray.Dataset(found, axis, self._about(where))
 
-    def _about(self, group: StoredGroup) -> dict[str, Any]:
+    def _about(self, group: StoredGroup | None) -> dict[str, Any]:
         """Where the values are from, and by which calibrations in SI, a JSON text: netCDF holds no tables."""
-        about = {"run": self.name, "group": group.name, "origin": self.origin}
+        about = {"run": self.name, **({} if group is None else {"group": group.name}), "origin": self.origin}
         applied = self.provenance.get("calibrations")
         return about if applied is None else {**about, "calibrations": json.dumps(applied, ensure_ascii=False)}
 

@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from pathlib import Path
 
 import jsonschema
 import pytest
@@ -10,7 +11,7 @@ from click.testing import CliRunner
 import balance.cli.schemas
 import testbench.cli.schemas
 from balance import datasets
-from balance.cli.schemas import file_schema
+from balance.cli.schemas import file_schema, reference_page
 
 MODELS = {**balance.cli.schemas.MODELS, **testbench.cli.schemas.MODELS}
 FOLDERS = {"materials": "materials", "springs": "springs", "trial-runs": "rotors"}
@@ -29,7 +30,7 @@ def test_every_key_says_what_it_means(name):
                 assert "[" in described["description"], f"{title}.{key}"
 
 
-@pytest.mark.parametrize("name", sorted(MODELS.keys() - {"run-table"}))
+@pytest.mark.parametrize("name", sorted(MODELS.keys() - {"run-table", "robot-loops", "stock", "published"}))
 def test_the_shipped_files_are_valid(name):
     """An editor that checks by the schema refuses none of them."""
     found, folder = file_schema(MODELS, name), FOLDERS.get(name, f"{name}s")
@@ -41,6 +42,13 @@ def test_the_shipped_files_are_valid(name):
     assert contents
     for content in contents:
         jsonschema.Draft202012Validator(found).validate(content)
+
+
+def test_the_reference_page_is_that_of_the_models():
+    """docs/files.md says what the loaders take: `testbench schema --text > docs/files.md` writes it anew."""
+    page = (Path(__file__).parents[3] / "docs" / "files.md").read_text("utf-8")
+    assert page == reference_page(MODELS, testbench.cli.schemas.MODELS)
+    assert page == CliRunner().invoke(testbench.cli.schemas.schema, ["--text"]).output
 
 
 @pytest.mark.parametrize(("package", "kind"), [(balance, "drive"), (testbench, "rig")])

@@ -167,7 +167,7 @@ def test_a_loop_of_six_rows_holds_a_planar_linkage_still(tmp_path: Path) -> None
     [
         ("closed_loop: [[end_A, nowhere]]\n", "robot", "names 'nowhere', which is no link and no joint"),
         ("closed_loop: [[end_A]]\n", "robot", "expected pairs"),
-        ("closed_loop: {a: 1}\n", "robot", "closed_loop: expected a list of names"),
+        ("closed_loop: {a: 1}\n", "robot", "closed_loop: expected a list"),
         ("closed_loop: [[end_A, end_B]\n", "robot", "no YAML"),
         (
             "closed_loop: [[end_A, end_B]]\n",

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import testbench
+from testbench.errors import StoreError
 from testbench.recording import Channel, Group, TimeColumn, UniformClock
 from testbench.store.archive import archive
 from testbench.store.writer import RunWriter
@@ -51,6 +52,35 @@ def test_the_time_may_be_asked_for(run):
         assert found["time"].to_numpy().tobytes() == run.time().tobytes()
     else:
         assert list(found.data_vars) == ["Time", "AccX"]
+
+
+def test_two_loggers_in_pandas(tmp_path):
+    """One table below the other, each value with its logger, channel and time; clashing names are refused."""
+    groups = [
+        Group("daq", (Channel("AccX (g)", "g"), Channel("T (K)", "K")), UniformClock(1000.0)),
+        Group("plc", (Channel("q (rad)", "rad"), Channel("T (K)", "K")), UniformClock(100.0)),
+    ]
+    with RunWriter(tmp_path, "two") as writer:
+        for group, count in zip(groups, (N, 50), strict=True):
+            writer.group(group).append([column[:count] for column in COLUMNS[:2]])
+            writer.group(group).finish(None, None)
+        writer.describe("simulated", {}, [], {"sources": []}, None)
+        run = testbench.open_run(writer.commit())
+    table = run.to_pandas()
+    assert table.attrs["units"] == {"AccX (g)": "g", "T (K)": "K", "q (rad)": "rad"}
+    for name in ("daq", "plc"):
+        own = run.to_pandas(name)
+        assert table.loc[name][list(own.columns)].equals(own.rename_axis(table.loc[name].index.name))
+    assert table.loc["plc"]["AccX (g)"].isna().all()
+    twice = Group("daq", (Channel("Fz", "N"), Channel("Fz", "N")), UniformClock(10.0))
+    with RunWriter(tmp_path, "clash") as writer:
+        for group in (twice, groups[1]):
+            writer.group(group).append(COLUMNS[:2])
+            writer.group(group).finish(None, None)
+        writer.describe("simulated", {}, [], {"sources": []}, None)
+        run = testbench.open_run(writer.commit())
+    with pytest.raises(StoreError, match="several channels or units: name a group, there are 'daq', 'plc'"):
+        run.to_pandas()
 
 
 def test_two_channels_of_one_name_stay_two(tmp_path):
