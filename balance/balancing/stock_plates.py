@@ -245,9 +245,10 @@ def mass_and_inertia(row: StockRow, where: str, densities: Mapping[str, float]) 
     """Mass [kg] and inertia about the centre of mass [kg m2] of a row; ``densities`` by material [kg/m3]."""
     if row.shape is None:
         raise DataError(f"{where}: shape: missing: expected {', '.join(SHAPES)}")
-    if row.material not in densities:
-        near = suggestion(row.material or "", densities)
-        raise DataError(f"{where}: material {row.material or ''!r}: expected {', '.join(densities)}{near}")
+    material = row.material or ""
+    if material not in densities:
+        near = suggestion(material, densities)
+        raise DataError(f"{where}: material {material!r}: expected {', '.join(densities)}{near}")
     given = {key: getattr(row, key) for key in ("thickness_mm", *_SIZES) if getattr(row, key) is not None}
     if extra := [key for key in _SIZES if key not in SHAPES[row.shape] and key in given]:
         raise DataError(f"{where}: a {row.shape} has no {extra[0]}: leave it empty")
@@ -259,7 +260,7 @@ def mass_and_inertia(row: StockRow, where: str, densities: Mapping[str, float]) 
     shape = Rectangle(*sizes) if row.shape == "rectangle" else Ring(*sizes)
     holes = _holes(row.holes_mm, where)
     try:
-        found = plate_section(shape, given["thickness_mm"] * _M_PER_MM, densities[row.material], holes)
+        found = plate_section(shape, given["thickness_mm"] * _M_PER_MM, densities[material], holes)
     except DataError as error:
         raise DataError(f"{where}: {error}") from error
     return found.mass, found.inertia

@@ -192,7 +192,7 @@ class Run:
                     )
                 units |= own
             together = pandas.concat(each, names=["group", "time (s) or sample"])
-            together.attrs = {**self._about(None), "units": units}
+            together.attrs.update({**self._about(None), "units": units})
             return together
         where = self.group(group)
         indices = self._selected(where, channels)

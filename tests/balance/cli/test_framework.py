@@ -36,7 +36,7 @@ REFUSED = {
         "a result is no finite number",
     ),
     "unknown mechanism": (("conditions", "six-bar"), "six-bar: no such file"),
-    "unknown body": (("size", MECH, "-p", "crate=1kg"), "no moving body 'crate'"),
+    "unknown body": (("size", MECH, "-p", "crate=1kg"), "no body or site 'crate'"),
     "unknown site": (("check", MECH, "-c", "nowhere=1kg"), "no site 'nowhere'"),
     "unknown site to size": (("size", MECH, "--site", "nowhere"), "no site 'nowhere'"),
     "site that is limited in vain": (("size", MECH, "--limit", "C_AC=1kg"), "C_AC"),
