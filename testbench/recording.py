@@ -4,6 +4,7 @@ A finding has a code, which says how grave it is. An ``error`` cannot be disting
 until a person accepts it. A ``warning`` is kept and flagged. A ``note`` is stated, and no reason to stop.
 """
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
@@ -268,6 +269,68 @@ def clock_from_dict(document: Mapping[str, Any] | None) -> Clock | None:
     return UniformClock(**document) if "rate_hz" in document else TimeColumn(**document)
 
 
+_ZONE = re.compile(r"(?:Z|([+-])(\d\d):(\d\d))$")
+_SECOND_NS = 1_000_000_000
+_NANOSECONDS_UPTO = 1e5
+"""Seconds up to which float64 holds nanoseconds with room to spare; larger ones are taken to the microsecond."""
+_EARLIEST_NS, _LATEST_NS = -(10**9) * _SECOND_NS, 8 * 10**9 * _SECOND_NS
+"""1938 and 2223 [ns since 1970]: a date beyond them is one that was never set."""
+
+
+@dataclass(frozen=True)
+class StartTime:
+    """A point in time by the calendar: ISO 8601, with its offset from UTC where the log states one (Z: UTC itself).
+
+    ``source`` is what in the log states it; ``uncertainty_s`` is the last digit as written [s], the error of the
+    logger's clock not in it; None: unknown.
+    """
+
+    time: Annotated[str, Key()]
+    source: Annotated[str, Key()]
+    uncertainty_s: Annotated[float | None, Key()] = None
+
+    @property
+    def has_zone(self) -> bool:
+        """Whether it is the same everywhere, and no local time whose zone nobody states."""
+        return _ZONE.search(self.time) is not None
+
+    @property
+    def nanoseconds(self) -> int:
+        """Since 1970 in UTC, or in its own zone where that is not stated [ns]."""
+        return int(np.datetime64(_ZONE.sub("", self.time), "ns").astype(np.int64)) - 60 * self._minutes * _SECOND_NS
+
+    @property
+    def _minutes(self) -> int:
+        zone = _ZONE.search(self.time)
+        return int(f"{zone[1]}1") * (60 * int(zone[2]) + int(zone[3])) if zone and zone[1] else 0
+
+    def __str__(self) -> str:
+        known = "" if self.uncertainty_s is None else f", to {self.uncertainty_s:g} s"
+        return f"{self.time}{'' if self.has_zone else ', zone not stated'} ({self.source}{known})"
+
+    def later(self, seconds: float) -> "StartTime | None":
+        """The point ``seconds`` later; None if it is beyond any that a logger means."""
+        step = 1 if abs(seconds) < _NANOSECONDS_UPTO else 1000
+        coarse = self.uncertainty_s if step == 1 else max(self.uncertainty_s or 0.0, 1e-6)
+        after = round(seconds * _SECOND_NS / step) * step
+        return point_in_time(self.nanoseconds + after, self.source, coarse, self._minutes if self.has_zone else None)
+
+
+def point_in_time(
+    nanoseconds: int, source: str, uncertainty_s: float | None = None, minutes: int | None = 0
+) -> StartTime | None:
+    """The point that lies ``nanoseconds`` after 1970 in UTC; None if it is beyond any that a logger means.
+
+    ``minutes`` is the offset of its zone from UTC; None: no zone is stated, and the nanoseconds are of local time.
+    """
+    if not _EARLIEST_NS < nanoseconds < _LATEST_NS:
+        return None
+    local = np.datetime64(nanoseconds + 60 * (minutes or 0) * _SECOND_NS, "ns")
+    text = np.datetime_as_string(local).rstrip("0").rstrip(".")
+    zone = "" if minutes is None else "Z" if not minutes else f"{'-' if minutes < 0 else '+'}{abs(minutes) // 60:02}:"
+    return StartTime(f"{text}{zone}{f'{abs(minutes) % 60:02}' if minutes else ''}", source, uncertainty_s)
+
+
 @dataclass(frozen=True)
 class SensorRange:
     """A range from -limit to +limit in ``unit``, digitised to ``bits``; channels of that unit lie within it."""
@@ -279,11 +342,15 @@ class SensorRange:
 
 @dataclass(frozen=True)
 class Group:
-    """Channels sampled together; the time column, if there is one, is among them."""
+    """Channels sampled together; the time column, if there is one, is among them.
+
+    ``zero`` is when its own time is zero, where the log states that.
+    """
 
     name: Annotated[str, Key()]
     channels: Annotated[tuple[Channel, ...], Key()]
     clock: Clock | None = None
+    zero: StartTime | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", storable_name(self.name))
@@ -292,7 +359,8 @@ class Group:
 def group_from_dict(document: Mapping[str, Any]) -> Group:
     """The group that ``asdict`` of it describes, as pipes and journals carry it."""
     channels = tuple(Channel(**channel) for channel in document["channels"])
-    return Group(document["name"], channels, clock_from_dict(document["clock"]))
+    zero = document.get("zero")
+    return Group(document["name"], channels, clock_from_dict(document["clock"]), zero and StartTime(**zero))
 
 
 def findings_by_group(findings: Iterable[Finding], groups: Sequence[Group], several: bool) -> list[Finding]:

@@ -85,7 +85,8 @@ def _title(check: "GroupCheck") -> str:
     from ..quality.log_description import clock
 
     rate = f", {check.rate_hz:.6g} Hz ({check.rate_source})" if check.rate_hz else ", no rate"
-    return f"{plain_text(check.group.name)}: {check.samples} samples{rate}{_span(clock(check) or {})}"
+    start = f"\n  started {plain_text(str(check.start_time))}" if check.start_time else ""
+    return f"{plain_text(check.group.name)}: {check.samples} samples{rate}{_span(clock(check) or {})}{start}"
 
 
 def _span(times: "Mapping[str, float | int | None]") -> str:

@@ -12,7 +12,18 @@ import numpy as np
 from balance.results import Key, finite
 
 from ..readers import header_claims
-from ..recording import Block, Channel, Finding, Group, Recording, Samples, SensorRange, TimeColumn, UniformClock
+from ..recording import (
+    Block,
+    Channel,
+    Finding,
+    Group,
+    Recording,
+    Samples,
+    SensorRange,
+    StartTime,
+    TimeColumn,
+    UniformClock,
+)
 from ..units import is_unit, same_unit, seconds_per
 from .clipping import Clipping, CodedValues
 from .time_column import TimeCheck
@@ -124,6 +135,17 @@ class GroupCheck:
         if isinstance(self.group.clock, UniformClock):
             return self.group.clock.rate_hz
         return None if (time := self._time) is None else time.rate_hz
+
+    @property
+    def start_time(self) -> StartTime | None:
+        """When the first sample was taken; None where the log does not say it, or the unit of time is unknown."""
+        zero, clock = self.group.zero, self.group.clock
+        if zero is None or clock is None:
+            return zero
+        if isinstance(clock, UniformClock):
+            return zero.later(clock.start_s)
+        first = self.clock.first * (clock.seconds_per_unit if clock.seconds_per_unit is not None else math.nan)
+        return zero.later(first) if math.isfinite(first) else None
 
     @property
     def rate_source(self) -> str | None:

@@ -44,6 +44,7 @@ def _group(check: GroupCheck, stats: bool) -> dict[str, Any]:
         "samples": check.samples,
         "rate_hz": check.rate_hz,
         "rate_source": check.rate_source,
+        "start_time": check.start_time,
         "clock": clock(check),
         "channels": [
             document(channel) | (document(numbers) if stats else {})

@@ -8,13 +8,24 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..recording import Block, Channel, Finding, Group, Recording, Samples, TimeColumn, UniformClock
+from ..recording import (
+    Block,
+    Channel,
+    Finding,
+    Group,
+    Recording,
+    Samples,
+    StartTime,
+    TimeColumn,
+    UniformClock,
+    point_in_time,
+)
 from ..units import seconds_per
 from . import header_claims
 from .byte_source import as_float64, block_spans
@@ -23,6 +34,9 @@ from .format_findings import is_beyond_exact, names_listed, nothing_to_read, rou
 from .header_claims import clock_of_rate
 
 _TIME_LIKE = re.compile(r"(?:.*[. /])?(?:t|time|timestamps?|zeit|zaman)(?:[_ ].*|\d*)", re.IGNORECASE)
+_START_LIKE = re.compile(
+    r"(?:.*[. /:])?(?:start_?time|time_coverage_start|date_?time|start_?date_?time)", re.IGNORECASE
+)
 _RATE_LIKE = re.compile(r"(?:.*[._ /])?(?:fs|sample_?rate|sampling_?(?:rate|frequency)|rate_?hz)", re.IGNORECASE)
 _STEP_LIKE = re.compile(r"(?:.*[._ /])?(?:dt|ts|delta_?t|sample_?time|sampling_?(?:interval|period))", re.IGNORECASE)
 _SAME_RATE = 1e-9
@@ -136,12 +150,25 @@ class Contents:
             self.findings.append(rounded_integers(channel, where))
         self.series.append(series)
 
+    def _zero(self, group: Group) -> StartTime | None:
+        """When the time of a group is zero: by its unit, ``s since 2024-03-01``, else by the one start stated."""
+        unit = group.channels[group.clock.index].unit if isinstance(group.clock, TimeColumn) else None
+        if unit and " since " in unit:
+            stated = header_claims.start_at(unit.split(" since ")[1], unit)
+            # by the conventions of netCDF (CF 4.4) it is in UTC where it says nothing else
+            return stated and point_in_time(stated.nanoseconds, unit, None, 0)
+        starts = {
+            header_claims.start_at(text, key) for key, text in self.metadata.items() if _START_LIKE.fullmatch(key)
+        } - {None}
+        return starts.pop() if len(starts) == 1 else None
+
     def recording(
         self, path: Path, kind: str, reader: str, guard: Callable[[], AbstractContextManager[None]] = nullcontext
     ) -> Recording:
         """The recording of the format ``kind``, whose samples are read within ``guard``. Raises Refusal without any."""
         rate = stated_rate(self.scalars)
         gathered = group_series(path.stem, self.series, rate)
+        gathered = [replace(each, group=replace(each.group, zero=self._zero(each.group))) for each in gathered]
         listed = names_listed(self.left_out)
         if not gathered:
             grave = [finding for finding in self.findings if finding.severity > 0]

@@ -14,7 +14,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from ..recording import Block, Channel, Finding, Group, Recording, TimeColumn
+from ..recording import Block, Channel, Finding, Group, Recording, StartTime, TimeColumn, point_in_time
 from .byte_source import ByteSource, block_spans
 from .format_findings import damaged, nothing_to_read, watch_nonfinite
 
@@ -146,7 +146,13 @@ def _sources(dataset: Any, stem: str) -> Iterator[tuple[Group, Any]]:  # noqa: A
                 Channel(str(sub.displayName or sub.name), str((sub.units or ("", ""))[1]) or None)
                 for sub in channel.subchannels
             )
-            yield Group(name, (Channel("Time", "µs"), *channels), TimeColumn(0, 1e-6)), events
+            yield Group(name, (Channel("Time", "µs"), *channels), TimeColumn(0, 1e-6), _zero(session)), events
+
+
+def _zero(session: Any) -> StartTime | None:  # noqa: ANN401
+    """When the recorder's microseconds are zero: the session states when it began in UTC, in whole seconds."""
+    start = session.utcStartTime
+    return point_in_time(round(start * 10**6) * 1000, "UTC start of the session", 1.0) if start else None
 
 
 def _blocks(path: Path, end: int) -> Iterator[Block]:

@@ -6,11 +6,12 @@ a log calls itself simulated counts, that it calls itself measured does not.
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
-from ..recording import Channel, Finding, Origin, Recording, TimeColumn, UniformClock
+from ..recording import Channel, Finding, Origin, Recording, StartTime, TimeColumn, UniformClock, point_in_time
 from ..units import same_unit, seconds_per
+from .csv.cell_syntax import DAY, read_timestamp, zone_minutes
 
 _FORCE = re.compile(r"f|f[xyz_ ]?\d*|(?:force|kraft|kuvvet|hammer|load)\b.*", re.IGNORECASE)
 _PURE_FORCE = re.compile(r"f|f[xyz_ ]?\d*|(?:force|kraft|kuvvet)\b.*", re.IGNORECASE)
@@ -103,3 +104,52 @@ def with_stated_origin(recording: Recording) -> Recording:
     origin = stated_origin(texts)
     # the data through the recording as it was opened, which may hold a process that waits
     return recording if origin == "unstated" else replace(recording, origin=origin, read=recording.blocks)
+
+
+SINCE_1970 = StartTime("1970-01-01T00:00:00Z", "time since 1970")
+"""The zero of times that are counted from there in UTC."""
+DAYS_TO_1970 = 719_163
+"""Days of the calendar up to 1970, counted from the year 1."""
+_FINER = re.compile(r"(?<=[.,]\d{9})\d+")
+_START = re.compile(
+    r"(?:(?:test|recording|measurement|acquisition|log|data)[ _]?)?(?:start(?:ed)?|begin|recorded)"
+    r"(?:[ _]?(?:at|time|date/time|datetime|date[ _]and[ _]time|date[ _]time))?"
+    r"|start[ _]of[ _](?:recording|measurement|test|acquisition)|date/time|date[ _]?time|date[ _]and[ _]time"
+    r"|startzeit|messbeginn|aufnahmebeginn|zeitpunkt|başlangıç(?: zamanı)?",
+    re.IGNORECASE,
+)
+_DATE = re.compile(
+    r"(?:(?:test|recording|measurement|acquisition|start)[ _]?)?date|(?:start)?datum|tarih", re.IGNORECASE
+)
+_TIME = re.compile(
+    r"(?:(?:test|recording|measurement|acquisition|start)[ _]?)?time|uhrzeit|startzeit|saat", re.IGNORECASE
+)
+_SAID = re.compile(r"\s*\"?([^:=;,\t\"]{2,40}?)\"?\s*[:=;,\t]\s*\"?([^;\t\"]{5,60}?)\"?[\s;,]*")
+
+
+def start_at(text: str, source: str) -> StartTime | None:
+    """The point in time that a text is, a date with or without a time of day; None where it is not exactly one."""
+    text = _FINER.sub("", text.strip())
+    time = read_timestamp(text)
+    if time is None or not time.notation.date or time.notation.date.startswith("?") or (days := time.days()) is None:
+        return None
+    coarse = 10.0**-time.decimals if time.notation.clock else DAY / 1e9
+    minutes = zone_minutes(text) if time.notation.zone else None
+    return point_in_time((days - DAYS_TO_1970) * DAY + time.nanoseconds, source, coarse, minutes)
+
+
+def stated_start(texts: Iterable[str]) -> StartTime | None:
+    """The start that lines such as ``Start time: 2024-03-01 12:00:05`` state, or a date and a time of day apart."""
+    said = [match for text in texts if (match := _SAID.fullmatch(text[:_LONGEST]))]
+    for match in said:
+        if _START.fullmatch(match[1].strip()) and (found := start_at(match[2], match[1].strip())) is not None:
+            return found
+    dates = [match for match in said if _DATE.fullmatch(match[1].strip())]
+    times = [match for match in said if _TIME.fullmatch(match[1].strip())]
+    return start_in({"Date": dates[0][2], "Time": times[0][2] if times else ""}, "Date", "Time") if dates else None
+
+
+def start_in(stated: Mapping[str, str], date: str, time: str) -> StartTime | None:
+    """The start that two keys of a header state, its date and its time of day; the date alone if that is all."""
+    day = stated.get(date, "")
+    return start_at(f"{day} {stated.get(time, '')}".strip(), f"{date}, {time}") or start_at(day, date)

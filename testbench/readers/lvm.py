@@ -132,13 +132,16 @@ def text_settings(path: Path, head: Header) -> tuple[Dialect, dict[str, str]]:
     return Dialect(separator, decimal), pairs
 
 
-def read_segment(path: Path, head: Header, dialect: Dialect, x_columns: str, name: str, encoding: str) -> Segment:
+def read_segment(
+    path: Path, head: Header, dialect: Dialect, file: Mapping[str, str], name: str, encoding: str
+) -> Segment:
     """The segment below ``head``; its groups are called ``name``, and by their channel where there are several."""
     split = dialect.delimiter
     rows = {line.split(split)[0]: [cell.strip() for cell in line.split(split)[1:]] for line in head.lines}
     names = [cell.strip() for cell in head.lines[-1].split(split)]
     while names and names[-1] in ("", _COMMENT):
         names.pop()
+    x_columns = file.get("X_Columns", "No")
     if "Channels" not in rows or not head.lines[-1].startswith("X_Value"):
         raise damaged(path, f"line {head.first - 1}: no Channels, or no line of names that begins with X_Value")
     # for each channel the field of its abscissa, if it is recorded, and of its value
@@ -148,7 +151,7 @@ def read_segment(path: Path, head: Header, dialect: Dialect, x_columns: str, nam
     if str(len(columns)) != rows["Channels"][0]:
         message = f"{rows['Channels'][0]} channels are declared, {len(columns)} are named"
         raise damaged(path, f"line {head.first - 1}: {message}")
-    parts, findings = _parts(path, name, rows, names, columns, dialect.decimal)
+    parts, findings = _parts(path, name, rows, names, columns, dialect.decimal, file)
     texts = {key: "; ".join(filter(None, cells)) for key, cells in rows.items() if any(cells) and key != "X_Value"}
     form = RowParser(dialect, len(names), encoding=encoding)
     return Segment(form, parts, head.first, head.end, tuple(names), texts, tuple(findings))
@@ -161,9 +164,10 @@ def _parts(
     names: Sequence[str],
     columns: Sequence[tuple[int | None, int]],
     decimal: str,
+    file: Mapping[str, str],
 ) -> tuple[tuple[Part, ...], list[Finding]]:
-    """Channels gathered by abscissa and number of samples."""
-    keys = ("Samples", "X0", "Delta_X", "X_Dimension", "X_Unit_Label", "Y_Unit_Label")
+    """Channels gathered by abscissa and number of samples; ``file`` states the start of its first segment too."""
+    keys = ("Samples", "X0", "Delta_X", "X_Dimension", "X_Unit_Label", "Y_Unit_Label", "Date", "Time")
     cells = [rows.get(key, []) for key in keys]
     # a cell above each value's column, blank ones above abscissae counted; some writers leave the blank ones out
     spaced = any(any(row[len(columns) :]) for row in cells)
@@ -171,7 +175,7 @@ def _parts(
     stated = [dict(zip(keys, (row[i] if i < len(row) else "" for row in cells), strict=True)) for i in places]
     gathered: dict[tuple[int | None, str], list[int]] = {}
     for i, (x, _) in enumerate(columns):
-        gathered.setdefault((x, "\t".join(stated[i][key] for key in keys[:-1])), []).append(i)
+        gathered.setdefault((x, "\t".join(stated[i][key] for key in keys[:5])), []).append(i)
     parts, findings = [], []
     for (x, _), members in gathered.items():
         common, fields = stated[members[0]], [columns[i][1] for i in members]
@@ -185,7 +189,10 @@ def _parts(
         count = common["Samples"]
         if count and (not count.isascii() or not count.isdecimal() or len(count) > 15):
             raise damaged(path, f"Samples is {count!r}; expected a number of samples")
-        parts.append(Part(Group(title, tuple(channels), clock), tuple(fields), int(count) if count else None, rate))
+        group = Group(
+            title, tuple(channels), clock, header_claims.start_in(common if common["Date"] else file, "Date", "Time")
+        )
+        parts.append(Part(group, tuple(fields), int(count) if count else None, rate))
     return tuple(parts), list(dict.fromkeys(findings))
 
 
@@ -280,7 +287,8 @@ class SegmentRows:
                 if stop > begin:
                     name = f"{part.group.name} part {number + 1}" if number else part.group.name
                     data = tuple(columns[j][begin:stop] for j in part.fields)
-                    yield Block(replace(part.group, name=name), data, start, lines[begin:stop], bytes_read)
+                    zero = None if number else part.group.zero
+                    yield Block(replace(part.group, name=name, zero=zero), data, start, lines[begin:stop], bytes_read)
         self.rows += len(lines)
 
     def report(self, report: Report) -> None:
@@ -314,11 +322,11 @@ def open_lvm(path: Path, options: ReadOptions) -> Recording:
     if len(found) == 1:
         raise damaged(path, "the header of the file stands alone: no segment with channels below it")
     names = [path.stem, *(f"{path.stem} segment {i}" for i in range(2, len(found)))]
-    x_columns = metadata.get("X_Columns", "No")
+    later = {"X_Columns": metadata.get("X_Columns", "No")}
     block_encoding = encoding.name_in_blocks
     written = [
-        read_segment(path, h, dialect, x_columns, name, block_encoding)
-        for h, name in zip(found[1:], names, strict=True)
+        read_segment(path, h, dialect, later if i else dict(metadata), name, block_encoding)
+        for i, (h, name) in enumerate(zip(found[1:], names, strict=True))
     ]
     for i, each in enumerate(written, 1):
         metadata |= {key if len(written) == 1 else f"segment {i}: {key}": text for key, text in each.pairs.items()}

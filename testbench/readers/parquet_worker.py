@@ -10,7 +10,19 @@ from pathlib import Path
 import numpy as np
 import polars
 
-from ..recording import Block, Channel, Finding, Group, Recording, Refusal, Report, Samples, TimeColumn
+from ..recording import (
+    Block,
+    Channel,
+    Finding,
+    Group,
+    Recording,
+    Refusal,
+    Report,
+    Samples,
+    StartTime,
+    TimeColumn,
+    point_in_time,
+)
 from .byte_source import block_samples
 from .csv.header import is_time_name, named_channels
 from .format_findings import damaged, rounded_integers, text_channel, watch_nonfinite
@@ -31,6 +43,7 @@ class Column:
     channel: Channel
     is_point_in_time: bool = False
     zero: int = 0
+    has_zone: bool = False
 
     def numbers(self, series: polars.Series) -> Samples:
         """The values as float64; NaN where there is none."""
@@ -47,7 +60,7 @@ def column(name: str, kind: polars.DataType, table: polars.LazyFrame) -> Column 
         first = None
         if kind.time_unit == "ns":
             first = table.select(polars.col(name).to_physical().drop_nulls().first()).collect().item()
-        return Column(name, Channel(name, _UNITS[kind.time_unit]), True, int(first or 0))
+        return Column(name, Channel(name, _UNITS[kind.time_unit]), True, int(first or 0), kind.time_zone is not None)
     if isinstance(kind, polars.Duration | polars.Time | polars.Date):
         unit = "day" if isinstance(kind, polars.Date) else _UNITS[getattr(kind, "time_unit", "ns")]
         return Column(name, Channel(name, unit))
@@ -68,6 +81,13 @@ def clock(columns: list[Column]) -> TimeColumn | None:
     points = [i for i, c in enumerate(columns) if c.is_point_in_time]
     found = named[:1] or (points if len(points) == 1 else [])
     return recorded_time(found[0], columns[found[0]].channel.unit) if found else None
+
+
+def _zero(time: Column) -> StartTime | None:
+    """When the times are zero: points in time are counted from 1970, or from the first one."""
+    if not time.is_point_in_time:
+        return None
+    return point_in_time(time.zero, f"column {time.name}", None, 0 if time.has_zone else None)
 
 
 _MOST_COLUMNS, _LONGEST_TEXT = 10_000, 2000
@@ -99,7 +119,8 @@ def open_library(path: Path) -> Recording:
         raise Refusal(path.name, Finding("no_data", None, None, message))
     zeros = {f"{c.name}: zero": f"{c.zero} ns since 1970" for c in kept if c.zero}
     zeros |= {key: text[:_LONGEST_TEXT] for key, text in metadata.items() if key != "ARROW:schema"}
-    group = Group(path.stem, tuple(c.channel for c in kept), clock(kept))
+    time = clock(kept)
+    group = Group(path.stem, tuple(c.channel for c in kept), time, time and _zero(kept[time.index]))
     return Recording(
         path=path,
         format="Parquet",

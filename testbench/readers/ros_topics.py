@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..recording import Block, Channel, Finding, Group, Recording, Report, Samples, TimeColumn
+from ..recording import Block, Channel, Finding, Group, Recording, Report, Samples, TimeColumn, point_in_time
 from .format_findings import nothing_to_read, refusing, rounded_integers, watch_nonfinite
 
 MOST_NUMBERS = 4096
@@ -129,7 +129,10 @@ class Topic:
         clock = TimeColumn(set_[0] + 1 if set_ else 0, 1e-9)
         number = len(self.shapes) + 1
         name = self.name if number == 1 else f"{self.name} part {number}"
-        return Shape(Group(name, tuple(channels), clock), list(message.names), list(message.times))
+        zero = point_in_time(self.zero, f"time of {'the message' if set_ else 'logging'}", 1e-9)
+        return Shape(
+            Group(name, tuple(channels), clock, zero if self.zero else None), list(message.names), list(message.times)
+        )
 
     def remaining_blocks(self, report: Report) -> Iterator[Block]:
         """The rows that were not given yet; then what was found in all messages is reported."""

@@ -15,16 +15,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..recording import Block, Channel, Finding, Group, Recording, Samples
+from ..recording import Block, Channel, Finding, Group, Recording, Samples, StartTime
 from . import header_claims
 from .byte_source import ByteSource, as_float64, block_samples
 from .format_findings import damaged, nothing_to_read, refusing, watch_nonfinite
-from .header_claims import clock_of_step, recorded_time
+from .header_claims import clock_of_step, recorded_time, start_at
 from .registry import ReadOptions
 
 _DELIMITER = re.compile(rb"[ \t]*-1[ \t]*\r?\n?")
 _END = re.compile(rb"(?:\A|(?<=\n))[ \t]*-1[ \t]*(?:\r?\n|\r?\Z)")
 _KIND = re.compile(rb"[ \t]*(\d{1,6})([bB]?)([^\r\n]*)\r?\n")
+_DATE = re.compile(r"(\d{1,2})-([A-Za-z]{3})-(\d{2}|\d{4})(?:\s+(\d\d:\d\d:\d\d))?")
+_FIRST_YEAR = 70
+"""Years of two digits from here on are of the last century."""
 _PIECE = 1 << 20
 _LONGEST_LINE = 4096
 _MOST = 1_000_000
@@ -475,14 +478,24 @@ def _sets(stem: str, functions: Sequence[Function]) -> list[_FunctionSet]:
 def _group(name: str, members: Sequence[Function]) -> Group:
     """The group of functions of one abscissa, which is a clock if it is of time, else a channel."""
     first = members[0]
+    zero = _start(first.ids[2])
     channels = [c for f in members for c in _channels(f)]
     clock = None
     axis = Channel(first.abscissa.label or _AXES.get(first.abscissa.kind, "Abscissa"), first.abscissa.unit)
     if first.abscissa.kind == TIME:
         clock = recorded_time(0, axis.unit)
         if first.even and (factor := clock.seconds_per_unit) is not None:
-            return Group(name, tuple(channels), clock_of_step(first.step * factor, first.start * factor))
-    return Group(name, (axis, *channels), clock)
+            return Group(name, tuple(channels), clock_of_step(first.step * factor, first.start * factor), zero)
+    return Group(name, (axis, *channels), clock, zero)
+
+
+def _start(text: str) -> StartTime | None:
+    """The date of a function, its third line: ``21-Nov-26 10:00:00`` as the format has it, or another clear one."""
+    written = _DATE.fullmatch(text.strip())
+    if written is None:
+        return start_at(text, "date of the function")
+    year = int(written[3]) + (2000 if int(written[3]) < _FIRST_YEAR else 1900 if int(written[3]) < 100 else 0)
+    return start_at(f"{written[1]}-{written[2]}-{year} {written[4] or ''}".strip(), "date of the function")
 
 
 def _channels(f: Function) -> list[Channel]:

@@ -5,6 +5,7 @@ chunk of samples and takes the lengths in the headers as they are; where the sam
 headers, is found here.
 """
 
+import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from pathlib import Path
 from ..recording import Block, Channel, Finding, Group, Recording, Samples, UniformClock
 from .byte_source import ByteSource, as_float64, block_samples
 from .format_findings import damaged, nothing_to_read, watch_nonfinite
+from .header_claims import start_in
 from .registry import ReadOptions
 
 _FLOAT, _EXTENSIBLE, _UNKNOWN = 3, 0xFFFE, 0xFFFFFFFF
@@ -65,7 +67,8 @@ def open_wav(path: Path, options: ReadOptions) -> Recording:
     if not chunk.frames:
         raise nothing_to_read(path, findings, "no sample in it")
     channels = tuple(Channel(f"channel {i}") for i in range(1, form.channels + 1))
-    group = Group(path.stem, channels, UniformClock(float(form.rate_hz)) if form.rate_hz else None)
+    clock = UniformClock(float(form.rate_hz)) if form.rate_hz else None
+    group = Group(path.stem, channels, clock, start_in(chunk.texts, "OriginationDate", "OriginationTime"))
     return Recording(
         path=path,
         format="WAV",
@@ -97,6 +100,8 @@ def _sample_chunk(source: ByteSource) -> _SampleChunk:
             if size not in (0, _UNKNOWN):
                 there = min(size, there)
             return _SampleChunk(form, at + 8, there // form.frame, size, texts)
+        elif name == b"bext":
+            texts |= _broadcast_texts(source.read(at + 8, min(size, source.size - at - 8, 338), "texts"))
         elif name == b"LIST":
             texts |= _texts(source.read(at + 8, min(size, source.size - at - 8, 1 << 16), "texts"), order)
         at += 8 + size + size % 2
@@ -119,6 +124,17 @@ def _sample_format(source: ByteSource, raw: bytes, order: str) -> _SampleFormat:
         message = f"format {code} of {channels} channels, {bits} bits, {frame} bytes a frame is not read ({error})"
         raise damaged(source.path, message) from error
     return form
+
+
+def _broadcast_texts(raw: bytes) -> dict[str, str]:
+    """The texts of a broadcast extension (EBU Tech 3285): date and time of day may have any sign between numbers."""
+    plain = raw.ljust(338, b"\0").decode("latin-1")
+    parts = {"Description": plain[:256], "Originator": plain[256:288], "OriginatorReference": plain[288:320]}
+    parts |= {
+        "OriginationDate": re.sub(r"\D", "-", plain[320:330]),
+        "OriginationTime": re.sub(r"\D", ":", plain[330:338]),
+    }
+    return {key: text for key, value in parts.items() if (text := value.split("\0")[0].strip()).strip("-:")}
 
 
 def _texts(raw: bytes, order: str) -> dict[str, str]:

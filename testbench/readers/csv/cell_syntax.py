@@ -210,6 +210,13 @@ def _nanoseconds_of_day(found: dict[str, str], dated: bool) -> int | None:
     return whole * SECOND + int(fraction[:9].ljust(9, "0"))
 
 
+def zone_minutes(text: str) -> int:
+    """The offset from UTC in which a time is written [min]."""
+    match = _TIMESTAMP.fullmatch(text)
+    zones = [value for key, value in match.groupdict().items() if value and key.startswith("zone")] if match else []
+    return _seconds_east(zones[0]) // 60 if zones else 0
+
+
 def _seconds_east(zone: str) -> int:
     """Seconds east of Greenwich."""
     if zone[:1] not in ("+", "-"):

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
-from ...recording import Channel, Clock, Finding, Group, Recording, Refusal
+from ...recording import Channel, Clock, Finding, Group, Recording, Refusal, StartTime, TimeColumn
 from .. import header_claims
 from ..registry import ReadOptions
 from .cell_syntax import is_missing, is_number_like, shown
@@ -39,8 +39,9 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
     stated = stated_sampling(comments, text.dialect.decimal)
     channels = text.times.channels(text.header.channels)
     clock = text.times.clock(channels, kept) or stated.clock
-    group = Group(path.stem, tuple(channels[i] for i in kept), clock)
-    multiple = find_multiple_time_columns(group, text.rows, kept, text.clock_of(channels))
+    zero_of = partial(_zero, text, channels, header_claims.stated_start(comments))
+    group = Group(path.stem, tuple(channels[i] for i in kept), clock, zero_of(clock, kept))
+    multiple = find_multiple_time_columns(group, text.rows, kept, text.clock_of(channels), zero_of)
     read = text.across_midnight(text.table(group, kept).blocks, kept)
     return Recording(
         path=path,
@@ -61,6 +62,14 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
             *([multiple.finding] if multiple else []),
         ),
     )
+
+
+def _zero(
+    text: "_Text", channels: Sequence[Channel], stated: StartTime | None, clock: Clock | None, fields: Sequence[int]
+) -> StartTime | None:
+    """When the time of a group of these fields is zero: as its column of time says, else as is stated above it."""
+    found = text.times.zero(channels, fields[clock.index]) if isinstance(clock, TimeColumn) else None
+    return found or stated
 
 
 @dataclass(frozen=True)

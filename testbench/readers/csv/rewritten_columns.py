@@ -12,11 +12,13 @@ from decimal import Decimal
 from functools import lru_cache, partial
 from itertools import pairwise
 
-from ...recording import Channel, Finding, TimeColumn
+from ...recording import Channel, Finding, StartTime, TimeColumn, point_in_time
+from ...units import seconds_per
 from .. import header_claims
 from .cell_syntax import (
     DAY,
     MINUS,
+    SECOND,
     TimeNotation,
     Timestamp,
     decimal_mark,
@@ -26,6 +28,7 @@ from .cell_syntax import (
     is_without_exponent,
     plain_number,
     read_timestamp,
+    zone_minutes,
 )
 from .header import Header, is_time_name, time_column
 from .row_parser import RewrittenColumn, RowParser
@@ -149,6 +152,14 @@ class TimestampColumn(RewrittenColumn):
         """Whether there is no date, so that the time starts again at midnight."""
         return not self.notation.date
 
+    def zero_time(self, source: str) -> StartTime | None:
+        """The first time, if its date is known; in the zone in which it is written."""
+        if self.is_of_day or self.only_date:
+            return None
+        minutes = zone_minutes(self.zero_text.rpartition(" ")[2] if self.date_field is not None else self.zero_text)
+        nanoseconds = self.zero - header_claims.DAYS_TO_1970 * DAY
+        return point_in_time(nanoseconds, source, 10.0**-self.decimals, minutes if self.notation.zone else None)
+
     def number(self, cells: Sequence[str]) -> str | None:
         """The seconds in the row of these cells, in as many decimals as it was written; None if there is no time.
 
@@ -248,6 +259,21 @@ class TimeColumns:
         """The first time of each column as it was written."""
         return {f"zero of {channels[column.field].name}": column.zero_text for column in self.columns}
 
+    def zero(self, channels: Sequence[Channel], clock: int) -> StartTime | None:
+        """When the time of the clock in this field is zero: its first time as text, or 1970 where its name says so."""
+        column = next((c for c in self.columns if c.field == clock), None)
+        name = channels[clock].name
+        if isinstance(column, TimestampColumn):
+            return column.zero_time(f"first time of {name}")
+        unit = channels[clock].unit
+        digits = self.digits.get(clock, 0)
+        in_seconds = 1.0 if digits == _TEN_DIGITS else _unit_since_1970(channels[clock], digits)
+        seconds = seconds_per(unit) if unit else in_seconds
+        if not is_since_1970(name) or seconds is None:
+            return None
+        first = Decimal(column.zero_text.replace(",", ".")) if isinstance(column, LongNumberColumn) else Decimal(0)
+        return point_in_time(int(first * Decimal(repr(seconds)) * SECOND), f"{name}, since 1970")
+
     def clock(self, channels: Sequence[Channel], kept: Sequence[int]) -> TimeColumn | None:
         """The clock among the ``kept`` of ``channels``: numbers called time, else times as text that do not repeat."""
         stamps = {column.field for column in self.timestamps}
@@ -265,8 +291,12 @@ class TimeColumns:
 
 def _unit_since_1970(channel: Channel, digits: int) -> float | None:
     """Seconds in the unit of times since 1970, by their digits; None if the name does not say that they are such."""
-    named = any(word in channel.name.casefold() for word in ("unix", "epoch", "posix"))
-    return _SINCE_1970.get(digits) if named else None
+    return _SINCE_1970.get(digits) if is_since_1970(channel.name) else None
+
+
+def is_since_1970(name: str) -> bool:
+    """Whether a name says that times are counted since 1970."""
+    return any(word in name.casefold() for word in ("unix", "epoch", "posix"))
 
 
 def find_time_columns(rows: Rows, ends: Rows, header: Header, order: str = "") -> TimeColumns:

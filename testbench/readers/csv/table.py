@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...recording import Block, Clock, Finding, Group, Report, Samples, TimeColumn
+from ...recording import Block, Clock, Finding, Group, Report, Samples, StartTime, TimeColumn
 from ..byte_source import in_order
 from .cell_syntax import is_missing
 from .header import time_name_base
@@ -176,10 +176,12 @@ def find_multiple_time_columns(
     rows: Sequence[Sequence[str]],
     kept: Sequence[int],
     clock_of: Callable[[Sequence[int]], Clock | None],
+    zero_of: Callable[[Clock | None, Sequence[int]], StartTime | None],
 ) -> MultipleTimeColumns | None:
     """The groups in a table of these ``rows``, if it begins with a time, and others of this name have columns behind.
 
-    ``kept`` are the fields of the channels of ``group``; ``clock_of`` finds the clock among fields.
+    ``kept`` are the fields of the channels of ``group``; ``clock_of`` finds the clock among fields, ``zero_of`` when its
+    time is zero.
     """
     bases = [time_name_base(channel.label) for channel in group.channels]
     begins = [i for i, base in enumerate(bases) if base and base == bases[0]]
@@ -188,11 +190,12 @@ def find_multiple_time_columns(
     if any(all(len(row) <= kept[i] or is_missing(row[kept[i]]) for row in rows) for i in begins):
         return None
     places = tuple(tuple(range(a, b)) for a, b in pairwise([*begins, len(bases)]))
-    groups = tuple(
-        Group(f"{group.name} {n}", tuple(group.channels[i] for i in columns), clock_of([kept[i] for i in columns]))
-        for n, columns in enumerate(places, 1)
-    )
-    return MultipleTimeColumns(groups, places)
+    groups = []
+    for n, columns in enumerate(places, 1):
+        fields = [kept[i] for i in columns]
+        clock, own = clock_of(fields), tuple(group.channels[i] for i in columns)
+        groups.append(Group(f"{group.name} {n}", own, clock, zero_of(clock, fields)))
+    return MultipleTimeColumns(tuple(groups), places)
 
 
 @dataclass

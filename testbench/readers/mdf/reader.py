@@ -205,7 +205,7 @@ def _groups(stem: str, file: File, sets: Sequence[ColumnSet]) -> dict[int, Group
         if names[records.name] > 1:
             name = f"{name} {numbers[records.name]}"
         own = members.get(id(records), records.members)
-        groups[id(records)] = Group(name, tuple(Channel(m.name, m.unit) for m in own), _clock(own))
+        groups[id(records)] = Group(name, tuple(Channel(m.name, m.unit) for m in own), _clock(own), file.zero)
     return groups
 
 

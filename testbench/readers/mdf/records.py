@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...recording import Finding, Samples
+from ...recording import Finding, Samples, StartTime
 from ..byte_source import BLOCK_BYTES
 from .conversions import Conversion
 
@@ -96,6 +96,8 @@ class File:
     texts: list[str] = field(default_factory=list)
     converted: int = 0
     """Channels with a conversion."""
+    zero: StartTime | None = None
+    """When the times of all groups are zero."""
 
 
 Bytes = NDArray[np.uint8]

@@ -9,7 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from ...recording import Finding
+from ...recording import Finding, StartTime, point_in_time
+from .. import header_claims
 from ..byte_source import BLOCK_BYTES, ByteSource
 from ..format_findings import damaged
 from . import conversions
@@ -87,12 +88,22 @@ def read_version3(source: ByteSource, unfinished: bool) -> File:
     if text := walk.text(comment):
         walk.file.metadata["comment"] = text
     walk.file.metadata["start"] = f"{_text(header[18:28])} {_text(header[28:36])}"
+    walk.file.zero = _start(walk, header)
     for name, at in (("author", 36), ("organisation", 68), ("project", 100), ("subject", 132)):
         if text := _text(header[at : at + 32]):
             walk.file.metadata[name] = text
     for i, raw in enumerate(walk.chain(first, b"DG"), 1):
         _data_group(walk, raw, i)
     return walk.file
+
+
+def _start(walk: Walk, header: bytes) -> StartTime | None:
+    """The start: in nanoseconds of local time and hours from UTC, since version 3.20, else the date and time of day."""
+    if len(header) >= 176 and (local := walk.take("Q", header, 164)[0]):
+        (hours,) = walk.take("h", header, 172)
+        return point_in_time(local - hours * 3600 * 10**9, "start time of the header", 1e-9, 60 * hours)
+    day, month, year = (_text(header[18:28]).split(":") + ["", "", ""])[:3]
+    return header_claims.start_at(f"{year}-{month}-{day} {_text(header[28:36])}", "start time of the header")
 
 
 def _data_group(walk: Walk, raw: bytes, number: int) -> None:

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
-from ...recording import Finding
+from ...recording import Finding, point_in_time
 from ..byte_source import ByteSource
 from ..format_findings import damaged
 from . import conversions
@@ -31,6 +31,7 @@ from .version4_blocks import (
 _VLSD, _REMOTE_MASTER = 1, 8
 _MASTER, _VIRTUAL_MASTER, _VIRTUAL, _TIME = 2, 3, 6, 1
 _TEXTS = (6, 7, 8, 9, 17)
+_LOCAL_TIME, _KNOWN_OFFSETS = 1, 2
 _BYTES = 10
 """Data type of an array of bytes."""
 _INVALID_ALL, _INVALID_BIT = 1, 2
@@ -46,8 +47,11 @@ def read_version4(source: ByteSource, unfinished: bool) -> File:
     header = block_at(source, 64, "HD")
     if len(header.links) < 6:
         raise damaged(source.path, "the header has less than six links")
-    (start,) = struct.unpack_from("<Q", block_data(source, header).ljust(8, b"\0"))
+    start, zone, summer, flags = struct.unpack_from("<QhhB", block_data(source, header).ljust(13, b"\0"))
     file.metadata["start_time_ns"] = str(start)
+    if start:
+        minutes = None if flags & _LOCAL_TIME else zone + summer if flags & _KNOWN_OFFSETS else 0
+        file.zero = point_in_time(start, "start time of the header", 1e-9, minutes)
     if comment := block_text(source, header.links[5]):
         file.metadata["comment"] = comment
     for group in block_chain(source, header.links[0], "DG"):

@@ -15,7 +15,19 @@ from numpy.typing import NDArray
 
 from ... import recording as model
 from ...errors import RecordingError
-from ...recording import Block, Clock, Finding, Group, Recording, Refusal, Report, Samples, TimeColumn
+from ...recording import (
+    Block,
+    Clock,
+    Finding,
+    Group,
+    Recording,
+    Refusal,
+    Report,
+    Samples,
+    StartTime,
+    TimeColumn,
+    point_in_time,
+)
 from ...units import seconds_per
 from ..byte_source import ByteSource, as_float64, block_spans
 from ..csv.header import is_time_name
@@ -29,7 +41,7 @@ from ..format_findings import (
     text_channel,
     watch_nonfinite,
 )
-from ..header_claims import clock_of_step, recorded_time
+from ..header_claims import SINCE_1970, clock_of_step, recorded_time
 from ..registry import ReadOptions, needs
 from .metadata import (
     TIME,
@@ -123,7 +135,7 @@ def _channel_groups(contents: Contents, stem: str) -> list[_ChannelGroup]:
             stated = dict(contents.properties.get(members[0].path, {}))
             if any((member.path, "wf_increment") in changed for member in members):
                 stated.pop("wf_increment", None)
-            group = Group(whole, own, _clock(members, own, stated))
+            group = Group(whole, own, _clock(members, own, stated), _zero(members, stated, contents))
             found.append(_ChannelGroup(group, tuple(members), members[0].length + members[0].lacking))
     return found
 
@@ -159,6 +171,17 @@ def _clock(members: Sequence[Channel], channels: Sequence[model.Channel], stated
     if isinstance(step, float) and factor is not None and isinstance(start, int | float):
         return clock_of_step(step * factor, start * factor)
     return None
+
+
+def _zero(members: Sequence[Channel], stated: dict[str, Property], contents: Contents) -> StartTime | None:
+    """When the time of a group is zero: 1970 of timestamps, else its first ``wf_start_time``."""
+    if sum(member.kind == TIME for member in members) == 1:
+        return SINCE_1970
+    changed = [c.before for c in contents.contradicted if (c.path, c.name) == (members[0].path, "wf_start_time")]
+    start = next(iter(changed), stated.get("wf_start_time"))
+    if not isinstance(start, float):
+        return None
+    return point_in_time(round(start * 1e6) * 1000, "wf_start_time", 1e-6)
 
 
 def _seconds_per(stated: dict[str, Property]) -> float | None:
