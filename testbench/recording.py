@@ -331,6 +331,12 @@ def point_in_time(
     return StartTime(f"{text}{zone}{f'{abs(minutes) % 60:02}' if minutes else ''}", source, uncertainty_s)
 
 
+def earliest(points: "Iterable[StartTime | None]") -> StartTime | None:
+    """The first of the points that are known; local times without a zone count only where none has one."""
+    known = [point for point in points if point is not None]
+    return min(known, key=lambda point: (not point.has_zone, point.nanoseconds), default=None)
+
+
 @dataclass(frozen=True)
 class SensorRange:
     """A range from -limit to +limit in ``unit``, digitised to ``bits``; channels of that unit lie within it."""

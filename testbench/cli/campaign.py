@@ -143,6 +143,7 @@ def _run_table(runs: "Sequence[Run]") -> tuple[list[str], list[list[str]]]:
         "motion": lambda run: run.conditions.get("motion", "-"),
         "peak": lambda run: peak_text(run.conditions) or "-",
         "repeat": lambda run: str(run.conditions.get("repeat", "-")),
+        "start": lambda run: "-" if run.start_time is None else run.start_time.time,
         "samples": lambda run: ", ".join(str(group.samples) for group in run.groups),
         "findings": lambda run: str(sum(finding.severity > 0 for finding in run.findings)),
     }

@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from balance.results import document
+
 from ..recording import Channel, Samples, UniformClock
 from ..store import Run
 
@@ -71,6 +73,7 @@ def provenance(run: Run) -> dict[str, Any]:
         "run": run.name,
         "origin": run.origin,
         "conditions": dict(run.conditions),
+        "start_times": {group.name: document(group.start_time) for group in run.groups if group.start_time},
         "findings": [finding.as_dict() for finding in run.findings],
         "provenance": run.provenance,
     }

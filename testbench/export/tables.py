@@ -11,6 +11,7 @@ Parquet: one table a group; units, origin and provenance as JSON in the metadata
 """
 
 import csv
+from datetime import datetime
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -56,7 +57,9 @@ def _function(stream: BinaryIO, run: Run, column: Column, number: int) -> None:
     """One channel: a header of eleven lines, then time and value of each sample in turn."""
     data = np.column_stack([run.time(column.group), column.values]).astype("<f8")
     sources = ", ".join(source["name"] for source in run.provenance["sources"])
-    titles = (column.channel.name, f"run {run.name}, group {column.group}", "NONE", f"origin: {run.origin}", sources)
+    start = run.group(column.group).start_time
+    date = "NONE" if start is None else f"{datetime.fromisoformat(start.time):%d-%b-%y %H:%M:%S}"
+    titles = (column.channel.name, f"run {run.name}, group {column.group}", date, f"origin: {run.origin}", sources)
     binary = f"{_LITTLE_ENDIAN:6}{_IEEE:6}{_ASCII_LINES:12}{data.nbytes:12}{0:6}{0:6}{0:12}{0:12}"
     lines = [
         f"{-1:6}",

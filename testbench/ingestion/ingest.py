@@ -214,7 +214,7 @@ class Ingest:
         if not any(group.samples for group in check.groups.values()):
             raise Refusal(source.path.name, Finding("no_data", None, None, "holds no sample that can be kept"))
         for group in check.groups.values():
-            writer.group(group.group).finish(group.rate_hz, group.rate_source)
+            writer.group(group.group).finish(group.rate_hz, group.rate_source, group.start_time)
         return [group.group for group in check.groups.values()]
 
     def _intent(

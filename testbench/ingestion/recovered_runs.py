@@ -50,7 +50,7 @@ def save(leftover: Leftover, known: Journal) -> Recovery:
             writer.group(block.group).append(block.columns)
         for group in check.groups.values():
             if group.samples:
-                writer.group(group.group).finish(group.rate_hz, group.rate_source)
+                writer.group(group.group).finish(group.rate_hz, group.rate_source, group.start_time)
         findings += [f for f in check.findings() if f.code != "no_data"]
         findings = findings_by_group(findings, groups, len(groups) > 1)
         writer.describe(

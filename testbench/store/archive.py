@@ -78,7 +78,7 @@ def archive(run: Run, folder: Path, progress: Progress = lambda count: None) -> 
             to = writer.group(Group(group.name, group.channels, group.clock), [form for form, _ in found])
             for columns in _blocks(file, group):
                 to.append(columns)
-            to.finish(group.rate_hz, group.rate_source)
+            to.finish(group.rate_hz, group.rate_source, group.start_time)
         known = {"file": run.path.name, "sha256": original, "channels_sha256": content}
         known |= {"written": datetime.now(UTC).isoformat(timespec="seconds"), "counterpoise": version("counterpoise")}
         provenance = {**run.provenance, ARCHIVED_FROM: known}

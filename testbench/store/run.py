@@ -11,7 +11,18 @@ import numpy as np
 from balance.results import Key
 
 from ..errors import StoreError
-from ..recording import Conditions, Finding, Group, Origin, Samples, TimeColumn, UniformClock, clock_from_dict
+from ..recording import (
+    Conditions,
+    Finding,
+    Group,
+    Origin,
+    Samples,
+    StartTime,
+    TimeColumn,
+    UniformClock,
+    clock_from_dict,
+    earliest,
+)
 from . import atomic_files, layout, safe_hdf5
 from .chunk_io import Digests, digests_from
 from .encodings import Decimals
@@ -34,6 +45,7 @@ class StoredGroup(Group):
     samples: Annotated[int, Key()] = 0
     rate_hz: Annotated[float | None, Key()] = None
     rate_source: Annotated[str | None, Key()] = None
+    start_time: Annotated[StartTime | None, Key()] = None
     path: str = ""
     keys: tuple[str, ...] = ()
     whole: tuple[Decimals | None, ...] = ()
@@ -127,6 +139,11 @@ class Run:
     def name(self) -> Annotated[str, Key("run")]:
         """The run's name: that of its file without ending."""
         return self.path.stem
+
+    @property
+    def start_time(self) -> Annotated[StartTime | None, Key()]:
+        """When its first sample was taken, of those groups whose logs say it; with a zone if any of them has one."""
+        return earliest(group.start_time for group in self.groups)
 
     def group(self, name: str | None = None) -> StoredGroup:
         """The group of this name; the only one if no name is given."""
@@ -282,6 +299,10 @@ def identities(run: Path) -> frozenset[str]:
     return frozenset({own, str(known["sha256"])} if isinstance(known, dict) and "sha256" in known else {own})
 
 
+def _start_time(known: Mapping[str, Any] | None) -> StartTime | None:
+    return None if known is None else StartTime(**known)
+
+
 def _group(file: "h5py.File", known: Mapping[str, Any], number: int, digests: Any) -> StoredGroup:  # noqa: ANN401
     group = StoredGroup(
         name=str(known["name"]),
@@ -290,6 +311,8 @@ def _group(file: "h5py.File", known: Mapping[str, Any], number: int, digests: An
         samples=int(known["samples"]),
         rate_hz=known["rate_hz"],
         rate_source=known["rate_source"],
+        zero=_start_time(known.get("zero")),
+        start_time=_start_time(known.get("start_time")),
         path=f"{layout.ENTRY}/{known['key']}",
         keys=tuple(str(channel["key"]) for channel in known["channels"]),
         whole=layout.whole_numbers(known["channels"]),

@@ -23,7 +23,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import StoreError
-from ..recording import Channel, Conditions, Finding, Group, Origin, Samples, TimeColumn, UniformClock
+from ..recording import (
+    Channel,
+    Conditions,
+    Finding,
+    Group,
+    Origin,
+    Samples,
+    StartTime,
+    TimeColumn,
+    UniformClock,
+    earliest,
+)
 from . import atomic_files, chunk_io, layout
 from .atomic_files import JOURNAL, PART, JournalWriter, Piece, place_with_digest, sync
 from .chunk_io import OutFile, digest, digest_of_texts
@@ -70,6 +81,7 @@ class GroupWriter:
         self._acknowledge, self._writing, self._out, self._place = acknowledge, writing, out, place
         self.rate_hz: float | None = None
         self.rate_source: str | None = None
+        self.start_time: StartTime | None = None
         self.has_plot = False
         self.key = node.name.rpartition("/")[2]
         taken = {layout.TIME, layout.SAMPLE}
@@ -135,8 +147,9 @@ class GroupWriter:
         self.digests[index] += found
         return found
 
-    def finish(self, rate_hz: float | None, rate_source: str | None) -> None:
+    def finish(self, rate_hz: float | None, rate_source: str | None, start_time: StartTime | None = None) -> None:
         """Write what waits, then names, units and clock."""
+        self.start_time = start_time
         with self._writing():
             self._finish(rate_hz, rate_source)
 
@@ -148,6 +161,8 @@ class GroupWriter:
         self.node.attrs["channels"] = self.keys
         if rate_hz is not None:
             self.node.attrs.update({"rate_hz": rate_hz, "rate_source": rate_source})
+        if self.start_time is not None:
+            self.node.attrs["start_time"] = self.start_time.time
         if isinstance(clock, UniformClock):
             self.node.attrs.update({"clock": "uniform", "rate_hz": clock.rate_hz, "start_s": clock.start_s})
         elif clock is not None:
@@ -262,7 +277,7 @@ class RunWriter:
         self._out: OutFile | None = None
         self._line = ""
         self._groups: dict[str, GroupWriter] = {}
-        self._taken: set[str] = {"conditions", "provenance", "notes"}
+        self._taken: set[str] = {"conditions", "provenance", "notes", "start_time"}
         self._file: h5py.File | None = None
         self._made_folder = False
         self._synced = time.monotonic()
@@ -368,6 +383,10 @@ class RunWriter:
                 flat = {k: v for k, v in source.items() if isinstance(v, str | int | float)}
                 _collection(self._file, f"{layout.PROVENANCE}/source_{number}").attrs.update(flat)
             _collection(self._file, layout.NOTES)
+            if (start := earliest(writer.start_time for writer in self._groups.values())) is not None:
+                node = self._file.create_dataset(layout.START_TIME, data=start.time)
+                known_of_it = {"source": start.source, "uncertainty_s": start.uncertainty_s}
+                node.attrs.update({key: value for key, value in known_of_it.items() if value is not None})
             _write_texts(self._file, layout.DESCRIPTION, [json.dumps(known, ensure_ascii=False)])
             for place, found in texts.items():
                 _write_texts(self._file, place, found)
@@ -423,6 +442,8 @@ def _group(writer: GroupWriter) -> dict[str, Any]:
         "rate_hz": writer.rate_hz,
         "rate_source": writer.rate_source,
         "clock": writer.group.clock and asdict(writer.group.clock),
+        "zero": writer.group.zero and asdict(writer.group.zero),
+        "start_time": writer.start_time and asdict(writer.start_time),
         "channels": [
             {"key": key, "name": channel.name, "label": channel.label, "unit": channel.unit, "digests": found.hex()}
             | ({"whole": form.as_dict()} if isinstance(form, Decimals) else {})

@@ -11,6 +11,7 @@ from balance.results import INLINE, Key, plain
 
 from ..errors import AnalysisError
 from ..kinematics import base_motion
+from ..recording import StartTime
 from ..rig.sensors import Encoder
 from ..runs.si_run import SIRun
 from ..store import append_only_records
@@ -28,6 +29,10 @@ AlignmentMethod = Callable[["SharedSignals", bool], AlignedClock]
 """Aligns two clocks by common signals, with a drift or without one."""
 
 
+_START_TIMES_AGREE_S = 60.0
+"""Difference up to which start times may be of one run [s]: calendars of loggers are set by hand."""
+
+
 @dataclass(frozen=True)
 class RunClocks:
     """Maps of the clocks of a run's groups onto that of ``reference``, and why some are not aligned."""
@@ -39,6 +44,15 @@ class RunClocks:
     refused: Mapping[str, str]
     delays: Mapping[str, float | None] = field(default_factory=dict)
     """Delay of the filter of each group's logger [s], which is taken off; None where the rig states no filter."""
+    zeros: Mapping[str, StartTime | None] = field(default_factory=dict)
+    """When the own clock of each group shows zero, by its log."""
+
+    def by_start_times(self, group: str) -> float | None:
+        """The offset of a group's clock [s] as the start times of the two logs have it; None where they do not say."""
+        own, other = self.zeros.get(group), self.zeros.get(self.reference)
+        if own is None or other is None or own.has_zone != other.has_zone:
+            return None
+        return (own.nanoseconds - other.nanoseconds) / 1e9
 
     def map_of(self, group: str) -> ClockMap:
         """The map of a group's clock. Raises AnalysisError, saying why, if there is none."""
@@ -52,15 +66,32 @@ class RunClocks:
 
     @property
     def findings(self) -> list[str]:
-        """Gaps that were masked, by run and group."""
-        return [f"{self.run}: {group}: {text}" for group, one in self.aligned.items() for text in one.findings]
+        """Gaps that were masked, by run and group; logs whose start times say that they are of different times."""
+        found = [f"{self.run}: {group}: {text}" for group, one in self.aligned.items() for text in one.findings]
+        for group, one in self.aligned.items():
+            stated = self.by_start_times(group)
+            if stated is not None and abs(stated - one.clock.offset) > _START_TIMES_AGREE_S:
+                found.append(
+                    f"{self.run}: {group}: by the start times of the logs its offset is {stated:.3f} s, by the signals "
+                    f"{one.clock.offset:.3f} s: a logger's calendar is wrong, or the logs are of different runs"
+                )
+        return found
 
     @property
     def rows(self) -> "list[GroupClock]":
         """The alignments, as they are stored and shown."""
         own = self.delays.get(self.reference)
         return [
-            GroupClock(self.run, self.origin, self.reference, group, one, self.delays.get(group), own)
+            GroupClock(
+                self.run,
+                self.origin,
+                self.reference,
+                group,
+                one,
+                self.delays.get(group),
+                own,
+                self.by_start_times(group),
+            )
             for group, one in self.aligned.items()
         ]
 
@@ -77,6 +108,8 @@ class GroupClock:
     delay: Annotated[float | None, Key("filter_delay_s")]
     """Delay of the filter of the group's logger [s]."""
     reference_delay: Annotated[float | None, Key("reference_filter_delay_s")]
+    by_start_times: Annotated[float | None, Key("offset_by_start_times_s")]
+    """Offset by the start times that the logs state [s]."""
 
 
 def align_run(
@@ -110,7 +143,7 @@ def align_run(
         else:
             refused[group] = found
     delays = {group.name: delay_of(run, group.name) for group in run.groups}
-    return RunClocks(run.name, run.origin, reference, aligned, refused, delays)
+    return RunClocks(run.name, run.origin, reference, aligned, refused, delays, _zeros(run))
 
 
 def align_named(
@@ -122,7 +155,11 @@ def align_named(
         raise AnalysisError(f"{run.name}: {reference!r} and {own!r} are in one group, {here}: they share a clock")
     found = method(named_channels(run, reference, own, cutoff), drift)
     delays = {group: delay_of(SIRun.of(run), group) for group in (there, here)} if run.rig is not None else {}
-    return RunClocks(run.name, run.origin, there, {here: found}, {}, delays)
+    return RunClocks(run.name, run.origin, there, {here: found}, {}, delays, _zeros(run))
+
+
+def _zeros(run: "Run | SIRun") -> dict[str, StartTime | None]:
+    return {group.name: group.zero for group in run.groups}
 
 
 def _reference(run: SIRun) -> str:

@@ -180,8 +180,8 @@ def find_multiple_time_columns(
 ) -> MultipleTimeColumns | None:
     """The groups in a table of these ``rows``, if it begins with a time, and others of this name have columns behind.
 
-    ``kept`` are the fields of the channels of ``group``; ``clock_of`` finds the clock among fields, ``zero_of`` when its
-    time is zero.
+    ``kept`` are the fields of the channels of ``group``; ``clock_of`` finds the clock among fields, ``zero_of`` when
+    its time is zero.
     """
     bases = [time_name_base(channel.label) for channel in group.channels]
     begins = [i for i, base in enumerate(bases) if base and base == bases[0]]
