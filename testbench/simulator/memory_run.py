@@ -49,5 +49,5 @@ def memory_run(path: str, rig: Rig, planned: PlannedRun, recorded: Mapping[str, 
         clock = TimeColumn(0) if timed else UniformClock(logger.rate)
         keys, samples = tuple(columns), len(next(iter(columns.values())))
         channels = tuple(Channel(key, units[key]) for key in keys)
-        groups.append(StoredGroup(name, channels, clock, samples, logger.rate, "declared", name, keys))
+        groups.append(StoredGroup(name, channels, clock, None, samples, logger.rate, "declared", None, name, keys))
     return MemoryRun(Path(path), tuple(groups), "simulated", planned.conditions, rig.text, (), {"data": data})

@@ -32,7 +32,7 @@ def test_info_as_json(command, log):
     document = json.loads(out)
     assert list(document) == ["format", "groups", "findings"]
     (group,) = document["groups"]
-    assert list(group) == ["name", "samples", "rate_hz", "rate_source", "clock", "channels"]
+    assert list(group) == ["name", "samples", "rate_hz", "rate_source", "start_time", "clock", "channels"]
     assert list(group["clock"]) == ["t_first_s", "t_last_s", "dt_min_s", "dt_median_s", "dt_max_s", "non_increasing"]
     assert set(group["channels"][1]) == {"name", "unit", "n", "nan", "min", "max", "mean", "first", "last"}
     assert list(document["findings"][0]) == ["code", "channel", "where", "message"]

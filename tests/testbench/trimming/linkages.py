@@ -123,7 +123,7 @@ def _group(name: str, columns: dict[str, np.ndarray], data: dict[str, np.ndarray
     data.update({f"{name}/{key}": values for key, values in columns.items()})
     channels = tuple(Channel(key, UNITS[key[0]]) for key in columns)
     count = len(next(iter(columns.values())))
-    return StoredGroup(name, channels, UniformClock(rate), count, rate, "declared", name, tuple(columns))
+    return StoredGroup(name, channels, UniformClock(rate), None, count, rate, "declared", None, name, tuple(columns))
 
 
 def _motion(mechanism: Mechanism, time: np.ndarray, rng: np.random.Generator) -> Samples:
