@@ -138,6 +138,15 @@ def flat(run: MemoryRun, rng: np.random.Generator) -> MemoryRun:
     return run
 
 
+def stuck(run: MemoryRun, rng: np.random.Generator) -> MemoryRun:
+    """One axis keeps the value that it has at some instant of the first half."""
+    channel = f"Acc{rng.choice(['X', 'Y', 'Z'])}"
+    values = run.channel(channel).copy()
+    begin = int(rng.uniform(0.2, 0.5) * len(values))
+    values[begin:] = values[begin]
+    return with_values(run, channel, values)
+
+
 def ramp(run: MemoryRun, rng: np.random.Generator) -> MemoryRun:
     """One axis drifts by 1 g over the run."""
     channel = str(rng.choice(["AccX", "AccY", "AccZ"]))
@@ -149,6 +158,25 @@ def reversed_sign(run: MemoryRun, rng: np.random.Generator) -> MemoryRun:
     """The channel along the motion reversed."""
     channel = "Acc" + run.conditions["motion"].upper()
     return with_values(run, channel, -run.channel(channel))
+
+
+def reversed_sensor(run: MemoryRun, rng: np.random.Generator) -> MemoryRun:
+    """The accelerometer on the base reversed: all axes."""
+    return scaled(run, -1.0)
+
+
+def other_torque(run: MemoryRun, rng: np.random.Generator) -> MemoryRun:
+    """The torque of one drive halved or doubled."""
+    channel = str(rng.choice(["tau1", "tau2"]))
+    return with_values(run, channel, rng.choice([0.5, 2.0]) * run.channel(channel))
+
+
+def of_the_pair(runs: Campaign, i: int, rng: np.random.Generator) -> tuple[Campaign, set[str]]:
+    """The accelerometer on the base as in the run with the other counter-masses."""
+    k, run = _pair(runs, i), runs[i]
+    for channel in ("AccX", "AccY", "AccZ"):
+        run = with_values(run, channel, np.resize(runs[k].channel(channel), run.channel(channel).shape))
+    return [*runs[:i], run, *runs[i + 1 :]], {runs[i].name, runs[k].name}
 
 
 def turned_force(run: MemoryRun, rng: np.random.Generator) -> MemoryRun:
@@ -198,8 +226,14 @@ LIES = {
     "gain doubled in one run": Lie(_one(lambda run, rng: scaled(run, 2.0)), GAIN),
     "logs copied as repeats": Lie(copied, frozenset({"copied_run"})),
     "accelerometer flat": Lie(_one(flat), frozenset({"flat_channel"})),
+    "accelerometer of another run": Lie(of_the_pair, frozenset({"copied_run"})),
+    "one axis stuck": Lie(_one(stuck), frozenset({"flat_channel"})),
+    "torque of one drive": Lie(
+        _one(other_torque), frozenset({"gain_contradiction", "payload_contradiction", "torque_contradiction"})
+    ),
     "ramp of 1 g on one axis": Lie(_one(ramp), frozenset({"level_drift"})),
     "sign of an accelerometer": Lie(_one(reversed_sign), frozenset({"sign_contradiction"})),
+    "accelerometer reversed": Lie(_one(reversed_sensor), frozenset({"sign_contradiction"})),
     "force channel turned": Lie(_one(turned_force), frozenset({"force_sign"})),
 }
 

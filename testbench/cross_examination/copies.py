@@ -3,7 +3,7 @@
 Two repeats of a run vibrate alike, but their noise is not the same. So runs are compared in what no motion repeats: the
 phases of a band of high frequencies, at any lag (generalised cross-correlation with phase transform, Knapp & Carter
 1976). Where these agree, a copy must also leave nothing: less of the difference than a quarter of the record's noise,
-which a fast motion in that band does not raise. A channel of the same logger with unlike phases acquits.
+which a fast motion in that band does not raise. One channel is enough: a log may be put together of two runs.
 """
 
 from collections import defaultdict
@@ -25,8 +25,6 @@ LEAST_BINS = 24
 """Frequencies below which nothing is compared."""
 SIMILAR = 0.3
 """Correlation of the phases from which two records are compared in full; of independent noise below 0.15."""
-UNLIKE = 0.2
-"""Correlation of the phases below which a channel acquits the others of its logger."""
 REMAINDER = 0.25
 """Share of the noise that the difference of two records may have to be one: 2 of independent noise, 0 of copies."""
 
@@ -52,63 +50,58 @@ def copies(observations: Sequence[Observation]) -> list[Statement]:
         for record in _noisy(seen):
             by_channel[record.column.channel].append((i, record))
     found: dict[tuple[int, int], list[str]] = defaultdict(list)
-    unlike: dict[tuple[int, int], list[str]] = defaultdict(list)
     for channel, records in by_channel.items():
-        for pair, same in _compared(records).items():
-            (found if same else unlike)[pair].append(channel)
+        for pair in _equal(records):
+            found[pair].append(channel)
     source: dict[int, int] = {}
     statements = []
-    for (first, second), equal in sorted(found.items()):
-        logger = {channel: record.group for channel, record in observations[second].records.items()}
-        acquitted = {logger[channel] for channel in unlike[first, second]}
-        channels = [channel for channel in equal if logger[channel] not in acquitted]
-        if second in source or not channels:
+    for (first, second), channels in sorted(found.items()):
+        if second in source:
             continue
         source[second] = source.get(first, first)
         one, other = observations[second].name, observations[source[second]].name
-        shared = ", ".join(channels)
+        whole = len(channels) == len(_noisy(observations[second]))
+        witnessed = f"{one} holds {'the log' if whole else 'channels'} of {other}: the same noise of "
+        witnessed += ", ".join(channels)
         statements.append(
             Statement(
-                one, "copy", None, "a run of its own by the run table", f"a copy of {other}: noise of {shared}",
-                "its recorded channels", "copied_run", (other,),
+                one, "copy", None, "a run of its own by the run table", witnessed, "its recorded channels",
+                "copied_run", (other,),
             )
         )  # fmt: skip
     return statements
 
 
 def _noisy(seen: Observation) -> list[ChannelRecord]:
-    """The first channel of each sensor that has noise of its own, which encoders and commands have not.
+    """The channels that have noise of their own, which encoders and commands have not.
 
     None of a run with a channel that cannot be read: it is not analysed.
     """
-    sensors: dict[str, ChannelRecord] = {}
     if any(column.channel in seen.reasons for column in seen.rig.columns()):
         return []
-    for record in seen.records.values():
-        if not record.dead and record.noise > 0.0 and record.column.dimensions[0] != "length":
-            sensors.setdefault(record.column.sensor, record)
-    return list(sensors.values())
+    records = (record for record in seen.records.values() if record.column.dimensions[0] != "length")
+    return [record for record in records if not record.dead and record.noise > 0.0]
 
 
-def _compared(records: list[tuple[int, ChannelRecord]]) -> dict[tuple[int, int], bool]:
-    """Pairs of runs whose records of one channel are the same (True) or have nothing in common (False)."""
+def _equal(records: list[tuple[int, ChannelRecord]]) -> list[tuple[int, int]]:
+    """Pairs of runs whose records of one channel are the same."""
     if len(records) < 2:
-        return {}
+        return []
     seconds = min(len(record.start) / record.rate_hz for _, record in records)
     rate = min(record.rate_hz for _, record in records)
     first, last = int(LOW_SHARE * rate * seconds), int(HIGH_SHARE * rate * seconds)
     last = min(last, first + MOST_BINS)
     if last - first < LEAST_BINS:
-        return {}
+        return []
     signatures = [_signature(record, seconds, first, last) for _, record in records]
     phases = np.stack([one.phases for one in signatures])
-    pairs = {}
+    pairs = []
     for i in range(len(records) - 1):
         both = np.fft.ifft(phases[i] * phases[i + 1 :].conj(), 2 * (last - first), axis=1)
         peaks = 2.0 * np.abs(both).max(axis=1)
         for j, peak in enumerate(peaks, i + 1):
-            if peak < UNLIKE or (peak > SIMILAR and _difference(signatures[i], signatures[j]) < REMAINDER):
-                pairs[records[i][0], records[j][0]] = bool(peak > SIMILAR)
+            if peak > SIMILAR and _difference(signatures[i], signatures[j]) < REMAINDER:
+                pairs.append((records[i][0], records[j][0]))
     return pairs
 
 

@@ -18,7 +18,7 @@ from ..runs.si_run import SIRun
 from .conditions import accelerations, motions, mounted, payloads
 from .copies import copies
 from .observation import Observation, observe
-from .sensors import examined_sensors, levels
+from .sensors import examined_sensors, levels, unclosed
 from .statement import WITHHOLDING, Statement
 
 if TYPE_CHECKING:
@@ -126,14 +126,16 @@ def examine(
 
 def hear(seen: Sequence[Observation], accepted: Iterable[str] = ()) -> Examination:
     """What the observations of runs of one campaign state, each for itself and against the others."""
-    statements = [*copies(seen), *levels(seen)]
+    statements = [*copies(seen), *levels(seen), *unclosed(seen)]
     for one in seen:
         statements += [*accelerations(one), *motions(one)]
     about_masses, masses = mounted(seen)
     about_payload, torque = payloads(seen, masses)
     statements += [*about_masses, *about_payload]
     unsure = frozenset(s.run for s in statements if s.code in CONDITIONS)
-    statements += examined_sensors(seen, unsure)
+    flat = {(s.run, s.channel) for s in statements if s.code == "flat_channel"}
+    found = examined_sensors(seen, unsure)
+    statements += [s for s in found if s.code != "flat_channel" or (s.run, s.channel) not in flat]
     reasons = {one.name: one.reasons for one in seen}
     return Examination(tuple(reasons), tuple(statements), reasons, torque, frozenset(accepted))
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.closure import Closure, Trajectory
+from balance.dynamics.inverse_dynamics import Response as Loads
 from balance.dynamics.inverse_dynamics import driven_rates, simulate
 from balance.dynamics.moving_base import BaseMotion, acceleration_in_body, locked_inertia
 from balance.dynamics.regressor import driven_torque_regressor
@@ -33,7 +34,7 @@ from ..kinematics.smoothing_and_derivatives import (
     on_grid,
     smoothed_derivatives,
 )
-from ..rig.sensors import AXES, Accelerometer, Encoder
+from ..rig.sensors import AXES, Accelerometer, Encoder, Target, Torque
 from ..rig.support_loads import support_wrenches
 from ..runs.si_run import Mask, SIRun
 
@@ -130,10 +131,14 @@ class ModelledRun:
         return found, driven
 
     @cached_property
+    def loads(self) -> Loads:
+        """Shaking wrench and torques of the drives, the base at rest."""
+        return simulate(self.mechanism, self.path)
+
+    @cached_property
     def wrench(self) -> Floats:
         """Shaking wrench about the base frame's origin, (n, 6) [N, N m]."""
-        found = simulate(self.mechanism, self.path)
-        return np.hstack([found.force, found.moment])
+        return np.hstack([self.loads.force, self.loads.moment])
 
     @cached_property
     def base(self) -> BaseMotion:
@@ -166,6 +171,13 @@ class ModelledRun:
                 if support.crosstalk is not None and not run.has_matrix(columns[0]):
                     loads = loads @ np.array(support.crosstalk).T
                 found.append((columns, loads))
+        drives = _recorded(run, [c for c in rig.columns_of(Torque) if c.component in self.loads.torque], group)
+        if drives:
+            found.append((drives, np.column_stack([self.loads.torque[c.component] for c in drives])))
+        commanded = _recorded(run, rig.columns_of(Target), group)
+        if commanded and len(self.unloaded.payload_bodies) == 1:
+            moved = np.gradient(np.gradient(self.place(), self.grid.step, axis=0), self.grid.step, axis=0)
+            found.append((commanded, moved[:, [AXES.index(c.component) for c in commanded]]))
         return [(columns, self.smooth(values)) for columns, values in found]
 
 

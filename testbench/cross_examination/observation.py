@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from balance.arrays import Floats
-from balance.errors import CounterpoiseError
+from balance.errors import ClosureError, CounterpoiseError
 from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
@@ -22,7 +22,7 @@ from ..kinematics.motion_recognition import (
     name_motions,
 )
 from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF, bridge_gaps, grid_of, low_pass
-from ..quality.clipping import is_dead
+from ..quality.clipping import is_dead, stuck_value
 from ..rig.sensors import Encoder, Target, Torque
 from ..runs.si_run import SIRun
 from .model_loads import BAND_HZ, LEAST_SAMPLES, ModelledRun
@@ -64,6 +64,8 @@ class ChannelRecord:
     rate_hz: float
     dead: bool
     """Whether it shows one value only."""
+    stuck: str | None
+    """Where it keeps one value after it has moved; None if nowhere."""
     clipped: bool
     """Whether it reached the end of its range, or seems to have."""
     noise: float
@@ -125,6 +127,8 @@ class Observation:
     """Why a witness is silent, by its name."""
     moves: bool = False
     """Whether the encoders or the command move."""
+    unclosed: str | None = None
+    """Why the mechanism's loops do not follow the encoders; None where they do, or there are none."""
 
     @property
     def counter_masses(self) -> dict[str, float]:
@@ -188,6 +192,7 @@ def _attempt(seen: Observation, witness: str, work: Callable[[], None]) -> None:
         work()
     except CounterpoiseError as error:
         seen.reasons[witness] = str(error)
+        seen.unclosed = str(error) if isinstance(error, ClosureError) else seen.unclosed
     except np.linalg.LinAlgError:  # a dead centre
         seen.reasons[witness] = "the drives do not determine the motion everywhere"
 
@@ -207,7 +212,8 @@ def _record(run: SIRun, column: "Column") -> ChannelRecord:
     kept = np.asarray(values[: min(round(RECORD_S * rate), RECORD_SAMPLES)], dtype=np.float32)
     span = float(np.ptp(thin - slope * x))
     clipped = column.dimensions[0] == "acceleration" and run.saturation(column) is not None
-    return ChannelRecord(column, run.group_of(column), kept, rate, is_dead(values), clipped, noise, slope, span)
+    stuck = stuck_value(values, rate) if not rough.any(axis=1).all() else None
+    return ChannelRecord(column, run.group_of(column), kept, rate, is_dead(values), stuck, clipped, noise, slope, span)
 
 
 def _by_command(seen: Observation, run: SIRun) -> None:
@@ -249,7 +255,8 @@ class _Readings:
         expected = run.expected_readings(group)
         if not expected:
             return []
-        smooth = [_smooth(run.run, columns, run.grid.step) for columns, _ in expected]
+        bridged = group == run.group
+        smooth = [_smooth(run.run, columns, run.grid.step, bridged) for columns, _ in expected]
         lag = 0.0 if group == run.group else _lag(smooth, [p for _, p in expected], run.grid.step)
         for (columns, wanted), (time, values) in zip(expected, smooth, strict=True):
             at = run.grid.time if group == run.group else run.grid.time - run.grid.start + lag + time[0]
@@ -321,6 +328,8 @@ def _torque_equations(run: ModelledRun, readings: _Readings) -> TorqueEquations:
     products = np.zeros((BLOCKS, len(joints), len(names), len(names)))
     for j, joint in enumerate(joints):
         time, values = _smooth(run.run, [columns[joint]], grid.step, bridged=True)
+        if not np.ptp(values) > 0.0:
+            raise AnalysisError(f"{run.run.name}: {columns[joint].channel} shows one value only")
         k, i = run.unloaded.coordinate_index(joint), driven.index(joint)
         v, a = run.path.v[:, k], run.path.a[:, k]
         terms = (np.ones(grid.count), *run.smooth(np.column_stack([a, v, np.tanh(v / COULOMB_SPEED)])).T)

@@ -45,6 +45,8 @@ OTHER_RUN = 3.0
 """Factor of reading over model, inverse in the other run of a pair, from which runs or counter-masses are exchanged."""
 EXCHANGED = 0.35
 """Remainder with two axes exchanged over that without from which they are exchanged."""
+ACCELERATION = ("acceleration",)
+UNITS = {ACCELERATION: "m/s2", ("force",): "N", ("moment",): "N m"}
 MANY_STEPS = 8
 """Values from which a channel vibrates by more than its step."""
 DRIFT_SHARE = 0.25
@@ -54,7 +56,7 @@ LEAST_DRIFT = 0.25 * G0
 
 
 def levels(observations: Sequence[Observation]) -> list[Statement]:
-    """Accelerometers that show one value only while something moves, and levels that drift.
+    """Channels that show one value only while something moves, or keep one, and accelerometers whose levels drift.
 
     A single axis may rest within the sensor's step: it is dead where it vibrates in another run of that kind.
     """
@@ -67,20 +69,36 @@ def levels(observations: Sequence[Observation]) -> list[Statement]:
     }
     for seen in observations:
         for channel, record in seen.records.items():
-            if record.column.dimensions[0] != "acceleration":
-                continue
-            if record.dead:
+            if record.stuck is not None:
+                stated = "it should change as in the rest of the record"
+                found.append(
+                    Statement(seen.name, "dead", channel, stated, record.stuck, "its readings", "flat_channel")
+                )
+            elif record.dead:
                 siblings = [seen.records[c.channel] for c in record.column.siblings if c.channel in seen.records]
                 dead = seen.moves and (all(s.dead for s in siblings) or (channel, *_kind(seen)) in alive)
                 stated, witnessed = "it should vibrate, for encoders or command move", "one value all the time"
                 code = "flat_channel" if dead else None
                 found.append(Statement(seen.name, "dead", channel, stated, witnessed, "its readings", code))
+            if record.dead or record.column.dimensions[0] != "acceleration":
                 continue
             drifts = abs(record.drift) > max(DRIFT_SHARE * record.span, LEAST_DRIFT)
             witnessed = f"it drifts by {record.drift:.3g} m/s2, beneath a vibration of {record.span:.3g} m/s2"
             code = "level_drift" if drifts else None
             found.append(Statement(seen.name, "rest", channel, "its level is at rest", witnessed, "its readings", code))
     return found
+
+
+def unclosed(observations: Sequence[Observation]) -> list[Statement]:
+    """Runs whose encoders the mechanism's loops do not follow, where they follow those of another run."""
+    if not any(seen.peak_joint_acceleration or "encoders" in seen.peak_acceleration for seen in observations):
+        return []
+    stated = "the mechanism's loops follow the encoders, as in other runs"
+    return [
+        Statement(seen.name, "axis", None, stated, seen.unclosed, "the encoders", "encoder_contradiction")
+        for seen in observations
+        if seen.unclosed is not None
+    ]
 
 
 def _kind(seen: Observation) -> tuple[str | None, bool]:
@@ -98,7 +116,7 @@ class Gains:
         self.columns = response.columns
         yy, yp, pp = (m.sum(axis=0) for m in (response.yy, response.yp, response.pp))
         y, p = np.sqrt(np.diag(yy)), np.sqrt(np.diag(pp))
-        self.readings, self.expected = y, p
+        self.readings, self.expected, self.noise = y, p, noise
         self.yy, self.yp, self.pp = yy, yp, pp
         self.correlation = np.diag(yp) / np.maximum(y * p, 1e-300)
         self.gain = np.diag(yp) / np.maximum(p**2, 1e-300)
@@ -113,51 +131,107 @@ class Gains:
     @property
     def follows(self) -> np.ndarray:
         """Channels whose gain is known, (k,)."""
-        return self.witnessed & (self.correlation > FOLLOWS)
+        return self.witnessed & (self.correlation > (FOLLOWS if self.columns[0].dimensions == ACCELERATION else PROVEN))
 
     def crossed(self, of: int, by: int) -> float:
         """Correlation of channel ``of`` with expectation ``by`` [-]."""
         return float(self.yp[of, by] / max(self.readings[of] * self.expected[by], 1e-300))
 
-    def remainder(self, of: int, by: int, scale: float) -> float:
-        """What expectation ``by`` leaves of channel ``of``, over the power of both: 0 all, 1 unrelated, 2 opposed."""
-        power = self.yy[of, of] + scale**2 * self.pp[by, by]
-        return float((power - 2.0 * scale * self.yp[of, by]) / max(power, 1e-300))
+    def remainder(self, of: tuple[int, int], by: tuple[int, int]) -> float:
+        """What expectations ``by`` leave of channels ``of``, over the power of both: 0 nothing, 1 all, 2 opposed."""
+        fitting = sum(self.yp[a, b] for a, b in zip(of, by, strict=True))
+        expected = sum(self.pp[b, b] for b in by)
+        if not fitting > 0.0:
+            return 2.0
+        scale = fitting / max(expected, 1e-300)
+        power = sum(self.yy[a, a] for a in of) + scale**2 * expected
+        return float((power - 2.0 * scale * fitting) / max(power, 1e-300))
 
 
 def examined_sensors(observations: Sequence[Observation], unsure: frozenset[str]) -> list[Statement]:
     """Axis, sign and gain of every sensor of every run; the model of runs of ``unsure`` masses is no witness."""
+    heard = [
+        (seen, Gains(response, np.array([_noise_in_band(seen, c) for c in response.columns])))
+        for seen in observations
+        for response in seen.responses
+        if seen.name not in unsure or _kinematic(seen, response.columns[0])
+    ]
     statements: list[Statement] = []
     gains: Gained = defaultdict(dict)
-    sizes: dict[str, list[tuple[Observation, Gains]]] = defaultdict(list)
+    others = _Others(heard)
+    for seen, one in heard:
+        wrong = _exchanged(seen, one, others)
+        statements += wrong
+        if any(s.code for s in wrong):
+            continue
+        first = one.columns[0]
+        for i in np.flatnonzero(one.witnessed):
+            if first.dimensions == ACCELERATION or others.follow(seen, one, i):
+                statements.append(_sign(seen, one, i, others.follow(seen, one, i)))
+            if one.readings[i] < FLAT * one.expected[i] and others.is_flat(seen, one, i):
+                statements.append(_flat(seen, one, i))
+        for i in np.flatnonzero(one.follows):
+            record = seen.records.get(one.columns[i].channel)
+            if not first.commanded and not (record and record.clipped):
+                gains[one.columns[i].channel][seen.name] = (float(one.gain[i]), float(one.deviation[i]))
     for seen in observations:
-        for response in seen.responses:
-            if seen.name in unsure and response.columns[0].sensor in seen.rig.base_accelerometers:
-                continue
-            noise = np.array([_noise_in_band(seen, c) for c in response.columns])
-            one = Gains(response, noise)
-            acceleration = response.columns[0].dimensions[0] == "acceleration"
-            if acceleration:
-                sizes[one.columns[0].sensor].append((seen, one))
-                wrong = _exchanged(seen, one)
-                statements += wrong
-                if any(s.code for s in wrong):
-                    continue
-                witnessed = [int(i) for i in np.flatnonzero(one.witnessed)]
-                statements += [_sign(seen, one, i) for i in witnessed]
-                quiet = one.readings < ABOVE_NOISE * noise
-                still = [i for i in witnessed if quiet[i] and one.readings[i] < FLAT * one.expected[i]]
-                statements += [_flat(seen, one, i) for i in still if not seen.records[one.columns[i].channel].dead]
-            for i in np.flatnonzero(one.follows):
-                if acceleration and not seen.records[one.columns[i].channel].clipped:
-                    gains[one.columns[i].channel][seen.name] = (float(one.gain[i]), float(one.deviation[i]))
-        statements += [] if seen.name in unsure else _forces(seen)
+        known = {s.channel for s in statements if s.run == seen.name and s.code == "force_sign"}
+        statements += [s for s in ([] if seen.name in unsure else _forces(seen)) if s.channel not in known]
+    sizes: dict[str, list[tuple[Observation, Gains]]] = defaultdict(list)
+    for seen, one in heard:
+        if _is_accelerometer(one.columns[0]):
+            sizes[one.columns[0].sensor].append((seen, one))
     for sensor, sized in sizes.items():
         statements += _exchanged_runs(sensor, sized)
     for channel, by_run in gains.items():
         statements += _gain_statements(channel, by_run)
-    known = {(s.run, s.channel) for s in statements if s.code in {"gain_contradiction", "flat_channel"}}
-    return statements + [s for s in _noises(observations, gains) if (s.run, s.channel) not in known]
+    found = {(s.run, s.channel) for s in statements if s.code in {"gain_contradiction", "flat_channel"}}
+    return statements + [s for s in _noises(observations, gains) if (s.run, s.channel) not in found]
+
+
+def _is_accelerometer(column: "Column") -> bool:
+    return column.dimensions == ACCELERATION and not column.commanded
+
+
+def _kinematic(seen: Observation, column: "Column") -> bool:
+    """Whether a sensor shows the motion alone, whatever is mounted: a command, or an accelerometer on what moves."""
+    return column.dimensions == ACCELERATION and column.sensor not in seen.rig.base_accelerometers
+
+
+class _Others:
+    """What the other runs of a campaign show of a channel, against the model."""
+
+    def __init__(self, heard: Sequence[tuple[Observation, Gains]]) -> None:
+        self._by_channel: dict[str, dict[str, tuple[float, float]]] = defaultdict(dict)
+        self._largest: dict[str, float] = defaultdict(float)
+        for seen, one in heard:
+            for column, expected in zip(one.columns, one.expected, strict=True):
+                self._largest[column.channel] = max(self._largest[column.channel], float(expected))
+            for i in np.flatnonzero(one.witnessed):
+                share = float(one.readings[i] / one.expected[i])
+                self._by_channel[one.columns[i].channel][seen.name] = float(one.correlation[i]), share
+
+    def _of(self, seen: Observation, one: Gains, i: int) -> list[tuple[float, float]]:
+        return [found for run, found in self._by_channel[one.columns[i].channel].items() if run != seen.name]
+
+    def follow(self, seen: Observation, one: Gains, i: int) -> bool:
+        """Whether the channel follows the model in other runs, and opposes it in fewer."""
+        correlations = np.array([correlation for correlation, _ in self._of(seen, one, i)])
+        return int((correlations > PROVEN).sum()) > int((correlations < -PROVEN).sum())
+
+    def is_large(self, one: Gains, i: int) -> bool:
+        """Whether the model expects of the channel what counts beside the largest of all runs."""
+        return bool(one.expected[i] > LARGE * self._largest[one.columns[i].channel])
+
+    def is_flat(self, seen: Observation, one: Gains, i: int) -> bool:
+        """Whether a channel far below the model is flat: by the sensor's noise, or as it is not in the other runs."""
+        column = one.columns[i]
+        if column.commanded:
+            return False
+        if column.dimensions == ACCELERATION:
+            noise = float(one.noise.max())
+            return bool(one.readings[i] < ABOVE_NOISE * noise < one.expected[i])
+        return any(correlation > PROVEN and share > 0.5 for correlation, share in self._of(seen, one, i))
 
 
 def _noise_in_band(seen: Observation, column: "Column") -> float:
@@ -166,21 +240,22 @@ def _noise_in_band(seen: Observation, column: "Column") -> float:
     return 0.0 if record is None else record.noise_in_band
 
 
-def _exchanged(seen: Observation, one: Gains) -> list[Statement]:
-    """Pairs of axes of a sensor of which each follows what the other should show."""
+def _exchanged(seen: Observation, one: Gains, others: _Others) -> list[Statement]:
+    """Pairs of axes of a sensor of which each follows what the other should show.
+
+    Of forces, torques and commands, whose sizes differ more, where both follow the model in other runs.
+    """
     found = []
     for i, k in combinations(range(len(one.columns)), 2):
-        if not (one.witnessed[i] or one.witnessed[k]):
+        if not (one.witnessed[i] or one.witnessed[k]) or one.columns[i].dimensions != one.columns[k].dimensions:
             continue
-        remainders = []
-        for a, b in ((i, k), (k, i)):
-            fitting = one.yp[i, a] + one.yp[k, b]
-            scale = fitting / max(one.pp[a, a] + one.pp[b, b], 1e-300)
-            remainders.append(one.remainder(i, a, scale) + one.remainder(k, b, scale) if scale > 0.0 else 4.0)
+        own, crosswise = one.remainder((i, k), (i, k)), one.remainder((i, k), (k, i))
         names = [one.columns[n].channel for n in (i, k)]
         strong, weak = (i, k) if one.expected[i] > one.expected[k] else (k, i)
-        wrong = remainders[0] > 1.0 and remainders[1] < EXCHANGED * remainders[0]
+        wrong = own > 0.5 and crosswise < EXCHANGED * min(own, 1.0)
         wrong = wrong and one.crossed(weak, strong) > PROVEN
+        if not _is_accelerometer(one.columns[i]):
+            wrong = wrong and others.is_large(one, strong) and all(others.follow(seen, one, n) for n in (i, k))
         found.append(
             Statement(seen.name, "axis", names[0], f"{names[0]} is axis {one.columns[i].component}, {names[1]} axis "
                       f"{one.columns[k].component} by the rig",
@@ -217,21 +292,28 @@ def _exchanged_runs(sensor: str, sized: Sequence[tuple[Observation, Gains]]) -> 
     return found
 
 
-def _sign(seen: Observation, one: Gains, i: int) -> Statement:
+def _sign(seen: Observation, one: Gains, i: int, elsewhere: bool) -> Statement:
+    """Of a channel that follows the model ``elsewhere``, in other runs, or beside others that do in this one."""
     of_the_base = one.columns[i].sensor in seen.rig.base_accelerometers
-    proven = not of_the_base or bool((one.witnessed & (one.correlation > PROVEN)).any())
+    proven = elsewhere or not of_the_base or bool((one.witnessed & (one.correlation > PROVEN)).any())
     wrong = proven and bool(one.correlation[i] < -PROVEN)
+    code = "force_sign" if _is_support(seen, one.columns[i]) else "sign_contradiction"
     return Statement(
         seen.name, "sign", one.columns[i].channel, "sign as in the rig",
         f"{'reversed: ' if wrong else ''}correlation {one.correlation[i]:.2f} with the model, expected near 1",
-        "the model of the motion", "sign_contradiction" if wrong else None,
+        "the model of the motion", code if wrong else None,
     )  # fmt: skip
 
 
+def _is_support(seen: Observation, column: "Column") -> bool:
+    return column.sensor in seen.rig.supports
+
+
 def _flat(seen: Observation, one: Gains, i: int) -> Statement:
+    unit = UNITS.get(one.columns[i].dimensions, "")
     return Statement(
-        seen.name, "dead", one.columns[i].channel, f"{one.expected[i]:.3g} m/s2 RMS by the model",
-        f"{one.readings[i]:.3g} m/s2 RMS, flat", "its readings", "flat_channel",
+        seen.name, "dead", one.columns[i].channel, f"{one.expected[i]:.3g} {unit} RMS by the model",
+        f"{one.readings[i]:.3g} {unit} RMS, flat", "its readings", "flat_channel",
     )  # fmt: skip
 
 
@@ -240,7 +322,7 @@ def _forces(seen: Observation) -> list[Statement]:
     forces = [
         (g, i)
         for r in seen.responses
-        if r.columns[0].dimensions[0] != "acceleration"
+        if _is_support(seen, r.columns[0])
         for g in [Gains(r, np.zeros(len(r.columns)))]
         for i in range(len(r.columns))
     ]

@@ -57,7 +57,10 @@ steps stay below 4."""
 STICTION = 2.0
 """Dry friction at rest, in that of the motion: more is not friction."""
 REST_SIGMA = 4.0
-"""Standard deviations of what is unexplained in motion, which a torque at rest may exceed that by."""
+"""Standard uncertainties, of what is unexplained in motion and of the parameters, which a torque at rest may exceed
+that by."""
+UNDETERMINED = 1e-6
+"""Part of a row's columns outside those of the base parameters, from which the row says something else than these."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +103,7 @@ class FreeTest:
     joint: Annotated[str, Key()]
     code: Annotated[Literal["outside_torque", "slip"], Key()]
     share: Annotated[float, Key("explained_rms_ratio")]
-    """What it explains beyond bodies, as a part of the torques' rms [-]."""
+    """What it explains beyond bodies, as a part of the rms of the joint's torque [-]."""
     probability: Annotated[float, Key()]
     """Of so much by noise alone."""
 
@@ -111,7 +114,7 @@ class FreeTest:
             "outside_torque": "a torque from outside, as of a hand or an obstacle,",
             "slip": "an angle that slips between encoder and body",
         }[self.code]
-        text = f"{what} explains {self.share:.1%} of the torques that bodies do not (by chance {self.probability:.1g})"
+        text = f"{what} explains {self.share:.1%} of its torque that bodies do not (by chance {self.probability:.1g})"
         passed = self.probability >= FALSE_ALARM or self.share < SMOOTHING
         return [] if passed else [Doubt(self.code, f"{self.joint}: {text}")]
 
@@ -238,10 +241,11 @@ class ModelTests:
                 dry = max(one.value + one.half_width(), 0.0)
             columns = self.equations.low_passed_columns(np.flatnonzero(~friction).tolist())
             left = self._rows[:, k] - columns[:, k] @ self._full[~friction]
+            known = self._torque_uncertainty(k)
             moving = self.equations.moving[:, k] > 0.0
             resting = (self.equations.valid[:, 0] > 0.0) & ~moving
             noise = np.sqrt(np.mean(self._residual[moving, k] ** 2)) if moving.any() else 0.0
-            stalled = resting & (np.abs(left) > STICTION * dry + REST_SIGMA * noise)
+            stalled = resting & (np.abs(left) > STICTION * dry + REST_SIGMA * np.hypot(noise, known))
             seconds = float(stalled.sum()) * self.equations.records[0].grid.step
             if seconds > 1.0 / self.equations.cutoff:
                 found[joint] = seconds, float(np.sqrt(np.mean(left[stalled] ** 2)))
@@ -267,6 +271,17 @@ class ModelTests:
         elif self.joints and not self.negative_inertia:
             found.append(Doubt("no_motion", "no motion can be simulated with what the torques show"))
         return found
+
+    def _torque_uncertainty(self, joint: int) -> Floats:
+        """Standard uncertainty of the torque that the parameters make, (n,) [N m, N]; infinite: not determined.
+
+        A record tells the weight where the joint moves; where it rests may be far from there.
+        """
+        seen, base = self.identified.identifiability, self._base[:, joint]
+        whole = self.equations.low_passed_columns(range(len(seen.names)))[:, joint]
+        outside = np.abs(whole - base @ seen.combinations).max(axis=1)
+        uncertain = np.sqrt(np.maximum(np.einsum("nr,rs,ns->n", base, self.identified.covariance, base), 0.0))
+        return np.where(outside > UNDETERMINED * np.abs(whole).max(axis=1), np.inf, uncertain)
 
     @property
     def _doubts_of_scale(self) -> list[Doubt]:
@@ -320,7 +335,8 @@ class ModelTests:
         before, terms = _left(columns, rows)
         after, more = _left(np.hstack([columns, stacked(np.concatenate(added, axis=2))]), rows)
         freedom = 2.0 * cutoff * float(used.sum()) * self._models[0].step - more
-        share = float(np.sqrt(max(before - after, 0.0) / max(float(rows @ rows), np.finfo(float).tiny)))
+        own = float(np.sum((self._rows[:, joint] * weights[:, joint])[::keep] ** 2))
+        share = float(np.sqrt(max(before - after, 0.0) / max(own, np.finfo(float).tiny)))
         by_chance = 1.0
         if freedom >= 1.0 and more > terms:
             by_chance = f_tail((before - after) / (more - terms) / (after / freedom), more - terms, freedom)
