@@ -45,8 +45,8 @@ OTHER_RUN = 3.0
 """Factor of reading over model, inverse in the other run of a pair, from which runs or counter-masses are exchanged."""
 EXCHANGED = 0.35
 """Remainder with two axes exchanged over that without from which they are exchanged."""
-ACCELERATION = ("acceleration",)
-UNITS = {ACCELERATION: "m/s2", ("force",): "N", ("moment",): "N m"}
+ACCELERATION: tuple[str, ...] = ("acceleration",)
+UNITS: dict[tuple[str, ...], str] = {ACCELERATION: "m/s2", ("force",): "N", ("moment",): "N m"}
 MANY_STEPS = 8
 """Values from which a channel vibrates by more than its step."""
 DRIFT_SHARE = 0.25
@@ -165,7 +165,7 @@ def examined_sensors(observations: Sequence[Observation], unsure: frozenset[str]
         if any(s.code for s in wrong):
             continue
         first = one.columns[0]
-        for i in np.flatnonzero(one.witnessed):
+        for i in map(int, np.flatnonzero(one.witnessed)):
             if first.dimensions == ACCELERATION or others.follow(seen, one, i):
                 statements.append(_sign(seen, one, i, others.follow(seen, one, i)))
             if one.readings[i] < FLAT * one.expected[i] and others.is_flat(seen, one, i):
