@@ -164,12 +164,11 @@ Examples:
   testbench ingest 09_double_pendulum_A0_061705.csv --rig two-joint-arm-a0 -o campaign
   testbench identify two-joint-arm-a0 campaign/09_double_pendulum_A0_061705.h5 --figure torque.png
   testbench identify two-joint-arm-a0 campaign/first.h5 --validate campaign/second.h5 --json
-  testbench identify parallelogram-6bar campaign/r0*.h5 --by both
+  testbench identify campaign/r0*.h5 --by both
 \b
 Exit codes: 0 done, 3 done with findings (gaps left out) or doubts, which are listed, 1 refused."""
 )
-@click.argument("mechanism", metavar="MECH")
-@click.argument("runs", metavar="RUN...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@stored_runs.mechanism_and_runs
 @click.option(
     "--by",
     type=click.Choice(["torque", "wrench", "both"]),
@@ -199,34 +198,34 @@ Exit codes: 0 done, 3 done with findings (gaps left out) or doubts, which are li
     "--figure", type=click.Path(path_type=Path), help="Draw measured and predicted torque (.png, .svg, .pdf)."
 )
 @json_option
-def identify(mechanism: str, runs: tuple[Path, ...], figure: Path | None, as_json: bool, **options: Any) -> int:  # noqa: ANN401
+def identify(words: tuple[str, ...], figure: Path | None, as_json: bool, **options: Any) -> int:  # noqa: ANN401
     """Inertial parameters and friction of MECH from the positions, torques and forces of stored runs.
 
-    What the runs determine is found before solving, and what they do not is named. MECH comes bare: payload and
+    What the runs determine is found before solving, and what they do not is named. MECH is the mechanism stored with
+    the first run, or shipped under the name in its rig, unless given. It comes bare: payload and
     counter-masses are those of the first run's conditions, what other runs mounted beyond them is taken off. Cut-off
     and delay are chosen by the torque error on held-out blocks. Intervals (95 %) contain the answers at half and
     double that cut-off, without the delay, and by the other methods. A run whose sensors contradict the run table or
     the other runs (testbench doctor) makes the result doubtful, until its CODE is accepted.
     """
-
-    from balance.mechanism.mjcf_parser import load_mechanism
-
     from .. import rig as rigs
     from ..identification import identify as identified
     from ..identification.records import DIFFERS, assemble
     from ..identification.result import validate
+    from ..kinematics.encoder_motion import mechanism_of
     from ..runs.aligned_run import AlignedRun
     from ..runs.si_run import SIRun
 
     stored_runs.refuse_unknown_codes(code for code in options["accept"] if code != DIFFERS)
-    model = load_mechanism(mechanism)
+    mechanism, runs = stored_runs.split_words(words)
     described = rigs.load_rig(options["rig"]) if options["rig"] else None
-    opened = stored_runs.opened_runs(runs)
-    bound = [AlignedRun(SIRun.of(run, described), model) for run in opened]
+    opened = [SIRun.of(run, described) for run in stored_runs.opened_runs(runs)]
+    model = mechanism_of(opened[0], mechanism)
+    bound = [AlignedRun(run, model) for run in opened]
     taken = assemble(bound, options["by"], options["accept"])
     result = identified(taken.records, taken.mechanism, options["method"])
     others = stored_runs.opened_runs(options["separate"])
-    contradictions = stored_runs.contradictions([run.run for run in bound], options["accept"], model)
+    contradictions = stored_runs.contradictions(opened, options["accept"], model)
     result = replace(result, contradictions=contradictions)
     validation = None
     if others:
@@ -243,10 +242,10 @@ def identify(mechanism: str, runs: tuple[Path, ...], figure: Path | None, as_jso
         from ..identification.diagnostics import identification_document
 
         found = {**identification_document(result, validation), "by": taken.by, "left_out": list(taken.notes)}
-        emit_json({**found, "calibrations": calibrations.calibrations(run.run for run in bound)})
+        emit_json({**found, "calibrations": calibrations.calibrations(opened)})
     else:
         print_result(result, validation, taken.notes)
-        calibrations.print_calibrations(calibrations.calibrations(run.run for run in bound))
+        calibrations.print_calibrations(calibrations.calibrations(opened))
     odd = bool(result.left_out or result.doubts)
     if validation is not None:
         odd = odd or bool(validation.equations.left_out or validation.doubts)

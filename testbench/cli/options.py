@@ -75,6 +75,18 @@ def refuse_unknown_codes(accepted: Iterable[str]) -> None:
         raise click.UsageError(f"--accept {wrong[0]}: no such contradiction: expected {', '.join(sorted(SUBJECTS))}")
 
 
+mechanism_and_runs = click.argument("words", metavar="[MECH] RUN...", nargs=-1, required=True)
+"""Where MECH may be left out: it is stored with the runs."""
+
+
+def split_words(words: Sequence[str]) -> tuple[str | None, tuple[Path, ...]]:
+    """MECH, None where the first word is a run or a campaign, and the runs. No run is a wrong command line."""
+    given = Path(words[0]).suffix != ".h5" and not Path(words[0]).is_dir()
+    if given and len(words) < 2:
+        raise click.UsageError(f"{words[0]}: no stored run (.h5) and no campaign: expected [MECH] RUN...")
+    return (words[0] if given else None), tuple(Path(word) for word in words[given:])
+
+
 def contradictions(runs: "Iterable[SIRun]", accepted: Iterable[str], mechanism: "Mechanism") -> "tuple[Finding, ...]":
     """What the runs' sensors contradict in the run table or in each other, but for codes that a person accepts."""
     from ..cross_examination import examine

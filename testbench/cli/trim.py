@@ -20,7 +20,7 @@ COLUMNS = ("site", "first_moment", "interval", "mass", "position")
 @click.command(
     epilog="""\b
 Examples:
-  testbench trim parallelogram-6bar campaign/r021.h5 campaign/r035.h5
+  testbench trim campaign/r021.h5 campaign/r035.h5
   testbench trim parallelogram-6bar campaign/r0*.h5 --stock shelf.csv --json
   testbench trim parallelogram-6bar campaign/r0*.h5 --budget
   testbench trim two-joint-arm-a0 campaign/swing.h5 --from torque --site counter_link_1
@@ -29,8 +29,7 @@ Examples:
 Exit codes: 0 done, 3 done with findings (gaps left out) or doubts, which are listed, 1 refused: the runs cannot
 tell."""
 )
-@click.argument("mechanism", metavar="MECH")
-@click.argument("runs", metavar="RUN...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@options.mechanism_and_runs
 @click.option("--site", multiple=True, help="Where masses may be added; the sites named counter... unless given.")
 @click.option("--stock", metavar="CSV", help="Add from these plates: columns name,mass_kg,quantity.")
 @click.option(
@@ -58,8 +57,7 @@ tell."""
 @options.budget_option
 @json_option
 def trim(
-    mechanism: str,
-    runs: tuple[Path, ...],
+    words: tuple[str, ...],
     site: tuple[str, ...],
     stock: str | None,
     sources: "tuple[Source, ...]",
@@ -72,7 +70,8 @@ def trim(
 ) -> int:
     """What first moment is missing on which arm of MECH, and which mass to add there, from measured runs.
 
-    RUN: stored runs; payload and counter-masses are those of their conditions. Of one mounting: by force sensors, the
+    MECH: that stored with the first run, or shipped under the name in its rig, unless given. RUN: stored runs; payload
+    and counter-masses are those of their conditions. Of one mounting: by force sensors, the
     base's motion taken out by its accelerometers, and by motor torques, weighted where both tell, with whether they
     agree; or by the base's vibration, through the mass and mounts that the rig states. Of mountings that differ by
     trial masses: by the base's vibration without any model of the base; what is missing refers to the first run's
@@ -81,10 +80,10 @@ def trim(
     accepted.
     """
     from balance.balancing import stock_plates as stocks
-    from balance.mechanism.mjcf_parser import load_mechanism
 
     from .. import rig as rigs
     from ..cross_examination import examine
+    from ..kinematics.encoder_motion import mechanism_of
     from ..runs.aligned_run import AlignedRun, recorded_clocks
     from ..runs.si_run import SIRun
     from ..trimming import trim_runs
@@ -93,11 +92,12 @@ def trim(
     options.refuse_unknown_codes(accept)
     if cutoff is not None and not cutoff > 0.0:
         raise click.UsageError(f"--cutoff {cutoff:g}: expected a positive frequency")
+    mechanism, runs = options.split_words(words)
     opened = options.opened_runs(runs)
     described = rigs.load_rig(rig) if rig else None
     bound = [SIRun.of(run, described) for run in opened]
     plates = stocks.load_stock(stock) if stock else []
-    model = load_mechanism(mechanism)
+    model = mechanism_of(bound[0], mechanism)
     runs_of_it = [AlignedRun(run, model, recorded_clocks(run)) for run in bound]
     result = trim_runs(runs_of_it, site, plates, sources or None, cutoff)
     examination = examine(bound, accept, model)
