@@ -88,7 +88,7 @@ def mechanism_of(run: "SIRun", given: str | None) -> Mechanism:
         return stored_mechanism(*stored)
     if given is None and named not in datasets.dataset_names("mechanisms", ".xml"):
         raise AnalysisError(
-            f"{run.name}: its rig is for {named!r}, which was not stored with it: give its file, MECH or --mechanism FILE"
+            f"{run.name}: its rig is for {named!r}, which was not stored with it: give it by MECH or --mechanism FILE"
         )
     return load_mechanism(given or datasets.ROOT / "mechanisms" / f"{named}.xml")
 
