@@ -170,7 +170,7 @@ def examined_sensors(observations: Sequence[Observation], unsure: frozenset[str]
                 statements.append(_sign(seen, one, i, others.follow(seen, one, i)))
             if one.readings[i] < FLAT * one.expected[i] and others.is_flat(seen, one, i):
                 statements.append(_flat(seen, one, i))
-        for i in np.flatnonzero(one.follows):
+        for i in map(int, np.flatnonzero(one.follows)):
             record = seen.records.get(one.columns[i].channel)
             if not first.commanded and not (record and record.clipped):
                 gains[one.columns[i].channel][seen.name] = (float(one.gain[i]), float(one.deviation[i]))

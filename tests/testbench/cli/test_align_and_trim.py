@@ -98,7 +98,7 @@ def test_align_by_named_channels_can_be_refused(campaign):
     """Channels that saw nothing in common: said why, exit code 1."""
     done = CliRunner().invoke(align, [str(campaign / "r001.h5"), "--pair", "TargetX=Fz3", "--json"])
     assert "common content" in done.output or "ambiguous" in done.output
-    assert CliRunner().invoke(align, [str(campaign), "--by", "trigger"]).exit_code == 2
+    assert CliRunner().invoke(align, [str(campaign), "--by", "nothing"]).exit_code == 2
 
 
 def test_trim_document(trimmed):
