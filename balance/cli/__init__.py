@@ -8,6 +8,7 @@ COMMANDS = {
     "size": ("size", "Which counter-masses balance it, exactly or from stock plates."),
     "check": ("mechanism", "What given counter-masses leave unbalanced."),
     "simulate": ("mechanism", "Shaking force, shaking moment and drive torque of a motion."),
+    "animate": ("report", "The mechanism moving on a page, with centre of mass and shaking force."),
     "sweep": ("sweep", "Force, moment and torque of many designs: all combinations of masses and places."),
     "tolerance": ("sweep", "What errors of masses, radii and lengths cost in shaking force."),
     "tradeoff": ("tradeoff", "What less shaking force costs in moment, torque and mass: the front of a motion."),

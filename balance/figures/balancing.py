@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Floats
+from ..dynamics.inverse_dynamics import Response
 from ..linkages.published_values import COLUMNS
 from ..linkages.verification import Verification
 
@@ -132,3 +133,28 @@ def draw_front(front: "Sequence[FrontPoint]", title: str) -> "Figure":
     figure.colorbar(dots, label="added mass [kg]")
     figure.suptitle(f"{title}: simulated")
     return figure
+
+
+def draw_responses(responses: Mapping[str, Response], shown: Sequence[str]) -> "Figure":
+    """A panel for each component ``shown``, without counter-masses (``before``) and with them (``after``)."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.0, 1.6 * max(len(shown), 1) + 0.8), layout="constrained")
+    panels = figure.subplots(max(len(shown), 1), 1, sharex=True, squeeze=False)[:, 0]
+    for panel, name in zip(panels, shown, strict=False):
+        for side, words, colour in (("before", "without", "#d55e00"), ("after", "with", "#0072b2")):
+            one = responses[side]
+            panel.plot(one.time, one.columns()[name], color=colour, label=f"{words} counter-masses", lw=1.2)
+        panel.set_ylabel("{} [{}]".format(*titled(name)))
+        panel.grid(alpha=0.25)
+    panels[-1].set_xlabel("time [s]")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    figure.suptitle("Simulated: what the mechanism exerts on its base, and the drives on it", x=0.01, ha="left")
+    return figure
+
+
+def titled(name: str) -> tuple[str, str]:
+    """``Fx`` and ``N`` of ``Fx_N``."""
+    stem, _, unit = name.rpartition("_")
+    return stem.replace("_", " "), unit.replace("Nm", "N m")

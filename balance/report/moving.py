@@ -7,6 +7,8 @@ the line of sight are to scale.
 import base64
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +21,7 @@ from ..figures.mechanism import STEEL_KG_PER_M2, link_points
 from ..mechanism import forward_kinematics
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.sparse_components import dense
+from .page import Page
 
 FRAMES = 160
 """Most pictures of one motion."""
@@ -30,6 +33,10 @@ _LONGEST_ARROW = 0.3
 _AZIMUTH, _ELEVATION = np.radians(30.0), np.radians(20.0)
 _PLANAR = 1e-3
 """Extent along z from which a mechanism is seen obliquely, as a share of its size."""
+
+
+Designs = dict[str, tuple[Mechanism, dict[str, float]]]
+"""By label the mechanism as it moves, and its counter-masses [kg] by site."""
 
 
 @dataclass(frozen=True)
@@ -135,3 +142,19 @@ def _picture(mechanism: Mechanism, masses: Mapping[str, float], q: Floats, view:
         added("pivot", dense(at.point(loop.first.joint, loop.first.position), count)[None])
     points.append(view @ (first_moment(mechanism, q) / mechanism.total_mass).T)
     return _Picture(np.array(points).transpose(2, 0, 1), shapes)
+
+
+def designs_of(mechanism: Mechanism, masses: dict[str, float]) -> Designs:
+    """A mechanism without counter-masses, and with those given [kg] by site where there are some."""
+    found: Designs = {"without counter-masses": (mechanism, {})}
+    if masses:
+        found["with counter-masses"] = mechanism.with_counter_mass(masses), masses
+    return found
+
+
+def animation_page(name: str, motion: str, trajectory: Trajectory, designs: Designs) -> Page:
+    """A page of a moving mechanism alone; ``designs`` as :func:`moving` takes them."""
+    drawn = moving(f"motion {motion}", trajectory, designs)
+    document = {"mechanism": name, "motion": motion}
+    about = {"version": version("counterpoise"), "sections": (), "motion": motion}
+    return Page(Path(__file__).with_name("animation.html"), document, {"motions": [drawn]}, about)

@@ -168,7 +168,7 @@
         width: box.clientWidth, height: 220, legend: { live: true },
         cursor: { sync: { key: "counterpoise" }, drag: { x: true, y: false } },
         scales: { x: { time: false, distr: time ? 1 : 3 }, y: { distr: time ? 1 : 3 } },
-        axes: [{ ...axis, label: time ? "time of the logger [s]" : "frequency [Hz]", labelSize: 22 }, { ...axis, size: 70 }],
+        axes: [{ ...axis, label: time ? data.time || "time [s]" : "frequency [Hz]", labelSize: 22 }, { ...axis, size: 70 }],
         series: [{ label: time ? "s" : "Hz" }, ...lines.map(({ run }) => ({
           label: `${run.name}, ${run.balanced ? "with" : "without"} counter-masses`, stroke: colour(run.balanced ? "--with" : "--without"), width: 1.2, points: { show: false },
           dash: run.again ? [6, 4] : undefined,
@@ -231,6 +231,7 @@
     for (const id of ["series-a", "series-b", "series-over"]) at(id).addEventListener("change", () => { offer(); redraw(); });
     kinds.addEventListener("change", redraw);
     for (const button of document.querySelectorAll("[data-view]")) button.addEventListener("click", () => change(button.dataset.view));
+    at("series-over").parentElement.hidden = !runs.some((run) => run.spectra.length);
     at("series-controls").hidden = help.hidden = false;
     offer();
     redraw();

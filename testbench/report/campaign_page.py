@@ -103,6 +103,7 @@ class CampaignReport:
             "runs": [run.as_dict() for run in runs],
             "conditions": conditions_of(self.runs, [run.name for run in runs]),
             "motions": motions_of(self.runs, self.mechanism),
+            "time": "time of the logger [s]",
         }
         about = {
             "version": version("counterpoise"),
