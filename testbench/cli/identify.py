@@ -163,6 +163,7 @@ def _verdict(result: "Identification", validation: "Validation | None") -> list[
 Examples:
   testbench ingest 09_double_pendulum_A0_061705.csv --rig two-joint-arm-a0 -o campaign
   testbench identify two-joint-arm-a0 campaign/09_double_pendulum_A0_061705.h5 --figure torque.png
+  testbench identify campaign/first.h5 --budget
   testbench identify two-joint-arm-a0 campaign/first.h5 --validate campaign/second.h5 --json
   testbench identify campaign/r0*.h5 --by both
 \b
@@ -197,8 +198,9 @@ Exit codes: 0 done, 3 done with findings (gaps left out) or doubts, which are li
 @click.option(
     "--figure", type=click.Path(path_type=Path), help="Draw measured and predicted torque (.png, .svg, .pdf)."
 )
+@stored_runs.budget_option
 @json_option
-def identify(words: tuple[str, ...], figure: Path | None, as_json: bool, **options: Any) -> int:  # noqa: ANN401
+def identify(words: tuple[str, ...], figure: Path | None, budget: bool, as_json: bool, **options: Any) -> int:  # noqa: ANN401
     """Inertial parameters and friction of MECH from the positions, torques and forces of stored runs.
 
     What the runs determine is found before solving, and what they do not is named. MECH is the mechanism stored with
@@ -242,9 +244,12 @@ def identify(words: tuple[str, ...], figure: Path | None, as_json: bool, **optio
         from ..identification.diagnostics import identification_document
 
         found = {**identification_document(result, validation), "by": taken.by, "left_out": list(taken.notes)}
+        found |= {"budget": [value.budget for value in result.first_moments()]} if budget else {}
         emit_json({**found, "calibrations": calibrations.calibrations(opened)})
     else:
         print_result(result, validation, taken.notes)
+        if budget:
+            stored_runs.print_budgets(result.mechanism.name, [value.budget for value in result.first_moments()])
         calibrations.print_calibrations(calibrations.calibrations(opened))
     odd = bool(result.left_out or result.doubts)
     if validation is not None:

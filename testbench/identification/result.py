@@ -18,9 +18,16 @@ from balance.balancing.conditions import text_of
 from balance.dynamics.regressor import JOINT_TERMS
 from balance.errors import DataError
 from balance.estimation.base_parameters import BaseParameters, Consistent, consistent
-from balance.estimation.estimate import LEVEL_TEXT, Estimate, joint_coverage_factor
+from balance.estimation.estimate import (
+    LEVEL_TEXT,
+    Estimate,
+    coverage_factor,
+    effective_degrees_of_freedom,
+    joint_coverage_factor,
+)
 from balance.estimation.first_moment_imbalance import masses_per_value
 from balance.estimation.identifiability import NotIdentifiable
+from balance.estimation.uncertainty_budget import Budget, Contribution
 from balance.mechanism.mechanism import Mechanism
 from balance.results import Key
 
@@ -53,6 +60,8 @@ def _interval_text(interval: tuple[float, float]) -> str:
     return f"{interval[0]:.4f} .. {interval[1]:.4f}"
 
 
+SCALE = "torque scale"
+"""How the variants begin that the interval of the torques' scale makes."""
 _INTERVAL = (f"{LEVEL_TEXT} interval", _interval_text)
 
 
@@ -80,6 +89,22 @@ class Value:
     def interval(self) -> Annotated[tuple[float, float], Key("", *_INTERVAL)]:
         """The range of all variants, widened on both sides by half of the statistical interval."""
         return self.estimate.containing([*self.variants.values()]).interval()
+
+    @property
+    def budget(self) -> Budget:
+        """In quadrature; ``interval``, which holds every other choice whole, is up to twice as wide."""
+        freedom = self.estimate.degrees_of_freedom
+        noise = self.estimate.standard_uncertainty
+        parts = [Contribution("noise, and what the simulated motion demands", "A", noise, self.unit, 1.0, "t", freedom)]
+        for source, scaled in (("cut-off, delay and method", False), (SCALE, True)):
+            others = [value for name, value in self.variants.items() if name.startswith(SCALE) == scaled]
+            half = 0.5 * float(np.ptp([self.value, *others]))
+            known = half / (coverage_factor() if scaled else np.sqrt(3.0))
+            if half > 0.0:
+                parts.append(Contribution(source, "B", known, self.unit, 1.0, "normal" if scaled else "rectangular"))
+        whole = np.array([part.size**2 for part in parts])
+        freedom = effective_degrees_of_freedom(whole, np.array([part.degrees_of_freedom for part in parts]))
+        return Budget(self.name, self.value, self.unit, tuple(parts), freedom)
 
 
 @dataclass(frozen=True)
@@ -214,7 +239,7 @@ class Identification:
         variants = {label: other.estimate(vector).value for label, other in self.variants.items()}
         for scale in self.tests.scale.interval() if self.closed and self.tests.scale else ():
             changed = float(identifiable.share(vector) @ self.tests.scaled(scale))
-            variants[f"torque scale {scale:.4g}"] = found.value + changed
+            variants[f"{SCALE} {scale:.4g}"] = found.value + changed
         return Value(
             name or text_of(coefficients),
             unit or unit_of(self.mechanism, next(iter(coefficients), "")),

@@ -149,12 +149,16 @@ class AmplitudesUncertainty:
         """Noise of a side's runs, and what its repeats differ by beyond it."""
         one, where = self.sides[side], SIDES[side]
         noise, whole = standard_uncertainty(ConditionAmplitude(one.group)), standard_uncertainty(one)
-        parts = [Contribution(f"noise of the runs {where}", "A", min(noise, whole), "m/s2", sensitivity, "normal")]
-        if whole > noise:
-            beyond = float(np.sqrt(whole**2 - noise**2))
-            parts.append(Contribution(f"repeatability of the runs {where}", "A", beyond, "m/s2", sensitivity, "t",
-                                      one.degrees_of_freedom))  # fmt: skip
-        return parts
+        if whole <= noise:  # repeats calmer than the noise, which they show alone
+            known = bool(np.isinf(one.degrees_of_freedom))
+            return [Contribution(f"noise of the runs {where}", "A", whole, "m/s2", sensitivity,
+                                 "normal" if known else "t", one.degrees_of_freedom)]  # fmt: skip
+        beyond = float(np.sqrt(whole**2 - noise**2))
+        return [
+            Contribution(f"noise of the runs {where}", "A", noise, "m/s2", sensitivity, "normal"),
+            Contribution(f"repeatability of the runs {where}", "A", beyond, "m/s2", sensitivity, "t",
+                         one.degrees_of_freedom),
+        ]  # fmt: skip
 
     def _freedom(self, parts: Sequence[Contribution], among: Sequence[Literal[0, 1]]) -> float:
         """Degrees of freedom of the combined uncertainty; scatter that is pooled over the campaign counts once."""

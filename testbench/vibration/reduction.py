@@ -385,38 +385,52 @@ def reduction_findings(condition: Condition, found: Sequence[Reduction]) -> list
     pair, dead = condition.pair, {place for place in condition.places if condition.dead(place)}
     where = " ".join(run.name for run in pair.runs)
     alive = [r for r in found if (r.sensor, r.axis) not in dead]
-    kinds = {
-        "dead_channel": (
+    without = [r for r in alive if r.percent is None]
+    differ = [r for r in without if r.n[1] > 1 and r.amplitudes[1] > (r.noise_floor[1] or np.inf)]
+    kinds = [
+        (
+            "dead_channel",
             [r for r in found if (r.sensor, r.axis) in dead],
             "the channel shows one value only in a run: there is no reduction",
         ),
-        "vibrates_more": (
+        (
+            "vibrates_more",
             [r for r in alive if r.interval and r.interval[1] < 0.0],
             "it vibrates more with counter-masses than without: check that the run table does not exchange the runs",
         ),
-        "below_noise": (
+        (
+            "below_noise",
             [r for r in found if r.below_noise],
             "the residual vibration with counter-masses is not above the noise: the reductions are lower bounds",
         ),
-        "no_reduction": (
-            [r for r in alive if r.percent is None],
+        (
+            "no_reduction",
+            [r for r in without if r not in differ],
             "nothing vibrates above the noise without counter-masses: there is no reduction",
         ),
-        "noise_stated": (
+        (
+            "no_reduction",
+            differ,
+            "the repeats without counter-masses differ by as much as they vibrate: there is no reduction; leave out "
+            "the one that is not like the others",
+        ),
+        (
+            "noise_stated",
             [r for r in found if r.noise_stated],
             "nothing recorded shows the noise: that which the rig states is subtracted, and there is no interval; log "
             "half a second of rest before the motion, or repeat the runs",
         ),
-        "no_noise_floor": (
+        (
+            "no_noise_floor",
             [r for r in alive if None in r.noise_floor],
             "no rest before the motion is long enough to show the noise, no run is repeated, and the rig states none: "
             "the amplitudes contain it, so that a reduction may be one of noise; log half a second of rest, or repeat "
             "the runs",
         ),
-    }
+    ]
     return [
         Finding(code, None, where, f"{pair.key}, {sensor} along {', '.join(axes)}: {meaning} ({where})")
-        for code, (some, meaning) in kinds.items()
+        for code, some, meaning in kinds
         for sensor in dict.fromkeys(r.sensor for r in some)
         if (axes := [r.axis for r in some if r.sensor == sensor])
     ]

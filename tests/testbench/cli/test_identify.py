@@ -51,7 +51,7 @@ def invoke(*arguments: object, expected: int = 0) -> str:
 @pytest.fixture(scope="module")
 def found(run):
     """The document of the command, MECH as the rig names it."""
-    return json.loads(invoke(run, "--json"))
+    return json.loads(invoke(run, "--json", "--budget"))
 
 
 def test_document(found):
@@ -74,6 +74,10 @@ def test_document(found):
     low, high = found["first_moment_ratios"][1]["interval"]
     assert low < 0.11106 / 0.34912 < high
     assert "held-out" in found["cutoff"]["rule"]
+    for value, budget in zip(found["first_moments"], found["budget"], strict=True):
+        low, high = value["interval"]
+        assert budget["quantity"] == value["name"]
+        assert 0.2 * (high - low) < budget["expanded_uncertainty"] < 0.6 * (high - low)
 
 
 def test_tables_and_figure(run, tmp_path):
