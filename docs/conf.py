@@ -19,6 +19,7 @@ myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
 myst_heading_anchors = 3
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
+smartquotes = False
 nb_execution_timeout = 120
 autodoc_typehints = "description"
 autodoc_member_order = "bysource"
