@@ -3,14 +3,17 @@
 import json
 import re
 
+import pytest
+
 from balance.cli import main
 
 from ...commands import call
 
 
-def test_another_ending_is_refused(tmp_path):
+@pytest.mark.parametrize("command", ["report", "animate"])
+def test_another_ending_is_refused(command, tmp_path):
     """Before anything is computed; nothing is written."""
-    done = call(main, "balance", "animate", "four-bar", "--motion", "four-bar", "-o", tmp_path / "page.pdf")
+    done = call(main, "balance", command, "four-bar", "--motion", "four-bar", "-o", tmp_path / "page.pdf")
     assert done.code == 2
     assert "expected a name ending in .html" in done.err
     assert not list(tmp_path.iterdir())

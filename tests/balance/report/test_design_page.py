@@ -1,0 +1,62 @@
+"""The page of a design: numbers of `--json`, which are those of `balance size`; nothing measured is claimed."""
+
+import json
+import re
+
+import pytest
+
+from balance.cli import main
+from balance.report.page import Page
+
+from ...commands import call
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """The page of a four-bar, and the document of its command."""
+    path = tmp_path_factory.mktemp("page") / "four-bar.html"
+    done = call(main, "balance", "report", "four-bar", "--motion", "four-bar", "-o", path, "--json")
+    assert done.code == 0, done.err
+    return path.read_text("utf-8"), done.json
+
+
+def test_numbers_are_the_documents(made):
+    """Each stands where the document has it, to the digits shown; all responses are there."""
+    text, document = made
+    pointers = Page(None, document)
+    found = re.findall(r'<data value="([^"]*)" data-at="([^"]*)">([^<]*)</data>', text)
+    for value, pointer, shown in found:
+        assert json.loads(value) == pointers.at(pointer)
+        assert float(shown) == pytest.approx(pointers.at(pointer), rel=0.01, abs=5e-5)
+    places = {pointer for _, pointer, _ in found}
+    for i, _ in enumerate(document["responses"]):
+        assert {f"/responses/{i}/{kind}_{side}" for kind in ("rms", "peak") for side in ("before", "after")} <= places
+    assert "SIMULATED" in text
+    assert document["verdict"] in text
+
+
+def test_sizing_is_that_of_size(made):
+    """The same counter-masses, residual and responses as the command that sizes."""
+    sized = call(main, "balance", "size", "four-bar", "--motion", "four-bar", "--json").json
+    assert {name: sized[name] for name in made[1]["sizing"]} == made[1]["sizing"]
+    for row in made[1]["responses"]:
+        name = re.sub(r"^torque_(.*)_Nm$", r"\1", row["component"])
+        for kind in ("rms", "peak"):
+            for side in ("before", "after"):
+                group = sized[side][kind]
+                assert row[f"{kind}_{side}"] == group.get(name, group["torque_Nm"].get(name))
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "verdict"),
+    [
+        (["four-bar", "--motion", "four-bar", "--site", "counter_A0A"], 3, "with a site on body"),
+        (["parallelogram-6bar", "-p", "platform=5kg", "--motion", "x", "--stock", "kiper2019"], 0, "of the RMS force"),
+    ],
+)
+def test_what_remains_comes_first(words, code, verdict, tmp_path):
+    """The verdict is the first line, with its number; the exit code is that of size."""
+    done = call(main, "balance", "report", *words, "-o", tmp_path / "page.html")
+    assert done.code == code
+    assert verdict in done.out.splitlines()[0]
+    assert done.code == call(main, "balance", "size", *words).code
