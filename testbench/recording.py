@@ -101,6 +101,8 @@ _WARNINGS = {
 _NOTES = {
     "simulated": "The log says that it is simulated.",
     "dialect": "Delimiter, decimal mark and encoding as detected in the first lines.",
+    "missing_values": "Samples that are none, by the words and numbers of the import description; NaN.",
+    "normal_finding": "A finding that the import description calls normal for its logger.",
     "encoding_inferred": "The encoding was inferred from typical letters; it is declared nowhere.",
     "unit_missing": "Channels without a unit.",
     "no_final_newline": "The last line has no end, but every number of it is as long as those above.",

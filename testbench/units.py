@@ -13,7 +13,7 @@ _PLAIN_WORDS = (
     "min h hr rpm RPM deg degree degrees ° °C °F degC degF K % ‰ dB lb lbs in inch ft psi ksi kp kgf g0 gn gee rev"
     " U turn cycles count counts cnt bit bits digit digits LSB ADC EU Newton Newtons newton newtons meter meters"
     " metre metres second seconds saniye sn dk volts Volts amps ampere Ampere Amps gram grams radian radians"
-    " Celsius Kelvin Pascal Grad grad tr rps st N.m Nmm kgm px frames -"
+    " Celsius Kelvin Pascal Grad grad tr rps st N.m Nmm kgm px frames day days -"
 )
 _PREFIXED, _PLAIN = frozenset(_PREFIXED_WORDS.split()), frozenset(_PLAIN_WORDS.split())
 _SECONDS = {
@@ -21,6 +21,7 @@ _SECONDS = {
     "ms": 1e-3, "msec": 1e-3, "millisecond": 1e-3, "milliseconds": 1e-3, "us": 1e-6, "usec": 1e-6,
     "microsecond": 1e-6, "microseconds": 1e-6, "ns": 1e-9, "nsec": 1e-9, "nanoseconds": 1e-9,
     "min": 60.0, "minutes": 60.0, "dk": 60.0, "h": 3600.0, "hr": 3600.0, "hours": 3600.0,
+    "day": 86400.0, "days": 86400.0,
 }  # fmt: skip
 _FACTOR = re.compile(r"([^\d^\s/-][^\d^\s/-]*|-)(?:\^?[({]?(-?\d)[)}]?)?")
 

@@ -8,6 +8,7 @@ COMMANDS = {
     "plan": ("plan", "Which run to make next: what narrows most what is asked."),
     "simulate": ("simulate", "Make the logs that a test bench would write, marked as simulated."),
     "info": ("logs", "What a log file holds, and what is odd in it."),
+    "describe": ("logs", "How a log is read, as detected: an import description to be corrected."),
     "formats": ("logs", "Which formats can be read."),
     "recordings": ("recordings", "Public recordings of other people: list them, fetch them, verify their SHA-256."),
     "ingest": ("ingest", "Read logs into HDF5, one file a run, losing nothing."),

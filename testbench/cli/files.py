@@ -6,6 +6,7 @@ LABORATORY = {
     "mechanism": MECHANICS["mechanism"],
     "motion": MECHANICS["motion"],
     "rig": ("rigs", ".toml"),
+    "import-description": ("loggers", ".toml"),
     "plan": ("plans", ".toml"),
     "stock": MECHANICS["stock"],
     "published": ("published", ".json"),

@@ -57,6 +57,37 @@ def info(file: Path, stats: bool, as_json: bool, **text: Any) -> int:  # noqa: A
     return options.exit_code(found.findings)
 
 
+@click.command(
+    epilog="""\b
+Examples:
+  testbench describe run_001.csv -o logger.toml
+  testbench info run_001.csv --as logger.toml
+  testbench ingest logs/*.csv --as arduino-micros -o campaign
+\b
+Shipped descriptions: `testbench files`."""
+)
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="The file to write; else it is printed.")
+@options.text_options
+def describe(file: Path, output: Path | None, **text: Any) -> int:  # noqa: ANN401
+    """Write how a log is read, as detected: an import description, to be corrected and given with --as."""
+    from ..errors import RecordingError
+    from ..quality.log_description import describe_log
+    from ..quality.written_description import written_description
+
+    read = options.read_options(**text)
+    written = written_description(file, read, describe_log(file, read))
+    if output is None:
+        click.echo(written, nl=False)
+        return 0
+    try:
+        with output.open("x", encoding="utf-8") as stream:
+            stream.write(written)
+    except FileExistsError:
+        raise RecordingError(f"{output}: is there already; nothing was written") from None
+    return 0
+
+
 def _print(found: "Description", stats: bool) -> None:
     from ..quality.group_checks import ChannelStats
     from ..recording import Channel

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from balance.mechanism.mechanism import Mechanism
 
     from ..readers import ReadOptions
+    from ..readers.import_description import ImportDescription
     from ..recording import Finding
     from ..runs.calibration_history import CalibrationInForce
     from ..runs.si_run import SIRun
@@ -155,6 +156,8 @@ def text_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--header/--no-header", default=None, help="Whether texts begin with names; else detected."),
         click.option("--date-order", type=click.Choice([*_ORDERS]),
                      help="Order in dates such as 03/04/2024 or 24/03/04; else as a number above 12 shows."),
+        click.option("--as", "described", metavar="DESCRIPTION",
+                     help="An import description, or a shipped one by name; `testbench describe FILE` writes one."),
     )):  # fmt: skip
         command = option(command)
     return command
@@ -166,6 +169,7 @@ def read_options(
     decimal: str | None,
     header: bool | None,
     date_order: str | None = None,
+    described: str | None = None,
 ) -> "ReadOptions":
     """The options in the form of the readers."""
     from ..readers import ReadOptions
@@ -177,7 +181,14 @@ def read_options(
         None if decimal is None else _DECIMALS[decimal],
         header,
         date_order,
+        None if described is None else _description(described),
     )
+
+
+def _description(name: str) -> "ImportDescription":
+    from ..readers.import_description import ImportDescription
+
+    return ImportDescription.load(name)
 
 
 def refuse_patterns(files: Iterable[Path]) -> None:

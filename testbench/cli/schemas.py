@@ -5,6 +5,7 @@ from balance.cli.schemas import schema_command
 
 MODELS = {
     **balance.cli.schemas.MODELS,
+    "import-description": "testbench.readers.import_description:ImportDescription",
     "plan": "testbench.campaign_plan:Plan",
     "published": "testbench.published_tables:PublishedTable",
     "rig": "testbench.rig:Rig",

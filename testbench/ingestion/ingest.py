@@ -213,6 +213,8 @@ class Ingest:
         source.findings += rig_checks.rate_findings(self.rig, check.groups.values())
         if not any(group.samples for group in check.groups.values()):
             raise Refusal(source.path.name, Finding("no_data", None, None, "holds no sample that can be kept"))
+        if self.options is not None and self.options.description is not None:
+            source.findings = self.options.description.with_normal_as_notes(source.findings)
         for group in check.groups.values():
             writer.group(group.group).finish(group.rate_hz, group.rate_source, group.start_time)
         return [group.group for group in check.groups.values()]

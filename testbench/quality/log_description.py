@@ -35,6 +35,8 @@ def describe_log(path: str | Path, options: ReadOptions | None = None) -> Descri
         check.update(block)
     groups = [one.group for one in check.groups.values()]
     found = findings_by_group([*findings, *check.findings()], groups, len(groups) > 1)
+    if options is not None and options.description is not None:
+        found = options.description.with_normal_as_notes(found)
     return Description(recording, tuple(check.groups.values()), tuple(found))
 
 

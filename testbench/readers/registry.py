@@ -2,13 +2,14 @@
 
 import re
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import entry_points
 from importlib.util import find_spec
 from itertools import accumulate
 from pathlib import Path
+from typing import Protocol
 
 from ..errors import RecordingError
 from ..recording import Finding, Recording, Refusal
@@ -27,6 +28,39 @@ EXTRAS = {
 """Modules that a reader imports and that only an extra of the distribution installs."""
 
 
+class LoggerDescription(Protocol):
+    """What a person states of a logger; see :class:`testbench.readers.import_description.ImportDescription`."""
+
+    @property
+    def names(self) -> Sequence[int] | None:
+        """Lines of the names of a text."""
+
+    @property
+    def units(self) -> int | None:
+        """Line of its units."""
+
+    @property
+    def data(self) -> int | None:
+        """First line of its data."""
+
+    @property
+    def time(self) -> Sequence[str]:
+        """Columns of time."""
+
+    @property
+    def words(self) -> frozenset[str]:
+        """Words for no value."""
+
+    def completed(self, options: "ReadOptions") -> "ReadOptions":
+        """Options with what they do not give."""
+
+    def applied(self, recording: Recording) -> Recording:
+        """The recording as it is described."""
+
+    def with_normal_as_notes(self, findings: Iterable[Finding]) -> list[Finding]:
+        """Findings, the normal ones as notes."""
+
+
 @dataclass(frozen=True)
 class ReadOptions:
     """What a person states about a file, where the reader is not to detect it; None: detect."""
@@ -37,6 +71,8 @@ class ReadOptions:
     header: bool | None = None
     date_order: str | None = None
     """``dmy``, ``mdy``, ``ymd``: order of dates such as 03/04/2024, where no number above 12 settles it."""
+    description: LoggerDescription | None = None
+    """What is stated of the logger; the options above go before it."""
 
 
 @dataclass(frozen=True)
@@ -180,8 +216,12 @@ def find_reader(path: Path) -> Reader:
 
 def open_recording(path: str | Path, options: ReadOptions | None = None) -> Recording:
     """Open a log file of any known format: its header is read, its data are not yet."""
-    path = Path(path)
-    return with_stated_origin(find_reader(path).open(path, options or ReadOptions()))
+    path, options = Path(path), options or ReadOptions()
+    described = options.description
+    if described is not None:
+        options = described.completed(options)
+    recording = with_stated_origin(find_reader(path).open(path, options))
+    return recording if described is None else described.applied(recording)
 
 
 def _first_bytes(path: Path) -> bytes:

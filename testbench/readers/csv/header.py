@@ -19,6 +19,7 @@ _LONGEST_UNIT = 20
 _NOTATION = re.compile(r"[ymdhsf]+(?:[-/.:, t]+[ymdhsfz]+)+", re.IGNORECASE)
 _NAME_AND_UNIT = re.compile(r"[^()[\]]*[^()[\]/·*^]\s*[(\[]([^()[\]]+)[)\]]")
 _BRACKETED = re.compile(r"\(.*\)|\[.*\]")
+_BEHIND_COMMA = re.compile(r"(.*\S)\s*,\s*([^,\s]+)")
 _BRACKETS = re.compile(r"\(([^()]*)\)|\[([^][]*)\]")
 _SIGNS_OF_UNITS = re.compile(r"[^\W\d_°%µ‰][^\s]{0,9}(?:\s?[/·⋅*^]\s?[^\s]{1,10}|[²³⁻¹]+)+")
 _SCALED = re.compile(r"\s*[x×*·]\s*1(?:0+|0?[\^eE][+-]?\d+)\b")
@@ -46,6 +47,65 @@ class Header:
     named: bool
     lines: tuple[str, ...] = ()
     preamble: tuple[str, ...] = ()
+    rows: tuple[int, ...] = ()
+    units: int | None = None
+    """Lines of the names, and of the units, counted from 1."""
+
+
+def stated_header(
+    lines: Sequence[str], dialect: Dialect, names: Sequence[int], units: int | None = None, data: int | None = None
+) -> Header:
+    """The header whose lines a person states, counted from 1; cells of several lines of names are joined.
+
+    Raises UnclearDialect for lines that are not there, or have too many cells, LookupError without a row of data.
+    """
+    rows = [dialect.split(line) for line in lines]
+    last = max([*names, units or 0, 0])
+    first = data or next((i for i, cells in enumerate(rows, 1) if i > last and is_data(cells)), 0)
+    if not first or max(last, first) > len(rows) or min([*names, units or 1, first]) < 1:
+        raise LookupError
+    fields = len(rows[first - 1])
+    above, below = [rows[i - 1] for i in names], list(rows[units - 1]) if units else []
+    if len(above) > 1 and not below:  # a unit below a name of time is its unit
+        over = [*_spread(above[-2]), *[""] * len(above[-1])]
+        timed = [is_time_name(name) and is_unit(cell) for name, cell in zip(over, above[-1], strict=False)]
+        below = [cell if is_units else "" for cell, is_units in zip(above[-1], timed, strict=True)]
+        above[-1] = ["" if is_units else cell for cell, is_units in zip(above[-1], timed, strict=True)]
+    count = max((len(cells) for cells in above), default=fields)
+    if count > fields + 1:
+        raise UnclearDialect(f"line {names[0]} has {count} names, the rows of data have {fields} fields")
+    parts = [[*cells, *[""] * (fields - len(cells))] for cells in (*map(_spread, above[:-1]), *above[-1:])]
+    labels = [
+        " ".join(filter(None, dict.fromkeys(cells))) or f"col{i}" for i, cells in enumerate(zip(*parts, strict=False))
+    ]
+    labels = labels[:fields] or [f"col{i}" for i in range(fields)]
+    if (
+        len(labels) > 1
+        and labels[-1] == f"col{len(labels) - 1}"
+        and not any(row[-1] for row in rows[first - 1 :] if row)
+    ):
+        labels.pop()
+    row_of_units = [*below, *[""] * fields][: len(labels)]
+    kept = tuple(lines[i - 1] for i in (*names, *([units] if units else [])))
+    preamble = tuple(text for i, text in enumerate(lines[: first - 1], 1) if text.strip() and i not in (*names, units))
+    channels = named_channels(labels, row_of_units)
+    return Header(channels, fields, first, bool(names), kept, preamble, tuple(names), units)
+
+
+def _row_over(rows: Sequence[Sequence[str]], at: int) -> int | None:
+    """A row of names over several columns each, above one that has a unit of time below their name of time."""
+    over = next((i for i in range(at - 1, -1, -1) if rows[i]), None)
+    if over is None or len(rows[over]) != len(rows[at]) or any(map(is_number_like, rows[over])):
+        return None
+    return over if is_time_name(rows[over][0]) and seconds_per(rows[at][0]) is not None else None
+
+
+def _spread(cells: Sequence[str]) -> list[str]:
+    """The cells of a row of names over several columns: an empty one is as the one before it."""
+    found: list[str] = []
+    for cell in cells:
+        found.append(cell or (found[-1] if found else ""))
+    return found
 
 
 def read_header(lines: Sequence[str], dialect: Dialect, has_header: bool | None = None) -> Header:
@@ -66,10 +126,15 @@ def read_header(lines: Sequence[str], dialect: Dialect, has_header: bool | None 
         above, first = [first], first + 1
     in_comment = [] if above else _names_in_comment(lines[:first], dialect, fields)
     named = _name_rows(rows, above, fields)
+    if named and (over := _row_over(rows, named[0])) is not None:
+        return stated_header(lines, dialect, (over + 1, named[0] + 1), None, first + 1)
     labels, row_of_units = (in_comment, [""] * fields) if in_comment else _labels(rows, named, fields)
     kept = tuple(lines[i] for i in named)
     preamble = tuple(text for i, text in enumerate(lines[:first]) if text.strip() and i not in named)
-    return Header(named_channels(labels, row_of_units), fields, first + 1, bool(named or in_comment), kept, preamble)
+    channels, rows_of_names = named_channels(labels, row_of_units), tuple(i + 1 for i in named[:1])
+    units = named[1] + 1 if len(named) > 1 else None
+    is_named = bool(named or in_comment)
+    return Header(channels, fields, first + 1, is_named, kept, preamble, rows_of_names, units)
 
 
 def _first_data(rows: Sequence[Sequence[str]]) -> int:
@@ -200,7 +265,13 @@ def _names_in_comment(lines: Sequence[str], dialect: Dialect, fields: int) -> li
 
 
 def named_channels(names: Sequence[str], second_row: Sequence[str]) -> tuple[Channel, ...]:
-    """The channels of these header cells, with the units of a second row where there is one."""
+    """The channels of these header cells, with the units of a second row where there is one.
+
+    Where every name ends with a unit behind a comma (``Force, N``), that is its unit.
+    """
+    behind = [_BEHIND_COMMA.fullmatch(name) for name in names]
+    if len(names) > 1 and all(match and is_unit(match[2]) for match in behind):
+        return tuple(Channel(match[0], match[2], match[1]) for match in behind if match)
     return tuple(_channel(name, below) for name, below in zip(names, second_row, strict=True))
 
 

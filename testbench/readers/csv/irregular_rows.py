@@ -220,6 +220,7 @@ class CellFilter:
     encoding: str
     by_channel: dict[int, _Places] = field(default_factory=dict)
     by_rule: dict[_CellRule, _Places] = field(default_factory=dict)
+    missing: dict[int, _Places] = field(default_factory=dict)
 
     def judge(self, rows: RegularRows, columns: list[Samples], examined: list[int]) -> None:
         """Look at the cells of the ``examined`` columns that are not finite; fill in those that are a number.
@@ -247,6 +248,9 @@ class CellFilter:
     def _judge(self, column: int, line: int, text: str) -> float | None:
         """Note the cell under its rule; the value of one that is a number between blanks."""
         decimal = self.parser.dialect.decimal
+        if text in self.parser.missing:
+            self.missing.setdefault(column, _Places()).add(line, text)
+            return None
         mark = decimal_mark(text)
         if mark in ("", decimal) and np.isfinite(value := float(text.strip().replace(",", "."))):
             return value
@@ -271,6 +275,9 @@ class CellFilter:
             if places := self.by_rule.get(rule):
                 text = rule.message.format(n=places.total, first=places.first, mark=mark)
                 report(Finding(rule.code, None, places.where, text))
+        for column, places in sorted(self.missing.items()):
+            message = f"{places.total} cells are words that the import description calls missing, the first is "
+            report(Finding("missing_values", self.names[column], places.where, message + places.first))
         for column, places in sorted(self.by_channel.items()):
             seen = ", ".join(f"{shown(text)} in line {line}" for line, text in places.cells)
             more = ", ..." if places.total > len(places.cells) else ""

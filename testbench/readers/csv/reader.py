@@ -17,6 +17,7 @@ from .header import (
     key_value_pairs,
     read_header,
     sensor_ranges,
+    stated_header,
     stated_sampling,
     time_name_base,
     unknown_brackets,
@@ -33,7 +34,7 @@ Rows = Sequence[Sequence[str]]
 
 def open_text(path: Path, options: ReadOptions) -> Recording:
     """Read the first lines of a text; its rows are read when asked for."""
-    text = _understood(path, options)
+    text = understood(path, options)
     kept = text.kept_fields
     comments = tuple(comment_text(line) for line in text.header.preamble)
     stated = stated_sampling(comments, text.dialect.decimal)
@@ -41,7 +42,9 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
     clock = text.times.clock(channels, kept) or stated.clock
     zero_of = partial(_zero, text, channels, header_claims.stated_start(comments))
     group = Group(path.stem, tuple(channels[i] for i in kept), clock, zero_of(clock, kept))
-    multiple = find_multiple_time_columns(group, text.rows, kept, text.clock_of(channels), zero_of)
+    multiple = None
+    if options.description is None or not options.description.time:
+        multiple = find_multiple_time_columns(group, text.rows, kept, text.clock_of(channels), zero_of)
     read = text.across_midnight(text.table(group, kept).blocks, kept)
     return Recording(
         path=path,
@@ -139,7 +142,9 @@ class _Text:
         columns, fields = (*self.times.columns, *self.notations), self.header.fields
         lines = self.lines[self.header.first_data_line - 1 :][:20]
         padded = any(line.endswith(" ") or any(text in line for text in (" ,", " ;", " |", " \t")) for line in lines)
-        parser = RowParser(self.dialect, fields, padded, columns, self.times.dates, self.encoding.name_in_blocks)
+        words = frozenset[str]() if self.options.description is None else self.options.description.words
+        encoding = self.encoding.name_in_blocks
+        parser = RowParser(self.dialect, fields, padded, columns, self.times.dates, encoding, words)
         names, above = self.header.lines[:1], (*self.header.lines[1:], *self.header.preamble)
         first_line = self.header.first_data_line
         return Table(self.path, self.encoding, parser, group, kept, first_line, names[0] if names else None, above)
@@ -203,12 +208,16 @@ class _Text:
         return Finding("text_channel", self.header.channels[i].name, None, message)
 
 
-def _understood(path: Path, options: ReadOptions) -> _Text:
+def understood(path: Path, options: ReadOptions) -> _Text:
     """The text at ``path``. Raises Refusal where its first lines have several readings, or hold no rows."""
     encoding, lines = read_first_lines(path, options.encoding)
     try:
         dialect = detect_dialect(lines, options.delimiter, options.decimal)
-        header = read_header(lines, dialect, options.header)
+        stated = options.description
+        if stated is None or (stated.names is None and stated.units is None and stated.data is None):
+            header = read_header(lines, dialect, options.header)
+        else:
+            header = stated_header(lines, dialect, stated.names or (), stated.units, stated.data)
     except UnclearDialect as error:
         raise Refusal(path.name, Finding("unknown_dialect", None, None, str(error))) from error
     except LookupError as error:

@@ -44,7 +44,7 @@ class RowParser:
     """How rows are cut into cells once :meth:`plain` has made them plain: by one byte, with one decimal mark.
 
     ``padded``: blanks fill up the cells. The ``rewritten`` columns become numbers, and cells of the ``dates`` that
-    such a column takes up become 0. ``encoding`` is that of the rows.
+    such a column takes up become 0. ``encoding`` is that of the rows. ``missing`` are words for no value.
     """
 
     dialect: Dialect
@@ -53,6 +53,7 @@ class RowParser:
     rewritten: tuple[RewrittenColumn, ...] = ()
     dates: frozenset[int] = frozenset()
     encoding: str = "utf-8"
+    missing: frozenset[str] = frozenset()
 
     @property
     def separator(self) -> str:

@@ -1,0 +1,359 @@
+"""Import descriptions: what a person states of one logger's logs where the reader is not to detect it.
+
+Rows of names and units, columns of time with unit, zone, wrap and parts, words and numbers for no value, names and
+units of channels, findings that are normal for this logger. What is particular to texts replaces its detection; all
+else is applied to what any reader gives.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from decimal import Decimal, InvalidOperation
+from typing import Annotated, Literal, Self
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+
+import numpy as np
+from pydantic import Field
+from pydantic.json_schema import SkipJsonSchema
+
+from balance import datasets
+from balance.errors import DataError
+from balance.input_files import (
+    Count,
+    OneOrMore,
+    Positive,
+    Quantity,
+    Table,
+    Text,
+    model_from_table,
+    read_text,
+    suggestion,
+    toml_tables,
+)
+
+from ..errors import RecordingError
+from ..recording import (
+    MEANING,
+    Block,
+    Channel,
+    Clock,
+    Finding,
+    Group,
+    Recording,
+    Report,
+    Samples,
+    StartTime,
+    TimeColumn,
+    UniformClock,
+    point_in_time,
+)
+from ..units import seconds_per
+from .csv.dialect import DELIMITERS
+from .csv.header import named_channels
+from .header_claims import SINCE_1970, start_at
+from .registry import ReadOptions
+
+_SINCE = " since "
+_OFFSET = re.compile(r"([+-])(\d\d):?(\d\d)|Z|UTC", re.IGNORECASE)
+_OF_OTHER_CLOCKS = ("time_coarse", "several_clocks")
+"""Findings on the columns of time that the reader would have taken."""
+DECIMALS = {"point": ".", "comma": ","}
+"""Decimal marks as a person calls them."""
+
+
+class ImportDescription(Table):
+    """How the logs of one logger are read, as far as that is not to be detected."""
+
+    name: str = ""
+    """Name of the logger."""
+    encoding: str = ""
+    """Encoding of its texts, such as cp1254."""
+    delimiter: Literal["comma", "semicolon", "tab", "bar", "blanks"] | None = None
+    """What stands between the cells of a row."""
+    decimal: Literal["point", "comma"] | None = None
+    """Decimal mark."""
+    date_order: Literal["dmy", "mdy", "ymd"] | None = None
+    """Order of day, month and year where the notation leaves it open."""
+    names: Annotated[list[Count], OneOrMore] | None = None
+    """Line of the names, counted from 1, or lines whose cells are joined; [] if there are none."""
+    units: Count | None = None
+    """Line of the units."""
+    data: Count | None = None
+    """First line of the data; else the first row of numbers below names and units."""
+    rate: Annotated[float, Quantity("frequency", above=0.0)] | None = None
+    """Sampling rate where there is no column of time."""
+    time: Annotated[list[Text], OneOrMore] = Field(default_factory=list)
+    """Column of time by its name, or columns whose sum it is, such as a time of day and milliseconds."""
+    time_unit: Annotated[list[Text], OneOrMore] = Field(default_factory=list)
+    """Unit of each such column, such as us, or ``day since 1899-12-30``, ``ms since 1970``; of text none is needed."""
+    time_wraps: Positive | None = None
+    """Number at which the first column of time starts again from zero, such as 4294967296."""
+    time_zone: str = ""
+    """Zone of times that state none: an offset such as +03:00, or a name such as Europe/Istanbul."""
+    missing: list[str | float] = Field(default_factory=list)
+    """Words and numbers that stand for no value, such as OVERFLOW or -9999."""
+    channels: dict[str, Text] = Field(default_factory=dict)
+    """Names of channels as written, and instead of each a name with its unit in brackets."""
+    normal: list[str] = Field(default_factory=list)
+    """Codes of findings that are normal for this logger: they are said as notes."""
+    text: SkipJsonSchema[str] = Field(default="", exclude=True)
+    """The file as written."""
+
+    def _check(self) -> None:
+        if wrong := [code for code in self.normal if code not in MEANING]:
+            raise DataError(f"normal: {wrong[0]!r} is no code of a finding{suggestion(wrong[0], MEANING)}")
+        if len(self.time_unit) > len(self.time):
+            raise DataError(f"time_unit: {len(self.time_unit)} units for {len(self.time)} columns of time")
+        for unit in self.time_unit:
+            if seconds_per(unit.split(_SINCE)[0]) is None:
+                raise DataError(
+                    f"time_unit: {unit!r} is no unit of time: expected one such as us, or day since 1899-12-30"
+                )
+            if _SINCE in unit and _point(unit.split(_SINCE)[1]) is None:
+                raise DataError(f"time_unit: {unit!r}: expected a date after since, such as 1970-01-01")
+        if self.time_zone and not _OFFSET.fullmatch(self.time_zone):
+            try:
+                ZoneInfo(self.time_zone)
+            except (ZoneInfoNotFoundError, ValueError, OSError):
+                expected = "an offset such as +03:00, or a name such as Europe/Istanbul"
+                raise DataError(f"time_zone: {self.time_zone!r}: expected {expected}") from None
+
+    @classmethod
+    def load(cls, name: str) -> Self:
+        """A file, or a shipped description by its name. Raises RecordingError, naming the key that is wrong."""
+        try:
+            path = datasets.find_dataset(name, "loggers", ".toml")
+        except DataError as error:
+            raise RecordingError(str(error)) from error
+        text = read_text(path, RecordingError)
+        table = toml_tables(text, path.name, RecordingError)
+        if "text" in table:
+            raise RecordingError(f"{path.name}: text: unknown key")
+        return model_from_table(cls, table | {"text": text}, path.name, RecordingError)
+
+    @property
+    def words(self) -> frozenset[str]:
+        """The words for no value."""
+        return frozenset(word for word in self.missing if isinstance(word, str) and _number(word) is None)
+
+    @property
+    def codes(self) -> tuple[float, ...]:
+        """The numbers for no value, also as float32 holds them."""
+        numbers = [number for each in self.missing if (number := _number(each)) is not None]
+        with np.errstate(over="ignore"):
+            return tuple(dict.fromkeys(x for n in numbers for x in (n, float(np.float32(n)))))
+
+    def completed(self, options: ReadOptions) -> ReadOptions:
+        """Options of which those that a command does not give are those of the description."""
+        return replace(
+            options,
+            encoding=options.encoding or self.encoding or None,
+            delimiter=options.delimiter if options.delimiter is not None else DELIMITERS.get(self.delimiter or ""),
+            decimal=options.decimal or DECIMALS.get(self.decimal or ""),
+            date_order=options.date_order or self.date_order,
+        )
+
+    def with_normal_as_notes(self, findings: Iterable[Finding]) -> list[Finding]:
+        """Findings, of which those that are normal for the logger are notes that name them."""
+        return [
+            replace(f, code="normal_finding", message=f"{f.code}: {f.message}") if f.code in self.normal else f
+            for f in findings
+        ]
+
+    def applied(self, recording: Recording) -> Recording:
+        """The recording as the description has it. Raises RecordingError for a column of time that is not there."""
+        named_zone = (
+            self.time_zone and not _OFFSET.fullmatch(self.time_zone) and any(_SINCE in u for u in self.time_unit)
+        )
+        firsts = _first_times(recording, self.time[0]) if named_zone else {}
+        known = [_Plan(self, group, recording, firsts) for group in recording.groups]
+        if self.time and not any(plan.places for plan in known):
+            names = list(dict.fromkeys(channel.name for group in recording.groups for channel in group.channels))
+            missing = next((n for n in self.time if not any(_place(g, n) is not None for g in recording.groups)), "")
+            raise RecordingError(
+                f"{recording.path.name}: no column {missing or self.time!r} with the others of time in one group"
+                f"{suggestion(missing, names)}; there are {', '.join(names[:20])}"
+            )
+
+        def read(report: Report) -> Iterator[Block]:
+            plans: dict[str, _Plan] = {}
+            for block in recording.blocks(report):
+                plan = plans.get(block.group.name)
+                if plan is None:
+                    plan = plans[block.group.name] = _Plan(self, block.group, recording, firsts)
+                yield plan.block(block)
+            for plan in plans.values():
+                plan.report(report)
+
+        left = _OF_OTHER_CLOCKS if self.time else ()
+        return replace(
+            recording,
+            groups=tuple(plan.group for plan in known),
+            read=read,
+            settings={**recording.settings, "import_description": self.text or self.name},
+            findings=tuple(finding for finding in recording.findings if finding.code not in left),
+        )
+
+
+@dataclass
+class _Plan:
+    """What the description makes of one group: its channels, its clock, and of its blocks their columns."""
+
+    description: ImportDescription
+    before: Group
+    recording: Recording
+    firsts: Mapping[str, float]
+    """First time of each group, where the zone's offset from UTC must be that of then."""
+    places: list[int] = field(init=False)
+    group: Group = field(init=False)
+    _missing: Counter[int] = field(default_factory=Counter)
+    _first: dict[int, str] = field(default_factory=dict)
+    _turns: int = 0
+    _last: float = -np.inf
+
+    def __post_init__(self) -> None:
+        named = [_place(self.before, name) for name in self.description.time]
+        self.places = [i for i in named if i is not None] if None not in named else []
+        channels = list(self.before.channels)
+        if self.places and self._units[0] is not None:
+            first = channels[self.places[0]]
+            channels[self.places[0]] = Channel(first.name, self._units[0].split(_SINCE)[0], first.label)
+        for i, channel in enumerate(channels):
+            stated = self.description.channels
+            if (other := stated.get(channel.name) or stated.get(channel.label)) is not None:
+                renamed = named_channels([other], [""])[0]
+                channels[i] = replace(renamed, unit=renamed.unit or channel.unit)
+        clock = self._clock
+        self.group = replace(self.before, channels=tuple(channels), clock=clock, zero=self._zero(clock))
+
+    @property
+    def _units(self) -> list[str | None]:
+        """Unit of each column of time: as stated, else its own."""
+        stated: list[str | None] = [*self.description.time_unit]
+        own = [self.before.channels[i].unit for i in self.places]
+        return stated + own[len(stated) :]
+
+    @property
+    def _seconds(self) -> list[float | None]:
+        return [None if unit is None else seconds_per(unit.split(_SINCE)[0]) for unit in self._units]
+
+    @property
+    def _clock(self) -> Clock | None:
+        if self.places:
+            seconds = self._seconds[0]
+            return TimeColumn(self.places[0], 1.0 if seconds is None else seconds, assumed=seconds is None)
+        rate = self.description.rate
+        return self.before.clock if rate is None else UniformClock(rate)
+
+    def _zero(self, clock: Clock | None) -> StartTime | None:
+        """When the group's time is zero, as its unit says, else as its log; in the zone that is stated."""
+        unit = self._units[0] if self.places else None
+        found = self.before.zero
+        if self.places and found is None:  # text that is no clock by itself
+            found = start_at(
+                self.recording.metadata.get(f"zero of {self.before.channels[self.places[0]].name}", ""), "log"
+            )
+            found = found and replace(found, source=f"first time of {self.before.channels[self.places[0]].name}")
+        if unit is not None and _SINCE in unit and (found := _point(unit.split(_SINCE)[1])) is not None:
+            name = self.before.channels[self.places[0]].name
+            begun = _decimal(self.recording.metadata.get(f"zero of {name}", ""))  # counted from the first by the reader
+            if begun is not None:
+                seconds = Decimal(repr(self._seconds[0] or 1.0))
+                minutes = 0 if found.has_zone else None
+                found = point_in_time(found.nanoseconds + int(begun * seconds * 10**9), unit, None, minutes)
+        if found is None:
+            return None
+        first = self.firsts.get(self.before.name, 0.0) * (self._seconds[0] or 1.0 if self.places else 1.0)
+        return _in_zone(found, self.description.time_zone, found.later(first) or found)
+
+    def block(self, block: Block) -> Block:
+        """The block with times unwrapped and summed, and no value where the description says so."""
+        columns = list(block.columns)
+        codes = self.description.codes
+        for i, column in enumerate(columns):
+            if codes and i not in self.places and (mask := np.isin(column, codes)).any():
+                self._first.setdefault(i, block.where(int(np.argmax(mask))))
+                self._missing[i] += int(mask.sum())
+                columns[i] = np.where(mask, np.nan, column)
+        if self.places:
+            columns[self.places[0]] = self._times([block.columns[i] for i in self.places])
+        return replace(block, group=self.group, columns=tuple(columns))
+
+    def _times(self, parts: Sequence[Samples]) -> Samples:
+        """Times in the unit of the first part."""
+        times, wraps = parts[0], self.description.time_wraps
+        if wraps is not None:
+            finite = np.flatnonzero(np.isfinite(times))
+            falls = np.diff(times[finite], prepend=self._last) < -0.5 * wraps
+            turns = self._turns + np.cumsum(falls)
+            times = times.copy()
+            if len(finite):
+                self._last, self._turns = float(times[finite[-1]]), int(turns[-1])
+            times[finite] += turns * wraps
+        first = self._seconds[0] or 1.0
+        for part, seconds in zip(parts[1:], self._seconds[1:], strict=True):
+            times = times + part * ((1.0 if seconds is None else seconds) / first)
+        return times
+
+    def report(self, report: Report) -> None:
+        """Report how many samples are none by the description."""
+        for i, count in self._missing.items():
+            message = f"{count} samples are numbers that the import description calls missing: NaN"
+            report(Finding("missing_values", self.group.channels[i].name, self._first[i], message))
+
+
+def _place(group: Group, name: str) -> int | None:
+    """The channel of this name as written, or without its unit."""
+    for names in ([c.name for c in group.channels], [c.label for c in group.channels]):
+        if names.count(name) == 1:
+            return names.index(name)
+    return None
+
+
+def _number(text: str | float) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _decimal(text: str) -> Decimal | None:
+    try:
+        return Decimal(text.replace(",", "."))
+    except InvalidOperation:
+        return None
+
+
+def _point(text: str) -> StartTime | None:
+    """The point in time from which a unit counts; also dates before the age of loggers, as of serial days."""
+    text = text.strip()
+    if text == "1970":
+        return SINCE_1970
+    if (found := start_at(text, f"since {text}")) is not None:
+        return replace(found, uncertainty_s=None)
+    return StartTime(f"{text}T00:00:00", f"since {text}") if re.fullmatch(r"1[6-9]\d\d-\d\d-\d\d", text) else None
+
+
+def _first_times(recording: Recording, name: str) -> dict[str, float]:
+    """The first time of the first group that has this column."""
+    for block in recording.blocks(lambda finding: None):
+        if (place := _place(block.group, name)) is not None and len(
+            at := np.flatnonzero(np.isfinite(block.columns[place]))
+        ):
+            return {block.group.name: float(block.columns[place][at[0]])}
+    return {}
+
+
+def _in_zone(point: StartTime, zone: str, then: StartTime) -> StartTime:
+    """A point of local time in the zone that is stated, with the offset from UTC that the zone had ``then``."""
+    if point.has_zone or not zone:
+        return point
+    offset = zone.upper().replace("UTC", "Z")
+    if (stated := _OFFSET.fullmatch(zone)) is None:
+        local = datetime.fromisoformat(then.time[:26]).replace(tzinfo=ZoneInfo(zone))
+        offset = local.isoformat()[-6:]
+    elif stated[1]:
+        offset = f"{stated[1]}{stated[2]}:{stated[3]}"
+    return replace(point, time=f"{point.time}{offset}")
