@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from difflib import get_close_matches
 from io import StringIO
 from pathlib import Path
-from typing import Annotated, Any, Generic, NamedTuple, TypeVar, get_args
+from typing import Annotated, Any, Generic, NamedTuple, TypeVar, cast, get_args
 from xml.etree import ElementTree
 
 from pydantic import (
@@ -282,11 +282,13 @@ def xml_root(text: str, source: str, error: type[CounterpoiseError] = DataError)
         raise error(f"{source}: not UTF-8 but {declared[1][:40]!r}, as it says: save it as UTF-8")
     if "<!DOCTYPE" in text:
         raise error(f"{source}: has a document type, which may define entities: take it out")
-    parser, depth, root = ElementTree.XMLPullParser(("start", "end")), 0, None
+    parser: ElementTree.XMLPullParser[ElementTree.Element] = ElementTree.XMLPullParser(("start", "end"))
+    root, depth = None, 0
     try:
         for begin in range(0, len(text), 1 << 16):
             parser.feed(text[begin : begin + (1 << 16)])
-            for event, element in parser.read_events():
+            for found in parser.read_events():
+                event, element = cast(tuple[str, ElementTree.Element], found)
                 root, depth = element if root is None else root, depth + (1 if event == "start" else -1)
                 if depth > _DEEPEST_XML:
                     raise error(f"{source}: elements are nested more than {_DEEPEST_XML} deep")

@@ -120,7 +120,7 @@ def open_library(path: Path) -> Recording:
     zeros = {f"{c.name}: zero": f"{c.zero} ns since 1970" for c in kept if c.zero}
     zeros |= {key: text[:_LONGEST_TEXT] for key, text in metadata.items() if key != "ARROW:schema"}
     time = clock(kept)
-    group = Group(path.stem, tuple(c.channel for c in kept), time, time and _zero(kept[time.index]))
+    group = Group(path.stem, tuple(c.channel for c in kept), time, None if time is None else _zero(kept[time.index]))
     return Recording(
         path=path,
         format="Parquet",
