@@ -15,5 +15,9 @@ class StoreError(CounterpoiseError):
     """A stored run or campaign that is damaged, missing or in the way."""
 
 
+class NotConfirmedError(StoreError):
+    """A run that has its name, of which the system does not confirm that it is on the disk or in the ledger."""
+
+
 class AnalysisError(CounterpoiseError):
     """A campaign that does not hold what the asked analysis needs."""

@@ -15,6 +15,8 @@ COMMANDS = {
     "watch": ("ingest", "Ingest what arrives in a folder, each log once."),
     "list": ("campaign:list_runs", "The runs of a campaign."),
     "verify": ("campaign", "Check every stored run against its digest."),
+    "ledger": ("campaign", "What should be in a campaign: every run, record and removal; the digest of all of it."),
+    "remove": ("campaign", "Take a run or record out of a campaign, by a person and with a reason."),
     "archive": ("campaign", "Store runs anew, small, and the same to the bit."),
     "recover": ("campaign", "Save what a stopped ingest had acknowledged, and report what is lost."),
     "align": ("align", "The clocks of several loggers: offset and drift, with intervals."),

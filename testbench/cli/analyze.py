@@ -109,7 +109,7 @@ def analyze(
     if figure:
         _draw(analysis, figure)
     if as_json:
-        shown = document(analysis) | {"calibrations": options.calibrations(runs)}
+        shown = document(analysis) | {"calibrations": options.calibrations(runs), "ledgers": options.ledgers(runs)}
         if budget:
             for row, one in zip(shown["reductions"], analysis.reductions, strict=True):
                 row["budget"] = plain(one.uncertainty.budgets if one.uncertainty else [])
@@ -120,6 +120,7 @@ def analyze(
             of = f"{one.key}, {one.sensor} along {one.axis}"
             options.print_budgets(of, one.uncertainty.budgets if one.uncertainty else ())
         options.print_calibrations(options.calibrations(runs))
+        options.print_ledgers(options.ledgers(runs))
     return EXIT_WITH_FINDINGS if analysis.findings else 0
 
 
@@ -192,10 +193,11 @@ def compare(
     if figure:
         _draw(comparison, figure)
     if as_json:
-        emit_json(document(comparison) | {"calibrations": options.calibrations(runs)})
+        emit_json(document(comparison) | {"calibrations": options.calibrations(runs), "ledgers": options.ledgers(runs)})
     else:
         _print_comparison(campaign, comparison)
         options.print_calibrations(options.calibrations(runs))
+        options.print_ledgers(options.ledgers(runs))
     return EXIT_WITH_FINDINGS if comparison.findings else 0
 
 

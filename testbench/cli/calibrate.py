@@ -127,8 +127,8 @@ def _report_damaged(damaged: "list[NotOpened]") -> None:
     """Print to stderr which runs were skipped, and how to recover them."""
     for one in damaged:
         options.complain(
-            f"{one.message}; {one.run} is left out: `testbench verify` tells if it is damaged; then take {one.run}.h5 "
-            f"and {one.run}.h5.sha256 out of the campaign, ingest its logs again, and calibrate it"
+            f"{one.message}; {one.run} is left out: `testbench verify` tells if it is damaged; then `testbench "
+            "remove` takes it out of the campaign: ingest its logs again, and calibrate it"
         )
 
 

@@ -1,4 +1,4 @@
-"""Commands on a campaign of stored runs: ``testbench list``, ``verify``, ``recover``, ``archive`` and ``export``."""
+"""Commands on a campaign: ``list``, ``verify``, ``ledger``, ``remove``, ``recover``, ``archive``, ``export``."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -67,7 +67,8 @@ def export(stored: Path, to: str, output: Path, licence: str | None, physical: b
     applied = options.calibrations(runs) if physical else []
     losses = [loss for one in written for loss in one.losses]
     if as_json:
-        emit_json({"to": to, "files": written, "physical": physical, "calibrations": applied, "refused": refused})
+        known = {"physical": physical, "calibrations": applied, "ledgers": options.ledgers(runs)}
+        emit_json({"to": to, "files": written, **known, "refused": refused})
     else:
         for one in written:
             click.echo(plain_text(str(one.file)))
@@ -111,6 +112,7 @@ def archive(stored: tuple[Path, ...], output: Path, as_json: bool) -> int:
     from ..store import append_only_records
     from ..store.archive import Archived
     from ..store.archive import archive as make
+    from ..store.ledger import enter_found
 
     runs, unopened = options.openable_runs(stored)
     for folder in dict.fromkeys(run.path.parent for run in runs):
@@ -123,6 +125,8 @@ def archive(stored: tuple[Path, ...], output: Path, as_json: bool) -> int:
     for folder in dict.fromkeys(run.path.parent for run in runs):
         if done:
             append_only_records.copy(folder, output)
+    if done:
+        enter_found(output)
     if as_json:
         emit_json({"archive": output.name, "runs": [*done, *refused]})
     else:
@@ -218,18 +222,23 @@ Examples:
   testbench verify campaign
   testbench verify campaign --json
 \b
-Exit codes: 0 every run is intact, 1 a run or record is damaged or missing, 3 there are files that are no runs."""
+Exit codes: 0 every run is intact, 1 a run or record, or the ledger, is damaged or missing, 3 there are files that are
+no runs or not in the ledger."""
 )
 @click.argument("campaign", type=click.Path(path_type=Path))
 @json_option
 def verify(campaign: Path, as_json: bool) -> int:
-    """Check every stored run, to the bit, against the digest that was written beside it; and the later records."""
-    from ..store import open_campaign
-    from ..store.campaign import FileState
+    """Check every stored run, to the bit, against the digest that was written beside it; and the later records.
 
-    opened = open_campaign(campaign)
+    Against the ledger it finds what is missing, exchanged, or there without having been entered.
+    """
+    from ..store import Campaign, open_campaign
+    from ..store.campaign import FileState, existing
+    from ..store.ledger import FILE
+
+    opened = Campaign(existing(campaign)) if (campaign / FILE).exists() else open_campaign(campaign)
     with progress("verifying", sum(path.stat().st_size for path in opened.run_paths if path.is_file())) as done:
-        files = [*opened.verify(done), *_records(campaign)]
+        files = list({file.name: file for file in (*opened.verify(done), *_records(campaign))}.values())
     if as_json:
         emit_json({"campaign": campaign.resolve().name, "files": files})
     else:
@@ -237,7 +246,7 @@ def verify(campaign: Path, as_json: bool) -> int:
     states = {file.status for file in files}
     if states & {"damaged", "missing"}:
         return EXIT_REFUSED
-    return EXIT_WITH_FINDINGS if states - {"intact"} else 0
+    return EXIT_WITH_FINDINGS if states - {"intact", "absent"} else 0
 
 
 def _records(campaign: Path) -> "list[FileState]":
@@ -260,3 +269,71 @@ def _records(campaign: Path) -> "list[FileState]":
         FileState(f"{append_only_records.FOLDER}/{name}", "extra", message)
         for name in append_only_records.others(campaign)
     ]
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  testbench ledger campaign
+  testbench ledger campaign --json
+\b
+The head is the SHA-256 of the last entry, which holds that of the entry before: noted elsewhere it shows whether
+anything up to it was changed since. It is a plain digest and no signature.
+Exit codes: 0 done, 1 the ledger was changed."""
+)
+@click.argument("campaign", type=click.Path(path_type=Path))
+@json_option
+def ledger(campaign: Path, as_json: bool) -> int:
+    """What was entered into a campaign, in this order: runs, records, removals; and the head."""
+    from ..store.campaign import existing
+    from ..store.ledger import Entry, read_ledger
+
+    found = read_ledger(existing(campaign))
+    name = campaign.resolve().name
+    if as_json:
+        emit_json({"campaign": name, "head": found.head, "entries": found.entries})
+    elif found.head is None:
+        click.echo(f"{plain_text(name)}: no ledger; the next run or record that is stored begins one")
+    else:
+        emit_table(f"{name}: {len(found.entries)} entries", *table(Entry, found.entries), f"head {found.head}")
+    return 0
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  testbench remove campaign/r001.h5 --by "A. Kaya" --reason "the wrong rig"
+  testbench remove campaign/records/*-calibration-0a1b2c3d.json --by "A. Kaya" --reason "a typing error"
+\b
+A file that is gone already may be named too: then its absence is accounted for.
+Exit codes: 0 done, 1 some file was neither there nor in the ledger (the others are removed)."""
+)
+@click.argument("files", metavar="RUN|RECORD...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--by", required=True, metavar="NAME", help="Who removes it.")
+@click.option("--reason", required=True, metavar="TEXT", help="Why.")
+@json_option
+def remove(files: tuple[Path, ...], by: str, reason: str, as_json: bool) -> int:
+    """Take runs or records out of a campaign. The ledger keeps what they were, by whom and why they were removed."""
+    from ..errors import StoreError
+    from ..store import append_only_records
+    from ..store.campaign import existing
+    from ..store.ledger import remove as take_out
+
+    if not by.strip() or not reason.strip():
+        raise click.UsageError("--by and --reason: expected a text; a removal is recorded with who made it and why")
+    removed, failed = [], []
+    for path in files:
+        in_records = path.parent.name == append_only_records.FOLDER
+        folder = path.parent.parent if in_records else path.parent
+        try:
+            name = f"{path.parent.name}/{path.name}" if in_records else path.name
+            removed.append(take_out(existing(folder), name, by.strip(), reason.strip()))
+        except StoreError as error:
+            failed.append(str(error))
+    if as_json:
+        emit_json({"removed": removed, "refused": failed})
+    else:
+        for entry in removed:
+            click.echo(f"{plain_text(entry.file)}: removed, entry {entry.number} of the ledger")
+    options.complain(*failed)
+    return EXIT_REFUSED if failed else 0

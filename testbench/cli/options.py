@@ -125,6 +125,24 @@ def calibrations(runs: "Iterable[Run | SIRun]") -> "list[CalibrationInForce]":
     return calibrations_in_force(run for run in bound if run)
 
 
+def ledgers(runs: "Iterable[Run | SIRun]") -> list[dict[str, Any]]:
+    """The campaigns of runs, and what their ledgers had come to: number of entries, digest of the last one."""
+    from ..store.ledger import read_ledger
+
+    found = {folder: read_ledger(folder) for folder in dict.fromkeys(run.path.parent for run in runs)}
+    return [
+        {"campaign": folder.resolve().name, "entries": len(ledger.entries), "head": ledger.head}
+        for folder, ledger in found.items()
+    ]
+
+
+def print_ledgers(found: Iterable[dict[str, Any]]) -> None:
+    """Print a line for each campaign that has a ledger."""
+    for one in found:
+        if one["head"]:
+            click.echo(f"Ledger of {plain_text(one['campaign'])}: {one['entries']} entries, head {one['head']}.")
+
+
 def print_calibrations(found: "Sequence[CalibrationInForce]") -> None:
     """Print a line for each calibration, with the runs in which it is in force."""
     for one in found:

@@ -241,6 +241,7 @@ def report(
         "runs": [one.as_dict() for one in found.values()],
         "compared": compared,
         "calibrations": options.calibrations(opened),
+        "ledgers": options.ledgers(opened),
         "refused": refused,
     }
     written = _write(output, opened, document, mechanism, bandwidth) if output and opened else []
@@ -253,6 +254,7 @@ def report(
         for path in written:
             click.echo(f"Wrote {path}.")
         options.print_calibrations(options.calibrations(opened))
+        options.print_ledgers(options.ledgers(opened))
     options.complain(*(one.message for one in refused))
     if refused:
         return EXIT_REFUSED

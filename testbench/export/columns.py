@@ -14,6 +14,7 @@ from balance.results import document
 
 from ..recording import Channel, Samples, UniformClock
 from ..store import Run
+from ..store.ledger import read_ledger
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,7 @@ def provenance(run: Run) -> dict[str, Any]:
         "start_times": {group.name: document(group.start_time) for group in run.groups if group.start_time},
         "findings": [finding.as_dict() for finding in run.findings],
         "provenance": run.provenance,
+        "ledger_head": read_ledger(run.path.parent).head,
     }
 
 

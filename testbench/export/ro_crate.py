@@ -16,6 +16,7 @@ from urllib.parse import quote
 from ..errors import StoreError
 from ..public_recordings import recordings_by_file
 from ..store import Campaign, Run, append_only_records, atomic_files
+from ..store.ledger import read_ledger
 from . import Exported
 
 NAME = "ro-crate-metadata.json"
@@ -30,7 +31,9 @@ def export_crate(campaign: Campaign, runs: Sequence[Run], folder: Path, licence:
     if target.exists():
         raise StoreError(f"{target}: is there already; nothing is overwritten, name another folder")
     later = _records(campaign, runs)
-    text = json.dumps(crate_metadata(campaign.path.resolve().name, runs, licence, later), indent=1, ensure_ascii=False)
+    head = read_ledger(campaign.path).head
+    metadata = crate_metadata(campaign.path.resolve().name, runs, licence, later, head)
+    text = json.dumps(metadata, indent=1, ensure_ascii=False)
     with _whole_or_not(folder) as made:
         if folder.resolve() != campaign.path.resolve():
             for run in runs:
@@ -48,9 +51,13 @@ def export_crate(campaign: Campaign, runs: Sequence[Run], folder: Path, licence:
 
 
 def crate_metadata(
-    name: str, runs: Sequence[Run], licence: str | None, later: Sequence[append_only_records.Record] = ()
+    name: str,
+    runs: Sequence[Run],
+    licence: str | None,
+    later: Sequence[append_only_records.Record] = (),
+    head: str | None = None,
 ) -> dict[str, Any]:
-    """The description of ``runs`` and the ``later`` records about them as JSON-LD."""
+    """The description of ``runs`` and the ``later`` records about them as JSON-LD; ``head`` is that of the ledger."""
     now = datetime.now(UTC).isoformat(timespec="seconds")
     parts = [node for run in runs for node in _run(run, licence)]
     parts += [_record(record, runs) for record in later]
@@ -64,6 +71,7 @@ def crate_metadata(
         + ("; runs of origin 'simulated' were not measured." if simulated else "."),
         "datePublished": now,
         "license": _references(licences),
+        **({} if head is None else {"identifier": f"sha256:{head}"}),
         "hasPart": [{"@id": node["@id"]} for node in parts if node["@type"] == "File"],
     }
     about = {"@id": "./"}

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from balance.results import Key
 
-from ..errors import RecordingError, StoreError
+from ..errors import NotConfirmedError, RecordingError, StoreError
 from ..quality import rig_checks
 from ..quality.group_checks import RecordingCheck
 from ..readers import ReadOptions
@@ -119,6 +119,8 @@ class Ingest:
         """Store the run, unless another process was quicker with the same recordings."""
         try:
             return self._store(planned, sources)
+        except NotConfirmedError:
+            raise
         except StoreError:
             if others := self._already(planned, sources):
                 return others
@@ -252,5 +254,5 @@ def _origin(planned: PlannedRun, sources: Sequence[Source]) -> Origin:
 def _unopened(name: str, reason: str, consequence: str) -> str:
     return (
         f"{name} of the campaign cannot be opened, and {consequence} ({reason}); `testbench verify` tells whether it "
-        f"is damaged: then take it and {name}{atomic_files.SUFFIX} out of the campaign, and ingest its logs again"
+        "is damaged: then `testbench remove` takes it out of the campaign, and its logs are to be ingested again"
     )

@@ -16,8 +16,8 @@ from typing import Any
 from uuid import uuid4
 
 from ..errors import StoreError
-from . import atomic_files
-from .atomic_files import sync
+from . import atomic_files, ledger
+from .atomic_files import one_at_a_time, sync
 from .run import identities
 
 FOLDER = "records"
@@ -45,23 +45,31 @@ def append_record(campaign: Path, kind: str, runs: Sequence[Path], content: Mapp
     """Add a record about stored runs of ``campaign``; returns its file. It is there whole or not at all."""
     from importlib.metadata import version
 
-    now = datetime.now(UTC)
-    document = {
-        "layout": LAYOUT,
-        "number": 1 + max((record.number for record in read_records(campaign)), default=0),
-        "kind": kind,
-        "written": now.isoformat(timespec="microseconds"),
-        "software": {"counterpoise": version("counterpoise")},
-        "runs": {run.name: atomic_files.recorded_digest(run) for run in runs},
-        "content": content,
-    }
-    document["sha256"] = _digest(document)
-    text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     folder = campaign / FOLDER
-    target = folder / f"{now:%Y%m%dT%H%M%S%f}Z-{kind}-{uuid4().hex[:8]}.json"
     try:
-        folder.mkdir(exist_ok=True)
-        _write(target, text)
+        with one_at_a_time(campaign):
+            now = datetime.now(UTC)
+            entered = (entry.details.get("number", 0) for entry in ledger.read_ledger(campaign).entries)
+            document = {
+                "layout": LAYOUT,
+                "number": 1 + max([*(record.number for record in read_records(campaign)), *entered], default=0),
+                "kind": kind,
+                "written": now.isoformat(timespec="microseconds"),
+                "software": {"counterpoise": version("counterpoise")},
+                "runs": {run.name: atomic_files.recorded_digest(run) for run in runs},
+                "content": content,
+            }
+            document["sha256"] = _digest(document)
+            text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+            target = folder / f"{now:%Y%m%dT%H%M%S%f}Z-{kind}-{uuid4().hex[:8]}.json"
+            folder.mkdir(exist_ok=True)
+            _write(target, text)
+            details = {"kind": kind, "number": document["number"]}
+            try:
+                ledger.enter(campaign, "record", f"{FOLDER}/{target.name}", atomic_files.sha256_of(target), details)
+            except OSError:
+                target.unlink()
+                raise
     except OSError as error:
         raise StoreError(f"{folder}: cannot be written ({error.strerror or error}); nothing was recorded") from error
     return target

@@ -106,7 +106,10 @@ def unfinished(path: Path) -> Unfinished | None:
 
 
 def place_with_digest(part: Path, target: Path, line: str) -> None:
-    """Give a synced file its name and write its digest file, that first; never over what is there."""
+    """Give a synced file its name and write its digest file, that first; never over what is there.
+
+    The folder, which holds the names, is not synced yet.
+    """
     digest = digest_file(target)
     named = unfinished(part)
     assert named is not None
@@ -128,7 +131,6 @@ def place_with_digest(part: Path, target: Path, line: str) -> None:
         ) from error
     finally:
         digest_part.unlink(missing_ok=True)
-    sync(target.parent)
 
 
 def take_name(part: Path, target: Path) -> None:
@@ -187,19 +189,25 @@ def is_locked(path: Path) -> bool:
         return True
 
 
+LOCK = ".lock"
+"""Of a campaign: the file by which its writers wait for each other. It stays, and holds nothing."""
+
+
 @contextmanager
 def one_at_a_time(folder: Path) -> Iterator[None]:
-    """Wait for the only place in ``folder``: of all processes on this machine, one is inside."""
-    if fcntl is None:
-        yield  # a run's name is still taken once only
-        return
-    handle = os.open(folder, os.O_RDONLY)
+    """Wait for the only place in ``folder``: of all processes on this machine, one is inside, which may enter twice."""
+    from filelock import FileLock  # late: who reads needs none
+
+    lock = FileLock(folder / LOCK, is_singleton=True)
     try:
-        with suppress(OSError):  # a network folder without locks
-            fcntl.flock(handle, fcntl.LOCK_EX)
+        lock.acquire()
+    except OSError as error:
+        if error.errno not in {errno.ENOLCK, errno.ENOTSUP}:  # a network folder without locks
+            raise
+    try:
         yield
     finally:
-        os.close(handle)
+        lock.release()
 
 
 @dataclass(frozen=True)
@@ -295,10 +303,14 @@ class JournalWriter:
         while line:  # a disk that is full takes a part, and says why when asked again
             line = line[self._stream.write(line) :]
 
-    def remove(self) -> None:
-        """Take the journal away: the run is stored, or given up in good order."""
+    def close(self) -> None:
+        """Let go of the journal, which stays."""
         with suppress(OSError):  # a disk that is full
             self._stream.close()
+
+    def remove(self) -> None:
+        """Take the journal away: the run is stored, or given up in good order."""
+        self.close()
         self.path.unlink(missing_ok=True)
 
 

@@ -10,13 +10,15 @@ from typing import Annotated
 from balance.results import Key
 
 from ..errors import StoreError
-from . import atomic_files
+from . import atomic_files, ledger
 from .atomic_files import Leftover, leftovers, unfinished
 from .run import Run, open_run
 
 SUFFIX = ".h5"
-KEPT = frozenset({"records", "ro-crate-metadata.json"})
-"""What else belongs into a campaign: later records, and the description of a crate."""
+CRATE = "ro-crate-metadata.json"
+"""The description of a crate, which holds copies and quotes the head of the ledger."""
+KEPT = frozenset({"records", CRATE, ledger.FILE, atomic_files.LOCK})
+"""What else belongs into a campaign: later records, the ledger, the lock, and the description of a crate."""
 
 
 WITHOUT_DIGESTS = (
@@ -27,7 +29,11 @@ WITHOUT_DIGESTS = (
 
 @dataclass(frozen=True)
 class FileState:
-    """What :meth:`Campaign.verify` found of a file: ``intact``, ``damaged``, ``missing``, ``unfinished``, ``extra``."""
+    """What :meth:`Campaign.verify` found of a file.
+
+    ``intact``, ``damaged``, ``missing``, ``unfinished``, ``extra`` (no run), ``added`` (not in the ledger), or of the
+    ledger ``absent``, where a campaign was stored before there was one.
+    """
 
     name: Annotated[str, Key("", "file")]
     status: Annotated[str, Key("", "status")]
@@ -51,7 +57,10 @@ class Campaign:
         return tuple(open_run(path) for path in self.run_paths)
 
     def verify(self, progress: Callable[[int], None] = lambda count: None) -> list[FileState]:
-        """The state of every file in the folder: of runs by their digests, of others that they are there."""
+        """The state of every file in the folder: of runs by their digests, of others that they are there.
+
+        By the ledger it knows what should be there too.
+        """
         states = [_state_of(path, progress) for path in self.run_paths]
         known = {path.name for path in self.run_paths} | {
             atomic_files.digest_file(path).name for path in self.run_paths
@@ -59,7 +68,13 @@ class Campaign:
         unfinished_runs = leftovers(self.path)
         states += [_unfinished(leftover) for leftover in unfinished_runs]
         known |= {name for leftover in unfinished_runs for name in (leftover.part.name, leftover.journal.name)}
-        return states + [_other(path) for path in sorted(self.path.iterdir()) if path.name not in known | KEPT]
+        states += [_other(path) for path in sorted(self.path.iterdir()) if path.name not in known | KEPT]
+        found = {state.name: state for state in states}
+        entered = not (self.path / CRATE).exists() and any(map(_has_digests, self.run_paths))
+        for name, status, message in ledger.cross_check(self.path, entered):
+            if name not in found or found[name].status == "intact":
+                found[name] = FileState(name, status, message)
+        return list(found.values())
 
 
 def existing(folder: str | Path) -> Path:
@@ -128,7 +143,7 @@ def _has_digests(path: Path) -> bool:
     try:
         return all(group.digests is not None for group in open_run(path).groups)
     except StoreError:
-        return True  # no run that we know: whoever opens it says so
+        return False  # no run that we know: whoever opens it says so
 
 
 def _what_changed(path: Path) -> str:

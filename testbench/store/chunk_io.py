@@ -233,7 +233,7 @@ _DIGEST_BYTES = 8
 def digest(samples: Samples, salt: str, group: int, channel: int, first: int) -> bytes:
     """The digest of a block (n,) [as recorded] that begins at sample ``first`` of a channel, by its number."""
     place = f"{salt} {group} {channel} {first} {len(samples)}"
-    return xxh3_64_digest(samples, seed=xxh3_64_intdigest(place.encode()))
+    return xxh3_64_digest(samples.data, seed=xxh3_64_intdigest(place.encode()))
 
 
 def digest_of_texts(texts: Sequence[str], salt: str, path: str) -> str:

@@ -10,8 +10,18 @@ from balance.results import Key
 from ..errors import StoreError
 from ..recording import Samples
 from . import archive, atomic_files
-from .atomic_files import Journal, Kept, Leftover, leftovers, place_with_digest, read_journal, unfinished
+from .atomic_files import (
+    Journal,
+    Kept,
+    Leftover,
+    leftovers,
+    one_at_a_time,
+    place_with_digest,
+    read_journal,
+    unfinished,
+)  # fmt: skip
 from .chunk_io import checked_samples, digest
+from .ledger import enter_run, read_ledger
 from .run import Run, open_run
 
 MARK = ".recovered"
@@ -79,9 +89,18 @@ def _recovered(leftover: Leftover, save: Save) -> Recovery | None:
 
 
 def _complete(leftover: Leftover, sealed: str | None) -> bool:
-    """Whether the run was written to its end and is in its place, where it is put if it is not."""
+    """Whether the run was written to its end and is in its place and in the ledger, where it is put if it is not."""
     if sealed is None:
         return False
+    with one_at_a_time(leftover.target.parent):
+        if not _is_placed(leftover, sealed):
+            return False
+        if not read_ledger(leftover.target.parent).holds(leftover.target.name):
+            enter_run(leftover.target, sealed, {"recovered": True})
+    return True
+
+
+def _is_placed(leftover: Leftover, sealed: str) -> bool:
     if not leftover.part.exists():
         return leftover.target.exists()  # the part goes only after the run is there
     if atomic_files.sha256_of(leftover.part) != sealed:

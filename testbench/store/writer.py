@@ -36,9 +36,10 @@ from ..recording import (
     earliest,
 )
 from . import atomic_files, chunk_io, layout
-from .atomic_files import JOURNAL, PART, JournalWriter, Piece, place_with_digest, sync
+from .atomic_files import JOURNAL, PART, JournalWriter, Piece, one_at_a_time, place_with_digest, sync
 from .chunk_io import OutFile, digest, digest_of_texts
 from .encodings import COMPRESSED, PLAIN, Decimals, Form, minus_bits
+from .ledger import enter_run, read_ledger
 
 if TYPE_CHECKING:
     import h5py
@@ -47,6 +48,8 @@ CHUNK = 1 << 15
 """Samples a chunk."""
 GATHERED = 4 * CHUNK
 """Samples that are gathered before whole chunks are written."""
+ENTERED = ("accepted_findings", "continues")
+"""What the ledger says of a run, out of its provenance."""
 SYNCED_EVERY_S = 1.0
 """How long chunks that are acknowledged may wait to be synced with the journal [s]: what a loss of power may cost."""
 Acknowledge = Callable[[Sequence[Sequence[Piece]]], None]
@@ -279,7 +282,8 @@ class RunWriter:
         self._groups: dict[str, GroupWriter] = {}
         self._taken: set[str] = {"conditions", "provenance", "notes", "start_time"}
         self._file: h5py.File | None = None
-        self._made_folder = False
+        self._made_folder = self._is_placed = False
+        self._details: dict[str, Any] = {}
         self._synced = time.monotonic()
         if self.target.exists():
             raise StoreError(f"{self.target}: there is a run of this name already; stored runs never change")
@@ -303,6 +307,7 @@ class RunWriter:
         import h5py
 
         self.target.parent.mkdir(parents=True, exist_ok=True)
+        read_ledger(self.target.parent)  # one that is damaged takes no entry: better known before the log is read
         self._journal = JournalWriter(self._part.with_suffix(JOURNAL), self._intent)
         self._out = OutFile(self._part)
         self._file = h5py.File(self._out, "w", libver=("v108", "v110"))
@@ -363,6 +368,7 @@ class RunWriter:
         assert self._file is not None
         keys = [writer.key for writer in self._groups.values()]
         default = next((writer.key for writer in self._groups.values() if writer.has_plot), keys[0])
+        self._details = {key: found for key in ENTERED if (found := provenance.get(key))}
         texts = {place: list(inputs.get(place.rpartition("/")[2], ())) for place in layout.TEXTS}
         texts[layout.FINDINGS] = [json.dumps(finding.as_dict(), ensure_ascii=False) for finding in findings]
         texts[layout.RIG] = [] if rig is None else [rig]
@@ -414,10 +420,17 @@ class RunWriter:
             self._out.check()
 
     def commit(self) -> Path:
-        """Move the run to its place, its digest first; never over another one. Returns its path."""
+        """Move the run to its place, its digest first, never over another one; enter it into the ledger. Its path.
+
+        Raises NotConfirmedError where it has its name, but disk or ledger fail: its journal stays for `recover`.
+        """
         self.seal()
-        with self._writing():
-            place_with_digest(self._part, self.target, self._line)
+        with one_at_a_time(self.target.parent):
+            with self._writing():
+                place_with_digest(self._part, self.target, self._line)
+            self._is_placed = True
+            enter_run(self.target, self._line[:64], self._details)
+        self._is_placed = False
         return self.target
 
     def __exit__(
@@ -428,7 +441,9 @@ class RunWriter:
         with contextlib.suppress(OSError):  # a folder that is a file
             self._part.unlink(missing_ok=True)
         if self._journal is not None:
-            self._journal.remove()
+            self._journal.close()
+            if not self._is_placed:
+                self._journal.remove()
         if self._made_folder:
             with contextlib.suppress(OSError):  # the run is in it
                 self.target.parent.rmdir()

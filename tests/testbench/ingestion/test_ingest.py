@@ -12,6 +12,8 @@ from testbench.ingestion import Ingest
 from testbench.ingestion.run_table import PlannedRun
 from testbench.store import open_campaign, open_run
 
+from ..store.test_writer import names_in
+
 HEADER = "Time (s),AccX (g),AccY (g),AccZ (g)\n"
 ROWS = [f"{i / 1000:.4f},{0.5 * (i % 7) - 3:.4f},{1.25 * (i % 11):.4f},{i % 5:.4f}\n" for i in range(400)]
 RIG = """
@@ -191,7 +193,7 @@ def test_a_disk_that_is_full_leaves_the_campaign_intact(folder, monkeypatch):
     (outcome,) = ingested(folder, PlannedRun("r002", (folder / "r002.csv",)))
     assert outcome.status == "refused"
     assert "cannot be written (No space left on device)" in outcome.message
-    assert sorted(p.name for p in (folder / "campaign").iterdir()) == ["r001.h5", "r001.h5.sha256"]
+    assert names_in(folder / "campaign") == ["r001.h5", "r001.h5.sha256"]
 
 
 def test_one_recording_twice_in_one_run(folder):
@@ -256,7 +258,7 @@ def test_a_damaged_run_keeps_no_other_out(folder, damage):
         "cut": content[:5000], "no HDF5": b"x" * 5000, "empty": b"",
         "description": content[:at] + b"#" + content[at + 1 :],
     }[damage])  # fmt: skip
-    before = {p.name: p.read_bytes() for p in (folder / "campaign").iterdir()}
+    before = {name: (folder / "campaign" / name).read_bytes() for name in names_in(folder / "campaign")}
     (folder / "r002.csv").write_text(HEADER + "".join(ROWS[:300]))
     work = Ingest(folder / "campaign")
     (outcome,) = work.run(PlannedRun("r002", (folder / "r002.csv",)))
@@ -269,7 +271,7 @@ def test_a_damaged_run_keeps_no_other_out(folder, damage):
     (again,) = work.run(PlannedRun("r001", (folder / "r001.csv",)))
     assert (again.status, again.file) == ("refused", None)
     assert "r001.h5 of the campaign cannot be opened" in again.message
-    assert "r001.h5.sha256 out of the campaign" in again.message
+    assert "then `testbench remove` takes it out of the campaign" in again.message
     (once,) = work.run(PlannedRun("r002_again", (folder / "r002.csv",)))
     assert once.status == "already_stored"
     assert {name: (folder / "campaign" / name).read_bytes() for name in before} == before

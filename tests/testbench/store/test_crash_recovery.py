@@ -19,6 +19,8 @@ from testbench.store.archive import archive
 from testbench.store.atomic_files import JournalWriter
 from testbench.store.writer import RunWriter
 
+from .test_writer import names_in
+
 INTENT = {
     "origin": "simulated", "conditions": {"payload_kg": 5.0}, "rig": "a = 1\n",
     "sources": [{"name": "log.csv", "size_bytes": 9}],
@@ -81,7 +83,7 @@ def test_a_run_that_was_written_whole_is_put_in_its_place(tmp_path, monkeypatch,
     (found,) = recover(tmp_path)
     assert (found.status, found.file) == ("completed", "r001.h5")
     assert open_run(tmp_path / "r001.h5").channel("AccX").tobytes() == COLUMNS[1].tobytes()
-    assert [p.name for p in sorted(tmp_path.iterdir())] == ["r001.h5", "r001.h5.sha256"]
+    assert names_in(tmp_path) == ["r001.h5", "r001.h5.sha256"]
     assert atomic_files.recorded_digest(tmp_path / "r001.h5") == atomic_files.sha256_of(tmp_path / "r001.h5")
 
 
@@ -226,7 +228,7 @@ def test_runs_whose_names_look_like_endings(tmp_path, monkeypatch, name):
     assert [(found.run, found.file) for found in recover(tmp_path)] == [(name, f"{name}.recovered.h5")]
     (run,) = open_campaign(tmp_path).runs
     assert run.channel("AccX").tobytes() == COLUMNS[1][: run.group().samples].tobytes()
-    assert len(list(tmp_path.iterdir())) == 2
+    assert len(names_in(tmp_path)) == 2
 
 
 def test_a_recovery_that_was_stopped_before_it_tidied_up(tmp_path, monkeypatch):
@@ -237,7 +239,7 @@ def test_a_recovery_that_was_stopped_before_it_tidied_up(tmp_path, monkeypatch):
     for path, content in left.items():
         path.write_bytes(content)
     assert [(found.status, found.file) for found in recover(tmp_path)] == [("superseded", "r001.recovered.h5")]
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["r001.recovered.h5", "r001.recovered.h5.sha256"]
+    assert names_in(tmp_path) == ["r001.recovered.h5", "r001.recovered.h5.sha256"]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="locks of another kind")

@@ -1,0 +1,296 @@
+"""The ledger of a campaign, ``ledger.jsonl``: what should be in it. Only ever added to, each entry chained to the last.
+
+An entry is a line of JSON: a run or a record that was stored, with its SHA-256; one that a person removed, and why. It
+holds the digest of the entry before it and its own; that of the last, the head, stands for the whole campaign, and
+whoever has it noted elsewhere can tell whether anything before it was changed. No key signs it: who can write the
+folder can write all of it anew, but then to another head.
+
+Whoever appends holds the lock of the campaign; an entry is on the disk before anybody is told that it is there.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Any
+
+from balance.results import Key
+
+from ..errors import NotConfirmedError, StoreError
+from . import atomic_files
+from .atomic_files import one_at_a_time
+
+FILE = "ledger.jsonl"
+RUNS, RECORDS = "*.h5", "records/*.json"
+"""Where the files of a campaign lie that are entered."""
+_KEYS = ("number", "previous", "written", "kind", "file", "sha256", "details")
+"""Of an entry, without its digest."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One line of the ledger."""
+
+    number: Annotated[int, Key("", "entry")]
+    """From 1 on, without gaps."""
+    previous: str
+    """Digest of the entry before; empty of the first."""
+    written: Annotated[str, Key("", "written")]
+    """When, ISO 8601, UTC, by the clock of the machine."""
+    kind: Annotated[str, Key("", "kind")]
+    """``run``, ``record``, ``removed``, or ``grown``: the log of the run has more than was stored."""
+    file: Annotated[str, Key("", "file")]
+    """In the campaign, such as ``r001.h5``."""
+    sha256: Annotated[str, Key()]
+    """Of that file."""
+    details: Annotated[Mapping[str, Any], Key("", "details", lambda found: json.dumps(found) if found else "")]
+    """Such as the findings that were accepted; by whom and why it was removed."""
+    digest: Annotated[str, Key()]
+    """SHA-256 of all of the above."""
+
+    def line(self) -> bytes:
+        """As it stands in the file."""
+        known = {key: getattr(self, key) for key in (*_KEYS, "digest")}
+        return json.dumps(known, ensure_ascii=True).encode("ascii") + b"\n"
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """The entries of a campaign, and what follows from them."""
+
+    entries: tuple[Entry, ...]
+    whole: int
+    """Bytes of the file up to the last whole line: what an append that was stopped left lies behind."""
+    torn: bool = False
+    newest: dict[str, Entry] = field(default_factory=dict)
+    """The newest entry of each file, ``grown`` apart."""
+    grown: frozenset[str] = frozenset()
+    """Runs whose logs have more than was stored."""
+
+    @property
+    def head(self) -> str | None:
+        """Digest of the last entry; None if there is none."""
+        return self.entries[-1].digest if self.entries else None
+
+    def holds(self, file: str) -> bool:
+        """Whether a run or record should be there."""
+        return file in self.newest and self.newest[file].kind != "removed"
+
+
+def read_ledger(campaign: Path) -> Ledger:
+    """The ledger of a campaign; of one that has none, without entries. Raises StoreError for one that was changed."""
+    path = campaign / FILE
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        content = b""
+    except OSError as error:
+        raise StoreError(f"{path}: cannot be read ({error.strerror or error})") from error
+    whole = content.rfind(b"\n") + 1
+    entries = tuple(_entries(content[:whole]))
+    newest = {entry.file: entry for entry in entries if entry.kind != "grown"}
+    grown = frozenset(
+        e.file for e in entries if e.kind == "grown" and e.file in newest and newest[e.file].sha256 == e.sha256
+    )
+    return Ledger(entries, whole, whole < len(content), newest, grown)
+
+
+def _entries(content: bytes) -> Iterator[Entry]:
+    previous = ""
+    for at, line in enumerate(content.splitlines(), 1):
+        try:
+            known = json.loads(line)
+            entry = Entry(**known)
+        except (ValueError, TypeError, RecursionError) as error:
+            raise StoreError(f"{FILE}, line {at}: no entry; it is damaged{_WAY_OUT}") from error
+        if entry.digest != _digest(known):
+            raise StoreError(f"{FILE}, line {at}: not what was written; it is damaged or was edited{_WAY_OUT}")
+        if entry.number != at:
+            what = f"entries {at} to {entry.number - 1} are missing" if entry.number > at else "out of order"
+            raise StoreError(f"{FILE}, line {at}: is entry {entry.number}: {what}{_WAY_OUT}")
+        if entry.previous != previous:
+            raise StoreError(
+                f"{FILE}, line {at}: does not follow from the entry before it: one was exchanged{_WAY_OUT}"
+            )
+        previous = entry.digest
+        yield entry
+
+
+_WAY_OUT = (
+    f"; put back {FILE} as it was, from a copy, or take it out of the campaign and keep it: `testbench recover` begins "
+    "a new one with what is there"
+)
+
+
+def remove(campaign: Path, file: str, by: str, reason: str) -> Entry:
+    """Take a run or record out of a campaign: entered first, by whom and why, then the file goes.
+
+    Also where the file is gone already, and only nobody said so; done again it ends what was stopped. Raises StoreError
+    for a file that is neither there nor in the ledger.
+    """
+    path = campaign / file
+    if path.suffix != (".json" if "/" in file else ".h5"):
+        raise StoreError(f"{path}: expected a run (.h5) of a campaign, or one of its records (records/*.json)")
+    files = [path, atomic_files.digest_file(path)] if "/" not in file else [path]
+    try:
+        with one_at_a_time(campaign):
+            ledger = read_ledger(campaign)
+            there = [one for one in files if one.is_file() or one.is_symlink()]
+            if not there and not ledger.holds(file):
+                raise StoreError(f"{file}: neither in {campaign} nor in its ledger; `testbench ledger` lists what is")
+            entry = ledger.newest.get(file)
+            if entry is None or entry.kind != "removed":
+                known = entry.sha256 if entry else atomic_files.sha256_of(there[0])
+                entry = enter(campaign, "removed", file, known, {"by": by, "reason": reason})
+            for one in there:
+                one.unlink()
+            atomic_files.sync(path.parent)
+    except OSError as error:
+        raise StoreError(f"{campaign}: cannot be written ({error.strerror or error})") from error
+    return entry
+
+
+def enter(campaign: Path, kind: str, file: str, sha256: str, details: Mapping[str, Any] | None = None) -> Entry:
+    """Append an entry, on the disk when this returns; the caller holds the lock of the campaign.
+
+    A ledger that begins enters first what is there already, marked ``found``. Raises OSError if it cannot be written.
+    """
+    ledger = read_ledger(campaign)
+    entries: list[Entry] = []
+    if not ledger.entries:
+        for found, its_kind, digest in _files(campaign):
+            if found != file:
+                entries.append(_next(entries, its_kind, found, digest, {"found": True}))
+    known = entries or ledger.entries
+    entries.append(_next(known, kind, file, sha256, details or {}))
+    path = campaign / FILE
+    is_new = not path.exists()
+    with path.open("r+b" if not is_new else "x+b", buffering=0) as stream:
+        stream.truncate(ledger.whole)  # what a stopped append left was never acknowledged
+        stream.seek(ledger.whole)
+        text = b"".join(entry.line() for entry in entries)
+        try:
+            while text:
+                text = text[stream.write(text) :]
+            os.fsync(stream.fileno())
+        except OSError:
+            with suppress(OSError):
+                stream.truncate(ledger.whole)
+            raise
+    if is_new:
+        atomic_files.sync(campaign)
+    return entries[-1]
+
+
+def enter_run(run: Path, sha256: str, details: Mapping[str, Any]) -> None:
+    """Sync the names in the folder of a run that was placed, and enter it; the caller holds the lock.
+
+    Raises NotConfirmedError if one of both fails: the run is there.
+    """
+    try:
+        atomic_files.sync(run.parent)
+        enter(run.parent, "run", run.name, sha256, details)
+    except OSError as error:
+        reason = error.strerror or error
+        raise NotConfirmedError(
+            f"{run.name}: was written and has its name, but the disk did not confirm it, or its entry in the ledger "
+            f"({reason}): it may be lost with the machine's power; once the disk is well, `testbench recover` enters it"
+        ) from error
+
+
+def _next(before: Sequence[Entry], kind: str, file: str, sha256: str, details: Mapping[str, Any]) -> Entry:
+    previous = before[-1] if before else None
+    known: dict[str, Any] = {
+        "number": previous.number + 1 if previous else 1,
+        "previous": previous.digest if previous else "",
+        "written": datetime.now(UTC).isoformat(timespec="milliseconds"),
+        "kind": kind, "file": file, "sha256": sha256, "details": dict(details),
+    }  # fmt: skip
+    return Entry(**known, digest=_digest(known))
+
+
+def _digest(known: Mapping[str, Any]) -> str:
+    text = json.dumps([known.get(key) for key in _KEYS], sort_keys=True, ensure_ascii=True)
+    return hashlib.sha256(text.encode("ascii")).hexdigest()
+
+
+def _files(campaign: Path) -> Iterator[tuple[str, str, str]]:
+    """Name, kind and SHA-256 of the runs, as their digest files have it, and of the records in a campaign."""
+    for path in sorted(campaign.glob(RUNS)):
+        with suppress(StoreError):  # whose digest cannot be read: damage, which verify names
+            if path.is_file() and not path.name.startswith("."):
+                yield path.name, "run", atomic_files.recorded_digest(path)
+    for path in sorted(campaign.glob(RECORDS)):
+        if path.is_file() and not path.name.startswith("."):
+            yield f"{path.parent.name}/{path.name}", "record", atomic_files.sha256_of(path)
+
+
+def enter_found(campaign: Path) -> list[str]:
+    """Enter what is whole in a campaign and not in its ledger, marked ``found``; the names of these files.
+
+    So it is after an append that was stopped, and where somebody put a file there by hand.
+    """
+
+    newest = read_ledger(campaign).newest
+    if all(file in newest for file, _, _ in _files(campaign)):
+        return []
+    with one_at_a_time(campaign):
+        newest, entered = read_ledger(campaign).newest, []
+        for file, kind, sha256 in _files(campaign):
+            if file in newest or atomic_files.sha256_of(campaign / file) != sha256:
+                continue
+            entered.append(file)
+            if not read_ledger(campaign).holds(file):  # the first entry of all brings the others with it
+                enter(campaign, kind, file, sha256, {"found": True})
+    return entered
+
+
+def cross_check(campaign: Path, entered: bool) -> Iterator[tuple[str, str, str]]:
+    """Where ledger and files differ: name, status and message of each.
+
+    ``entered``: some run says, by its digests, that there was a ledger.
+    """
+    try:
+        ledger = read_ledger(campaign)
+    except StoreError as error:
+        yield FILE, "damaged", str(error).removeprefix(f"{FILE}, ")
+        return
+    there = {file: sha256 for file, _, sha256 in _files(campaign)}
+    if not ledger.entries:
+        if entered:
+            yield (
+                FILE,
+                "missing",
+                "its runs were entered into a ledger: it was removed, or they are from elsewhere; " + _NEW,
+            )
+        elif there:
+            yield (
+                FILE,
+                "absent",
+                "there was none when it was stored, or these are copies: what was removed is not known",
+            )
+        return
+    if ledger.torn:
+        yield FILE, "unfinished", "its last line is not whole: an append was stopped; the next one takes its place"
+    for file, entry in ledger.newest.items():
+        if entry.kind == "removed":
+            if file in there:
+                by, reason = entry.details.get("by"), entry.details.get("reason")
+                yield file, "added", f"was removed by {by} on {entry.written[:10]} ({reason}), and is there again"
+        elif file not in there:
+            yield file, "missing", f"was entered on {entry.written[:10]} (entry {entry.number}), and nobody removed it"
+        elif there[file] != entry.sha256:
+            yield file, "damaged", f"other bytes than were entered on {entry.written[:10]} (entry {entry.number})"
+    for file in there.keys() - ledger.newest.keys():
+        yield (
+            file,
+            "added",
+            "not in the ledger: its append was stopped, or it is from elsewhere; `testbench recover` enters it",
+        )
+
+
+_NEW = "`testbench recover` begins a new one with what is there"
