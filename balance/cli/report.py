@@ -10,10 +10,12 @@ from .framework import EXIT_WITH_FINDINGS, emit_json, json_option
 
 
 def _html(_context: click.Context, _parameter: click.Parameter, path: Path) -> Path:
-    """The path of a page; another ending is refused before anything is computed."""
+    """The path of a page; another ending, or no folder for it, is refused before anything is computed."""
     if path.suffix.lower() != ".html":
         raise click.BadParameter(f"{path}: expected a name ending in .html")
-    return path
+    from ..report.page import writable
+
+    return writable(path)
 
 
 output_option = click.option(

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..errors import DataError
 from ..results import NO_VALUE, plain, plain_text
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ class Page:
 
     def write(self, path: str | Path) -> Path:
         """Write the page whole, or leave what was there before."""
-        path = Path(path)
+        path = writable(path)
         part = path.with_name(f".{path.name}.part")
         try:
             part.write_text(self.html(), encoding="utf-8", errors="backslashreplace")
@@ -109,6 +110,15 @@ class Page:
         if self.at(pointer) is None:
             return Markup("")
         return Markup("[{}, {}]").format(self.number(f"{pointer}/0", form), self.number(f"{pointer}/1", form))
+
+
+def writable(path: str | Path) -> Path:
+    """The path of a page to be. Raises DataError where its folder is not there, or it is one."""
+    path = Path(path)
+    if not path.parent.is_dir() or path.is_dir():
+        what = "is a folder" if path.is_dir() else f"there is no folder {path.parent}"
+        raise DataError(f"{path}: {what}; expected the name of a page in a folder that is there")
+    return path
 
 
 def _printable(value: Any) -> Any:  # noqa: ANN401

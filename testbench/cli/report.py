@@ -270,10 +270,13 @@ def _page(
     **how: Any,  # noqa: ANN401
 ) -> int:
     """One page of all runs; on stdout its verdict, or the document that its numbers are from."""
+    from balance.report.page import writable
+
     from ..errors import StoreError
     from ..published_tables import load_published
     from ..report import campaign_report
 
+    writable(output)
     if not opened:
         raise StoreError("; ".join(one.message for one in refused) or f"{first}: no run")
     how["published"] = load_published(how["published"]) if how["published"] else None

@@ -160,13 +160,19 @@ def base_spectrum(run: "Run") -> "Figure":
     return figure
 
 
-def base_acceleration(with_run: "Run", without_run: "Run", measure: Measure | None = None) -> "Figure":
-    """Acceleration of the base along each axis, filtered as for reductions; the grey band is that of noise alone."""
+def base_acceleration(
+    with_run: "Run", without_run: "Run", measure: Measure | None = None, stated: Sequence[Reduction] = ()
+) -> "Figure":
+    """Acceleration of the base along each axis, filtered as for reductions; the grey band is that of noise alone.
+
+    ``stated`` are reductions of the campaign to write above it, in place of those of the two runs by themselves.
+    """
     measure = measure or Measure()
     runs = SIRun.of(without_run), SIRun.of(with_run)
     found = [base_accelerations(run) for run in runs]
     columns = {(c.sensor, c.component): c for c in runs[1].rig.base_columns}
-    reductions = {(r.sensor, r.axis): r for r in reduction_of_pair(_pair(with_run, without_run), measure)}
+    found_reductions = stated or reduction_of_pair(_pair(with_run, without_run), measure)
+    reductions = {(r.sensor, r.axis): r for r in found_reductions}
     with style.styled():
         figure, panels = style.light_grid(len(columns), 1, 1.7, sharex=True)
         for axes, (place, column) in zip(panels[:, 0], columns.items(), strict=True):
@@ -199,6 +205,8 @@ def _text(found: Reduction) -> str:
         return "nothing moves above the noise"
     if found.at_least is not None:
         return f"{name} reduced by at least {found.at_least:.1f} %"
+    if found.text.startswith("withheld"):
+        return f"{name}: {found.text}, contradicted by {', '.join(found.doubts)}"
     between = f" [{found.interval[0]:.1f}, {found.interval[1]:.1f}]" if found.interval else ""
     return f"{name} reduced by {found.percent:.1f} %{between}"
 

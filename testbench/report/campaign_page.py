@@ -185,7 +185,7 @@ def campaign_report(
 def verdict(found: Comparison | str) -> str:
     """The answer in one sentence: along each axis from the least reduction to the largest, with their intervals."""
     if isinstance(found, str):
-        return f"No reduction: {found.splitlines()[0]}"
+        return f"No reduction: {found.splitlines()[0].rstrip(':')}."
     places = list(dict.fromkeys((row.analyzed.sensor, row.analyzed.axis) for row in found.rows))
     several = len({sensor for sensor, _ in places}) > 1
     parts = []

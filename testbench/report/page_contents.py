@@ -155,10 +155,11 @@ def strongest_condition(found: "Comparison", runs: "Sequence[Run]") -> "list[Mar
     by_name = {run.name: run for run in runs}
     names, (count, _) = row.analyzed.runs, row.analyzed.n
     balanced, unbalanced = by_name[names[0]], by_name[names[count]]
+    stated = [one.analyzed for one in found.rows if one.analyzed.runs == names]
     draws: tuple[tuple[str, Callable[[], Figure]], ...] = (
-        ("Acceleration of the base", lambda: figures.base_acceleration(balanced, unbalanced)),
+        ("Acceleration of the base", lambda: figures.base_acceleration(balanced, unbalanced, found.measure, stated)),
         ("Torques of the drives", lambda: figures.motor_torques(balanced, unbalanced)),
-        ("Spectrum of the base's acceleration", lambda: figures.base_spectrum(unbalanced)),
+        ("Spectrum of the base's acceleration without counter-masses", lambda: figures.base_spectrum(unbalanced)),
     )
     drawn = []
     for name, draw in draws:

@@ -16,6 +16,9 @@ def test_another_ending_is_refused(command, tmp_path):
     done = call(main, "balance", command, "four-bar", "--motion", "four-bar", "-o", tmp_path / "page.pdf")
     assert done.code == 2
     assert "expected a name ending in .html" in done.err
+    done = call(main, "balance", command, "four-bar", "--motion", "four-bar", "-o", tmp_path / "none" / "page.html")
+    assert done.code == 1
+    assert "there is no folder" in done.err
     assert not list(tmp_path.iterdir())
 
 
