@@ -56,7 +56,7 @@ _ERRORS = {
 _WARNINGS = {
     "cut_last_row": "The file ends inside a row, or in a number that may be cut, which is left out.",
     "not_a_number": "Cells that are no finite number. Kept as inf where so written, otherwise as NaN.",
-    "text_channel": "A column of text; its cells are not kept as data.",
+    "text_channel": "A channel of text that is not kept.",
     "repeated_header": "The header comes again inside the file: several recordings, kept as separate groups.",
     "no_header": "The first row is data; the columns are named col0, col1, ...",
     "duplicate_names": "Several channels of one name.",
@@ -103,6 +103,7 @@ _NOTES = {
     "dialect": "Delimiter, decimal mark and encoding as detected in the first lines.",
     "missing_values": "Samples that are none, by the words and numbers of the import description; NaN.",
     "normal_finding": "A finding that the import description calls normal for its logger.",
+    "text_kept": "A channel of text, kept beside the numbers: each text with the sample from which on it stands.",
     "encoding_inferred": "The encoding was inferred from typical letters; it is declared nowhere.",
     "unit_missing": "Channels without a unit.",
     "no_final_newline": "The last line has no end, but every number of it is as long as those above.",
@@ -408,6 +409,57 @@ class Block:
         return f"sample {self.start + i}" if self.lines is None else f"line {self.lines[i]}"
 
 
+_MOST_TEXT = 1 << 20
+"""Letters of text beside the numbers that are kept of one log, which are held in memory."""
+
+
+@dataclass
+class TextSeries:
+    """A channel of text beside the numbers of a group: each text, and the sample from which on it stands."""
+
+    group: Annotated[str, Key()]
+    channel: Annotated[str, Key()]
+    samples: Annotated[list[int], Key()] = field(default_factory=list)
+    texts: Annotated[list[str], Key()] = field(default_factory=list)
+
+
+@dataclass
+class TextLog:
+    """The channels of text of a log, gathered while its blocks are read; those that go beyond a limit are given up."""
+
+    series: dict[tuple[str, str], TextSeries] = field(default_factory=dict)
+    given_up: set[tuple[str, str]] = field(default_factory=set)
+    front: str = ""
+    """What stands before the names of groups where logs of one run share them."""
+    _letters: int = 0
+
+    @property
+    def kept(self) -> list[TextSeries]:
+        """The channels of text that are kept."""
+        return [replace(s, group=f"{self.front} {s.group}") if self.front else s for s in self.series.values()]
+
+    def take(self, group: str, channel: str, sample: int, text: str) -> bool:
+        """Note that from ``sample`` on the text is this one; False where the channel is given up."""
+        key = group, channel
+        if key in self.given_up:
+            return False
+        found = self.series.setdefault(key, TextSeries(group, channel))
+        if found.texts[-1:] != [text]:
+            found.samples.append(sample)
+            found.texts.append(text)
+            self._letters += len(text) + 8
+        if self._letters > _MOST_TEXT:
+            self.given_up.add(key)
+            self._letters -= sum(len(one) + 8 for one in self.series.pop(key).texts)
+            return False
+        return True
+
+    def findings(self) -> list[Finding]:
+        """The channels that are not kept."""
+        message = f"holds texts that change too often to be kept: more than {_MOST_TEXT} letters; it is not kept"
+        return [Finding("text_channel", channel, None, message, group) for group, channel in sorted(self.given_up)]
+
+
 @dataclass(frozen=True)
 class Recording:
     """A log file, its header read and its data not yet.
@@ -428,6 +480,8 @@ class Recording:
     ranges: tuple[SensorRange, ...] = ()
     stated_rate_hz: float | None = None
     findings: tuple[Finding, ...] = ()
+    texts: TextLog = field(default_factory=TextLog)
+    """Channels of text, there once the blocks are read."""
 
     def blocks(self, report: Report) -> Iterator[Block]:
         """The data in blocks of bounded size; findings on the way go to ``report``."""

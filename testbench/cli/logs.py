@@ -104,6 +104,9 @@ def _print(found: "Description", stats: bool) -> None:
         emit_table("", header, rows)
         _say_more(len(check.stats) - SHOWN_CHANNELS, "channels")
     _say_more(len(found.groups) - SHOWN_GROUPS, "groups")
+    for series in recording.texts.kept[:SHOWN_GROUPS]:
+        several = f", group {series.group}" if len(found.groups) > 1 else ""
+        click.echo(plain_text(f"{series.channel}{several}: text, begins or changes at {len(series.texts)} samples"))
     options.print_reading_findings("Findings", found.findings)
 
 

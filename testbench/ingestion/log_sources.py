@@ -8,7 +8,7 @@ same bytes twice in one run.
 import threading
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +70,7 @@ class Source:
             "settings": dict(recording.settings),
             "metadata": dict(recording.metadata),
             "comments": list(recording.comments),
-        }
+        } | ({"texts": list(map(asdict, recording.texts.kept))} if recording.texts.series else {})
 
 
 def _state(path: Path) -> tuple[int, int]:
@@ -101,7 +101,8 @@ def _renamed(recording: Recording, front: str) -> Recording:
         for block in recording.blocks(report):
             yield replace(block, group=renamed(block.group))
 
-    return replace(recording, groups=tuple(map(renamed, recording.groups)), read=read)
+    texts = replace(recording.texts, front=front)
+    return replace(recording, groups=tuple(map(renamed, recording.groups)), read=read, texts=texts)
 
 
 class SiblingLogs:

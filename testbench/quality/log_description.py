@@ -23,7 +23,9 @@ class Description:
     def document(self, stats: bool = False) -> dict[str, Any]:
         """The JSON object; with ``stats`` the numbers of each channel too."""
         groups = [_group(check, stats) for check in self.groups]
-        return {"format": self.recording.format, "groups": groups, "findings": self.findings}
+        texts = self.recording.texts.kept
+        shown = {"texts": texts} if texts else {}
+        return {"format": self.recording.format, "groups": groups, **shown, "findings": self.findings}
 
 
 def describe_log(path: str | Path, options: ReadOptions | None = None) -> Description:

@@ -16,7 +16,19 @@ from pathlib import Path
 
 import numpy as np
 
-from ..recording import Block, Channel, Clock, Finding, Group, Recording, Report, Samples, TimeColumn, UniformClock
+from ..recording import (
+    Block,
+    Channel,
+    Clock,
+    Finding,
+    Group,
+    Recording,
+    Report,
+    Samples,
+    TextLog,
+    TimeColumn,
+    UniformClock,
+)
 from . import header_claims
 from .csv.cell_syntax import shown
 from .csv.dialect import Dialect
@@ -34,7 +46,6 @@ _NUMBER_WORD = re.compile(r"(?:nan|inf)", re.IGNORECASE)
 _MOST_HEADER_LINES = 200_000
 _MAGIC = b"LabVIEW Measurement"
 _COMMENT = "Comment"
-_MOST_COMMENTS = 10
 _MOST_BLOCKS = 100
 """More blocks without header than this are no triggered recordings, but writes in pieces."""
 
@@ -249,19 +260,20 @@ class SegmentRows:
 
     segment: Segment
     encoding: str
+    texts: TextLog
     rows: int = 0
 
     def __post_init__(self) -> None:
         self._rows = RowFilter(self.segment.form, None)
         self._cells = CellFilter(self.segment.form, self.segment.names, self.encoding)
-        self._comments, self._commented = list[tuple[int, str]](), 0
+        self._comments, self._commented = dict[int, str](), 0
+        self._first_comment: tuple[int, str] | None = None
 
     def blocks(self, text: bytes, first_line: int, bytes_read: int) -> Iterator[Block]:
         """Whole lines of this segment, each with its line feed, as blocks of its groups."""
         form = self.segment.form
         plain, comments = without_comments(form.plain(text), form)
-        self._comments += [(first_line + row, words) for row, words in comments[: _MOST_COMMENTS - len(self._comments)]]
-        self._commented += len(comments)
+        self._comments = {first_line + row: words for row, words in comments}
         for piece in self._rows.pieces(plain, first_line):
             columns = form.columns(piece.text)
             if columns is None:
@@ -288,18 +300,28 @@ class SegmentRows:
                     name = f"{part.group.name} part {number + 1}" if number else part.group.name
                     data = tuple(columns[j][begin:stop] for j in part.fields)
                     zero = None if number else part.group.zero
+                    if part is parts[0]:
+                        self._take_comments(name, start, lines[begin:stop].tolist())
                     yield Block(replace(part.group, name=name, zero=zero), data, start, lines[begin:stop], bytes_read)
         self.rows += len(lines)
+
+    def _take_comments(self, group: str, start: int, lines: Sequence[int]) -> None:
+        """Note the comments behind the rows of these lines, of which the first is sample ``start`` of a group."""
+        for i, line in enumerate(lines) if self._comments else ():
+            words = self._comments.get(line, "")
+            if words or self._comments.get(line - 1):
+                self.texts.take(group, _COMMENT, start + i, words)
+            if words:
+                self._commented += 1
+                self._first_comment = self._first_comment or (line, shown(words))
 
     def report(self, report: Report) -> None:
         """Report what was odd in rows and cells, and in the number of rows against the declared one."""
         self._rows.report(report)
         self._cells.report(report)
-        if self._comments:
-            listed = ", ".join(f"{shown(words)} in line {line}" for line, words in self._comments)
-            message = f"text behind {self._commented} rows, which is not kept as data: {listed}"
-            more = ", ..." if self._commented > len(self._comments) else ""
-            report(Finding("text_channel", _COMMENT, f"line {self._comments[0][0]}", message + more))
+        if self._first_comment:
+            message = f"text behind {self._commented} rows, kept as it is; the first is {self._first_comment[1]}"
+            report(Finding("text_kept", _COMMENT, f"line {self._first_comment[0]}", message))
         declared, found = self.segment.declared, self.rows
         if not declared or found == declared:
             return
@@ -330,14 +352,15 @@ def open_lvm(path: Path, options: ReadOptions) -> Recording:
     ]
     for i, each in enumerate(written, 1):
         metadata |= {key if len(written) == 1 else f"segment {i}: {key}": text for key, text in each.pairs.items()}
-    segments = tuple(map(_joined_writes, written))
+    segments, texts = tuple(map(_joined_writes, written)), TextLog()
     rates = {part.stated_rate_hz for each in written for part in each.parts if part.stated_rate_hz is not None}
     return Recording(
         path=path,
         format="LabVIEW LVM",
         reader="testbench.readers.lvm",
         groups=tuple(part.group for each in segments for part in each.parts),
-        read=lambda report: _blocks(path, encoding, segments, report),
+        read=lambda report: _blocks(path, encoding, segments, texts, report),
+        texts=texts,
         settings={"encoding": encoding.name, "decimal": dialect.decimal},
         metadata=metadata,
         stated_rate_hz=rates.pop() if len(rates) == 1 else None,
@@ -365,9 +388,11 @@ def _joined_writes(segment: Segment) -> Segment:
     return replace(segment, parts=parts, findings=(*segment.findings, finding))
 
 
-def _blocks(path: Path, encoding: Encoding, segments: Sequence[Segment], report: Report) -> Iterator[Block]:
+def _blocks(
+    path: Path, encoding: Encoding, segments: Sequence[Segment], texts: TextLog, report: Report
+) -> Iterator[Block]:
     """The rows of all segments in blocks; what is odd in them is reported at the end."""
-    todo, before = [SegmentRows(segment, encoding.name) for segment in segments], b""
+    todo, before = [SegmentRows(segment, encoding.name, texts) for segment in segments], b""
     for lines in read_blocks(path, encoding, segments[0].first):
         text = lines.text
         if lines.rest:
@@ -384,6 +409,8 @@ def _blocks(path: Path, encoding: Encoding, segments: Sequence[Segment], report:
                 yield from rows.blocks(piece, begin, lines.bytes_read)
     for rows in todo:
         rows.report(report)
+    for finding in texts.findings():
+        report(finding)
 
 
 def _last_row(form: RowParser, rest: bytes, before: bytes, line: int) -> tuple[bytes, Finding | None]:

@@ -75,7 +75,7 @@ def archive(run: Run, folder: Path, progress: Progress = lambda count: None) -> 
         for group in run.groups:
             found = [_searched(file, group, i, progress) for i in range(len(group.channels))]
             content[group.name] = [sha256 for _, sha256 in found]
-            to = writer.group(Group(group.name, group.channels, group.clock), [form for form, _ in found])
+            to = writer.group(Group(group.name, group.channels, group.clock, group.zero), [form for form, _ in found])
             for columns in _blocks(file, group):
                 to.append(columns)
             to.finish(group.rate_hz, group.rate_source, group.start_time)

@@ -18,6 +18,7 @@ from ..recording import (
     Origin,
     Samples,
     StartTime,
+    TextSeries,
     TimeColumn,
     UniformClock,
     clock_from_dict,
@@ -139,6 +140,11 @@ class Run:
     def name(self) -> Annotated[str, Key("run")]:
         """The run's name: that of its file without ending."""
         return self.path.stem
+
+    @property
+    def texts(self) -> list[TextSeries]:
+        """Channels of text beside the numbers: each text with the sample of its group from which on it stands."""
+        return [TextSeries(**series) for source in self.provenance["sources"] for series in source.get("texts", ())]
 
     @property
     def start_time(self) -> Annotated[StartTime | None, Key()]:

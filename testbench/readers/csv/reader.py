@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 
-from ...recording import Channel, Clock, Finding, Group, Recording, Refusal, StartTime, TimeColumn
+from ...recording import Channel, Clock, Finding, Group, Recording, Refusal, StartTime, TextLog, TimeColumn
 from .. import header_claims
 from ..registry import ReadOptions
 from .cell_syntax import is_missing, is_number_like, shown
@@ -45,7 +45,8 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
     multiple = None
     if options.description is None or not options.description.time:
         multiple = find_multiple_time_columns(group, text.rows, kept, text.clock_of(channels), zero_of)
-    read = text.across_midnight(text.table(group, kept).blocks, kept)
+    texts = TextLog()
+    read = text.across_midnight(text.table(group, kept, texts).blocks, kept)
     return Recording(
         path=path,
         format="CSV",
@@ -64,6 +65,7 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
             *(text.left_out(i) for i in sorted(text.fields_of_text)),
             *([multiple.finding] if multiple else []),
         ),
+        texts=texts,
     )
 
 
@@ -137,7 +139,7 @@ class _Text:
         named = [replace(c, label=time_name_base(c.label) or c.label) for c in channels]
         return lambda fields: self.times.clock(named, fields)
 
-    def table(self, group: Group, kept: tuple[int, ...]) -> Table:
+    def table(self, group: Group, kept: tuple[int, ...], texts: TextLog) -> Table:
         """The rows below the header."""
         columns, fields = (*self.times.columns, *self.notations), self.header.fields
         lines = self.lines[self.header.first_data_line - 1 :][:20]
@@ -147,7 +149,9 @@ class _Text:
         parser = RowParser(self.dialect, fields, padded, columns, self.times.dates, encoding, words)
         names, above = self.header.lines[:1], (*self.header.lines[1:], *self.header.preamble)
         first_line = self.header.first_data_line
-        return Table(self.path, self.encoding, parser, group, kept, first_line, names[0] if names else None, above)
+        written = tuple((i, self.header.channels[i].name) for i in sorted(self.fields_of_text))
+        name = names[0] if names else None
+        return Table(self.path, self.encoding, parser, group, kept, first_line, name, above, written, texts)
 
     def across_midnight(self, read: Read, kept: Sequence[int]) -> Read:
         """``read`` with times of day that go on after midnight; ``kept`` are the fields of the channels."""
@@ -201,11 +205,11 @@ class _Text:
         return [*found, *self.times.findings, *notations, *rounded]
 
     def left_out(self, i: int) -> Finding:
-        """That a column of text is left out, with the first of its texts."""
+        """That a column of text is no channel of numbers, with the first of its texts."""
         texts = list(dict.fromkeys(cells[i] for cells in self.rows if len(cells) > i and cells[i]))
         listed = ", ".join(shown(text) for text in texts[:3]) + (", ..." if len(texts) > 3 else "")
-        message = f"holds text ({listed}), not numbers; it is not kept"
-        return Finding("text_channel", self.header.channels[i].name, None, message)
+        message = f"holds text ({listed}), not numbers; it is kept as it is, by the samples where it changes"
+        return Finding("text_kept", self.header.channels[i].name, None, message)
 
 
 def understood(path: Path, options: ReadOptions) -> _Text:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...recording import Block, Clock, Finding, Group, Report, Samples, StartTime, TimeColumn
+from ...recording import Block, Clock, Finding, Group, Report, Samples, StartTime, TextLog, TimeColumn
 from ..byte_source import in_order
 from .cell_syntax import is_missing
 from .header import time_name_base
@@ -24,6 +24,8 @@ from .text_blocks import Encoding, TextBlock, count_lines, read_blocks
 LONG_BYTES = 50_000_000
 """Size of a file from which the compiled loop saves more than its start costs [bytes]."""
 _MOST_ROWS = 1 << 16
+_COMPARED = 64
+"""Bytes by which the texts of successive rows are compared all at once; longer ones are compared one by one."""
 
 Columns = list[Samples]
 Read = Callable[[Report], Iterator[Block]]
@@ -45,6 +47,9 @@ class Table:
     first_data_line: int
     names: str | None = None
     above: tuple[str, ...] = ()
+    texts: tuple[tuple[int, str], ...] = ()
+    """Fields of text and their names."""
+    log: TextLog = field(default_factory=TextLog)
 
     def blocks(self, report: Report) -> Iterator[Block]:
         """The rows in blocks; what is odd in them is reported at the end."""
@@ -63,10 +68,30 @@ class Table:
                 number = int(group.name.rpartition(" part ")[2]) + 1 if group is not self.group else 2
                 group, start = replace(group, name=f"{self.group.name} part {number}"), 0
                 report(self._repeated(group, piece.header_line, columns))
+            for i, name in self.texts:
+                self._take_texts(piece.text, i, group.name, name, start)
             yield Block(group, tuple(columns[j] for j in self.kept), start, piece.lines, piece.bytes_read)
             start += len(columns[0])
         for judge in (rows, cells, points):
             judge.report(report)
+        for finding in self.log.findings():
+            report(finding)
+
+    def _take_texts(self, text: bytes, field_of_text: int, group: str, name: str, start: int) -> None:
+        """Note the texts of a field of regular rows where they change; ``start`` is the first row's sample."""
+        data = np.frombuffer(text, dtype=np.uint8)
+        ends = np.flatnonzero((data == ord(self.parser.separator)) | (data == ord("\n")))
+        begins = np.concatenate(([0], ends[:-1] + 1))[field_of_text :: self.parser.fields]
+        ends = ends[field_of_text :: self.parser.fields]
+        widths = np.minimum(ends - begins, _COMPARED)
+        places = begins[:, None] + np.arange(widths.max())
+        shown = np.where(places < ends[:, None], data[np.minimum(places, len(data) - 1)], 0)
+        changes = (shown[1:] != shown[:-1]).any(axis=1) | (widths[1:] == _COMPARED)
+        encoding = self.encoding.name_in_blocks
+        for row in map(int, np.flatnonzero(np.concatenate(([True], changes)))):
+            cell = text[begins[row] : ends[row]].strip(b" \t\r").decode(encoding, "backslashreplace")
+            if not self.log.take(group, name, start + row, cell):
+                return
 
     def _pieces(self, rows: RowFilter, report: Report) -> Iterator[RegularRows]:
         """Regular rows: as they are where the whole block parses to finite numbers, else made regular."""

@@ -49,7 +49,7 @@ CASES = {
     "other line ends": (segment(ROWS), {"end": "\r\n"}, {"run": (CLOCK, F, M)}, set()),
     "comments behind rows": (
         segment([ROWS[0] + "\tstart of hit, 3.5", ROWS[1] + "\t", *ROWS[2:]]), {}, {"run": (CLOCK, F, M)},
-        {"text_channel"},
+        {"text_kept"},
     ),
     "decimal comma": (segment(["\t0.25\t0.5"] * 3), {"decimal": ","}, {"run": (CLOCK, [0.25] * 3, [0.5] * 3)}, None),
     "two segments": (
@@ -120,7 +120,7 @@ def test_groups_clocks_and_columns(lvm, name):
         (
             segment([*ROWS[:2], ROWS[2] + "\tLOST COMMUNICATION"]),
             {},
-            "text_channel: text behind 1 rows, which is not kept as data: 'LOST COMMUNICATION' in line 19",
+            "text_kept: text behind 1 rows, kept as it is; the first is 'LOST COMMUNICATION'",
         ),
         (segment(TIMED), {"x": "One"}, "rate_contradiction: the header states 1000 Hz"),
     ],

@@ -16,6 +16,7 @@ from testbench.ingestion.run_table import PlannedRun
 from testbench.quality.log_description import describe_log
 from testbench.recording import StartTime, earliest, point_in_time
 from testbench.store import open_run
+from testbench.store.archive import archive
 
 from . import reading
 from .reading import in_process  # noqa: F401
@@ -152,6 +153,9 @@ def test_a_run_keeps_its_start_where_nexus_has_it(tmp_path, command):
         assert file["entry/start_time"].asstr()[()] == expected.time
         assert file["entry/a"].attrs["start_time"] == expected.time
     assert expected.time in command("list", tmp_path / "c")[1]
+    archive(run, tmp_path / "archive")
+    stored = open_run(tmp_path / "archive" / "a.h5").groups[0]
+    assert (stored.start_time, stored.zero) == (expected, run.groups[0].zero)
 
 
 def test_points_in_time_are_shifted_exactly():

@@ -36,7 +36,7 @@ def test_words_before_the_sensor_is_ready_hide_no_numbers(log):
     )
     assert found.column("F (N)")[600:].tolist() == [float(i) for i in range(600, 1200)]
     assert "600 of its cells" in found.message("not_a_number")
-    assert [f.channel for f in found.findings if f.code == "text_channel"] == ["note"]
+    assert [f.channel for f in found.findings if f.code == "text_kept"] == ["note"]
 
 
 def test_means_under_the_data_are_no_samples(log):

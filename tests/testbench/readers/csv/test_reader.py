@@ -67,14 +67,14 @@ def test_a_second_header_begins_a_second_recording(log):
     assert not [f for f in found.findings if f.severity == 2]
 
 
-def test_columns_of_text_are_named_and_left_out(log):
+def test_columns_of_text_are_named(log):
     """A column of words is no channel; the others are read as if it were not there."""
     found = log(
         "Time (s),phase,AccX (g)\n" + "".join(f"{i / 10},{'run' if i % 2 else 'stop'},{i}\n" for i in range(30))
     )
     assert [c.name for c in found.group().channels] == ["Time (s)", "AccX (g)"]
-    assert next(f.channel for f in found.findings if f.code == "text_channel") == "phase"
-    assert found.message("text_channel") == "holds text ('stop', 'run'), not numbers; it is not kept"
+    assert next(f.channel for f in found.findings if f.code == "text_kept") == "phase"
+    assert found.message("text_kept").startswith("holds text ('stop', 'run'), not numbers")
     assert found.column("AccX (g)")[-1] == 29
 
 
@@ -202,4 +202,5 @@ def test_marks_inside_quoted_texts_part_no_cells(log, delimiter, mark):
     rows = "".join(delimiter.join((f"{i / 100:.2f}", f'"{i}.5"', f'"hot{mark} {i}"')) + "\n" for i in range(300))
     found = log(delimiter.join(("Time (s)", "F (N)", "note")) + f"\n{rows}")
     assert found.column("F (N)").tolist() == [i + 0.5 for i in range(300)]
-    assert {f.code for f in found.findings if f.severity > 0} == {"text_channel"}
+    assert {f.code for f in found.findings if f.severity > 0} == set()
+    assert found.recording.texts.kept[0].texts == [f"hot{mark} {i}" for i in range(300)]
