@@ -126,14 +126,10 @@ def calibrations(runs: "Iterable[Run | SIRun]") -> "list[CalibrationInForce]":
 
 
 def ledgers(runs: "Iterable[Run | SIRun]") -> list[dict[str, Any]]:
-    """The campaigns of runs, and what their ledgers had come to: number of entries, digest of the last one."""
-    from ..store.ledger import read_ledger
+    """The campaigns of runs, and what their ledgers had come to."""
+    from ..store.ledger import ledger_heads
 
-    found = {folder: read_ledger(folder) for folder in dict.fromkeys(run.path.parent for run in runs)}
-    return [
-        {"campaign": folder.resolve().name, "entries": len(ledger.entries), "head": ledger.head}
-        for folder, ledger in found.items()
-    ]
+    return ledger_heads(run.path.parent for run in runs)
 
 
 def print_ledgers(found: Iterable[dict[str, Any]]) -> None:

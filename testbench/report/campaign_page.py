@@ -27,6 +27,7 @@ from ..runs.aligned_run import AlignedRun, recorded_clocks
 from ..runs.si_run import SIRun, calibrations_in_force
 from ..store import open_campaign
 from ..store.atomic_files import recorded_digest
+from ..store.ledger import ledger_heads
 from ..trimming import trim_runs
 from ..trimming.result import trim_document
 from ..vibration.comparison import Comparison, compare_campaign
@@ -67,8 +68,8 @@ class CampaignReport:
         """The report in plain JSON types, units in the keys."""
         compared = self.comparison
         findings: list[Finding] = [] if isinstance(compared, str) else list(compared.findings)
-        findings += [f for f in self.examination.findings if f not in findings]
-        findings += [f for one in self.reports.values() for f in one.findings if f not in findings]
+        findings += self.examination.findings
+        findings += [finding for one in self.reports.values() for finding in one.findings]
         return document_of({
             "campaign": self.name,
             "software": {"name": "counterpoise", "version": version("counterpoise")},
@@ -80,11 +81,21 @@ class CampaignReport:
             "runs": [one.as_dict() for one in self.reports.values()],
             "unread": self.unread,
             "compared": torques_compared(self.runs, self.reports),
-            "findings": _grouped(findings, self.accepted),
+            "findings": _grouped(dict.fromkeys(findings), self._decisions),
             "calibrations": calibrations_in_force(SIRun.of(run) for run in self.runs if run.rig),
             "provenance": [_provenance(run) for run in self.runs],
+            "ledgers": ledger_heads(run.path.parent for run in self.runs),
             "notes": self._notes,
         })  # fmt: skip
+
+    @property
+    def _decisions(self) -> dict[str, str]:
+        """By code, where a person accepted its findings."""
+        found: dict[str, str] = {}
+        for run in self.runs:
+            for code in run.provenance.get("accepted_findings", ()):
+                found[code] = f"accepted as {run.name} was ingested" if code not in found else "accepted at ingest"
+        return found | dict.fromkeys(self.accepted, "accepted in this report (--accept)")
 
     @property
     def _notes(self) -> list[str]:
@@ -218,18 +229,20 @@ def _counted(words: Iterable[str]) -> dict[str, int]:
     return {word: found.count(word) for word in dict.fromkeys(found)}
 
 
-def _grouped(findings: Sequence[Finding], accepted: Sequence[str]) -> list[dict[str, Any]]:
-    """Findings by code, each with its meaning, number and decision."""
-    codes = sorted({finding.code for finding in findings}, key=lambda code: (code in accepted, code))
+def _grouped(findings: Iterable[Finding], decisions: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Findings by code, each with its meaning, number and decision; the open ones first."""
+    found: dict[str, list[str]] = {}
+    for finding in findings:
+        found.setdefault(finding.code, []).append(finding.message)
     return [
         {
             "code": code,
             "meaning": MEANING.get(code, ""),
-            "decision": "accepted in this report (--accept)" if code in accepted else "open",
-            "count": len(some := [finding for finding in findings if finding.code == code]),
-            "messages": [finding.message for finding in some],
+            "decision": decisions.get(code, "open"),
+            "count": len(found[code]),
+            "messages": found[code],
         }
-        for code in codes
+        for code in sorted(found, key=lambda code: (code in decisions, code))
     ]
 
 

@@ -11,7 +11,7 @@ Whoever appends holds the lock of the campaign; an entry is on the disk before a
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -97,6 +97,23 @@ def read_ledger(campaign: Path) -> Ledger:
         e.file for e in entries if e.kind == "grown" and e.file in newest and newest[e.file].sha256 == e.sha256
     )
     return Ledger(entries, whole, whole < len(content), newest, grown)
+
+
+def ledger_heads(folders: Iterable[Path]) -> list[dict[str, Any]]:
+    """What the ledgers of campaigns had come to: number of entries, digest of the last one, what people removed."""
+    return [
+        {
+            "campaign": folder.resolve().name,
+            "entries": len((found := read_ledger(folder)).entries),
+            "head": found.head,
+            "removed": [
+                {"file": one.file, "written": one.written, **one.details}
+                for one in found.entries
+                if one.kind == "removed"
+            ],
+        }
+        for folder in dict.fromkeys(folders)
+    ]
 
 
 def _entries(content: bytes) -> Iterator[Entry]:
