@@ -131,9 +131,9 @@ def test_redirection_to_plain_http_is_refused():
 
 
 def test_registry_is_complete():
-    """Fourteen recordings, each of one commit, with licence, size and digest; a name may be shortened while unique."""
+    """Twenty files, each of one commit, with licence, size and digest; a name may be shortened while unique."""
     known = public_recordings.recordings_by_file()
-    assert len(known) == 14
+    assert len(known) == 20
     for recording in known.values():
         assert len(recording.commit) == 40
         assert len(recording.sha256) == 64
@@ -148,9 +148,12 @@ def test_registry_is_complete():
 
 @pytest.mark.recordings
 def test_recordings_at_hand_are_those_of_the_registry():
-    """Every recording in the folder that the environment names has the registered content."""
-    for name in public_recordings.recordings_by_file():
-        assert found(name) == Path(os.environ[public_recordings.FOLDER_VARIABLE]) / name
+    """Every recording in the folder that the environment names has the registered content; one's own may lack some."""
+    folder = Path(os.environ[public_recordings.FOLDER_VARIABLE])
+    there = [name for name in public_recordings.recordings_by_file() if (folder / name).is_file()]
+    assert len(there) >= 14
+    for name in there:
+        assert found(name) == folder / name
 
 
 @pytest.fixture
