@@ -180,7 +180,7 @@ GALLERY = {
     "four-bar": (1, 4), "inverted-slider-crank": (1, 4), "parallelogram-6bar": (2, 4),
     "parallelogram-6bar-full": (2, 4), "scara-quill": (4, 7), "serial-1r": (1, 2), "serial-2r": (2, 4),
     "serial-3r": (3, 6), "serial-4r": (4, 8), "serial-5r": (5, 10), "slider-crank": (1, 4), "stewart": (6, 22),
-    "two-joint-arm-a0": (2, 4), "two-joint-arm-c1": (2, 4), "whitworth": (1, 6),
+    "two-joint-arm-a0": (2, 4), "two-joint-arm-c1": (2, 4), "weighed-pendulum": (1, 2), "whitworth": (1, 6),
 }  # fmt: skip
 """Degrees of freedom and independent conditions on linear momentum of the shipped mechanisms."""
 
