@@ -116,7 +116,10 @@ def _motion_text(model: Mechanism) -> str:
     """Driven joints there and back one after the other, as far as the mechanism can go; rests of half a second."""
     joints = model.driven
     if not joints:
-        raise RigError(f"{model.name} has no driven joint: name actuators in its file, which say what drives it")
+        raise RigError(
+            f"{model.name} has no driven joint: name its motors, by <actuator> in an MJCF, name_mot: [JOINT] in the "
+            f"YAML of its name beside a URDF (joints: {', '.join(model.coordinates)})"
+        )
     slides = [not model.tree.joints[model.coordinate_index(joint)].revolute for joint in joints]
     share = 1.0
     for _ in range(_HALVINGS):
@@ -181,7 +184,9 @@ def _plan_text(file: str, model: Mechanism, motion: Motion) -> str:
             *([f'payload = "{model.mass(payload):.6g} kg"                # all that {payload} carries, itself included']
               if payload and model.mass(payload) > 0.0 else []),
             f"counter_masses = {{ {listed} }}" if masses else
-            "# counter_masses: none: name sites counter... in the mechanism's file, where masses can be mounted",
+            "# counter_masses: none: name sites counter... in the mechanism's file, where masses can be mounted"
+            if not model.counter_sites else
+            f'# counter_masses = {{ {repr_text(model.counter_sites[0])} = "0.1 kg" }}  # least force: without any',
             'motion = "motion"',
             "",
         ]

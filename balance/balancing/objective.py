@@ -129,8 +129,7 @@ def _moment_rows(mechanism: Mechanism, trajectory: Trajectory) -> Iterator[Float
 
 def turning_drives(mechanism: Mechanism) -> list[str]:
     """Driven joints that turn: ``torque`` is of these; forces [N] of sliding ones have no sum with torques [N m]."""
-    motors = mechanism.driven or ([] if mechanism.loops else mechanism.coordinates)
-    return [joint for joint in motors if mechanism.tree.joints[mechanism.coordinate_index(joint)].revolute]
+    return [joint for joint in mechanism.driven if mechanism.tree.joints[mechanism.coordinate_index(joint)].revolute]
 
 
 def _torque_rows(mechanism: Mechanism, trajectory: Trajectory) -> Iterator[Floats]:

@@ -18,6 +18,7 @@ from .framework import emit_json, emit_table, json_option, plain_text
 
 MECHANICS = {
     "mechanism": ("mechanisms", ".xml"),
+    "robot": ("robots", ".urdf"),
     "motion": ("motions", ".toml"),
     "linkage": ("linkages", ".toml"),
     "engine": ("engines", ".toml"),
@@ -47,7 +48,7 @@ class Shipped:
             return f"columns {text.partition(chr(10))[0]}"
         if self.file.suffix == ".json":
             return str(json.loads(text)["source"])
-        if self.file.suffix == ".xml":
+        if self.file.suffix in {".xml", ".urdf"}:
             found = text.partition("<!--")[2].partition("-->")[0]
         else:
             lines = text.splitlines()

@@ -241,7 +241,7 @@ def _write_loads(mechanism: Mechanism) -> Program:
 
 def _drive_torque(mechanism: Mechanism, trajectory: Trajectory, joint_torque: Floats) -> dict[str, Floats]:
     """Torques of the driven joints: those of the open tree, projected on what the loops allow."""
-    driven = mechanism.driven or (mechanism.coordinates if not mechanism.loops else ())
+    driven = mechanism.driven
     if not driven:
         return {}
     if not mechanism.loops and len(driven) == len(mechanism.coordinates):

@@ -95,11 +95,12 @@ class _Parts:
         self._refuse_unknown("<text name='payload'> names body", payload, own_mass)
         self._refuse_unknown(f"<numeric name='...{_RADIUS}'> names site", radii, sites)
         driven, reflected, notes = self._drives()
+        loops = self._loops()
         return Mechanism(
             name=name,
             text=text,
             tree=Tree(tuple(self.joints), tuple(self.rows)),
-            loops=self._loops(),
+            loops=loops,
             bodies=tuple(bodies[head] for head in heads),
             coordinates=tuple(self.coordinates),
             parameters=frozen(parameters),
@@ -108,7 +109,7 @@ class _Parts:
             gravity=frozen(np.zeros(3) if model.opt.disableflags & _GRAVITY_OFF else model.opt.gravity.copy()),
             home=frozen(np.array(self.home)),
             branch=self.branch,
-            driven=driven,
+            driven=driven or (() if loops else tuple(self.coordinates)),
             armature=frozen(model.dof_armature + reflected),
             viscous=frozen(model.dof_damping * (0.0 if model.opt.disableflags & _DAMPERS_OFF else 1.0)),
             coulomb=frozen(model.dof_frictionloss.copy()),

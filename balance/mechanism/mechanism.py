@@ -68,7 +68,7 @@ class Mechanism:
     branch: str
     """Name of the keyframe that ``home`` is from."""
     driven: tuple[str, ...]
-    """Coordinates that a motor drives."""
+    """Coordinates that a motor drives; all of an open chain that names no motor, as a robot's description has none."""
     armature: Floats
     """Inertia of the drive reflected to each joint, (nv,) [kg m2, kg]."""
     viscous: Floats
@@ -205,17 +205,15 @@ class Mechanism:
     def with_payload(self, masses: Mapping[str, float], stated: float | None = None) -> "Mechanism":
         """Set masses of bodies [kg], at their own centres and with their own radii of gyration; add masses at sites.
 
-        ``stated`` is the mass of the one body that carries the payload [kg]. Raises ModelError for an unknown name, for
-        one that a body and a site have, and for a body that is named twice.
+        A name that both have is the body's, unless that has no mass. ``stated`` is the mass of the one body that
+        carries the payload [kg]. Raises ModelError for an unknown name, and for a body that is named twice.
         """
         mechanism, each = self, [*masses.items(), *([] if stated is None else [(self.payload_body, stated)])]
         known = [*self.own_mass, *self.sites]
         for name, mass in each:
             if [other for other, _ in each].count(name) > 1:
                 raise ModelError(f"the payload of body {name!r} is stated twice: once by its name, once as that of all")
-            if name in self.own_mass and name in self.sites:
-                raise ModelError(f"{self.name} has a body and a site {name!r}: rename one, so that a payload names one")
-            if name in self.own_mass:
+            if name in self.own_mass and (self.mass(name) > 0.0 or name not in self.sites):
                 mechanism = mechanism._with_body_mass(name, mass)
             elif name in self.sites:
                 mechanism = mechanism.with_counter_mass({name: mass})

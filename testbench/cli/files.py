@@ -4,6 +4,7 @@ from balance.cli.files import MECHANICS, files_command
 
 LABORATORY = {
     "mechanism": MECHANICS["mechanism"],
+    "robot": MECHANICS["robot"],
     "motion": MECHANICS["motion"],
     "rig": ("rigs", ".toml"),
     "import-description": ("loggers", ".toml"),

@@ -83,8 +83,15 @@ def _names_in(mechanism: str, root: Element) -> MechanismNames | None:
         mechanism,
         _names_of_tags(elements, _BODIES),
         _names_of_tags(elements, _JOINTS),
-        _names_of_tags([e for part in root.iter("worldbody") for e in part.iter()], {"site"}),
+        _names_of_tags([e for part in root.iter("worldbody") for e in part.iter()], {"site"})
+        + _names_of_tags(filter(_massless, root.iter("link")), {"link"}),
     )
+
+
+def _massless(link: Element) -> bool:
+    """Whether a robot's link is a site too."""
+    mass = link.find("inertial/mass")
+    return mass is None or mass.get("value", mass.text or "").strip() in {"0", "0.0"}
 
 
 def _names_of_tags(elements: Iterable[Element], tags: set[str]) -> tuple[str, ...]:

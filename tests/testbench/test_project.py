@@ -2,9 +2,14 @@
 
 import json
 import re
+import shlex
+import shutil
+from pathlib import Path
 
 import pytest
 
+import balance.cli
+import testbench.cli
 from balance import datasets
 from testbench.campaign_plan import load_plan
 from testbench.errors import RigError
@@ -12,6 +17,8 @@ from testbench.ingestion.run_table import read_run_table
 from testbench.project import new_project, project_problems
 from testbench.rig import load_rig
 from testbench.rig.sensors import Encoder
+
+from ..commands import call
 
 
 @pytest.mark.parametrize(("mechanism", "loggers"), [("five-bar", 2), ("scara-quill", 1), ("bennett", 2)])
@@ -27,22 +34,58 @@ def test_what_is_written_is_valid(tmp_path, mechanism, loggers):
     assert {sensor.joint for sensor in rig.of_kind(Encoder).values()}
 
 
-def test_it_runs_at_once(command, tmp_path, monkeypatch):
-    """By the commands of its README: simulated logs, stored, analysed and compared, from the folder alone."""
-    assert command("new", tmp_path / "test", "--from", "four-bar")[0] == 0
-    monkeypatch.chdir(tmp_path / "test")
-    assert command("check", ".")[0] == 0
-    assert command("simulate", "--plan", "plan.toml", "--rig", "rig.toml", "-o", "logs")[0] == 0
-    logs = sorted((tmp_path / "test" / "logs").glob("r*.csv"))
-    words = ("--rig", "rig.toml", "--runs", "logs/runs.csv", "-o", "campaign")
-    assert command("ingest", *logs, *words)[0] in (0, 3)
-    (tmp_path / "test" / "campaign").rename(tmp_path / "campaign")
+def quicker(folder):
+    """Edit a project: one run a side, one axis, slow loggers."""
+    edits = {"plan.toml": [("repeats = 2", "repeats = 1")],
+             "rig.toml": [("{ x = \"AccX\", y = \"AccY\", z = \"AccZ\" }", "{ y = \"AccY\" }"),
+                          ("2 kHz", "500 Hz"), ("1 kHz", "500 Hz")]}  # fmt: skip
+    for name, changes in edits.items():
+        text = (folder / name).read_text("utf-8")
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        (folder / name).write_text(text, "utf-8")
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "own-machine.md"
+PROGRAMS = {"balance": balance.cli.main, "testbench": testbench.cli.main}
+
+
+def test_the_page_runs_and_the_campaign_stands_alone(tmp_path, monkeypatch):
+    """Every command of the page, at most ten, from a URDF to a verdict; then the campaign elsewhere, its sources gone.
+
+    Of the numbers only that simulation and analysis of the same bench agree, and that nothing depends on the sources.
+    """
     monkeypatch.chdir(tmp_path)
-    code, out, _ = command("compare", "campaign", "--json")
-    rows = {row["axis"]: row for row in json.loads(out)["rows"]}
-    assert code in (0, 3)
-    assert rows["x"]["simulated_percent"] == pytest.approx(rows["x"]["analyzed_percent"], abs=3.0)
-    assert rows["x"]["published_percent"] is None
+    (block,) = re.findall(r"^```sh\n(.*?)^```", PAGE.read_text("utf-8"), re.DOTALL | re.MULTILINE)
+    lines = block.splitlines()
+    assert len(lines) <= 10
+    for line in lines:
+        program, *words = shlex.split(line)
+        names = [sorted(map(str, Path().glob(word))) if "*" in word else [word] for word in words]
+        done = call(PROGRAMS[program], program, *(word for some in names for word in some))
+        assert done.code in (0, 3), f"{line}: {done.err}"
+        assert done.out
+        if "new" in words:
+            quicker(Path("my-test"))
+    assert "Vibration of the base reduced" in done.out
+    assert "<html" in Path("my-test/report.html").read_text("utf-8")[:200]
+
+    said = {name: call(testbench.cli.main, "testbench", name, "my-test/campaign", "--json").out for name in VERDICTS}
+    Path("my-test/campaign").rename(tmp_path / "campaign")
+    shutil.rmtree("my-test")
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    for name in VERDICTS:
+        assert call(testbench.cli.main, "testbench", name, tmp_path / "campaign", "--json").out == said[name]
+    rows = json.loads(said["compare"])["rows"]
+    assert [row["simulated_percent"] for row in rows] == pytest.approx(
+        [row["analyzed_percent"] for row in rows], abs=3.0
+    )
+    assert [row["published_percent"] for row in rows] == [None] * len(rows)
+
+
+VERDICTS = ("analyze", "compare")
 
 
 def test_a_machine_of_several_files(tmp_path):
