@@ -92,11 +92,11 @@ def new_project(folder: Path, mechanism: str | None, loggers: int = 2) -> list[s
     try:
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
-        loggers = load_rig(folder / RIG).loggers
+        names = load_rig(folder / RIG).loggers
         runs = load_plan(folder / PLAN).runs()
         write_run_table(
             folder / RUNS,
-            [(f"{run.name}_{name}.csv", run.name, "measured", run.conditions) for run in runs for name in loggers],
+            [(f"{run.name}_{name}.csv", run.name, "measured", run.conditions) for run in runs for name in names],
         )
     except BaseException:
         if made:
@@ -118,7 +118,7 @@ def _motion_text(model: Mechanism) -> str:
     if not joints:
         raise RigError(
             f"{model.name} has no driven joint: name its motors, by <actuator> in an MJCF, name_mot: [JOINT] in the "
-            f"YAML of its name beside a URDF (joints: {', '.join(model.coordinates)})"
+            f"YAML file of a URDF (joints: {', '.join(model.coordinates)})"
         )
     slides = [not model.tree.joints[model.coordinate_index(joint)].revolute for joint in joints]
     share = 1.0

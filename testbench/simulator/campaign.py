@@ -10,7 +10,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from balance.table_files import can_write_parquet, write_csv, write_csv_file, wr
 from ..campaign_plan import Plan
 from ..errors import RigError
 from ..ingestion.run_table import write_run_table
+from ..recording import Conditions as RunConditions
 from ..recording import Origin
 from ..rig import Column, Rig
 from ..rig.bench import Logger
@@ -148,12 +149,13 @@ def _write_all(
     plan: Plan, rig: Rig, mechanism: Mechanism, folder: Path, progress: Callable[[int, int], None] | None
 ) -> list[str]:
     (folder / TRUTH_FOLDER).mkdir(parents=True)
-    total, table, facts = len(plan.runs()), [], []
+    table: list[tuple[str, str, Origin, RunConditions]] = []
+    total, facts = len(plan.runs()), []
     balance = conditions.balance_conditions(mechanism)
     for number, run in enumerate(simulated_logs.simulate_logs(plan, rig), 1):
         names = _write_logs(folder, rig, run)
         planned = run.planned
-        table += [(name, planned.name, cast(Origin, "simulated"), planned.conditions) for name in names]
+        table += [(name, planned.name, "simulated", planned.conditions) for name in names]
         facts.append(write_run_truth(folder / TRUTH_FOLDER, rig, run, balance))
         if progress:
             progress(number, total)
