@@ -59,7 +59,7 @@ def stated_header(
 
     Raises UnclearDialect for lines that are not there, or have too many cells, LookupError without a row of data.
     """
-    rows = [dialect.split(line) for line in lines]
+    rows = [dialect.split(line.lstrip().lstrip("#%/").strip() if is_comment(line) else line) for line in lines]
     last = max([*names, units or 0, 0])
     first = data or next((i for i, cells in enumerate(rows, 1) if i > last and is_data(cells)), 0)
     if not first or max(last, first) > len(rows) or min([*names, units or 1, first]) < 1:
@@ -131,7 +131,10 @@ def read_header(lines: Sequence[str], dialect: Dialect, has_header: bool | None 
     labels, row_of_units = (in_comment, [""] * fields) if in_comment else _labels(rows, named, fields)
     kept = tuple(lines[i] for i in named)
     preamble = tuple(text for i, text in enumerate(lines[:first]) if text.strip() and i not in named)
-    channels, rows_of_names = named_channels(labels, row_of_units), tuple(i + 1 for i in named[:1])
+    channels, rows_of_names = (
+        named_channels(labels, row_of_units),
+        (first,) if in_comment else tuple(i + 1 for i in named[:1]),
+    )
     units = named[1] + 1 if len(named) > 1 else None
     is_named = bool(named or in_comment)
     return Header(channels, fields, first + 1, is_named, kept, preamble, rows_of_names, units)

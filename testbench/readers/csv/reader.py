@@ -221,7 +221,10 @@ def understood(path: Path, options: ReadOptions) -> _Text:
         if stated is None or (stated.names is None and stated.units is None and stated.data is None):
             header = read_header(lines, dialect, options.header)
         else:
-            header = stated_header(lines, dialect, stated.names or (), stated.units, stated.data)
+            below = stated.units or stated.data or 1
+            above = [i for i, line in enumerate(lines[: below - 1], 1) if line.strip()]
+            names = above[-1:] if stated.names is None else stated.names
+            header = stated_header(lines, dialect, names, stated.units, stated.data)
     except UnclearDialect as error:
         raise Refusal(path.name, Finding("unknown_dialect", None, None, str(error))) from error
     except LookupError as error:

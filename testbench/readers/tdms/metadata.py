@@ -8,7 +8,7 @@ import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -190,6 +190,15 @@ def _property(cursor: Cursor, name: str) -> Property:
 _NAME = re.compile(r"/'((?:[^']|'')*)'")
 
 
+class TextSpan(NamedTuple):
+    """Texts of one chunk: where they lie, their bytes, how many, and the byte order of the numbers before them."""
+
+    offset: int
+    bytes: int
+    count: int
+    order: str
+
+
 @dataclass
 class Channel:
     """A channel: its spans by scale (None: raw numbers without DAQmx scalers), and its type.
@@ -201,7 +210,7 @@ class Channel:
     path: str
     kind: int
     spans: dict[int | None, Spans] = field(default_factory=dict)
-    texts: int = 0
+    texts: list[TextSpan] = field(default_factory=list)
     to_microseconds: bool = True
     has_remainder: bool = False
     lacking: int = 0
@@ -349,7 +358,8 @@ def _locate_chunks(source: ByteSource, segment: Segment, raw: dict[str, Index], 
     for path, index in raw.items():
         kind = stored_type(index.kind, segment.order)
         if kind is None:
-            contents.channels[path].texts += chunks * index.values
+            spans = (TextSpan(at + i * chunk, index.bytes, index.values, segment.order) for i in range(chunks))
+            contents.channels[path].texts.extend(spans)
         else:
             contents.channels[path].of_scale(None, kind).add(at, index.values, kind.itemsize, chunks, chunk)
         at += sizes[path]

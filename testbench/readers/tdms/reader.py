@@ -7,6 +7,7 @@ Scales of thermocouples, bridges and tables are npTDMS's.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from ...recording import (
     Report,
     Samples,
     StartTime,
+    TextLog,
     TimeColumn,
     point_in_time,
 )
@@ -38,7 +40,6 @@ from ..format_findings import (
     nothing_to_read,
     refusing,
     rounded_integers,
-    text_channel,
     watch_nonfinite,
 )
 from ..header_claims import SINCE_1970, clock_of_step, recorded_time
@@ -88,14 +89,16 @@ def open_tdms(path: Path, options: ReadOptions) -> Recording:
     if not gathered:
         raise nothing_to_read(path, findings, "no channel has samples")
     findings += _channel_findings(contents, gathered)
+    texts = TextLog()
     return Recording(
         path=path,
         format="NI TDMS",
         reader="testbench.readers.tdms",
         groups=tuple(each.group for each in gathered),
-        read=lambda report: watch_nonfinite(_blocks(path, contents, gathered, report), report),
+        read=lambda report: watch_nonfinite(_blocks(path, contents, gathered, texts, report), report),
         metadata=_metadata(contents),
         findings=tuple(findings),
+        texts=texts,
     )
 
 
@@ -190,7 +193,9 @@ def _seconds_per(stated: dict[str, Property]) -> float | None:
     return seconds_per(str(unit)) if unit else 1.0 if is_time_name(str(name)) else None
 
 
-def _blocks(path: Path, contents: Contents, gathered: Sequence[_ChannelGroup], report: Report) -> Iterator[Block]:
+def _blocks(
+    path: Path, contents: Contents, gathered: Sequence[_ChannelGroup], texts: TextLog, report: Report
+) -> Iterator[Block]:
     rounded: set[str] = set()
     with ByteSource(path) as source:
         for each in gathered:
@@ -199,8 +204,29 @@ def _blocks(path: Path, contents: Contents, gathered: Sequence[_ChannelGroup], r
                 columns = tuple(column for reading in readings for column in reading.next(end - start))
                 yield Block(each.group, columns, start)
             rounded |= {channel_title(reading.path) for reading in readings if reading.is_rounded}
+        _take_texts(source, contents, gathered, texts)
+    for finding in texts.findings():
+        report(finding)
     for name in sorted(rounded):
         report(rounded_integers(name))
+
+
+def _take_texts(source: ByteSource, contents: Contents, gathered: Sequence[_ChannelGroup], texts: TextLog) -> None:
+    """The texts of each channel of text: in a chunk the ends of all, numbers of 32 bits, then their letters."""
+    names = {next(iter(path_names(each.members[0].path)), ""): each.group.name for each in reversed(gathered)}
+    for path, channel in contents.channels.items():
+        title, sample = channel_title(path), 0
+        group = names.get(next(iter(path_names(path)), ""), "/")
+        for span in channel.texts:
+            raw = source.read(span.offset, span.bytes, f"the texts of {title!r}")
+            if span.bytes < 4 * span.count:
+                raise damaged(source.path, f"channel {title!r}: {span.count} texts in {span.bytes} bytes")
+            ends = np.frombuffer(raw, f"{span.order}u4", span.count).tolist()
+            letters = raw[4 * span.count :]
+            for begin, end in pairwise([0, *ends]):
+                if not texts.take(group, title, sample, letters[begin:end].decode("utf-8", "replace")):
+                    break
+                sample += 1
 
 
 class _Values:
@@ -265,7 +291,7 @@ def _channel_findings(contents: Contents, gathered: Sequence[_ChannelGroup]) -> 
 
 def _texts(contents: Contents) -> list[Finding]:
     return [
-        text_channel(channel_title(path))
+        Finding("text_kept", channel_title(path), None, "holds text, kept as it is, by the samples where it changes")
         for path, channel in contents.channels.items()
         if channel.texts and path_names(path)
     ]

@@ -77,7 +77,22 @@ def test_lengths_and_steps_are_groups_of_their_own(tmp_path):
     ]))  # fmt: skip
     rates = {n: g.clock and g.clock.rate_hz for n, g in found.groups.items()}
     assert rates == {"DAQ fast": 1000.0, "DAQ slow": 100.0, "Second": None}
-    assert {"text_channel", "empty_group"} <= found.codes
+    assert {"text_kept", "empty_group"} <= found.codes
+
+
+@pytest.mark.parametrize("behind", [0, 5])
+def test_texts_are_as_nptdms_has_them(tmp_path, behind):
+    """Of several segments and chunks, beside numbers, each with the sample from which on it stands; cut in the last."""
+    words = [["on", "on", "LOST µ"], ["", "off", "off"], ["off", "x", "x"]]
+    path = write(tmp_path, *([channel("a", np.arange(3.0)), channel("state", each)] for each in words))
+    expected = [str(text) for text in TdmsFile.read(path)["DAQ"]["state"][:]]
+    path.write_bytes(path.read_bytes()[: -behind or None])
+    (series,) = reading.read(path).recording.texts.kept
+    assert (series.group, series.channel) == ("DAQ", "state")
+    kept = dict(zip(series.samples, series.texts, strict=True))
+    whole = expected[: 6 if behind else 9]
+    changes = {i: text for i, text in enumerate(whole) if not i or text != whole[i - 1]}
+    assert kept == changes
 
 
 def test_timestamps_are_the_clock(tmp_path):

@@ -140,6 +140,8 @@ LOGS = {
     "numbers with decimal commas for no value": Log("Time (s);F (N)\n",
         lambda i, v: f"{comma(seconds(i))};{comma(gaps(i, v, -999.25))}",
                                                     "missing = [-999.25]", force=WITH_GAPS),
+    "names in a comment": Log("# Time (s),F (N)\n", lambda i, v: f"{seconds(i)},{v}"),
+    "data line": Log("Rig 3\nTime (s),F (N)\n7,8\n\n", lambda i, v: f"{seconds(i)},{v}", "names = 2\ndata = 5"),
     "another name and unit": Log("Time (s),Dev1/ai0\n", lambda i, v: f"{seconds(i)},{v}",
                                  '[channels]\n"Dev1/ai0" = "F (N)"'),
     "a mean under the data": Log("Time (s),F (N)\n", lambda i, v: f"{seconds(i)},{v}", 'normal = ["text_row"]',
@@ -191,6 +193,19 @@ def test_what_was_detected_can_be_given_back(tmp_path, command):
     assert command("ingest", path, "--as", logger, "-o", tmp_path / "c")[0] == 0
     (source,) = open_run(tmp_path / "c" / "log.h5").provenance["sources"]
     assert source["settings"]["import_description"] == logger.read_text()
+
+
+@pytest.mark.parametrize("name", [name for name, log in LOGS.items() if not log.description])
+def test_every_detected_form_can_be_stated(tmp_path, command, name):
+    """What ``describe`` writes of a log that is right untold gives the same names, units and numbers."""
+    path = LOGS[name].write(tmp_path / "log.csv")
+    written = command("describe", path)[1]
+    (tmp_path / "logger.toml").write_text(written, encoding="utf-8")
+    untold, told = reading.read(path), reading.read(path, described(written))
+    for group, other in zip(untold.groups.values(), told.groups.values(), strict=True):
+        assert [(c.name, c.unit) for c in group.channels] == [(c.name, c.unit) for c in other.channels]
+        assert (group.clock, group.zero) == (other.clock, other.zero)
+        np.testing.assert_array_equal(untold.data[group.name], told.data[other.name])
 
 
 def test_normal_findings_are_notes(tmp_path, command):
