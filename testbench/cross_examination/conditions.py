@@ -60,8 +60,6 @@ def motions(seen: Observation) -> list[Statement]:
     if stated not in NAMED_MOTIONS:
         return []
     witnesses = {name: some for name, some in seen.motions.items() if some and "unknown" not in some}
-    if len(witnesses) > 1:
-        witnesses.pop("acceleration", None)
     return [
         Statement(
             seen.name, "axis", None, f"motion {stated} by the run table", f"motion {', '.join(dict.fromkeys(some))}",

@@ -100,6 +100,7 @@ class ModelledRun:
         """Values (n, ...) on the grid below BAND_HZ, (n, ...)."""
         return low_pass(values, BAND_HZ, self.grid.rate)
 
+    @cached_property
     def place(self) -> Floats:
         """Path of the payload's centre, base axes, (n, 3) [m]. Raises ModelError without one payload body."""
         body = self.unloaded.payload_body
@@ -176,7 +177,7 @@ class ModelledRun:
             found.append((drives, np.column_stack([self.loads.torque[c.component] for c in drives])))
         commanded = _recorded(run, rig.columns_of(Target), group)
         if commanded and len(self.unloaded.payload_bodies) == 1:
-            moved = np.gradient(np.gradient(self.place(), self.grid.step, axis=0), self.grid.step, axis=0)
+            moved = np.gradient(np.gradient(self.place, self.grid.step, axis=0), self.grid.step, axis=0)
             found.append((commanded, moved[:, [AXES.index(c.component) for c in commanded]]))
         return [(columns, self.smooth(values)) for columns, values in found]
 
