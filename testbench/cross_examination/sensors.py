@@ -1,7 +1,7 @@
 """Sign, gain and axis of each sensor, channels that are dead or drift: against the model and the other runs."""
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import combinations
 from typing import TYPE_CHECKING
 
@@ -186,7 +186,7 @@ def examined_sensors(observations: Sequence[Observation], unsure: frozenset[str]
     for channel, by_run in gains.items():
         statements += _gain_statements(channel, by_run)
     found = {(s.run, s.channel) for s in statements if s.code in {"gain_contradiction", "flat_channel"}}
-    return statements + [s for s in _noises(observations, gains) if (s.run, s.channel) not in found]
+    return statements + [s for s in _noises(observations, gains, found) if (s.run, s.channel) not in found]
 
 
 def _is_accelerometer(column: "Column") -> bool:
@@ -373,24 +373,37 @@ def _agreed(others: Floats) -> float:
     return float(middle[np.argmin(np.abs(middle))])
 
 
-def _noises(observations: Sequence[Observation], gains: Gained) -> list[Statement]:
-    """Gain by the noise of a channel in one run against that in the others, where the model does not show the gain."""
+def _noises(
+    observations: Sequence[Observation], gains: Gained, wrong: Collection[tuple[str, str | None]]
+) -> list[Statement]:
+    """Gain by the noise of a channel in one run against that in the others, where the model does not show the gain.
+
+    A run in which the model shows a channel of the sensor ``wrong`` is no witness against the others; of another whose
+    gain the model shows to be off, the noise is divided by that.
+    """
     by_channel: dict[str, dict[str, float]] = defaultdict(dict)
+    unsure: dict[str, set[str]] = defaultdict(set)
     for seen in observations:
         for channel, record in seen.records.items():
             if record.column.dimensions[0] == "acceleration" and not (record.dead or record.clipped):
                 by_channel[channel][seen.name] = record.noise
+                if any((seen.name, sibling.channel) in wrong for sibling in record.column.siblings):
+                    unsure[channel].add(seen.name)
     found = []
     for channel, by_run in by_channel.items():
+        known = {run: gain for run, (gain, _) in gains[channel].items()}
         for run, own in by_run.items():
-            others = np.array([value for name, value in by_run.items() if name != run])
+            rest = [name for name in by_run if name not in {run, *unsure[channel]}]
+            others = np.array(
+                [by_run[name] / (1.0 if _near_one(known.get(name, 1.0)) else known[name]) for name in rest]
+            )
             if not others.size or not min(own, others.min()) > 0.0:
                 continue
             centre = float(np.median(others))
             if np.ptp(others) > centre * (NOISE_FACTOR - 1.0):
                 continue
             ratio = own / centre
-            right = run in gains[channel] and abs(np.log(gains[channel][run][0])) < np.log(GAIN_FACTOR)
+            right = run in known and _near_one(known[run])
             code = None if right or 1.0 / NOISE_FACTOR < ratio < NOISE_FACTOR else "gain_contradiction"
             if code and ratio < FLAT:
                 code = "flat_channel"
@@ -398,3 +411,7 @@ def _noises(observations: Sequence[Observation], gains: Gained) -> list[Statemen
             stated, witnessed = f"noise of {centre:.3g} m/s2 in the other runs", f"{own:.3g} m/s2"
             found.append(Statement(run, subject, channel, stated, witnessed, "its noise at rest", code))
     return found
+
+
+def _near_one(gain: float) -> bool:
+    return abs(float(np.log(gain))) < np.log(GAIN_FACTOR)
