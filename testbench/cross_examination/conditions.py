@@ -55,11 +55,13 @@ def _peak(seen: Observation, stated: float, value: float, unit: str, witness: st
 
 
 def motions(seen: Observation) -> list[Statement]:
-    """The motion by the command and by the encoders; by an accelerometer, whose path drifts, where these are silent."""
+    """By the command and the encoders; by an accelerometer, whose path drifts, unless one of them says as stated."""
     stated = seen.conditions.get("motion")
     if stated not in NAMED_MOTIONS:
         return []
     witnesses = {name: some for name, some in seen.motions.items() if some and "unknown" not in some}
+    if any(set(some) == {stated} for some in witnesses.values()):
+        witnesses.pop("acceleration", None)
     return [
         Statement(
             seen.name, "axis", None, f"motion {stated} by the run table", f"motion {', '.join(dict.fromkeys(some))}",

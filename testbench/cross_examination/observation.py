@@ -120,7 +120,7 @@ class Observation:
     peak_joint_acceleration: tuple[float, ...] = ()
     """Of joints that turn and have an encoder: largest of one joint, and of the norm over all [rad/s2]."""
     motions: dict[str, list[str]] = field(default_factory=dict)
-    """Names of motions, by ``command``, ``encoders`` and, where these are silent, ``acceleration``."""
+    """Names of motions, by ``command``, ``encoders`` and ``acceleration``."""
     torque: TorqueEquations | None = None
     responses: list[Response] = field(default_factory=list)
     reasons: dict[str, str] = field(default_factory=dict)
@@ -146,9 +146,8 @@ def observe(run: SIRun, mechanism: Callable[[], Mechanism]) -> Observation:
     for column in recorded:
         _attempt(seen, column.channel, partial(_keep_record, seen, run, column))
     _attempt(seen, "command", partial(_by_command, seen, run))
+    _attempt(seen, "acceleration", partial(_by_acceleration, seen, run))
     _attempt(seen, "encoders", partial(_by_model, seen, run, mechanism))
-    if not any(some and "unknown" not in some for some in seen.motions.values()):
-        _attempt(seen, "acceleration", partial(_by_acceleration, seen, run))
     return seen
 
 
