@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from decimal import Decimal, InvalidOperation
+from pathlib import Path
 from typing import Annotated, Literal, Self
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
@@ -96,10 +97,14 @@ class ImportDescription(Table):
     """Words and numbers that stand for no value, such as OVERFLOW or -9999."""
     channels: dict[str, Text] = Field(default_factory=dict)
     """Names of channels as written, and instead of each a name with its unit in brackets."""
+    dbc: str = ""
+    """Database of a CAN bus beside this file, by which its frames are decoded; they are kept too."""
     normal: list[str] = Field(default_factory=list)
     """Codes of findings that are normal for this logger: they are said as notes."""
     text: SkipJsonSchema[str] = Field(default="", exclude=True)
     """The file as written."""
+    folder: SkipJsonSchema[Path | None] = Field(default=None, exclude=True)
+    """Where it lies."""
 
     def _check(self) -> None:
         if wrong := [code for code in self.normal if code not in MEANING]:
@@ -129,9 +134,9 @@ class ImportDescription(Table):
             raise RecordingError(str(error)) from error
         text = read_text(path, RecordingError)
         table = toml_tables(text, path.name, RecordingError)
-        if "text" in table:
-            raise RecordingError(f"{path.name}: text: unknown key")
-        return model_from_table(cls, table | {"text": text}, path.name, RecordingError)
+        if own := {"text", "folder"} & table.keys():
+            raise RecordingError(f"{path.name}: {min(own)}: unknown key")
+        return model_from_table(cls, table | {"text": text, "folder": path.parent}, path.name, RecordingError)
 
     @property
     def words(self) -> frozenset[str]:
@@ -188,13 +193,20 @@ class ImportDescription(Table):
                 plan.report(report)
 
         left = _OF_OTHER_CLOCKS if self.time else ()
-        return replace(
+        found = replace(
             recording,
             groups=tuple(plan.group for plan in known),
             read=read,
             settings={**recording.settings, "import_description": self.text or self.name},
             findings=tuple(finding for finding in recording.findings if finding.code not in left),
         )
+        if not self.dbc:
+            return found
+        from .bus_decoding import BusDatabase
+
+        if Path(self.dbc).name != self.dbc:
+            raise RecordingError(f"dbc: {self.dbc!r}: expected the name of a file beside the import description")
+        return BusDatabase.load((self.folder or Path()) / self.dbc).applied(found)
 
 
 @dataclass

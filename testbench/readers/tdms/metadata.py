@@ -195,7 +195,7 @@ class TextSpan(NamedTuple):
 
     offset: int
     bytes: int
-    count: int
+    texts: int
     order: str
 
 

@@ -219,10 +219,10 @@ def _take_texts(source: ByteSource, contents: Contents, gathered: Sequence[_Chan
         group = names.get(next(iter(path_names(path)), ""), "/")
         for span in channel.texts:
             raw = source.read(span.offset, span.bytes, f"the texts of {title!r}")
-            if span.bytes < 4 * span.count:
-                raise damaged(source.path, f"channel {title!r}: {span.count} texts in {span.bytes} bytes")
-            ends = np.frombuffer(raw, f"{span.order}u4", span.count).tolist()
-            letters = raw[4 * span.count :]
+            if span.bytes < 4 * span.texts:
+                raise damaged(source.path, f"channel {title!r}: {span.texts} texts in {span.bytes} bytes")
+            ends = np.frombuffer(raw, f"{span.order}u4", span.texts).tolist()
+            letters = raw[4 * span.texts :]
             for begin, end in pairwise([0, *ends]):
                 if not texts.take(group, title, sample, letters[begin:end].decode("utf-8", "replace")):
                     break
