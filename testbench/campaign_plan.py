@@ -10,7 +10,7 @@ from pydantic import Field
 
 from balance import datasets
 from balance.errors import DataError
-from balance.input_files import OneOrMore, Table, load_model, model_from_table, toml_tables
+from balance.input_files import Measured, OneOrMore, Table, load_model, model_from_table, toml_tables
 from balance.units import G0
 
 from .errors import RigError
@@ -73,7 +73,9 @@ class Condition(Table):
     def runs(self) -> Iterator[PlannedRun]:
         """Every combination once, without name or repeat; runs with counter-masses first."""
         sets = [self.counter_masses] + [{}] * (self.also_without and bool(self.counter_masses))
-        for payload, motion, peak in product(self.payload or [None], self.motion, self.peak_acceleration or [None]):
+        payloads: list[float | None] = [*(self.payload or ())] or [None]
+        peaks: list[Measured[float] | None] = [*(self.peak_acceleration or ())] or [None]
+        for payload, motion, peak in product(payloads, self.motion, peaks):
             turning = peak is not None and peak.dimension == "angular acceleration"
             for masses in sets:
                 yield PlannedRun("", payload, masses, motion, peak and peak.value, 0, turning, self.payloads)

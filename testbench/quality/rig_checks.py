@@ -51,7 +51,7 @@ def of_conditions(rig: "Rig", conditions: Mapping[str, Any]) -> list[Finding]:
     wrong = [("counter_masses", rig.names.unknown("site", site)) for site in conditions.get("counter_masses", {})]
     for name in conditions.get("payloads", {}):
         if name not in rig.names.bodies:
-            wrong.append((f"payload_{name}_kg", rig.names.unknown("site", name)))
+            wrong.append((f"payload_{name}_kg", rig.names.unknown("body or site", name)))
     return [Finding("unknown_site", None, None, f"the run table's {key}: {text}") for key, text in wrong if text]
 
 

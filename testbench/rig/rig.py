@@ -39,7 +39,11 @@ class MechanismNames:
 
     def unknown(self, kind: str, name: str) -> str | None:
         """Why a name is wrong, with those that the mechanism has; None if it has it."""
-        known: tuple[str, ...] = getattr(self, {"body": "bodies"}.get(kind, f"{kind}s"))
+        known: tuple[str, ...] = (
+            (*self.bodies, *self.sites)
+            if "body" in kind and "site" in kind
+            else getattr(self, {"body": "bodies"}.get(kind, f"{kind}s"))
+        )
         if name in known:
             return None
         listed = ", ".join(known) or "none"
