@@ -14,7 +14,7 @@ import click
 from .. import datasets
 from ..errors import DataError
 from ..results import Key, document, table
-from .framework import emit_json, emit_table, json_option, plain_text
+from .framework import Word, emit_json, emit_table, json_option, plain_text
 
 MECHANICS = {
     "mechanism": ("mechanisms", ".xml"),
@@ -96,12 +96,12 @@ def files_command(program: str, kinds: Mapping[str, tuple[str, str]], example: s
     @click.command(
         "files",
         help="List what is shipped, or copy a file of it for editing.\n\n"
-        "A command takes a shipped file by its name, and a file of your own by its path.",
+        f"A command takes a shipped file by its name, and a file of your own by its path. KIND: {', '.join(kinds)}.",
         epilog=f"\b\nExamples:\n  {program} files {example.partition('/')[0]}\n"
         f"  {program} files --copy {example} -o mine\n"
         "\b\nExit codes: 0 done, 1 no file, or several, of that name, or it is there already.",
     )
-    @click.argument("kind", type=click.Choice(list(kinds)), required=False)
+    @click.argument("kind", type=Word(list(kinds)), metavar="[KIND]", required=False)
     @click.option("--copy", "name", metavar="NAME", help="Copy this file; KIND/NAME where several have the name.")
     @click.option("-o", "--output", "folder", type=click.Path(path_type=Path), default=".", help="Where to; here.")
     @json_option

@@ -30,6 +30,21 @@ json_option = click.option(
 )
 
 
+class Word(click.Choice[str]):
+    """One of some words; the nearest is suggested for another."""
+
+    def __init__(self, words: Sequence[str]) -> None:
+        super().__init__(list(words))
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """The word. Fails with the nearest one."""
+        if value not in self.choices:
+            from ..input_files import suggestion
+
+            self.fail(f"{value!r}: expected {', '.join(self.choices)}{suggestion(value, self.choices)}", param, ctx)
+        return value
+
+
 class LazyGroup(click.Group):
     """A group that imports the module of a subcommand only when it is called, so that ``--help`` is quick.
 

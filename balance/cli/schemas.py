@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from .framework import emit_json
+from .framework import Word, emit_json
 
 MODELS = {
     "drive": "balance.drives.drive_files:DriveTable",
@@ -51,11 +51,11 @@ def schema_command(program: str, models: Mapping[str, str], example: str) -> cli
     @click.command(
         "schema",
         help="Print the JSON schema of an input file: its keys, their meaning, unit, example and default.\n\n"
-        "Editors check a file by it while it is written.",
+        f"Editors check a file by it while it is written. KIND: {', '.join(models)}.",
         epilog=f"\b\nExamples:\n  {program} schema {example} > {example}.schema.json\n"
         f"  {program} schema {example} --text",
     )
-    @click.argument("kind", type=click.Choice(list(models)), required=False)
+    @click.argument("kind", type=Word(list(models)), metavar="KIND", required=False)
     @click.option("--text", is_flag=True, help="As tables for people (Markdown); of all kinds unless one is named.")
     def schema(kind: str | None, text: bool) -> None:
         if text:

@@ -228,7 +228,10 @@ def _rows(name: str, line: int, columns: Sequence[str], cells: Sequence[str], de
     }
     given |= {"files": tuple(named["files"].values())} if named["files"] else {}
     given |= {"payloads": named["payloads"]} if named["payloads"] else {}
-    row = model_from_table(RunRow, given, place, RigError)
+    try:
+        row = model_from_table(RunRow, given, place, RigError)
+    except RigError as error:
+        raise RigError(re.sub(r'payloads\.("?)(.+?)\1: ', r"payload_\2_kg: ", str(error))) from error
     for file in row.files or (row.file or "",):
         yield RunTableRow(line, file, row.run, row.origin, row.conditions, marks)
 

@@ -110,6 +110,7 @@ def test_rows_without_logs_and_logs_without_rows(run_table):
         ("", "no column 'file'"),
         ("file,motion,motion\n", "column 'motion' is there twice"),
         ("file_daq,motion\n", "line 2: run: missing: expected a name"),
+        ("payload_tool arm_kg,file\n", "line 2: payload_tool arm_kg: 'a.csv': expected a number"),
     ],
 )
 def test_wrong_columns(run_table, head, message):
