@@ -35,6 +35,8 @@ SI_UNITS = {
     "voltage": "V",
     "stiffness": "N/m",
     "damping": "N s/m",
+    "turning damping": "N m s",
+    "mass per length": "kg/m",
 }
 """Dimensions that a quantity may be asked to have, and the unit in which it is returned."""
 

@@ -6,6 +6,7 @@ With the mechanism locked to the base and w its shaking wrench about the same or
     (M_base + M_mechanism) x'' + C x' + K x = w
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Annotated
@@ -20,7 +21,8 @@ from ..input_files import OneForAll, Quantity, Table
 from ..mechanism import forward_kinematics
 from ..mechanism.forward_kinematics import Pose
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.sparse_components import dense
+from ..mechanism.sparse_components import ZERO, Entries, Matrix, Vector, add, apply, dense, mul, plus, scale, sub
+from ..mechanism.tape import Program, Tape
 
 BLOCK = 128
 """Samples a block: about the square root of the samples of a run."""
@@ -44,7 +46,10 @@ def skew(vector: Floats) -> Floats:
 
 def skews(vectors: Floats) -> Floats:
     """The matrices S (n, 3, 3) with S b = vector x b, in SI as ``vectors`` (n, 3)."""
-    return np.cross(vectors[:, None, :], np.eye(3)[None], axis=-1).transpose(0, 2, 1)
+    found = np.zeros((len(vectors), 3, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        found[:, k, j], found[:, j, k] = vectors[:, i], -vectors[:, i]
+    return found
 
 
 def displacement_at(point: Floats) -> Floats:
@@ -70,24 +75,58 @@ def locked_inertia(mechanism: Mechanism, q: Floats) -> Floats:
 def inertia_along(mechanism: Mechanism, q: Floats) -> Floats:
     """Mass matrices at configurations (n, nv) about the base frame's origin, (n, 6, 6) [kg, kg m, kg m2].
 
-    For a body with first moment h and inertia I about its joint's origin o, all in base axes:
-    I_0 = I - S(o) S(h) - S(h) S(o) - m S(o) S(o).
+    The inertia is tr(S) - S, S being the sum of m rho rho' over all particles.
     """
-    at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
-    first, second = np.zeros((at.count, 3)), np.zeros((at.count, 3, 3))
-    for row, joint in zip(mechanism.parameters, mechanism.tree.bodies, strict=True):
-        turn = np.moveaxis(_rotation(at, joint), 2, 0)
-        origin, own_first, mass = dense(at.position[joint], at.count).T, turn @ row[1:4], float(row[0])
-        xx, xy, yy, xz, yz, zz = row[4:]
-        own = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.transpose(0, 2, 1)
-        first += mass * origin + own_first
-        second += own + _moved(origin, own_first) + _moved(own_first, origin) + mass * _moved(origin, origin)
-    return _mass_matrices(mechanism.total_mass, first, second)
+    tree, moments = mechanism.tree, np.empty((9, len(q)))
+
+    def write() -> Program:
+        tape = Tape()
+        at = forward_kinematics.pose(tree, tape.rows(tree.size))
+        first, second = ZERO, [ZERO] * 3
+        for row, joint in zip(tape.parameter_rows(mechanism.parameters), tree.bodies, strict=True):
+            origin, own = at.position[joint], at.arm(joint, row[1:4])
+            first = plus(first, plus(scale(row[0], origin), own))
+            about = second_moment_about(row, at, joint)
+            second = [plus(column, more) for column, more in zip(second, about, strict=True)]
+        xx, yy, zz = (second[k][k] for k in range(3))
+        diagonal = (add(yy, zz), add(zz, xx), add(xx, yy))
+        mixed = (second[1][0], second[2][0], second[2][1])
+        return tape.program([*first, *diagonal, *mixed])
+
+    tree.program(("inertia", (mechanism.parameters != 0.0).tobytes()), write).run([q.T], [moments], mechanism.pi)
+    inertia = np.zeros((len(q), 3, 3))
+    for k in range(3):
+        inertia[:, k, k] = moments[3 + k]
+    for k, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
+        inertia[:, i, j] = inertia[:, j, i] = -moments[6 + k]
+    return _mass_matrices(mechanism.total_mass, moments[:3].T, inertia)
 
 
-def _moved(a: Floats, b: Floats) -> Floats:
-    """-S(a) S(b) = (a . b) 1 - b a', (n, 3, 3)."""
-    return np.einsum("ni,ni->n", a, b)[:, None, None] * np.eye(3) - np.einsum("ni,nj->nij", b, a)
+def second_moment(row: Entries) -> Matrix:
+    """Columns of the sum of m r r' from a body's parameters (10,) [kg, kg m, kg m2]: S = tr(I) / 2 - I [kg m2]."""
+    xx, xy, yy, xz, yz, zz = row[4:]
+    half = mul(0.5, add(add(xx, yy), zz))
+    mixed = [sub(0.0, entry) for entry in (xy, xz, yz)]
+    return (sub(half, xx), mixed[0], mixed[1]), (mixed[0], sub(half, yy), mixed[2]), (mixed[1], mixed[2], sub(half, zz))
+
+
+def second_moment_about(row: Entries, at: Pose, joint: int) -> tuple[Vector, Vector, Vector]:
+    """Columns of the sum of m rho rho' of a body of parameters ``row`` (10,) about the base frame's origin [kg m2].
+
+    With first moment h about the joint's origin o, base axes, and R S R' about o, S = tr(I) / 2 - I:
+    m o o' + o h' + h o' + R S R'.
+    """
+    origin, own = at.position[joint], at.arm(joint, row[1:4])
+    turned = [(apply(at.rotation[joint], column), at.rotation[joint][k]) for k, column in enumerate(second_moment(row))]
+    moved = plus(scale(row[0], origin), own)
+
+    def column(j: int) -> Vector:
+        found = plus(scale(origin[j], moved), scale(own[j], origin))
+        for spread, axis in turned:
+            found = plus(found, scale(axis[j], spread))
+        return found
+
+    return column(0), column(1), column(2)
 
 
 def _mass_matrices(mass: float, first: Floats, inertia: Floats) -> Floats:
@@ -185,6 +224,24 @@ def linear_response(a: Floats, b: Floats, driven: Floats, step: float) -> Floats
     state = np.zeros((*driven.shape[:-1], len(a)))
     state[1:] = times(now, driven[:-1]) + times(after, driven[1:])
     return _accumulated(phi, state)
+
+
+def stepped_response(
+    a: Floats, b: Floats, driven: Floats, step: float, start: Floats, more: Callable[[Floats, bool], Floats]
+) -> tuple[Floats, Floats]:
+    """States (n, k), in SI, of y' = A y + B (w + f(y)) from ``start`` (k,), sample by sample, and f (n, m) in them.
+
+    ``more`` is f, (m,), of a state (k,) and of whether that is kept: each is forecast first.
+    """
+    phi, now, after = _propagator(a.tobytes(), b.tobytes(), len(a), step)
+    pushes = times(now, driven[:-1]) + times(after, driven[1:])
+    states, added = np.empty((len(driven), len(a))), np.empty_like(driven)
+    states[0], added[0] = start, more(start, True)
+    for i, push in enumerate(pushes):
+        known = phi @ states[i] + push + now @ added[i]
+        states[i + 1] = known + after @ more(known + after @ added[i], False)
+        added[i + 1] = more(states[i + 1], True)
+    return states, added
 
 
 def times(matrix: Floats, vectors: Floats) -> Floats:

@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from balance.dynamics.moving_base import MountedBase
-from balance.input_files import Table
+from balance.input_files import Quantity, Table
 
 from . import key_types
 
@@ -35,6 +35,67 @@ class Rotor(Table):
     def _has_direction(self) -> "Rotor":
         if not any(self.axis):
             raise ValueError("axis: expected a direction, found 0, 0, 0")
+        return self
+
+
+Damping = Annotated[float, Quantity("turning damping", at_least=0.0)]
+
+
+class Transmission(Table):
+    """Gear, belt and shaft between motor and joint: a spring with a damper, and the play in it.
+
+    As all of a drive it is referred to the joint: an inertia, stiffness or torque on the motor's side of a gear of
+    ratio N counts N^2, N^2 and N times.
+    """
+
+    stiffness: key_types.TurningStiffness
+    """[N m/rad]"""
+    damping: Damping
+    """[N m s/rad]"""
+    backlash: Annotated[float, Quantity("angle", at_least=0.0)] = 0.0
+    """Play of the joint against the motor, from stop to stop: within it the spring carries nothing [rad]."""
+    motor_side: tuple[str, ...] = ()
+    """Sites whose counter-masses sit on the hub, before the spring, and so turn with the motor."""
+
+
+class Ripple(Table):
+    """Torque that repeats as the motor turns: cogging, poles, teeth. It is T sin(order q) at the joint's angle q."""
+
+    torque: key_types.Moment
+    """T [N m]."""
+    order: float = Field(gt=0.0, allow_inf_nan=False)
+    """Periods in a turn of the joint."""
+
+
+class Control(Table):
+    """Position control of the motor: torque of a spring and a damper to the command, its integral, a feedforward."""
+
+    stiffness: key_types.TurningStiffness
+    """Proportional gain [N m/rad]."""
+    damping: Damping
+    """Derivative gain [N m s/rad]."""
+    integral_time: key_types.Duration | None = None
+    """Of the integral part, whose gain is the stiffness over this time [s]; None: no integral part."""
+    feedforward: float = Field(default=1.0, ge=0.0, le=1.0)
+    """Share of the rigid mechanism's torque that is commanded in advance, gravity included."""
+    bandwidth: key_types.Frequency | None = None
+    """Of the current loop, first order [Hz]; None: torque follows at once."""
+    ripple: Ripple | None = None
+    """Cogging of the motor; None: none."""
+
+
+class DriveTrain(Table):
+    """The drive of one joint that turns."""
+
+    transmission: Transmission | None = None
+    """None: rigid."""
+    control: Control | None = None
+    """None: the motor follows the command exactly."""
+
+    @model_validator(mode="after")
+    def _states_something(self) -> "DriveTrain":
+        if self.transmission is None and self.control is None:
+            raise ValueError("expected transmission, control or both; leave the table out for a drive without error")
         return self
 
 
@@ -72,6 +133,27 @@ class Mode(Table):
     """Its rotation there [rad/m]."""
     at: dict[str, Direction]
     """Shape at accelerometers on the base, by sensor."""
+
+
+class Contact(Table):
+    """Feet that stand on the floor and are not fixed to it: a mount carries pressure only, and slides by dry friction.
+
+    A mount is loaded by its share of the weight at rest. Where that is used up it lifts, and carries nothing.
+    """
+
+    friction: float = Field(gt=0.0, allow_inf_nan=False)
+    """Coefficient of dry friction between foot and floor."""
+
+
+class Rider(Table):
+    """The part of the base that rides on the force sensors, above them: they carry the force that accelerates it."""
+
+    mass: key_types.Mass
+    """Contained in the base's [kg]."""
+    centre: key_types.Point = (0.0, 0.0, 0.0)
+    """In the base frame [m]."""
+    inertia: Annotated[tuple[key_types.Inertia, key_types.Inertia, key_types.Inertia], key_types.EACH_AXIS]
+    """About its centre, along the axes of the base [kg m2]."""
 
 
 class SensorErrors(Table):
@@ -149,8 +231,17 @@ class Bench(MountedBase):
     """Of the base at rest, a rotation vector in its own axes [rad]: it turns gravity; sensors were zeroed level."""
     planes: dict[str, key_types.Length] = Field(default_factory=dict)
     """How far out along its own z axis a body or the counter-mass of a site lies, beyond what the file says [m]."""
+    stacks: dict[str, key_types.MassPerLength] = Field(default_factory=dict)
+    """Of the plates of a counter-mass, by site: mass per length along the z axis of its body, outwards from its plane,
+    so that a heavier counter-mass lies farther out [kg/m]."""
     rotors: dict[str, Rotor] = Field(default_factory=dict)
     """Of the motors, by joint."""
+    drives: dict[str, DriveTrain] = Field(default_factory=dict)
+    """Transmission and control of the drives, by joint; a joint without follows its command exactly."""
+    contact: Contact | None = None
+    """Between mounts and floor; None: the mounts are fixed to the floor, and pull as well as push."""
+    rider: Rider | None = None
+    """What of the base rides on the force sensors; None: nothing."""
     floor: FloorLevel | None = None
     """Vibration of the floor: as much as a curve of the generic vibration criteria allows in each band, 4 to 80 Hz."""
     roughness: Roughness | None = None

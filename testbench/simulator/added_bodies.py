@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from balance.arrays import Floats
+from balance.dynamics.moving_base import rigid_body, skew
 from balance.errors import ModelError
 from balance.mechanism.mechanism import Mechanism
 
 from ..errors import RigError
 
 if TYPE_CHECKING:
-    from ..rig.bench import Rotor
+    from ..rig.bench import Rider, Rotor
 
 
 def with_planes(mechanism: Mechanism, planes: Mapping[str, float]) -> Mechanism:
@@ -76,6 +77,13 @@ def rotor_momentum(mechanism: Mechanism, rotors: "Mapping[str, Rotor]", rates: F
         axis = np.array(rotor.axis) / np.linalg.norm(rotor.axis)
         total += rotor.inertia * rotor.ratio * rates[:, [_index(mechanism, joint)]] * axis
     return total
+
+
+def rider_inertia(rider: "Rider") -> Floats:
+    """Inertia of what rides on the force sensors about the base frame's origin, (6, 6) [kg, kg m, kg m2]."""
+    centre = np.array(rider.centre)
+    about = np.diag(rider.inertia) - rider.mass * skew(centre) @ skew(centre)
+    return rigid_body(rider.mass, rider.mass * centre, about)
 
 
 def _index(mechanism: Mechanism, joint: str) -> int:

@@ -19,7 +19,7 @@ forces of the mounts act at other places: an inverted pendulum, some 0.2 % of th
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,28 +29,23 @@ from balance.closure import Trajectory
 from balance.dynamics.inverse_dynamics import driven_rates, momentum
 from balance.dynamics.moving_base import (
     BaseMotion,
-    ElasticBase,
     displacement_at,
     first_moment,
     inertia_along,
+    second_moment,
     skew,
     skews,
-    times,
 )
 from balance.mechanism import forward_kinematics
 from balance.mechanism.mechanism import Mechanism
-from balance.mechanism.sparse_components import Vector, dense
+from balance.mechanism.sparse_components import ZERO, apply, apply_transposed, cross, plus, scale
+from balance.mechanism.tape import Program, Tape
 
-from ..errors import RigError
 from ..rig.bench import Rotor
 from .added_bodies import rotor_momentum
 
 if TYPE_CHECKING:
     from balance.dynamics.moving_base import Mount
-
-ROUNDS = 40
-TOLERANCE = 1e-7
-"""Change of the base's acceleration in a round over its largest value, at which the iteration has converged."""
 
 
 @dataclass(frozen=True)
@@ -76,41 +71,35 @@ class Coupling:
         """Along a trajectory with shaking wrench (n, 6) [N, N m], rotors included, in ``gravity`` (3,) [m/s2]."""
         inertia = inertia_along(mechanism, trajectory.q)
         moving = momentum(mechanism, trajectory.q, trajectory.v)
-        gyration, turning = np.zeros((2, len(wrench), 6, 6))
+        gyration = np.zeros((len(wrench), 6, 6))
         gyration[:, :3, 3:] = -2.0 * skews(moving[:, :3])
         rate = np.gradient(inertia[:, 3:, 3:], float(trajectory.time[1] - trajectory.time[0]), axis=0)
         gyration[:, 3:, 3:] = rate - skews(moving[:, 3:] + rotor_momentum(mechanism, rotors, trajectory.v))
-        turning[:, :3, 3:], turning[:, 3:, 3:] = skews(wrench[:, :3]), skews(wrench[:, 3:])
-        wandered = first_moment(inertia) - first_moment(inertia[:1])
-        turning[:, 3:, 3:] -= skew(gravity) @ skews(wandered)
-        return cls(inertia, gyration, turning)
+        return cls(inertia, gyration, _displaced(inertia, wrench, gravity))
 
-    def respond(self, base: ElasticBase, locked: Floats, wrench: Floats, step: float) -> BaseMotion:
-        """Motion from rest under ``wrench`` (n, 6) [N, N m] in steps of ``step`` [s].
+    def under(self, wrench: Floats, gravity: Floats) -> "Coupling":
+        """With another shaking wrench (n, 6) [N, N m] in ``gravity`` (3,) [m/s2], of a motion next to this one."""
+        return replace(self, displacement_matrix=_displaced(self.inertia, wrench, gravity))
 
-        ``base`` contains the inertia ``locked`` (6, 6) [kg, kg m, kg m2] of the mechanism at the start; what differs
-        from it is found by iteration. Raises RigError if that does not converge, the base being too light.
-        """
-        moved = base.respond(wrench, step)
-        for _ in range(ROUNDS):
-            more = (
-                self.reaction(moved)
-                - times(locked, moved.acceleration)
-                + _times(self.displacement_matrix, moved.displacement)
-            )
-            after = base.respond(wrench - more, step)
-            change = np.abs(after.acceleration - moved.acceleration).max()
-            moved = after
-            if change <= TOLERANCE * np.abs(moved.acceleration).max():
-                return moved
-        raise RigError(
-            f"bench.coupling: the base's motion still changes by {change:.3g} m/s2 after {ROUNDS} "
-            "iterations: the base is too light for what moves on it; state its mass, or coupling = 'locked'"
-        )
+    def every(self, stride: int) -> "Coupling":
+        """At every ``stride``-th instant."""
+        return Coupling(self.inertia[::stride], self.velocity_matrix[::stride], self.displacement_matrix[::stride])
+
+    def yielding(self, motion: BaseMotion) -> Floats:
+        """N x, base axes, (n, 6) [N, N m]: what the wrench loses as the base is displaced."""
+        return _times(self.displacement_matrix, motion.displacement)
 
     def reaction(self, motion: BaseMotion) -> Floats:
         """M x'' + G x', base axes, (n, 6) [N, N m]."""
         return _times(self.inertia, motion.acceleration) + _times(self.velocity_matrix, motion.velocity)
+
+
+def _displaced(inertia: Floats, wrench: Floats, gravity: Floats) -> Floats:
+    turning = np.zeros((len(wrench), 6, 6))
+    turning[:, :3, 3:], turning[:, 3:, 3:] = skews(wrench[:, :3]), skews(wrench[:, 3:])
+    wandered = first_moment(inertia) - first_moment(inertia[:1])
+    turning[:, 3:, 3:] -= skew(gravity) @ skews(wandered)
+    return turning
 
 
 def _times(matrices: Floats, vectors: Floats) -> Floats:
@@ -130,13 +119,26 @@ def base_motion_torque(
     ``field`` (n, 6) [m/s2, rad/s2] are the base's accelerations (a, alpha), ``omega`` (n, 3) [rad/s] its angular
     velocity, base axes.
     """
-    rates, found = driven_rates(mechanism, trajectory.per_drive, driven), {}
-    for k, joint in enumerate(driven):
-        per_rate = momentum(mechanism, trajectory.q, rates[:, :, k])
-        per_rate[:, 3:] += rotor_momentum(mechanism, rotors, rates[:, :, k])
-        swept = 2.0 * velocity_cross_product(mechanism, trajectory.q, trajectory.v, rates[:, :, k])
-        found[joint] = np.einsum("ni,ni->n", per_rate, field) + np.einsum("ni,ni->n", swept, omega)
-    return found
+    per_rate, swept = base_motion_loads(
+        mechanism, trajectory, rotors, driven_rates(mechanism, trajectory.per_drive, driven)
+    )
+    more = np.einsum("nki,ni->nk", per_rate, field) + np.einsum("nki,ni->nk", swept, omega)
+    return dict(zip(driven, more.T, strict=True))
+
+
+def base_motion_loads(
+    mechanism: Mechanism, trajectory: Trajectory, rotors: Mapping[str, Rotor], rates: Floats
+) -> tuple[Floats, Floats]:
+    """Loads of the base's motion on coordinates with ``rates`` (n, nv, k) of all joints per rate of each [rad/s, m/s].
+
+    Per acceleration of the base, (n, k, 6) [kg m, kg m2], the momentum per rate; per angular velocity, (n, k, 3).
+    """
+    columns = [np.ascontiguousarray(rates[:, :, k]) for k in range(rates.shape[2])]
+    per_rate = np.stack([momentum(mechanism, trajectory.q, rate) for rate in columns], axis=1)
+    for k, rate in enumerate(columns):
+        per_rate[:, k, 3:] += rotor_momentum(mechanism, rotors, rate)
+    swept = [2.0 * velocity_cross_product(mechanism, trajectory.q, trajectory.v, rate) for rate in columns]
+    return per_rate, np.stack(swept, axis=1)
 
 
 def velocity_cross_product(mechanism: Mechanism, q: Floats, v: Floats, other: Floats) -> Floats:
@@ -145,31 +147,24 @@ def velocity_cross_product(mechanism: Mechanism, q: Floats, v: Floats, other: Fl
     A body with first moment h and J = sum m r r' about its joint's origin: m v1 x v2 + v1 x (w2 x h) + (w1 x h) x v2
     + J (w1 x w2).
     """
-    at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
-    one, two = (forward_kinematics.motion(mechanism.tree, at, np.ascontiguousarray(rates.T)) for rates in (v, other))
-    total = np.zeros((at.count, 3))
+    tree, total = mechanism.tree, np.empty((3, len(q)))
 
-    def full(vector: Vector) -> Floats:
-        return dense(vector, at.count).T
+    def write() -> Program:
+        tape, found = Tape(), ZERO
+        at = forward_kinematics.pose(tree, tape.rows(tree.size))
+        one, two = (forward_kinematics.motion(tree, at, tape.rows(tree.size)) for _ in range(2))
+        for row, joint in zip(tape.parameter_rows(mechanism.parameters), tree.bodies, strict=True):
+            first, m = at.arm(joint, row[1:4]), row[0]
+            v1, v2, w1, w2 = one.velocity[joint], two.velocity[joint], one.omega[joint], two.omega[joint]
+            found = plus(found, scale(m, cross(v1, v2)))
+            found = plus(found, plus(cross(v1, cross(w2, first)), cross(cross(w1, first), v2)))
+            turned = apply_transposed(at.rotation[joint], cross(w1, w2))
+            found = plus(found, apply(at.rotation[joint], apply(second_moment(row), turned)))
+        return tape.program([*found])
 
-    for row, joint in zip(mechanism.parameters, mechanism.tree.bodies, strict=True):
-        first, (v1, v2) = full(at.arm(joint, row[1:4])), (full(motion.velocity[joint]) for motion in (one, two))
-        w1, w2 = (full(motion.omega[joint]) for motion in (one, two))
-        total += (
-            float(row[0]) * np.cross(v1, v2) + np.cross(v1, np.cross(w2, first)) + np.cross(np.cross(w1, first), v2)
-        )
-        both = np.cross(w1, w2)
-        if np.any(both):
-            turn = np.stack([full(at.arm(joint, unit)) for unit in np.eye(3)], axis=2)
-            total += np.einsum("nij,jk,nlk,nl->ni", turn, second_moment(row), turn, both)
-    return total
-
-
-def second_moment(row: Floats) -> Floats:
-    """Sum of m r r' from a body's parameters (10,) [kg, kg m, kg m2]: tr(I) / 2 - I, (3, 3) [kg m2]."""
-    xx, xy, yy, xz, yz, zz = row[4:]
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    return np.trace(inertia) / 2.0 * np.eye(3) - inertia
+    program = tree.program(("swept", (mechanism.parameters != 0.0).tobytes()), write)
+    program.run([q.T, v.T, other.T], [total], mechanism.pi)
+    return total.T
 
 
 def gravity_in_tilted_axes(gravity: Floats, rotation_vector: Floats) -> Floats:

@@ -1,14 +1,15 @@
 """One run of the bench: the mechanism moves, its shaking wrench moves the base.
 
 ``simulate_run`` makes it without anything random, ``disturbed`` adds floor and roughness. Effects that the rig's
-``[bench]`` does not state are neglected (see ``Bench``), and in any case flexible links, backlash and gear ripple, the
-drives' control (the joints follow the command), and second order in the base's motion.
+``[bench]`` does not state are neglected (see ``Bench``), and in any case flexible links, play of joints without a
+motor, and second order in the base's motion.
 
 Elastic modes of the frame are lightly damped oscillators m (e'' + 2 z w e' + w^2 e) = psi W, W the mechanism's wrench
 on the base and psi the mode's shape where it acts; a sensor where the shape is s has the additional acceleration s e''.
 The shapes are those of the free frame, so that the modes do not change its rigid-body motion.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -17,7 +18,7 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.closure import Closure, Trajectory
-from balance.dynamics.inverse_dynamics import Response, simulate
+from balance.dynamics.inverse_dynamics import Response
 from balance.dynamics.moving_base import (
     BaseMotion,
     ElasticBase,
@@ -37,6 +38,8 @@ from ..rig import Rig
 from ..rig.bench import Bench, Mode, Rotor
 from . import added_bodies, disturbances, moving_base_coupling
 from .added_bodies import with_planes
+from .bench_dynamics import BenchDynamics, Contact, shaking
+from .drive_trains import DriveTrains, motor_side, with_motor_sides
 from .moving_base_coupling import Coupling, base_motion_torque
 
 RATE_HZ = 10_000.0
@@ -71,6 +74,10 @@ class BenchRun:
     """Random wrench of drives and joints on the base, (n, 6) [N, N m]."""
     modal_acceleration: Mapping[Point, Floats] = field(default_factory=dict)
     """Acceleration by the frame's modes at points of the base, (n, 3) [m/s2]."""
+    drives: DriveTrains | None = None
+    """Transmissions and controls; None where all joints follow the command."""
+    rider: Floats | None = None
+    """Inertia of what rides on the force sensors, about the base frame's origin, (6, 6) [kg, kg m, kg m2]."""
 
     @property
     def time(self) -> Floats:
@@ -101,6 +108,16 @@ class BenchRun:
             found = found + moving_base_coupling.weight_wrench_change(self.response.weight_moment) + self._turned_weight
         return found if self.roughness is None else found + self.roughness
 
+    @cached_property
+    def supported_wrench(self) -> Floats:
+        """What the force sensors carry: ``transmitted_wrench`` less what accelerates the rider, (n, 6) [N, N m]."""
+        found = self.transmitted_wrench
+        if self.rider is None:
+            return found
+        found = found - times(self.rider, self.motion.acceleration)
+        place, moved = np.broadcast_to(first_moment(self.rider), (len(self.time), 3)), self.motion.displacement
+        return found + moving_base_coupling.tilted_weight_wrench(self.gravity, place, self.rider[0, 0], moved)
+
     @property
     def _turned_weight(self) -> Floats:
         first = first_moment(self.mechanism_inertia if self.coupling is None else self.coupling.inertia)
@@ -117,7 +134,13 @@ class BenchRun:
 
     @cached_property
     def torque(self) -> Mapping[str, Floats]:
-        """Torque of each driven joint on its body, (n,) [N m, N]; with the base's motion where the rig couples them."""
+        """Torque of each motor at its joint, (n,) [N m, N]; with the base's motion where the rig couples them."""
+        found = self.coordinate_torque
+        return found if self.drives is None else self.drives.motor_torque(found)
+
+    @cached_property
+    def coordinate_torque(self) -> Mapping[str, Floats]:
+        """Torque that each driven coordinate needs to move as it does, motor sides too, (n,) [N m, N]."""
         still = self.response.torque
         if self.coupling is None:
             return still
@@ -126,6 +149,12 @@ class BenchRun:
         omega, driven = self.motion.velocity[:, 3:], tuple(still)
         more = base_motion_torque(self.mechanism, self.trajectory, self.rotors, field, omega, driven)
         return {joint: torque + more[joint] for joint, torque in still.items()}
+
+    def shown(self, joint: str) -> Floats:
+        """Angle or travel of a joint as its encoder shows it, which turns with the motor, (n,) [rad, m]."""
+        side = motor_side(joint)
+        name = side if side in self.mechanism.coordinates else joint
+        return self.trajectory.q[:, self.mechanism.coordinate_index(name)]
 
 
 def payload_body(mechanism: Mechanism, named: str | None = None) -> str:
@@ -152,21 +181,43 @@ def simulate_run(
     except DataError as error:
         raise RigError(f"motion {planned.motion!r} of run {planned.name}: {error}") from error
     command = _settling(moved_by, bench.settling, lead)
-    trajectory = Closure(loaded).follow(command)
-    response = _with_rotors(simulate(loaded, trajectory), loaded, bench, trajectory)
-    carried = locked_inertia(loaded, trajectory.q[0])
-    base = _standing(bench, carried, loaded)
-    moved, coupling = _moved(bench, loaded, trajectory, response, base, carried)
-    level = mechanism.gravity
-    at_rest, turning = level - loaded.gravity, loaded.gravity if bench.weight else np.zeros(3)
-    run = BenchRun(
-        loaded, command, trajectory, response, carried, base, moved, turning, at_rest, coupling, bench.rotors
-    )
+    trajectory = Closure(mechanism).follow(command)
+    run = _moved(bench, loaded, command, trajectory, mechanism.gravity)
     return (
         replace(run, modal_acceleration=_modal_acceleration(rig, run.transmitted_wrench, run.step))
         if bench.modes
         else run
     )
+
+
+def _moved(bench: Bench, loaded: Mechanism, command: Samples, rigid: Trajectory, level: Floats) -> BenchRun:
+    """The bench along the trajectory of a mechanism that follows its command; ``level``: gravity on a level base."""
+    rotors, gravity = _rotors(bench), loaded.gravity if bench.weight else np.zeros(3)
+    drives = DriveTrains.of(loaded, bench.drives, rigid) if bench.drives else None
+    trajectory = drives.command if drives else rigid
+    response = shaking(loaded, trajectory, rotors)
+    carried = locked_inertia(loaded, trajectory.q[0])
+    base = _standing(bench, carried, loaded)
+    wrench, coupling = np.hstack([response.force, response.moment]), None
+    if bench.coupling == "moving":
+        coupling = Coupling.of(loaded, trajectory, wrench, rotors, gravity)
+    contact = None if bench.contact is None else Contact.of(bench.mounts, base, level, bench.contact.friction)
+    if coupling or drives or contact:
+        found = BenchDynamics(loaded, trajectory, rotors, base, carried, gravity, drives, coupling, contact).solved()
+        trajectory, response, motion, coupling = found.trajectory, found.response, found.motion, found.coupling
+    else:
+        push = wrench + moving_base_coupling.weight_wrench_change(response.weight_moment) if bench.weight else wrench
+        motion = base.respond(push, float(trajectory.time[1] - trajectory.time[0]))
+    return BenchRun(
+        loaded, command, trajectory, response, carried, base, motion, gravity, level - loaded.gravity, coupling, rotors,
+        drives=drives, rider=None if bench.rider is None else added_bodies.rider_inertia(bench.rider),
+    )  # fmt: skip
+
+
+def _rotors(bench: Bench) -> dict[str, Rotor]:
+    """Rotors by the coordinate that they turn with: the motor side of a transmission."""
+    elastic = {joint for joint, drive in bench.drives.items() if drive.transmission is not None}
+    return {motor_side(joint) if joint in elastic else joint: rotor for joint, rotor in bench.rotors.items()}
 
 
 def planned_motion(rig: Rig, name: str) -> Motion:
@@ -214,14 +265,24 @@ def disturbed(run: BenchRun, rig: Rig, seed: tuple[int, int]) -> BenchRun:
 
 
 def _loaded(mechanism: Mechanism, bench: Bench, planned: PlannedRun) -> Mechanism:
-    """The mechanism on the bench: planes, rotors, tilt, payload, counter-masses."""
-    placed = added_bodies.with_rotors(with_planes(mechanism, bench.planes), bench.rotors)
+    """The mechanism on the bench: planes, motor sides, rotors, tilt, payload, counter-masses."""
+    sided = with_motor_sides(with_planes(mechanism, _planes(bench, planned.counter_masses)), bench.drives)
+    placed = added_bodies.with_rotors(sided, _rotors(bench))
     if any(bench.tilt):
         placed = replace(
             placed, gravity=moving_base_coupling.gravity_in_tilted_axes(mechanism.gravity, np.array(bench.tilt))
         )
     loaded = placed.with_payload(planned.payloads, planned.payload)
     return loaded.with_counter_mass(planned.counter_masses)
+
+
+def _planes(bench: Bench, masses: Mapping[str, float]) -> dict[str, float]:
+    """Planes of bodies and sites [m]; a stack's centre is half its thickness farther out, away from the bodies."""
+    found = dict(bench.planes)
+    for site, density in bench.stacks.items():
+        face = found.get(site, 0.0)
+        found[site] = face + math.copysign(0.5 * masses.get(site, 0.0) / density, face)
+    return found
 
 
 def _standing(bench: Bench, carried: Floats, mechanism: Mechanism) -> ElasticBase:
@@ -231,28 +292,6 @@ def _standing(bench: Bench, carried: Floats, mechanism: Mechanism) -> ElasticBas
         return base
     added = moving_base_coupling.gravitational_stiffness(bench.mounts, base.stiffness, base.mass, mechanism.gravity)
     return replace(base, stiffness=base.stiffness + added)
-
-
-def _with_rotors(response: Response, mechanism: Mechanism, bench: Bench, trajectory: Trajectory) -> Response:
-    if not bench.rotors:
-        return response
-    return replace(
-        response, moment=response.moment - added_bodies.rotor_momentum(mechanism, bench.rotors, trajectory.a)
-    )
-
-
-def _moved(
-    bench: Bench, mechanism: Mechanism, trajectory: Trajectory, response: Response, base: ElasticBase, carried: Floats
-) -> tuple[BaseMotion, Coupling | None]:
-    """Motion of the base under the mechanism's wrench, and the coupling unless the mechanism is locked."""
-    wrench = np.hstack([response.force, response.moment])
-    push = wrench + moving_base_coupling.weight_wrench_change(response.weight_moment) if bench.weight else wrench
-    step = float(trajectory.time[1] - trajectory.time[0])
-    if bench.coupling == "locked":
-        return base.respond(push, step), None
-    pull = mechanism.gravity if bench.weight else np.zeros(3)
-    coupling = Coupling.of(mechanism, trajectory, wrench, bench.rotors, pull)
-    return coupling.respond(base, carried, push, step), coupling
 
 
 def _modal_acceleration(rig: Rig, transmitted: Floats, step: float) -> dict[Point, Floats]:

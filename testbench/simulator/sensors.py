@@ -147,7 +147,7 @@ def support_signals(rig: Rig, run: BenchRun) -> dict[str, Floats]:
     """True forces (n,) [N] and moments (n,) [N m] of all supports' channels, tared at rest, with cross-talk."""
     found: dict[str, Floats] = {}
     for name, share in support_wrenches(rig.supports).items():
-        load = dict(zip(_WRENCH, times(share, run.transmitted_wrench).T, strict=True))
+        load = dict(zip(_WRENCH, times(share, run.supported_wrench).T, strict=True))
         support = rig.supports[name]
         carried = [load[component] for component in support.measured]
         read = carried if support.crosstalk is None else np.array(support.crosstalk) @ np.array(carried)
@@ -186,9 +186,7 @@ def _trigger(sensor: kinds.Trigger, run: BenchRun) -> dict[str, Floats]:
 
 _LAWS: dict[type, Callable[[Any, BenchRun], dict[str, Floats]]] = {
     kinds.Accelerometer: _accelerometer,
-    kinds.Encoder: lambda sensor, run: {
-        sensor.joint: run.trajectory.q[:, run.mechanism.coordinate_index(sensor.joint)]
-    },
+    kinds.Encoder: lambda sensor, run: {sensor.joint: run.shown(sensor.joint)},
     kinds.Torque: _torque,
     kinds.Target: _target,
     kinds.Trigger: _trigger,

@@ -10,9 +10,16 @@ from testbench.campaign_plan import PlannedRun
 from testbench.errors import RigError
 from testbench.rig import Rig
 from testbench.rig.bench import Bench
-from testbench.simulator import moving_base_coupling
+from testbench.simulator import bench_dynamics
 from testbench.simulator import run as runs
-from testbench.simulator.moving_base_coupling import second_moment, velocity_cross_product
+from testbench.simulator.moving_base_coupling import (
+    apparent_gravity,
+    gravitational_stiffness,
+    gravity_in_tilted_axes,
+    second_moment,
+    velocity_cross_product,
+    weight_wrench_change,
+)
 from testbench.simulator.run import simulate_run
 from testbench.simulator.sensors import base_acceleration
 
@@ -76,7 +83,7 @@ def test_heavy_base_is_not_coupled():
 
 def test_rounds_that_do_not_agree(monkeypatch):
     """A motion that has not been found is refused and not returned."""
-    monkeypatch.setattr(moving_base_coupling, "ROUNDS", 1)
+    monkeypatch.setattr(bench_dynamics, "ROUNDS", 1)
     with pytest.raises(RigError, match=r"bench\.coupling"):
         simulate_run(benched(coupling="moving"), MECHANISM, PlannedRun("r", 5.0, {}, "x", 29.43, 1))
 
@@ -150,7 +157,7 @@ def test_quasi_static(monkeypatch):
     rig = benched(weight=True)
     done = run(rig, acceleration=1e-4)
     middle = len(done.time) // 3
-    wandered = moving_base_coupling.weight_wrench_change(done.response.weight_moment)[middle]
+    wandered = weight_wrench_change(done.response.weight_moment)[middle]
     assert wandered[5] == pytest.approx(-9.81 * _first_moment_x(done, middle), rel=1e-9)
     expected = np.linalg.solve(done.base.stiffness, wandered)
     assert done.motion.displacement[middle] == pytest.approx(expected, rel=2e-2, abs=2e-8)
@@ -187,7 +194,7 @@ def test_wandering_against_mujoco():
         moved, moving = (s[:, :3] + np.cross(s[:, 3:], at) for s in (x, v))
         force = -np.array(mount.stiffness) * moved - np.array(mount.damping) * moving
         given += np.hstack([force, np.cross(at, force) + np.cross(np.cross(x[:, 3:], at), held)])
-    wandered = np.abs(moving_base_coupling.weight_wrench_change(done.response.weight_moment)[:, 5]).max()
+    wandered = np.abs(weight_wrench_change(done.response.weight_moment)[:, 5]).max()
     assert wandered > 1.0
     assert np.abs(asked - given).max() < 3e-5 * np.abs(done.wrench).max()
     assert np.abs(done.motion.displacement - still.motion.displacement)[:, 5].max() > 1e-6
@@ -202,9 +209,7 @@ def test_a_pendulum_upside_down():
     ]
     frame = {"mass": "100 kg", "centre": ["0 m", "0 m", "0 m"], "inertia": "1 kg m^2", "mounts": legs}
     base = Bench.model_validate(frame).elastic()
-    added = moving_base_coupling.gravitational_stiffness(
-        Bench.model_validate(frame).mounts, base.stiffness, base.mass, G
-    )
+    added = gravitational_stiffness(Bench.model_validate(frame).mounts, base.stiffness, base.mass, G)
     assert added[3:, 3:] == pytest.approx(np.diag([-981.0, 0.0, -981.0]), abs=1e-9)
     assert not np.any(added[:3])
 
@@ -237,11 +242,9 @@ def test_tilt_at_rest():
 def test_tilt_by_turning_gravity():
     """A base turned by a rotation vector sees gravity turned back: lengths stay, small turns add phi x g."""
     turn = np.array([1e-4, 2e-4, -3e-4])
-    assert np.linalg.norm(moving_base_coupling.gravity_in_tilted_axes(G, 1e3 * turn)) == pytest.approx(9.81)
+    assert np.linalg.norm(gravity_in_tilted_axes(G, 1e3 * turn)) == pytest.approx(9.81)
     moved = np.r_[np.zeros(3), turn][None]
-    assert G - moving_base_coupling.gravity_in_tilted_axes(G, turn) == pytest.approx(
-        moving_base_coupling.apparent_gravity(G, moved)[0], abs=1e-6
-    )
+    assert G - gravity_in_tilted_axes(G, turn) == pytest.approx(apparent_gravity(G, moved)[0], abs=1e-6)
 
 
 def test_off_is_off():

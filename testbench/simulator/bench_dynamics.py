@@ -1,0 +1,327 @@
+"""Base and drives together: the base on its mounts, joints and motors on their transmissions and controls.
+
+Unknown are the base's motion x and the deviations e of joints and motors from the command. With everything constant
+that is nearly so (inertia at the start, springs, dampers, controls) they are one linear system,
+
+    M0 (x'', e'') + C (x', e') + K (x, e) = p,   p = exact loads - those of M0,
+
+whose response is exact between samples. The exact loads (shaking wrench and inverse dynamics of the mechanism as it
+moves, to first order in the base's motion) depend on the motion that is sought, so rounds follow until nothing changes:
+first with every fourth sample, then with all. Play and feet that lift or slide are stepped from sample to sample.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+
+from balance.arrays import Floats
+from balance.closure import Closure, Trajectory
+from balance.dynamics.inverse_dynamics import Response, simulate
+from balance.dynamics.moving_base import (
+    BaseMotion,
+    ElasticBase,
+    Mount,
+    displacement_at,
+    linear_response,
+    stepped_response,
+    times,
+)
+from balance.mechanism.mechanism import Mechanism
+
+from ..errors import RigError
+from ..rig.bench import Rotor
+from .added_bodies import rotor_momentum
+from .drive_trains import Deviation, DriveTrains, every
+from .moving_base_coupling import Coupling, apparent_gravity, base_motion_loads, weight_wrench_change
+
+ROUNDS = 60
+TOLERANCE = 1e-6
+"""Change of the accelerations in a round over their largest, at which base and drives agree."""
+COARSE = 4
+"""Samples of a run per sample in which a solution is sought first."""
+_COARSE_FROM = 3000
+"""Samples from which that is worth while."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Feet that carry pressure only and slide by dry friction."""
+
+    at: Floats
+    """Displacement of each foot per displacement of the base, (feet, 3, 6)."""
+    stiffness: Floats
+    """Along each axis, (feet, 3) [N/m]."""
+    damping: Floats
+    """Along each axis, (feet, 3) [N s/m]."""
+    preload: Floats
+    """Pressure at rest, (feet,) [N]."""
+    upright: int
+    """Axis along which they press."""
+    friction: float
+    slipped: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    """How far each foot has slid, (feet, 3) [m]."""
+
+    @classmethod
+    def of(cls, mounts: Sequence[Mount], base: ElasticBase, gravity: Floats, friction: float) -> "Contact":
+        """Of mounts under a base with what it carries. Raises RigError where a foot carries no weight at rest."""
+        upright = int(np.argmax(np.abs(gravity)))
+        if not np.abs(gravity[upright]) > 0.99 * np.linalg.norm(gravity) > 0.0:
+            raise RigError(
+                f"bench.contact: feet stand along an axis of the base: expected gravity there, found {gravity}"
+            )
+        at = np.array([displacement_at(np.array(mount.position)) for mount in mounts])
+        stiffness = np.array([mount.stiffness for mount in mounts])
+        weight = base.mass[:, :3] @ gravity
+        pressed = -(stiffness * (at @ np.linalg.solve(base.stiffness, weight)))[:, upright]
+        preload = pressed * -np.sign(gravity[upright])
+        if not preload.min() > 0.0:
+            at_foot = int(np.argmin(preload))
+            raise RigError(
+                f"bench.contact: the foot bench.mounts.{at_foot} carries {preload.min():.3g} N at rest: expected "
+                "pressure on each; move the mounts apart, or the centre of mass between them"
+            )
+        damping = np.array([mount.damping for mount in mounts])
+        return cls(at, stiffness, damping, preload, upright, friction, np.zeros_like(stiffness))
+
+    def wrench(self, position: Floats, velocity: Floats, kept: bool) -> Floats:
+        """Wrench beyond that of fixed mounts, (6,) [N, N m], at a base's position and velocity (6,)."""
+        moved, rate = self.at @ position, self.at @ velocity
+        fixed = -self.stiffness * moved - self.damping * rate
+        force = fixed + self.stiffness * self.slipped
+        upright = self.upright
+        pressure = np.maximum(self.preload + fixed[:, upright], 0.0)
+        force[:, upright] = 0.0
+        dragged = np.sqrt((force**2).sum(axis=1))
+        force *= np.minimum(1.0, self.friction * pressure / np.maximum(dragged, 1e-300))[:, None]
+        if kept:
+            self.slipped[:] = (force - fixed) / self.stiffness
+        force[:, upright] = pressure - self.preload
+        return np.einsum("fij,fi->j", self.at, force - fixed)
+
+
+@dataclass(frozen=True)
+class _Core:
+    """y' = A y + B w: y = (x, e, x', e', integrals of control, torques of current loops), w = (p, torques ahead)."""
+
+    a: Floats
+    b: Floats
+    positions: int
+    """Of x and e, 6 + nf."""
+    mass: Floats
+    """M0, (6 + nf, 6 + nf)."""
+    ahead: Floats
+    """Torques of the rigid mechanism that current loops are given, (n, loops) [N m]."""
+    at_once: Floats
+    """The same without a current loop, on x and e, (n, 6 + nf) [N m]."""
+    drives: DriveTrains | None
+    contact: Contact | None
+
+    @classmethod
+    def of(
+        cls, base: ElasticBase, drives: DriveTrains | None, inertia: tuple[Floats, Floats], count: int,
+        contact: Contact | None,
+    ) -> "_Core":  # fmt: skip
+        """Of base and drives with ``inertia``, as ``DriveTrains.inertia`` has it, for ``count`` samples."""
+        own, shared = inertia
+        n = 6 + len(own)
+        mass, force = np.block([[base.mass, shared], [shared.T, own]]), np.zeros((n, 2 * n))
+        force[:6, :6], force[:6, n : n + 6] = -base.stiffness, -base.damping
+        for along, spring in drives.transmissions if drives else ():
+            force[6:, 6:n] -= spring.stiffness * np.outer(along, along)
+            force[6:, n + 6 :] -= spring.damping * np.outer(along, along)
+        controls = drives.controls if drives else []
+        size = 2 * n + sum((c.integral_time is not None) + (c.bandwidth is not None) for _, c, _ in controls)
+        loops = [torque * c.feedforward for _, c, torque in controls if c.bandwidth is not None]
+        a, b, at_once = np.zeros((size, size)), np.zeros((size, n + len(loops))), np.zeros((count, n))
+        force = np.hstack([force, np.zeros((n, size - 2 * n))])
+        i, loop = 2 * n, n
+        for k, control, torque in controls:
+            wanted = np.zeros(size)
+            wanted[6 + k], wanted[n + 6 + k] = -control.stiffness, -control.damping
+            if control.integral_time is not None:
+                wanted[i], a[i, 6 + k] = -control.stiffness / control.integral_time, 1.0
+                i += 1
+            if control.bandwidth is None:
+                force[6 + k] += wanted
+                at_once[:, 6 + k] += control.feedforward * torque
+                continue
+            rate = 2.0 * np.pi * control.bandwidth
+            a[i], b[i, loop], force[6 + k, i] = rate * wanted, rate, 1.0
+            a[i, i] -= rate
+            i, loop = i + 1, loop + 1
+        a[:n, n : 2 * n] = np.eye(n)
+        a[n : 2 * n], b[n : 2 * n, :n] = np.linalg.solve(mass, force), np.linalg.inv(mass)
+        return cls(a, b, n, mass, np.array(loops).reshape(len(loops), count).T, at_once, drives, contact)
+
+    def respond(self, push: Floats, step: float) -> tuple[BaseMotion, Deviation]:
+        """From equilibrium under ``push`` (n, 6 + nf) [N, N m] in steps of ``step`` [s]; the base's from rest."""
+        n, driven = self.positions, np.hstack([push + self.at_once, self.ahead])
+        rest = np.linalg.solve(-self.a, self.b @ driven[0])
+        slack = self._slack
+        if slack or self.contact:
+            rest = np.linalg.solve(-self.a, self.b @ (driven[0] + self._freed(1e12 * rest)))
+            contact = None if self.contact is None else replace(self.contact, slipped=0.0 * self.contact.slipped)
+
+            def more(state: Floats, kept: bool) -> Floats:
+                found = self._freed(state)
+                if contact is not None:
+                    found[:6] += contact.wrench(state[:6], state[n : n + 6], kept)
+                return found
+
+            state, added = stepped_response(self.a, self.b, driven, step, rest, more)
+            driven += added
+        else:
+            state = rest + linear_response(self.a, self.b, driven - driven[0], step)
+        rates = times(self.a[n : 2 * n], state) + times(self.b[n : 2 * n], driven)
+        parts = state[:, :n], state[:, n : 2 * n], rates
+        return BaseMotion(*(x[:, :6] for x in parts)), Deviation(*(x[:, 6:] for x in parts))
+
+    @property
+    def _slack(self) -> list[tuple[Floats, float, float]]:
+        """Of each spring with play: its turn per free coordinate, its stiffness [N m/rad], half the play [rad]."""
+        found = self.drives.transmissions if self.drives else []
+        return [(along, spring.stiffness, spring.backlash / 2.0) for along, spring in found if spring.backlash]
+
+    def _freed(self, state: Floats) -> Floats:
+        """Torque that springs do not carry for their play, as inputs w (k,) [N m], in a state."""
+        found = np.zeros(self.b.shape[1])
+        for along, stiffness, half in self._slack:
+            turned = min(max(float(along @ state[6 : self.positions]), -half), half)
+            found[6 : self.positions] += stiffness * turned * along
+        return found
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Base and mechanism in motion."""
+
+    trajectory: Trajectory
+    response: Response
+    """Rotors included."""
+    coupling: Coupling | None
+    motion: BaseMotion
+    deviation: Deviation
+    """Of joints and motors from the command; nothing where all follow it."""
+
+
+@dataclass(frozen=True)
+class BenchDynamics:
+    """Base and drives along one command."""
+
+    mechanism: Mechanism
+    command: Trajectory
+    """Of the mechanism, motor sides too."""
+    rotors: Mapping[str, Rotor]
+    base: ElasticBase
+    carried: Floats
+    """What ``base`` contains of the mechanism, locked at its start, (6, 6) [kg, kg m, kg m2]."""
+    gravity: Floats
+    """As it acts on what the base tilts, (3,) [m/s2]; zero where it is neglected."""
+    drives: DriveTrains | None
+    coupling: Coupling | None
+    """Of the command; None for a mechanism that is locked to its base."""
+    contact: Contact | None
+
+    def solved(self, start: Solution | None = None) -> Solution:
+        """The motion, sought from ``start``. Raises RigError if the rounds do not converge."""
+        if start is None and len(self.command.time) > _COARSE_FROM:
+            found = self._thinned(COARSE).solved()
+            fine = self.command.time
+            start = replace(
+                found, trajectory=self.command, motion=_resampled(found.motion, found.trajectory.time, fine),
+                deviation=_resampled(found.deviation, found.trajectory.time, fine),
+            )  # fmt: skip
+        n, free = len(self.command.time), self._core.positions - 6
+        motion = start.motion if start else BaseMotion(*np.zeros((3, n, 6)))
+        deviation = start.deviation if start else Deviation(*np.zeros((3, n, free)))
+        step, trajectory = float(self.command.time[1] - self.command.time[0]), self.command
+        for _ in range(ROUNDS):
+            trajectory = self.drives.follow(deviation, trajectory, self._closure) if self.drives else trajectory
+            response = shaking(self.mechanism, trajectory, self.rotors)
+            coupling, push = self._push(response, motion, deviation)
+            after, further = self._core.respond(push, step)
+            change = _change(after.acceleration, motion.acceleration)
+            if self.drives:
+                change = max(change, np.abs(further.acceleration - deviation.acceleration).max() / self.drives.size)
+            motion, deviation = after, further
+            if change <= TOLERANCE:
+                return Solution(trajectory, response, coupling, motion, deviation)
+        raise RigError(
+            f"bench.coupling, bench.drives: base and drives still change by {change:.2g} of their acceleration "
+            f"after {ROUNDS} rounds: the base is too light for what moves on it, or a drive too soft; "
+            "state another mass, stiffness or damping"
+        )
+
+    def _push(self, response: Response, motion: BaseMotion, deviation: Deviation) -> tuple[Coupling | None, Floats]:
+        """Exact loads less those of the core's inertia, (n, 6 + nf) [N, N m], and the coupling under them."""
+        wrench = np.hstack([response.force, response.moment])
+        push, coupling = wrench.copy(), None
+        if np.any(self.gravity):
+            push += weight_wrench_change(response.weight_moment)
+        if self.coupling is not None:
+            coupling = self.coupling.under(wrench, self.gravity)
+            push -= coupling.reaction(motion) + coupling.yielding(motion) - times(self.carried, motion.acceleration)
+        if self.drives is None:
+            return coupling, push
+        loads = self.drives.projected(response.torque)
+        if self.coupling is not None:
+            per_rate, swept = self._base_loads
+            field = motion.acceleration.copy()
+            field[:, :3] += apparent_gravity(self.gravity, motion.displacement)
+            loads = loads + np.einsum("nki,ni->nk", per_rate, field)
+            loads += np.einsum("nki,ni->nk", swept, motion.velocity[:, 3:])
+        both = np.hstack([push, self.drives.ripple(deviation) - loads])
+        mass = self._core.mass.copy()
+        mass[:6, :6] = 0.0
+        return coupling, both + times(mass, np.hstack([motion.acceleration, deviation.acceleration]))
+
+    @cached_property
+    def _base_loads(self) -> tuple[Floats, Floats]:
+        assert self.drives is not None
+        rates = self.command.per_drive @ self.drives.free
+        return base_motion_loads(self.mechanism, self.command, self.rotors, rates)
+
+    @cached_property
+    def _closure(self) -> Closure:
+        return Closure(self.mechanism)
+
+    @cached_property
+    def _core(self) -> _Core:
+        inertia = np.zeros((0, 0)), np.zeros((6, 0))
+        if self.drives is not None:
+            shared = self._base_loads[0][0].T if self.coupling is not None else np.zeros((6, self.drives.free.shape[1]))
+            inertia = self.drives.inertia, shared
+        return _Core.of(self.base, self.drives, inertia, len(self.command.time), self.contact)
+
+    def _thinned(self, stride: int) -> "BenchDynamics":
+        """With every ``stride``-th sample."""
+        command = every(self.command, stride)
+        drives = None if self.drives is None else self.drives.along(command)
+        coupling = None if self.coupling is None else self.coupling.every(stride)
+        return replace(self, command=command, drives=drives, coupling=coupling)
+
+
+def shaking(mechanism: Mechanism, trajectory: Trajectory, rotors: Mapping[str, Rotor]) -> Response:
+    """Shaking wrench and torques along a trajectory, with the moment of ``rotors`` by the coordinate they turn with."""
+    response = simulate(mechanism, trajectory)
+    if not rotors:
+        return response
+    return replace(response, moment=response.moment - rotor_momentum(mechanism, rotors, trajectory.a))
+
+
+M = TypeVar("M", BaseMotion, Deviation)
+
+
+def _resampled(motion: M, time: Floats, fine: Floats) -> M:
+    """A motion at ``time`` (n,) [s] at the instants ``fine``, by cubic splines."""
+    from scipy.interpolate import CubicSpline
+
+    return type(motion)(*(CubicSpline(time, part, axis=0)(fine) for part in vars(motion).values()))
+
+
+def _change(after: Floats, before: Floats) -> float:
+    """Largest difference over the largest value."""
+    return float(np.abs(after - before).max() / max(np.abs(after).max(), 1e-12))
