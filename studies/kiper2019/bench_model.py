@@ -193,14 +193,17 @@ def _control(v: Mapping[str, float]) -> tuple[float, float]:
     return v["control_stiffness"], 2.0 * v["control_damping"] * math.sqrt(v["control_stiffness"] * inertia)
 
 
-def simulated_reductions(rig: Rig, pairs: Sequence[tuple[PlannedRun, PlannedRun]]) -> Floats:
-    """Reductions [%] of pairs of runs, with counter-masses and without, as ``compare`` simulates them, (n, 3)."""
+def simulated_reductions(rig: Rig, pairs: Sequence[tuple[PlannedRun, PlannedRun]], rate: float | None = None) -> Floats:
+    """Reductions [%] of pairs of runs, with counter-masses and without, as ``compare`` simulates them, (n, 3).
+
+    ``rate`` [Hz] of the simulation, by default that of the rig.
+    """
     mechanism, measure = load_mechanism(rig.mechanism), Measure()
     (sensor,) = rig.base_accelerometers.values()
     logger = rig.loggers[sensor.logger]
 
     def amplitudes(planned: PlannedRun) -> Floats:
-        run = simulate_run(rig, mechanism, planned)
+        run = simulate_run(rig, mechanism, planned, rate=rate)
         taken = sample_instants(logger, float(run.time[-1]))[1]
         seen = base_acceleration(sensor, run)
         return np.array([measure.amplitude(np.interp(taken, run.time, seen[axis]), logger.rate) for axis in AXES])

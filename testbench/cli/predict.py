@@ -1,5 +1,7 @@
 """``testbench predict``: the study of one paper, which is not in the installed packages."""
 
+from pathlib import Path
+
 import click
 
 from balance.cli.framework import emit_json, json_option
@@ -14,6 +16,7 @@ Examples:
   testbench predict kiper2019
   testbench predict kiper2019 --forms --figure predicted.png
   testbench predict kiper2019 --json
+  testbench predict kiper2019 --rig calibrated.toml
 \b
 Exit codes: 0 done, 1 refused (no such table, a plan without its conditions, no checkout with the study)."""
 )
@@ -21,10 +24,18 @@ Exit codes: 0 done, 1 refused (no such table, a plan without its conditions, no 
 @click.option(
     "--plan", "tests", metavar="PLAN", help="The plan of these tests, shipped or a file; else that of the name."
 )
+@click.option(
+    "--rig",
+    "rig_file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Calibrate the simulated bench instead of the law, and write its rig to this new file (some minutes).",
+)
 @click.option("--forms", "with_forms", is_flag=True, help="Also with some terms of the law left out.")
 @figure_option
 @json_option
-def predict(published: str, tests: str | None, with_forms: bool, figure: str | None, as_json: bool) -> None:
+def predict(
+    published: str, tests: str | None, rig_file: Path | None, with_forms: bool, figure: str | None, as_json: bool
+) -> None:
     """Calibrate on the lightest payload of a published table, and predict all other payloads.
 
     Also: the error on the calibration data, each payload left out in turn, and baselines without mechanics.
@@ -33,7 +44,7 @@ def predict(published: str, tests: str | None, with_forms: bool, figure: str | N
     from .. import published_tables as tables
 
     try:
-        from studies.kiper2019 import results, validation
+        from studies.kiper2019 import bench_calibration, bench_model, results, validation
     except ModuleNotFoundError as error:
         if error.name not in ("studies", "studies.kiper2019"):
             raise
@@ -43,7 +54,20 @@ def predict(published: str, tests: str | None, with_forms: bool, figure: str | N
         ) from error
 
     table = tables.load_published(published)
-    made = validation.forecast(table, campaign_plan.load_plan(tests or _plan_of(table.name)))
+    plan = campaign_plan.load_plan(tests or _plan_of(table.name))
+    if rig_file is not None:
+        if figure or with_forms:
+            raise AnalysisError("predict: --forms and --figure are of the law: leave them out with --rig")
+        if rig_file.exists():
+            raise AnalysisError(f"{rig_file}: exists; name a new file")
+        bench = bench_calibration.forecast_bench(table, plan)
+        rig_file.write_text(bench_model.rig_text(bench.values), encoding="utf-8")
+        if as_json:
+            emit_json(bench_calibration.bench_document(bench))
+        else:
+            bench_calibration.emit_bench(bench)
+        return
+    made = validation.forecast(table, plan)
     compared = validation.forms(made.known) if with_forms else []
     if figure:
         from balance.figures.mechanism import save

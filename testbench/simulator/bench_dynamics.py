@@ -40,6 +40,7 @@ from .moving_base_coupling import Coupling, apparent_gravity, base_motion_loads,
 ROUNDS = 60
 TOLERANCE = 1e-6
 """Change of the accelerations in a round over their largest, at which base and drives agree."""
+_COARSE_TOLERANCE = 1e-4
 COARSE = 4
 """Samples of a run per sample in which a solution is sought first."""
 _COARSE_FROM = 3000
@@ -225,10 +226,10 @@ class BenchDynamics:
     """Of the command; None for a mechanism that is locked to its base."""
     contact: Contact | None
 
-    def solved(self, start: Solution | None = None) -> Solution:
+    def solved(self, start: Solution | None = None, tolerance: float = TOLERANCE) -> Solution:
         """The motion, sought from ``start``. Raises RigError if the rounds do not converge."""
         if start is None and len(self.command.time) > _COARSE_FROM:
-            found = self._thinned(COARSE).solved()
+            found = self._thinned(COARSE).solved(tolerance=_COARSE_TOLERANCE)
             fine = self.command.time
             start = replace(
                 found, trajectory=self.command, motion=_resampled(found.motion, found.trajectory.time, fine),
@@ -247,7 +248,7 @@ class BenchDynamics:
             if self.drives:
                 change = max(change, np.abs(further.acceleration - deviation.acceleration).max() / self.drives.size)
             motion, deviation = after, further
-            if change <= TOLERANCE:
+            if change <= tolerance:
                 return Solution(trajectory, response, coupling, motion, deviation)
         raise RigError(
             f"bench.coupling, bench.drives: base and drives still change by {change:.2g} of their acceleration "

@@ -166,18 +166,23 @@ def payload_body(mechanism: Mechanism, named: str | None = None) -> str:
 
 
 def simulate_run(
-    rig: Rig, mechanism: Mechanism, planned: PlannedRun, lead: float = 0.0, motion: Motion | None = None
+    rig: Rig,
+    mechanism: Mechanism,
+    planned: PlannedRun,
+    lead: float = 0.0,
+    motion: Motion | None = None,
+    rate: float | None = None,
 ) -> BenchRun:
     """Simulate a planned run: ``mechanism`` with the payload and the counter-masses of ``planned``.
 
     ``lead`` [s] is the rest before the motion, at times below zero. ``motion`` is that of ``planned`` where it is known
     already, such as one stored with a run; else it is looked for in the rig's folder, and among the shipped ones.
-    Raises RigError for what cannot be simulated.
+    ``rate`` [Hz] is that of the simulation, by default ``rate_hz``. Raises RigError for what cannot be simulated.
     """
     bench = rig.bench
     loaded = _loaded(mechanism, bench, planned)
     try:
-        moved_by = planned_samples(rig, planned, motion or planned_motion(rig, planned.motion))
+        moved_by = planned_samples(rig, planned, motion or planned_motion(rig, planned.motion), rate)
     except DataError as error:
         raise RigError(f"motion {planned.motion!r} of run {planned.name}: {error}") from error
     command = _settling(moved_by, bench.settling, lead)
@@ -226,12 +231,12 @@ def planned_motion(rig: Rig, name: str) -> Motion:
     return load_motion(next((path for path in own if path.is_file()), name))
 
 
-def planned_samples(rig: Rig, planned: PlannedRun, motion: Motion) -> Samples:
-    """The motion with the planned peak acceleration, at the simulation's rate.
+def planned_samples(rig: Rig, planned: PlannedRun, motion: Motion, rate: float | None = None) -> Samples:
+    """The motion with the planned peak acceleration, at the simulation's ``rate`` [Hz], or the one for the rig.
 
     Raises DataError for a peak of another kind than the motion's, and for a rate that cannot be simulated.
     """
-    return _with_peak(motion, planned).sample(rate_hz(rig))
+    return _with_peak(motion, planned).sample(rate or rate_hz(rig))
 
 
 def _with_peak(motion: Motion, planned: PlannedRun) -> Motion:
