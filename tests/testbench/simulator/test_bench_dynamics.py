@@ -8,13 +8,18 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from balance.closure import Closure
-from balance.dynamics.moving_base import MountedBase
+from balance.dynamics.moving_base import MountedBase, rigid_body
 from balance.motion import Samples
+from testbench.campaign_plan import PlannedRun
+from testbench.errors import RigError
 from testbench.rig.bench import Bench
-from testbench.simulator.bench_dynamics import BenchDynamics
+from testbench.simulator import bench_dynamics
+from testbench.simulator.bench_dynamics import BenchDynamics, Contact
 from testbench.simulator.drive_trains import DriveTrains, with_motor_sides
+from testbench.simulator.run import simulate_run
+from testbench.simulator.sensors import true_signals
 
-from .bench import BUILT, MECHANISM
+from .bench import BUILT, MECHANISM, RIG, benched, run, supported
 
 R, G, PAYLOAD, ROTOR = 0.15, 9.81, 5.0, 0.02
 SPRING = {"stiffness": "3 kN m/rad", "damping": "4 N m s/rad"}
@@ -31,7 +36,7 @@ def drives(transmission=SPRING, control=CONTROL, hub=True, **more):
     return {"drives": found, "rotors": {j: {"inertia": f"{ROTOR} kg m^2"} for j in found}}
 
 
-def moved(settings, masses, duration=0.12, rest=0.05, rate=RATE):
+def moved(settings, masses, duration=0.08, rest=0.02, rate=RATE):
     """Drives on a base at rest along a smooth move of the platform, 20 mm along x and 10 mm along y."""
     bench = Bench.model_validate(settings)
     time = np.arange(round((duration + rest) * rate) + 1) / rate
@@ -111,8 +116,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("masses", [{}, BUILT], ids=["bare", "balanced"])
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(("case", "masses"), [*((case, BUILT) for case in CASES), ("loop", {})])
 def test_against_equations_written_out(case, masses):
     """Angles of arms and hubs along a move are those of Lagrange's equations by an integrator of scipy, to 1e-6."""
     solution, found = moved(CASES[case], masses)
@@ -123,3 +127,165 @@ def test_against_equations_written_out(case, masses):
     there = [0, 1] if case == "spring" else [0, 1, 2, 3]
     assert np.abs(solution.deviation.position).max() > 1e-3 * np.ptp(z[:, :2])
     assert np.abs(z[::50, there] - expected.y[there].T).max() < 1e-6 * np.ptp(z[:, :2])
+
+
+def test_energy_is_kept_without_losses():
+    """Arms on springs without damping, motors at rest: kinetic and potential energy together do not change, to 3e-6."""
+    lossless = drives({**SPRING, "damping": "0 N m s/rad"}, control=None, hub=False)
+    solution, found = moved(lossless, {}, rest=0.1)
+    after = found.command.time > 0.081
+    q, v = (x[after][:, found._indices[:2]] for x in (solution.trajectory.q, solution.trajectory.v))
+    m1, p1, i1, m2, p2, i2 = 1.04642, 0.05943, 0.0049, 0.58909, 0.0187, 0.0006
+    own = i1 + m1 * p1**2 + m2 * R**2 + i2 + m2 * p2**2 + PAYLOAD * R**2
+    mixed, lift = 2 * m2 * R * p2 + PAYLOAD * R**2, (m1 * p1 + m2 * (R + p2) + PAYLOAD * R) * G
+    kinetic = 0.5 * own * (v**2).sum(axis=1) + mixed * np.cos(q[:, 0] - q[:, 1]) * v[:, 0] * v[:, 1]
+    spring = 0.5 * 3000.0 * (solution.deviation.position[after] ** 2).sum(axis=1)
+    energy = kinetic + spring + lift * np.sin(q).sum(axis=1)
+    assert np.ptp(kinetic) > 1e-3
+    assert np.ptp(energy) < 3e-6 * np.ptp(kinetic)
+
+
+def test_sag_at_rest():
+    """At rest an arm hangs by the torque of gravity over the stiffness, and half the play lower."""
+    sagged = {}
+    for play in ("0 deg", "0.1 deg"):
+        solution, _ = moved(drives({**SPRING, "backlash": play}, control=None), {}, rest=0.0)
+        torque = solution.response.torque["A0"][0]
+        sagged[play], half = solution.deviation.position[0, 0], np.radians(float(play.split()[0])) / 2.0
+        assert sagged[play] == pytest.approx(-torque / 3000.0 - np.sign(torque) * half, rel=1e-9)
+    assert sagged["0.1 deg"] != sagged["0 deg"]
+
+
+def test_stiff_drives_are_rigid():
+    """With stiffness the arms come to where the command is, in proportion to what they yield by."""
+    off = []
+    for factor in (100, 1000):
+        stiff = drives({"stiffness": f"{3 * factor} kN m/rad", "damping": f"{factor} N m s/rad"}, control=None)
+        off.append(np.abs(moved(stiff, BUILT)[0].deviation.position).max())
+    assert off[1] < 1e-4
+    assert off[1] == pytest.approx(off[0] / 10.0, rel=0.1)
+
+
+def test_counter_mass_on_the_arm_balances_whatever_the_drive_does():
+    """Yielding drives shake a base that is balanced only where the counter-mass sits before the spring."""
+    hub, arm = (run(benched(**drives(hub=hub)), BUILT) for hub in (True, False))
+    assert np.abs(arm.response.force).max() < 0.01 * np.abs(hub.response.force).max()
+    assert np.abs(hub.response.force).max() > 1.0
+
+
+def pushed(force, friction=0.5, mass="100 kg", count=6000, step=2.5e-5):
+    """A frame on four feet under a force at its centre of mass, (n, 3) [N]: its motion, without a mechanism."""
+    feet = [
+        {"position": (f"{x} m", "0 m", f"{z} m"), "stiffness": "100 kN/m", "damping": "300 N s/m"}
+        for x in (-0.3, 0.3)
+        for z in (-0.3, 0.3)
+    ]
+    stated = {"mass": mass, "centre": ("0 m", "0 m", "0 m"), "inertia": "10 kg m^2", "mounts": feet}
+    bench = MountedBase.model_validate(stated)
+    base = bench.elastic()
+    contact = None if friction is None else Contact.of(bench.mounts, base, np.array([0.0, -G, 0.0]), friction)
+    core = bench_dynamics._Core.of(base, None, (np.zeros((0, 0)), np.zeros((6, 0))), count, contact)
+    time = np.arange(count) * step
+    wrench = np.hstack([np.stack([np.broadcast_to(f(time), time.shape) for f in force], axis=1), np.zeros((count, 3))])
+    return time, core.respond(wrench, step)[0]
+
+
+def zero(time):
+    """No force."""
+    return 0.0 * time
+
+
+def test_frame_that_hops():
+    """Pulled up by more than its weight it lifts and lands: an equation written out, by scipy, to 1e-6."""
+
+    def pull(time):
+        return 2500.0 * np.sin(60.0 * time) ** 2
+
+    time, moved_by = pushed((zero, pull, zero))
+
+    def rates(t, y):
+        pressure = max(100.0 * G - 4e5 * y[0] - 1200.0 * y[1], 0.0)
+        return [y[1], (pull(t) + pressure - 100.0 * G) / 100.0]
+
+    expected = solve_ivp(rates, (0.0, time[-1]), [0.0, 0.0], "DOP853", time, rtol=1e-11, atol=1e-13, max_step=2e-4)
+    assert expected.y[0].max() > 2 * 100.0 * G / 4e5
+    assert np.abs(moved_by.displacement[:, 1] - expected.y[0]).max() < 1e-6 * np.ptp(expected.y[0])
+
+
+def test_frame_that_slides():
+    """Pushed aside by more than friction holds it goes off with what is left over; below, it is fixed."""
+    steady = 800.0
+    time, moved_by = pushed((lambda t: steady * np.minimum(t / 0.02, 1.0), zero, zero), friction=0.5)
+    late = time > 0.1
+    assert moved_by.acceleration[late, 0] == pytest.approx((steady - 0.5 * 100.0 * G) / 100.0, rel=1e-6)
+    rough, fixed = (
+        pushed((lambda t: steady * np.minimum(t / 0.02, 1.0), zero, zero), friction=friction)[1]
+        for friction in (5.0, None)
+    )
+    np.testing.assert_allclose(rough.displacement, fixed.displacement, atol=1e-12)
+
+
+def test_contact_without_lift_or_slide_is_none():
+    """A heavy frame on rough ground moves as if it were fixed to it."""
+    fixed, standing = run(RIG, {}), run(benched(contact={"friction": 50.0}, mass="1500 kg"), {})
+    heavy = run(benched(mass="1500 kg"), {})
+    np.testing.assert_allclose(standing.motion.acceleration, heavy.motion.acceleration, atol=1e-9)
+    assert np.abs(fixed.motion.acceleration).max() > np.abs(heavy.motion.acceleration).max()
+
+
+def test_all_of_the_base_rides():
+    """Force sensors under the whole base carry what its mounts do."""
+    bench = RIG.bench
+    rider = {
+        "mass": "150 kg",
+        "centre": [f"{x} m" for x in bench.centre],
+        "inertia": [f"{x} kg m^2" for x in bench.inertia],
+    }
+    rig = benched(rider=rider)
+    done = run(rig, {})
+    base = done.base
+    carried = done.motion.displacement @ base.stiffness.T + done.motion.velocity @ base.damping.T
+    np.testing.assert_allclose(done.supported_wrench, carried, atol=1e-9 * np.abs(carried).max())
+    assert np.abs(supported(done, rig) - done.supported_wrench).max() < 1e-6 * np.abs(carried).max()
+    own = rigid_body(150.0, np.zeros(3), np.eye(3))
+    assert np.abs(done.transmitted_wrench - done.supported_wrench).max() > np.abs(own[0, 0])
+
+
+def test_stack_grows_outwards():
+    """A counter-mass of M kg on plates of L kg/m has its centre M / 2L beyond its plane."""
+    stacked = {"planes": {"counter_A0A": "-30 mm"}, "stacks": {"counter_A0A": "200 kg/m"}}
+    done = run(benched(**stacked), BUILT)
+    row = done.mechanism.parameters[done.mechanism.body_index("A0A")]
+    assert row[3] == pytest.approx(-24.2626 * (0.03 + 24.2626 / 400.0))
+
+
+def test_encoders_turn_with_the_motors():
+    """A motor without a control is where the command is; its arm is not, as the platform shows."""
+    rig = benched(**drives(control=None))
+    done, rigid = run(rig, BUILT), run(RIG, BUILT)
+    seen, still = true_signals(rig, done), true_signals(RIG, rigid)
+    np.testing.assert_allclose(seen["theta1"], still["theta1"], atol=1e-12)
+    assert np.abs(seen["PlatX"] - still["PlatX"]).max() > 0.1
+
+
+WRONG = {
+    r"no driven joint 'A'.*A0, B0": {"A": {"control": CONTROL}},
+    r"no site 'counter_B0B' there: expected counter_A0A": {
+        "A0": {"transmission": {**SPRING, "motor_side": ["counter_B0B"]}}
+    },
+    r"needs the inertia of its rotor: state bench\.rotors\.A0": {"A0": {"transmission": SPRING, "control": CONTROL}},
+}
+
+
+@pytest.mark.parametrize("message", WRONG)
+def test_wrong_drives(message):
+    """A drive that cannot be simulated is refused with what is there."""
+    with pytest.raises(RigError, match=message):
+        simulate_run(benched(drives=WRONG[message]), MECHANISM, PlannedRun("r", 5.0, {}, "x", 29.43, 1))
+
+
+def test_foot_without_load():
+    """Feet that all lie on one side of the centre of mass do not carry it by pressure."""
+    rig = benched(contact={"friction": 0.5}, centre=["2 m", "-0.2 m", "0 m"])
+    with pytest.raises(RigError, match=r"bench\.mounts\.\d carries -"):
+        simulate_run(rig, MECHANISM, PlannedRun("r", 5.0, {}, "x", 29.43, 1))
