@@ -290,10 +290,11 @@ class LinearBench:
         mass[6:8, 6:8], mass[8:, 8:] = links.inertia, hubs.inertia + v["rotor_inertia"] * np.eye(2)
         apart = np.kron(np.array([[1.0, -1.0], [-1.0, 1.0]]), np.eye(2))
         held = np.diag([0.0, 0.0, 1.0, 1.0])
-        for place, hub, control in zip((stiffness, damping), _hub(v), _control(v), strict=True):
-            place[6:, 6:] += hub * apart + control * held
+        for matrix, hub, control in zip((stiffness, damping), _hub(v), _control(v), strict=True):
+            matrix[6:, 6:] += hub * apart + control * held
         s = self._rate[:, None, None]
-        return s**2 * mass + s * damping + stiffness
+        found: Complexes = s**2 * mass + s * damping + stiffness
+        return found
 
     def _both_parts(self, run: PlannedRun) -> tuple[_Part, _Part]:
         """Links with the payload, and counter-masses."""

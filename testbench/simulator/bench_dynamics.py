@@ -291,7 +291,7 @@ class BenchDynamics:
 
     @cached_property
     def _core(self) -> _Core:
-        inertia = np.zeros((0, 0)), np.zeros((6, 0))
+        inertia: tuple[Floats, Floats] = np.zeros((0, 0)), np.zeros((6, 0))
         if self.drives is not None:
             shared = self._base_loads[0][0].T if self.coupling is not None else np.zeros((6, self.drives.free.shape[1]))
             inertia = self.drives.inertia, shared

@@ -150,8 +150,8 @@ class DriveTrains:
     def follow(self, deviation: "Deviation", near: Trajectory, closure: Closure) -> Trajectory:
         """The trajectory with a deviation from the command, closed from one that is near."""
         commanded = (self.command.q, self.command.v, self.command.a)
-        z = [x[:, self._indices] + e @ self.free.T for x, e in zip(commanded, deviation.all, strict=True)]
-        return closure.follow(Samples(near.time, *z, joints=self.mechanism.driven), near=near)
+        q, v, a = (x[:, self._indices] + e @ self.free.T for x, e in zip(commanded, deviation.all, strict=True))
+        return closure.follow(Samples(near.time, q, v, a, joints=self.mechanism.driven), near=near)
 
     @property
     def size(self) -> float:
