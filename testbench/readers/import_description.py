@@ -98,7 +98,7 @@ class ImportDescription(Table):
     channels: dict[str, Text] = Field(default_factory=dict)
     """Names of channels as written, and instead of each a name with its unit in brackets."""
     dbc: str = ""
-    """Database of a CAN bus beside this file, by which its frames are decoded; they are kept too."""
+    """Database of a CAN bus in the same folder, by which its frames are decoded; they are kept too."""
     normal: list[str] = Field(default_factory=list)
     """Codes of findings that are normal for this logger: they are said as notes."""
     text: SkipJsonSchema[str] = Field(default="", exclude=True)
@@ -205,7 +205,7 @@ class ImportDescription(Table):
         from .bus_decoding import BusDatabase
 
         if Path(self.dbc).name != self.dbc:
-            raise RecordingError(f"dbc: {self.dbc!r}: expected the name of a file beside the import description")
+            raise RecordingError(f"dbc: {self.dbc!r}: expected the name of a file in its folder")
         return BusDatabase.load((self.folder or Path()) / self.dbc).applied(found)
 
 
