@@ -51,7 +51,7 @@ _ERRORS = {
     "not_stored": "The run could not be stored, for a reason that lies not in the log alone.",
     "rig_contradiction": "The rig names channels that the recording does not hold, or other units than its.",
     "calibration_contradiction": "A calibration of the rig that does not lead from the log's unit to what is measured.",
-    "unknown_site": "The run table puts a counter-mass on a site that the rig's mechanism does not have.",
+    "unknown_site": "The run table puts a counter-mass or payload where the rig's mechanism has no such site or body.",
 }
 _WARNINGS = {
     "cut_last_row": "The file ends inside a row, or in a number that may be cut, which is left out.",
@@ -89,7 +89,7 @@ _WARNINGS = {
     "already_stored": "The campaign holds this recording already; nothing was written.",
     "run_not_opened": "A run of the campaign cannot be opened; whether it holds this recording too is unknown.",
     "log_missing": "The run table names a log that was not given: its run is not stored yet.",
-    "condition_contradiction": "The run table states a peak acceleration of another kind than its motion has.",
+    "condition_contradiction": "A peak acceleration of another kind than the motion's, or a payload that no body is named for.",
     "input_not_stored": "The mechanism or the motion of the run cannot be read, so it is not stored with the run.",
     "conditions_differ": "The run table states other conditions than are stored with the run, which never changes.",
     "rate_contradicts_rig": "A log's rate is not the one that the rig states for its logger; the log's is taken.",
