@@ -96,9 +96,11 @@ _WARNINGS = {
     "sensor_not_recorded": "The rig describes a logger of which no log of the run holds a channel.",
     "uncalibrated": "Raw values, such as volts, of a sensor without a calibration: no analysis can use them yet.",
     "interrupted": "The ingest was stopped; what it had acknowledged was recovered, what came after is not in the run.",
+    "incomplete": "The log of a stored run has more than was stored; its next version is not stored yet.",
     "unit_unknown": "Brackets in a header that hold no unit that is understood; kept as written.",
 }
 _NOTES = {
+    "continued": "The log has grown since its beginning was stored; the run holds all of it, and counts instead.",
     "simulated": "The log says that it is simulated.",
     "dialect": "Delimiter, decimal mark and encoding as detected in the first lines.",
     "missing_values": "Samples that are none, by the words and numbers of the import description; NaN.",

@@ -17,6 +17,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 if TYPE_CHECKING:
     from ..signal import Metric
     from ..signal.filters import Band
+    from ..store import Run
     from ..vibration.comparison import Comparison
     from ..vibration.reduction import Analysis, Reduction
 
@@ -122,6 +123,14 @@ def analyze(
         options.print_calibrations(options.calibrations(runs))
         options.print_ledgers(options.ledgers(runs))
     return EXIT_WITH_FINDINGS if analysis.findings else 0
+
+
+def print_reductions(campaign: Path, runs: "Sequence[Run]") -> None:
+    """Print the reductions of runs by the usual measure."""
+    from ..vibration.metrics import DEFAULT_METRIC, VIBRATION_BAND, Measure
+    from ..vibration.reduction import analyze as analyzed
+
+    _print_reductions(campaign, analyzed(runs, Measure(DEFAULT_METRIC, VIBRATION_BAND)))
 
 
 def _print_reductions(campaign: Path, analysis: "Analysis") -> None:

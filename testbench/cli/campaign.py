@@ -1,13 +1,13 @@
 """Commands on a campaign: ``list``, ``verify``, ``ledger``, ``remove``, ``recover``, ``archive``, ``export``."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option, plain_text
-from balance.results import table
+from balance.results import document, table
 
 from . import options
 from .options import progress
@@ -135,7 +135,17 @@ def archive(stored: tuple[Path, ...], output: Path, as_json: bool) -> int:
     return EXIT_REFUSED if refused else 0
 
 
-def _run_table(runs: "Sequence[Run]") -> tuple[list[str], list[list[str]]]:
+def _states(campaign: Path, runs: "Sequence[Run]") -> dict[str, str]:
+    """Of each run whether its log has grown since: ``incomplete``, or ``superseded by`` its next version."""
+    from ..store.campaign import CONTINUES
+    from ..store.ledger import read_ledger
+
+    found = {run.path.name: "" for run in runs} | dict.fromkeys(read_ledger(campaign).grown, "incomplete")
+    later = {run.provenance[CONTINUES]: run.name for run in runs if CONTINUES in run.provenance}
+    return found | {file: f"superseded by {name}" for file, name in later.items()}
+
+
+def _run_table(runs: "Sequence[Run]", states: Mapping[str, str]) -> tuple[list[str], list[list[str]]]:
     """Header and rows of the table of runs."""
     from ..recording import payload_text, peak_text
 
@@ -151,6 +161,8 @@ def _run_table(runs: "Sequence[Run]") -> tuple[list[str], list[list[str]]]:
         "samples": lambda run: ", ".join(str(group.samples) for group in run.groups),
         "findings": lambda run: str(sum(finding.severity > 0 for finding in run.findings)),
     }
+    if any(states.values()):
+        columns["log"] = lambda run: states[run.path.name] or "-"
     return list(columns), [[cell(run) for cell in columns.values()] for run in runs]
 
 
@@ -174,10 +186,12 @@ def list_runs(campaign: Path, as_json: bool) -> int:
     from ..store import open_campaign
 
     runs, refused = options.openable_runs(open_campaign(campaign).run_paths)
+    states = _states(campaign, runs)
     if as_json:
-        emit_json({"campaign": campaign.resolve().name, "runs": [*runs, *refused]})
+        described = [document(run) | ({"log": states[run.path.name]} if states[run.path.name] else {}) for run in runs]
+        emit_json({"campaign": campaign.resolve().name, "runs": [*described, *refused]})
     else:
-        emit_table(f"{campaign.resolve().name}: {len(runs)} runs", *_run_table(runs))
+        emit_table(f"{campaign.resolve().name}: {len(runs)} runs", *_run_table(runs, states))
     options.complain(*(one.message for one in refused))
     return EXIT_REFUSED if refused else 0
 

@@ -1,6 +1,6 @@
 """``testbench ingest`` and ``testbench watch``: logs into stored runs."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -159,6 +159,9 @@ Exit codes of --once: 0 all stored, 3 stored with findings, still growing or wai
 @_accept_option
 @click.option("--once", is_flag=True, help="One pass over what is there, then stop.")
 @click.option(
+    "--live", is_flag=True, help="Also levels and findings of logs that still grow, and the reduction so far."
+)
+@click.option(
     "--settle", default="2s", show_default=True, metavar="TIME", help="How long a file must not have changed."
 )
 @options.text_options
@@ -171,13 +174,17 @@ def watch(
     unnamed: str,
     accept: tuple[str, ...],
     once: bool,
+    live: bool,
     settle: str,
     as_json: bool,
     **text: Any,  # noqa: ANN401
 ) -> int:
     """Ingest what arrives in FOLDER, each log once, also after a crash. What is refused is said, and the next comes."""
     from ..errors import RecordingError
+    from ..ingestion.watch_folder import is_told_who_writes
 
+    if live and once:
+        raise click.UsageError("--live follows logs while they grow: leave out --once")
     if as_json and not once:
         raise click.UsageError("--json prints one document at the end: it needs --once")
     if not folder.is_dir():
@@ -195,17 +202,61 @@ def watch(
         watching.run_table = WatchedRunTable(run_table, watching.settle_s)
     if not once:
         click.echo(f"watching {plain_text(str(folder))}; Ctrl-C ends it", err=True)
-        _say(watching.forever(), quiet=False)
+        if not is_told_who_writes():
+            click.echo(
+                "whether a process still writes a log is known of this user's alone, if at all: a log is stored once "
+                "it has rested; if it grows later, its run is marked incomplete until its next version is stored",
+                err=True,
+            )
+        _say(watching.forever(_live(watching) if live else lambda: None), quiet=False)
     outcomes = [o for o in _say(watching.once(), quiet=as_json) if o.status != "waiting"]
     if as_json:
         growing = [path.name for path in watching.growing]
         waiting = [{"file": path.name, "reason": reason} for path, reason in watching.waiting.items()]
-        emit_json({"runs": outcomes, "growing": growing, "waiting": waiting})
-    options.complain(*(f"{path.name}: still grows; left for later" for path in watching.growing))
+        writing = {path.name: process for path, process in watching.writing.items()}
+        known = {"growing": growing, "writing": writing, "writers_known": is_told_who_writes()}
+        emit_json({"runs": outcomes, **known, "waiting": waiting})
+    for path in watching.growing:
+        writer = watching.writing.get(path)
+        why = "still grows" if writer is None else f"process {writer} has it open for writing"
+        options.complain(f"{path.name}: {why}; left for later")
     if any(outcome.status == "refused" for outcome in outcomes):
         return EXIT_REFUSED
     kept = [f for o in outcomes if o.status == "stored" for f in o.findings]
     return max(options.exit_code(kept, accept), EXIT_WITH_FINDINGS if watching.growing or watching.waiting else 0)
+
+
+def _live(watching: "Watch") -> Callable[[], None]:
+    """Prints levels, clipping and dead channels of each log that grew since last, then the reduction so far."""
+    from balance.errors import CounterpoiseError
+
+    from ..quality.log_description import describe_log
+    from ..store import open_campaign
+    from .analyze import print_reductions
+    from .logs import print_description
+
+    shown: dict[Path, int] = {}
+    campaign, analyzed = watching.ingest.folder, 0
+
+    def show() -> None:
+        nonlocal analyzed
+        for path in watching.growing:
+            try:
+                size = path.stat().st_size
+                if shown.get(path) != size:
+                    shown[path] = size
+                    print_description(describe_log(path, watching.ingest.options), stats=True)
+            except (CounterpoiseError, OSError) as error:
+                click.echo(f"{plain_text(path.name)}: so far {plain_text(str(error))}")
+        stored = len(list(campaign.glob("*.h5")))
+        if stored != analyzed:
+            analyzed = stored
+            try:
+                print_reductions(campaign, open_campaign(campaign).runs)
+            except CounterpoiseError as error:
+                click.echo(f"No reduction yet: {plain_text(str(error))}")
+
+    return show
 
 
 def _watching(

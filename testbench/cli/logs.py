@@ -50,7 +50,7 @@ def info(file: Path, stats: bool, as_json: bool, **text: Any) -> int:  # noqa: A
     if as_json:
         emit_json(found.document(stats))
     else:
-        _print(found, stats)
+        print_description(found, stats)
     if grave := refusing_findings(found.findings):
         codes = ", ".join(dict.fromkeys(finding.code for finding in grave))
         options.complain(f"{file.name}: would be refused for {codes}; `testbench ingest --accept CODE` stores it")
@@ -88,7 +88,8 @@ def describe(file: Path, output: Path | None, **text: Any) -> int:  # noqa: ANN4
     return 0
 
 
-def _print(found: "Description", stats: bool) -> None:
+def print_description(found: "Description", stats: bool) -> None:
+    """Print what a log holds, channel by channel, and its findings."""
     from ..quality.group_checks import ChannelStats
     from ..recording import Channel
 

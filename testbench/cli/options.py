@@ -266,19 +266,22 @@ def openable_runs(paths: Sequence[Path]) -> "tuple[list[Run], list[NotOpened]]":
     """The runs that can be opened and those that cannot, for commands that process each run by itself."""
     from ..errors import StoreError
     from ..store import open_campaign, open_run
+    from ..store.campaign import newest_versions
 
     runs, refused = [], []
     for path in paths:
         try:
             files = open_campaign(path).run_paths if path.is_dir() else [path]
+            opened = []
         except StoreError as error:
             refused.append(NotOpened(path.name, str(error)))
             continue
         for file in files:
             try:
-                runs.append(open_run(file))
+                opened.append(open_run(file))
             except StoreError as error:
                 refused.append(NotOpened(file.stem, str(error)))
+        runs += newest_versions(opened) if path.is_dir() else opened
     return runs, refused
 
 

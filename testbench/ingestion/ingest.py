@@ -3,10 +3,12 @@
 The outcome of each file says what became of it: stored, stored already, refused and why, or waiting.
 """
 
+import re
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,7 +20,7 @@ from ..quality.group_checks import RecordingCheck
 from ..readers import ReadOptions
 from ..recording import Finding, Group, Origin, Refusal, findings_by_group, refusing_findings
 from ..store import atomic_files, open_run
-from ..store.campaign import StoredSources
+from ..store.campaign import CONTINUES, StoredSources
 from ..store.writer import RunWriter
 from .log_sources import Source, distinct_groups, refuse_stored_run, refuse_too_many, refuse_twice
 from .run_table import PlannedRun
@@ -111,14 +113,31 @@ class Ingest:
                 refuse_too_many(sources[-1], sources[-1].recording.groups)
             for source, recording in zip(sources, distinct_groups([s.recording for s in sources]), strict=True):
                 source.recording = recording
+            if (begun := self._begun(sources)) is not None:
+                planned = replace(planned, name=_next_version(self.folder, begun))
+                return self._stored_anew(planned, sources, begun)
             return self._already(planned, sources) or self._stored_anew(planned, sources)
         except (RecordingError, StoreError) as error:
             return not_stored(planned, sources, error)
 
-    def _stored_anew(self, planned: PlannedRun, sources: Sequence[Source]) -> list[Outcome]:
+    def _begun(self, sources: Sequence[Source]) -> str | None:
+        """The stored run of these logs as they were when they were shorter, proven by its digests of them."""
+        self._stored.look()
+        grown = {self._stored.begun_run(source.path, source.size) for source in sources}
+        if grown == {None}:
+            return None
+        same = {
+            self._stored.run_of(source.size, source.digested())
+            for source in sources
+            if self._stored.begun_run(source.path, source.size) is None
+        }
+        found = grown - {None} | same
+        return found.pop() if len(found) == 1 else None
+
+    def _stored_anew(self, planned: PlannedRun, sources: Sequence[Source], begun: str | None = None) -> list[Outcome]:
         """Store the run, unless another process was quicker with the same recordings."""
         try:
-            return self._store(planned, sources)
+            return self._store(planned, sources, begun)
         except NotConfirmedError:
             raise
         except StoreError:
@@ -159,8 +178,11 @@ class Ingest:
                 found.append(Finding("conditions_differ", None, None, message))
         return found
 
-    def _store(self, planned: PlannedRun, sources: Sequence[Source]) -> list[Outcome]:
+    def _store(self, planned: PlannedRun, sources: Sequence[Source], begun: str | None) -> list[Outcome]:
         origin = _origin(planned, sources)
+        if begun is not None:
+            message = f"continues {begun}, which holds the beginning of the log: analyses take this run instead"
+            sources[0].findings.append(Finding("continued", None, None, message))
         inputs, lacking = self._inputs(planned)
         sources[0].findings.extend(lacking)
         with RunWriter(self.folder, planned.name, self._intent(planned, origin, sources, inputs)) as writer:
@@ -180,7 +202,7 @@ class Ingest:
                 raise RecordingError(f"{planned.name}: refused for {codes}; --accept CODE stores it nevertheless")
             refuse_twice([(source.digested(), source.path.name) for source in sources])
             rig = None if self.rig is None else self.rig.text
-            writer.describe(origin, planned.conditions or {}, everything, self._provenance(sources), rig, inputs)
+            writer.describe(origin, planned.conditions or {}, everything, self._provenance(sources, begun), rig, inputs)
             writer.seal()
             with atomic_files.one_at_a_time(self.folder):
                 if others := self._already(planned, sources):
@@ -233,8 +255,9 @@ class Ingest:
             "sources": [source.provenance() for source in sources],
         }
 
-    def _provenance(self, sources: Sequence[Source]) -> dict[str, Any]:
+    def _provenance(self, sources: Sequence[Source], begun: str | None) -> dict[str, Any]:
         return {
+            **({} if begun is None else {CONTINUES: begun}),
             "software": {name: version(name) for name in ("counterpoise", "h5py", "numpy")},
             "written": datetime.now(UTC).isoformat(timespec="seconds"),
             "accepted_findings": sorted(self.accepted),
@@ -249,6 +272,12 @@ def _origin(planned: PlannedRun, sources: Sequence[Source]) -> Origin:
         message = "the log says that it is simulated, the run table says measured; mend the run table"
         raise Refusal(simulated[0].path.name, Finding("origin_contradiction", None, None, message))
     return "simulated" if simulated else planned.origin or "unstated"
+
+
+def _next_version(folder: Path, begun: str) -> str:
+    """The name of the next version of a run: ``r001.v2`` after ``r001``."""
+    stem = re.sub(r"\.v\d+$", "", Path(begun).stem)
+    return next(name for name in (f"{stem}.v{n}" for n in count(2)) if not (folder / f"{name}.h5").exists())
 
 
 def _unopened(name: str, reason: str, consequence: str) -> str:

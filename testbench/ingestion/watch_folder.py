@@ -1,5 +1,9 @@
 """Logs as they arrive in a folder: each is ingested once it has stopped growing, once, also after a crash.
 
+A log has stopped growing when no process holds it for writing, where the system says so, and it has rested for twice
+the longest pause that a log of its kind made while it grew. One that grows nevertheless is stored again, whole, as the
+next version of its run, which is marked incomplete until then.
+
 Nothing is remembered outside the campaign: a log that a stored run was made of is known by its SHA-256.
 
 With a run table, which is read again when it changes, the rule is: a file that the run table names is
@@ -9,12 +13,16 @@ where asked for, is ingested without conditions. While the table cannot be read,
 Without a run table each log is a run of its own, and what another log in the folder holds is not missing in it.
 """
 
+import os
+import re
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from ..errors import RecordingError, RigError
+from ..errors import RecordingError, RigError, StoreError
+from ..store.ledger import enter_growth
 from .ingest import Ingest, Outcome
 from .log_sources import SiblingLogs
 from .run_table import PlannedRun, RunTableRow, plan_rows, plan_runs, read_run_table, same_file
@@ -79,6 +87,38 @@ _SKIPPED = (".part", ".tmp", ".crdownload", ".filepart", "~")
 """Endings of files on their way from elsewhere."""
 
 
+LONGEST_PAUSE_S = 60.0
+"""A log that rested for longer did not pause: somebody went on with it [s]."""
+
+
+def is_told_who_writes() -> bool:
+    """Whether this system says which processes hold a file open, those of all users."""
+    return os.path.isdir("/proc/self/fd") and os.geteuid() == 0
+
+
+def writers(paths: Collection[Path]) -> dict[Path, int]:
+    """The files that a process holds open for writing, and its number, as far as the system says so."""
+    wanted = {(stat.st_dev, stat.st_ino): path for path in paths if (stat := _stat(path))}
+    found: dict[Path, int] = {}
+    for folder in Path("/proc").glob("[0-9]*/fd") if wanted else ():
+        try:
+            for handle in folder.iterdir():
+                stat = _stat(handle)
+                path = stat and wanted.get((stat.st_dev, stat.st_ino))
+                if path and int((folder.parent / "fdinfo" / handle.name).read_text().split()[3], 8) & os.O_ACCMODE:
+                    found[path] = int(folder.parent.name)
+        except OSError:  # it has ended, or is another user's
+            continue
+    return found
+
+
+def _stat(path: Path) -> os.stat_result | None:
+    try:
+        return path.stat()
+    except OSError:
+        return None
+
+
 @dataclass
 class Watch:
     """The files of a folder that became runs, those that were refused, and those that still grow.
@@ -89,17 +129,23 @@ class Watch:
     folder: Path
     ingest: Ingest
     settle_s: float = 2.0
-    """A file that did not change for so long has stopped growing [s]."""
+    """A file that did not change for so long has stopped growing, unless files of its kind paused for longer [s]."""
     run_table: WatchedRunTable | None = None
     """The run table; it may lie in the folder."""
     store_unnamed: bool = False
     """Whether files that the run table does not name are ingested without conditions; otherwise they wait."""
     growing: list[Path] = field(default_factory=list, init=False)
-    """Files that had changed shortly before the last look."""
+    """Files that had changed shortly before the last look, or that a process holds for writing."""
+    writing: dict[Path, int] = field(default_factory=dict, init=False)
+    """Those of them that a process holds, by its number."""
     waiting: dict[Path, str] = field(default_factory=dict, init=False)
     """Files that have stopped growing, and what they wait for."""
     _done: dict[Path, State] = field(default_factory=dict, init=False)
     _seen: dict[Path, tuple[State, float]] = field(default_factory=dict, init=False)
+    _stored: dict[Path, str] = field(default_factory=dict, init=False)
+    """Files of the runs that logs were stored as."""
+    _pauses: dict[str, float] = field(default_factory=dict, init=False)
+    """Longest pause of logs while they grew [s], by their name without its digits."""
     _siblings: SiblingLogs = field(init=False)
 
     def __post_init__(self) -> None:
@@ -114,13 +160,14 @@ class Watch:
         if any(path not in self._done for path in self._seen) or self.run_table is not None:
             if self.run_table is not None:
                 self.run_table.note(time.monotonic())
-            time.sleep(self.settle_s)
+            time.sleep(max([self.settle_s, *map(self._settle_s, self._seen)]))
         yield from self.look()
 
-    def forever(self, interval_s: float = 1.0) -> Iterator[Outcome]:
-        """Everything that arrives, until the process ends."""
+    def forever(self, looked: Callable[[], None] = lambda: None, interval_s: float = 1.0) -> Iterator[Outcome]:
+        """Everything that arrives, until the process ends; ``looked`` is called after each look."""
         while True:
             yield from self.look()
+            looked()
             time.sleep(interval_s)
 
     def look(self) -> Iterator[Outcome]:
@@ -129,7 +176,9 @@ class Watch:
         now = time.monotonic()
         yield from self._reread(now)
         pending = sorted((path, *seen) for path, seen in self._seen.items() if path not in self._done)
-        self.growing = [path for path, _, since in pending if now - since < self.settle_s]
+        resting = [path for path, _, since in pending if now - since >= self._settle_s(path)]
+        self.writing = writers(resting)
+        self.growing = [path for path, *_ in pending if path not in resting or path in self.writing]
         settled = [path for path, _, _ in pending if path not in self.growing]
         if self.run_table is None:
             self.waiting = {}
@@ -185,9 +234,25 @@ class Watch:
         try:
             if run.conditions is None:
                 (run,) = plan_runs(run.files, None)
-            return self.ingest.run(run)
+            outcomes = self.ingest.run(run)
+            for path, outcome in zip(run.files, outcomes, strict=False):
+                if outcome.file is not None:
+                    self._stored[path] = outcome.file
+            return outcomes
         except (RecordingError, RigError, OSError) as error:
             return [_refused(path, str(error)) for path in run.files]
+
+    def _settle_s(self, path: Path) -> float:
+        """How long a log must have rested [s]."""
+        return max(self.settle_s, 2.0 * self._pauses.get(_kind(path), 0.0))
+
+    def _note_growth(self, path: Path, pause_s: float) -> None:
+        """Learn the pause that a log made; mark the run that was made of its beginning as incomplete."""
+        if pause_s <= LONGEST_PAUSE_S:
+            self._pauses[_kind(path)] = max(pause_s, self._pauses.get(_kind(path), 0.0))
+        if (run := self._stored.pop(path, None)) is not None:
+            with suppress(StoreError, OSError):  # a ledger that takes no entry: whoever stores the next run says so
+                enter_growth(self.ingest.folder, run)
 
     def _look(self) -> None:
         """Note the state of every file, and since when it has been in it."""
@@ -198,12 +263,20 @@ class Watch:
             if path not in there:
                 self._seen.pop(path)
                 self._done.pop(path, None)
+                self._stored.pop(path, None)
                 self._siblings.gone(path)
         for path, state in there.items():
             if path not in self._seen or self._seen[path][0] != state:
+                if path in self._seen and state[0] > self._seen[path][0][0] > 0:
+                    self._note_growth(path, now - self._seen[path][1])
                 self._seen[path] = state, now
                 self._done.pop(path, None)
                 self._siblings.changed(path)
+
+
+def _kind(path: Path) -> str:
+    """What the names of one logger's files have in common."""
+    return re.sub(r"\d+", "#", path.name)
 
 
 def _refused(path: Path, message: str) -> Outcome:

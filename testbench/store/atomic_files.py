@@ -41,6 +41,16 @@ def sha256_of(path: Path, progress: Callable[[int], None] = lambda count: None, 
     return total.hexdigest()
 
 
+def sha256_of_first(path: Path, size: int) -> str:
+    """SHA-256 of the first ``size`` bytes of a file, in hexadecimal."""
+    total = hashlib.sha256()
+    with path.open("rb") as stream:
+        while size > 0 and (content := stream.read(min(size, _BLOCK))):
+            total.update(content)
+            size -= len(content)
+    return total.hexdigest()
+
+
 def sha256_alone(path: Path) -> str:
     """SHA-256 of a file's content, in hexadecimal, where nothing else is to be done: another thread reads ahead."""
     total, rooms = hashlib.sha256(), [memoryview(bytearray(_BLOCK)) for _ in range(2)]

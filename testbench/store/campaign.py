@@ -1,7 +1,7 @@
 """A campaign: a folder of stored runs, each with its digest file; which recordings it holds, by size and SHA-256."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +15,8 @@ from .atomic_files import Leftover, leftovers, unfinished
 from .run import Run, open_run
 
 SUFFIX = ".h5"
+CONTINUES = "continues"
+"""Key of the provenance: the run whose logs, grown since, this run holds whole."""
 CRATE = "ro-crate-metadata.json"
 """The description of a crate, which holds copies and quotes the head of the ledger."""
 KEPT = frozenset({"records", CRATE, ledger.FILE, atomic_files.LOCK})
@@ -53,8 +55,8 @@ class Campaign:
 
     @cached_property
     def runs(self) -> tuple[Run, ...]:
-        """The stored runs, by name; their data are read when asked for."""
-        return tuple(open_run(path) for path in self.run_paths)
+        """The stored runs, by name; their data are read when asked for. Of a log that grew, its newest version."""
+        return tuple(newest_versions([open_run(path) for path in self.run_paths]))
 
     def verify(self, progress: Callable[[int], None] = lambda count: None) -> list[FileState]:
         """The state of every file in the folder: of runs by their digests, of others that they are there.
@@ -75,6 +77,12 @@ class Campaign:
             if name not in found or found[name].status == "intact":
                 found[name] = FileState(name, status, message)
         return list(found.values())
+
+
+def newest_versions(runs: Sequence[Run]) -> list[Run]:
+    """The runs without those whose log another one of them continues, which holds all that they hold."""
+    continued = {(run.path.parent, run.provenance.get(CONTINUES)) for run in runs}
+    return [run for run in runs if (run.path.parent, run.path.name) not in continued]
 
 
 def existing(folder: str | Path) -> Path:
@@ -166,6 +174,7 @@ class StoredSources:
     unopened: dict[str, str] = field(default_factory=dict, init=False)
     """Runs that cannot be opened, and why: what they hold is not known."""
     _runs: dict[tuple[int, str], str] = field(default_factory=dict, init=False)
+    _named: dict[str, set[tuple[int, str]]] = field(default_factory=dict, init=False)
     _known: set[Path] = field(default_factory=set, init=False)
 
     def look(self) -> None:
@@ -176,7 +185,10 @@ class StoredSources:
                 continue
             try:
                 sources = open_run(path).provenance["sources"]
-                self._runs.update({(s["size_bytes"], s["sha256"]): path.name for s in sources})
+                for source in sources:
+                    content = source["size_bytes"], source["sha256"]
+                    self._runs[content] = path.name
+                    self._named.setdefault(source["name"], set()).add(content)
             except (StoreError, LookupError, TypeError) as error:
                 self.unopened[path.name] = str(error).replace(f"{self.folder}{os.sep}", "")
             else:
@@ -189,3 +201,10 @@ class StoredSources:
     def run_of(self, size: int, sha256: str) -> str | None:
         """The file of the run that was made of a source of this size [bytes] and digest."""
         return self._runs.get((size, sha256))
+
+    def begun_run(self, path: Path, size: int) -> str | None:
+        """The file of the newest run of a log of this name that was shorter, and is how this one of ``size`` begins."""
+        for stored, sha256 in sorted(self._named.get(path.name, ()), reverse=True):
+            if 0 < stored < size and atomic_files.sha256_of_first(path, stored) == sha256:
+                return self._runs[stored, sha256]
+        return None

@@ -93,9 +93,8 @@ def read_ledger(campaign: Path) -> Ledger:
     whole = content.rfind(b"\n") + 1
     entries = tuple(_entries(content[:whole]))
     newest = {entry.file: entry for entry in entries if entry.kind != "grown"}
-    grown = frozenset(
-        e.file for e in entries if e.kind == "grown" and e.file in newest and newest[e.file].sha256 == e.sha256
-    )
+    continued = {entry.details.get("continues") for entry in entries}
+    grown = frozenset(e.file for e in entries if e.kind == "grown" and e.file not in continued and e.file in newest)
     return Ledger(entries, whole, whole < len(content), newest, grown)
 
 
@@ -141,6 +140,14 @@ _WAY_OUT = (
     f"; put back {FILE} as it was, from a copy, or take it out of the campaign and keep it: `testbench recover` begins "
     "a new one with what is there"
 )
+
+
+def enter_growth(campaign: Path, file: str) -> None:
+    """Enter that the log of a stored run has more than was stored, if that is not known yet."""
+    with one_at_a_time(campaign):
+        ledger = read_ledger(campaign)
+        if ledger.holds(file) and file not in ledger.grown:
+            enter(campaign, "grown", file, ledger.newest[file].sha256)
 
 
 def remove(campaign: Path, file: str, by: str, reason: str) -> Entry:

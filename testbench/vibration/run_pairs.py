@@ -10,6 +10,7 @@ from balance.units import G0
 
 from ..campaign_plan import PlannedRun
 from ..recording import Finding
+from ..store.ledger import read_ledger
 
 if TYPE_CHECKING:
     from ..store import Run
@@ -97,7 +98,11 @@ def pairs(runs: Iterable["Run"]) -> tuple[list[Pair], list[Finding]]:
     groups: dict[ConditionKey, dict[tuple[tuple[str, float], ...], list[Run]]] = defaultdict(lambda: defaultdict(list))
     findings: list[Finding] = []
     needed = [name for name in _COMPARED if name == "motion" or any(name in run.conditions for run in runs)]
+    grown = {folder: read_ledger(folder).grown for folder in {run.path.parent for run in runs}}
     for run in runs:
+        if run.path.name in grown[run.path.parent]:
+            more = "its log has grown since it was stored: ingest it again, which stores its next version"
+            findings.append(_finding(run, "incomplete", more))
         if (whole := _fuller_run(runs, run)) is not None:
             twice = f"left out: recovered from a stopped ingest, and {whole.name} holds more of the same logs"
             findings.append(_finding(run, "held_twice", twice))

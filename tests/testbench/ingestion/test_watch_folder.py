@@ -1,6 +1,7 @@
 """A watched folder: each log once, when it has stopped growing, also after a crash."""
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -8,9 +9,10 @@ import time
 import click
 import pytest
 
+from testbench.cli.campaign import list_runs
 from testbench.cli.ingest import watch as command
 from testbench.errors import RecordingError
-from testbench.ingestion import Ingest
+from testbench.ingestion import Ingest, watch_folder
 from testbench.ingestion.watch_folder import Watch, WatchedRunTable
 from testbench.store import open_campaign
 
@@ -54,7 +56,7 @@ def test_a_file_that_grows_waits(watching, tmp_path):
         stream.write("2.00,5.000\n")
     assert told(watching.look()) == {"a.csv": "stored"}
     assert [p.name for p in watching.growing] == ["b.csv"]
-    time.sleep(0.06)
+    time.sleep(watching._settle_s(path))  # twice the pause that it made
     assert told(watching.look()) == {"b.csv": "stored"}
     assert open_campaign(tmp_path / "c").runs[1].group().samples == 201
 
@@ -213,3 +215,93 @@ def test_the_folder_of_the_campaign_itself(tmp_path, monkeypatch):
     assert done.returncode == 1
     assert b"is the campaign's folder too" in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
+
+
+class Clock:
+    """A clock that goes on while somebody sleeps, and not else."""
+
+    now = 0.0
+
+    def monotonic(self):
+        """The time [s]."""
+        return self.now
+
+    def sleep(self, seconds):
+        """Let so much time pass."""
+        self.now += seconds
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Time as a watched folder sees it."""
+    made = Clock()
+    monkeypatch.setattr(watch_folder, "time", made)
+    return made
+
+
+def test_a_log_that_a_process_still_writes_is_left(watching, clock, tmp_path):
+    """A buffered logger holds its file: it rests, and is not taken until the logger lets it go."""
+    if not watch_folder.is_told_who_writes():
+        pytest.skip("the system does not say who writes a file")
+    with (tmp_path / "in" / "b.csv").open("a") as stream:
+        assert told(watching.once()) == {"a.csv": "stored"}
+        assert {path.name: process for path, process in watching.writing.items()} == {"b.csv": os.getpid()}
+        assert [path.name for path in watching.growing] == ["b.csv"]
+        stream.write("2.00,5.000\n")
+    clock.sleep(0.06)
+    list(watching.look())  # the change is seen
+    clock.sleep(0.3)
+    assert told(watching.look()) == {"b.csv": "stored"}
+    assert open_campaign(tmp_path / "c").runs[1].group().samples == 201
+
+
+def test_a_log_that_grows_after_it_was_stored(watching, clock, tmp_path, capsys):
+    """Marked incomplete when that is seen, then stored whole as the next version, which counts alone."""
+    path = tmp_path / "in" / "b.csv"
+    assert told(watching.once()) == {"a.csv": "stored", "b.csv": "stored"}
+    for row in range(2):
+        with path.open("a") as stream:
+            stream.write(f"{2 + row}.00,5.000\n")
+        assert told(watching.look()) == {}
+        assert listed(tmp_path / "c", capsys)[("b", "b.v2")[row]] == "incomplete"
+        clock.sleep(2.0 * watching._settle_s(path))
+        (outcome,) = watching.look()
+        assert (outcome.status, outcome.file) == ("stored", f"b.v{row + 2}.h5")
+        assert "continued" in {finding.code for finding in outcome.findings}
+    assert listed(tmp_path / "c", capsys) == {
+        "a": None, "b": "superseded by b.v2", "b.v2": "superseded by b.v3", "b.v3": None,
+    }  # fmt: skip
+    assert [(run.name, run.group().samples) for run in open_campaign(tmp_path / "c").runs] == [
+        ("a", 200),
+        ("b.v3", 202),
+    ]
+    assert {state.status for state in open_campaign(tmp_path / "c").verify()} == {"intact"}
+
+
+def listed(campaign, capsys):
+    """What ``testbench list`` says of the log of each run."""
+    capsys.readouterr()
+    assert list_runs.main([str(campaign), "--json"], standalone_mode=False) == 0
+    return {run["run"]: run.get("log") for run in json.loads(capsys.readouterr().out)["runs"]}
+
+
+def test_a_pause_is_learned_for_logs_of_a_kind(watching, clock, tmp_path):
+    """A logger that pauses for longer than a file must rest: the next file of its name is waited for."""
+    path = tmp_path / "in" / "slow_1.csv"
+    log(path)
+    list(watching.look())
+    clock.sleep(0.04)
+    with path.open("a") as stream:
+        stream.write("2.00,5.000\n")
+    list(watching.look())
+    clock.sleep(9.0)
+    assert told(watching.look()) == {"a.csv": "stored", "b.csv": "stored", "slow_1.csv": "stored"}
+    with path.open("a") as stream:
+        stream.write("2.01,5.000\n")
+    list(watching.look())
+    log(tmp_path / "in" / "slow_2.csv", first=8.0)
+    list(watching.look())
+    clock.sleep(9.5)  # longer than any file must rest of which nothing is known
+    assert told(watching.look()) == {}
+    clock.sleep(9.0)
+    assert told(watching.look()) == {"slow_1.csv": "stored", "slow_2.csv": "stored"}
