@@ -181,7 +181,7 @@ def watch(
 ) -> int:
     """Ingest what arrives in FOLDER, each log once, also after a crash. What is refused is said, and the next comes."""
     from ..errors import RecordingError
-    from ..ingestion.watch_folder import is_told_who_writes
+    from ..ingestion.watch_folder import knows_all_writers
 
     if live and once:
         raise click.UsageError("--live follows logs while they grow: leave out --once")
@@ -202,7 +202,7 @@ def watch(
         watching.run_table = WatchedRunTable(run_table, watching.settle_s)
     if not once:
         click.echo(f"watching {plain_text(str(folder))}; Ctrl-C ends it", err=True)
-        if not is_told_who_writes():
+        if not knows_all_writers():
             click.echo(
                 "whether a process still writes a log is known of this user's alone, if at all: a log is stored once "
                 "it has rested; if it grows later, its run is marked incomplete until its next version is stored",
@@ -214,7 +214,7 @@ def watch(
         growing = [path.name for path in watching.growing]
         waiting = [{"file": path.name, "reason": reason} for path, reason in watching.waiting.items()]
         writing = {path.name: process for path, process in watching.writing.items()}
-        known = {"growing": growing, "writing": writing, "writers_known": is_told_who_writes()}
+        known = {"growing": growing, "writing": writing, "writers_known": knows_all_writers()}
         emit_json({"runs": outcomes, **known, "waiting": waiting})
     for path in watching.growing:
         writer = watching.writing.get(path)

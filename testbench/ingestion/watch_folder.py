@@ -91,7 +91,7 @@ LONGEST_PAUSE_S = 60.0
 """A log that rested for longer did not pause: somebody went on with it [s]."""
 
 
-def is_told_who_writes() -> bool:
+def knows_all_writers() -> bool:
     """Whether this system says which processes hold a file open, those of all users."""
     return os.path.isdir("/proc/self/fd") and os.geteuid() == 0
 

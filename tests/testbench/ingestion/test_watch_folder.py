@@ -241,7 +241,7 @@ def clock(monkeypatch):
 
 def test_a_log_that_a_process_still_writes_is_left(watching, clock, tmp_path):
     """A buffered logger holds its file: it rests, and is not taken until the logger lets it go."""
-    if not watch_folder.is_told_who_writes():
+    if not watch_folder.knows_all_writers():
         pytest.skip("the system does not say who writes a file")
     with (tmp_path / "in" / "b.csv").open("a") as stream:
         assert told(watching.once()) == {"a.csv": "stored"}

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from itertools import permutations
+from pathlib import Path
 
 import pytest
 
@@ -34,6 +35,7 @@ class FakeRun:
     findings: tuple[Finding, ...] = ()
     groups: tuple[Group, ...] = field(default=(Group("daq", (Channel("AccX (g)", "g", "AccX"),)),))
     provenance: dict = field(default_factory=lambda: {"sources": []})
+    path: Path = Path("nowhere", "run.h5")
 
 
 @dataclass
