@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 DISPATCHED := from numpy._core import _multiarray_umath as m; print(*(f for f in m.__cpu_dispatch__ if m.__cpu_features__[f]))
 
-.PHONY: demo test anywhere lint types docs bench study lock clean
+.PHONY: demo test anywhere oldest lint types docs bench study lock release clean
 
 demo: $(READY)
 	$(BIN)/python -m demo
@@ -46,5 +46,16 @@ lock:
 	uv pip compile --universal --python-version 3.11 --generate-hashes --no-header --no-annotate \
 	  --fork-strategy fewest --group dev pyproject.toml -o requirements.lock
 
+# The suite with the oldest versions that pyproject.toml accepts; their own deprecations are theirs. Needs uv.
+oldest:
+	uv venv --clear .venv-oldest
+	uv pip install --python .venv-oldest/bin/python --resolution lowest-direct --group dev --editable .
+	.venv-oldest/bin/python -m pytest -W default $(TEST)
+
+# Wheel, sdist and the bill of materials (CycloneDX) of the locked environment, in dist/. Needs uv.
+release:
+	uv build
+	uvx --from cyclonedx-bom cyclonedx-py requirements requirements.lock -o dist/counterpoise.cdx.json
+
 clean:
-	rm -rf $(VENV) build dist demo-output study-output .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) .venv-oldest build dist demo-output study-output .pytest_cache .mypy_cache .ruff_cache

@@ -59,7 +59,7 @@ def distribute_masses(
     if not unique:
         slope = np.abs(unit.T @ (unit @ (masses * size) - target))
         even = (slope <= _LEVEL * float(np.linalg.norm(target))) | (masses > least) & (masses < most)
-        if np.linalg.matrix_rank(unit[:, even], rtol=_DEPENDENT) < even.sum():
+        if even.any() and np.linalg.matrix_rank(unit[:, even], rtol=_DEPENDENT) < even.sum():
             made = columns[:, even] @ masses[even]
             masses[even] = _lightest(columns[:, even], made, least[even], most[even])
     free = (masses > least) & (masses < most) & ((masses != 0.0) | unique)

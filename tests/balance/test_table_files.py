@@ -48,7 +48,7 @@ def test_csv_reads_back_to_the_same_bits(monkeypatch):
     stream = io.BytesIO()
     write_csv(stream, columns)
     stream.seek(0)
-    read = pandas.read_csv(stream, header=None)
+    read = pandas.read_csv(stream, header=None, float_precision="round_trip")
     assert [read[i].to_numpy().tobytes() for i in range(3)] == [column.tobytes() for column in columns]
     stream = io.BytesIO()
     write_csv(stream, [np.array([1.0005, -0.25]), np.array([3.0, 4.0])], ";", decimals=3, decimal_comma=True)
