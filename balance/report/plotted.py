@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats
 
-BUDGET_BYTES = 9_000_000
+BUDGET_BYTES = 7_000_000
 """All series of a page, as they stand in it."""
 BYTES_PER_VALUE = 8.0 / 3.0
 """Two bytes in base64."""
