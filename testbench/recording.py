@@ -89,7 +89,7 @@ _WARNINGS = {
     "already_stored": "The campaign holds this recording already; nothing was written.",
     "run_not_opened": "A run of the campaign cannot be opened; whether it holds this recording too is unknown.",
     "log_missing": "The run table names a log that was not given: its run is not stored yet.",
-    "condition_contradiction": "A peak acceleration of another kind than the motion's, or a payload that no body is named for.",
+    "condition_contradiction": "A peak acceleration of a kind that the motion has not, or a payload without a body.",
     "input_not_stored": "The mechanism or the motion of the run cannot be read, so it is not stored with the run.",
     "conditions_differ": "The run table states other conditions than are stored with the run, which never changes.",
     "rate_contradicts_rig": "A log's rate is not the one that the rig states for its logger; the log's is taken.",
