@@ -31,12 +31,16 @@ def write_api(_app: object) -> None:
     import importlib
     import inspect
 
-    lines = []
+    lines: list[str] = []
+    seen: list[object] = []
     for name in ("balance", "testbench"):
         package = importlib.import_module(name)
         lines += [f"``import {name}``", "-" * 40, ""]
         for public in getattr(package, "__all__", ()):
             found = getattr(package, public)
+            if any(found is one for one in seen):
+                continue
+            seen.append(found)
             if inspect.isclass(found):
                 lines += [f".. autoclass:: {name}.{public}", "   :members:", "", ""]
             elif callable(found):
@@ -51,8 +55,17 @@ def plain_stars(_app: object, _context: object, lines: list[str]) -> None:
     lines[:] = [line.replace("*", "\\*") for line in lines]
 
 
+def plain_bars(_app: object, _what: str, _name: str, _found: object, _options: object, lines: list[str]) -> None:
+    """Docstrings write |x| for a magnitude, and no substitutions: bars outside literals and code stay bars."""
+    for i, line in enumerate(lines):
+        if not line.lstrip().startswith((">>>", "...")):
+            parts = line.split("``")
+            lines[i] = "``".join(part if k % 2 else part.replace("|", "\\|") for k, part in enumerate(parts))
+
+
 def setup(app: Any) -> None:  # noqa: ANN401
     """Write the page before anything is read; take help texts as they are."""
     app.connect("builder-inited", write_api)
+    app.connect("autodoc-process-docstring", plain_bars)
     app.connect("sphinx-click-process-description", plain_stars)
     app.connect("sphinx-click-process-epilog", plain_stars)
