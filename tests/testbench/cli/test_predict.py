@@ -3,14 +3,19 @@
 import json
 import sys
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from matplotlib.figure import Figure
 
 from balance import datasets
 from balance.errors import DataError
+from studies.kiper2019 import bench_calibration, bench_model
+from testbench.campaign_plan import load_plan
 from testbench.cli.predict import predict
 from testbench.errors import AnalysisError
+from testbench.published_tables import load_published
+from testbench.rig import load_rig
 
 
 @pytest.fixture(scope="module")
@@ -133,3 +138,40 @@ def test_without_a_checkout(monkeypatch):
     assert "studies/kiper2019" in str(result.exception)
     assert "pip install --editable" in str(result.exception)
     assert "\n" not in str(result.exception)
+
+
+def test_the_linear_bench_is_the_simulator_with_stiff_drives():
+    """Two conditions, reductions within 3 points: what is linearised away is the change of configuration."""
+    plan, published = load_plan("kiper2019"), load_published("kiper2019")
+    pairs, printed = bench_calibration.conditions(published, plan, lightest=True)
+    others, _ = bench_calibration.conditions(published, plan, lightest=False)
+    assert (len(pairs), len(others), printed.shape) == (8, 18, (8, 3))
+    priors = bench_model.Priors.load()
+    stiff = {"hub_stiffness": 4e5, "control_stiffness": 4e5, "centre_x": 0.04, "sensor_x": 0.1}
+    values = priors.values(np.zeros(len(priors.quantities))) | stiff
+    some = [pairs[0], pairs[4]]
+    linear = bench_model.LinearBench(some).reductions(values)
+    simulated = bench_model.simulated_reductions(bench_model.rig_of(values), some, 2500.0)
+    np.testing.assert_allclose(linear, simulated, atol=3.0)
+
+
+def test_calibrated_rig_lies_within_its_priors():
+    """The shipped rig is a physical one, and what the study writes is read as a rig: at both ends of every range."""
+    priors = bench_model.Priors.load()
+    low, high = (priors.values(np.full(len(priors.quantities), side * priors.reach)) for side in (-1.0, 1.0))
+    known = load_rig("parallelogram-6bar-calibrated").bench
+    for values in (low, high):
+        assert bench_model.rig_of(values).bench.mass == pytest.approx(values["mass"], rel=1e-4)
+    assert low["mass"] <= known.mass <= high["mass"]
+    assert low["hub_stiffness"] <= known.drives["A0"].transmission.stiffness <= high["hub_stiffness"]
+    assert low["plates_per_length"] <= known.stacks["counter_A0A"] <= high["plates_per_length"]
+
+
+def test_rig_of_the_bench_is_a_new_file(tmp_path):
+    """A file that exists stays, and what is of the law is refused beside it."""
+    taken = tmp_path / "rig.toml"
+    taken.write_text("mine", encoding="utf-8")
+    for words, message in ((["--rig", str(taken)], "exists"), (["--rig", "new.toml", "--forms"], "of the law")):
+        with pytest.raises(AnalysisError, match=message):
+            CliRunner().invoke(predict, ["kiper2019", *words], standalone_mode=False, catch_exceptions=False)
+    assert taken.read_text(encoding="utf-8") == "mine"
