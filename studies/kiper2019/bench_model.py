@@ -42,8 +42,8 @@ _ARM_INERTIA = 0.0553
 _OUTER = ("AC", "BD", "platform")
 """Bodies in the plane of the outer links."""
 _RATE_HZ = 2000.0
-_COUNT = 6000
-"""Samples of a run in the linear bench: 3 s, after which vibration has died out."""
+_COUNT = 9000
+"""Samples of a run in the linear bench: 4.5 s, after which vibration has died out."""
 _HIGHEST_HZ = 420.0
 """Of the Fourier lines; the band of a reduction ends at 200 Hz."""
 _LEAD = 200
