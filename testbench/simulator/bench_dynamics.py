@@ -37,7 +37,7 @@ from .added_bodies import rotor_momentum
 from .drive_trains import Deviation, DriveTrains, every
 from .moving_base_coupling import Coupling, apparent_gravity, base_motion_loads, weight_wrench_change
 
-ROUNDS = 60
+ROUNDS = 150
 TOLERANCE = 1e-6
 """Change of the accelerations in a round over their largest, at which base and drives agree."""
 _COARSE_TOLERANCE = 1e-4
