@@ -16,7 +16,7 @@ from balance.arrays import Floats
 from balance.cli.framework import emit_table
 from balance.units import G0
 from testbench.campaign_plan import Plan, PlannedRun
-from testbench.errors import AnalysisError
+from testbench.errors import AnalysisError, RigError
 from testbench.published_tables import Published
 
 from .bench_model import AXES, LinearBench, Priors, rig_of, simulated_reductions
@@ -123,7 +123,11 @@ class _Known:
         for _ in range(STEPS):
             at = best.deviations
             moved = best.reductions - self._linear(at)
-            trial = self._simulated(self.fitted(at, moved, tilt, near)[0])
+            try:
+                trial = self._simulated(self.fitted(at, moved, tilt, near)[0])
+            except RigError:  # a bench so soft that its motion is not found is no better one
+                near *= 0.4
+                continue
             step = trial.deviations - at
             seen = (trial.reductions - self._linear(trial.deviations) - moved).ravel()
             tilt += np.outer(seen - tilt @ step, step) / max(float(step @ step), 1e-12)
