@@ -20,8 +20,13 @@ import math
 import unicodedata
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, cached_property, reduce
+from importlib import import_module
 from pathlib import PurePath
-from typing import Any, NamedTuple, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, get_args
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
 
 NO_VALUE = "-"
 """Cell of a table for what has no value."""
@@ -59,6 +64,11 @@ def per_cent(share: Any) -> Any:  # noqa: ANN401
     return 100.0 * share
 
 
+def per_cent_text(value: float | None) -> str:
+    """Per cent for people, or a dash where there is nothing to compare with."""
+    return NO_VALUE if value is None else f"{value:.3g} %"
+
+
 def rpm(speed: Any) -> Any:  # noqa: ANN401
     """A speed, or array of speeds (...,) [rad/s], in revolutions per minute."""
     return speed / (math.pi / 30.0)
@@ -87,6 +97,41 @@ def finite(number: float) -> float | None:
 def plain_text(text: str) -> str:
     """Text from a file with control characters escaped."""
     return "".join(c if unicodedata.category(c)[0] != "C" else f"\\x{ord(c):02x}" for c in text)
+
+
+class Shown:
+    """A result with faces: a table, a picture, what a notebook shows.
+
+    ``class Swings(Shown, rows="swings", figure="package.module:function")`` names the attribute that the table lists
+    and the function that draws the result, which lies higher up and is imported when it is asked for.
+    """
+
+    _rows: ClassVar[str] = ""
+    _figure: ClassVar[str] = ""
+
+    def __init_subclass__(cls, *, rows: str = "", figure: str = "") -> None:
+        super().__init_subclass__()
+        cls._rows, cls._figure = rows or cls._rows, figure or cls._figure
+
+    def table(self) -> "pandas.DataFrame":
+        """A DataFrame, a row each; the columns are the keys of the JSON document, with the unit at their end."""
+        return frame(getattr(self, self._rows))
+
+    def plot(self) -> "Figure":
+        """A picture, as a figure of matplotlib that is saved by ``.savefig(path)``."""
+        module, _, function = self._figure.partition(":")
+        figure: Figure = getattr(import_module(module), function)(self)
+        return figure
+
+    def _repr_html_(self) -> str:
+        return str(self.table().to_html(border=0, na_rep=NO_VALUE))
+
+
+def frame(results: Iterable[Any]) -> "pandas.DataFrame":
+    """Results as rows of a DataFrame, a column a key of their JSON objects, such as ``counter_masses_kg.A``."""
+    from pandas import json_normalize
+
+    return json_normalize([plain(one) for one in results])
 
 
 def document(result: Any) -> dict[str, Any]:  # noqa: ANN401

@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: a second thread costs many times what it brings
+os.environ.pop("COLUMNS", None)  # lines of commands are as long as they are
 
 import pytest
 from hypothesis import settings

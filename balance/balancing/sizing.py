@@ -5,13 +5,14 @@ What is made small is an ``Objective``: without one, the momentum over the works
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
 from ..arrays import Floats, Indices
 from ..errors import SizingError
 from ..mechanism.mechanism import Mechanism, Site
+from ..results import Key, Shown, plain
 from .conditions import Conditions
 from .least_masses import distribute_masses
 from .objective import Objective, workspace_objective
@@ -29,12 +30,12 @@ BALANCES = 0.01
 class CounterMass:
     """A counter-mass at a site."""
 
-    site: str
-    mass: float
+    site: Annotated[str, Key("", "site")]
+    mass: Annotated[float, Key("mass_kg", "mass [kg]", ".4f")]
     """[kg]"""
-    position: Floats
+    position: Annotated[Floats, Key("position_m", "x in body [mm]", lambda at: f"{at[0] * 1e3:.2f}")]
     """Position of the site in its body's frame, (3,) [m]."""
-    plates: tuple[str, ...] = ()
+    plates: Annotated[tuple[str, ...], Key("", "plates", lambda names: " + ".join(names) or "-")] = ()
     """Stock plates that it is made of."""
     inertia: float | None = None
     """About the axis through its own centre, normal to its plates, from the plates as drawn [kg m2].
@@ -43,13 +44,13 @@ class CounterMass:
     """
 
     @property
-    def first_moment(self) -> Floats:
+    def first_moment(self) -> Annotated[Floats, Key("first_moment_kgm", "moment [kg m]", lambda of: f"{of[0]:.5f}")]:
         """First moment of mass about the body's joint, (3,) [kg m]."""
         return self.mass * self.position
 
 
 @dataclass(frozen=True)
-class Sizing:
+class Sizing(Shown, rows="counter_masses", figure="balance.figures.mechanism:draw_sizing"):
     """Counter-masses for a mechanism, and their residual."""
 
     conditions: Conditions
@@ -169,16 +170,7 @@ def sizing_document(result: Sizing) -> dict[str, Any]:
     """Counter-masses and their residual, for JSON: units in the keys."""
     return {
         "mechanism": result.before.name,
-        "counter_masses": [
-            {
-                "site": c.site,
-                "mass_kg": c.mass,
-                "position_m": [float(x) for x in c.position],
-                "first_moment_kgm": [float(x) for x in c.first_moment],
-                "plates": list(c.plates),
-            }
-            for c in result.counter_masses
-        ],
+        "counter_masses": plain(result.counter_masses),
         "residual_first_moment_kgm": result.residual(),
         "residual_percent": result.residual_percent(),
         "balanced_payload_kg": result.balanced_payloads(),

@@ -3,8 +3,11 @@
 import json
 import os
 import re
+import shutil
 import sys
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from difflib import get_close_matches
 from importlib import import_module
 from typing import Any, NoReturn
 
@@ -14,6 +17,8 @@ from ..errors import CounterpoiseError
 from ..results import plain
 from ..results import plain_text as plain_text
 
+VERSION = {"schema_version": 1}
+"""First key of every JSON document: raised where a key changes its meaning or goes; new keys leave it."""
 EXIT_REFUSED = 1
 """Refused or failed once a file or model was read; nothing half-written."""
 EXIT_WITH_FINDINGS = 3
@@ -45,6 +50,59 @@ class Word(click.Choice[str]):
         return value
 
 
+class Detail:
+    """How much a command prints: the verdict alone, one table and findings by kind, or everything."""
+
+    everything = quiet = False
+    emitted = False
+    """Whether the JSON document is printed."""
+
+
+def _everything(_context: click.Context, _parameter: click.Parameter, wanted: bool) -> None:
+    Detail.everything = wanted
+
+
+def _quiet(_context: click.Context, _parameter: click.Parameter, wanted: bool) -> None:
+    if wanted:
+        Detail.quiet, sys.stdout = True, FirstLine(sys.stdout)
+
+
+class FirstLine:
+    """A stream that passes the first line on: the verdict."""
+
+    def __init__(self, stream: Any) -> None:  # noqa: ANN401
+        self._stream, self._open = stream, True
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        """Write up to the end of the first line."""
+        if self._open:
+            line, end, _ = text.partition("\n")
+            self._stream.write(line + end)
+            self._open = not end
+        return len(text)
+
+
+DETAIL_OPTIONS = (
+    (["--all", "-v", "--verbose"], _everything, "Everything: all tables and notes, each finding by itself."),
+    (["-q", "--quiet"], _quiet, "The first line alone: the answer."),
+)
+
+
+def _add_detail_options(command: click.Command) -> None:
+    """Give a command, or each one of a group, the options of how much is printed."""
+    if isinstance(command, click.Group):
+        for one in command.commands.values():
+            _add_detail_options(one)
+    elif not any("--all" in one.opts for one in command.params):
+        command.params += [
+            click.Option(names, is_flag=True, expose_value=False, is_eager=True, callback=callback, help=text)
+            for names, callback, text in DETAIL_OPTIONS
+        ]
+
+
 class LazyGroup(click.Group):
     """A group that imports the module of a subcommand only when it is called, so that ``--help`` is quick.
 
@@ -67,7 +125,16 @@ class LazyGroup(click.Group):
         module, _, function = self._lazy[cmd_name][0].partition(":")
         command = getattr(import_module(f"{self._package}.{module}"), function or cmd_name)
         assert isinstance(command, click.Command)
+        _add_detail_options(command)
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The subcommand that is named; the refusal of an unknown one names the nearest."""
+        if args and args[0] not in self._lazy and (near := get_close_matches(args[0], self._lazy, n=1)):
+            raise click.UsageError(f"No such command {args[0]!r}. Did you mean {near[0]!r}?", ctx)
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the subcommands with their one line, without importing them."""
@@ -83,31 +150,45 @@ def run(group: click.Group, name: str) -> NoReturn:
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("MUJOCO_GL", "disable")
+    Detail.everything = Detail.quiet = Detail.emitted = False
+    stdout = sys.stdout
     try:
         refuse_empty(sys.argv[1:])
         code = group.main(prog_name=name, standalone_mode=False)
     except click.ClickException as error:
         error.show()
-        code = error.exit_code
+        code = _refused(error, error.format_message(), error.exit_code)
     except click.Abort:
         click.echo(f"{name}: interrupted", err=True)
         code = 130
-    except CounterpoiseError as error:
-        click.echo(f"{name}: {error}", err=True)
-        code = EXIT_REFUSED
-    except OverflowError:
-        click.echo(f"{name}: {NO_NUMBER}", err=True)
-        code = EXIT_REFUSED
     except BrokenPipeError:
         sys.stderr.close()
         code = 0
-    except IsADirectoryError as error:
-        click.echo(f"{name}: {error.filename or 'what was given'}: is a folder; expected a file", err=True)
-        code = EXIT_REFUSED
-    except OSError as error:
-        click.echo(": ".join([name, *filter(None, [error.filename]), error.strerror or str(error)]), err=True)
-        code = EXIT_REFUSED
+    except (CounterpoiseError, OverflowError, OSError) as error:
+        message = _message(error)
+        click.echo(f"{name}: {message}", err=True)
+        code = _refused(error, message, EXIT_REFUSED)
+    finally:
+        sys.stdout = stdout
     sys.exit(code or 0)
+
+
+def _message(error: Exception) -> str:
+    """What a person is told of an error."""
+    if isinstance(error, OverflowError):
+        return NO_NUMBER
+    if isinstance(error, IsADirectoryError):
+        return f"{error.filename or 'what was given'}: is a folder; expected a file"
+    if isinstance(error, OSError):
+        return ": ".join([*filter(None, [error.filename]), error.strerror or str(error)])
+    return str(error)
+
+
+def _refused(error: Exception, message: str, code: int) -> int:
+    """The exit code of a refusal; with --json the document says it too."""
+    if "--json" in sys.argv and not Detail.emitted:
+        emit_json({"error": {"kind": type(error).__name__, "message": message, "exit_code": code}})
+    return code
 
 
 def refuse_empty(arguments: Sequence[str]) -> None:
@@ -120,10 +201,10 @@ def refuse_empty(arguments: Sequence[str]) -> None:
             )
 
 
-def json_text(document: dict[str, Any]) -> str:
+def json_text(document: dict[str, Any], version: dict[str, Any] = VERSION) -> str:
     """The one JSON document of a command, results in it by their keys; a number that is not finite is refused."""
     try:
-        text = json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False)
+        text = json.dumps(version | plain(document), indent=2, ensure_ascii=False, allow_nan=False)
     except ValueError as error:
         raise CounterpoiseError(NO_NUMBER) from error
     return _HALF_LETTERS.sub(lambda match: f"\\u{ord(match[0]):04x}", text)
@@ -131,6 +212,7 @@ def json_text(document: dict[str, Any]) -> str:
 
 def emit_json(document: dict[str, Any]) -> None:
     """Print the one JSON document of a command."""
+    Detail.emitted = True
     click.echo(json_text(document))
 
 
@@ -148,19 +230,124 @@ def emit_result(document: dict[str, Any], as_json: bool, show: Callable[[], None
 
 
 def emit_table(title: str, header: list[str], rows: list[list[str]], note: str = "") -> None:
-    """Print a table for people on stdout; columns of numbers are right-aligned, control characters escaped."""
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
+    """Print a table for people on stdout, numbers to the right, control characters escaped.
 
-    table = Table(title=escape(plain_text(title)), title_style="bold", caption=escape(note) or None)
-    table.title_justify = table.caption_justify = "left"
-    for column, cells in zip(header, zip(*rows, strict=True) if rows else [()] * len(header), strict=True):
-        numeric = bool(cells) and all(re.match(r"[+-]?[\d.]|-?$", cell) for cell in cells)
-        table.add_column(escape(column), justify="right" if numeric else "left")
-    for row in rows:
-        table.add_row(*(escape(plain_text(cell)) for cell in row))
-    Console(width=None if sys.stdout.isatty() else 160).print(table)
+    Where it is wider than the terminal (or COLUMNS), columns of one value go below it, then texts are wrapped between
+    words, then the last columns go; no number is ever broken.
+    """
+    cells = [[plain_text(cell) for cell in row] for row in rows]
+    header, width = [plain_text(name) for name in header], columns()
+    below = [note] if note else []
+    if width is not None and _least(header, cells) > width and len(cells) > 1:
+        header, cells, same = _without_constants(header, cells)
+        below += [f"In all rows: {', '.join(same)}"] if same else []
+    gone = []
+    while width is not None and len(header) > 2 and _least(header, cells) > width:
+        gone.insert(0, header[-1])
+        header, cells = header[:-1], [row[:-1] for row in cells]
+    if gone:
+        below.append(f"Too wide for {width} columns: {', '.join(gone)}")
+    lines = _drawn(title, header, cells, width)
+    click.echo("\n".join([*lines, *(click.wrap_text(text, width or 110) for text in below)]))
+
+
+def columns() -> int | None:
+    """Characters of a line: of the terminal or COLUMNS; None in a pipe or file, where lines are as long as they are."""
+    if Detail.quiet:
+        return None
+    named = os.environ.get("COLUMNS", "")
+    if named.isdigit() and int(named) > 0:
+        return max(int(named), 40)
+    return max(shutil.get_terminal_size().columns, 40) if sys.stdout.isatty() else None
+
+
+_TEXT = 24
+"""Characters from which the cells of a column of words are wrapped."""
+
+
+def _widths(header: list[str], cells: list[list[str]]) -> list[int]:
+    """The least width of each column: of its numbers or short words; of long texts that of a longest word."""
+    found = []
+    for name, column in zip(header, list(zip(*cells, strict=True)) or [()] * len(header), strict=True):
+        longest = max(map(len, column), default=0)
+        if longest > _TEXT and not _is_numeric(column):
+            longest = max(_TEXT, *(len(word) for cell in column for word in cell.split()))
+        found.append(max(longest, *(len(word) for word in name.split()), 1))
+    return found
+
+
+def _least(header: list[str], cells: list[list[str]]) -> int:
+    """Characters that a table needs at least."""
+    return sum(_widths(header, cells)) + 2 * len(header)
+
+
+def _is_numeric(column: Iterable[str]) -> bool:
+    column = list(column)
+    return bool(column) and all(re.match(r"(>= |<= )?[+-]?[\d.]|-?$", cell) for cell in column)
+
+
+def _without_constants(header: list[str], cells: list[list[str]]) -> tuple[list[str], list[list[str]], list[str]]:
+    """Header and rows without the columns of one value, and those as texts; the first column stays."""
+    same = [k for k, column in enumerate(zip(*cells, strict=True)) if k and len(set(column)) == 1]
+    kept = [k for k in range(len(header)) if k not in same]
+    texts = [f"{header[k]} {cells[0][k]}".strip() for k in same]
+    return [header[k] for k in kept], [[row[k] for k in kept] for row in cells], texts
+
+
+def _drawn(title: str, header: list[str], cells: list[list[str]], width: int | None) -> list[str]:
+    """The lines of a table with its title."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
+    for name, column, least in zip(
+        header, zip(*cells, strict=True) if cells else [()] * len(header), _widths(header, cells), strict=True
+    ):
+        wraps = max(map(len, column), default=0) > least
+        table.add_column(
+            Text(name), justify="right" if _is_numeric(column) else "left", no_wrap=False,
+            min_width=least, max_width=None if wraps or width is None else max(least, *map(len, [*column, ""])),
+        )  # fmt: skip
+    for row in cells:
+        table.add_row(*map(Text, row))
+    console = Console(width=width or 100_000, color_system=None, force_terminal=False)
+    with console.capture() as found:
+        console.print(table)
+    lines = [line.rstrip() for line in found.get().rstrip("\n").split("\n")]
+    return ["", *([click.style(plain_text(title), bold=True)] if title else []), *lines]
+
+
+def emit_findings(findings: Iterable[tuple[str, str]]) -> None:
+    """Print findings, each a kind and a message, by kind: how many, and the first; each by itself with --all."""
+    found = list(findings)
+    counts = Counter(kind for kind, _ in found)
+    for kind, count in counts.items():
+        messages = [plain_text(message) for one, message in found if one == kind]
+        for message in messages if Detail.everything else messages[:1]:
+            click.echo(_indented(f"{kind}{f' ({count})' if count > 1 else ''}: {message}"))
+        if count > 1 and not Detail.everything:
+            click.echo(f"    and {count - 1} more like it: --all lists them")
+
+
+def _indented(text: str) -> str:
+    width = columns()
+    return f"  {text}" if width is None else click.wrap_text(text, width, "  ", "    ")
+
+
+def note(text: str) -> None:
+    """Print a note of which only who asks for everything takes notice, in lines of the terminal's width."""
+    if Detail.everything:
+        say(text)
+
+
+def say(text: str) -> None:
+    """Print sentences in lines of the terminal's width."""
+    width = columns()
+    for line in text.split("\n"):
+        indent = line[: len(line) - len(line.lstrip())]
+        click.echo(line if width is None else click.wrap_text(line.strip(), width, indent, indent + "  "))
 
 
 def mass(kilograms: float) -> str:
@@ -171,8 +358,3 @@ def mass(kilograms: float) -> str:
 def first_moment(value: float) -> str:
     """First moment of mass with its unit."""
     return f"{value:.4g} kg m"
-
-
-def per_cent(value: float | None) -> str:
-    """Per cent, or a dash where there is nothing to compare with."""
-    return "-" if value is None else f"{value:.3g} %"

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..results import per_cent_text
 from . import options
-from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, first_moment, mass, per_cent
+from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, first_moment, mass
 
 if TYPE_CHECKING:
     from ..balancing import Sizing
@@ -45,7 +46,7 @@ def size_growing(
     if as_json:
         emit_json({"mechanism": models[0].name, "stock": stock, "sets": sets, **published})
     else:
-        left = ", ".join(per_cent(one["remaining_percent"]) for one in sets)
+        left = ", ".join(per_cent_text(one["remaining_percent"]) for one in sets)
         what = "momentum" if objective[0] is None else " and ".join(MADE_SMALL[name] for name in objective[1])
         click.echo(
             "Balanced completely with each payload."
@@ -142,7 +143,7 @@ def _print_nested(name: str, sets: list[dict[str, Any]], stock: str | None) -> N
         payload = ", ".join(f"{body} = {mass(value)} kg" for body, value in found["payload_kg"].items())
         if found["attainable_with_any_mass"]:
             residual = first_moment(found["residual_first_moment_kgm"])
-            click.echo(f"Residual at {payload}  {residual}  ({per_cent(found['residual_percent'])})")
+            click.echo(f"Residual at {payload}  {residual}  ({per_cent_text(found['residual_percent'])})")
         else:
             click.echo(f"At {payload}  no masses at these sites balance completely")
     if stock:

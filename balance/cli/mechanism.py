@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..results import per_cent_text
 from . import options
-from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, first_moment, json_option, mass, per_cent
+from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, first_moment, json_option, mass
 
 if TYPE_CHECKING:
     from ..arrays import Floats
@@ -362,7 +363,7 @@ def check(
     click.echo(
         "Balanced completely over the workspace."
         if balanced
-        else f"Not balanced completely: {per_cent(remaining)} of the RMS momentum remains over the workspace."
+        else f"Not balanced completely: {per_cent_text(remaining)} of the RMS momentum remains over the workspace."
     )
     _print_check(result, payloads)
     if before is not None and after is not None:
@@ -384,8 +385,8 @@ def _print_check(result: "Sizing", balanced: dict[str, float | None]) -> None:
     ]
     emit_table("Conditions", ["condition", "left-hand side", "unit"], rows)
     click.echo(
-        f"First-moment residual  {first_moment(result.residual())}  ({per_cent(result.residual_percent())} of that "
-        f"without counter-masses, {first_moment(found.first_moment_residual(model))})"
+        f"First-moment residual  {first_moment(result.residual())}  ({per_cent_text(result.residual_percent())} of "
+        f"that without counter-masses, {first_moment(found.first_moment_residual(model))})"
     )
     for body, value in balanced.items():
         click.echo(

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from .framework import Word, emit_json
+from .framework import Word, json_text
 
 MODELS = {
     "drive": "balance.drives.drive_files:DriveTable",
@@ -63,7 +63,7 @@ def schema_command(program: str, models: Mapping[str, str], example: str) -> cli
         elif kind is None:
             raise click.UsageError(f"expected a KIND: one of {', '.join(models)}")
         else:
-            emit_json(file_schema(models, kind))
+            click.echo(json_text(file_schema(models, kind), version={}))
 
     return schema
 

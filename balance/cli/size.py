@@ -1,25 +1,20 @@
 """``balance size``: counter-masses for one payload, or sets that only grow for several payloads of one body."""
 
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from functools import cache, partial
+from collections.abc import Sequence
 from math import inf
-from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
+from ..results import per_cent_text, table
 from . import options
-from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, first_moment, json_option, mass, per_cent
+from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, first_moment, json_option, mass, note, say
 from .options import print_responses, response_summary
 
 if TYPE_CHECKING:
-    from ..arrays import Floats
     from ..balancing import Sizing
-    from ..balancing.objective import Objective
-    from ..balancing.remaining_force import Verdict
-    from ..closure import Trajectory
+    from ..balancing.sizing_study import SizingStudy
     from ..mechanism.mechanism import Mechanism
 
 Payload = tuple[tuple[str, float], ...]
@@ -119,84 +114,58 @@ def size(
 
         size_growing(mechanism, payloads, site, stock, (motion, weights), as_json)
         return
-    from ..balancing.conditions import balance_conditions
-    from ..balancing.remaining_force import verdict_of
-    from ..balancing.sizing import exact_sizing
-    from ..dynamics.inverse_dynamics import simulate
+    from ..balancing.sizing_study import study_sizing
 
     model = options.load_mechanism_option(mechanism, payload)
-    trajectory = options.follow_motion(model, motion) if motion else None
-    conditions, sites, limits = (
-        balance_conditions(model),
-        _sites(model, site, without),
-        options.distinct(limit, "--limit"),
-    )
-    groups = [[name.strip() for name in group.split(",")] for group in equal]
-
-    def sized(target: "Objective") -> "Sizing":
-        return exact_sizing(conditions, model, sites, limits, target, groups)
-
-    left_out: tuple[str, ...] = ()
-    if rig and trajectory:
-        from ..balancing.base_vibration import least_vibration, load_measured_base, vibration_objective
-
-        measured = load_measured_base(rig)
-        stands = PurePath(measured.mechanism).stem
-        if stands not in {"", "none", model.name, PurePath(mechanism).stem}:
-            raise click.UsageError(
-                f"--rig {rig}: is of mechanism {measured.mechanism!r}, not {mechanism!r}: expected a rig of the "
-                "mechanism that is sized"
-            )
-        left_out = tuple(f"bench.{key}" for key in measured.left_out)
-        vibration = vibration_objective(model, trajectory, measured, weights)
-        any_mass = least_vibration(conditions, model, sites, vibration, sized)
-    else:
-        from ..balancing.objective import objective_of
-
-        any_mass = sized(objective_of(model, trajectory, weights))
-    sets = [any_mass]
-    if stock:
-        from ..balancing.base_vibration import VibrationObjective, least_vibration_from_stock
-        from ..balancing.sizing import best_sets_from_stock
-        from ..balancing.stock_plates import load_stock
-
-        plates = load_stock(stock)
-
-        def from_stock(target: "Objective | None") -> "Sequence[Sizing]":
-            return best_sets_from_stock(conditions, model, plates, sites, limits, target, groups, best)
-
-        if isinstance(any_mass.objective, VibrationObjective):
-            sets = least_vibration_from_stock(sites, any_mass.objective, from_stock)
-        else:
-            sets = list(from_stock(any_mass.objective))
-    result = replace(sets[0], payload_bodies=options.payload_bodies(model, payload))
-    verdict = verdict_of(result, any_mass, _samples(trajectory, model) if set(weights) == {"force"} else None)
-    responses = (
-        {"before": simulate(model, trajectory), "after": simulate(result.after, trajectory)} if trajectory else {}
+    found = study_sizing(
+        model,
+        options.follow_motion(model, motion) if motion else None,
+        motion=motion,
+        sites=_sites(model, site, without),
+        stock=stock,
+        limits=options.distinct(limit, "--limit"),
+        equal=[[name.strip() for name in group.split(",")] for group in equal],
+        best=best,
+        weights=weights,
+        rig=rig,
+        payload_bodies=options.payload_bodies(model, payload),
     )
     if figure:
-        from ..figures.mechanism import draw_mechanism, save
+        from ..figures.mechanism import save
 
-        save(draw_mechanism(result.after, result.counter_masses), figure)
+        save(found.plot(), figure)
     if as_json:
-        emit_json(
-            _document(result, verdict, motion, weights, sets)
-            | ({"rig": rig, "left_out": list(left_out)} if rig else {})
-            | {n: response_summary(r) for n, r in responses.items()}
-        )
+        emit_json(found.document() | {n: response_summary(r) for n, r in found.responses.items()})
     else:
-        _print_verdict(verdict, result, any_mass if stock else None, motion, weights)
-        _print_sizing(result, stock, verdict.attainable)
-        _print_sets(sets[1:])
-        if len(sets) < best:
-            click.echo(
-                f"{len(sets)} of {best} sets: there are no others, or plates of so many kinds that one is sought."
-            )
-        if responses:
-            print_responses(responses)
-        for key in left_out:
-            click.echo(f"The vibration of the base is without {key}, which the rig has.")
-    sys.exit(EXIT_WITH_FINDINGS if verdict.has_finding or left_out else 0)
+        _print(found, best)
+    sys.exit(EXIT_WITH_FINDINGS if found.has_finding else 0)
+
+
+def _print(found: "SizingStudy", best: int) -> None:
+    """The verdict, the masses by site, the motion before and after; with --all the conditions' residual."""
+    from ..balancing.sizing import CounterMass
+
+    say(str(found))
+    title = f"Counter-masses for {found.before.name}" + (f" from {found.stock}" if found.stock else "")
+    of_table = ("site", "mass", "position", "first_moment", "plates")
+    emit_table(title, *table(CounterMass, found.counter_masses, *of_table[: None if found.stock else -1]))
+    if found.responses:
+        print_responses(found.responses)
+    _print_sets(found.sets[1:])
+    if len(found.sets) < best:
+        say(f"{len(found.sets)} of {best} sets: there are no others, or plates of so many kinds that one is sought.")
+    for key in found.left_out:
+        say(f"The vibration of the base is without {key}, which the rig has.")
+    result = found.best
+    if found.verdict.attainable:
+        note(
+            f"First-moment residual: {first_moment(result.residual())} ({per_cent_text(result.residual_percent())} of "
+            "that without counter-masses)."
+        )
+    for body, value in result.balanced_payloads().items():
+        if value is not None:
+            say(f"They balance {body} = {mass(value)} kg.")
+    note(f"Added: {result.added_mass:.4f} kg, {result.added_inertia:.5f} kg m2 about the joints.")
 
 
 def _weights(texts: Sequence[str], motion: str | None, rig: str | None) -> dict[str, float]:
@@ -221,17 +190,6 @@ def _weights(texts: Sequence[str], motion: str | None, rig: str | None) -> dict[
     return found or {"force": 1.0}
 
 
-def _samples(trajectory: "Trajectory | None", model: "Mechanism") -> "Callable[[Mechanism], Floats]":
-    """The force along a motion, or the momentum over the workspace, of a mechanism."""
-    from ..balancing.objective import workspace_momentum
-    from ..dynamics.inverse_dynamics import simulate
-
-    if trajectory is not None:
-        return lambda one: simulate(one, trajectory).force
-    rows = cache(partial(workspace_momentum, model))  # found where something remains
-    return lambda one: rows() @ one.pi
-
-
 def _sites(model: "Mechanism", sites: tuple[str, ...], without: tuple[str, ...]) -> list[str]:
     """Sites that may carry counter-masses."""
     from ..balancing.sizing import chosen_sites
@@ -245,118 +203,13 @@ def _sites(model: "Mechanism", sites: tuple[str, ...], without: tuple[str, ...])
     return [name for name in names if name not in without]
 
 
-def _document(
-    result: "Sizing", verdict: "Verdict", motion: str | None, weights: dict[str, float], sets: "Sequence[Sizing]"
-) -> dict[str, Any]:
-    from ..balancing.sizing import sizing_document
-
-    unit = f"_{result.objective.unit}" if result.objective and motion and len(weights) == 1 else ""
-    document: dict[str, Any] = {
-        "balanced": verdict.balanced,
-        "attainable_with_any_mass": verdict.attainable,
-        "objective": {"weights": weights, "over": "workspace" if motion is None else "motion", "motion": motion},
-        f"rms_before{unit}": verdict.before,
-        f"rms{unit}": verdict.after,
-        f"rms_bound{unit}": verdict.least,
-        "remaining_percent": result.remaining_percent(),
-        "remaining_directions": [
-            {"direction": one.direction.tolist(), f"rms_before{unit}": one.before, f"rms{unit}": one.after}
-            for one in verdict.directions
-        ],
-        "sites_needed": [
-            {"body": one.body, "alternatives": list(one.alternatives), f"rms{unit}": one.after}
-            for one in verdict.needed
-        ],
-    }
-    if len(sets) > 1:
-        document["sets"] = [
-            {"counter_masses": sizing_document(one)["counter_masses"], "remaining_percent": one.remaining_percent()}
-            for one in sets
-        ]
-    return sizing_document(result) | document
-
-
-def _print_verdict(
-    verdict: "Verdict", result: "Sizing", any_mass: "Sizing | None", motion: str | None, weights: dict[str, float]
-) -> None:
-    """First whether it balances; then what remains, and what would remove it.
-
-    ``any_mass`` are the best masses of any size, where plates are asked for.
-    """
-    from ..balancing.objective import MADE_SMALL
-
-    where = "over the workspace" if motion is None else f"in motion {motion}"
-    if verdict.balanced:
-        click.echo(f"Balanced completely {where}.")
-        return
-    unit = {"N": "N", "Nm": "N m", "m_per_s2": "m/s2"}.get(result.objective.unit if result.objective else "", "")
-    what = "momentum" if motion is None else " and ".join(MADE_SMALL[name] for name in weights)
-    sizes = f" ({verdict.after:.4g} {unit} of {verdict.before:.4g} {unit})" if unit else ""
-    click.echo(
-        f"Not balanced completely: {_share(verdict.after, verdict)} of the RMS {what} remains {where}{sizes}; "
-        f"{_proof(verdict, any_mass is not None)}"
-    )
-    for one in verdict.directions:
-        if one.after > 1e-6 * verdict.before:
-            along = ", ".join(f"{x:.3g}" for x in one.direction)
-            after, before = (f"{x:.4g} {unit}" if unit else _share(x, verdict) for x in (one.after, one.before))
-            click.echo(f"  along ({along}): {after}, without counter-masses {before}")
-    if any_mass:
-        least = "balance it completely" if verdict.attainable else f"leave {per_cent(any_mass.remaining_percent())}"
-        click.echo(f"Masses of other sizes at these sites would {least}.")
-    for k, site in enumerate(verdict.needed):
-        bodies = " or ".join([site.body, *site.alternatives])
-        left = f"{_share(site.after, verdict)} would" if site.after else "nothing would"
-        start = f"With a site on body {bodies} as well" if k else f"With a site on body {bodies}, at the right place"
-        click.echo(f"{start}: {left} remain.")
-    if verdict.directions and not verdict.attainable and not verdict.needed:
-        click.echo("No counter-mass on any body would lessen it.")
-
-
-def _share(value: float, verdict: "Verdict") -> str:
-    """Part of what is made small without counter-masses."""
-    return per_cent(100.0 * value / verdict.before)
-
-
-def _proof(verdict: "Verdict", stock: bool) -> str:
-    """How near the masses are to the best."""
-    what = "choice of these plates leaves" if stock else "masses at these sites leave"
-    if verdict.least is None:
-        return f"no other {what} less nearby, where it is linear in the masses; a bound is not known."
-    if verdict.after <= verdict.least * (1.0 + 1e-6):
-        return f"no other {what} less."
-    return f"not proven to be the least, which is above {_share(verdict.least, verdict)}."
-
-
 def _print_sets(sets: "Sequence[Sizing]") -> None:
     if sets:
         rows = [
-            [str(k), " / ".join(f"{mass(c.mass)}" for c in one.counter_masses), per_cent(one.remaining_percent())]
+            [str(k), " / ".join(f"{mass(c.mass)}" for c in one.counter_masses), per_cent_text(one.remaining_percent())]
             for k, one in enumerate(sets, 2)
         ]
         emit_table("Next best sets", ["", "masses [kg]", "remain"], rows)
-
-
-def _print_sizing(result: "Sizing", stock: str | None, attainable: bool) -> None:
-    """Masses by site; the conditions' residual where masses can meet them."""
-    rows = [
-        [c.site, mass(c.mass), f"{c.position[0] * 1e3:.2f}", f"{c.first_moment[0]:.5f}", " + ".join(c.plates) or "-"]
-        for c in result.counter_masses
-    ]
-    emit_table(
-        f"Counter-masses for {result.before.name}" + (f" from {stock}" if stock else ""),
-        ["site", "mass [kg]", "x in its body [mm]", "first moment [kg m]", "plates"],
-        rows,
-    )
-    if attainable:
-        click.echo(
-            f"First-moment residual  {first_moment(result.residual())}  ({per_cent(result.residual_percent())} of that "
-            "without counter-masses)"
-        )
-    for body, value in result.balanced_payloads().items():
-        if value is not None:
-            click.echo(f"Balanced payload       {body} = {mass(value)} kg")
-    click.echo(f"Added                  {result.added_mass:.4f} kg, {result.added_inertia:.5f} kg m2 about the joints")
 
 
 def _closed_form(mechanism: str, payload: tuple[tuple[str, float], ...], as_json: bool) -> None:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arrays import Floats
-from ..balancing import CounterMass
+from ..balancing import CounterMass, Sizing
+from ..balancing.sizing_study import SizingStudy
 from ..closure import Closure
 from ..errors import DataError
 from ..mechanism import forward_kinematics
@@ -38,6 +39,11 @@ def draw_mechanism(
     axes.set_ylabel("y [m]")
     axes.grid(alpha=0.25)
     return figure
+
+
+def draw_sizing(result: Sizing | SizingStudy) -> "Figure":
+    """Draw a mechanism with the counter-masses that were found for it."""
+    return draw_mechanism(result.after, result.counter_masses)
 
 
 def draw_on(axes: "Axes", mechanism: Mechanism, counter_masses: Sequence[CounterMass], q: Floats) -> None:

@@ -73,13 +73,18 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_refused_is_one_message_and_exit_1(balance, folder, case):
-    """Something read cannot be used: one line on stderr that names it, nothing on stdout, nothing written."""
+    """Something read cannot be used: one line on stderr that names it, the same in JSON if asked, nothing written."""
     arguments, message = REFUSED[case]
     before = sorted(folder.rglob("*"))
     for extra in ((), ("--json",)):
         code, out, err = balance(*arguments, *extra)
-        assert (code, out) == (1, "")
+        assert code == 1
         assert message in err
+        assert (
+            (json.loads(out)["error"]["message"] in err.removeprefix("balance: "))
+            if "--json" in (*arguments, *extra)
+            else out == ""
+        )
         assert len(err.splitlines()) == 1
         assert "Traceback" not in err
     assert sorted(folder.rglob("*")) == before
@@ -94,7 +99,8 @@ WRONG = {
     "check parallelogram-6bar -c tip=5kg -p platform=5kg -p platform=6kg": "'platform' twice",
     "conditions": "Missing argument",
     "conditions parallelogram-6bar --colour red": "No such option",
-    "balence": "No such command",
+    "balence": "No such command 'balence'",
+    "sise": "Did you mean 'size'",
     "conditions parallelogram-6bar --momentum spin": "spin",
     "simulate parallelogram-6bar": "--motion",
     "methods serial-1r --stroke 5": "'5' has no unit",
@@ -144,7 +150,8 @@ WRONG = {
 def test_a_wrong_command_line_is_exit_2(balance, line, message):
     """The command line itself is wrong: usage and the reason, nothing on stdout; nothing that was typed is ignored."""
     code, out, err = balance(*shlex.split(line))
-    assert (code, out) == (2, "")
+    assert code == 2
+    assert json.loads(out)["error"]["exit_code"] == 2 if "--json" in line else out == ""
     assert message in " ".join(err.split())
     assert "Traceback" not in err
 

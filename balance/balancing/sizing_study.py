@@ -1,0 +1,223 @@
+"""Counter-masses with all there is to say of them: how good they are, what remains and why, a motion with them."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property, partial
+from pathlib import PurePath
+from typing import Any
+
+from ..arrays import Floats
+from ..closure import Trajectory
+from ..dynamics.inverse_dynamics import Response, simulate
+from ..errors import SizingError
+from ..mechanism.mechanism import Mechanism
+from ..results import Shown, per_cent_text, plain
+from . import base_vibration, objective
+from .conditions import balance_conditions
+from .objective import Objective
+from .remaining_force import Verdict, verdict_of
+from .sizing import CounterMass, Sizing, best_sets_from_stock, exact_sizing, sizing_document
+from .stock_plates import load_stock
+
+
+@dataclass(frozen=True)
+class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanism:draw_sizing"):
+    """Counter-masses of a mechanism, the verdict on them, and a motion with and without them.
+
+    >>> import balance
+    >>> sizing = balance.size("four-bar")
+    >>> sizing.balanced, [one.site for one in sizing.counter_masses]
+    (True, ['counter_A0A', 'counter_B0B'])
+    """
+
+    sets: tuple[Sizing, ...]
+    """The best set of counter-masses, then the next best that were asked for."""
+    any_mass: Sizing
+    """The best ones of any mass: other than the first set where there is a stock."""
+    verdict: Verdict
+    weights: Mapping[str, float]
+    """What is made small, by name."""
+    motion: str | None
+    stock: str | None
+    trajectory: Trajectory | None = None
+    rig: str | None = None
+    left_out: tuple[str, ...] = ()
+    """Keys of the rig that the base's vibration is computed without."""
+
+    @property
+    def best(self) -> Sizing:
+        """The best set."""
+        return self.sets[0]
+
+    @property
+    def counter_masses(self) -> tuple[CounterMass, ...]:
+        """Of the best set."""
+        return self.best.counter_masses
+
+    @property
+    def before(self) -> Mechanism:
+        """The mechanism without them."""
+        return self.best.before
+
+    @property
+    def after(self) -> Mechanism:
+        """The mechanism with them."""
+        return self.best.after
+
+    @property
+    def balanced(self) -> bool:
+        """Whether they balance it completely."""
+        return self.verdict.balanced
+
+    @property
+    def has_finding(self) -> bool:
+        """Whether more remains than steps of stock plates leave, or something was left out."""
+        return self.verdict.has_finding or bool(self.left_out)
+
+    @cached_property
+    def responses(self) -> dict[str, Response]:
+        """The motion ``before`` and ``after`` balancing; none without a motion."""
+        if self.trajectory is None:
+            return {}
+        return {name: simulate(getattr(self, name), self.trajectory) for name in ("before", "after")}
+
+    def document(self) -> dict[str, Any]:
+        """For JSON: units in the keys."""
+        verdict, result = self.verdict, self.best
+        unit = f"_{result.objective.unit}" if result.objective and self.motion and len(self.weights) == 1 else ""
+        over = "workspace" if self.motion is None else "motion"
+        found: dict[str, Any] = {
+            "balanced": verdict.balanced,
+            "attainable_with_any_mass": verdict.attainable,
+            "objective": {"weights": dict(self.weights), "over": over, "motion": self.motion},
+            f"rms_before{unit}": verdict.before,
+            f"rms{unit}": verdict.after,
+            f"rms_bound{unit}": verdict.least,
+            "remaining_percent": result.remaining_percent(),
+            "remaining_directions": [
+                {"direction": one.direction.tolist(), f"rms_before{unit}": one.before, f"rms{unit}": one.after}
+                for one in verdict.directions
+            ],
+            "sites_needed": [
+                {"body": one.body, "alternatives": list(one.alternatives), f"rms{unit}": one.after}
+                for one in verdict.needed
+            ],
+        }
+        if len(self.sets) > 1:
+            found["sets"] = [
+                {"counter_masses": plain(one.counter_masses), "remaining_percent": one.remaining_percent()}
+                for one in self.sets
+            ]
+        return (
+            sizing_document(result) | found | ({"rig": self.rig, "left_out": list(self.left_out)} if self.rig else {})
+        )
+
+    def __str__(self) -> str:
+        """First how much remains; then what would remove it."""
+        return "\n".join(self._sentences())
+
+    def _sentences(self) -> Iterator[str]:
+        verdict = self.verdict
+        where = "over the workspace" if self.motion is None else f"in motion {self.motion}"
+        added = f"{self.best.added_mass:.4f} kg added"
+        if verdict.balanced:
+            yield f"Balanced completely {where}, {added}."
+            return
+        unit = {"N": "N", "Nm": "N m", "m_per_s2": "m/s2"}.get(self.best.objective.unit if self.best.objective else "")
+        what = "momentum" if self.motion is None else " and ".join(objective.MADE_SMALL[name] for name in self.weights)
+        sizes = f" ({verdict.after:.4g} {unit} of {verdict.before:.4g} {unit})" if unit else ""
+        yield (
+            f"Not balanced completely: {self._share(verdict.after)} of the RMS {what} remains {where}{sizes}, {added}."
+        )
+        yield self._proof()
+        for one in verdict.directions:
+            if one.after > 1e-6 * verdict.before:
+                along = ", ".join(f"{x:.3g}" for x in one.direction)
+                after, before = (f"{x:.4g} {unit}" if unit else self._share(x) for x in (one.after, one.before))
+                yield f"  along ({along}): {after}, without counter-masses {before}"
+        if self.stock:
+            remain = per_cent_text(self.any_mass.remaining_percent())
+            yield "Masses of other sizes at these sites would " + (
+                "balance it completely." if verdict.attainable else f"leave {remain}."
+            )
+        for k, site in enumerate(verdict.needed):
+            bodies = " or ".join([site.body, *site.alternatives])
+            left = f"{self._share(site.after)} would" if site.after else "nothing would"
+            yield f"With a site on body {bodies}{' as well' if k else ', at the right place'}: {left} remain."
+        if verdict.directions and not verdict.attainable and not verdict.needed:
+            yield "No counter-mass on any body would lessen it."
+
+    def _share(self, value: float) -> str:
+        """Part of what is made small without counter-masses."""
+        return per_cent_text(100.0 * value / self.verdict.before)
+
+    def _proof(self) -> str:
+        """How near the masses are to the best."""
+        what = "choice of these plates leaves" if self.stock else "masses at these sites leave"
+        if self.verdict.least is None:
+            return f"No other {what} less nearby, where it is linear in the masses; a bound is not known."
+        if self.verdict.after <= self.verdict.least * (1.0 + 1e-6):
+            return f"No other {what} less."
+        return f"Not proven to be the least, which is above {self._share(self.verdict.least)}."
+
+
+def study_sizing(
+    model: Mechanism,
+    trajectory: Trajectory | None = None,
+    *,
+    motion: str | None = None,
+    sites: Sequence[str] = (),
+    stock: str | None = None,
+    limits: Mapping[str, float] | None = None,
+    equal: Sequence[Sequence[str]] = (),
+    best: int = 1,
+    weights: Mapping[str, float] | None = None,
+    rig: str | None = None,
+    payload_bodies: Sequence[str] = (),
+) -> SizingStudy:
+    """Counter-masses at ``sites`` of least ``weights`` over a trajectory, or the workspace; of plates with a ``stock``.
+
+    ``motion`` names the trajectory; ``limits`` [kg] by site. Raises SizingError, or DataError for a file.
+    """
+    conditions, weights = balance_conditions(model), weights or {"force": 1.0}
+
+    def sized(target: Objective) -> Sizing:
+        return exact_sizing(conditions, model, sites, limits, target, equal)
+
+    left_out: tuple[str, ...] = ()
+    if rig and trajectory:
+        measured = base_vibration.load_measured_base(rig)
+        if PurePath(measured.mechanism).stem not in {"", "none", model.name}:
+            raise SizingError(
+                f"rig {rig} is of mechanism {measured.mechanism!r}, not {model.name!r}: give a rig of the mechanism "
+                "that is sized"
+            )
+        left_out = tuple(f"bench.{key}" for key in measured.left_out)
+        vibration = base_vibration.vibration_objective(model, trajectory, measured, weights)
+        any_mass = base_vibration.least_vibration(conditions, model, sites, vibration, sized)
+    else:
+        any_mass = sized(objective.objective_of(model, trajectory, weights))
+    sets: Sequence[Sizing] = [any_mass]
+    if stock:
+        plates = load_stock(stock)
+
+        def from_stock(target: Objective | None) -> Sequence[Sizing]:
+            return best_sets_from_stock(conditions, model, plates, sites, limits, target, equal, best)
+
+        of_vibration = isinstance(any_mass.objective, base_vibration.VibrationObjective)
+        sets = (
+            base_vibration.least_vibration_from_stock(sites, any_mass.objective, from_stock)
+            if of_vibration
+            else from_stock(any_mass.objective)
+        )
+    first = replace(sets[0], payload_bodies=tuple(payload_bodies) or model.payload_bodies)
+    verdict = verdict_of(first, any_mass, _samples(trajectory, model) if set(weights) == {"force"} else None)
+    return SizingStudy((first, *sets[1:]), any_mass, verdict, weights, motion, stock, trajectory, rig, left_out)
+
+
+def _samples(trajectory: Trajectory | None, model: Mechanism) -> Callable[[Mechanism], Floats]:
+    """The force along a motion, or the momentum over the workspace, of a mechanism."""
+    if trajectory is not None:
+        return lambda one: simulate(one, trajectory).force
+    rows = cache(partial(objective.workspace_momentum, model))  # found where something remains
+    return lambda one: rows() @ one.pi
