@@ -2,7 +2,15 @@
 
 
 class CounterpoiseError(Exception):
-    """An error in what the user supplied, not a defect of the program: shown without a traceback."""
+    """An error in what the user supplied, not a defect of the program: shown without a traceback.
+
+    >>> import balance
+    >>> try:
+    ...     balance.load("for-bar")
+    ... except balance.CounterpoiseError as error:
+    ...     print(str(error).split(" (")[0])
+    for-bar: no such file, and no shipped one of that name in mechanisms; did you mean 'four-bar'?
+    """
 
 
 class UnitError(CounterpoiseError):

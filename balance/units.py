@@ -82,6 +82,16 @@ def parse(text: str, dimension: str) -> float:
     return value
 
 
+def si(value: float | str, dimension: str) -> float:
+    """A quantity in SI: a number is in SI already, a text has its unit; ``dimension`` is one of ``SI_UNITS``.
+
+    >>> import balance
+    >>> balance.si("37.55 mm", "length"), balance.si(5.0, "mass")
+    (0.03755, 5.0)
+    """
+    return parse(value, dimension) if isinstance(value, str) else float(value)
+
+
 def _comma_message(text: str) -> str:
     """What to write instead of a number with a comma, which may separate decimals or thousands."""
     plain = text.strip()

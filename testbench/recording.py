@@ -131,6 +131,10 @@ class Finding:
     """Something odd: its code, the channel and place (``line 62``) where there is one, and a message.
 
     ``group`` is the channel's, where the run has several and the channel does not say which; see ``findings_by_group``.
+
+    >>> import testbench
+    >>> sorted({finding.code for finding in testbench.open_run("campaign/r001.h5").findings})
+    ['dialect', 'simulated']
     """
 
     code: Annotated[str, Key()]
@@ -468,6 +472,10 @@ class Recording:
 
     ``read`` yields the data and reports what it finds on the way; a later block may bring a group that the
     header did not announce (a second recording appended to the file).
+
+    >>> import testbench
+    >>> testbench.read("log.csv").format
+    'CSV'
     """
 
     path: Path

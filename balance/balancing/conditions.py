@@ -4,9 +4,11 @@ Linear momentum is ``W(q, v) @ pi``. Over loop-consistent states the rows of W s
 when pi is orthogonal to it. The conditions are that space's reduced row echelon form, pivots on first moments.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +19,10 @@ from ..errors import ModelError
 from ..mechanism import forward_kinematics, loop_constraints
 from ..mechanism.mechanism import PARAMETERS, Mechanism
 from ..mechanism.sparse_components import Entry
+from ..results import frame
+
+if TYPE_CHECKING:
+    import pandas
 
 GAP = 1e6
 """Least ratio between the smallest kept and the largest dropped singular value that decides a rank."""
@@ -97,13 +103,36 @@ def text_of(coefficients: Mapping[str, float], lengths: Mapping[str, float] | No
     return " ".join(terms) or "0"
 
 
+_MATHEMATICS = (
+    (r"\bmc([xyz])\[([^]]*)\]", r"(m c_{\1})_{\\mathrm{\2}}"),
+    (r"\bm\[([^]]*)\]", r"m_{\\mathrm{\1}}"),
+    (r"\bI([xyz]{2})\[([^]]*)\]", r"I_{\1,\\mathrm{\2}}"),
+    (r"(?<![{\w])([A-Za-z]\w*)/([A-Za-z]\w*) ", r"\\tfrac{\1}{\2}\\, "),
+    (r"_(?!\{)", r"\\_"),
+    (r" = 0$", " &= 0"),
+)
+
+
+def _latex(text: str) -> str:
+    """A condition's text as mathematics: ``mcx[A0A]`` is a first moment, ``m[AC]`` a mass, ``Ixx[AC]`` an inertia."""
+    for pattern, form in _MATHEMATICS:
+        text = re.sub(pattern, form, text)
+    return text
+
+
 MOMENTA = {"linear": [0, 1, 2], "planar": [0, 1, 2, 5], "all": [0, 1, 2, 3, 4, 5]}
 """Linear momentum; with the angular one about z; with all three angular ones."""
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """Linear conditions on the inertial parameters: balanced where ``matrix @ pi`` is zero."""
+    """Linear conditions on the inertial parameters: balanced where ``matrix @ pi`` is zero.
+
+    >>> import balance
+    >>> found = balance.conditions("four-bar")
+    >>> found.rank, found.table()["condition"][0]
+    (4, 'mcx[A0A] + crank m[AB] + crank/rocker mcx[B0B] = 0')
+    """
 
     mechanism: Mechanism
     dof: int
@@ -172,6 +201,22 @@ class Conditions:
         """Coefficients of one condition by parameter name, without zeros."""
         names = self.mechanism.parameter_names
         return {names[k]: float(self.matrix[row, k]) for k in np.flatnonzero(self.matrix[row])}
+
+    def document(self, mechanism: Mechanism | None = None) -> list[dict[str, Any]]:
+        """Each with its value for a mechanism: ``value_kgm``, of masses alone ``value_kg``."""
+        return [
+            {"coefficients": self.coefficients(i), f"value_{unit.replace(' ', '')}": float(value)}
+            for i, (value, unit) in enumerate(zip(self.values(mechanism), self.units, strict=True))
+        ]
+
+    def table(self) -> "pandas.DataFrame":
+        """The conditions as texts, the values of their left-hand sides and their units."""
+        rows = zip(self.values(), self.units, strict=True)
+        return frame({"condition": self.text(i), "value": x, "unit": unit} for i, (x, unit) in enumerate(rows))
+
+    def _repr_latex_(self) -> str:
+        rows = r" \\ ".join(_latex(self.text(i)) for i in range(self.rank))
+        return rf"$$\begin{{aligned}}{rows}\end{{aligned}}$$"
 
     def text(self, row: int) -> str:
         """One condition as an equation in the lengths that the file names, such as ``mcx[A0A] + r m[AC] = 0``."""

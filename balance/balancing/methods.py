@@ -23,6 +23,7 @@ from ..dynamics.inverse_dynamics import Response, driven_rates, momentum, simula
 from ..dynamics.regressor import first_moment
 from ..errors import ModelError, SizingError
 from ..mechanism.mechanism import Mechanism
+from ..results import Shown
 from .closed_forms import ConditionComparison
 from .conditions import balance_conditions
 from .counter_inertia import Wheels, body_rotation, fit_wheels
@@ -318,16 +319,33 @@ def _integral(time: Floats, values: Floats) -> Floats:
     return np.concatenate([[0.0], np.cumsum(0.5 * np.diff(time) * (values[1:] + values[:-1]))])
 
 
-def methods_document(
-    mechanism: Mechanism, motion: str, outcomes: Sequence[Outcome], comparisons: Sequence[ConditionComparison]
-) -> dict[str, Any]:
-    """Outcomes and published conditions compared with the derived ones, for JSON: units in the keys."""
-    return {
-        "mechanism": mechanism.name,
-        "motion": motion,
-        "methods": [_outcome(outcome, mechanism) for outcome in outcomes],
-        "printed_conditions": [_comparison(comparison) for comparison in comparisons],
-    }
+@dataclass(frozen=True)
+class Methods(Shown, rows="rows", figure="balance.figures.balancing:draw_methods"):
+    """The named methods of balancing on one motion, and published conditions with the derived ones.
+
+    >>> import balance
+    >>> balance.methods("serial-1r", "serial-1r").rows[0]["method"]
+    'as it is'
+    """
+
+    mechanism: Mechanism
+    motion: str
+    outcomes: tuple[Outcome, ...]
+    comparisons: tuple[ConditionComparison, ...]
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A method each, units in the keys."""
+        return [_outcome(outcome, self.mechanism) for outcome in self.outcomes]
+
+    def document(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "mechanism": self.mechanism.name,
+            "motion": self.motion,
+            "methods": self.rows,
+            "printed_conditions": [_comparison(comparison) for comparison in self.comparisons],
+        }
 
 
 def _outcome(outcome: Outcome, mechanism: Mechanism) -> dict[str, Any]:

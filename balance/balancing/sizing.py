@@ -28,7 +28,13 @@ BALANCES = 0.01
 
 @dataclass(frozen=True)
 class CounterMass:
-    """A counter-mass at a site."""
+    """A counter-mass at a site.
+
+    >>> import balance
+    >>> counter = balance.size("four-bar").counter_masses[0]
+    >>> counter.site, round(counter.mass, 3)
+    ('counter_A0A', 1.074)
+    """
 
     site: Annotated[str, Key("", "site")]
     mass: Annotated[float, Key("mass_kg", "mass [kg]", ".4f")]
@@ -51,7 +57,12 @@ class CounterMass:
 
 @dataclass(frozen=True)
 class Sizing(Shown, rows="counter_masses", figure="balance.figures.mechanism:draw_sizing"):
-    """Counter-masses for a mechanism, and their residual."""
+    """Counter-masses for a mechanism, and their residual.
+
+    >>> import balance
+    >>> balance.check("four-bar", {"counter_A0A": "1 kg"}).is_complete()
+    False
+    """
 
     conditions: Conditions
     before: Mechanism

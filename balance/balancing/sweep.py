@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,7 +26,11 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.mjcf_compiler import tags
 from ..mechanism.mjcf_parser import mechanism_from_text
 from ..motion import Samples
+from ..results import Shown
 from ..task_pool import TaskPool
+
+if TYPE_CHECKING:
+    import pandas
 
 AXES = "xyz"
 QUANTITIES = ("force", "moment", "torque")
@@ -379,3 +384,27 @@ def _polars() -> ModuleType:
             "results are written as Parquet, which needs polars: pip install 'counterpoise[parquet]', or leave out -o"
         ) from None
     return polars
+
+
+@dataclass(frozen=True)
+class Designs(Shown, figure="balance.figures.balancing:draw_sweep"):
+    """All designs of a sweep, a row each.
+
+    >>> import balance
+    >>> designs = balance.sweep("four-bar", "four-bar", {"counter_A0A.mass": ["1 kg", "2 kg"]})
+    >>> designs.varied
+    ('counter_A0A_mass_kg',)
+    """
+
+    columns: Mapping[str, Floats]
+    """(n,) by name, the unit at its end: variables, then RMS and peak values."""
+    varied: tuple[str, ...]
+    """Columns of the variables."""
+    ranked_by: str = "rms_F_N"
+    """Column whose least value is the best."""
+
+    def table(self) -> "pandas.DataFrame":
+        """The designs, the best first."""
+        import pandas
+
+        return pandas.DataFrame(dict(self.columns)).sort_values(self.ranked_by, ignore_index=True)

@@ -15,7 +15,7 @@ from ..arrays import Floats
 from ..closure import Closure
 from ..dynamics.inverse_dynamics import simulate
 from ..errors import ModelError
-from ..results import Key, per_cent
+from ..results import Key, Shown, per_cent
 from ..task_pool import HERE, TaskPool
 from .sweep import Problem, Variable
 
@@ -56,7 +56,7 @@ class ToleranceEffect:
 
 
 @dataclass(frozen=True)
-class ToleranceAnalysis:
+class ToleranceAnalysis(Shown, rows="effects", figure="balance.figures.balancing:draw_tolerances"):
     """RMS shaking force of mechanisms made within tolerances."""
 
     nominal: Annotated[float, Key("nominal_rms_N")]

@@ -13,7 +13,7 @@ import numpy as np
 from ..arrays import Floats
 from ..closure import Trajectory
 from ..mechanism.mechanism import Mechanism
-from ..results import Key
+from ..results import Key, Shown
 from .least_masses import distribute_masses
 from .objective import QUANTITIES, motion_objective, turning_drives
 from .sizing import chosen_sites, upper_limits
@@ -39,6 +39,21 @@ class FrontPoint:
 
 def _listed(masses: Mapping[str, float]) -> str:
     return " / ".join(f"{mass:.4f}" for mass in masses.values())
+
+
+@dataclass(frozen=True)
+class Front(Shown, rows="points", figure="balance.figures.balancing:draw_front"):
+    """The best compromises: each a set of counter-masses that nothing betters in all quantities.
+
+    >>> import balance
+    >>> balance.tradeoff("four-bar", "four-bar", points=10).table().columns[0]
+    'rms_force_N'
+    """
+
+    mechanism: Annotated[str, Key()]
+    motion: Annotated[str, Key()]
+    points: Annotated[tuple[FrontPoint, ...], Key()]
+    """Least force first."""
 
 
 def tradeoff_front(

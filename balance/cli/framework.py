@@ -297,19 +297,20 @@ def _without_constants(header: list[str], cells: list[list[str]]) -> tuple[list[
 def _drawn(title: str, header: list[str], cells: list[list[str]], width: int | None) -> list[str]:
     """The lines of a table with its title."""
     from rich import box
+    from rich.cells import cell_len
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
-    for name, column, least in zip(
-        header, zip(*cells, strict=True) if cells else [()] * len(header), _widths(header, cells), strict=True
-    ):
-        wraps = max(map(len, column), default=0) > least
-        table.add_column(
-            Text(name), justify="right" if _is_numeric(column) else "left", no_wrap=False,
-            min_width=least, max_width=None if wraps or width is None else max(least, *map(len, [*column, ""])),
-        )  # fmt: skip
+    each = list(zip(*cells, strict=True)) or [()] * len(header)
+    least = _widths(header, cells)
+    sizes = [max(map(cell_len, [name, *column])) for name, column in zip(header, each, strict=True)]
+    while width is not None and sum(sizes) + 2 * len(sizes) > width and sizes != least:
+        widest = max(range(len(sizes)), key=lambda k: sizes[k] - least[k])
+        sizes[widest] -= 1
+    for name, column, size in zip(header, each, sizes, strict=True):
+        table.add_column(Text(name), justify="right" if _is_numeric(column) else "left", width=size)
     for row in cells:
         table.add_row(*map(Text, row))
     console = Console(width=width or 100_000, color_system=None, force_terminal=False)

@@ -3,18 +3,17 @@
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from ..results import per_cent_text
 from . import options
-from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, first_moment, json_option, mass
+from .framework import EXIT_WITH_FINDINGS, Detail, emit_json, emit_table, first_moment, json_option, mass, note, say
 
 if TYPE_CHECKING:
     from ..arrays import Floats
     from ..balancing import Sizing
-    from ..balancing.conditions import Conditions
     from ..balancing.feasibility import Feasibility
     from ..closure import Trajectory
     from ..dynamics.reactions import Reactions
@@ -79,10 +78,16 @@ def simulate(
             | ({"reactions": found.summary(), "redundant_constraint_rows": found.redundant} if found else {})
         )
         sys.exit(EXIT_WITH_FINDINGS if beyond or left_out else 0)
-    peak = response.peak()
-    rows = [[component_label(name), f"{value:.4g}", f"{peak[name]:.4g}"] for name, value in response.rms().items()]
-    emit_table(f"{model.name}, motion {motion}", ["component", "RMS", "peak"], rows)
+    peak, rms = response.peak(), response.rms()
+    force = float((response.force**2).sum(axis=1).mean() ** 0.5)
     click.echo(
+        f"{model.name} shakes its base with {force:.4g} N RMS in motion {motion}, "
+        f"{float((response.force**2).sum(axis=1).max() ** 0.5):.4g} N peak (simulated, weight excluded)."
+    )
+    shown = {n: value for n, value in rms.items() if Detail.everything or peak[n] > _NOTHING}
+    rows = [[component_label(name), f"{value:.4g}", f"{peak[name]:.4g}"] for name, value in shown.items()]
+    emit_table("", ["component", "RMS", "peak"], rows, "" if len(shown) == len(rms) else "All others are zero.")
+    note(
         f"{len(trajectory.time)} samples over {trajectory.time[-1]:.4g} s; loops closed to {trajectory.residual:.2g} m "
         f"on the branch of {trajectory.branch!r}; weight excluded from force and moment."
     )
@@ -90,17 +95,21 @@ def simulate(
         _print_reactions(found)
     for joint, (low, high) in beyond.items():
         least, most = model.limits[model.coordinate_index(joint)]
-        click.echo(
+        say(
             f"Joint {joint} goes from {low:.4g} to {high:.4g}, beyond the file's limits, {least:.4g} to {most:.4g}: "
             "the motion is computed as if it had none."
         )
     if not response.torque:
-        click.echo("No drive torque: the file has no <actuator> that names the driven joints.")
+        say("No drive torque: the file has no <actuator> that names the driven joints.")
     for what in left_out:
-        click.echo(
+        say(
             f"Torques and forces of the drives{' and reactions' if found else ''} leave out {what}, which the file has."
         )
     sys.exit(EXIT_WITH_FINDINGS if beyond or left_out else 0)
+
+
+_NOTHING = 1e-9
+"""Value that counts as zero throughout [N, N m]."""
 
 
 def _print_reactions(found: "Reactions") -> None:
@@ -135,7 +144,7 @@ def _write(
         write_parquet(parquet, columns, {"origin": "simulated"})
 
 
-_BRANCHES = 8
+_BRANCHES = 4
 """Columns of a table of closed configurations that fit a line."""
 
 
@@ -176,6 +185,10 @@ def assemble(mechanism: str, as_json: bool) -> None:
             }
         )
         return
+    click.echo(
+        f"{model.name} can be put together in {len(found)} way{'s' * (len(found) != 1)}: degrees of freedom "
+        f"{closure.dof}, loops {len(model.loops)}, A is found from {model.branch!r}."
+    )
     for start in range(0, len(found), _BRANCHES):
         part = found[start : start + _BRANCHES]
         rows = []
@@ -185,8 +198,7 @@ def assemble(mechanism: str, as_json: bool) -> None:
         rows.append(["largest residual", "m, rad", *(f"{one.residual:.2g}" for one in part)])
         title = f"Closed configurations of {model.name}"
         emit_table(title, ["joint", "unit", *(one.branch for one in part)], rows)
-    click.echo(
-        f"Degrees of freedom: {closure.dof}; loops: {len(model.loops)}; A is found from {model.branch!r}. "
+    say(
         f"Closed means a residual of at most {tolerance:.2g} m or rad.\n"
         "A keyframe chooses one; without ball joints its qpos has the coordinates in this order:"
     )
@@ -240,7 +252,7 @@ def conditions(
 
     model = options.load_mechanism_option(mechanism, payload).with_counter_mass(options.distinct(counter, "--counter"))
     found = balance_conditions(model, momentum)
-    values, model = found.values(), found.mechanism
+    model = found.mechanism
     possible = feasibility(found) if moment else None
     if as_json:
         emit_json(
@@ -255,29 +267,30 @@ def conditions(
                 "rank": found.rank,
                 "rank_by": found.rank_by,
                 "singular_value_gap": list(found.singular_values),
-                "conditions": conditions_document(found, model),
+                "conditions": found.document(),
                 "balanced": found.is_balanced(BALANCED_KGM),
                 "balanced_tolerance_kgm": BALANCED_KGM,
             }
             | ({"positive_masses": asdict(possible)} if possible else {})
         )
         sys.exit(EXIT_WITH_FINDINGS if possible and possible.status != "possible" else 0)
-    kept, dropped = found.singular_values
-    click.echo(
-        f"{model.name}: {found.dof} degree{'s' * (found.dof != 1)} of freedom, "
-        f"{found.rank} condition{'s' * (found.rank != 1)} on {momentum} momentum "
-        f"(singular values kept down to {kept:.3g}, dropped from {dropped:.3g})\n"
-        f"{model.total_mass:.6g} kg move; {len(model.loops)} loop{'s' * (len(model.loops) != 1)}, "
-        f"closed to {found.closure_residual:.2g} m or rad from {model.branch!r}\n"
-    )
-    for i, (value, unit) in enumerate(zip(values, found.units, strict=True)):
-        click.echo(f"  {found.text(i):<70}  now {value:+.6g} {unit}")
-    if model.lengths:
-        click.echo(f"\nwith {', '.join(f'{name} = {length:.6g} m' for name, length in model.lengths.items())}")
     largest = ", ".join(f"{found.residual(unit):.4g} {unit}" for unit in sorted({"kg m", *found.units}))
     click.echo(
-        f"\n{'Balanced' if found.is_balanced(BALANCED_KGM) else 'Not balanced'}: largest residual {largest} "
-        f"(balanced means at most {BALANCED_KGM:g} of each)."
+        f"{'Balanced' if found.is_balanced(BALANCED_KGM) else 'Not balanced'}: largest residual {largest}, of "
+        f"{found.rank} condition{'s' * (found.rank != 1)} on {momentum} momentum."
+    )
+    rows = [
+        [found.text(i), f"{value:+.6g}", unit]
+        for i, (value, unit) in enumerate(zip(found.values(), found.units, strict=True))
+    ]
+    named = f"With {', '.join(f'{name} = {length:.6g} m' for name, length in model.lengths.items())}"
+    emit_table(f"Conditions of {model.name}", ["condition", "now", "unit"], rows, named if model.lengths else "")
+    kept, dropped = found.singular_values
+    note(
+        f"{found.dof} degree{'s' * (found.dof != 1)} of freedom, {model.total_mass:.6g} kg move; "
+        f"{len(model.loops)} loop{'s' * (len(model.loops) != 1)}, closed to {found.closure_residual:.2g} m or rad from "
+        f"{model.branch!r}; singular values kept down to {kept:.3g}, dropped from {dropped:.3g}; balanced means at "
+        f"most {BALANCED_KGM:g} of each unit."
     )
     if possible:
         _print_feasibility(possible)
@@ -295,14 +308,6 @@ def _print_feasibility(possible: "Feasibility") -> None:
             "other way can, such as counter-rotating inertias.",
         }[possible.status]
     )
-
-
-def conditions_document(found: "Conditions", model: "Mechanism") -> list[dict[str, Any]]:
-    """Conditions for JSON, each with its value for a mechanism: ``value_kgm``, of masses alone ``value_kg``."""
-    return [
-        {"coefficients": found.coefficients(i), f"value_{unit.replace(' ', '')}": float(value)}
-        for i, (value, unit) in enumerate(zip(found.values(model), found.units, strict=True))
-    ]
 
 
 @click.command(
@@ -352,7 +357,7 @@ def check(
                 "remaining_percent": remaining,
                 "residual_first_moment_kgm": result.residual(),
                 "residual_percent": result.residual_percent(),
-                "conditions": conditions_document(found, result.after),
+                "conditions": found.document(result.after),
                 "balanced_payload_kg": payloads,
                 "shaking_force_N_per_g": after,
                 "shaking_force_without_counter_masses_N_per_g": before,
@@ -367,29 +372,28 @@ def check(
     )
     _print_check(result, payloads)
     if before is not None and after is not None:
-        click.echo(
-            f"Shaking force          {after:.4g} N per g0 of {bodies[0]} acceleration, "
-            f"{before:.4g} N without counter-masses (g0 = {G0} m/s2)"
+        say(
+            f"Shaking force: {after:.4g} N per g0 of {bodies[0]} acceleration, "
+            f"{before:.4g} N without counter-masses (g0 = {G0} m/s2)."
         )
     sys.exit(0 if balanced else EXIT_WITH_FINDINGS)
 
 
 def _print_check(result: "Sizing", balanced: dict[str, float | None]) -> None:
-    """Counter-masses, their residual, and the payload that they would balance."""
+    """The conditions with the counter-masses, their residual, and the payload that they would balance."""
     model, found = result.before, result.conditions
-    rows = [[c.site, mass(c.mass), f"{c.position[0] * 1e3:.2f}"] for c in result.counter_masses]
-    emit_table(f"Counter-masses of {model.name}", ["site", "mass [kg]", "x in its body [mm]"], rows)
     rows = [
         [found.text(i), f"{value:+.6g}", unit]
         for i, (value, unit) in enumerate(zip(found.values(result.after), found.units, strict=True))
     ]
-    emit_table("Conditions", ["condition", "left-hand side", "unit"], rows)
-    click.echo(
-        f"First-moment residual  {first_moment(result.residual())}  ({per_cent_text(result.residual_percent())} of "
-        f"that without counter-masses, {first_moment(found.first_moment_residual(model))})"
-    )
+    masses = ", ".join(f"{c.site} {mass(c.mass)} kg" for c in result.counter_masses)
+    emit_table(f"Conditions of {model.name} with {masses}", ["condition", "now", "unit"], rows)
     for body, value in balanced.items():
-        click.echo(
-            f"Balanced payload       {body} = {'none' if value is None else mass(value) + ' kg'} "
-            f"(asked: {mass(model.mass(body))} kg)"
+        say(
+            f"They would balance {body} = {'none' if value is None else mass(value) + ' kg'} "
+            f"(asked: {mass(model.mass(body))} kg)."
         )
+    note(
+        f"First-moment residual: {first_moment(result.residual())} ({per_cent_text(result.residual_percent())} of that "
+        f"without counter-masses, {first_moment(found.first_moment_residual(model))})."
+    )

@@ -1,12 +1,13 @@
 """``balance methods`` and ``balance static``: the named methods side by side; static balance by springs."""
 
+from collections.abc import Callable
 from math import isnan
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from . import options
-from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from .framework import EXIT_WITH_FINDINGS, Detail, emit_json, emit_table, json_option, note, say
 from .options import Quantity
 
 if TYPE_CHECKING:
@@ -82,22 +83,19 @@ def methods(
     Springs; counter-masses; with counter-inertias on the base; mirror images of the mechanism; active masses. Published
     conditions of serial chains and four-bars are compared with those derived from the model.
     """
-    from ..balancing.closed_forms import compare_conditions
-    from ..balancing.conditions import balance_conditions
-    from ..balancing.methods import MethodSettings, compare_methods, methods_document
+    from ..balancing.methods import MethodSettings
+    from ..front_door import methods as compared
 
     if isnan(wheel_ratio):
         raise click.UsageError("--wheel-ratio: expected a number")
     model = options.load_mechanism_option(mechanism, payload)
     name = motion or _own_motion(model.name)
-    trajectory = options.follow_motion(model, name)
-    outcomes = compare_methods(model, trajectory, MethodSettings(site, wheel_ratio, wheel_radius, stroke, turn))
-    result = methods_document(model, name, outcomes, compare_conditions(balance_conditions(model)))
+    found = compared(model, name, MethodSettings(site, wheel_ratio, wheel_radius, stroke, turn))
     if figure:
-        from ..figures.balancing import draw_methods
         from ..figures.mechanism import save
 
-        save(draw_methods(result), figure)
+        save(found.plot(), figure)
+    result = found.document()
     emit_json(result) if as_json else _print_methods(result)
 
 
@@ -121,24 +119,38 @@ def _drives(torques: dict[str, float], forces: dict[str, float]) -> str:
 
 
 def _print_methods(result: dict[str, Any]) -> None:
-    rows = [
-        [row["method"], f"{row['added_mass_kg']:.3f}", f"{row['added_inertia_kgm2']:.4f}", _value(row["force_rms_N"]),
-         _value(row["force_peak_N"]), _value(row["moment_rms_Nm"]), _value(row["moment_peak_Nm"]),
-         _drives(row["torque_rms_Nm"], row["drive_force_rms_N"])]
-        for row in result["methods"]
-    ]  # fmt: skip
+    """The least force, then of each method what stays and what it costs; with --all its peaks, needs and notes."""
+    plain, *others = result["methods"]
+    best = min(others, key=lambda row: (round(row["force_rms_N"], 9), row["added_mass_kg"]), default=plain)
+    say(
+        f"Least shaking force: {best['method']}, {_value(best['force_rms_N'])} N RMS of "
+        f"{_value(plain['force_rms_N'])} N, with {best['added_mass_kg']:.3f} kg added."
+    )
+    columns: dict[str, Callable[[dict[str, Any]], str]] = {
+        "method": lambda row: row["method"],
+        "added [kg]": lambda row: f"{row['added_mass_kg']:.3f}",
+        "F RMS [N]": lambda row: _value(row["force_rms_N"]),
+        "M RMS [N m]": lambda row: _value(row["moment_rms_Nm"]),
+        "torque RMS [N m]": lambda row: _drives(row["torque_rms_Nm"], row["drive_force_rms_N"]),
+    }
+    if Detail.everything:
+        columns |= {
+            "added [kg m2]": lambda row: f"{row['added_inertia_kgm2']:.4f}",
+            "F peak [N]": lambda row: _value(row["force_peak_N"]),
+            "M peak [N m]": lambda row: _value(row["moment_peak_Nm"]),
+        }
     emit_table(
         f"{result['mechanism']}, motion {result['motion']}, simulated",
-        ["method", "added [kg]", "added [kg m2]", "F RMS [N]", "F peak", "M RMS [N m]", "M peak", "torque RMS [N m]"],
-        rows,
+        list(columns),
+        [[cell(row) for cell in columns.values()] for row in result["methods"]],
         "F and M: residual on the base, weight excluded; torque: of each motor, with all that it drives, a force in N "
         "where it slides.",
     )
     for row in result["methods"]:
         if row["note"]:
-            click.echo(f"{row['method']}: {row['note'].removesuffix('.')}.{_needs(row['needs'])}")
+            note(f"{row['method']}: {row['note'].removesuffix('.')}.{_needs(row['needs'])}")
     for row in result["printed_conditions"]:
-        click.echo(
+        note(
             f"Published conditions, {row['method']}: {row['verdict']} ({row['printed_rank']} published, "
             f"{row['derived_rank']} derived)."
         )
@@ -247,15 +259,22 @@ def _springs(model: "Mechanism", name: str | None, reach: float | None, height: 
 
 
 def _print_static(result: dict[str, Any]) -> None:
+    """By how much the potential energy swings with each method; with --all the conditions and the springs."""
     if not result["conditions"]:
         click.echo(f"Nothing to balance: the weight of {result['mechanism']} does no work in any motion.")
         return
-    emit_table(
-        f"Static balance of {result['mechanism']}: what must vanish",
-        ["condition", "now [kg m]"],
-        [[row["text"], f"{row['value_kgm']:.5g}"] for row in result["conditions"]],
+    texts = []
+    for method in ("counter_masses", "springs"):
+        if result[method] is not None:
+            share, what = _share(result, method), method.replace("_", "-")
+            texts.append(f"{what} leave {100 * share if share > _CONSTANT else 0:.3g} % of it")
+    say(
+        f"Potential energy swings by {result['as_it_is']['potential_swing_J']:.3g} J over the workspace; "
+        f"{', '.join(texts)}."
     )
-    _energies(result)
+    counter = result["counter_masses"]
+    masses = ", ".join(f"{site} = {mass:.4f} kg" for site, mass in counter["masses_kg"].items()) if counter else ""
+    say(f"Counter-masses: {masses or 'no site named counter..., name one with --site'}")
     emit_table(
         "Springs of zero free length; places in the bodies' frames [m]",
         ["from", "to", "stiffness [N/m]", "length [m]", "largest force [N]"],
@@ -265,23 +284,18 @@ def _print_static(result: dict[str, Any]) -> None:
             for s in result["springs"]["springs"]
         ],
     )  # fmt: skip
-
-
-def _energies(result: dict[str, Any]) -> None:
-    """Swings as it is, with counter-masses and with springs, and the residual shares."""
-    counter = result["counter_masses"]
+    if not Detail.everything:
+        return
     rows = [_row("as it is", result["as_it_is"], 0.0), _row("springs", result["springs"], 0.0)]
     if counter:
         rows.insert(1, _row("counter-masses", counter, counter["added_mass_kg"]))
     header = ["", "swing [J]", "of unbalanced", "largest holding torque [N m]", "added mass [kg]"]
-    note = f"{result['configurations']} configurations of the workspace."
-    emit_table("Potential energy over the workspace", header, rows, note)
-    masses = ", ".join(f"{site} = {mass:.4f} kg" for site, mass in counter["masses_kg"].items()) if counter else ""
-    click.echo(f"Counter-masses: {masses or 'no site named counter..., name one with --site'}")
-    for method in ("counter_masses", "springs"):
-        if (share := _share(result, method)) > _CONSTANT:
-            what = method.replace("_", "-").capitalize()
-            click.echo(f"{what} leave {100 * share:.3g} % of the swing: the potential energy is not constant.")
+    emit_table("Potential energy", header, rows, f"{result['configurations']} configurations of the workspace.")
+    emit_table(
+        f"Static balance of {result['mechanism']}: what must vanish",
+        ["condition", "now [kg m]"],
+        [[row["text"], f"{row['value_kgm']:.5g}"] for row in result["conditions"]],
+    )
 
 
 def _row(name: str, values: dict[str, Any], mass: float) -> list[str]:

@@ -136,10 +136,10 @@ def sweep(
     best = _best(_joined(found), ranked_by, top)
     rows = [{name: float(values[i]) for name, values in best.items()} for i in range(len(best[ranked_by]))]
     if figure:
-        from ..figures.balancing import draw_sweep
+        from ..balancing.sweep import Designs
         from ..figures.mechanism import save
 
-        save(draw_sweep(_joined(found), [v.column for v in variables], ranked_by), figure)
+        save(Designs(_joined(found), tuple(v.column for v in variables), ranked_by).plot(), figure)
     if as_json:
         emit_json({"mechanism": model.name, "designs": grid.size, "ranked_by": ranked_by, "best": rows})
         return
@@ -243,7 +243,9 @@ def tolerance(
             f"shaking force; without errors {found.nominal:.4g} N."
         )
         levels = ", ".join(f"{level} %: {value:.4g} N" for level, value in found.percentiles.items())
-        emit_table("", *table(ToleranceEffect, found.effects), f"RMS force at most: {levels}")
+        emit_table(
+            "Tolerances, largest share first", *table(ToleranceEffect, found.effects), f"RMS force at most: {levels}"
+        )
     for effect in found.doubtful:
         click.echo(
             f"balance: {effect.tolerance.text}: its effect is not linear (curvature {effect.curvature:.2g}): "

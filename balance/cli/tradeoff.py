@@ -3,7 +3,7 @@
 import click
 
 from . import options
-from .framework import emit_json, emit_table, json_option
+from .framework import Detail, emit_json, emit_table, json_option
 
 _SHOWN = 12
 
@@ -46,27 +46,27 @@ def tradeoff(
     as_json: bool,
 ) -> None:
     """What less shaking force costs in shaking moment, drive torque and mass: the front of MECH on one motion."""
-    from ..balancing.tradeoff import FrontPoint, tradeoff_front
+    from ..balancing.tradeoff import FrontPoint
+    from ..front_door import tradeoff as found_front
     from ..results import document, table
 
     model = options.load_mechanism_option(mechanism, payload)
-    trajectory = options.follow_motion(model, motion)
-    front = tradeoff_front(model, trajectory, site, options.distinct(limit, "--limit"), points)
+    found = found_front(model, motion, site, options.distinct(limit, "--limit"), points)
     if figure:
-        from ..figures.balancing import draw_front
         from ..figures.mechanism import save
 
-        save(draw_front(front, f"{model.name}, motion {motion}"), figure)
+        save(found.plot(), figure)
     if as_json:
-        emit_json({"mechanism": model.name, "motion": motion, "points": [document(one) for one in front]})
+        emit_json(document(found))
         return
+    front = found.points
     lightest = min(front, key=lambda one: one.added_mass)
     click.echo(
         f"From {front[0].force:.4g} N of force with {front[0].added_mass:.4g} kg to {lightest.force:.4g} N with "
         f"{lightest.added_mass:.4g} kg: {len(front)} point{'s' * (len(front) != 1)} of the front."
     )
-    count = min(len(front), _SHOWN)
+    count = len(front) if Detail.everything else min(len(front), _SHOWN)
     shown = [front[k * (len(front) - 1) // max(count - 1, 1)] for k in range(count)]
-    header, rows = table(FrontPoint, shown)
-    note = f"{count} of {len(front)} points; all are in --json." if count < len(front) else ""
-    emit_table(f"{model.name}, motion {motion}: masses at {', '.join(front[0].masses)}", header, rows, note)
+    remark = f"{count} of {len(front)} points; all are in --all and --json." if count < len(front) else ""
+    title = f"{model.name}, motion {motion}: masses at {', '.join(front[0].masses)}"
+    emit_table(title, *table(FrontPoint, shown), remark)

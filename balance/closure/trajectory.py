@@ -124,7 +124,13 @@ BRANCH_LIMIT = 0.1
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Loop-consistent motion of all coordinates."""
+    """Loop-consistent motion of all coordinates.
+
+    >>> import balance
+    >>> trajectory = balance.follow("four-bar", "four-bar", rate="1 kHz")
+    >>> trajectory.q.shape == trajectory.a.shape
+    True
+    """
 
     mechanism: str
     time: Floats

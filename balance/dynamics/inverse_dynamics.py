@@ -7,6 +7,7 @@ of the joint's frame: a unit row gives a column of a regressor, the body's own r
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -37,6 +38,10 @@ from ..mechanism.sparse_components import (
 from ..mechanism.tape import Program, Tape
 from ..motion import Samples
 from ..motion.driven_coordinates import PointDrive
+from ..results import Shown
+
+if TYPE_CHECKING:
+    import pandas
 
 _DEAD_CENTRE = 1e-6
 """Share of their largest effect on the mechanism at which driven joints count as having none."""
@@ -114,8 +119,13 @@ def _inertia_times(rotation: Matrix, row: Parameters, angular: Vector) -> Vector
 
 
 @dataclass(frozen=True)
-class Response:
-    """What a mechanism does to its base and asks of its motors along a trajectory."""
+class Response(Shown, figure="balance.figures.balancing:draw_response"):
+    """What a mechanism does to its base and asks of its motors along a trajectory.
+
+    >>> import balance
+    >>> balance.simulate("four-bar", "four-bar", rate="1 kHz").table().columns[0]
+    'Fx_N'
+    """
 
     time: Floats
     """Time, (n,) [s]."""
@@ -147,6 +157,12 @@ class Response:
             for joint, values in self.torque.items()
         }
         return wrench | drives
+
+    def table(self) -> "pandas.DataFrame":
+        """The components over time [s]."""
+        import pandas
+
+        return pandas.DataFrame(self.columns(), index=pandas.Index(self.time, name="time_s"))
 
 
 def simulate(mechanism: Mechanism, trajectory: Trajectory) -> Response:

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import Floats
 from ..dynamics.inverse_dynamics import Response
 from ..linkages.published_values import COLUMNS
 from ..linkages.verification import Verification
@@ -13,7 +12,10 @@ from ..linkages.verification import Verification
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ..balancing.tradeoff import FrontPoint
+    from ..balancing.methods import Methods
+    from ..balancing.sweep import Designs
+    from ..balancing.tolerance import ToleranceAnalysis
+    from ..balancing.tradeoff import Front
 
 _LABEL = {
     "Fx_N": "force FX [N]",
@@ -52,11 +54,11 @@ def draw_stages(check: Verification, title: str = "") -> "Figure":
     return figure
 
 
-def draw_methods(document: dict[str, Any]) -> "Figure":
+def draw_methods(found: "Methods") -> "Figure":
     """Residual force and moment, largest drive torque, and added mass of each method."""
     from matplotlib.figure import Figure
 
-    rows = document["methods"][::-1]
+    rows = found.rows[::-1]
     panels = {
         "shaking force, RMS [N]": [row["force_rms_N"] for row in rows],
         "shaking moment, RMS [N m]": [row["moment_rms_Nm"] for row in rows],
@@ -69,7 +71,7 @@ def draw_methods(document: dict[str, Any]) -> "Figure":
         axes.bar_label(bars, [f"{value:.3g}" if value > 1e-9 else "0" for value in values], padding=3, fontsize=8)
         axes.set_title(label, fontsize=10)
         axes.margins(x=0.22)
-    figure.suptitle(f"{document['mechanism']}, motion {document['motion']}: simulated")
+    figure.suptitle(f"{found.mechanism.name}, motion {found.motion}: simulated")
     return figure
 
 
@@ -97,10 +99,11 @@ def draw_energy(document: dict[str, Any]) -> "Figure":
     return figure
 
 
-def draw_sweep(columns: Mapping[str, Floats], variables: Sequence[str], shown: str) -> "Figure":
-    """The column ``shown`` (n,) [N, N m] of a sweep over one variable, or as contours over two."""
+def draw_sweep(designs: "Designs") -> "Figure":
+    """What the designs of a sweep are ranked by [N, N m], over one variable or as contours over two."""
     from matplotlib.figure import Figure
 
+    columns, variables, shown = designs.columns, designs.varied, designs.ranked_by
     figure = Figure(figsize=(7.0, 4.5), layout="constrained")
     axes, x = figure.subplots(), columns[variables[0]]
     axes.set_xlabel(variables[0])
@@ -117,10 +120,11 @@ def draw_sweep(columns: Mapping[str, Floats], variables: Sequence[str], shown: s
     return figure
 
 
-def draw_front(front: "Sequence[FrontPoint]", title: str) -> "Figure":
+def draw_front(found: "Front") -> "Figure":
     """Moment and torque of the points of a front over their force, coloured by added mass."""
     from matplotlib.figure import Figure
 
+    front = found.points
     force, mass = [one.force for one in front], [one.added_mass for one in front]
     panels = {"moment RMS [N m]": [one.moment for one in front]}
     if front[0].torque is not None:
@@ -131,8 +135,34 @@ def draw_front(front: "Sequence[FrontPoint]", title: str) -> "Figure":
         axes.set(xlabel="force RMS [N]", ylabel=label)
         axes.grid(alpha=0.25)
     figure.colorbar(dots, label="added mass [kg]")
-    figure.suptitle(f"{title}: simulated")
+    figure.suptitle(f"{found.mechanism}, motion {found.motion}: simulated")
     return figure
+
+
+def draw_tolerances(found: "ToleranceAnalysis") -> "Figure":
+    """Share of each tolerance in the mean square force that errors add."""
+    from matplotlib.figure import Figure
+
+    effects = found.effects[::-1]
+    figure = Figure(figsize=(7.0, 0.4 * len(effects) + 1.6), layout="constrained")
+    axes = figure.subplots()
+    axes.barh([one.tolerance.text for one in effects], [100.0 * one.variance_share for one in effects], color="#3b6ea5")
+    axes.set(xlabel="share of the mean square force that errors add [%]")
+    axes.set_title(f"95 % keep at most {found.percentiles['95']:.4g} N RMS; simulated", fontsize=10)
+    return figure
+
+
+def draw_response(found: Response) -> "Figure":
+    """Shaking force, shaking moment and drives over time, a panel a component that is not always zero."""
+    shown = [name for name, values in found.columns().items() if np.abs(values).max() > 1e-9]
+    return draw_responses({"alone": found}, shown)
+
+
+_SIDES = {
+    "before": ("without counter-masses", "#d55e00"),
+    "after": ("with counter-masses", "#0072b2"),
+    "alone": ("simulated", "#0072b2"),
+}
 
 
 def draw_responses(responses: Mapping[str, Response], shown: Sequence[str]) -> "Figure":
@@ -142,9 +172,9 @@ def draw_responses(responses: Mapping[str, Response], shown: Sequence[str]) -> "
     figure = Figure(figsize=(9.0, 1.6 * max(len(shown), 1) + 0.8), layout="constrained")
     panels = figure.subplots(max(len(shown), 1), 1, sharex=True, squeeze=False)[:, 0]
     for panel, name in zip(panels, shown, strict=False):
-        for side, words, colour in (("before", "without", "#d55e00"), ("after", "with", "#0072b2")):
-            one = responses[side]
-            panel.plot(one.time, one.columns()[name], color=colour, label=f"{words} counter-masses", lw=1.2)
+        for side, one in responses.items():
+            label, colour = _SIDES[side]
+            panel.plot(one.time, one.columns()[name], color=colour, label=label, lw=1.2)
         panel.set_ylabel("{} [{}]".format(*titled(name)))
         panel.grid(alpha=0.25)
     panels[-1].set_xlabel("time [s]")

@@ -10,6 +10,7 @@ import numpy as np
 from ..arrays import Floats, frozen
 from ..errors import ModelError
 from ..input_files import suggestion
+from ..units import si
 from .forward_kinematics import Joint, Tree
 from .loop_constraints import Constraint, Loop
 
@@ -46,7 +47,13 @@ class Site:
 
 @dataclass(frozen=True)
 class Mechanism:
-    """A mechanism as read from a file, with the payload and counter-masses that it carries."""
+    """A mechanism as read from a file, with the payload and counter-masses that it carries.
+
+    >>> import balance
+    >>> mechanism = balance.load("four-bar").with_counter_mass(counter_A0A="1 kg")
+    >>> mechanism.bodies
+    ('A0A', 'AB', 'B0B')
+    """
 
     name: str
     text: str
@@ -167,7 +174,7 @@ class Mechanism:
         """A site by name. Raises ModelError, listing the sites on moving bodies, if there is none."""
         if name not in self.sites:
             known = ", ".join(n for n, site in self.sites.items() if site.body >= 0) or "none"
-            raise ModelError(f"{self.name} has no site {name!r}: there are {known}")
+            raise ModelError(f"{self.name} has no site {name!r}{suggestion(name, self.sites)}: there are {known}")
         return self.sites[name]
 
     def lever_arm(self, site: str) -> float:
@@ -202,13 +209,18 @@ class Mechanism:
             )
         return self.payload_bodies[0]
 
-    def with_payload(self, masses: Mapping[str, float], stated: float | None = None) -> "Mechanism":
+    def with_payload(
+        self, masses: Mapping[str, float | str] | None = None, stated: float | None = None, /, **named: float | str
+    ) -> "Mechanism":
         """Set masses of bodies [kg], at their own centres and with their own radii of gyration; add masses at sites.
 
+        Numbers in kg or texts with a unit, by a mapping or by name: ``with_payload(platform="5 kg")``.
         A name that both have is the body's, unless that has no mass. ``stated`` is the mass of the one body that
         carries the payload [kg]. Raises ModelError for an unknown name, and for a body that is named twice.
         """
-        mechanism, each = self, [*masses.items(), *([] if stated is None else [(self.payload_body, stated)])]
+        every: dict[str, float | str] = {**(masses or {}), **named}
+        whole = [] if stated is None else [(self.payload_body, stated)]
+        mechanism, each = self, [*((name, si(mass, "mass")) for name, mass in every.items()), *whole]
         known = [*self.own_mass, *self.sites]
         for name, mass in each:
             if [other for other, _ in each].count(name) > 1:
@@ -238,11 +250,13 @@ class Mechanism:
         parameters[index] += changed - own
         return replace(self, parameters=frozen(parameters), own_mass={**self.own_mass, body: (index, changed)})
 
-    def with_counter_mass(self, masses: Mapping[str, float]) -> "Mechanism":
-        """Mount counter-masses at sites [kg]; zero mounts nothing, what is mounted already stays."""
+    def with_counter_mass(
+        self, masses: Mapping[str, float | str] | None = None, /, **named: float | str
+    ) -> "Mechanism":
+        """Mount counter-masses at sites [kg, or texts with a unit]; zero mounts nothing, what is mounted stays."""
         parameters = self.parameters.copy()
-        for name, mass in masses.items():
-            site = self.site(name)
+        for name, given in {**(masses or {}), **named}.items():
+            site, mass = self.site(name), si(given, "mass")
             if site.body < 0:
                 raise ModelError(f"site {name!r} of {self.name} is on the base: a counter-mass there moves nothing")
             if not 0.0 <= mass < MASS_LIMIT:

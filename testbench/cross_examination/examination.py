@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from balance.errors import CounterpoiseError
 from balance.mechanism.mechanism import Mechanism
-from balance.results import document
+from balance.results import Shown, document
 from balance.task_pool import HERE, TaskPool
 
 from ..errors import AnalysisError
@@ -32,8 +32,13 @@ WITNESSED = ("payload", "counter-masses", "acceleration", "axis", "gain", "sign"
 
 
 @dataclass(frozen=True)
-class Examination:
-    """What a campaign's witnesses state."""
+class Examination(Shown, rows="statements"):
+    """What a campaign's witnesses state.
+
+    >>> import testbench
+    >>> sorted(testbench.doctor("campaign").table().columns)[:3]
+    ['advice', 'channel', 'code']
+    """
 
     runs: tuple[str, ...]
     statements: tuple[Statement, ...]

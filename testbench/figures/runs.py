@@ -35,6 +35,31 @@ LOWEST, HIGHEST = 1.0, 500.0
 """Frequencies of a spectrum [Hz]."""
 
 
+_MOST_PANELS = 12
+"""Panels of a picture of a whole run."""
+
+
+def draw_run(run: "Run") -> "Figure":
+    """All channels of a run on their loggers' clocks, a panel for each unit of a logger, as recorded."""
+    panels: dict[tuple[str, str], list[int]] = {}
+    for group in run.groups:
+        for index in group.measured:
+            panels.setdefault((group.name, group.channels[index].unit or ""), []).append(index)
+    shown = list(panels.items())[:_MOST_PANELS]
+    with style.styled():
+        figure, axes = style.light_grid(len(shown), 1, 1.5)
+        for panel, ((name, unit), indices) in zip(axes[:, 0], shown, strict=True):
+            group = run.group(name)
+            time = run.time(name) if group.has_time else np.arange(group.samples, dtype=float)
+            for index in indices:
+                panel.plot(time, run.channel_at(name, index), lw=0.8, label=group.channels[index].label)
+            panel.set(ylabel=f"{name}\n[{unit or 'no unit'}]", xlabel="time [s]" if group.has_time else "sample")
+            panel.legend(loc="upper right", fontsize=6, ncols=2)
+        more = f", {len(panels) - len(shown)} more panels not drawn" if len(panels) > len(shown) else ""
+        style.figure_title(figure, f"Run {run.name}, as recorded{more}", [run])
+    return figure
+
+
 def motor_torques(with_run: "Run", without_run: "Run") -> "Figure":
     """Torque of each motor as its drive reports it, gravity included, band-limited; AnalysisError without any."""
     runs = SIRun.of(without_run), SIRun.of(with_run)

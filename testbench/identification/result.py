@@ -28,7 +28,7 @@ from balance.estimation.estimate import (
 from balance.estimation.first_moment_imbalance import masses_per_value
 from balance.estimation.identifiability import NotIdentifiable
 from balance.mechanism.mechanism import Mechanism
-from balance.results import Key
+from balance.results import Key, Shown
 
 from ..errors import AnalysisError
 from ..loads.shaking_wrench import COMPONENTS
@@ -170,8 +170,13 @@ NEGLIGIBLE = 0.05
 
 
 @dataclass(frozen=True)
-class Identification:
-    """The result of an identification."""
+class Identification(Shown, rows="values", figure="testbench.identification.figure:draw"):
+    """The result of an identification.
+
+    >>> import testbench
+    >>> testbench.identify("parallelogram-6bar", "campaign/r002.h5", by="wrench").origin
+    'simulated'
+    """
 
     mechanism: Mechanism
     runs: tuple[str, ...]
@@ -187,6 +192,11 @@ class Identification:
     """With torque and rates smoothed but positions as recorded: often done, biased, shown for comparison only."""
     contradictions: tuple[Finding, ...] = ()
     """What the runs' sensors contradict in the run table or in each other."""
+
+    @property
+    def values(self) -> "list[Value]":
+        """The base parameters, then friction, drives and offsets."""
+        return [*self.base_values(), *self.joint_values()]
 
     @property
     def chosen(self) -> Candidate:

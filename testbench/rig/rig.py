@@ -107,7 +107,12 @@ S = TypeVar("S", bound=Table)
 
 
 class Rig(Table):
-    """A test bench. Lengths in the base frame; everything in SI; ``text`` is the file as written."""
+    """A test bench. Lengths in the base frame; everything in SI; ``text`` is the file as written.
+
+    >>> import testbench
+    >>> list(testbench.load_rig("parallelogram-6bar").base_accelerometers)
+    ['base_acc']
+    """
 
     name: str = ""
     """Name of the bench."""

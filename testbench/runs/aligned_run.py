@@ -34,6 +34,11 @@ class AlignedRun:
     """A run with its mechanism, on the clock of its encoders.
 
     Errors (no encoders, a clock that cannot be aligned, loops that do not close) are raised where the value is read.
+
+    >>> import balance, testbench
+    >>> run = testbench.SIRun.of(testbench.open_run("campaign/r001.h5"))
+    >>> testbench.AlignedRun(run, balance.load("parallelogram-6bar")).run.name
+    'r001'
     """
 
     run: SIRun

@@ -58,6 +58,11 @@ class SIRun:
     """One stored run and the rig that describes it; made by :meth:`of`. Everything in SI.
 
     A channel is named by its :class:`Column` in the rig. Errors of a channel are raised when it is read.
+
+    >>> import testbench
+    >>> run = testbench.SIRun.of(testbench.open_run("campaign/r001.h5"))
+    >>> run.signal(run.rig.base_columns[0])[1]
+    5000.0
     """
 
     recorded: Run
@@ -393,7 +398,13 @@ class PhysicalRun(Run):
 
 
 def physical(run: Run) -> PhysicalRun:
-    """A stored run in SI by the rig that is stored with it. Raises AnalysisError if there is none."""
+    """A stored run in SI by the rig that is stored with it. Raises AnalysisError if there is none.
+
+    >>> import testbench
+    >>> run = testbench.physical(testbench.open_run("campaign/r001.h5"))
+    >>> list(run.to_pandas("r001_daq").columns)
+    ['AccX (m/s^2)', 'AccY (m/s^2)', 'AccZ (m/s^2)', 'PlatX (m/s^2)', 'PlatY (m/s^2)']
+    """
     if isinstance(run, PhysicalRun):
         return run
     si = SIRun.of(run)

@@ -36,7 +36,12 @@ _buffers = threading.local()
 
 @dataclass(frozen=True)
 class Band:
-    """Frequencies that are kept, by a zero-phase Butterworth filter. A low end of zero keeps all that is slow."""
+    """Frequencies that are kept, by a zero-phase Butterworth filter. A low end of zero keeps all that is slow.
+
+    >>> import testbench
+    >>> str(testbench.Band(1.0, 100.0))
+    '1..100 Hz'
+    """
 
     low_hz: float
     high_hz: float

@@ -1,18 +1,22 @@
 """A campaign: a folder of stored runs, each with its digest file; which recordings it holds, by size and SHA-256."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-from balance.results import Key
+from balance.results import Key, Shown, frame
 
 from ..errors import StoreError
 from . import atomic_files, ledger
 from .atomic_files import Leftover, leftovers, unfinished
 from .run import Run, open_run
+
+if TYPE_CHECKING:
+    import pandas
 
 SUFFIX = ".h5"
 CONTINUES = "continues"
@@ -42,11 +46,43 @@ class FileState:
     message: Annotated[str, Key("", "what")] = ""
 
 
+class NoSuchRun(StoreError, KeyError):
+    """A name that no run of a campaign has."""
+
+    __str__ = Exception.__str__
+
+
 @dataclass(frozen=True)
-class Campaign:
-    """A folder of runs."""
+class Campaign(Mapping[str, Run], Shown):
+    """A folder of runs, by their names.
+
+    >>> import testbench
+    >>> campaign = testbench.open_campaign("campaign")
+    >>> list(campaign), campaign["r001"].origin
+    (['r001', 'r002'], 'simulated')
+    """
 
     path: Path
+
+    def __getitem__(self, name: str) -> Run:
+        """The run of this name. Raises KeyError, a StoreError too, with the names that there are."""
+        if name not in set(self):
+            near = get_close_matches(name, self, n=1)
+            raise NoSuchRun(
+                f"{self.path}: no run {name!r}{f'; did you mean {near[0]!r}?' if near else ''}: there are "
+                f"{', '.join(self)}"
+            )
+        return open_run(self.path / f"{name}{SUFFIX}")
+
+    def __iter__(self) -> Iterator[str]:
+        return (path.stem for path in self.run_paths)
+
+    def __len__(self) -> int:
+        return len(self.run_paths)
+
+    def table(self) -> "pandas.DataFrame":
+        """The runs with their conditions, a row each."""
+        return frame({"run": run.name, "origin": run.origin, **run.conditions} for run in self.runs)
 
     @property
     def run_paths(self) -> list[Path]:
@@ -95,7 +131,12 @@ def existing(folder: str | Path) -> Path:
 
 
 def open_campaign(folder: str | Path) -> Campaign:
-    """Open the campaign in ``folder``."""
+    """Open the campaign in ``folder``. Raises StoreError where there is none.
+
+    >>> import testbench
+    >>> testbench.open_campaign("campaign").table()[["run", "motion"]].values.tolist()
+    [['r001', 'x'], ['r002', 'x']]
+    """
     path = existing(folder)
     campaign = Campaign(path)
     if not campaign.run_paths and not any(path.glob(f"*{SUFFIX}{atomic_files.SUFFIX}")):

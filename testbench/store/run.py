@@ -3,12 +3,13 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import numpy as np
 
-from balance.results import Key
+from balance.results import Key, Shown
 
 from ..errors import StoreError
 from ..recording import (
@@ -115,8 +116,14 @@ class StoredGroup(Group):
 
 
 @dataclass(frozen=True)
-class Run:
-    """One stored run. The file is opened for each read only, so nothing need be closed."""
+class Run(Shown, rows="groups", figure="testbench.figures.runs:draw_run"):
+    """One stored run. The file is opened for each read only, so nothing need be closed.
+
+    >>> import testbench
+    >>> run = testbench.open_run("campaign/r001.h5")
+    >>> run.table()["rate_hz"].round(1).tolist()
+    [5000.0, 2000.0, 1000.0]
+    """
 
     path: Annotated[Path, Key("file", to=lambda path: path.name)]
     groups: Annotated[tuple[StoredGroup, ...], Key()]
@@ -158,7 +165,11 @@ class Run:
         for group in self.groups:
             if group.name == name:
                 return group
-        wanted = f"no group {name!r}" if name is not None else "has several groups: name one"
+        wanted = (
+            f"no group {name!r}"
+            if name is not None
+            else "has several groups: name one, or join them: to_pandas(resample='1 kHz')"
+        )
         raise StoreError(f"{self.path.name}: {wanted}; there are {_listed(g.name for g in self.groups)}")
 
     @property
@@ -194,15 +205,24 @@ class Run:
             nodes = {group.path: safe_hdf5.member(file, group.path) for group, _ in places}
             return [group.samples_of(file, index, node=nodes[group.path]) for group, index in places]
 
-    def to_pandas(self, group: str | None = None, channels: Sequence[str] | None = None) -> "pandas.DataFrame":
+    def to_pandas(
+        self, group: str | None = None, channels: Sequence[str] | None = None, resample: float | str | None = None
+    ) -> "pandas.DataFrame":
         """A group as a table against time [s], or sample where there is no time; of ``channels`` alone if given.
 
         Columns are the channels by name as written; units are in ``.attrs["units"]``. Without a ``group``, the tables
         of several groups stand below each other, ``table.loc["daq"]`` one of them, each on its own logger's clock; a
         channel that a group does not have is NaN there. Raises StoreError where one name has several channels or units.
+
+        With ``resample``, a rate [Hz, or a text such as ``1 kHz``], all groups are one table on one clock; ``.attrs``
+        states how they were resampled.
         """
         import pandas
 
+        if resample is not None:
+            of_all = import_module("testbench.runs.joined_channels")  # higher up: it knows the clocks' alignments
+            joined: pandas.DataFrame = of_all.joined(self, resample, channels)
+            return joined
         if group is None and len(self.groups) > 1 and channels is None:
             each = {one.name: self.to_pandas(one.name) for one in self.groups}
             units: dict[str, str | None] = {}
@@ -276,7 +296,12 @@ class Run:
 
 
 def open_run(path: str | Path) -> Run:
-    """Open a stored run; its data are read when asked for."""
+    """Open a stored run; its data are read when asked for. Raises StoreError for a file that is none.
+
+    >>> import testbench
+    >>> testbench.open_run("campaign/r001.h5").conditions["payload_kg"]
+    3.4116
+    """
     path = Path(path)
     with safe_hdf5.open_for_reading(path) as file:
         known = layout.read_description(file)

@@ -21,7 +21,7 @@ from balance.estimation.first_moment_imbalance import (
 from balance.estimation.identifiability import NotIdentifiable
 from balance.estimation.uncertainty_budget import Budget, Contribution
 from balance.mechanism.mechanism import Mechanism
-from balance.results import Key, plain
+from balance.results import Key, Shown, plain
 
 from ..kinematics.gaps import GAP_FINDING
 from ..recording import Finding, Origin
@@ -54,8 +54,14 @@ _MEASURED: dict[Source, str] = {
 
 
 @dataclass(frozen=True)
-class Trim:
-    """What runs say of a mechanism as it was mounted."""
+class Trim(Shown, rows="missing", figure="testbench.trimming.figure:draw"):
+    """What runs say of a mechanism as it was mounted.
+
+    >>> import testbench
+    >>> found = testbench.trim("parallelogram-6bar", "campaign/r002.h5", by=["wrench"])
+    >>> [one.site for one in found.missing if one.is_significant]
+    ['counter_A0A', 'counter_B0B']
+    """
 
     conditions: Conditions
     mechanism: Mechanism

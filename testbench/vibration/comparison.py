@@ -15,7 +15,7 @@ from balance.errors import CounterpoiseError
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism
 from balance.motion.motion_files import motion_from_texts
-from balance.results import INLINE, Key
+from balance.results import INLINE, Key, Shown
 
 from ..errors import AnalysisError
 from ..kinematics.encoder_motion import mechanism_of
@@ -119,8 +119,13 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """All rows of a campaign, and findings about what could not be compared or is doubtful."""
+class Comparison(Shown, rows="rows", figure="testbench.figures.reductions:reductions"):
+    """All rows of a campaign, and findings about what could not be compared or is doubtful.
+
+    >>> import testbench
+    >>> [row.analyzed.axis for row in testbench.compare("campaign").rows]
+    ['x', 'y', 'z']
+    """
 
     rows: Annotated[tuple[Row, ...], Key()]
     origins: Annotated[dict[str, int], Key("runs_by_origin")]

@@ -38,6 +38,10 @@ class Measure:
     """How an amplitude is taken: what is slow is removed, then the band cut out, then the metric read.
 
     Slow is a straight line (offset and ramp) where the band has a lower end, else the mean over the record.
+
+    >>> import testbench
+    >>> testbench.Measure("rms", testbench.Band(1.0, 100.0)).metric
+    'rms'
     """
 
     metric: Annotated[Metric, Key()] = DEFAULT_METRIC

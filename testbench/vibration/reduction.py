@@ -7,12 +7,14 @@ and from what the repeats differ by beyond that noise.
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
 from balance.estimation.estimate import LEVEL
-from balance.results import INLINE, Key
+from balance.results import INLINE, Key, Shown
 from balance.task_pool import HERE, TaskPool
 
 from ..cross_examination import Examination, examine
@@ -54,7 +56,13 @@ def _both(values: tuple[float | None, float | None]) -> str:
 
 @dataclass(frozen=True)
 class Reduction:
-    """By how many per cent an amplitude is smaller with counter-masses than without."""
+    """By how many per cent an amplitude is smaller with counter-masses than without.
+
+    >>> import testbench
+    >>> reduction = testbench.analyze("campaign").reductions[0]
+    >>> reduction.interval[0] < reduction.percent < reduction.interval[1]
+    True
+    """
 
     key: Annotated[ConditionKey, INLINE]
     counter_masses: Annotated[dict[str, float], Key("counter_masses_kg", "counter-masses kg", _masses)]
@@ -131,8 +139,14 @@ class Reduction:
 
 
 @dataclass(frozen=True)
-class Analysis:
-    """All reductions of a campaign, and findings about what could not be analysed or is doubtful."""
+class Analysis(Shown, rows="reductions", figure="testbench.figures.reductions:reductions"):
+    """All reductions of a campaign, and findings about what could not be analysed or is doubtful.
+
+    >>> import testbench
+    >>> analysis = testbench.analyze("campaign")
+    >>> analysis.origins
+    {'simulated': 2}
+    """
 
     pairs: tuple[Pair, ...]
     reductions: Annotated[tuple[Reduction, ...], Key()]
@@ -140,6 +154,16 @@ class Analysis:
     measure: Measure
     examination: Examination | None = field(default=None, repr=False, compare=False)
     """What its sensors and runs state of each other."""
+
+    def report(self, path: "str | Path") -> Path:
+        """Write the report of the campaign, one HTML page, with this measure; gives its path."""
+        written: Path = import_module("testbench.report").html_report(
+            self.pairs[0].runs[0].path.parent,
+            path,
+            self.measure,
+            accept=self.examination.accepted if self.examination else (),
+        )
+        return written
 
     @property
     def definition(self) -> Annotated[str, Key()]:
@@ -177,7 +201,7 @@ def analyze(
     that it spoils, unless its code is among those to ``accept``. ``mechanism`` takes the place of the rig's.
     To examine a run is a task of the ``pool``.
     """
-    runs = list(runs)
+    runs, accept = list(runs), tuple(accept)
     examination = examine(runs, accept, mechanism, pool)
     found, findings = pairs(run for run in runs if run.name not in examination.copied)
     findings += examination.findings

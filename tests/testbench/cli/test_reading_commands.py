@@ -31,7 +31,7 @@ def test_info_as_json(command, log):
     code, out, err = command("info", log, "--stats", "--json")
     assert (code, err) == (0, "")
     document = json.loads(out)
-    assert list(document) == ["format", "groups", "findings"]
+    assert list(document) == ["schema_version", "format", "groups", "findings"]
     (group,) = document["groups"]
     assert list(group) == ["name", "samples", "rate_hz", "rate_source", "start_time", "clock", "channels"]
     assert list(group["clock"]) == ["t_first_s", "t_last_s", "dt_min_s", "dt_median_s", "dt_max_s", "non_increasing"]

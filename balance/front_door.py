@@ -1,0 +1,330 @@
+"""What ``import balance`` offers: each function takes names, files or objects, and quantities as texts with units.
+
+The commands call the same functions. A mechanism is a ``Mechanism``, a shipped name or a file; a motion likewise.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from .balancing import Sizing, sizing_of_given
+from .balancing.closed_forms import compare_conditions
+from .balancing.conditions import Conditions, balance_conditions
+from .balancing.methods import Methods, MethodSettings, compare_methods
+from .balancing.objective import workspace_objective
+from .balancing.sizing_study import SizingStudy, study_sizing
+from .balancing.sweep import Designs, Problem, Sweep, Variable
+from .balancing.tolerance import Tolerance, ToleranceAnalysis, analyze_tolerances
+from .balancing.tradeoff import Front, tradeoff_front
+from .closure import Closure, Trajectory
+from .closure.assembly import Configuration
+from .datasets import dataset_names
+from .drives.drive_files import load_drive
+from .drives.harmonic_balance import SteadyRotation, steady_rotations
+from .dynamics import inverse_dynamics
+from .dynamics.inverse_dynamics import Response
+from .engines.engine_files import load_engine
+from .engines.free_forces import FreeForces, free_forces
+from .errors import DataError
+from .linkages.equivalence_method import LinkageBalance, balance_linkage
+from .linkages.linkage_files import load_linkage
+from .mechanism.mechanism import Mechanism
+from .mechanism.mjcf_parser import load_mechanism
+from .motion import DEFAULT_RATE_HZ, Motion
+from .motion.motion_files import load_motion as read_motion
+from .rotors.correction_planes import Correction, correct_planes
+from .rotors.rotor_files import load_rotor
+from .task_pool import HERE
+from .units import si
+
+FOLDERS = {
+    "mechanisms": ".xml", "motions": ".toml", "stock": ".csv", "rigs": ".toml", "plans": ".toml", "drives": ".toml",
+    "engines": ".toml", "linkages": ".toml", "rotors": ".toml", "springs": ".toml",
+}  # fmt: skip
+
+
+def shipped(kind: str) -> list[str]:
+    """Names of what is shipped, of a ``kind``: mechanisms, motions, stock, rigs, plans, drives, engines, linkages ...
+
+    >>> import balance
+    >>> "four-bar" in balance.shipped("mechanisms")
+    True
+    """
+    if kind not in FOLDERS:
+        raise DataError(f"{kind!r} is nothing that is shipped: expected one of {', '.join(FOLDERS)}")
+    return dataset_names(kind, FOLDERS[kind])
+
+
+def load(name: str | Path) -> Mechanism:
+    """A mechanism: a shipped name or a file in MJCF, URDF or SDF, whose loops MuJoCo's ``connect`` and ``weld`` close.
+
+    Raises DataError for a name that is neither, ModelError for a file that cannot be understood.
+
+    >>> import balance
+    >>> mechanism = balance.load("parallelogram-6bar").with_payload(platform="5 kg")
+    >>> round(mechanism.total_mass, 4)
+    8.271
+    """
+    return load_mechanism(name)
+
+
+def load_motion(name: str | Path) -> Motion:
+    """A motion: a shipped name or a TOML file, with way-points or samples.
+
+    >>> import balance
+    >>> round(balance.load_motion("x").duration, 3)
+    0.891
+    """
+    return read_motion(name)
+
+
+def _mechanism(mechanism: Mechanism | str | Path) -> Mechanism:
+    return mechanism if isinstance(mechanism, Mechanism) else load_mechanism(mechanism)
+
+
+def _masses(masses: Mapping[str, float | str] | None) -> dict[str, float]:
+    return {name: si(value, "mass") for name, value in (masses or {}).items()}
+
+
+def follow(
+    mechanism: Mechanism | str | Path, motion: Motion | str | Path, rate: float | str = DEFAULT_RATE_HZ
+) -> Trajectory:
+    """Positions, velocities and accelerations of all joints along a motion, its loops closed at each sample.
+
+    ``rate`` of sampling [Hz]. Raises ClosureError where the mechanism cannot go there, or is singular.
+
+    >>> import balance
+    >>> balance.follow("four-bar", "four-bar", rate="1 kHz").residual < 1e-9
+    True
+    """
+    described = motion if isinstance(motion, Motion) else read_motion(motion)
+    return Closure(_mechanism(mechanism)).follow(described.sample(si(rate, "frequency")))
+
+
+def assemble(mechanism: Mechanism | str | Path) -> list[Configuration]:
+    """The closed configurations of a mechanism: the ways in which its loops can be put together, home first.
+
+    >>> import balance
+    >>> [one.branch for one in balance.assemble("four-bar")]
+    ['A', 'B']
+    """
+    return Closure(_mechanism(mechanism), search=True).configurations()
+
+
+def conditions(mechanism: Mechanism | str | Path, momentum: str = "linear") -> Conditions:
+    """The balance conditions of a mechanism: linear equations in its inertial parameters, found from its model.
+
+    ``momentum`` that is to stay zero: ``linear``, ``planar`` (with the angular one about z) or ``all``. They are the
+    row space of the momentum regressor over closed states, in reduced row echelon form (what Berkof and
+    Lowen 1969 find in symbols). A notebook shows them as mathematics.
+
+    >>> import balance
+    >>> print(balance.conditions("four-bar").text(0))
+    mcx[A0A] + crank m[AB] + crank/rocker mcx[B0B] = 0
+    """
+    return balance_conditions(_mechanism(mechanism), momentum)
+
+
+def size(
+    mechanism: Mechanism | str | Path,
+    motion: str | None = None,
+    stock: str | None = None,
+    *,
+    sites: Sequence[str] = (),
+    limits: Mapping[str, float | str] | None = None,
+    equal: Sequence[Sequence[str]] = (),
+    objective: Mapping[str, float] | None = None,
+    rig: str | None = None,
+    best: int = 1,
+) -> SizingStudy:
+    """Counter-masses that balance a mechanism, or leave the least shaking force: of any mass, or from stock plates.
+
+    ``motion``: a shipped name or file, over which the force is made small; without one, over the workspace. ``stock``:
+    plates, a shipped name or a CSV file. ``sites``: where masses may be mounted [default: those named counter...].
+    ``limits``: largest mass by site, ``{"counter_A0A": "5 kg"}``. ``equal``: groups of sites of equal masses.
+    ``objective``: weights of force, moment, torque, and vibration with a ``rig``. ``best``: sets from stock to give.
+    Least squares within bounds, from plates by mixed-integer search with a proven bound.
+
+    >>> import balance
+    >>> mechanism = balance.load("parallelogram-6bar").with_payload(platform="5 kg")
+    >>> sizing = balance.size(mechanism, stock="kiper2019")
+    >>> sizing.table()[["site", "mass_kg"]].round(4).values.tolist()
+    [['counter_A0A', 24.2626], ['counter_B0B', 24.2626]]
+    """
+    model = _mechanism(mechanism)
+    trajectory = follow(model, motion) if motion else None
+    return study_sizing(
+        model, trajectory, motion=motion, sites=sites, stock=stock, limits=_masses(limits), equal=equal, best=best,
+        weights=objective, rig=rig,
+    )  # fmt: skip
+
+
+def check(mechanism: Mechanism | str | Path, counter_masses: Mapping[str, float | str]) -> Sizing:
+    """What given counter-masses, by site, leave unbalanced over the workspace.
+
+    >>> import balance
+    >>> found = balance.check("four-bar", {"counter_A0A": "1 kg", "counter_B0B": "1.37 kg"})
+    >>> round(found.remaining_percent(), 1)
+    4.5
+    """
+    model = _mechanism(mechanism)
+    return sizing_of_given(
+        balance_conditions(model), model, _masses(counter_masses), objective=workspace_objective(model)
+    )
+
+
+def simulate(
+    mechanism: Mechanism | str | Path, motion: Motion | str | Path, rate: float | str = DEFAULT_RATE_HZ
+) -> Response:
+    """Shaking force (n, 3) [N], shaking moment (n, 3) [N m] and drive torques (n,) [N m, N] along a motion.
+
+    What the mechanism exerts on its base, weight excluded: F = -d(linear momentum)/dt, M = -d(angular momentum)/dt
+    about the base frame's origin. ``rate`` of sampling [Hz].
+
+    >>> import balance
+    >>> response = balance.simulate("four-bar", "four-bar", rate="1 kHz")
+    >>> round(response.rms()["Fx_N"], 2)
+    9.07
+    """
+    model = _mechanism(mechanism)
+    return inverse_dynamics.simulate(model, follow(model, motion, rate))
+
+
+def tradeoff(
+    mechanism: Mechanism | str | Path,
+    motion: str,
+    sites: Sequence[str] = (),
+    limits: Mapping[str, float | str] | None = None,
+    points: int = 300,
+) -> Front:
+    """What less shaking force costs in shaking moment, drive torque and added mass, over a motion.
+
+    At most about ``points`` points; ``limits`` by site. Weighted sums on an even lattice (Das, Dennis 1998).
+
+    >>> import balance
+    >>> front = balance.tradeoff("four-bar", "four-bar", points=10)
+    >>> front.points[0].force < 1e-9 < front.points[-1].force
+    True
+    """
+    model = _mechanism(mechanism)
+    return Front(model.name, motion, tradeoff_front(model, follow(model, motion), sites, _masses(limits), points))
+
+
+def _part(name: str) -> tuple[str, str, str]:
+    """Name, part and dimension of ``counter_A0A.mass`` or ``A.x``."""
+    owner, _, part = name.rpartition(".")
+    if not owner or part not in {"mass", "x", "y", "z"}:
+        raise DataError(f"{name!r}: expected the mass or a coordinate of a site or body: NAME.mass, NAME.x, .y or .z")
+    return owner, part, "mass" if part == "mass" else "length"
+
+
+def tolerance(
+    mechanism: Mechanism | str | Path,
+    motion: str,
+    tolerances: Mapping[str, float | str],
+    counter_masses: Mapping[str, float | str] | None = None,
+    draws: int = 20_000,
+    seed: int = 1,
+) -> ToleranceAnalysis:
+    """Shaking force that mechanisms made within tolerances keep; errors are drawn evenly within them (JCGM 101).
+
+    >>> import balance
+    >>> found = balance.tolerance("four-bar", "four-bar", {"counter_A0A.mass": "20 g"}, {"counter_A0A": "1.07 kg"})
+    >>> found.percentiles["95"] > found.nominal
+    True
+    """
+    given = [Tolerance(*_part(name)[:2], si(value, _part(name)[2])) for name, value in tolerances.items()]
+    problem = _problem(mechanism, motion, counter_masses)
+    return analyze_tolerances(problem, given, draws, seed)
+
+
+def _problem(
+    mechanism: Mechanism | str | Path, motion: str, counter_masses: Mapping[str, float | str] | None
+) -> Problem:
+    return Problem(_mechanism(mechanism), read_motion(motion).sample(DEFAULT_RATE_HZ), _masses(counter_masses))
+
+
+def sweep(
+    mechanism: Mechanism | str | Path,
+    motion: str,
+    vary: Mapping[str, Sequence[float | str]],
+    counter_masses: Mapping[str, float | str] | None = None,
+) -> Designs:
+    """Shaking force, moment and torque of all combinations of masses and places, on one motion.
+
+    ``vary``: values of ``SITE.mass``, ``BODY.mass``, ``SITE.x`` and the like.
+
+    >>> import balance
+    >>> found = balance.sweep("four-bar", "four-bar", {"counter_A0A.mass": ["0 kg", "1 kg", "2 kg"]})
+    >>> found.table()["counter_A0A_mass_kg"].tolist()
+    [1.0, 2.0, 0.0]
+    """
+    variables = [
+        Variable(*_part(name)[:2], np.array([si(value, _part(name)[2]) for value in values]))
+        for name, values in vary.items()
+    ]
+    parts = [columns for _, columns in Sweep(_problem(mechanism, motion, counter_masses), tuple(variables)).run(HERE)]
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    return Designs(columns, tuple(variable.column for variable in variables))
+
+
+def methods(mechanism: Mechanism | str | Path, motion: str, settings: MethodSettings | None = None) -> Methods:
+    """The named methods of balancing a mechanism side by side: residual, cost and needs of each.
+
+    Springs, counter-masses, counter-inertias, mirror images, active masses; published conditions beside derived ones.
+
+    >>> import balance
+    >>> balance.methods("serial-1r", "serial-1r").table()["method"].tolist()[:2]
+    ['as it is', 'springs']
+    """
+    model = _mechanism(mechanism)
+    outcomes = compare_methods(model, follow(model, motion), settings)
+    return Methods(model, motion, tuple(outcomes), tuple(compare_conditions(balance_conditions(model))))
+
+
+def linkage(name: str | Path) -> LinkageBalance:
+    """A planar linkage balanced completely: counter-masses for the force, gears for the moment.
+
+    A shipped name or a TOML file; the method of equivalence, body by body from the leaves of its reduction tree.
+
+    >>> import balance
+    >>> balance.linkage("dwell").residual() < 1e-12
+    True
+    """
+    return balance_linkage(load_linkage(name))
+
+
+def rotor(name: str | Path) -> Correction:
+    """The corrections in its planes that balance a rigid rotor with stated unbalances (ISO 21940).
+
+    >>> import balance
+    >>> balance.rotor("three-masses").residual() < 1e-12
+    True
+    """
+    described = load_rotor(name)
+    return correct_planes(described.unbalances, described.planes)
+
+
+def engine(name: str | Path, orders: int = 8) -> list[FreeForces]:
+    """Free forces and moments of an engine by order of its speed, per omega^2 [kg m, kg m2], about its middle.
+
+    >>> import balance
+    >>> [one.force.order for one in balance.engine("in-line-4", orders=4) if one.force.largest > 1e-9]
+    [2, 4]
+    """
+    return free_forces(load_engine(name), orders)
+
+
+def drive(name: str | Path) -> list[SteadyRotation]:
+    """Steady rotations of a motor-driven machine of one degree of freedom, by harmonic balance.
+
+    >>> import balance
+    >>> rotation = balance.drive("four-bar-dc")[0]
+    >>> 0.0 < rotation.fluctuation() < 1.0
+    True
+    """
+    described = load_drive(name)
+    return [
+        rotation for machine in described.machines(described.load_mechanism()) for rotation in steady_rotations(machine)
+    ]

@@ -1,0 +1,257 @@
+"""What ``import testbench`` offers: each function takes names, files or objects, and quantities as texts with units.
+
+The commands call the same functions. A campaign is a ``Campaign`` or its folder; runs are ``Run`` objects or files.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from balance.balancing.stock_plates import load_stock
+from balance.mechanism.mechanism import Mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
+from balance.task_pool import HERE, TaskPool
+
+from . import campaign_plan, rig
+from .campaign_plan import Plan
+from .cross_examination import Examination, examine
+from .identification import Identification
+from .identification import identify as identified
+from .identification.records import assemble
+from .ingestion import Ingest, Outcome
+from .ingestion.log_sources import SiblingLogs, own_files
+from .ingestion.run_table import plan_runs
+from .kinematics.encoder_motion import loaded_mechanism, mechanism_of
+from .published_tables import load_published
+from .readers import ReadOptions, open_recording, readers
+from .recording import Recording
+from .rig import Rig
+from .runs.aligned_run import AlignedRun, recorded_clocks
+from .runs.si_run import SIRun
+from .signal import Metric
+from .signal.filters import Band
+from .simulator.campaign import simulate_campaign
+from .store import Campaign, Run, open_campaign, open_run
+from .synchronization.run_alignment import RunClocks, align_run
+from .trimming import Source, Trim, trim_runs
+from .vibration.comparison import Comparison, compare_campaign
+from .vibration.metrics import VIBRATION_BAND, Measure
+from .vibration.reduction import Analysis
+from .vibration.reduction import analyze as analyze_runs
+
+Runs = Campaign | Run | str | Path
+"""What a function takes for runs: a campaign, one run, or the path of either."""
+
+
+def runs_of(*given: Runs) -> list[Run]:
+    """The runs that are meant. Raises StoreError for one that cannot be opened."""
+    found: list[Run] = []
+    for one in given:
+        opened = one if isinstance(one, Campaign | Run) else open_campaign(one) if Path(one).is_dir() else open_run(one)
+        found += [opened] if isinstance(opened, Run) else opened.runs
+    return found
+
+
+def load_rig(name: str | Path) -> Rig:
+    """A rig, what is measured where: a shipped name or a TOML file.
+
+    >>> import testbench
+    >>> sorted(testbench.load_rig("parallelogram-6bar").loggers)
+    ['controller', 'daq', 'forces']
+    """
+    return rig.load_rig(name)
+
+
+def load_plan(name: str | Path) -> Plan:
+    """A plan of runs: a shipped name or a TOML file.
+
+    >>> import testbench
+    >>> len(testbench.load_plan("kiper2019").runs())
+    52
+    """
+    return campaign_plan.load_plan(name)
+
+
+def formats() -> dict[str, str]:
+    """The formats of logs that can be read, and what each needs installed.
+
+    >>> import testbench
+    >>> testbench.formats()["CSV"]
+    ''
+    """
+    return {reader.name: reader.needs or "" for reader in readers()}
+
+
+def read(log: str | Path, options: ReadOptions | None = None) -> Recording:
+    """A logger's file as it is: groups of channels with units, clock and findings; values are read when asked for.
+
+    >>> import testbench
+    >>> [channel.label for channel in testbench.read("log.csv").groups[0].channels]
+    ['t', 'a']
+    """
+    return open_recording(log, options)
+
+
+def ingest(
+    logs: Iterable[str | Path],
+    to: str | Path,
+    rig: Rig | str | Path | None = None,
+    runs: str | Path | None = None,
+    accept: Iterable[str] = (),
+    options: ReadOptions | None = None,
+) -> list[Outcome]:
+    """Store logs in the campaign folder ``to``, one HDF5 file a run; an outcome for each log.
+
+    ``runs``: the run table, a CSV file with the conditions of each run. ``accept``: codes of findings in spite of which
+    a log is stored. What is refused is an outcome with its reason, not an exception; the others are stored.
+
+    >>> import testbench
+    >>> [one.status for one in testbench.ingest(["log.csv"], to="new-campaign")]
+    ['stored']
+    """
+    files, folder, described = [Path(log) for log in logs], Path(to), _rig(rig)
+    files = [file for file in files if file not in own_files(files, folder)]
+    others = SiblingLogs(files if runs is None else (), options or ReadOptions())
+    work = Ingest(folder, described, options, frozenset(accept), sibling_log=others.holding)
+    return [outcome for run in plan_runs(files, None if runs is None else Path(runs)) for outcome in work.run(run)]
+
+
+def _rig(rig: Rig | str | Path | None) -> Rig | None:
+    return rig if rig is None or isinstance(rig, Rig) else load_rig(rig)
+
+
+def simulate(plan: Plan | str | Path, rig: Rig | str | Path, to: str | Path, seed: int | None = None) -> list[Path]:
+    """Write the logs that a test bench would write into a new folder ``to``, marked as simulated; gives their paths.
+
+    >>> import testbench
+    >>> logs = testbench.simulate("one-run.toml", "parallelogram-6bar", "new-logs")
+    >>> len(logs)
+    3
+    """
+    planned, bench = plan if isinstance(plan, Plan) else load_plan(plan), _rig(rig)
+    assert bench is not None
+    return simulate_campaign(planned if seed is None else planned.model_copy(update={"seed": seed}), bench, Path(to))
+
+
+def analyze(
+    campaign: Runs,
+    metric: Metric = "peak_to_peak",
+    band: Band | None = VIBRATION_BAND,
+    accept: Sequence[str] = (),
+    mechanism: Mechanism | str | None = None,
+    pool: TaskPool = HERE,
+) -> Analysis:
+    """By how many per cent counter-masses reduce the base's vibration, by condition, sensor and axis, with intervals.
+
+    ``metric``: ``peak``, ``peak_to_peak`` or ``rms`` of the acceleration [m/s2] in ``band`` [Hz]. ``accept``: codes of
+    contradictions that a person accepts. Intervals of 95 % by propagation of distributions (JCGM 101), near the noise
+    those of Feldman and Cousins. Raises AnalysisError where no two runs can be compared.
+
+    >>> import testbench
+    >>> result = testbench.analyze("campaign")
+    >>> result.table()[["axis", "reduction_percent"]].shape
+    (3, 2)
+    """
+    return analyze_runs(runs_of(campaign), Measure(metric, band), accept, _mechanism(mechanism), pool)
+
+
+def _mechanism(mechanism: Mechanism | str | None) -> Mechanism | None:
+    return load_mechanism(mechanism) if isinstance(mechanism, str) else mechanism
+
+
+def compare(
+    campaign: Runs,
+    published: str | None = None,
+    metric: Metric = "peak_to_peak",
+    band: Band | None = VIBRATION_BAND,
+    accept: Sequence[str] = (),
+    mechanism: str | None = None,
+) -> Comparison:
+    """The same reductions from logs, simulated anew, and as ``published``: a shipped table or a file.
+
+    >>> import testbench
+    >>> testbench.compare("campaign").table()["simulated_percent"].notna().all()
+    np.True_
+    """
+    table = load_published(published) if published else None
+    return compare_campaign(runs_of(campaign), table, Measure(metric, band), mechanism, accept)
+
+
+def doctor(
+    campaign: Runs, accept: Sequence[str] = (), mechanism: Mechanism | str | None = None, pool: TaskPool = HERE
+) -> Examination:
+    """What the sensors of a campaign contradict in the run table, the rig or other runs.
+
+    >>> import testbench
+    >>> testbench.doctor("campaign").contradictions
+    ()
+    """
+    return examine(runs_of(campaign), accept, _mechanism(mechanism), pool)
+
+
+def identify(
+    mechanism: Mechanism | str,
+    *runs: Runs,
+    by: str | None = None,
+    method: str | None = None,
+    rig: Rig | str | Path | None = None,
+    accept: Sequence[str] = (),
+) -> Identification:
+    """Inertial parameters and friction of a mechanism from the positions, torques and forces of runs.
+
+    ``by``: ``torque``, ``wrench`` or ``both``; ``method``: ``ls``, ``iv`` or ``oe``. Intervals by a delete-block
+    jackknife, widened to contain the answers of other choices.
+
+    >>> import testbench
+    >>> testbench.identify("parallelogram-6bar", "campaign/r002.h5", by="wrench").table()["unit"][0]
+    'kg m'
+    """
+    model, described = _mechanism(mechanism), _rig(rig)
+    assert model is not None
+    bound = [AlignedRun(SIRun.of(run, described), model) for run in runs_of(*runs)]
+    taken = assemble(bound, by, accept)
+    found = identified(taken.records, taken.mechanism, method)
+    examination = examine([run.run for run in bound], accept, model)
+    return replace(found, contradictions=examination.open_findings)
+
+
+def trim(
+    mechanism: Mechanism | str,
+    *runs: Runs,
+    sites: Sequence[str] = (),
+    stock: str | Path | None = None,
+    by: Sequence[Source] = (),
+    cutoff_hz: float | None = None,
+    rig: Rig | str | Path | None = None,
+    accept: Sequence[str] = (),
+) -> Trim:
+    """What first moment [kg m] is missing at which site of a mechanism as built, and which mass to add there.
+
+    ``by``: ``wrench``, ``torque``, ``vibration``, ``trials`` [default: what the rig has], weighted by their inverse
+    covariances.
+
+    >>> import testbench
+    >>> testbench.trim("parallelogram-6bar", "campaign/r002.h5", by=["wrench"]).table()["site"].tolist()
+    ['counter_A0A', 'counter_B0B']
+    """
+    model, described = _mechanism(mechanism), _rig(rig)
+    assert model is not None
+    bound = [SIRun.of(run, described) for run in runs_of(*runs)]
+    aligned = [AlignedRun(run, model, recorded_clocks(run)) for run in bound]
+    found = trim_runs(aligned, sites, load_stock(stock) if stock else [], by or None, cutoff_hz)
+    examination = examine(bound, accept, model)
+    return replace(found, findings=(*found.findings, *examination.open_findings))
+
+
+def align(run: Run | str | Path, reference: str | None = None, drift: bool = True) -> RunClocks:
+    """The clocks of a run's loggers: offset [s] and drift against that of the encoders or ``reference``.
+
+    Nothing is stored; ``testbench align`` adds the result to the campaign as a record.
+
+    >>> import testbench
+    >>> sorted(testbench.align("campaign/r002.h5").aligned)
+    ['r002_daq', 'r002_forces']
+    """
+    (opened,) = runs_of(run)
+    bound = SIRun.of(opened)
+    return align_run(bound, lambda: loaded_mechanism(bound, mechanism_of(bound, None)), reference, drift)

@@ -1,0 +1,97 @@
+"""The channels of several loggers in one table: on one clock, at one rate."""
+
+import json
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from balance.arrays import Floats
+from balance.units import si
+
+from ..errors import AnalysisError, CounterpoiseError
+from ..synchronization.clock_map import ClockMap
+from .aligned_run import recorded_clocks
+from .si_run import SIRun
+
+if TYPE_CHECKING:
+    import pandas
+
+    from ..store.run import Run, StoredGroup
+
+_PASSED = 0.4
+"""Share of the new rate up to which frequencies are kept where that rate is below a logger's own."""
+_GAP = 2.5
+"""Steps between samples from which nothing is interpolated between them."""
+
+
+def joined(run: "Run", rate: float | str, channels: Sequence[str] | None = None) -> "pandas.DataFrame":
+    """All groups with a time, or these ``channels``, over the time that all of them recorded, at ``rate`` [Hz].
+
+    Clocks are mapped by the newest recorded alignment where there is one. Values are interpolated between two samples;
+    faster loggers are low-passed first, without phase. In gaps there is no value. ``attrs`` has what was done.
+    """
+    import pandas
+
+    hertz = si(rate, "frequency")
+    groups = [group for group in run.groups if group.has_time]
+    if not groups or not hertz > 0.0:
+        raise AnalysisError(
+            f"{run.name}: resampling to {hertz:g} Hz: expected a positive rate, and a group with a time"
+        )
+    clocks = _clocks(run)
+    times = {
+        g.name: clocks[g.name].to_reference(t) if g.name in clocks else t for g in groups if len(t := run.time(g.name))
+    }
+    first, last = max(t[0] for t in times.values()), min(t[-1] for t in times.values())
+    if not last > first:
+        raise AnalysisError(
+            f"{run.name}: its loggers recorded at no time together: align their clocks (testbench align)"
+        )
+    grid = first + np.arange(int((last - first) * hertz) + 1) / hertz
+    found: dict[str, Floats] = {}
+    units: dict[str, str | None] = {}
+    for group in groups:
+        for index in group.measured if group.name in times else ():
+            name = group.channels[index].name
+            if channels is not None and name not in channels:
+                continue
+            label = name if name not in found else f"{group.name}: {name}"
+            found[label] = _resampled(run, group, index, times[group.name], grid, hertz)
+            units[label] = group.channels[index].unit
+    frame = pandas.DataFrame(found, index=pandas.Index(grid, name="time (s)"))
+    how = "recorded alignments" if clocks else "as recorded, not aligned" if len(times) > 1 else "as recorded"
+    frame.attrs.update({
+        "run": run.name, "origin": run.origin, "units": units, "resampled_to_hz": hertz, "clocks": how,
+        "interpolation": f"linear; below a logger's own rate low-passed at {_PASSED * hertz:g} Hz first",
+    })  # fmt: skip
+    if (applied := run.provenance.get("calibrations")) is not None:
+        frame.attrs["calibrations"] = json.dumps(applied, ensure_ascii=False)
+    return frame
+
+
+def _clocks(run: "Run") -> dict[str, ClockMap]:
+    """The recorded maps of a run's clocks; none where it has no rig or was never aligned."""
+    try:
+        return recorded_clocks(SIRun.of(run)) if run.rig is not None else {}
+    except CounterpoiseError:
+        return {}
+
+
+def _resampled(run: "Run", group: "StoredGroup", index: int, time: Floats, grid: Floats, rate: float) -> Floats:
+    """A channel at the instants ``grid`` (n,) [s], (n,) [its unit]."""
+    values = np.asarray(run.channel_at(group.name, index), dtype=np.float64)
+    own = group.rate_hz
+    if own is not None and own > rate:
+        from scipy.signal import butter, sosfiltfilt
+
+        if not np.isfinite(values).all():
+            raise AnalysisError(
+                f"{run.name}: channel {group.channels[index].name!r} holds samples that are no number: resample to at "
+                f"least its own rate, {own:g} Hz"
+            )
+        values = np.asarray(sosfiltfilt(butter(8, _PASSED * rate, fs=own, output="sos"), values))
+    after = np.clip(np.searchsorted(time, grid), 1, len(time) - 1)
+    step = _GAP * float(np.median(np.diff(time)))
+    inside = (time[after] - time[after - 1] <= step) | (time[after] == grid) | (time[after - 1] == grid)
+    return np.where(inside, np.interp(grid, time, values), np.nan)

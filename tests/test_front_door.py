@@ -1,0 +1,111 @@
+"""What `import balance` and `import testbench` offer: names, examples that run, a guard against other distributions."""
+
+import doctest
+import os
+import shutil
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from .testbench.conftest import conditions
+
+pytest_plugins = ["tests.testbench.conftest"]
+ROOT = Path(__file__).parents[1]
+PLAN = conditions((3.4116, 17.1105, ("x",)), (3.4116, 0.0, ("x",)))
+
+
+@pytest.fixture(scope="module")
+def folder(request, tmp_path_factory):
+    """The files that the examples of testbench name."""
+    folder = tmp_path_factory.mktemp("examples")
+    shutil.copytree(request.getfixturevalue("shared")(PLAN).campaign, folder / "campaign")
+    (folder / "log.csv").write_text("t (s),a (m/s^2)\n0.0,0.5\n0.1,0.25\n0.2,0.75\n", encoding="utf-8")
+    (folder / "one-run.toml").write_text(conditions((5.0, 0.0, ("x",))), encoding="utf-8")
+    return folder
+
+
+COMPUTED = {}
+"""What the front door's long computations gave, by name and arguments: examples share them."""
+
+
+@pytest.fixture
+def laboratory(folder, monkeypatch):
+    """The folder where the examples run, each computation once."""
+    for name in ("analyze_runs", "compare_campaign", "examine", "identified", "trim_runs"):
+        whole = getattr(import_module("testbench.front_door"), name)
+
+        def once(*given, name=name, whole=whole, **named):
+            key = f"{name} {given} {named}"
+            if key not in COMPUTED:
+                COMPUTED[key] = whole(*given, **named)
+            return COMPUTED[key]
+
+        monkeypatch.setattr(f"testbench.front_door.{name}", once)
+    monkeypatch.chdir(folder)
+
+
+def examples(package):
+    """The docstrings of a package and of all its public names."""
+    return [package, *(f"{package}.{name}" for name in import_module(package).__all__)]
+
+
+def run_example(name):
+    """Run the example in the docstring of a name; how many lines failed, of how many."""
+    package, _, public = name.partition(".")
+    thing = import_module(package)
+    text = (getattr(thing, public) if public else thing).__doc__ or ""
+    test = doctest.DocTestParser().get_doctest(text, {}, name, None, None)
+    return doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(test)
+
+
+@pytest.mark.parametrize("name", examples("balance"))
+def test_examples_of_balance_run(name):
+    """Every public name has an example, and it gives what it says."""
+    found = run_example(name)
+    assert found.attempted > 0
+    assert found.failed == 0
+
+
+@pytest.mark.parametrize("name", examples("testbench"))
+def test_examples_of_testbench_run(name, laboratory):
+    """Every public name has an example, and it gives what it says."""
+    found = run_example(name)
+    assert found.attempted > 0
+    assert found.failed == 0
+
+
+@pytest.mark.parametrize("package", ["balance", "testbench"])
+def test_names_are_shown_and_imported_late(package):
+    """dir() has them; the import alone brings no library; an unknown name is an AttributeError; types are marked."""
+    code = f"import {package} as p, sys; print(len(p.__all__), set(p.__all__) <= set(dir(p)), 'numpy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    number, shown, heavy = done.stdout.split()
+    assert (shown, heavy) == ("True", "False")
+    assert 25 <= int(number) <= 35
+    with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
+        _ = import_module(package).nothing
+    assert (ROOT / package / "py.typed").exists()
+    assert import_module(package).__version__
+
+
+def imported(folder, package):
+    """The error of importing a package with `folder` first on the path."""
+    environment = {**os.environ, "PYTHONPATH": str(folder)}
+    words = [sys.executable, "-c", f"import {package}"]
+    return subprocess.run(words, env=environment, cwd=folder, capture_output=True, text=True, check=False).stderr
+
+
+def test_another_distribution_in_its_place_is_refused(tmp_path):
+    """Of the same import name: by its metadata in the folder, and by its files where balance should be."""
+    for package in ("balance", "testbench"):
+        (tmp_path / package).symlink_to(ROOT / package)
+    assert imported(tmp_path, "testbench.errors") == ""
+    (tmp_path / "balance-0.23.0.dist-info").mkdir()
+    assert "balance-0.23.0 is another distribution" in imported(tmp_path, "balance")
+    (tmp_path / "balance").unlink()
+    (tmp_path / "balance").mkdir()
+    (tmp_path / "balance" / "__init__.py").write_text("weights = None\n", encoding="utf-8")
+    assert "pip uninstall balance, then" in imported(tmp_path, "testbench")
