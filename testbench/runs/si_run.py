@@ -324,10 +324,11 @@ class SIRun:
             self._laws[column.sensor] = self._law(column)
         law = self._laws[column.sensor]
         if law is None:
-            return self._raw(column) * self._factor(column)
-        return law.component(column.index, lambda i: self._raw(column.siblings[i]))
+            return self.as_recorded(column) * self._factor(column)
+        return law.component(column.index, lambda i: self.as_recorded(column.siblings[i]))
 
-    def _raw(self, column: Column) -> "Samples":
+    def as_recorded(self, column: Column) -> "Samples":
+        """A channel in the unit of its log, (n,)."""
         group, index = self.recorded.find(column.channel)
         found = self._preloaded.get((group.name, index))
         return self.recorded.channel_at(group.name, index) if found is None else found

@@ -8,6 +8,7 @@ channels side by side, by compiled loops in two threads.
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -81,16 +82,22 @@ class Band:
 
     def _sections(self, rate_hz: float) -> Floats:
         """Raises AnalysisError where the rate does not hold the band."""
-        from scipy.signal import butter
-
         if not self.high_hz < rate_hz / 2.0:
             raise AnalysisError(
                 f"band {self} needs more than {2 * self.high_hz:g} samples a second, the record has {rate_hz:g}: "
                 "name a lower band, or none"
             )
-        if self.low_hz > 0.0:
-            return np.asarray(butter(ORDER, (self.low_hz, self.high_hz), "bandpass", fs=rate_hz, output="sos"))
-        return np.asarray(butter(ORDER, self.high_hz, "lowpass", fs=rate_hz, output="sos"))
+        return _designed(self, rate_hz)
+
+
+@lru_cache(maxsize=64)
+def _designed(band: Band, rate_hz: float) -> Floats:
+    """Second-order sections of a band (s, 6) at a rate."""
+    from scipy.signal import butter
+
+    if band.low_hz > 0.0:
+        return np.asarray(butter(ORDER, (band.low_hz, band.high_hz), "bandpass", fs=rate_hz, output="sos"))
+    return np.asarray(butter(ORDER, band.high_hz, "lowpass", fs=rate_hz, output="sos"))
 
 
 def without_mean(values: Floats) -> Floats:

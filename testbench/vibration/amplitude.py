@@ -23,16 +23,13 @@ import numpy as np
 from balance.arrays import Floats
 
 from ..signal import Metric
-from .metrics import METRICS, Measure
+from .metrics import METRICS, Measure, gain_of_record
 from .noise_floor import Noise, Segment
+from .noise_records import Draws, NoiseRecords, noise_draws
 from .tonal_lines import Lines
 
 Place = tuple[str, str]
 """Sensor and axis."""
-DRAWS = 400
-"""Simulated records of noise: a quantile of 2.5 % is known to 0.8 %."""
-FEWEST = 60
-"""Of long records."""
 SAMPLES_PER_PERIOD = 6.0
 """Samples of a simulated record per period of the band's upper edge."""
 _WHOLE = 0.8
@@ -47,8 +44,6 @@ _UNSURE = 1.7
 """Factor on what rounding does to a course: it is known to its own rounding only (Monte Carlo: 0.5 to 1.7)."""
 _DITHERED = 1e-3
 """Share of a step's error below which it is noise alone."""
-_MOST = 8_000_000
-"""Samples that are simulated, unless of the fewest draws."""
 
 
 @dataclass(frozen=True)
@@ -58,20 +53,20 @@ class ConstrainedPeaks:
     course: Floats
     """The signal, (n,) [unit]."""
 
-    def with_peak(self, peak: float) -> Floats:
-        """The likeliest signal whose largest absolute value is ``peak`` [unit], (n,) [unit]."""
-        return self._scaled(peak, self._heights)
+    def with_peaks(self, peaks: Floats) -> Floats:
+        """The likeliest signals whose largest absolute values are ``peaks`` (k,) [unit], (k, n) [unit]."""
+        return self._times(_factors(peaks, self._heights))
 
-    def with_peak_to_peak(self, span: float) -> Floats:
-        """The likeliest signal whose peak-to-peak value is ``span`` [unit], (n,) [unit].
+    def with_peak_to_peaks(self, spans: Floats) -> Floats:
+        """The likeliest signals whose peak-to-peak values are ``spans`` (k,) [unit], (k, n) [unit].
 
         Both ends take half of the difference from the estimated span; neither passes zero.
         """
         up, down = self._signed
         top, bottom = float(up.max()), float(down.max())
-        shared = float(np.clip(top + 0.5 * (span - top - bottom), 0.0, span))
-        high = shared if top > 0.0 and bottom > 0.0 else span * (top > 0.0)
-        return self._scaled(high, up) + self._scaled(span - high, down)
+        shared = np.clip(top + 0.5 * (spans - top - bottom), 0.0, spans)
+        high = shared if top > 0.0 and bottom > 0.0 else spans * (top > 0.0)
+        return self._times(_factors(high, up) + _factors(spans - high, down))
 
     @cached_property
     def highest(self) -> "ConstrainedPeaks":
@@ -79,14 +74,9 @@ class ConstrainedPeaks:
         only = np.arange(len(self._heights)) == int(np.argmax(self._heights))
         return ConstrainedPeaks(self.course * np.repeat(only, self._lengths))
 
-    def _scaled(self, peak: float, heights: Floats) -> Floats:
-        """The swings with ``heights`` (m,), limited to ``peak``, the highest set to it; those of height zero vanish."""
-        if not heights.any():
-            return np.zeros_like(self.course)
-        wanted = np.minimum(heights, peak)
-        wanted[np.argmax(heights)] = peak
-        factors = np.divide(wanted, heights, out=np.zeros_like(heights), where=heights > 0.0)
-        return self.course * np.repeat(factors, self._lengths)
+    def _times(self, factors: Floats) -> Floats:
+        """The signal, its swings times factors (k, m), (k, n)."""
+        return self.course * np.repeat(factors, self._lengths, axis=1)
 
     @cached_property
     def _starts(self) -> np.ndarray:
@@ -112,16 +102,15 @@ class ConstrainedPeaks:
         return np.maximum(above, 0.0), np.maximum(below, 0.0)
 
 
-@dataclass(frozen=True)
-class NoiseRecords:
-    """Draws of what a record has beyond its signal."""
-
-    courses: Floats
-    """In the band, (draws, n) [unit]."""
-    powers: Floats
-    """Mean square of the noise that each was drawn from: what runs in one noise share, (draws,) [unit^2]."""
-    rounding: Floats
-    """What a step that is not dithered adds to a reading, (draws,) [unit, or its square]."""
+def _factors(peaks: Floats, heights: Floats) -> Floats:
+    """On swings of ``heights`` (m,), so that they are limited to each of ``peaks`` (k,) and the highest is set to it,
+    (k, m) [-]; those of height zero vanish.
+    """
+    if not heights.any():
+        return np.zeros((len(peaks), len(heights)))
+    wanted = np.minimum(heights, peaks[:, None])
+    wanted[:, np.argmax(heights)] = peaks
+    return np.divide(wanted, heights, out=np.zeros_like(wanted), where=heights > 0.0)
 
 
 @dataclass(frozen=True)
@@ -143,25 +132,27 @@ class MetricStatistic:
         """The amplitude of a reading without noise [unit]."""
         return max(reading, 0.0) ** 0.5 if self.squared else reading
 
-    def readings(self, peaks: ConstrainedPeaks, amplitudes: Floats, noises: "NoiseRecords") -> Floats:
+    def of_noise(self, noises: NoiseRecords) -> Floats:
+        """Readings of noise alone, (draws,) [unit, or its square]."""
+        if self.squared:
+            return noises.mean_squares + noises.rounding
+        high, low = noises.ends
+        return noises.rounding + (np.maximum(high, -low) if self.metric == "peak" else high - low)
+
+    def readings(self, peaks: ConstrainedPeaks, amplitudes: Floats, noises: NoiseRecords) -> Floats:
         """Readings at amplitudes (k,) [unit] in records of noise, (draws, k) [unit, or its square]."""
-        noise = noises.courses
+        added = noises.rounding[:, None]
         if self.squared:
             unit = peaks.course / max(float(np.sqrt(np.mean(peaks.course**2))), 1e-300)
-            product, power = noise @ unit.astype(noise.dtype) / len(unit), np.mean(noise**2, axis=1)
-            return amplitudes**2 + 2.0 * np.outer(product, amplitudes) + (power + noises.rounding)[:, None]
-        at = {"peak": peaks.with_peak, "peak_to_peak": peaks.with_peak_to_peak}[self.metric]
-        read = [self._extreme(at(float(a)).astype(noise.dtype), noise) + noises.rounding for a in amplitudes]
-        return np.stack(read, axis=1).astype(float)
-
-    def _extreme(self, signal: Floats, noise: Floats) -> Floats:
-        """Extremes (b,) of the signal in noise; only samples within 12 standard deviations of the largest matter."""
-        reach = 12.0 * float(noise[:8].std())
-        if self.metric == "peak":
-            near = np.abs(signal) >= np.abs(signal).max() - reach
-            return np.abs(signal[near] + noise[:, near]).max(axis=1)
-        high, low = signal >= signal.max() - reach, signal <= signal.min() + reach
-        return (signal[high] + noise[:, high]).max(axis=1) - (signal[low] + noise[:, low]).min(axis=1)
+            return (
+                amplitudes**2
+                + 2.0 * np.outer(noises.products(unit), amplitudes)
+                + (noises.mean_squares[:, None] + added)
+            )
+        at = {"peak": peaks.with_peaks, "peak_to_peak": peaks.with_peak_to_peaks}[self.metric]
+        signals = at(amplitudes)
+        high, low = noises.highest(signals), noises.highest(-signals, -1)
+        return added + (np.maximum(high, low) if self.metric == "peak" else high + low)
 
 
 @dataclass(frozen=True)
@@ -185,6 +176,8 @@ class Amplitude:
     """By how much the lines that were taken out may be wrong, in the band, a standard deviation each, (j, n) [unit]."""
     rounding: tuple[float, ...] = ()
     """What rounding at random offsets adds to the reading [unit, or its square]; none where noise dithers the step."""
+    averages: int = 1
+    """Records that it is the mean of."""
     envelope: Floats | None = None
     """Standard deviation of the noise over time, (n,) [-]; None where it is the same in rest and motion."""
     step: float = 0.0
@@ -208,30 +201,45 @@ class Amplitude:
         measure: Measure,
         rest: tuple[float, float] | None = None,
         moving: tuple[float, float] | None = None,
-        step: float = 0.0,
-    ) -> "Amplitude":
-        """From a record (m,) [unit]; ``rest`` and ``moving`` are spans of time from its first sample [s]."""
+        steps: Sequence[float] = (),
+    ) -> "list[Amplitude]":
+        """From records (k, m) [unit] of one logger; ``rest`` and ``moving`` are spans of time from their first sample
+        [s].
+        """
         band, statistic = measure.band, MetricStatistic(measure.metric)
         every = max(int(rate_hz // (SAMPLES_PER_PERIOD * band.high_hz)), 1) if band else 1
-        count = len(values) // every
+        count = values.shape[1] // every
         used, seconds = count * every, count * every / rate_hz
-        values, errors = measure.without_trend(values), None
         still = None if rest is None else _samples(rest, count, seconds)
-        if still is not None and (lines := Lines.fitted(_resampled(values[:used], count)[still], count / seconds)):
-            values = values - lines.at((np.arange(len(values)) + 0.5) / rate_hz)
-            errors = lines.errors((np.arange(count) + 0.5) * seconds / count)
-            errors = errors if band is None else np.array([band.filtered(e, count / seconds) for e in errors])
-        reading = float(statistic.noiseless_reading(np.array(measure.amplitude(values, rate_hz))))
-        gain = _gain(measure, np.arange(count) / (2.0 * seconds), rate_hz)
-        whole, course = _resampled(values[:used], count), _from_cosines(_cosines(values[:used], count) * gain)
-        at_rest = np.diff(values, 2) / 6.0**0.5 if rest is None else values[_samples(rest, used, seconds)]
-        undithered = undithered_share(at_rest, step)
-        rounding = _rounding(measure, course, step, undithered, used, rate_hz) if undithered > _DITHERED else ()
-        return cls(
-            measure, seconds, reading, course, whole, still,
-            None if moving is None else _samples(moving, count, seconds), errors, rounding, step=step,
-            logger_hz=rate_hz,
-        )  # fmt: skip
+        values = np.array([measure.without_trend(row) for row in values])
+        cosines = _cosines(values[:, :used], count)
+        wholes = values[:, :used].copy() if every == 1 else _from_cosines(cosines * _taper(count))
+        courses = _from_cosines(cosines * gain_of_record(measure, count, seconds, rate_hz))
+        errors: list[Floats | None] = [None] * len(values)
+        for i, (whole, course) in enumerate(zip(wholes, courses, strict=True)):
+            lines = None if still is None else Lines.fitted(whole[still], count / seconds)
+            if lines is not None:
+                values[i] = measure.without_trend(values[i] - lines.at(len(values[i]), rate_hz))
+                shown = lines.at(count, count / seconds)
+                found = np.vstack([shown, lines.errors(count, count / seconds)])
+                found = _from_cosines(_cosines(found, count) * gain_of_record(measure, count, seconds, rate_hz))
+                whole -= shown
+                course -= found[0]
+                errors[i] = found[1:]
+        shaped = band.filtered(values, rate_hz) if band else values
+        runs = []
+        for i, step in enumerate(steps or [0.0] * len(values)):
+            reading = float(statistic.noiseless_reading(np.array(METRICS[measure.metric][1](shaped[i]))))
+            at_rest = np.diff(values[i], 2) / 6.0**0.5 if rest is None else values[i, _samples(rest, used, seconds)]
+            undithered = undithered_share(at_rest, step)
+            rounded = undithered > _DITHERED
+            rounding = _rounding(measure, courses[i], step, undithered, used, rate_hz) if rounded else ()
+            runs.append(cls(
+                measure, seconds, reading, courses[i], wholes[i], still,
+                None if moving is None else _samples(moving, count, seconds), errors[i], rounding, step=step,
+                logger_hz=rate_hz,
+            ))  # fmt: skip
+        return runs
 
     @property
     def statistic(self) -> MetricStatistic:
@@ -253,36 +261,27 @@ class Amplitude:
         """The rest before the motion."""
         return None if self.rest is None else Segment(self.whole[self.rest], self.rate_hz)
 
-    def noises(self, noise: Noise) -> "NoiseRecords":
-        """Records of noise in the band, seeded by the record: the same record gives the same draws.
-
-        They are made of cosines at multiples of half a period a record, which are even about both ends, like noise that
-        the band's filter mirrors there.
-        """
-        from scipy.fft import idct
-
-        rng, count = np.random.default_rng(zlib.crc32(np.ascontiguousarray(self.course).tobytes())), len(self.course)
-        number = int(np.clip(_MOST // count, FEWEST, DRAWS))
-        frequency = np.arange(count) / (2.0 * self.seconds)
-        gain = _gain(self.measure, frequency)
-        used = int(np.flatnonzero(gain > 1e-3)[-1]) + 1
-        sizes = noise.draws(frequency[:used], gain[:used], number, rng) / np.float32(self.seconds**0.5)
-        sizes[:, 0] = 0.0
-        cosines = rng.standard_normal(sizes.shape, dtype=np.float32) * sizes * np.float32((count / 2.0) ** 0.5)
-        drawn = np.asarray(idct(cosines, n=count, norm="ortho"))
-        if self.envelope is not None:
-            drawn *= self.envelope.astype(np.float32)
-        if self.line_errors is not None:
-            drawn += rng.standard_normal((number, len(self.line_errors)), np.float32) @ self.line_errors.astype(
-                np.float32
-            )
+    def noises(self, noise: Noise) -> NoiseRecords:
+        """Records of noise in the band, and of what else is not known, seeded by the record."""
+        draws = noise_draws(noise, self.measure, len(self.course), self.rate_hz)
+        rng, scale = np.random.default_rng(zlib.crc32(self.course.tobytes())), self.averages**-0.5
+        number, most = len(draws.powers), 1.0
+        if self.envelope is not None or self.line_errors is not None:
+            whole = np.concatenate(draws.parts)
+            if self.envelope is not None:
+                whole *= self.envelope[:, None].astype(np.float32)
+                most = float(self.envelope.max())
+            if self.line_errors is not None:
+                shares = rng.standard_normal((len(self.line_errors), number), np.float32)
+                whole += (self.line_errors.T / scale).astype(np.float32) @ shares
+            draws = Draws((whole,), draws.powers)
         rounding = rng.choice(self.rounding, number) if self.rounding else np.zeros(number)
-        return NoiseRecords(drawn, 0.5 * np.sum(sizes**2, axis=1), rounding)
+        return NoiseRecords(draws, rounding, scale, most)
 
     def in_band(self, whole: Floats) -> Floats:
-        """A record (m,) of the same rate in the band, (m,)."""
-        count = len(whole)
-        gain = _gain(self.measure, np.arange(count) * self.rate_hz / (2.0 * count), self.logger_hz)
+        """Records (..., m) of the same rate in the band, (..., m)."""
+        count = whole.shape[-1]
+        gain = gain_of_record(self.measure, count, count / self.rate_hz, self.logger_hz)
         return _from_cosines(_cosines(whole, count) * gain)
 
     def mean_of(self, runs: Sequence["Amplitude"], lags: Sequence[float], mean: Floats) -> "Amplitude":
@@ -300,7 +299,7 @@ class Amplitude:
             self, seconds=len(course) / self.rate_hz, reading=float(np.mean(read)), course=course, whole=mean,
             line_errors=np.concatenate(same) if same else None,
             rounding=tuple(error for run in runs for error in run.rounding),
-            saturated=any(run.saturated for run in runs),
+            saturated=any(run.saturated for run in runs), averages=len(runs),
         )  # fmt: skip
 
     def peaks(self, noise: Noise) -> ConstrainedPeaks:
@@ -309,8 +308,10 @@ class Amplitude:
         The signal is those frequencies of the record that have, with their neighbours, significantly more power than
         the noise. They are not weighted as by a Wiener filter, which would make the swings too low.
         """
-        spectrum, frequency = _cosines(self.course, len(self.course)), np.arange(len(self.course)) / 2.0 / self.seconds
-        expected = noise.at(frequency) * _gain(self.measure, frequency) ** 2 * len(self.course) / (2.0 * self.seconds)
+        count = len(self.course)
+        spectrum, gain = _cosines(self.course, count), gain_of_record(self.measure, count, self.seconds)
+        density = noise.at(np.arange(count) / 2.0 / self.seconds) / self.averages
+        expected = density * gain**2 * count / (2.0 * self.seconds)
         power = np.convolve(spectrum**2, np.full(_NEIGHBOURS, 1.0 / _NEIGHBOURS), "same")
         seen = power > _SIGNIFICANT * expected
         return ConstrainedPeaks(_from_cosines(spectrum * seen)) if seen.any() else ConstrainedPeaks(self.course).highest
@@ -344,7 +345,7 @@ def _rounding(
     fine, statistic = _from_cosines(_cosines(course, count)), MetricStatistic(measure.metric)
     offsets = (np.arange(_OFFSETS)[:, None] + 0.5) / _OFFSETS
     read = np.round(fine / step + offsets) * step
-    gain = _gain(measure, np.arange(count) * rate_hz / (2.0 * count), rate_hz)
+    gain = gain_of_record(measure, count, count / rate_hz, rate_hz)
     rows = _from_cosines(_cosines(np.concatenate([read - read.mean(axis=1, keepdims=True), fine[None]]), count) * gain)
     found = np.array([statistic.noiseless_reading(np.array(METRICS[measure.metric][1](row))) for row in rows])
     return tuple((_UNSURE * share * (found[:-1] - found[-1])).tolist())
@@ -370,18 +371,7 @@ def _from_cosines(spectrum: Floats) -> Floats:
     return np.asarray(idct(spectrum, norm="ortho"))
 
 
-def _resampled(values: Floats, count: int) -> Floats:
-    """A record (m,) at ``count`` samples of the same time, (count,); its uppermost frequencies tapered."""
-    if count >= len(values):
-        return values
+def _taper(count: int) -> Floats:
+    """Factors on the cosines of a resampled record (count,) [-]: its uppermost frequencies fade out."""
     share = np.arange(count) / count
-    taper = 0.5 + 0.5 * np.cos(np.pi * np.clip((share - _WHOLE) / (1.0 - _WHOLE), 0.0, 1.0))
-    return _from_cosines(_cosines(values, count) * taper)
-
-
-def _gain(measure: Measure, frequency: Floats, rate_hz: float = np.inf) -> Floats:
-    """Factor on an amplitude at each frequency (n,) [Hz], (n,) [-]."""
-    band = measure.band
-    if band is None:
-        return np.ones_like(frequency)
-    return band.gain(frequency, min(rate_hz, 50.0 * band.high_hz))
+    return np.asarray(0.5 + 0.5 * np.cos(np.pi * np.clip((share - _WHOLE) / (1.0 - _WHOLE), 0.0, 1.0)))

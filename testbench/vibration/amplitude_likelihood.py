@@ -8,8 +8,9 @@ import numpy as np
 from balance.arrays import Floats
 from balance.estimation.estimate import normal_quantile
 
-from .amplitude import Amplitude, MetricStatistic, NoiseRecords
+from .amplitude import Amplitude, MetricStatistic
 from .noise_floor import Noise
+from .noise_records import NoiseRecords
 
 POINTS = 16
 """Amplitudes in the table."""
@@ -45,7 +46,7 @@ class AmplitudeLikelihood:
     def of(cls, run: Amplitude, noise: Noise) -> "AmplitudeLikelihood":
         """From a run's record in noise."""
         statistic, peaks, noises = run.statistic, run.peaks(noise), run.noises(noise)
-        floor = float(np.median(statistic.readings(peaks, np.zeros(1), noises)))
+        floor = float(np.median(statistic.of_noise(noises)))
         net, extra = run.reading - floor, 0.0 if statistic.squared else floor
         spread = statistic.readings(peaks, np.array([statistic.amplitude(max(net, 0.0))]), noises).std()
         reach = _REACH * float(spread) + 20.0 * _DIGITS * abs(run.reading)

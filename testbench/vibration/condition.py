@@ -263,7 +263,7 @@ class CampaignNoise:
         noise = self.noise(one, place)
         if noise is None or noise is one.stated or one.reading <= 0.0:
             return None
-        return Group((AmplitudeLikelihood.of(one, noise.averaged(len(side.stored))),), side.names)
+        return Group((AmplitudeLikelihood.of(one, noise),), side.names)
 
     def in_envelope(self, condition: Condition, place: Place, one: Amplitude, lag: float = 0.0) -> Amplitude:
         """A record with the course of its noise over time, where noise acts in motion: that of its own repeats, else

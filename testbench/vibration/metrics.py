@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -72,6 +73,14 @@ class Measure:
             return values
         along = np.linspace(-1.0, 1.0, len(values))
         return values - along * (along @ values / (along @ along))
+
+
+@lru_cache(maxsize=16)
+def gain_of_record(measure: Measure, count: int, seconds: float, rate_hz: float = np.inf) -> Floats:
+    """Factor of a measure's band on amplitudes at multiples of half a period a record, (count,) [-]."""
+    if measure.band is None:
+        return np.ones(count)
+    return measure.band.gain(np.arange(count) / (2.0 * seconds), min(rate_hz, 50.0 * measure.band.high_hz))
 
 
 def base_accelerations(run: "SIRun") -> dict[tuple[str, str], tuple[Floats, float]]:

@@ -28,6 +28,8 @@ FIRST_S = 0.04
 LEAST_REST_S = 0.03
 ORDER = 16
 """Of the autoregression, at most."""
+_FITTED_S = 2.0
+"""Of rest, to which the autoregression is fitted at most."""
 _RATE_HZ = 1000.0
 _WINDOW_S = 0.008
 _CERTAIN = 1e-9
@@ -53,7 +55,7 @@ class MotionTiming:
     def of(cls, run: SIRun, group: str) -> "MotionTiming":
         """Of the accelerometers in a group of a run."""
         columns = [c for s in run.rig.of_kind(Accelerometer).values() for c in s.columns("") if run.holds(c, group)]
-        signals = [run.recorded.channel(c.channel, group) for c in columns]
+        signals = [run.as_recorded(column) for column in columns]
         rate, signals = run.rate(columns[0]), [s for s in signals if np.isfinite(s).all()]
         seconds = len(signals[0]) / rate if signals else 0.0
         stated = _stated_motion(run)
@@ -178,9 +180,10 @@ def beginning(signals: Sequence[Floats], rate_hz: float, within: tuple[float, fl
         level *= 1.1
     while known < last:
         ahead = min(known + max(known // 3, 4 * window), last)
-        surprise = np.sum([_innovations(row[:ahead], known) for row in rows], axis=0)
-        felt = np.convolve(surprise, np.ones(window))[:ahead]
-        crossed = np.flatnonzero(felt[known:] > 1.5 * level * (1.0 + 2.0 * ORDER / known))
+        first = max(known - round(_FITTED_S * rate), 0)
+        surprise = np.sum([_innovations(row[first:ahead], known - first) for row in rows], axis=0)
+        felt = np.convolve(surprise, np.ones(window))[: ahead - first]
+        crossed = np.flatnonzero(felt[known - first :] > 1.5 * level * (1.0 + 2.0 * ORDER / (known - first)))
         if crossed.size:
             return (known + int(crossed[0]) - window // 2) / rate
         known = ahead

@@ -9,7 +9,7 @@ density is extrapolated by a power of the frequency between 0 and -2, drawn at r
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -70,7 +70,7 @@ class Segment:
         return 2.0 * power.mean(axis=0) / self.rate_hz
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Noise:
     """A spectrum in cells that are each known to so many degrees of freedom."""
 
@@ -90,11 +90,14 @@ class Noise:
     @classmethod
     def of(cls, segments: Sequence[Segment], least: float = 0.0) -> "Noise | None":
         """Pooled over segments of one rate; None where none is usable. ``least`` is a density below which none is."""
+        from scipy.fft import next_fast_len
+
         some = [segment for segment in segments if segment.usable]
         if not some:
             return None
         rate, longest = some[0].rate_hz, max(len(segment.values) for segment in some)
-        size = 1 << int(np.ceil(np.log2(2 * longest)))
+        size = next_fast_len(2 * longest, real=True)
+        size += size % 2
         frequency = np.arange(size // 2 + 1) * rate / size
         densities = np.maximum([segment.density(size) for segment in some], max(least, 1e-300))
         seconds = np.array([segment.seconds for segment in some])
@@ -145,10 +148,6 @@ class Noise:
         below = int(np.searchsorted(frequency, self.lowest_hz))
         found[:, :below] *= (self.lowest_hz / np.maximum(frequency[:below], 0.1)) ** (0.5 * slopes)
         return np.asarray(found)
-
-    def averaged(self, count: int) -> "Noise":
-        """Of the mean of so many records."""
-        return replace(self, density=self.density / count)
 
     def exceeds(self, other: "Noise", band: "Band | None") -> bool:
         """Whether its power in a band is larger than another's, beyond chance."""

@@ -261,17 +261,25 @@ class CampaignLikelihoods:
     """By condition and place."""
     repeats: dict[Place, Repeatability]
 
+    means: dict[tuple[int, Place], tuple[Group | None, Group | None]]
+    """Of the aligned repeats of each side, by condition and place."""
+
     @classmethod
     def of(cls, conditions: Sequence[Condition]) -> "CampaignLikelihoods":
-        """Runs that are compared with several sets of counter-masses count once."""
-        noise, groups = CampaignNoise.of(conditions), {}
-        once: dict[Place, dict[tuple[int, ...], Group]] = {}
-        for condition in conditions:
-            for place in condition.places:
-                groups[id(condition), place] = both = noise.groups(condition, place)
-                keys = [side.key for side in condition.sides]
-                once.setdefault(place, {}).update(zip(keys, both or (), strict=False))
-        return cls(noise, groups, {place: Repeatability.of(list(some.values())) for place, some in once.items()})
+        """Runs that are compared with several sets of counter-masses count once; place by place, for its noise."""
+        found, repeats = cls(CampaignNoise.of(conditions), {}, {}, {}), {}
+        for place in dict.fromkeys(place for condition in conditions for place in condition.places):
+            once: dict[tuple[int, ...], Group] = {}
+            for condition in (one for one in conditions if place in one.places):
+                key = id(condition), place
+                found.groups[key] = both = found.noise.groups(condition, place)
+                with_masses, without = condition.sides
+                found.means[key] = (None, None) if both is None else (
+                    found.noise.mean(condition, place, with_masses), found.noise.mean(condition, place, without)
+                )  # fmt: skip
+                once.update(zip((with_masses.key, without.key), both or (), strict=False))
+            repeats[place] = Repeatability.of(list(once.values()))
+        return replace(found, repeats=repeats)
 
     def reduction(self, condition: Condition, place: Place) -> Reduction:
         """Of one place of a condition, without what calibrations add."""
@@ -284,7 +292,7 @@ class CampaignLikelihoods:
         pair, groups = condition.pair, self.groups[id(condition), place]
         if groups is None:
             return _reduction_without_noise(condition, place), None
-        means = [self.noise.mean(condition, place, side) for side in condition.sides]
+        means = self.means[id(condition), place]
         sides = self._side(groups[0], means[0], place), self._side(groups[1], means[1], place)
         ratio, stated = Ratio(*sides), self.noise.is_stated(condition, place)
         interval = None if ratio.interval is None or stated else _percents(ratio.interval)

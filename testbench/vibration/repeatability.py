@@ -175,7 +175,7 @@ class Synchronous:
             left = (whole - mean).T - basis @ np.linalg.lstsq(basis, (whole - mean).T, rcond=None)[0]
             scale = (len(runs) / (len(runs) - 1.0)) ** 0.5
             part, rate = first[place].moving or slice(None), first[place].rate_hz
-            over_time = _envelope(scale * np.array([first[place].in_band(one) for one in left.T]), part, rate)
+            over_time = _envelope(scale * first[place].in_band(left.T), part, rate)
             envelopes[place] = over_time
             residuals[place] = tuple(Segment((scale * one / over_time)[part], rate, 1.0 / scale**2) for one in left.T)
             means[place] = first[place].mean_of([run[place] for run in runs], lags, mean)

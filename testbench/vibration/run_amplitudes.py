@@ -7,12 +7,15 @@ import numpy as np
 from balance.arrays import Floats
 
 from ..quality.clipping import flat_tops, is_dead, stuck_value
+from ..rig.sensors import Accelerometer, Encoder, Target
 from ..runs.si_run import SIRun
 from .amplitude import Amplitude, Place
 from .metrics import Measure, base_accelerations
 from .motion_timing import MotionTiming
 from .noise_floor import Noise
 
+_SAMPLES = 10_000
+"""That are looked at for the step of a channel."""
 _CLIPPED = ("clipping", "clipping_suspected")
 
 
@@ -20,22 +23,25 @@ def amplitudes_of_run(run: SIRun, measure: Measure) -> dict[Place, Amplitude]:
     """Each axis of each accelerometer on the base [m/s2]."""
     clipped = {f.channel for f in run.doubts(run.rig.base_columns) if f.code in _CLIPPED}
     columns = {(c.sensor, c.component): c for c in run.rig.base_columns}
-    timings: dict[str, MotionTiming] = {}
+    run = run.preloaded([c for k in (Accelerometer, Target, Encoder) for c in run.rig.columns_of(k) if run.holds(c)])
+    records = base_accelerations(run)
+    places: dict[str, list[Place]] = {}
+    for place, column in columns.items():
+        places.setdefault(run.recorded.find(column.channel)[0].name, []).append(place)
     found = {}
-    for place, (values, rate) in base_accelerations(run).items():
-        column = columns[place]
-        group, index = run.recorded.find(column.channel)
-        if group.name not in timings:
-            timings[group.name] = MotionTiming.of(run, group.name)
-        timing = timings[group.name]
-        clipping_found = group.channels[index].name in clipped
-        faults = _faults(values, rate, clipping_found)
-        step = column.resolution or observed_resolution(values)
-        one = Amplitude.of(values, rate, measure, timing.rest, timing.moving, step)
-        saturated = clipping_found or any(code in _CLIPPED for code, _ in faults)
-        stated = Noise.stated(column.noise, rate)
-        found[place] = replace(one, saturated=saturated, dead=is_dead(values), stated=stated, faults=faults)
-    return found
+    for group, some in places.items():
+        timing, rate = MotionTiming.of(run, group), records[some[0]][1]
+        values = np.array([records[place][0] for place in some])
+        steps = [columns[place].resolution or observed_resolution(row) for place, row in zip(some, values, strict=True)]
+        amplitudes = Amplitude.of(values, rate, measure, timing.rest, timing.moving, steps)
+        for place, row, one in zip(some, values, amplitudes, strict=True):
+            where, index = run.recorded.find(columns[place].channel)
+            clipping_found = where.channels[index].name in clipped
+            faults = _faults(row, rate, clipping_found)
+            saturated = clipping_found or any(code in _CLIPPED for code, _ in faults)
+            stated = Noise.stated(columns[place].noise, rate)
+            found[place] = replace(one, saturated=saturated, dead=is_dead(row), stated=stated, faults=faults)
+    return {place: found[place] for place in columns}
 
 
 def _faults(values: Floats, rate_hz: float, clipping_found: bool) -> tuple[tuple[str, str], ...]:
@@ -48,7 +54,10 @@ def _faults(values: Floats, rate_hz: float, clipping_found: bool) -> tuple[tuple
 
 
 def observed_resolution(values: Floats) -> float:
-    """Smallest step between the values (n,) [unit] of a channel [unit]: its resolution, where the rig states none."""
-    steps = np.diff(np.unique(values))
+    """Smallest step between values (n,) [unit] of a channel [unit]: its resolution, where the rig states none.
+
+    So many samples show the step of any converter that is not lost in noise.
+    """
+    steps = np.diff(np.unique(values[:: max(len(values) // _SAMPLES, 1)]))
     real = steps[steps > 1e-9 * max(float(np.abs(values).max(initial=0.0)), 1e-300)]
     return float(real.min()) if real.size else 0.0

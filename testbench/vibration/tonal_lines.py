@@ -15,6 +15,8 @@ SHORTEST_S = 0.12
 _SIGNIFICANT = 25.0
 """Power of a line over its variance from which it is taken out: by chance once in a million."""
 _TRIED = 61
+_FINER = 8
+"""How much closer than one period a record frequencies are looked at."""
 
 
 @dataclass(frozen=True)
@@ -33,79 +35,90 @@ class Lines:
     @classmethod
     def fitted(cls, resting: Floats, rate_hz: float) -> "Lines | None":
         """From a rest (n,) [unit] that begins at time zero; None where it shows no mains, or is too short."""
-        time = (np.arange(len(resting)) + 0.5) / rate_hz
+        from scipy.fft import next_fast_len, rfft
+
         if len(resting) / rate_hz < SHORTEST_S:
             return None
-        best = max((_candidate(resting, time, rate_hz, hz) for hz in MAINS_HZ), key=lambda found: found[0])
+        slow = np.vander(np.linspace(-1.0, 1.0, len(resting)), 2)
+        flat = resting - slow @ _solved(slow, resting)
+        power = np.abs(rfft(flat, 2 * next_fast_len(_FINER * len(flat) // 2, real=True))) ** 2
+        best = max((_candidate(flat, power, rate_hz, hz) for hz in MAINS_HZ), key=lambda found: found[0])
         _, hz, orders = best
         if not len(orders):
             return None
-        slow = _slow(time)
+        count, size = len(resting), 2 * len(orders)
         for _ in range(4):  # Gauss-Newton in the frequency
-            waves = _waves(time, hz, orders)
-            shares = np.linalg.lstsq(np.column_stack([waves, slow]), resting, rcond=None)[0][: 2 * len(orders)]
-            design = np.column_stack([waves, _by_frequency(time, hz, orders, shares), slow])
+            waves = _waves(count, rate_hz, hz, orders)
+            shares = _solved(np.column_stack([waves, slow]), resting)[:size]
+            design = np.column_stack([waves, _by_frequency(waves, rate_hz, orders, shares), slow])
             left = resting - waves @ shares
-            weights = _weights(left - slow @ np.linalg.lstsq(slow, left, rcond=None)[0], rate_hz, hz, orders)
-            normal = design.T @ design
+            weights = _weights(left - slow @ _solved(slow, left), rate_hz, hz, orders)
             scale = np.concatenate([np.repeat(weights, 2), [weights.mean()], np.full(slow.shape[1], weights.mean())])
-            information = normal / np.sqrt(np.outer(scale, scale))
+            information = design.T @ design / np.sqrt(np.outer(scale, scale))
             nominal = min(MAINS_HZ, key=lambda mains: abs(mains - hz))
-            information[2 * len(orders), 2 * len(orders)] += 1.0 / OFF_HZ**2
+            information[size, size] += 1.0 / OFF_HZ**2
             score = design.T @ left / scale
-            score[2 * len(orders)] += (nominal - hz) / OFF_HZ**2
+            score[size] += (nominal - hz) / OFF_HZ**2
             covariance = np.linalg.inv(information)
-            hz += float(np.clip((covariance @ score)[2 * len(orders)], -0.1, 0.1))
-        waves = _waves(time, hz, orders)
-        shares = np.linalg.lstsq(np.column_stack([waves, slow]), resting, rcond=None)[0][: 2 * len(orders)]
-        known = covariance[: 2 * len(orders) + 1, : 2 * len(orders) + 1]
+            hz += float(np.clip((covariance @ score)[size], -0.1, 0.1))
+        shares = _solved(np.column_stack([_waves(count, rate_hz, hz, orders), slow]), resting)[:size]
+        known = covariance[: size + 1, : size + 1]
         return cls(hz, orders, shares, np.linalg.cholesky(known + 1e-18 * np.trace(known) * np.eye(len(known))))
 
-    def at(self, time: Floats) -> Floats:
-        """The lines at instants (n,) [s] after the rest began, (n,) [unit]."""
-        return np.asarray(_waves(time, self.hz, self.orders) @ self.shares)
+    def at(self, count: int, rate_hz: float) -> Floats:
+        """The lines in so many samples since the rest began, (n,) [unit]."""
+        return np.asarray(_waves(count, rate_hz, self.hz, self.orders) @ self.shares)
 
-    def errors(self, time: Floats) -> Floats:
-        """By how much they may be wrong at instants (n,): independent courses of one standard deviation, (j, n)."""
-        design = np.column_stack(
-            [_waves(time, self.hz, self.orders), _by_frequency(time, self.hz, self.orders, self.shares)]
-        )
+    def errors(self, count: int, rate_hz: float) -> Floats:
+        """By how much they may be wrong in samples (n,): independent courses of one standard deviation, (j, n)."""
+        waves = _waves(count, rate_hz, self.hz, self.orders)
+        design = np.column_stack([waves, _by_frequency(waves, rate_hz, self.orders, self.shares)])
         return np.asarray((design @ self.root).T)
 
 
-def _waves(time: Floats, hz: float, orders: Floats) -> Floats:
-    phase = 2.0 * np.pi * hz * np.outer(time, orders)
-    return np.stack([np.cos(phase), np.sin(phase)], axis=2).reshape(len(time), -1)
+def _solved(design: Floats, values: Floats) -> Floats:
+    """Least squares of values (n,) by nearly orthogonal columns (n, k), (k,)."""
+    return np.linalg.solve(design.T @ design, design.T @ values)
 
 
-def _by_frequency(time: Floats, hz: float, orders: Floats, shares: Floats) -> Floats:
+def _waves(count: int, rate_hz: float, hz: float, orders: Floats) -> Floats:
+    """Cosine and sine of each order in samples (n,), each in the middle of its period, (n, 2 h) [-]."""
+    first = np.exp(2j * np.pi * hz / rate_hz * (np.arange(count) + 0.5))
+    powers = [first]
+    while len(powers) < orders.max():
+        powers.append(powers[-1] * first)
+    chosen = np.column_stack([powers[int(order) - 1] for order in orders])
+    return chosen.view(float)
+
+
+def _by_frequency(waves: Floats, rate_hz: float, orders: Floats, shares: Floats) -> Floats:
+    """Derivative of lines by their fundamental, (n,) [unit/Hz]."""
     cosine, sine = shares.reshape(-1, 2).T
-    phase = 2.0 * np.pi * hz * np.outer(time, orders)
-    return np.asarray((2.0 * np.pi * time[:, None] * orders * (sine * np.cos(phase) - cosine * np.sin(phase))).sum(1))
+    turned = np.stack([orders * sine, -orders * cosine], axis=1).ravel()
+    return np.asarray(2.0 * np.pi * (np.arange(len(waves)) + 0.5) / rate_hz * (waves @ turned))
 
 
-def _slow(time: Floats) -> Floats:
-    return np.column_stack([np.ones_like(time), time - time.mean()])
-
-
-def _candidate(resting: Floats, time: Floats, rate_hz: float, mains: float) -> tuple[float, float, Floats]:
-    """How significant lines of one mains are, at the likeliest fundamental, and the orders of those that are."""
+def _candidate(flat: Floats, power: Floats, rate_hz: float, mains: float) -> tuple[float, float, Floats]:
+    """How significant lines of one mains are in what has no slope (n,), by its periodogram (m,), at the likeliest
+    fundamental, and the orders of those that are.
+    """
     orders = np.arange(1, min(HARMONICS, int(0.38 * rate_hz / mains)) + 1).astype(float)
-    slow = _slow(time)
-    flat = resting - slow @ np.linalg.lstsq(slow, resting, rcond=None)[0]
     tried = mains + np.linspace(-3.0, 3.0, _TRIED) * OFF_HZ
-    powers = np.abs(np.exp(-2j * np.pi * np.outer(np.outer(tried, orders), time)) @ flat).reshape(len(tried), -1) ** 2
-    hz = float(tried[np.argmax(powers.sum(axis=1) * np.exp(-0.5 * ((tried - mains) / OFF_HZ) ** 2))])
-    waves = _waves(time, hz, orders)
-    shares = np.linalg.lstsq(waves, flat, rcond=None)[0]
-    variance = _weights(flat - waves @ shares, rate_hz, hz, orders) * 2.0 / len(time)
+    powers = np.interp(np.outer(tried, orders), np.linspace(0.0, rate_hz / 2.0, len(power)), power).sum(axis=1)
+    hz = float(tried[np.argmax(powers * np.exp(-0.5 * ((tried - mains) / OFF_HZ) ** 2))])
+    waves = _waves(len(flat), rate_hz, hz, orders)
+    shares = _solved(waves, flat)
+    variance = _weights(flat - waves @ shares, rate_hz, hz, orders) * 2.0 / len(flat)
     ratio = (shares.reshape(-1, 2) ** 2).sum(axis=1) / np.maximum(variance, 1e-300)
     return float(ratio[ratio > _SIGNIFICANT].sum()), hz, orders[ratio > _SIGNIFICANT]
 
 
 def _weights(left: Floats, rate_hz: float, hz: float, orders: Floats) -> Floats:
     """Variance of white noise with the density that what is left has around each order, (h,) [unit^2]."""
-    power = np.abs(np.fft.rfft(left * np.hanning(len(left)), 4 * len(left))) ** 2 / (0.375 * len(left))
-    frequency = np.fft.rfftfreq(4 * len(left), 1.0 / rate_hz)
+    from scipy.fft import next_fast_len, rfft, rfftfreq
+
+    size = next_fast_len(4 * len(left), real=True)
+    power = np.abs(rfft(left * np.hanning(len(left)), size)) ** 2 / (0.375 * len(left))
+    frequency = rfftfreq(size, 1.0 / rate_hz)
     near = [np.abs(frequency - order * hz) < max(0.4 * hz, 3.0 * rate_hz / len(left)) for order in orders]
     return np.array([max(float(power[some].mean()), 1e-300) for some in near])

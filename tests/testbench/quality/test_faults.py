@@ -98,8 +98,8 @@ def test_a_record_that_ends_in_the_motion_is_said(runs):
     """A run cut at a third of its length looks as if it vibrated less."""
     values = runs[1].channel("AccX")
     short = Pair(ConditionKey.of(runs[0]), {}, (runs[0],), (runs[1],))
-    whole = [{("base_acc", "x"): Amplitude.of(v, RATE, Measure())} for v in (values, values)]
-    ended = [whole[0], {("base_acc", "x"): Amplitude.of(values[: len(values) // 3], RATE, Measure())}]
+    whole = [{("base_acc", "x"): Amplitude.of(v[None], RATE, Measure())[0]} for v in (values, values)]
+    ended = [whole[0], {("base_acc", "x"): Amplitude.of(values[None, : len(values) // 3], RATE, Measure())[0]}]
     assert unequal_durations(short, whole) == []
     assert [f.code for f in unequal_durations(short, ended)] == ["durations_differ"]
 

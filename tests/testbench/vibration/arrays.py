@@ -34,7 +34,11 @@ def reduced(
 
     def records(runs: list[np.ndarray]) -> tuple[dict[tuple[str, str], Amplitude], ...]:
         return tuple(
-            {PLACE: Amplitude.of(v, rate_hz, measure or Measure(), span, (rest_s or 0.0, len(v) / rate_hz), step)}
+            {
+                PLACE: Amplitude.of(
+                    v[None], rate_hz, measure or Measure(), span, (rest_s or 0.0, len(v) / rate_hz), [step]
+                )[0]
+            }
             for v in runs
         )
 

@@ -23,7 +23,7 @@ SIGMA = np.sqrt(0.2 * 0.875 * (np.pi / 8) / np.sin(np.pi / 8))
 
 def judged(balanced: list[np.ndarray], unbalanced: list[np.ndarray], measure: Measure) -> Ratio:
     """Of records of one condition, in the noise of all their rests."""
-    sides = [[Amplitude.of(v, RATE, measure, (0.0, 0.28)) for v in side] for side in (balanced, unbalanced)]
+    sides = [Amplitude.of(np.array(side), RATE, measure, (0.0, 0.28)) for side in (balanced, unbalanced)]
     noise = Noise.of([run.resting for side in sides for run in side], 1e-18)
     groups = [Group(tuple(AmplitudeLikelihood.of(run, noise) for run in side)) for side in sides]
     scatter = Repeatability.of(groups)
