@@ -38,6 +38,8 @@ _SIGNIFICANT = 1.5
 """Power over that of the noise from which a frequency belongs to the signal."""
 _NEIGHBOURS = 15
 """Frequencies whose power is averaged."""
+_FADING = 200
+"""Samples in which a record fades out beyond its ends."""
 _OFFSETS = 24
 """Offsets within a step at which a course is rounded."""
 _UNSURE = 1.7
@@ -318,10 +320,20 @@ class Amplitude:
 
 
 def shifted(values: Floats, lag: float, count: int) -> Floats:
-    """A record (m,) moved ``lag`` samples earlier, (count,); mirrored at its ends."""
-    mirrored = np.concatenate([values, values[::-1]])
-    turn = np.exp(2j * np.pi * np.arange(len(values) + 1) / len(mirrored) * lag)
-    return np.asarray(np.fft.irfft(np.fft.rfft(mirrored) * turn, len(mirrored))[:count])
+    """A record (m,) moved ``lag`` samples earlier, (count,), count at most m; beyond its ends it keeps its last value.
+
+    About its ends it is mirrored so that neither value nor slope jumps, and fades out.
+    """
+    from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+
+    pad = min(len(values) - 1, _FADING)
+    fading = np.sin(0.5 * np.pi * (np.arange(pad) + 0.5) / pad) ** 2
+    faded = np.pad(values, pad, "reflect", reflect_type="odd")
+    faded[:pad] *= fading
+    faded[-pad:] *= fading[::-1]
+    size, at = next_fast_len(len(faded), real=True), np.arange(count) + lag
+    moved = irfft(rfft(faded, size) * np.exp(2j * np.pi * lag * rfftfreq(size)), size)[pad : pad + count]
+    return np.where(at < 0.0, values[0], np.where(at > len(values) - 1, values[-1], moved))
 
 
 def undithered_share(resting: Floats, step: float) -> float:

@@ -29,6 +29,8 @@ CLEAR = 0.25
 """Of what noise does, from which what repeats may differ by counts."""
 SAME_RATE = 1e-4
 """Of rates of repeats: over two seconds they part by a fifth of a millisecond."""
+EDGE = 8
+"""Samples next to an end of another repeat's record, which shifting it spoils."""
 SMOOTHED_S = 0.04
 """Over which the power of noise in motion is averaged [s]."""
 LEAST_LEVEL = 0.05
@@ -163,21 +165,29 @@ class Synchronous:
         count = min(len(run[places[0]].course) for run in runs)
         lags = _lags(runs, places, count)
         means, residuals, envelopes = {}, {}, {}
-        first = runs[0]
+        first, at = runs[0], np.arange(count) + np.array(lags)[:, None]
+        lengths = np.array([[len(run[places[0]].course)] for run in runs])
+        held = (at >= 0.0) & (at <= lengths - 1.0)
+        shared = np.flatnonzero(held.all(axis=0))
+        if len(shared) <= 2 * EDGE:
+            return None
+        common = slice(int(shared[0]) + EDGE * (shared[0] > 0), int(shared[-1]) + 1 - EDGE * (shared[-1] < count - 1))
         for place in places:
             whole = np.array([shifted(run[place].whole, lag, count) for run, lag in zip(runs, lags, strict=True)])
-            mean = whole.mean(axis=0)
+            mean = (whole * held).sum(axis=0) / held.sum(axis=0)
             shape = first[place].in_band(mean)
             turn = 2j * np.pi * np.fft.rfftfreq(2 * count)
             spectrum = np.fft.rfft(np.concatenate([shape, shape[::-1]]))
             slopes = [np.fft.irfft(spectrum * turn**order, 2 * count)[:count] for order in (1, 2)]
-            basis = np.column_stack([shape, *slopes, np.ones(count)])
-            left = (whole - mean).T - basis @ np.linalg.lstsq(basis, (whole - mean).T, rcond=None)[0]
+            basis = np.column_stack([shape, *slopes, np.ones(count)])[common]
+            apart = (whole - mean).T[common]
+            left = (apart - basis @ np.linalg.lstsq(basis, apart, rcond=None)[0]).T
             scale = (len(runs) / (len(runs) - 1.0)) ** 0.5
-            part, rate = first[place].moving or slice(None), first[place].rate_hz
-            over_time = _envelope(scale * first[place].in_band(left.T), part, rate)
-            envelopes[place] = over_time
-            residuals[place] = tuple(Segment((scale * one / over_time)[part], rate, 1.0 / scale**2) for one in left.T)
+            rate, moving = first[place].rate_hz, first[place].moving or slice(0, count)
+            part = slice(max(moving.start - common.start, 0), max(moving.stop - common.start, 0))
+            over_time = _envelope(scale * first[place].in_band(left), part, rate)
+            envelopes[place] = np.pad(over_time, (common.start, count - common.stop), "edge")
+            residuals[place] = tuple(Segment((scale * one / over_time)[part], rate, 1.0 / scale**2) for one in left)
             means[place] = first[place].mean_of([run[place] for run in runs], lags, mean)
         return cls(means, residuals, envelopes, tuple(lags))
 
