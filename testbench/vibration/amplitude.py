@@ -204,22 +204,23 @@ class Amplitude:
         rest: tuple[float, float] | None = None,
         moving: tuple[float, float] | None = None,
         steps: Sequence[float] = (),
+        quiet: tuple[float, float] | None = None,
     ) -> "list[Amplitude]":
-        """From records (k, m) [unit] of one logger; ``rest`` and ``moving`` are spans of time from their first sample
-        [s].
+        """From records (k, m) [unit] of one logger; ``rest``, ``moving`` and ``quiet``, in which lines of the mains are
+        sought if not in the rest, are spans of time from their first sample [s].
         """
         band, statistic = measure.band, MetricStatistic(measure.metric)
         every = max(int(rate_hz // (SAMPLES_PER_PERIOD * band.high_hz)), 1) if band else 1
         count = values.shape[1] // every
         used, seconds = count * every, count * every / rate_hz
-        still = None if rest is None else _samples(rest, count, seconds)
+        still, calm = (None if span is None else _samples(span, count, seconds) for span in (rest, rest or quiet))
         values = np.array([measure.without_trend(row) for row in values])
         cosines = _cosines(values[:, :used], count)
         wholes = values[:, :used].copy() if every == 1 else _from_cosines(cosines * _taper(count))
         courses = _from_cosines(cosines * gain_of_record(measure, count, seconds, rate_hz))
         errors: list[Floats | None] = [None] * len(values)
         for i, (whole, course) in enumerate(zip(wholes, courses, strict=True)):
-            lines = None if still is None else Lines.fitted(whole[still], count / seconds)
+            lines = None if calm is None else Lines.fitted(whole[calm], count / seconds)
             if lines is not None:
                 values[i] = measure.without_trend(values[i] - lines.at(len(values[i]), rate_hz))
                 shown = lines.at(count, count / seconds)

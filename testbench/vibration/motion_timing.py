@@ -26,6 +26,8 @@ COARSE_S = 0.06
 FIRST_S = 0.04
 """Taken for rest to begin with."""
 LEAST_REST_S = 0.03
+LEAST_RATE_HZ = 200.0
+"""At which the beginning of a motion is found."""
 ORDER = 16
 """Of the autoregression, at most."""
 _FITTED_S = 2.0
@@ -50,6 +52,8 @@ class MotionTiming:
     """Before the motion; None also where there is none."""
     moving: tuple[float, float] | None
     """From the first to the last motion."""
+    unfelt: tuple[float, float] | None = None
+    """The whole record, where a motion was commanded of which no accelerometer feels anything begin."""
 
     @classmethod
     def of(cls, run: SIRun, group: str) -> "MotionTiming":
@@ -72,7 +76,7 @@ class MotionTiming:
             found = beginning(signals, rate, (coarse - COARSE_S, coarse + COARSE_S))
             first = coarse - COARSE_S if found is None else found
         if first is None:
-            return cls(None, None)
+            return cls(None, None, (0.0, seconds) if rate >= LEAST_RATE_HZ else None)
         return cls(_rest(first), (max(first, 0.0), min(first + span[1] - span[0], seconds)))
 
 
@@ -173,7 +177,7 @@ def beginning(signals: Sequence[Floats], rate_hz: float, within: tuple[float, fl
     known = round(FIRST_S * rate) if within is None else round(within[0] * rate)
     last = count if within is None else min(round(within[1] * rate), count)
     window = max(round(_WINDOW_S * rate), 4)
-    if not rows or known < 2 * window or known >= last:
+    if not rows or rate_hz < LEAST_RATE_HZ or known < 2 * window or known >= last:
         return None
     level = float(len(rows) * window)
     while chi_square_tail(level, len(rows) * window) > _CERTAIN:

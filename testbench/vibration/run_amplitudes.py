@@ -33,7 +33,7 @@ def amplitudes_of_run(run: SIRun, measure: Measure) -> dict[Place, Amplitude]:
         timing, rate = MotionTiming.of(run, group), records[some[0]][1]
         values = np.array([records[place][0] for place in some])
         steps = [columns[place].resolution or observed_resolution(row) for place, row in zip(some, values, strict=True)]
-        amplitudes = Amplitude.of(values, rate, measure, timing.rest, timing.moving, steps)
+        amplitudes = Amplitude.of(values, rate, measure, timing.rest, timing.moving, steps, timing.unfelt)
         for place, row, one in zip(some, values, amplitudes, strict=True):
             where, index = run.recorded.find(columns[place].channel)
             clipping_found = where.channels[index].name in clipped
