@@ -24,8 +24,7 @@ from balance.arrays import Floats
 
 from ..signal import Metric
 from .metrics import METRICS, Measure, gain_of_record
-from .noise_floor import Noise, Segment
-from .noise_records import Draws, NoiseRecords, noise_draws
+from .noise_floor import Draws, Noise, NoiseRecords, Segment, noise_draws
 from .tonal_lines import Lines
 
 Place = tuple[str, str]

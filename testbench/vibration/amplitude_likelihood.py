@@ -9,8 +9,7 @@ from balance.arrays import Floats
 from balance.estimation.estimate import normal_quantile
 
 from .amplitude import Amplitude, MetricStatistic
-from .noise_floor import Noise
-from .noise_records import NoiseRecords
+from .noise_floor import Noise, NoiseRecords
 
 POINTS = 16
 """Amplitudes in the table."""
