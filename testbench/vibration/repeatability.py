@@ -179,7 +179,7 @@ class Synchronous:
             turn = 2j * np.pi * np.fft.rfftfreq(2 * count)
             spectrum = np.fft.rfft(np.concatenate([shape, shape[::-1]]))
             slopes = [np.fft.irfft(spectrum * turn**order, 2 * count)[:count] for order in (1, 2)]
-            basis = np.column_stack([shape, *slopes, np.ones(count)])[common]
+            basis = np.column_stack([shape, *slopes, np.ones(count), np.linspace(-1.0, 1.0, count)])[common]
             apart = (whole - mean).T[common]
             left = (apart - basis @ np.linalg.lstsq(basis, apart, rcond=None)[0]).T
             scale = (len(runs) / (len(runs) - 1.0)) ** 0.5

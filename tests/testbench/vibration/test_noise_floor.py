@@ -6,7 +6,8 @@ import pytest
 
 from testbench.signal.filters import Band
 from testbench.vibration import Noise
-from testbench.vibration.noise_floor import Segment
+from testbench.vibration.metrics import Measure
+from testbench.vibration.noise_floor import NoiseRecords, Segment, noise_draws
 
 RATE = 1000.0
 PASSED = 0.875 * (np.pi / 8) / np.sin(np.pi / 8)
@@ -74,3 +75,25 @@ def test_a_rig_that_states_none():
     """A stated noise of zero is none."""
     assert Noise.stated(0.0, RATE) is None
     assert Noise.stated(2.0, RATE).power(None)[0] == pytest.approx(4.0, rel=0.01)
+
+
+@pytest.mark.parametrize("size", [0.01, 0.3, 3.0])
+def test_highest_of_signals_in_noise(size):
+    """What is left out near no extreme changes none: as by all samples of every draw, noise small and large."""
+    draws = noise_draws(Noise.of([white(1, 4000, size)]), Measure(), 900, RATE)
+    swing = np.sin(np.linspace(0.0, 60.0, 900)) * np.exp(-np.linspace(0.0, 4.0, 900))
+    signals = np.linspace(0.5, 1.5, 9)[:, None] * swing
+    noise = np.concatenate(draws.parts).T
+    for sign in (1, -1):
+        whole = np.array([(sign * noise + signal).max(axis=1) for signal in signals]).T
+        found = NoiseRecords(draws, np.zeros(len(noise))).highest(signals, sign)
+        np.testing.assert_allclose(found, whole, atol=1e-5 * max(size, 1.0))  # single precision
+
+
+def test_shared_draws():
+    """Draws of a shorter record are the same ones with their middle left out, of the noise's power in the band."""
+    noise = Noise.of([white(1, 20_000)])
+    whole, shorter = (np.concatenate(noise_draws(noise, Measure(), count, RATE).parts) for count in (2048, 2000))
+    np.testing.assert_array_equal(whole[:1000], shorter[:1000])
+    np.testing.assert_array_equal(whole[-1000:], shorter[-1000:])
+    assert np.mean(whole.astype(float) ** 2) == pytest.approx(noise.power(Measure().band)[0], rel=0.1)

@@ -5,7 +5,9 @@ import pytest
 from scipy.stats import norm
 
 from testbench.vibration import AmplitudeLikelihood, ConditionAmplitude, Group, Ratio, Repeatability
-from testbench.vibration.amplitude import MetricStatistic
+from testbench.vibration.amplitude import Amplitude, MetricStatistic, shifted
+from testbench.vibration.metrics import Measure
+from testbench.vibration.repeatability import Synchronous
 
 from ..coverage import assert_holds
 
@@ -93,3 +95,27 @@ def test_normal_quantile():
     pair = [group(1000.0, 0.0, rng, 1), group(1e7, 0.0, rng, 1)]
     low, high = Ratio(*map(ConditionAmplitude, pair)).interval
     assert (high - low) * 1e7 == pytest.approx(2.0 * norm.ppf(0.975), rel=0.01)
+
+
+def test_repeats_that_begin_at_other_times():
+    """Of a swing that outlasts the record, repeats leave their noise alone, whenever the motion began in each."""
+    rng, rate, place = np.random.default_rng(5), 1000.0, ("base_acc", "x")
+    time = np.arange(1500) / rate
+    runs = []
+    for begin in (0.4, 0.3217, 0.47):
+        after = np.clip(time - begin, 0.0, None)
+        swing = 5.0 * np.sin(2 * np.pi * 9.0 * after) ** 3 * np.exp(-0.5 * after) + 0.01 * rng.normal(size=len(time))
+        (one,) = Amplitude.of(swing[None], rate, Measure(), (0.0, begin - 0.01), (begin, time[-1]))
+        runs.append({place: one})
+    both = Synchronous.of(runs)
+    assert both.lags == pytest.approx([0.0, -78.3, 70.0], abs=0.5)  # what is left of a lag goes with the slope
+    left = np.concatenate([segment.values for segment in both.residuals[place]])
+    assert left.std() == pytest.approx(0.01, rel=0.15)
+
+
+def test_moved_record():
+    """A record moved by a fraction of a sample is what would have been sampled, to its very ends."""
+    time = np.arange(600.0)
+    wave = lambda at: np.sin(0.2 * at + 0.3) + 0.01 * at  # noqa: E731
+    np.testing.assert_allclose(shifted(wave(time), 0.4, 600)[:599], wave(time + 0.4)[:599], atol=0.02)
+    np.testing.assert_allclose(shifted(wave(time), 0.4, 600)[20:580], wave(time + 0.4)[20:580], atol=3e-4)
