@@ -293,8 +293,7 @@ class LinearBench:
         for matrix, hub, control in zip((stiffness, damping), _hub(v), _control(v), strict=True):
             matrix[6:, 6:] += hub * apart + control * held
         s = self._rate[:, None, None]
-        found: Complexes = s**2 * mass + s * damping + stiffness
-        return found
+        return np.asarray(s**2 * mass + s * damping + stiffness, dtype=complex)
 
     def _both_parts(self, run: PlannedRun) -> tuple[_Part, _Part]:
         """Links with the payload, and counter-masses."""
