@@ -241,7 +241,7 @@ def emit_table(title: str, header: list[str], rows: list[list[str]], note: str =
     if width is not None and _least(header, cells) > width and len(cells) > 1:
         header, cells, same = _without_constants(header, cells)
         below += [f"In all rows: {', '.join(same)}"] if same else []
-    gone = []
+    gone: list[str] = []
     while width is not None and len(header) > 2 and _least(header, cells) > width:
         gone.insert(0, header[-1])
         header, cells = header[:-1], [row[:-1] for row in cells]

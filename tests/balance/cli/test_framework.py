@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -211,3 +212,29 @@ def test_numbers_of_the_json_are_finite(balance):
     """One document that any JSON reader takes: no NaN, no Infinity."""
     out = balance("size", "serial-3r", "--json").out
     json.loads(out, parse_constant=lambda text: pytest.fail(f"{text} in the JSON"))
+
+
+VERDICTS = (
+    "conditions parallelogram-6bar -p platform=5kg",
+    "check four-bar -c counter_A0A=1kg",
+    "assemble five-bar",
+    "size four-bar --stock kiper2019",
+    "simulate four-bar --motion four-bar --rate 1kHz",
+)
+
+
+@pytest.mark.parametrize("line", VERDICTS)
+@pytest.mark.parametrize("width", [80, 200])
+def test_the_answer_comes_first_and_tables_fit(balance, monkeypatch, line, width):
+    """-q prints one sentence with a number; tables are no wider than the terminal, and break no number."""
+    (answer,) = balance(*line.split(), "-q").out.splitlines()
+    assert re.search(r"\d.*\.$", answer)
+    monkeypatch.setenv("COLUMNS", str(width))
+    out = balance(*line.split(), "--all").out
+    tables = [part for part in out.split("\n\n") if "──" in part]
+    assert tables
+    for part in tables:
+        head, rule, body = part.partition("─\n")
+        assert max(map(len, (head + rule).splitlines())) <= width
+        assert len(body.splitlines()[0]) <= width
+        assert "…" not in part
