@@ -10,10 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from .testbench.conftest import conditions
+from .conftest import conditions
 
-pytest_plugins = ["tests.testbench.conftest"]
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PLAN = conditions((3.4116, 17.1105, ("x",)), (3.4116, 0.0, ("x",)))
 
 
