@@ -7,6 +7,7 @@ from itertools import count, takewhile
 from pathlib import Path
 from typing import Any
 
+from ..errors import StoreError
 from ..quality.group_checks import RecordingCheck
 from ..recording import Block, Finding, Recording, findings_by_group
 from ..store import crash_recovery, open_run
@@ -24,14 +25,17 @@ def recover(campaign: Path) -> list[Recovery]:
     """Finish or save everything that stopped ingests left in ``campaign``."""
     outcomes = [crash_recovery.finish(leftover, save) for leftover in leftovers(existing(campaign))]
     found = [outcome for outcome in outcomes if outcome is not None]
-    for path in crash_recovery.orphans(campaign):
-        if crash_recovery.is_digest(path):
-            path.unlink(missing_ok=True)  # its run has been taken care of
-        else:
-            message = f"{path.name} has no journal, which says what it holds; it stays where it is"
-            found.append(Recovery(path.name, "failed", message))
-    for file in enter_found(campaign):
-        found.append(Recovery(file, "entered", "was not in the ledger: it is now, marked as found", file))
+    try:
+        for path in crash_recovery.orphans(campaign):
+            if crash_recovery.is_digest(path):
+                path.unlink(missing_ok=True)  # its run has been taken care of
+            else:
+                message = f"{path.name} has no journal, which says what it holds; it stays where it is"
+                found.append(Recovery(path.name, "failed", message))
+        for file in enter_found(campaign):
+            found.append(Recovery(file, "entered", "was not in the ledger: it is now, marked as found", file))
+    except OSError as error:
+        raise StoreError(f"{campaign}: cannot be written ({error.strerror or error}); recover it again") from error
     return found
 
 

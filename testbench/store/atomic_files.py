@@ -153,7 +153,8 @@ def take_name(part: Path, target: Path) -> None:
         if target.exists():
             raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(target)) from error
         os.rename(part, target)
-    part.unlink(missing_ok=True)
+    with suppress(OSError):  # it has its name all the same; `recover` takes the other one away
+        part.unlink(missing_ok=True)
 
 
 def sync(path: Path) -> None:

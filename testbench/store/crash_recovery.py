@@ -56,12 +56,12 @@ def finish(leftover: Leftover, save: Save) -> Recovery | None:
             ):
                 return Recovery(leftover.run, "running", "an ingest is writing it at this moment; left alone")
             found = _recovered(leftover, save)
+            leftover.part.unlink(missing_ok=True)
+            leftover.journal.unlink(missing_ok=True)
     except FileNotFoundError:
         return Recovery(leftover.run, "superseded", "another process has taken care of it")
     except (StoreError, OSError) as error:
         return Recovery(leftover.run, "failed", f"{error}; {leftover.part.name} and its journal stay where they are")
-    leftover.part.unlink(missing_ok=True)
-    leftover.journal.unlink(missing_ok=True)
     return found
 
 

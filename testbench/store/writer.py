@@ -438,8 +438,10 @@ class RunWriter:
     ) -> None:
         with contextlib.suppress(OSError, RuntimeError, StoreError):
             self._close()
-        with contextlib.suppress(OSError):  # a folder that is a file
+        try:
             self._part.unlink(missing_ok=True)
+        except OSError:  # a folder that is a file; else the journal stays too, so that `recover` takes both away
+            self._is_placed = self._part.exists()
         if self._journal is not None:
             self._journal.close()
             if not self._is_placed:

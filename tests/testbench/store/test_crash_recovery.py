@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from studies import store_faults as faults
+from studies import system_calls
 from testbench.cli.campaign import recover as command
 from testbench.errors import StoreError
 from testbench.ingestion import Ingest
@@ -274,3 +275,13 @@ def test_stopped_before_it_began(tmp_path, ending):
     assert (found.status, found.run) == ("failed", "r001")
     assert "loss of power" in found.message
     assert part.read_bytes() == b"samples"
+
+
+@pytest.mark.skipif(
+    sys.platform != "linux", reason="the laboratory forks, and asks the system for the files of handles"
+)
+@pytest.mark.parametrize("kind", ["fails", "killed", "power"])
+def test_a_record_while_system_calls_go_wrong(tmp_path, kind):
+    """Two calls of nine, of the laboratory that the study takes through all of them: nothing told is lost."""
+    base = system_calls.prepare(tmp_path, "calibrate")
+    assert [system_calls.trial(base, "calibrate", kind, number, seed=1) for number in (3, 8)] == [(True, "")] * 2
