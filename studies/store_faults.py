@@ -1,4 +1,4 @@
-"""Ingests and archives killed at random moments, bits of stored runs flipped, their files cut."""
+"""Ingests killed at random moments; chunks of stored runs displaced, their bits flipped, their files cut."""
 
 import contextlib
 import io
@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
+import h5py
 import numpy as np
 
 from testbench.cli.campaign import recover
@@ -50,15 +51,6 @@ print("end", *(outcome.status for outcome in outcomes), flush=True)
 
 After each it waits for so many seconds.
 """
-ARCHIVING = """
-import sys
-from pathlib import Path
-from testbench.store import archive, open_run
-run = open_run(sys.argv[1])
-print("ready", flush=True)
-print("end", archive.archive(run, Path(sys.argv[2])).status, flush=True)
-"""
-"""An archive of one run."""
 
 
 def write_log(path: Path, rows: int = ROWS) -> list[np.ndarray]:
@@ -69,20 +61,20 @@ def write_log(path: Path, rows: int = ROWS) -> list[np.ndarray]:
     return columns
 
 
-def start(log: Path, campaign: Path, code: str = CHILD, pause_s: float = 0.002) -> subprocess.Popen[str]:
-    """An ingest, or an archive, in a process of its own, about to begin."""
-    command = [sys.executable, "-c", code, str(log), str(campaign), str(pause_s)]
+def start(log: Path, campaign: Path, pause_s: float = 0.002) -> subprocess.Popen[str]:
+    """An ingest in a process of its own, about to begin."""
+    command = [sys.executable, "-c", CHILD, str(log), str(campaign), str(pause_s)]
     child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert child.stdout is not None
     assert child.stdout.readline() == "ready\n"
     return child
 
 
-def duration(log: Path, folder: Path, code: str = CHILD) -> float:
+def duration(log: Path, folder: Path) -> float:
     """How long it takes where nobody kills it [s]."""
-    child = start(log, folder, code)
+    child = start(log, folder)
     begin = time.perf_counter()
-    assert child.communicate()[0].endswith(("end stored\n", "end archived\n"))
+    assert child.communicate()[0].endswith("end stored\n")
     return time.perf_counter() - begin
 
 
@@ -121,25 +113,6 @@ def recovered(campaign: Path, acknowledged: int, columns: Sequence[np.ndarray]) 
     return code
 
 
-def kill_archive(run: Path, folder: Path, chance: random.Random, whole: float) -> int:
-    """Kill an archive at a random moment; returns what ``testbench recover`` makes of it, and archives again.
-
-    The run stays as it was, no half file has a final name, and the archive then holds every bit.
-    """
-    child = start(run, folder, ARCHIVING)
-    time.sleep(chance.uniform(0, whole))
-    child.kill()
-    child.communicate()
-    folder.mkdir(exist_ok=True)
-    original = open_run(run)
-    columns = [original.channel_at(original.group().name, i) for i in range(len(original.group().channels))]
-    code = recovered(folder, 0, columns)
-    assert archive.archive(original, folder).status in {"archived", "already_archived"}
-    assert recovered(folder, original.group().samples, columns) == 0
-    assert atomic_files.recorded_digest(run) == atomic_files.sha256_of(run)
-    return code
-
-
 def flipped(run: Path, chance: random.Random) -> bool:
     """Flip one bit of a run or its digest; whether verify names the run, and then flip it back."""
     sizes = {path: path.stat().st_size for path in (run, atomic_files.digest_file(run))}
@@ -170,6 +143,32 @@ def misread(run: Path, chance: random.Random) -> bool:
         run.write_bytes(whole)
 
 
+def displaced(run: Path, chance: random.Random) -> bool:
+    """Zero a chunk of a channel, or put another one in its place, and undo it; whether reading the channel says so."""
+    whole, content = run.read_bytes(), bytearray(run.read_bytes())
+    with h5py.File(run) as file:
+        names = [key for key in file["entry/log"] if key.startswith("Acc")]
+        channels = [file[f"entry/log/{name}"].id for name in names]
+        places = [
+            (c.get_chunk_info(n).byte_offset, c.get_chunk_info(n).size)
+            for c in channels
+            for n in range(c.get_num_chunks())
+        ]
+    place, other = chance.sample(range(len(places)), 2)
+    (at, size), (source, _) = places[place], places[other]
+    content[at : at + size] = bytes(size) if chance.random() < 0.5 else whole[source : source + size]
+    if chance.random() < 0.3:
+        content[source : source + size] = whole[at : at + size]
+    run.write_bytes(content)
+    try:
+        _channels(run)
+    except StoreError as error:
+        return "samples " in str(error) and "channel 'Acc" in str(error)
+    finally:
+        run.write_bytes(whole)
+    return False
+
+
 def _channels(run: Path) -> list[bytes]:
     opened = open_run(run)
     return [opened.channel(channel.name).tobytes() for channel in opened.groups[0].channels]
@@ -190,7 +189,7 @@ def cut(run: Path, chance: random.Random) -> bool:
 
 
 def study(count: int, brief: bool) -> Iterator[Row]:
-    """``count`` ingests and a third as many archives killed; three times as many bits flipped, and files cut."""
+    """``count`` ingests killed; three times as many chunks displaced, bits flipped, and files cut."""
     chance = random.Random(1)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
@@ -199,9 +198,10 @@ def study(count: int, brief: bool) -> Iterator[Row]:
         kills = (partial(_ingest_killed, folder, f"c{n}", columns, chance, whole) for n in range(count))
         yield _tried("ingests killed: every acknowledged sample recovered to the bit", kills)
         (run,) = open_campaign(folder / "whole").run_paths
-        whole = duration(run, folder / "a", ARCHIVING)
-        kills = (partial(kill_archive, run, folder / f"a{n}", chance, whole) for n in range(-(-count // 3)))
-        yield _tried("archives killed: the run intact, the archive made again to the bit", kills)
+        found = sum(displaced(run, chance) for _ in range(3 * count))
+        yield all_of(
+            "run, chunks zeroed, swapped or repeated: refused on reading, channel and samples named", found, 3 * count
+        )
         write_log(folder / "small.csv", 5000)
         start(folder / "small.csv", folder / "small").wait()
         stored = folder / "small" / "small.h5"

@@ -269,7 +269,7 @@ class Digests:
         if not block.any():
             return "a hole, read as zeros; an interrupted copy or a loss of power leaves such files"
         blocks = range(0, self.block * (len(self.channels[channel]) // _DIGEST_BYTES), self.block)
-        places = [(channel, at) for at in blocks] + [(other, first) for other in range(len(self.channels))]
+        places = [(other, at) for other in (channel, *range(len(self.channels))) for at in blocks]
         for other, at in places:
             if digest(block, self.salt, self.group, other, at) == self._stored(other, at):
                 of = "this channel" if other == channel else f"channel {other + 1} of the group"
