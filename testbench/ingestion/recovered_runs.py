@@ -14,7 +14,7 @@ from ..store import crash_recovery, open_run
 from ..store.atomic_files import Journal, Leftover, leftovers
 from ..store.campaign import existing
 from ..store.crash_recovery import MARK, Recovery
-from ..store.ledger import enter_found
+from ..store.ledger import enter_found, remove_digests_alone
 from ..store.writer import RunWriter
 
 _FROM = "recovered_from"
@@ -32,6 +32,7 @@ def recover(campaign: Path) -> list[Recovery]:
             else:
                 message = f"{path.name} has no journal, which says what it holds; it stays where it is"
                 found.append(Recovery(path.name, "failed", message))
+        remove_digests_alone(campaign)
         for file in enter_found(campaign):
             found.append(Recovery(file, "entered", "was not in the ledger: it is now, marked as found", file))
     except OSError as error:

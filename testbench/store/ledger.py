@@ -273,6 +273,21 @@ def enter_found(campaign: Path) -> list[str]:
     return entered
 
 
+def remove_digests_alone(campaign: Path) -> None:
+    """Take away digest files of runs that are not there and were never entered: a loss of power left the one name."""
+
+    def alone() -> list[Path]:
+        ledger = read_ledger(campaign)
+        digests = [path for path in campaign.glob(f"{RUNS}{atomic_files.SUFFIX}") if not path.name.startswith(".")]
+        runs = [path.with_suffix("") for path in digests if ledger.entries]
+        return [run for run in runs if not run.exists() and not ledger.holds(run.name)]
+
+    if alone():
+        with one_at_a_time(campaign):  # none of them is of a run that gets its name at this moment
+            for run in alone():
+                atomic_files.digest_file(run).unlink()
+
+
 def cross_check(campaign: Path, entered: bool) -> Iterator[tuple[str, str, str]]:
     """Where ledger and files differ: name, status and message of each.
 

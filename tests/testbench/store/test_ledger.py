@@ -175,6 +175,15 @@ def test_what_a_stopped_append_left_is_entered_by_recover(campaign, capsys):
     assert states(campaign, capsys) == ({}, 0)
 
 
+def test_a_digest_of_a_run_that_never_was_goes(campaign, capsys):
+    """A loss of power kept the name of a digest and not that of its run; one of a run that was entered stays."""
+    gone("a.h5")(campaign)
+    (campaign / "c.h5.sha256").write_text(atomic_files.line_for("c.h5", "0" * 64))
+    recover(campaign)
+    assert names_in(campaign) == ["a.h5.sha256", "b.h5", "b.h5.sha256", "records"]
+    assert states(campaign, capsys) == ({"a.h5": "missing"}, 1)
+
+
 def test_a_person_removes(campaign, capsys):
     """Run, damaged run and record, by whom and why; the number of a removed record is not given again."""
     names = ["a.h5", record_of(campaign)]
