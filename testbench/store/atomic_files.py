@@ -129,6 +129,7 @@ def place_with_digest(part: Path, target: Path, line: str) -> None:
         sync(digest_part)
         take_name(digest_part, digest)
         try:
+            sync(target.parent)  # no loss of power leaves the run without its digest
             take_name(part, target)
         except OSError:
             digest.unlink()
