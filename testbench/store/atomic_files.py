@@ -145,7 +145,10 @@ def place_with_digest(part: Path, target: Path, line: str) -> None:
 
 
 def take_name(part: Path, target: Path) -> None:
-    """Give a finished file its name. Raises FileExistsError if it is taken: what has it stays, whoever was quicker."""
+    """Give a finished file its name; it keeps its hidden one until the folder is synced.
+
+    Raises FileExistsError if it is taken: what has it stays, whoever was quicker.
+    """
     try:
         os.link(part, target)
     except FileExistsError:
@@ -154,8 +157,6 @@ def take_name(part: Path, target: Path) -> None:
         if target.exists():
             raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(target)) from error
         os.rename(part, target)
-    with suppress(OSError):  # it has its name all the same; `recover` takes the other one away
-        part.unlink(missing_ok=True)
 
 
 def sync(path: Path) -> None:
