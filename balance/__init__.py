@@ -27,15 +27,15 @@ if _strangers := [
 
 if TYPE_CHECKING:
     from .balancing.conditions import Conditions
+    from .balancing.methods import Methods
     from .balancing.sizing import CounterMass, Sizing
     from .balancing.sizing_study import SizingStudy
+    from .balancing.sweep import Designs
+    from .balancing.tradeoff import Front
     from .closure import Trajectory
     from .dynamics.inverse_dynamics import Response
     from .errors import CounterpoiseError
     from .front_door import (
-        Designs,
-        Front,
-        Methods,
         assemble,
         check,
         conditions,
@@ -94,7 +94,10 @@ _HOMES = {
     "Conditions": "balancing.conditions",
     "CounterMass": "balancing.sizing",
     "CounterpoiseError": "errors",
+    "Designs": "balancing.sweep",
+    "Front": "balancing.tradeoff",
     "Mechanism": "mechanism.mechanism",
+    "Methods": "balancing.methods",
     "Response": "dynamics.inverse_dynamics",
     "Sizing": "balancing.sizing",
     "SizingStudy": "balancing.sizing_study",

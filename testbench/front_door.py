@@ -17,7 +17,8 @@ from .campaign_plan import Plan
 from .cross_examination import Examination, examine
 from .identification import Identification
 from .identification import identify as identified
-from .identification.records import assemble
+from .identification.estimators import Method
+from .identification.records import By, assemble
 from .ingestion import Ingest, Outcome
 from .ingestion.log_sources import SiblingLogs, own_files
 from .ingestion.run_table import plan_runs
@@ -192,8 +193,8 @@ def doctor(
 def identify(
     mechanism: Mechanism | str,
     *runs: Runs,
-    by: str | None = None,
-    method: str | None = None,
+    by: By | None = None,
+    method: Method | None = None,
     rig: Rig | str | Path | None = None,
     accept: Sequence[str] = (),
 ) -> Identification:

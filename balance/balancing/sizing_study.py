@@ -204,12 +204,11 @@ def study_sizing(
         def from_stock(target: Objective | None) -> Sequence[Sizing]:
             return best_sets_from_stock(conditions, model, plates, sites, limits, target, equal, best)
 
-        of_vibration = isinstance(any_mass.objective, base_vibration.VibrationObjective)
-        sets = (
-            base_vibration.least_vibration_from_stock(sites, any_mass.objective, from_stock)
-            if of_vibration
-            else from_stock(any_mass.objective)
-        )
+        least = any_mass.objective
+        if isinstance(least, base_vibration.VibrationObjective):
+            sets = base_vibration.least_vibration_from_stock(sites, least, from_stock)
+        else:
+            sets = from_stock(least)
     first = replace(sets[0], payload_bodies=tuple(payload_bodies) or model.payload_bodies)
     verdict = verdict_of(first, any_mass, _samples(trajectory, model) if set(weights) == {"force"} else None)
     return SizingStudy((first, *sets[1:]), any_mass, verdict, weights, motion, stock, trajectory, rig, left_out)

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from balance.arrays import Floats
+from balance.errors import CounterpoiseError
 from balance.units import si
 
-from ..errors import AnalysisError, CounterpoiseError
+from ..errors import AnalysisError
 from ..synchronization.clock_map import ClockMap
 from .aligned_run import recorded_clocks
 from .si_run import SIRun

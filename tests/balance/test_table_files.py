@@ -3,7 +3,6 @@
 import io
 
 import numpy as np
-import pandas
 import polars
 import pytest
 
@@ -48,8 +47,8 @@ def test_csv_reads_back_to_the_same_bits(monkeypatch):
     stream = io.BytesIO()
     write_csv(stream, columns)
     stream.seek(0)
-    read = pandas.read_csv(stream, header=None, float_precision="round_trip")
-    assert [read[i].to_numpy().tobytes() for i in range(3)] == [column.tobytes() for column in columns]
+    read = np.loadtxt(stream, delimiter=",").T
+    assert [column.tobytes() for column in read] == [column.tobytes() for column in columns]
     stream = io.BytesIO()
     write_csv(stream, [np.array([1.0005, -0.25]), np.array([3.0, 4.0])], ";", decimals=3, decimal_comma=True)
     assert stream.getvalue() == b"1,000;3,000\n-0,250;4,000\n"

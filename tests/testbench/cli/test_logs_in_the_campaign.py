@@ -41,7 +41,7 @@ def test_a_second_time_each_log_is_stored_already(ingest, tmp_path):
     for output in ("lg", "./lg/"):
         code, found, err = ingest(PATTERN, output=output)
         assert (code, found) == (3, {"a.csv": "already_stored", "b.csv": "already_stored"})
-        assert "lg: 5 of the files given are the campaign's own runs and no logs; they are left alone" in err
+        assert "lg: 7 of the files given are the campaign's own runs and no logs; they are left alone" in err
     assert {path.name: path.read_bytes() for path in (tmp_path / "lg").glob("*.*")} == before
 
 

@@ -248,9 +248,9 @@ def test_nothing_drawn_is_stored(deep):
 
 
 def test_who_imports_it():
-    """Outside the simulator, its command and the plan of the next run, no module imports campaigns or what is drawn."""
+    """Campaigns and what is drawn: for the simulator, its command, the front door and the next run's plan alone."""
     root = Path(testbench.__file__).parent
-    making_runs = {root / "cli" / "simulate.py", root / "next_run.py"}
+    making_runs = {root / "cli" / "simulate.py", root / "next_run.py", root / "front_door.py"}
     hidden = {"campaign", "simulated_logs", "draw_transducers", "draw_samples", "disturbed", "record_run"}
     for path in sorted(root.rglob("*.py")):
         if path.parent.name == "simulator" or path in making_runs:
