@@ -19,7 +19,7 @@ def run(out: Path) -> None:
             print(f"   {file} is not at hand: name its folder in COUNTERPOISE_RECORDINGS. Left out.")
         else:
             _identify(out, arm, path)
-    print("\n   'in MECH's file' are the values that those who recorded the logs published for their design.")
+    print("\n   Without -q: each first moment beside what those who recorded the logs published for their design.")
 
 
 def _identify(out: Path, arm: str, log: Path) -> None:
@@ -29,5 +29,5 @@ def _identify(out: Path, arm: str, log: Path) -> None:
     sheet.write_text(f"file,origin\n{log.name},measured\n", encoding="utf-8")
     options = ["--rig", arm, "--runs", sheet.name, "-o", arm]
     command(["testbench", "ingest", log, *options], out, shown=f"testbench ingest {log.name} {' '.join(options)}")
-    command(["testbench", "identify", arm, f"{arm}/{log.stem}.h5", "--figure", f"{arm}.png"], out)
+    command(["testbench", "identify", arm, f"{arm}/{log.stem}.h5", "--figure", f"{arm}.png", "-q"], out)
     saved(out / f"{arm}.png", "measured torque beside the model's")

@@ -134,9 +134,9 @@ def print_reductions(campaign: Path, runs: "Sequence[Run]") -> None:
 
 
 def _print_reductions(campaign: Path, analysis: "Analysis") -> None:
-    from ..vibration.reduction import Reduction
+    from ..vibration.reduction import Reduction, verdict
 
-    click.echo(_verdict(analysis.reductions))
+    click.echo(verdict(analysis.reductions))
     doubts = ("doubts",) if any(r.doubts for r in analysis.reductions) else ()
     place = _place(analysis.reductions)
     columns = (*place, "text", *doubts, "amplitudes", "noise_floor", "n", "method", "origin", "runs")
@@ -145,25 +145,6 @@ def _print_reductions(campaign: Path, analysis: "Analysis") -> None:
     for note in (_origins_text(analysis.origins), *analysis.notes):
         click.echo(note)
     options.print_findings(analysis.findings)
-
-
-def _verdict(reductions: "Sequence[Reduction]") -> str:
-    """By how much each axis is reduced, and how many reductions are bounds, withheld, or none."""
-    sound = [r for r in reductions if r.percent is not None and r.interval is not None and r.limit is None]
-    several = len({r.sensor for r in reductions}) > 1
-    parts = []
-    for sensor, axis in dict.fromkeys((r.sensor, r.axis) for r in sound):
-        some = [r for r in sound if (r.sensor, r.axis) == (sensor, axis)]
-        values = [r.percent for r in some if r.percent is not None]
-        low, high = (f"{value:.1f}" for value in (min(values), max(values)))
-        interval = [f"{end:.1f}" for end in some[0].interval or ()]
-        size = f"{low} to {high} % in {len(some)} conditions" if len(some) > 1 else f"{low} % [{', '.join(interval)}]"
-        parts.append(f"{f'{sensor} ' if several else ''}{axis}: reduced by {size}")
-    below = sum(r.below_noise for r in reductions)
-    others = len(reductions) - len(sound) - below
-    counts = [f"{below} of {len(reductions)} reductions are lower bounds, below noise"] if below else []
-    counts += [f"{others} of {len(reductions)} without an interval"] if others else []
-    return "; ".join([*parts, *counts]) + "."
 
 
 def _place(reductions: "Sequence[Reduction]") -> tuple[str, ...]:
@@ -232,7 +213,9 @@ def compare(
 
 def _print_comparison(campaign: Path, comparison: "Comparison") -> None:
     from ..vibration.comparison import Row
+    from ..vibration.reduction import verdict
 
+    click.echo(verdict([row.analyzed for row in comparison.rows]))
     place = _place([row.analyzed for row in comparison.rows])
     table_of = comparison.published
     columns = (*place, "analyzed_text", "simulated", *(("published",) if table_of else ()), "shaking_force", "origin")

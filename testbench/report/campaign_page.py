@@ -32,6 +32,7 @@ from ..trimming import trim_runs
 from ..trimming.result import trim_document
 from ..vibration.comparison import Comparison, compare_campaign
 from ..vibration.metrics import DEFAULT_BAND, Measure
+from ..vibration.reduction import verdict as reduction_verdict
 from ..vibration.run_pairs import pairs
 from .run_report import RunReport, report
 from .sections import torque_changes
@@ -194,25 +195,10 @@ def campaign_report(
 
 
 def verdict(found: Comparison | str) -> str:
-    """The answer in one sentence: along each axis from the least reduction to the largest, with their intervals."""
+    """The answer in one sentence, or why there is none."""
     if isinstance(found, str):
         return f"No reduction: {found.splitlines()[0].rstrip(':')}."
-    places = list(dict.fromkeys((row.analyzed.sensor, row.analyzed.axis) for row in found.rows))
-    several = len({sensor for sensor, _ in places}) > 1
-    parts = []
-    for place in places:
-        rows = [row.analyzed for row in found.rows if (row.analyzed.sensor, row.analyzed.axis) == place]
-        known = sorted((r for r in rows if r.percent is not None and r.limit is None and r.interval), key=_percent)
-        name = " ".join(place) if several else place[1]
-        ends = " to ".join(r.text.replace(" ", " % ", 1) for r in known[:: max(len(known) - 1, 1)])
-        bounds = f"{len(rows) - len(known)} of {len(rows)} conditions without a value"
-        without = "" if len(known) == len(rows) else f" ({bounds})" if known else f"no value in {len(rows)} conditions"
-        parts.append(f"{name} {ends}{without}" if known else f"{name}: {without}")
-    return f"Vibration of the base reduced: {'; '.join(parts)}."
-
-
-def _percent(one: Any) -> float:  # noqa: ANN401
-    return float(one.percent)
+    return reduction_verdict([row.analyzed for row in found.rows])
 
 
 def _comparison(found: Comparison) -> dict[str, Any]:

@@ -474,3 +474,22 @@ def sets_differ(reductions: Sequence[Reduction]) -> bool:
     for one in reductions:
         sets.setdefault(one.key, []).append(one.counter_masses)
     return any(masses != some[0] for some in sets.values() for masses in some)
+
+
+def verdict(reductions: Sequence[Reduction]) -> str:
+    """By how much each axis is reduced, and how many reductions are bounds, withheld, or none."""
+    sound = [r for r in reductions if r.percent is not None and r.interval is not None and r.limit is None]
+    several = len({r.sensor for r in reductions}) > 1
+    parts = []
+    for sensor, axis in dict.fromkeys((r.sensor, r.axis) for r in sound):
+        some = [r for r in sound if (r.sensor, r.axis) == (sensor, axis)]
+        values = [r.percent for r in some if r.percent is not None]
+        low, high = (f"{value:.1f}" for value in (min(values), max(values)))
+        interval = [f"{end:.1f}" for end in some[0].interval or ()]
+        size = f"{low} to {high} % in {len(some)} conditions" if len(some) > 1 else f"{low} % [{', '.join(interval)}]"
+        parts.append(f"{f'{sensor} ' if several else ''}{axis}: reduced by {size}")
+    below = sum(r.below_noise for r in reductions)
+    others = len(reductions) - len(sound) - below
+    counts = [f"{below} of {len(reductions)} reductions are lower bounds, below noise"] if below else []
+    counts += [f"{others} of {len(reductions)} without an interval"] if others else []
+    return "; ".join([*parts, *counts] or ["no reduction"]) + "."
