@@ -487,7 +487,7 @@ def study(count: int, brief: bool) -> Iterator[Row]:
         note += f", missed by seeds {' '.join(map(str, sorted(set(t.missed))[:12]))}" * bool(t.missed)
         yield covered(f"{name}, two-sided", t.two_sided.hits, t.two_sided.count, note)
         yield covered(f"{name}, at least", t.at_least.hits, t.at_least.count, conservative=True)
-    yield from narrowing(FAMILIES["floor"], range(min(count, 8)))
+    yield from narrowing(FAMILIES["floor"], range(min(max(count, 4), 8)))
 
 
 def _p(t: Tally) -> float:

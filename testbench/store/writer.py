@@ -445,7 +445,8 @@ class RunWriter:
         if self._journal is not None:
             self._journal.close()
             if not self._is_placed:
-                self._journal.remove()
+                with contextlib.suppress(OSError):  # it stays: `verify` names it, `recover` takes it away
+                    self._journal.remove()
         if self._made_folder:
             with contextlib.suppress(OSError):  # the run is in it
                 self.target.parent.rmdir()
