@@ -19,12 +19,12 @@ def run(out: Path) -> None:
             print(f"   {file} is not at hand: name its folder in COUNTERPOISE_RECORDINGS. Left out.")
         else:
             _identify(out, arm, path)
-    print("\n   Without -q: each first moment beside what those who recorded the logs published for their design.")
+    print("   Without -q: each first moment beside what those who recorded the logs published for their design.")
 
 
 def _identify(out: Path, arm: str, log: Path) -> None:
     recording = public_recordings.recording_named(log.name)
-    print(f"\n   {log.name}: measured by others, {recording.credit}")
+    print(f"   {log.name}: measured by others, {recording.credit}")
     sheet = out / f"{arm}.csv"
     sheet.write_text(f"file,origin\n{log.name},measured\n", encoding="utf-8")
     options = ["--rig", arm, "--runs", sheet.name, "-o", arm]

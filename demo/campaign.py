@@ -30,11 +30,8 @@ def run(out: Path) -> None:
     command(["testbench", "verify", "campaign", "-q"], out)
 
     heading("3. How much the base's vibration fell: analysed from the logs, simulated anew, published")
-    published = ["--published", "kiper2019"]
-    command(["testbench", "compare", "campaign", *published, "--figure", "reductions.png", "-q"], out)
-    saved(out / "reductions.png", "reductions: analysed from simulated logs, simulated anew, published")
-    command(["testbench", "report", "campaign", *published, "-o", "report.html", "-q"], out)
-    saved(out / "report.html", "report of the simulated campaign, to open in a browser")
+    command(["testbench", "report", "campaign", "--published", "kiper2019", "-o", "report.html", "-q"], out)
+    saved(out / "report.html", "all 78 reductions beside those simulated and published (simulated logs)")
     _draw(out)
 
 

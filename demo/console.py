@@ -8,7 +8,7 @@ from pathlib import Path
 
 def heading(text: str) -> None:
     """Announce a step."""
-    print(f"\n{text}\n{'=' * len(text)}")
+    print(f"\n{text}")
 
 
 def saved(path: Path, what: str) -> None:
@@ -18,7 +18,7 @@ def saved(path: Path, what: str) -> None:
 
 def command(words: Sequence[str | Path], folder: Path, *, shown: str = "") -> str:
     """Run a command as a user would type it in ``folder``; ``shown`` is what is printed of it, and its output kept."""
-    print(f"\n$ {shown or ' '.join(map(str, words))}", flush=True)
+    print(f"$ {shown or ' '.join(map(str, words))}", flush=True)
     program = Path(sys.executable).parent / str(words[0])
     done = subprocess.run(
         [program, *map(str, words[1:])], cwd=folder, check=False, stdout=subprocess.PIPE if shown else None, text=True

@@ -27,7 +27,7 @@ def run(out: Path) -> None:
         row for payload in sheet["built_counter_mass_kg_per_arm"] for row in _payload_rows(conditions, sheet, payload)
     ]
     emit_table(
-        "On each arm, 37.55 mm behind its pivot",
+        "On each arm, 37.55 mm behind its pivot; stock: the best from the stock of plates",
         ["payload", "counter-mass", "kg", "balances [kg]", "leaves [kg m]", "of unbalanced"],
         rows,
         note="Printed masses are the source's (Kiper 2019); all else is computed. The printed 17.1064 kg does not "
@@ -45,8 +45,8 @@ def _payload_rows(conditions: Conditions, sheet: dict, payload: str) -> list[lis
     built = next(s for label, s in sheet["built_sets"].items() if abs(float(label.split()[0]) - float(payload)) < 0.01)
     variants = {
         "exact": balancing.exact_sizing(conditions, mechanism),
-        "best from stock": balancing.size_from_stock(conditions, mechanism, plates),
-        f"built ({' + '.join(built)})": _given(conditions, mechanism, stock_plates.plates_mass(built, plates)),
+        "stock": balancing.size_from_stock(conditions, mechanism, plates),
+        f"built ({'+'.join(built)})": _given(conditions, mechanism, stock_plates.plates_mass(built, plates)),
         "printed": _given(conditions, mechanism, sheet["printed_counter_mass_kg_per_arm"][payload]),
     }
     return [_row(f"{payload} kg" if name == "exact" else "", name, result) for name, result in variants.items()]
@@ -58,7 +58,7 @@ def _given(conditions: Conditions, mechanism: Mechanism, mass: float) -> Sizing:
 
 def _row(payload: str, name: str, result: Sizing) -> list[str]:
     counter = result.counter_masses[0]
-    plates = f" ({' + '.join(counter.plates)})" if counter.plates else ""
+    plates = f" ({'+'.join(counter.plates)})" if counter.plates else ""
     balanced = result.balanced_payloads()["platform"]
     return [
         payload,

@@ -1,5 +1,6 @@
 """Commands on a campaign: ``list``, ``verify``, ``ledger``, ``remove``, ``recover``, ``archive``, ``export``."""
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -256,7 +257,9 @@ def verify(campaign: Path, as_json: bool) -> int:
     if as_json:
         emit_json({"campaign": campaign.resolve().name, "files": files})
     else:
-        emit_table(f"{campaign.resolve().name}: {len(files)} files", *table(FileState, files))
+        counts = Counter(file.status for file in files)
+        click.echo(f"{campaign.resolve().name}: {', '.join(f'{n} files {status}' for status, n in counts.items())}.")
+        emit_table("Files", *table(FileState, files))
     states = {file.status for file in files}
     if states & {"damaged", "missing"}:
         return EXIT_REFUSED
