@@ -222,6 +222,10 @@ class _Part:
     outer: Complexes
     """Of the force, what acts in the plane of the outer links, (lines, 3) [N]."""
 
+    def plus(self, other: "_Part", times: float) -> "_Part":
+        """With another part so many times."""
+        return _Part(*(mine + times * its for mine, its in zip(vars(self).values(), vars(other).values(), strict=True)))
+
 
 @dataclass(frozen=True)
 class _Carried:
@@ -235,6 +239,11 @@ class _Carried:
     """Of the linear one, that of bodies in the plane of the outer links, (3, 2) [kg m]."""
     inertia: Floats
     """Generalised, (2, 2) [kg m2]."""
+
+    def plus(self, other: "_Carried", times: float) -> "_Carried":
+        """With another part so many times."""
+        both = zip(vars(self).values(), vars(other).values(), strict=True)
+        return _Carried(*(mine + times * its for mine, its in both))
 
 
 class LinearBench:
@@ -263,8 +272,10 @@ class LinearBench:
     def _amplitudes(self, v: Mapping[str, float], key: tuple[float, float], runs: Sequence[PlannedRun]) -> Floats:
         """Of the acceleration along each axis, (runs, 3) [m/s2]."""
         plates = v["plates_plane"] - 0.5 * key[1] / v["plates_per_length"]
-        matrix = self._matrix(v, self._carried[key], plates)
-        loads = np.stack([_loads(*self._parts[run.name], v["links_plane"], plates) for run in runs], axis=2)
+        carried = [(links.plus(more, v["unstated_mass"]), hubs) for links, hubs, more in [self._carried[key]]]
+        matrix = self._matrix(v, carried[0], plates)
+        parts = [(links.plus(more, v["unstated_mass"]), hubs) for links, hubs, more in (self._parts[r.name] for r in runs)]
+        loads = np.stack([_loads(*pair, v["links_plane"], plates) for pair in parts], axis=2)
         moved = np.linalg.solve(matrix, loads)[:, :6] * self._rate[:, None, None] ** 2
         at = displacement_at(np.array([v[f"sensor_{axis}"] for axis in AXES]))
         lines = np.zeros((len(self._gain), 3, len(runs)), complex)
@@ -295,13 +306,13 @@ class LinearBench:
         s = self._rate[:, None, None]
         return np.asarray(s**2 * mass + s * damping + stiffness, dtype=complex)
 
-    def _both_parts(self, run: PlannedRun) -> tuple[_Part, _Part]:
-        """Links with the payload, and counter-masses."""
+    def _both_parts(self, run: PlannedRun) -> tuple[_Part, _Part, _Part]:
+        """Links with the payload, counter-masses, and one more kilogram on the platform."""
         assert run.peak_acceleration is not None
         motion = load_motion(run.motion).with_peak_acceleration(run.peak_acceleration)
         path = self._closure.follow(motion.sample(_RATE_HZ))
-        links, hubs = _bodies(self._closure.mechanism, run)
-        return self._part(links, path), self._part(hubs, path)
+        links, hubs, more = (self._part(part, path) for part in _bodies(self._closure.mechanism, run))
+        return links, hubs, more
 
     def _part(self, mechanism: Mechanism, path: Trajectory) -> _Part:
         found, outer = simulate(mechanism, path), simulate(_outer(mechanism), path)
@@ -315,12 +326,12 @@ class LinearBench:
         padded[_LEAD + len(signal) :] = signal[-1] - signal[0]
         return np.fft.rfft(padded, axis=0)[self._used]
 
-    def _both_carried(self, run: PlannedRun) -> tuple[_Carried, _Carried]:
+    def _both_carried(self, run: PlannedRun) -> tuple[_Carried, _Carried, _Carried]:
         motion = load_motion(run.motion).sample(_RATE_HZ)
         path = self._closure.follow(motion)
         start = every(path, len(path.time))
-        links, hubs = (_carried(part, start) for part in _bodies(self._closure.mechanism, run))
-        return links, hubs
+        links, hubs, more = (_carried(part, start) for part in _bodies(self._closure.mechanism, run))
+        return links, hubs, more
 
 
 def _loads(links: _Part, hubs: _Part, plane: float, plates: float) -> Complexes:
@@ -342,10 +353,11 @@ def _loaded_with(run: PlannedRun) -> tuple[float, float]:
     return run.payload, max(run.counter_masses.values(), default=0.0)
 
 
-def _bodies(mechanism: Mechanism, run: PlannedRun) -> tuple[Mechanism, Mechanism]:
-    """The mechanism with its payload, and its counter-masses alone."""
+def _bodies(mechanism: Mechanism, run: PlannedRun) -> tuple[Mechanism, Mechanism, Mechanism]:
+    """The mechanism with its payload, its counter-masses alone, and 1 kg on the platform alone."""
     bare = replace(mechanism, parameters=0.0 * mechanism.parameters)
-    return mechanism.with_payload({"platform": _loaded_with(run)[0]}), bare.with_counter_mass(run.counter_masses)
+    loaded = mechanism.with_payload({"platform": _loaded_with(run)[0]})
+    return loaded, bare.with_counter_mass(run.counter_masses), bare.with_payload({"platform": 1.0})
 
 
 def _outer(mechanism: Mechanism) -> Mechanism:
