@@ -1,5 +1,8 @@
 """Error types. Every message states what was found and where, what was expected, and what to do."""
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
 
 class CounterpoiseError(Exception):
     """An error in what the user supplied, not a defect of the program: shown without a traceback.
@@ -31,3 +34,9 @@ class SizingError(CounterpoiseError):
 
 class DataError(CounterpoiseError):
     """A file of a motion, stock or results with content other than expected."""
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """``; did you mean 'rate'?`` if a known word is near."""
+    near = get_close_matches(word, list(known), n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""

@@ -15,7 +15,6 @@ import reprlib
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from difflib import get_close_matches
 from io import StringIO
 from pathlib import Path
 from typing import Annotated, Any, Generic, NamedTuple, TypeVar, cast, get_args
@@ -38,7 +37,7 @@ from pydantic import (
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
-from .errors import CounterpoiseError, DataError, UnitError
+from .errors import CounterpoiseError, DataError, UnitError, suggestion
 from .units import SI_UNITS, dimension_of, example, factor_to_si, parse, parse_vector
 
 T = TypeVar("T")
@@ -420,12 +419,6 @@ def _number(cell: str, where: str) -> float:
 
 
 # What is wrong, and what is expected
-
-
-def suggestion(word: str, known: Iterable[str]) -> str:
-    """``; did you mean 'rate'?`` if a known word is near."""
-    near = get_close_matches(word, list(known), n=1)
-    return f"; did you mean {near[0]!r}?" if near else ""
 
 
 def _explain(table: type[Table], error: Any) -> InitErrorDetails:  # noqa: ANN401

@@ -12,12 +12,11 @@ from ..dynamics.inverse_dynamics import Response, simulate
 from ..errors import SizingError
 from ..mechanism.mechanism import Mechanism
 from ..results import Shown, per_cent_text, plain
-from . import base_vibration, objective
+from . import objective
 from .conditions import balance_conditions
 from .objective import Objective
 from .remaining_force import Verdict, verdict_of
 from .sizing import CounterMass, Sizing, best_sets_from_stock, exact_sizing, sizing_document
-from .stock_plates import load_stock
 
 
 @dataclass(frozen=True)
@@ -186,6 +185,8 @@ def study_sizing(
 
     left_out: tuple[str, ...] = ()
     if rig and trajectory:
+        from . import base_vibration  # late: forces are balanced without reading a rig
+
         measured = base_vibration.load_measured_base(rig)
         if PurePath(measured.mechanism).stem not in {"", "none", model.name}:
             raise SizingError(
@@ -199,13 +200,15 @@ def study_sizing(
         any_mass = sized(objective.objective_of(model, trajectory, weights))
     sets: Sequence[Sizing] = [any_mass]
     if stock:
+        from .stock_plates import load_stock
+
         plates = load_stock(stock)
 
         def from_stock(target: Objective | None) -> Sequence[Sizing]:
             return best_sets_from_stock(conditions, model, plates, sites, limits, target, equal, best)
 
         least = any_mass.objective
-        if isinstance(least, base_vibration.VibrationObjective):
+        if rig and trajectory and isinstance(least, base_vibration.VibrationObjective):
             sets = base_vibration.least_vibration_from_stock(sites, least, from_stock)
         else:
             sets = from_stock(least)

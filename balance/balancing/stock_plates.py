@@ -15,8 +15,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from .. import datasets
-from ..errors import DataError
-from ..input_files import Positive, Table, Text, load_model, model_from_table, suggestion
+from ..errors import DataError, suggestion
+from ..input_files import Positive, Table, Text, load_model, model_from_table
 
 _ROUNDING = 1e-9
 

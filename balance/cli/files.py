@@ -12,7 +12,7 @@ from typing import Annotated
 import click
 
 from .. import datasets
-from ..errors import DataError
+from ..errors import DataError, suggestion
 from ..results import Key, document, table
 from .framework import Word, emit_json, emit_table, json_option, plain_text
 
@@ -74,8 +74,6 @@ def copy_shipped(name: str, files: list[Shipped], folder: Path) -> Path:
     """
     found = [one for one in files if name in {one.name, one.file.name, f"{one.kind}/{one.name}"}]
     if not found:
-        from ..input_files import suggestion
-
         known = {one.name for one in files} | {f"{one.kind}/{one.name}" for one in files}
         raise DataError(
             f"{name}: no shipped file has this name{suggestion(name, sorted(known))}; without --copy all are listed"

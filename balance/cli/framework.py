@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 
 import click
 
-from ..errors import CounterpoiseError
+from ..errors import CounterpoiseError, suggestion
 from ..results import plain
 from ..results import plain_text as plain_text
 
@@ -44,8 +44,6 @@ class Word(click.Choice[str]):
     def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """The word. Fails with the nearest one."""
         if value not in self.choices:
-            from ..input_files import suggestion
-
             self.fail(f"{value!r}: expected {', '.join(self.choices)}{suggestion(value, self.choices)}", param, ctx)
         return value
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Floats, frozen
-from ..errors import ModelError
-from ..input_files import suggestion
+from ..errors import ModelError, suggestion
 from ..units import si
 from .forward_kinematics import Joint, Tree
 from .loop_constraints import Constraint, Loop

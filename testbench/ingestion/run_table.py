@@ -16,8 +16,8 @@ from typing import Annotated, cast
 from pydantic import BeforeValidator, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
-from balance.errors import DataError
-from balance.input_files import Table, Text, model_from_table, read_text, suggestion
+from balance.errors import DataError, suggestion
+from balance.input_files import Table, Text, model_from_table, read_text
 
 from ..errors import RigError
 from ..recording import Conditions, Origin

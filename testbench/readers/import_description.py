@@ -20,7 +20,7 @@ from pydantic import Field
 from pydantic.json_schema import SkipJsonSchema
 
 from balance import datasets
-from balance.errors import DataError
+from balance.errors import DataError, suggestion
 from balance.input_files import (
     Count,
     OneOrMore,
@@ -30,7 +30,6 @@ from balance.input_files import (
     Text,
     model_from_table,
     read_text,
-    suggestion,
     toml_tables,
 )
 

@@ -14,8 +14,8 @@ from pydantic import Field, model_validator
 from pydantic.json_schema import SkipJsonSchema
 
 from balance import datasets
-from balance.errors import DataError
-from balance.input_files import Table, in_file, model_from_table, read_text, suggestion, toml_tables, xml_root
+from balance.errors import DataError, suggestion
+from balance.input_files import Table, in_file, model_from_table, read_text, toml_tables, xml_root
 
 from ..errors import RigError
 from . import sensors as kinds

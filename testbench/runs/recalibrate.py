@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from balance.errors import UnitError
-from balance.input_files import suggestion
+from balance.errors import UnitError, suggestion
 
 from ..calibration import certificate
 from ..calibration.definition import Calibration
