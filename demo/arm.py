@@ -1,5 +1,6 @@
 """Step 4: the measured logs of a two-joint arm, recorded and published by others."""
 
+import sys
 from pathlib import Path
 
 from testbench import public_recordings
@@ -31,3 +32,7 @@ def _identify(out: Path, arm: str, log: Path) -> None:
     command(["testbench", "ingest", log, *options], out, shown=f"testbench ingest {log.name} {' '.join(options)}")
     command(["testbench", "identify", arm, f"{arm}/{log.stem}.h5", "--figure", f"{arm}.png", "-q"], out)
     saved(out / f"{arm}.png", "measured torque beside the model's")
+
+
+if __name__ == "__main__":
+    run(Path(sys.argv[1]))

@@ -1,6 +1,8 @@
 """How the demonstration speaks."""
 
-import subprocess
+import contextlib
+import importlib
+import io
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,12 +19,19 @@ def saved(path: Path, what: str) -> None:
 
 
 def command(words: Sequence[str | Path], folder: Path, *, shown: str = "") -> str:
-    """Run a command as a user would type it in ``folder``; ``shown`` is what is printed of it, and its output kept."""
+    """Run a command as a user would type it in ``folder``; ``shown`` is what is printed of it, and its output kept.
+
+    In this process, which has the libraries imported already.
+    """
     print(f"$ {shown or ' '.join(map(str, words))}", flush=True)
-    program = Path(sys.executable).parent / str(words[0])
-    done = subprocess.run(
-        [program, *map(str, words[1:])], cwd=folder, check=False, stdout=subprocess.PIPE if shown else None, text=True
-    )
-    if done.returncode not in {0, 3}:
-        sys.exit(f"{words[0]} {words[1]} failed with exit code {done.returncode}")
-    return done.stdout or ""
+    main = importlib.import_module(f"{words[0]}.cli").main
+    before, sys.argv, kept = sys.argv, [*map(str, words)], io.StringIO()
+    try:
+        with contextlib.chdir(folder), contextlib.redirect_stdout(kept if shown else sys.stdout):
+            main()
+    except SystemExit as end:
+        if end.code not in {0, 3}:
+            sys.exit(f"{words[0]} {words[1]} failed with exit code {end.code}")
+    finally:
+        sys.argv = before
+    return kept.getvalue()

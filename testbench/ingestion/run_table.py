@@ -275,7 +275,12 @@ def plan_rows(rows: Sequence[RunTableRow], files: Sequence[Path], run_table: Pat
     Raises RigError if rows of one run differ in their conditions, or runs would have one name, or one row means several
     files.
     """
-    paths = {row.file: path for row in rows if (path := _given(row, files, run_table)) is not None}
+    places: dict[Path, list[Path]] = {}
+    for path in files:
+        places.setdefault(path.resolve(), []).append(path)
+    folder = run_table.parent.resolve()
+    given = {row.file: _given(row, files, places.get((folder / row.file).resolve(), []), run_table) for row in rows}
+    paths = {name: path for name, path in given.items() if path is not None}
     named = list(paths.values())
     for row in rows:
         if row.file in paths and named.count(paths[row.file]) > 1:
@@ -326,10 +331,8 @@ def _run(name: str, rows: Sequence[RunTableRow], paths: Mapping[str, Path], run_
     return PlannedRun(name, given, first.origin, first.conditions, problem, run_table.parent, missing)
 
 
-def _given(row: RunTableRow, files: Iterable[Path], run_table: Path) -> Path | None:
-    """The given file that a row means: the one at that place from the run table, else the only one of that name."""
-    place = run_table.parent / row.file
-    exact = [path for path in files if same_file(path, place)]
+def _given(row: RunTableRow, files: Iterable[Path], exact: Sequence[Path], run_table: Path) -> Path | None:
+    """The given file that a row means: the one at that place from the run table, ``exact``, else that of its name."""
     matches = exact or [path for path in files if path.name == row.file]
     if len(matches) > 1:
         raise RigError(

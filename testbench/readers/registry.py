@@ -4,8 +4,8 @@ import re
 import struct
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from importlib import import_module
-from importlib.metadata import entry_points
+from functools import lru_cache
+from importlib import import_module, metadata
 from importlib.util import find_spec
 from itertools import accumulate
 from pathlib import Path
@@ -17,6 +17,8 @@ from .header_claims import with_stated_origin
 from .subprocess_reader import open_in_subprocess
 
 ENTRY_POINTS = "counterpoise.readers"
+entry_points = lru_cache(maxsize=1)(metadata.entry_points)
+"""Those of the installed packages, looked for once."""
 HEAD_BYTES = 4096
 EXTRAS = {
     "tdms": ("nptdms",),

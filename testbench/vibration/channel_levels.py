@@ -72,16 +72,12 @@ class ChannelLevels:
         if self.spectrum is None:
             return []
         power, frequency = self.spectrum.power(), self.spectrum.frequency
-        tops = [
-            i for i in range(2, len(power) - 1)
-            if power[i - 1] < power[i] >= power[i + 1] and power[i] > PROMINENCE * np.median(power[i // 2 : 2 * i + 1])
-        ]  # fmt: skip
-        tops.sort(key=lambda i: -power[i])
+        tops = 2 + np.flatnonzero((power[1:-2] < power[2:-1]) & (power[2:-1] >= power[3:]))
         apart: list[int] = []
-        for i in tops:
-            if all(abs(i - j) > PEAK_SEPARATION * j for j in apart):
-                apart.append(i)
-        return [{"frequency_hz": float(frequency[i]), "density_si2_hz": float(power[i])} for i in apart[:MOST_PEAKS]]
+        for i in tops[np.argsort(-power[tops], kind="stable")]:
+            if len(apart) < MOST_PEAKS and all(abs(i - j) > PEAK_SEPARATION * j for j in apart):
+                apart += [i] if power[i] > PROMINENCE * np.median(power[i // 2 : 2 * i + 1]) else []
+        return [{"frequency_hz": float(frequency[i]), "density_si2_hz": float(power[i])} for i in apart]
 
 
 def level_definitions(band: "Band | None") -> dict[str, str]:

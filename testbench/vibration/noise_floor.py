@@ -50,8 +50,6 @@ _MOST = 8_000_000
 """Samples that are simulated, unless of the fewest draws."""
 _REACH = 7.0
 """Standard deviations of noise below the largest value of a signal from which a sample is never the largest."""
-_FEW = 4
-"""Signals whose samples are compared one and all."""
 _AT_ONCE = 1 << 18
 """Samples that are compared at a time: they stay in the processor's cache."""
 
@@ -274,19 +272,7 @@ class NoiseRecords:
 
 def _highest(chosen: Sequence[tuple[Floats, Floats]]) -> Floats:
     """Largest values of levels (k, m) in noise (m, draws), over blocks of both, (k, draws)."""
-    if len(chosen[0][1]) <= _FEW:
-        return np.max([[(noise + row[:, None]).max(axis=0) for row in levels] for noise, levels in chosen], axis=0)
-    least = np.max([(noise + levels.min(axis=0)[:, None]).max(axis=0) for noise, levels in chosen], axis=0)
-    draws, values, rows = [], [], []
-    for noise, levels in chosen:
-        sample, draw = np.nonzero(noise + levels.max(axis=0)[:, None] >= least)
-        draws.append(draw)
-        values.append(noise[sample, draw])
-        rows.append(levels[:, sample])
-    draw = np.concatenate(draws)
-    order = np.argsort(draw, kind="stable")
-    starts = np.searchsorted(draw[order], np.arange(len(least)))
-    return np.maximum.reduceat((np.concatenate(values) + np.concatenate(rows, axis=1))[:, order], starts, axis=1)
+    return np.max([[(noise + row[:, None]).max(axis=0) for row in levels] for noise, levels in chosen], axis=0)
 
 
 @lru_cache(maxsize=2)

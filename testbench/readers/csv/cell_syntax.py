@@ -4,6 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
+from functools import lru_cache
 
 MINUS = "\N{MINUS SIGN}"
 _NUMBER = re.compile(r"[+-]?(?:\d++(?:[.,]\d*+)?|[.,]\d++)(?:[eE][+-]?\d++)?", re.ASCII)
@@ -26,6 +27,7 @@ _MISSING = frozenset((
 """Words for no value, next to 1.#QNAN, 1.#IND and their kin."""
 
 
+@lru_cache(maxsize=1 << 14)
 def decimal_mark(cell: str) -> str | None:
     """``.`` or ``,`` if the cell is a number with that decimal mark; ``""`` for an integer; None otherwise."""
     cell = cell.strip()
@@ -64,6 +66,7 @@ def is_decorated(cell: str) -> bool:
     return plain_number(cell.strip()) != cell.strip() or _DECORATED.fullmatch(cell.strip()) is not None
 
 
+@lru_cache(maxsize=1 << 14)
 def plain_number(cell: str) -> str:
     """The number ``−1.5D+03`` as ``-1.5e+03``, ``0x1F`` as ``31``; every other cell as it is.
 
