@@ -140,14 +140,13 @@ def _bench_lines(values: Mapping[str, float]) -> list[str]:
     def each(name: str, factor: float, unit: str, power: int = 1) -> str:
         return ", ".join(f'"{factor * v[name + axis] ** power:.5g} {unit}"' for axis in AXES)
 
-    mass, links, plates, density = (v[k] for k in ("mass", "links_plane", "plates_plane", "plates_per_length"))
+    mass, links, plates = (v[k] for k in ("mass", "links_plane", "plates_plane"))
     lines = [
         "[bench]", f'mass = "{mass:.5g} kg"', "centre = [" + each("centre_", 1.0, "m") + "]",
         "inertia = [" + each("gyration_", mass, "kg m^2", 2) + "]",
         'settling = "0.5 s"', 'coupling = "moving"', "",
         "[bench.planes]", *(f'{body} = "{1e3 * links:.4g} mm"' for body in _OUTER),
         *(f'{site} = "{1e3 * plates:.4g} mm"' for site in ("counter_A0A", "counter_B0B")), "",
-        "[bench.stacks]", *(f'{site} = "{density:.4g} kg/m"' for site in ("counter_A0A", "counter_B0B")), "",
     ]  # fmt: skip
     hub, control, rotor = _hub(v), _control(v), v["rotor_inertia"] / 100.0
     for joint in ("A0", "B0"):
@@ -271,18 +270,19 @@ class LinearBench:
 
     def _amplitudes(self, v: Mapping[str, float], key: tuple[float, float], runs: Sequence[PlannedRun]) -> Floats:
         """Of the acceleration along each axis, (runs, 3) [m/s2]."""
-        plates = v["plates_plane"] - 0.5 * key[1] / v["plates_per_length"]
         carried = [(links.plus(more, v["unstated_mass"]), hubs) for links, hubs, more in [self._carried[key]]]
-        matrix = self._matrix(v, carried[0], plates)
-        parts = [(links.plus(more, v["unstated_mass"]), hubs) for links, hubs, more in (self._parts[r.name] for r in runs)]
-        loads = np.stack([_loads(*pair, v["links_plane"], plates) for pair in parts], axis=2)
+        matrix = self._matrix(v, carried[0])
+        parts = [
+            (links.plus(more, v["unstated_mass"]), hubs) for links, hubs, more in (self._parts[r.name] for r in runs)
+        ]
+        loads = np.stack([_loads(*pair, v["links_plane"], v["plates_plane"]) for pair in parts], axis=2)
         moved = np.linalg.solve(matrix, loads)[:, :6] * self._rate[:, None, None] ** 2
         at = displacement_at(np.array([v[f"sensor_{axis}"] for axis in AXES]))
         lines = np.zeros((len(self._gain), 3, len(runs)), complex)
         lines[self._used] = np.einsum("ij,njk->nik", at, moved)
         return np.ptp(np.fft.irfft(lines * self._gain, _COUNT, axis=0), axis=0).T
 
-    def _matrix(self, v: Mapping[str, float], carried: tuple[_Carried, _Carried], plates: float) -> Complexes:
+    def _matrix(self, v: Mapping[str, float], carried: tuple[_Carried, _Carried]) -> Complexes:
         """M (i w)^2 + C i w + K on all lines, (lines, 10, 10)."""
         links, hubs = carried
         centre = np.array([v[f"centre_{axis}"] for axis in AXES])
@@ -296,7 +296,7 @@ class LinearBench:
             stiffness[:6, :6] += at.T @ foot @ at
         damping = _loss(v) * stiffness
         mass[:6, 6:8] = links.per_rate + _moved_out(links.outer_per_rate.T, v["links_plane"]).T
-        mass[:6, 8:] = hubs.per_rate + _moved_out(hubs.per_rate[:3].T, plates).T
+        mass[:6, 8:] = hubs.per_rate + _moved_out(hubs.per_rate[:3].T, v["plates_plane"]).T
         mass[6:, :6] = mass[:6, 6:].T
         mass[6:8, 6:8], mass[8:, 8:] = links.inertia, hubs.inertia + v["rotor_inertia"] * np.eye(2)
         apart = np.kron(np.array([[1.0, -1.0], [-1.0, 1.0]]), np.eye(2))
@@ -355,9 +355,10 @@ def _loaded_with(run: PlannedRun) -> tuple[float, float]:
 
 def _bodies(mechanism: Mechanism, run: PlannedRun) -> tuple[Mechanism, Mechanism, Mechanism]:
     """The mechanism with its payload, its counter-masses alone, and 1 kg on the platform alone."""
-    bare = replace(mechanism, parameters=0.0 * mechanism.parameters)
-    loaded = mechanism.with_payload({"platform": _loaded_with(run)[0]})
-    return loaded, bare.with_counter_mass(run.counter_masses), bare.with_payload({"platform": 1.0})
+    bare, payload = replace(mechanism, parameters=0.0 * mechanism.parameters), _loaded_with(run)[0]
+    loaded, more = (mechanism.with_payload({"platform": mass}) for mass in (payload, payload + 1.0))
+    alone = replace(bare, parameters=more.parameters - loaded.parameters)
+    return loaded, bare.with_counter_mass(run.counter_masses), alone
 
 
 def _outer(mechanism: Mechanism) -> Mechanism:

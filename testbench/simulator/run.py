@@ -278,6 +278,10 @@ def _loaded(mechanism: Mechanism, bench: Bench, planned: PlannedRun) -> Mechanis
             placed, gravity=moving_base_coupling.gravity_in_tilted_axes(mechanism.gravity, np.array(bench.tilt))
         )
     loaded = placed.with_payload(planned.payloads, planned.payload)
+    for body, mass in bench.unstated_mass.items():
+        if body not in loaded.own_mass:
+            raise RigError(f"bench.unstated_mass: {mechanism.name} has no body {body!r}: {', '.join(loaded.own_mass)}")
+        loaded = loaded.with_payload({body: loaded.mass(body) + mass})
     return loaded.with_counter_mass(planned.counter_masses)
 
 
