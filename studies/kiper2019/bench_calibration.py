@@ -21,7 +21,7 @@ from testbench.published_tables import Published
 
 from .bench_model import AXES, LinearBench, Priors, rig_of, simulated_reductions
 
-STARTS = 3
+STARTS = 6
 STEPS = 10
 """Steps on the simulator."""
 RATE_HZ = 2500.0
@@ -82,7 +82,7 @@ def calibrate(priors: Priors, pairs: Sequence[Pair], printed: Floats, starts: in
     """The likeliest values for printed reductions (n, 3) [%] of pairs of runs."""
     linear, rng = LinearBench(pairs), np.random.default_rng(_SEED)
     known = _Known(priors, pairs, printed, linear)
-    begun = [0.7 * rng.normal(size=len(priors.quantities)) for _ in range(starts)]
+    begun = [np.zeros(len(priors.quantities)), *0.7 * rng.normal(size=(starts - 1, len(priors.quantities)))]
     best, _ = min((known.fitted(start) for start in begun), key=lambda end: end[1])
     return known.followed(best)
 

@@ -148,6 +148,7 @@ def _bench_lines(values: Mapping[str, float]) -> list[str]:
         "[bench.planes]", *(f'{body} = "{1e3 * links:.4g} mm"' for body in _OUTER),
         *(f'{site} = "{1e3 * plates:.4g} mm"' for site in ("counter_A0A", "counter_B0B")), "",
     ]  # fmt: skip
+    lines += ["[bench.unstated_mass]", f'platform = "{v["unstated_mass"]:.4g} kg"', ""]
     hub, control, rotor = _hub(v), _control(v), v["rotor_inertia"] / 100.0
     for joint in ("A0", "B0"):
         lines += [

@@ -234,9 +234,9 @@ class Bench(MountedBase):
     stacks: dict[str, key_types.MassPerLength] = Field(default_factory=dict)
     """Of the plates of a counter-mass, by site: mass per length along the z axis of its body, outwards from its plane,
     so that a heavier counter-mass lies farther out [kg/m]."""
-    unstated_mass: dict[str, key_types.Mass] = Field(default_factory=dict)
-    """What moves with a body though the mechanism's file leaves it out, by body: cables, fixtures; placed and spread as
-    the body's own mass, which it makes larger [kg]."""
+    unstated_mass: dict[str, key_types.MassOfEitherSign] = Field(default_factory=dict)
+    """What moves with a body beyond what the mechanism's file says, by body: cables, fixtures; less than zero where the
+    file says too much. Placed and spread as the body's own mass [kg]."""
     rotors: dict[str, Rotor] = Field(default_factory=dict)
     """Of the motors, by joint."""
     drives: dict[str, DriveTrain] = Field(default_factory=dict)

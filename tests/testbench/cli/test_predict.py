@@ -162,7 +162,7 @@ def test_every_bench_within_the_priors_is_a_rig():
         bench = bench_model.rig_of(values).bench
         assert bench.mass == pytest.approx(values["mass"], rel=1e-4)
         assert bench.drives["A0"].transmission.stiffness == pytest.approx(values["hub_stiffness"], rel=1e-4)
-        assert bench.stacks["counter_A0A"] == pytest.approx(values["plates_per_length"], rel=1e-3)
+        assert bench.unstated_mass["platform"] == pytest.approx(values["unstated_mass"], rel=1e-3)
         assert sum(mount.stiffness[1] for mount in bench.mounts) == pytest.approx(values["stiffness_y"], rel=1e-4)
 
 

@@ -259,6 +259,15 @@ def test_stack_grows_outwards():
     assert row[3] == pytest.approx(-24.2626 * (0.03 + 24.2626 / 400.0))
 
 
+def test_unstated_mass_is_carried_like_payload():
+    """The platform with 1 kg more than stated moves as one of 6 kg; an unknown body is refused."""
+    heavier = simulate_run(benched(), MECHANISM, PlannedRun("r", 6.0, BUILT, "x", 29.43, 1))
+    unstated = run(benched(unstated_mass={"platform": "1 kg"}), BUILT)
+    np.testing.assert_allclose(unstated.response.force, heavier.response.force, atol=1e-9)
+    with pytest.raises(RigError, match="no body 'nothing'"):
+        run(benched(unstated_mass={"nothing": "1 kg"}), BUILT)
+
+
 def test_encoders_turn_with_the_motors():
     """A motor without a control is where the command is; its arm is not, as the platform shows."""
     rig = benched(**drives(control=None))
