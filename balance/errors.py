@@ -1,7 +1,6 @@
 """Error types. Every message states what was found and where, what was expected, and what to do."""
 
 from collections.abc import Iterable
-from difflib import get_close_matches
 
 
 class CounterpoiseError(Exception):
@@ -38,5 +37,7 @@ class DataError(CounterpoiseError):
 
 def suggestion(word: str, known: Iterable[str]) -> str:
     """``; did you mean 'rate'?`` if a known word is near."""
+    from difflib import get_close_matches  # late: every command imports this file
+
     near = get_close_matches(word, list(known), n=1)
     return f"; did you mean {near[0]!r}?" if near else ""
