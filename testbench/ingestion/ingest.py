@@ -119,6 +119,8 @@ class Ingest:
             return self._already(planned, sources) or self._stored_anew(planned, sources)
         except (RecordingError, StoreError) as error:
             return not_stored(planned, sources, error)
+        except OSError as error:
+            return not_stored(planned, sources, RecordingError(f"{error.filename}: {error.strerror or error}"))
 
     def _begun(self, sources: Sequence[Source]) -> str | None:
         """The stored run of these logs as they were when they were shorter, proven by its digests of them."""

@@ -146,6 +146,8 @@ class Watch:
     """Files of the runs that logs were stored as."""
     _pauses: dict[str, float] = field(default_factory=dict, init=False)
     """Longest pause of logs while they grew [s], by their name without its digits."""
+    _trouble: str = field(default="", init=False)
+    """Why the last look saw nothing."""
     _siblings: SiblingLogs = field(init=False)
 
     def __post_init__(self) -> None:
@@ -172,7 +174,14 @@ class Watch:
 
     def look(self) -> Iterator[Outcome]:
         """Ingest what has not changed for a while. A file that cannot be taken is said once, and the next one comes."""
-        self._look()
+        try:
+            self._look()
+        except OSError as error:  # a share that went away: a later look may see it again
+            if self._trouble != (reason := error.strerror or str(error)):
+                yield _refused(self.folder, f"{error.filename}: {reason}; tried again at each look, not said again")
+            self._trouble = reason
+            return
+        self._trouble = ""
         now = time.monotonic()
         yield from self._reread(now)
         pending = sorted((path, *seen) for path, seen in self._seen.items() if path not in self._done)

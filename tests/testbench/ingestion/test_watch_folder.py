@@ -15,6 +15,7 @@ from testbench.errors import RecordingError
 from testbench.ingestion import Ingest, watch_folder
 from testbench.ingestion.watch_folder import Watch, WatchedRunTable
 from testbench.store import open_campaign
+from testbench.store.ledger import read_ledger
 
 HEADER = "Time (s),AccX (g)\n"
 
@@ -253,6 +254,31 @@ def test_a_log_that_a_process_still_writes_is_left(watching, clock, tmp_path):
     clock.sleep(0.3)
     assert told(watching.look()) == {"b.csv": "stored"}
     assert open_campaign(tmp_path / "c").runs[1].group().samples == 201
+
+
+def test_a_folder_that_goes_away_and_comes_back(watching, tmp_path):
+    """A share without its network: said once, and what lies in it is taken when it is there again."""
+    (tmp_path / "in").rename(tmp_path / "away")
+    assert [told(watching.look()) for _ in range(2)] == [{"in": "refused"}, {}]
+    (tmp_path / "away").rename(tmp_path / "in")
+    assert told(watching.once()) == {"a.csv": "stored", "b.csv": "stored"}
+
+
+@pytest.mark.parametrize("pause_s", [1, 9, 30, 60])
+def test_a_logger_that_flushes_slowly(watching, clock, tmp_path, pause_s):
+    """Ten flushes that cut rows, a look each second: in between whole or marked incomplete, whole in the end."""
+    path, campaign = tmp_path / "in" / "b.csv", tmp_path / "c"
+    whole = path.read_bytes()
+    for second in range(13 * pause_s):
+        if flushed := second % pause_s == 0 and second < 10 * pause_s:
+            path.write_bytes(whole[: len(whole) * (1 + second // pause_s) // 10])
+        list(watching.look())
+        if flushed and second:
+            held = {run.path.name for run in open_campaign(campaign).runs if run.name.startswith("b")}
+            assert held <= read_ledger(campaign).grown
+        clock.sleep(1.0)
+    (b,) = [run for run in open_campaign(campaign).runs if run.name.startswith("b")]
+    assert (b.group().samples, read_ledger(campaign).grown) == (200, frozenset())
 
 
 def test_a_log_that_grows_after_it_was_stored(watching, clock, tmp_path, capsys):
