@@ -61,6 +61,7 @@ _COLUMN = re.compile(r"\s*([^()]*?)\s*(?:\((.+)\)\s*)?")
 _EXPLAINED, _ABSENT = "explained", "absent"
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = _LONGEST_TEXT
+_SHORT.maxlevel = 2
 
 
 class FromText:

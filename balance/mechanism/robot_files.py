@@ -18,7 +18,7 @@ from pydantic import Field
 
 from ..arrays import Floats
 from ..errors import ModelError
-from ..input_files import Table, model_from_table
+from ..input_files import Table, json_document, model_from_table
 from .mjcf_compiler import located_file, read_text, refuse_tags
 from .robot import Link, Placement, Robot, RobotJoint
 
@@ -62,7 +62,8 @@ def read_robot(text: str, file: str, path: Path | None) -> tuple[Robot, str]:
     if not robot.links:
         raise ModelError(f"{file}: has no <link>; expected links and joints")
     stored = _LOOPS_COMMENT.search(text)
-    loops = json.loads(stored[1]) if stored else {} if path is None else _sidecar(path)
+    told = json_document(stored[1], file, ModelError) if stored else {} if path is None else _sidecar(path)
+    loops = model_from_table(RobotLoops, told, file, ModelError).model_dump(exclude_unset=True)
     if loops and not stored:
         text = f"{text.rstrip()}\n<!-- counterpoise loops: {json.dumps(loops).replace('>', chr(92) + 'u003e')} -->\n"
     return _with_loops(robot, loops), text
@@ -132,7 +133,13 @@ def _sidecar(path: Path) -> dict[str, Any]:
             continue
         try:
             data = yaml.safe_load(text)
-        except yaml.YAMLError as error:
+        except (
+            yaml.YAMLError,
+            ValueError,
+            LookupError,
+            AttributeError,
+            RecursionError,
+        ) as error:  # by its constructors
             raise ModelError(f"{other.name}: no YAML: {' '.join(str(error).split())}") from error
         if not isinstance(data, dict) or not any(key in data for key in _SIDECAR_KEYS):
             continue

@@ -169,6 +169,8 @@ def test_a_loop_of_six_rows_holds_a_planar_linkage_still(tmp_path: Path) -> None
         ("closed_loop: [[end_A]]\n", "robot", "expected pairs"),
         ("closed_loop: {a: 1}\n", "robot", "closed_loop: expected a list"),
         ("closed_loop: [[end_A, end_B]\n", "robot", "no YAML"),
+        ("closed_loop: !!timestamp x\n", "robot", "no YAML"),
+        ("closed_loop: " + 3000 * "[", "robot", "no YAML"),
         (
             "closed_loop: [[end_A, end_B]]\n",
             "other",
@@ -201,7 +203,18 @@ def test_urdf_that_is_refused(tmp_path: Path, old: str, new: str, message: str) 
         loaded(tmp_path, URDF.replace(old, new))
 
 
-@pytest.mark.parametrize("text", ["", "<robot/>", "<robot><link/>", "no xml", "<mujoco/>"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "<robot/>",
+        "<robot><link/>",
+        "no xml",
+        "<mujoco/>",
+        '<robot name="a"><link name="g"/><!-- counterpoise loops: [1] --></robot>',
+        '<robot name="a"><link name="g"/><!-- counterpoise loops: {bad} --></robot>',
+    ],
+)
 def test_broken_urdf_is_refused(tmp_path: Path, text: str) -> None:
     """One message that names the file."""
     with pytest.raises(ModelError, match=r"^broken\.urdf"):
