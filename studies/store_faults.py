@@ -1,14 +1,17 @@
-"""Ingests killed at random moments; chunks of stored runs displaced, their bits flipped, their files cut."""
+"""Ingests killed at random moments; chunks displaced, bits flipped, files cut or removed; appends all at once."""
 
 import contextlib
 import io
+import multiprocessing
 import random
+import shutil
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
+from multiprocessing.synchronize import Barrier
 from pathlib import Path
 
 import h5py
@@ -16,7 +19,10 @@ import numpy as np
 
 from testbench.cli.campaign import recover
 from testbench.errors import StoreError
-from testbench.store import archive, atomic_files, open_campaign, open_run
+from testbench.ingestion import Ingest
+from testbench.ingestion.run_table import plan_runs
+from testbench.store import Campaign, append_only_records, archive, atomic_files, open_campaign, open_run
+from testbench.store.ledger import FILE, read_ledger
 
 from .table import Row, all_of
 
@@ -24,8 +30,6 @@ ROWS = 400_000
 CHILD = """
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import partial
 from pathlib import Path
 from testbench.store import atomic_files, writer
 writer.CHUNK, writer.GATHERED = 4096, 8192
@@ -188,8 +192,72 @@ def cut(run: Path, chance: random.Random) -> bool:
     return damaged and not silent
 
 
+def removed(campaign: Path, work: Path, chance: random.Random) -> str:
+    """Remove files from a copy of a campaign, or lines of its ledger; what of that verify does not name, if anything.
+
+    Whoever takes away files and with them the last lines of the ledger is found out by its head, noted elsewhere.
+    """
+    shutil.copytree(campaign, work)
+    ledger = work / FILE
+    lines = ledger.read_bytes().splitlines(keepends=True)
+    entered = read_ledger(work).entries
+    if chance.random() < 0.3:
+        first, count = chance.randrange(len(lines)), chance.randint(1, len(lines))
+        ledger.write_bytes(b"".join(lines[:first] + lines[first + count :]))
+        at_the_end = first + count >= len(lines)
+        expected = {entry.file for entry in entered[first:]} if at_the_end and first else {FILE}
+        if chance.random() < 0.2:
+            ledger.unlink()
+            expected = {FILE}
+    else:
+        expected = {entry.file for entry in chance.sample(entered, chance.randint(1, len(entered)))}
+        for name in expected:
+            digest = atomic_files.digest_file(work / name)
+            gone = chance.choice([[digest], [work / name], [work / name, digest]]) if digest.exists() else [work / name]
+            for path in gone:
+                path.unlink()
+    found = {state.name for state in Campaign(work).verify() if state.status not in {"intact", "extra"}}
+    shutil.rmtree(work)
+    return "" if found == expected else f"of {sorted(expected)} verify names {sorted(found)}"
+
+
+def _append_one(campaign: Path, log: Path, name: str, ready: Barrier) -> None:
+    """Store a run, or a record for odd names, once all others are ready."""
+    ready.wait()
+    if log.exists():
+        (outcome,) = Ingest(campaign).run(plan_runs([log], None)[0])
+        assert outcome.status == "stored", outcome.message
+    else:
+        append_only_records.append_record(campaign, "decision", [], {"name": name})
+
+
+def appended_at_once(folder: Path, count: int) -> str:
+    """``count`` runs and records, appended by as many processes at once; what is wrong with the campaign then."""
+    campaign, context = folder / "c", multiprocessing.get_context("fork")
+    campaign.mkdir(parents=True)
+    for number in range(0, count, 2):
+        write_log(folder / f"r{number}.csv", 100 + number)
+    ready = context.Barrier(count)
+    names = [f"r{number}" for number in range(count)]
+    work = [context.Process(target=_append_one, args=(campaign, folder / f"{n}.csv", n, ready)) for n in names]
+    for process in work:
+        process.start()
+    for process in work:
+        process.join()
+    failed = sum(process.exitcode != 0 for process in work)
+    numbers = [record.number for record in append_only_records.read_records(campaign)]
+    odd = [state for state in Campaign(campaign).verify() if state.status != "intact"]
+    entries = len(read_ledger(campaign).entries)
+    right = (failed, numbers, odd, entries) == (0, [*range(1, count // 2 + 1)], [], count)
+    return "" if right else f"{failed} failed, numbers {numbers}, {entries} entries, {odd[:3]}"
+
+
 def study(count: int, brief: bool) -> Iterator[Row]:
-    """``count`` ingests killed; three times as many chunks displaced, bits flipped, and files cut."""
+    """``count`` ingests killed, a third of that appends at once, two thirds removals.
+
+    Ten thirds of it chunks displaced, bits flipped, and files cut.
+    """
+    many = -(-10 * count // 3)
     chance = random.Random(1)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
@@ -198,9 +266,9 @@ def study(count: int, brief: bool) -> Iterator[Row]:
         kills = (partial(_ingest_killed, folder, f"c{n}", columns, chance, whole) for n in range(count))
         yield _tried("ingests killed: every acknowledged sample recovered to the bit", kills)
         (run,) = open_campaign(folder / "whole").run_paths
-        found = sum(displaced(run, chance) for _ in range(3 * count))
+        found = sum(displaced(run, chance) for _ in range(many))
         yield all_of(
-            "run, chunks zeroed, swapped or repeated: refused on reading, channel and samples named", found, 3 * count
+            "run, chunks zeroed, swapped or repeated: refused on reading, channel and samples named", found, many
         )
         write_log(folder / "small.csv", 5000)
         start(folder / "small.csv", folder / "small").wait()
@@ -208,10 +276,18 @@ def study(count: int, brief: bool) -> Iterator[Row]:
         small = archive.archive(open_run(stored), folder / "archive").file
         for kind, file in (("run", stored), ("archive", small)):
             for what, trial in (("bits flipped", flipped), ("cuts", cut)):
-                found = sum(trial(file, chance) for _ in range(3 * count))
-                yield all_of(f"{kind}, {what}: found by verify", found, 3 * count)
-            wrong = sum(misread(file, chance) for _ in range(3 * count))
-            yield all_of(f"{kind}, bits flipped: an error or the numbers as stored", 3 * count - wrong, 3 * count)
+                found = sum(trial(file, chance) for _ in range(many))
+                yield all_of(f"{kind}, {what}: found by verify", found, many)
+            wrong = sum(misread(file, chance) for _ in range(many))
+            yield all_of(f"{kind}, bits flipped: an error or the numbers as stored", many - wrong, many)
+        appends = max(2, count // 6 * 2)
+        wrong_then = appended_at_once(folder / "appends", appends)
+        quantity = "runs and records appended at once: numbers without gaps, ledger whole, verify intact"
+        yield all_of(quantity, 0 if wrong_then else appends, appends, wrong_then)
+        trials = [removed(folder / "appends" / "c", folder / "removed", chance) for _ in range(2 * count // 3)]
+        odd = sorted(filter(None, trials))
+        quantity = "runs, digests, records and lines of the ledger removed: verify names these and no other"
+        yield all_of(quantity, len(trials) - len(odd), len(trials), "; ".join(odd[:3]))
 
 
 def _ingest_killed(

@@ -280,8 +280,10 @@ def test_stopped_before_it_began(tmp_path, ending):
 @pytest.mark.skipif(
     sys.platform != "linux", reason="the laboratory forks, and asks the system for the files of handles"
 )
-@pytest.mark.parametrize("kind", ["fails", "killed", "power"])
-def test_a_record_while_system_calls_go_wrong(tmp_path, kind):
-    """Two calls of nine, of the laboratory that the study takes through all of them: nothing told is lost."""
-    base = system_calls.prepare(tmp_path, "calibrate")
-    assert [system_calls.trial(base, "calibrate", kind, number, seed=1) for number in (3, 8)] == [(True, "")] * 2
+@pytest.mark.parametrize(
+    ("work", "kind"), [("calibrate", "fails"), ("calibrate", "killed"), ("calibrate", "power"), ("watch", "fails")]
+)
+def test_system_calls_that_go_wrong(tmp_path, work, kind):
+    """Two calls, of the laboratory that the study takes through all of them: nothing told is lost, nothing silent."""
+    base = system_calls.prepare(tmp_path, work)
+    assert [system_calls.trial(base, work, kind, number, seed=1) for number in (3, 16)] == [(True, "")] * 2
