@@ -32,6 +32,7 @@ STUDIES = {
     "bench_effects": Study("what each effect of the deep bench does to a reduction", "campaigns", 1, 1),
     "clocks": Study("intervals of `testbench align`", "seeds", 200, 4),
     "encoder_speed": Study("intervals of `testbench speed`", "seeds", 200, 6),
+    "fuzz": Study("inputs guided by coverage are read or refused; with --corpus", "inputs a format", 100_000, 2000),
     "identification": Study("intervals of `testbench identify`", "seeds", 50, 1),
     "joint_records": Study("verdicts of `testbench identify`", "records of either kind", 1000, 16),
     "kiper2019": Study("errors of `testbench predict kiper2019`", "tables", 1, 1),
@@ -55,7 +56,9 @@ def main(arguments: list[str] | None = None) -> int:
         _parser().error("--commit-table is for full runs: leave out --brief")
     folder = BRIEF_TABLE if options.brief else TABLE
     failed = 0
-    for name in options.only or STUDIES:
+    if options.corpus:
+        os.environ["COUNTERPOISE_CORPUS"] = options.corpus
+    for name in options.only or [name for name in STUDIES if name != "fuzz" or options.corpus]:
         began, commit = _processor_s(), _commit()
         count = options.count or (STUDIES[name].brief if options.brief else STUDIES[name].full)
         print(f"{name}: {STUDIES[name].what}, {count} {STUDIES[name].counted}", flush=True)
@@ -84,6 +87,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--brief", action="store_true", help=f"little of each, written to {BRIEF_TABLE}")
     parser.add_argument("--only", nargs="+", choices=list(STUDIES), metavar="NAME", help="these studies alone")
     parser.add_argument("--count", type=int, metavar="N", help="another number of seeds, copies or kills")
+    parser.add_argument("--corpus", metavar="FOLDER", help="inputs that fuzzing keeps, outside of the checkout")
     parser.add_argument("--commit-table", action="store_true", help="and commit the table of a full run")
     return parser
 

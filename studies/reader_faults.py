@@ -10,14 +10,17 @@ import tempfile
 import time
 import warnings
 from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 
 from balance.errors import CounterpoiseError
 from testbench.quality.group_checks import RecordingCheck
-from testbench.readers import open_recording
-from testbench.recording import MEANING
+from testbench.readers import open_recording, subprocess_reader, subprocess_worker
+from testbench.recording import MEANING, Block, Recording, Report
 
 from .table import Row, all_of
 
@@ -50,6 +53,26 @@ def read_or_refused(path: Path) -> None:
         if not str(error).startswith((path.name, "reading ", str(path))):
             raise
     assert time.monotonic() - began < LONGEST_S
+
+
+def open_here(path: Path, module: str, function: str = "open_library") -> Recording:
+    """A recording by a foreign library in this process; what befalls it there is a refusal here too."""
+
+    @contextmanager
+    def failing() -> Iterator[None]:
+        try:
+            yield
+        except Exception as error:
+            subprocess_reader.raise_failure(path, subprocess_worker.failure(error))
+
+    with failing():
+        recording: Recording = getattr(import_module(module), function)(path)
+
+    def blocks(report: Report) -> Iterator[Block]:
+        with failing():
+            yield from recording.blocks(report)
+
+    return replace(recording, read=blocks)
 
 
 def failures(path: Path, whole: bytes, count: int, seed: int) -> list[str]:

@@ -2,19 +2,18 @@
 
 import json
 import os
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from studies.reader_faults import open_here
 from testbench.errors import RecordingError
 from testbench.public_recordings import FOLDER_VARIABLE
 from testbench.quality.group_checks import RecordingCheck
-from testbench.readers import open_recording, subprocess_reader, subprocess_worker
+from testbench.readers import open_recording
 from testbench.recording import Group, Recording, Refusal, TimeColumn
 
 KNOWN = Path(__file__).with_name("known_values.json")
@@ -101,24 +100,6 @@ def said(path, options=None):
 @pytest.fixture
 def in_process(monkeypatch):
     """Libraries read in this process, which is faster; what befalls them there is a refusal here too."""
-
-    @contextmanager
-    def failing(path):
-        try:
-            yield
-        except Exception as error:
-            subprocess_reader.raise_failure(path, subprocess_worker.failure(error))
-
-    def open_here(path, module, function="open_library"):
-        with failing(path):
-            recording = getattr(import_module(module), function)(path)
-
-        def blocks(report):
-            with failing(path):
-                yield from recording.blocks(report)
-
-        return replace(recording, read=blocks)
-
     monkeypatch.setattr("testbench.readers.registry.open_in_subprocess", open_here)
 
 

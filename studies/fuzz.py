@@ -1,0 +1,157 @@
+"""Coverage-guided fuzzing of every reader and every input file: read or refused, within 10 s and 1 GB.
+
+By atheris, which is libFuzzer (``pip install --group fuzz``). The seeds are the small files of the tests and the
+shipped ones; what reaches new code is kept in ``--corpus FOLDER``, and begun with the next time. What libFuzzer stops
+at is read again as a user would, in a process of its own: readers of foreign libraries crash where nobody minds.
+"""
+
+import os
+import re
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from importlib import import_module
+from operator import attrgetter
+from pathlib import Path
+
+from .table import Row, all_of
+
+LONGEST_S, MOST_MEMORY_MB = 10, 1024
+LONGEST_INPUT = 1 << 16
+STOPS = 20
+"""So often is a format gone on with after an input at which libFuzzer stopped."""
+INPUT_FILES = {
+    "mechanism.xml": ("balance.mechanism.mjcf_parser:load_mechanism", "datasets/mechanisms/*.xml"),
+    "mechanism.urdf": ("balance.mechanism.mjcf_parser:load_mechanism", "datasets/robots/*.urdf"),
+    "mechanism.sdf": ("balance.mechanism.mjcf_parser:load_mechanism", """
+<sdf version="1.7"><model name="m"><pose>0.1 0 0 0 0 0</pose>
+<link name="a"><inertial><mass>1</mass><inertia><ixx>1e-3</ixx><iyy>1e-3</iyy><izz>1e-3</izz></inertia>
+</inertial></link><joint name="j" type="revolute"><parent>world</parent><child>a</child><axis><xyz>0 0 1</xyz></axis>
+</joint></model></sdf>"""),
+    "motion.toml": ("balance.motion.motion_files:load_motion", "datasets/motions/*.toml"),
+    "plates.csv": ("balance.balancing.stock_plates:load_stock", "datasets/stock/*.csv"),
+    "materials.toml": ("balance.balancing.stock_plates:load_densities", "datasets/materials/*.toml"),
+    "engine.toml": ("balance.engines.engine_files:load_engine", "datasets/engines/*.toml"),
+    "linkage.toml": ("balance.linkages.linkage_files:load_linkage", "datasets/linkages/*.toml"),
+    "drive.toml": ("balance.drives.drive_files:load_drive", "datasets/drives/*.toml"),
+    "rotor.toml": ("balance.rotors.rotor_files:load_rotor", "datasets/rotors/three*.toml"),
+    "unbalances.csv": ("balance.rotors.rotor_files:load_unbalances", "datasets/rotors/*.csv"),
+    "trial-runs.toml": ("balance.rotors.trial_run_files:load_trial_runs", "datasets/rotors/*.toml"),
+    "rig.toml": ("testbench.rig.rig:load_rig", "datasets/rigs/*.toml"),
+    "runs.csv": ("testbench.ingestion.run_table:read_run_table", """
+file,run,origin,payload_kg,counter_masses,motion,repeat
+a.csv,r001,measured,5,counter_A0A=24.2626;counter_B0B=24.2626,x,1
+b.csv,r002,simulated,,,y,2
+"""),
+    "plan.toml": ("testbench.campaign_plan:load_plan", "datasets/plans/*.toml"),
+    "logger.toml": ("testbench.readers.import_description:ImportDescription.load", "datasets/loggers/*.toml"),
+    "published.json": ("testbench.published_tables:load_published", "datasets/published/*.json"),
+    "certificate.xml": ("testbench.calibration.certificate:read_certificate", """
+<?xml version="1.0" encoding="UTF-8"?>
+<dcc:digitalCalibrationCertificate xmlns:dcc="https://ptb.de/dcc" xmlns:si="https://ptb.de/si" schemaVersion="3.3.0">
+<dcc:administrativeData><dcc:coreData><dcc:uniqueIdentifier>K-1</dcc:uniqueIdentifier><dcc:beginPerformanceDate>
+2026-03-30</dcc:beginPerformanceDate></dcc:coreData></dcc:administrativeData><dcc:measurementResults>
+<dcc:measurementResult><dcc:results><dcc:result><dcc:data><dcc:list><dcc:quantity><dcc:name><dcc:content>Sensitivity
+</dcc:content></dcc:name><si:real><si:value>1e-2</si:value><si:unit>\\volt</si:unit></si:real></dcc:quantity>
+</dcc:list></dcc:data></dcc:result></dcc:results></dcc:measurementResult></dcc:measurementResults>
+</dcc:digitalCalibrationCertificate>"""),
+}  # fmt: skip
+"""What reads each, and its seeds: files of the checkout, or a text."""
+
+
+def study(count: int, brief: bool) -> Iterator[Row]:
+    """``count`` inputs of each kind of file."""
+    from .reader_faults import _examples
+
+    corpus = Path(os.environ["COUNTERPOISE_CORPUS"])
+    with tempfile.TemporaryDirectory() as temporary:
+        kinds = [(name, [content]) for name, content in _examples(Path(temporary))]
+        kinds += [(name, _seeds(place)) for name, (_, place) in INPUT_FILES.items()]
+    for name, seeds in kinds:
+        folder = corpus / name
+        folder.mkdir(parents=True, exist_ok=True)
+        for number, seed in enumerate(seeds):
+            (folder / f"seed-{number}").write_bytes(seed)
+        yield _fuzzed(name, folder, count)
+
+
+def _seeds(place: str) -> list[bytes]:
+    files = [] if "\n" in place else sorted(Path(__file__).parents[1].glob(place))
+    return [path.read_bytes() for path in files] or [place.lstrip().encode()]
+
+
+def _fuzzed(name: str, folder: Path, count: int) -> Row:
+    done, found = 0, list[str]()
+    for _ in range(STOPS):
+        with tempfile.TemporaryDirectory() as stopped:
+            limits = [f"-runs={count - done}", f"-timeout={LONGEST_S}", f"-rss_limit_mb={MOST_MEMORY_MB}",
+                      f"-max_len={LONGEST_INPUT}", f"-seed={done + 1}", f"-artifact_prefix={stopped}/"]  # fmt: skip
+            told = _run("fuzz", name, str(folder), "-print_final_stats=1", *limits).stderr.decode(errors="replace")
+            done += max(1, *map(int, re.findall(r"stat::number_of_executed_units: (\d+)|$", told)[:1]))
+            for file in Path(stopped).iterdir():
+                (folder.parent / "stopped").mkdir(exist_ok=True)
+                kept = file.rename(folder.parent / "stopped" / f"{file.name}-{name}")
+                if (judged := _run("judge", name, str(kept))).returncode:
+                    found.append(f"{kept.name}: {judged.stderr.decode().splitlines()[-1:] or judged.returncode}")
+        if done >= count:
+            break
+    size = sum(1 for _ in folder.iterdir())
+    note = "; ".join([f"{size} inputs kept, each of which reached something new", *found[:3]])
+    return all_of(f"{name}, inputs read or refused within {LONGEST_S} s and {MOST_MEMORY_MB} MB",
+                  done - len(found), done, note)  # fmt: skip
+
+
+def _run(*arguments: str) -> subprocess.CompletedProcess[bytes]:
+    return subprocess.run([sys.executable, "-m", f"{__package__}.fuzz", *arguments], capture_output=True, check=False)
+
+
+def _reading(name: str) -> Callable[[Path], None]:
+    if name not in INPUT_FILES:
+        return import_module("studies.reader_faults").read_or_refused  # type: ignore[no-any-return]
+    module, _, function = INPUT_FILES[name][0].partition(":")
+    load = attrgetter(function)(import_module(module))
+    refusal = import_module("balance.errors").CounterpoiseError
+
+    def read(path: Path) -> None:
+        with suppress(refusal):
+            load(path)
+
+    return read
+
+
+def main(what: str, name: str, place: str, *limits: str) -> None:
+    """``fuzz`` a kind of file with a corpus; or ``judge`` one file, as a user would read it."""
+    if what == "judge":
+        resource.setrlimit(resource.RLIMIT_CPU, (LONGEST_S, LONGEST_S))
+        read = _reading(name)
+        with tempfile.TemporaryDirectory() as folder:
+            read(Path(shutil.copy(place, Path(folder, name))))
+        largest = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+        assert largest < MOST_MEMORY_MB << 10, f"took {largest >> 10} MB"
+        return
+    import atheris
+
+    path = Path(tempfile.mkdtemp(dir="/dev/shm"), name)
+    with atheris.instrument_imports(include=["balance", "testbench", "mcap", "rosbags", "tomllib"]):
+        read = _reading(name)
+        registry, faults = import_module("testbench.readers.registry"), import_module("studies.reader_faults")
+        registry.open_in_subprocess = faults.open_here  # type: ignore[attr-defined]
+        for seed in Path(place).glob("seed-*"):
+            read(Path(shutil.copy(seed, path)))  # modules are imported late
+    pages = int(Path("/proc/self/statm").read_text().split()[0]) + (MOST_MEMORY_MB << 20) // resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize(),) * 2)
+
+    def one(content: bytes) -> None:
+        path.write_bytes(content)
+        read(path)
+
+    atheris.Setup([sys.argv[0], place, *limits], one)
+    atheris.Fuzz()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
