@@ -12,7 +12,7 @@ from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism
 from balance.task_pool import HERE, TaskPool
 
-from . import campaign_plan, rig
+from . import campaign_plan, project, rig
 from .campaign_plan import Plan
 from .cross_examination import Examination, examine
 from .identification import Identification
@@ -27,6 +27,7 @@ from .published_tables import load_published
 from .readers import ReadOptions, open_recording, readers
 from .recording import Recording
 from .rig import Rig
+from .rotating import Disc, SteadySpeedFit, number_edges, periodic_turn, read_edge_times
 from .runs.aligned_run import AlignedRun, recorded_clocks
 from .runs.si_run import SIRun
 from .signal import Metric
@@ -71,6 +72,32 @@ def load_plan(name: str | Path) -> Plan:
     52
     """
     return campaign_plan.load_plan(name)
+
+
+def new_project(folder: str | Path, mechanism: str | Path) -> list[str]:
+    """Write what a test of a mechanism needs into a new folder: motion, plan, rig, run table; the files' names.
+
+    ``mechanism``: a file or a shipped name. What it does not say is guessed, marked ``(guess)``, and to be edited.
+
+    >>> import testbench
+    >>> testbench.new_project("my-test", "four-bar")
+    ['four-bar.xml', 'motion.toml', 'plan.toml', 'rig.toml', 'README.md', 'runs.csv']
+    """
+    return project.new_project(Path(folder), str(mechanism))
+
+
+def encoder_speed(log: str | Path, pulses: int, ratio: float = 1.0) -> SteadySpeedFit:
+    """The steady turn of a crank from the instants of encoder edges: speed over angle, fluctuation, with intervals.
+
+    ``log``: a table of one column, unit in its header (``t (s)``). ``pulses``: edges in a turn of the disc, which turns
+    ``ratio`` times in a turn of the crank. Time over angle is fitted with a few harmonics. Raises LostEdges.
+
+    >>> import testbench
+    >>> print(f"{testbench.encoder_speed('edges.csv', pulses=60).mean.value:.2f} rad/s")
+    10.47 rad/s
+    """
+    path = Path(log)
+    return periodic_turn(number_edges(path.name, read_edge_times(path), Disc(pulses, ratio)))
 
 
 def formats() -> dict[str, str]:

@@ -72,16 +72,15 @@ def correct(
     One plane balances the force and leaves the couple; in two the solution is unique; of more the least sum of squares
     is taken. Angles are those of added mass, from the rotor's mark, in the sense in which the file counts.
     """
-    from ..rotors.correction_planes import correct_planes, polygons
+    from ..rotors.correction_planes import correct_planes
     from ..rotors.results import correction_document
 
     model = _model(rotor, planes, bearings, speed)
     correction = correct_planes(model.unbalances, model.planes)
     if figure:
         from ..figures.mechanism import save
-        from ..figures.rotating import draw_polygons
 
-        save(draw_polygons(polygons(correction)), figure)
+        save(correction.plot(), figure)
     document = correction_document(model, correction)
     couple_remains = len(correction.planes) == 1 and not correction.is_balanced(1e-9)
     emit_result(document, as_json, lambda: _print_correction(document, couple_remains))

@@ -16,7 +16,7 @@ from ..engines.balance_shafts import STAGES, ResidualOverTurn
 from ..engines.free_forces import FreeForces, RotatingVector
 from ..engines.slider_crank import SliderCrank
 from ..estimation.estimate import LEVEL_TEXT
-from ..rotors.correction_planes import Polygon
+from ..rotors.correction_planes import Correction, Polygon, polygons
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -272,12 +272,13 @@ _SHORT = 0.15
 _UNITS = {"kg m": ("kg mm", 1e3), "kg m2": ("kg mm²", 1e6)}
 
 
-def draw_polygons(polygons: Sequence[Polygon]) -> "Figure":
-    """Draw polygons side by side; given and closing sides differ in colour, each side is named."""
+def draw_polygons(correction: Correction) -> "Figure":
+    """Draw the vector polygons side by side; given and closing sides differ in colour, each side is named."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(4.6 * len(polygons), 4.6), layout="constrained")
-    for axes, polygon in zip(figure.subplots(1, len(polygons), squeeze=False)[0], polygons, strict=True):
+    drawn = polygons(correction)
+    figure = Figure(figsize=(4.6 * len(drawn), 4.6), layout="constrained")
+    for axes, polygon in zip(figure.subplots(1, len(drawn), squeeze=False)[0], drawn, strict=True):
         _draw(axes, polygon)
     return figure
 

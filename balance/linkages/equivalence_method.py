@@ -8,21 +8,26 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..arrays import Floats
+from ..results import Shown
 from .assembly import Assembly, assemble
 from .force_balance import CounterMass, ForceBalance, force_balance, joint_point, reduction_tree
 from .linkage import Linkage
 from .moment_balance import MomentBalance, moment_balance
+
+if TYPE_CHECKING:
+    import pandas
 
 NOTHING: Mapping[str, Collection[str]] = MappingProxyType({})
 """No terms omitted."""
 
 
 @dataclass(frozen=True)
-class LinkageBalance:
+class LinkageBalance(Shown, figure="balance.figures.linkage:draw_linkage"):
     """A linkage balanced by the method: force balance, and with gears moment balance."""
 
     linkage: Linkage
@@ -44,6 +49,13 @@ class LinkageBalance:
         if stage == "complete" and self.moment is not None:
             counters += [(name, c) for name, done in self.moment.bodies.items() for c in done.extra.counters]
         return counters
+
+    def table(self) -> "pandas.DataFrame":
+        """The counter-masses: symbol, body and mass."""
+        import pandas
+
+        rows = [(counter.symbol, body, counter.mass) for body, counter in self.counters()]
+        return pandas.DataFrame(rows, columns=["symbol", "body", "mass_kg"])
 
     def residual(self) -> float:
         """Largest residual first moment of any turning body about its reduction joint [kg m]."""

@@ -8,20 +8,27 @@ About the first plane only the correction in the last one has a moment: the clos
 z_L) is U_R (z_R - z_L). Likewise about the last plane. The polygon of the unbalances and both corrections closes.
 """
 
+import cmath
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import DataError, SizingError
+from ..results import Shown
 from .rotor import Plane, Rotor, Unbalance, unbalance_couple, unbalance_force
+
+if TYPE_CHECKING:
+    import pandas
 
 NEAR = 30.0
 """Times the distance of the correction planes that a rotor's length is a finding."""
 
 
 @dataclass(frozen=True)
-class Correction:
+class Correction(Shown, figure="balance.figures.rotating:draw_polygons"):
     """Corrections of a rotor in its planes, and the residual unbalance with them."""
 
     unbalances: tuple[Unbalance, ...]
@@ -32,8 +39,19 @@ class Correction:
     @property
     def after(self) -> tuple[Unbalance, ...]:
         """The unbalances with the corrections among them."""
-        added = (Unbalance(p.name, u, p.at) for p, u in zip(self.planes, self.vectors, strict=True))
+        added = (Unbalance(p.name, u, p.at) for p, u in self._pairs)
         return (*self.unbalances, *added)
+
+    def table(self) -> "pandas.DataFrame":
+        """The correction of each plane: its mass times radius, and the angle where mass is added."""
+        import pandas
+
+        rows = [(p.name, 1e3 * abs(u), math.degrees(cmath.phase(u)) % 360.0) for p, u in self._pairs]
+        return pandas.DataFrame(rows, columns=["plane", "correction_kg_mm", "angle_deg"])
+
+    @property
+    def _pairs(self) -> list[tuple[Plane, complex]]:
+        return list(zip(self.planes, self.vectors, strict=True))
 
     def force(self) -> complex:
         """Residual static unbalance [kg m]."""
@@ -137,7 +155,7 @@ class Polygon:
 
 def polygons(correction: Correction) -> list[Polygon]:
     """Of moments about the first plane, of moments about the last, and of unbalances; in one plane the last alone."""
-    planes = tuple(zip(correction.planes, correction.vectors, strict=True))
+    planes = correction._pairs
     names = tuple(u.name for u in correction.unbalances)
     drawn = []
     for plane in [correction.planes[0], correction.planes[-1]] if len(planes) > 1 else []:

@@ -22,6 +22,7 @@ def folder(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("examples")
     shutil.copytree(request.getfixturevalue("shared")(PLAN).campaign, folder / "campaign")
     (folder / "log.csv").write_text("t (s),a (m/s^2)\n0.0,0.5\n0.1,0.25\n0.2,0.75\n", encoding="utf-8")
+    (folder / "edges.csv").write_text("t (s)\n" + "".join(f"{0.01 * k:.6f}\n" for k in range(300)), encoding="utf-8")
     (folder / "one-run.toml").write_text(conditions((5.0, 0.0, ("x",))), encoding="utf-8")
     return folder
 

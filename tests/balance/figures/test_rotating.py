@@ -16,9 +16,9 @@ def test_names_of_a_polygon_stand_outside_it():
     unbalances = [Unbalance("a", 3.0, 0.1), Unbalance("b", 2.0j, 0.1), Unbalance("c", -0.1 + 0.05j, 0.1)]
     found = correction_planes.correct_planes(unbalances, [Plane("left", 0.0), Plane("right", 0.4)])
     drawn = [p for p in correction_planes.polygons(found) if "Unbalances" in p.title]
-    figure = draw_polygons(drawn)
+    figure = draw_polygons(found)
     figure.draw_without_rendering()
-    axes = figure.axes[0]
+    axes = figure.axes[-1]
     names = {text.get_text(): text for text in axes.texts if text.get_text()}
     corners = axes.transData.transform([(1e3 * v.real, 1e3 * v.imag) for v in drawn[0].vertices])
     middle = corners.mean(axis=0)
