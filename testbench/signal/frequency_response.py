@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from balance.arrays import Floats
 
 from ..errors import AnalysisError
-from .welch import welch
+from .welch import CrossDensities, welch
 
 LEAST_SEGMENTS = 4.0
 """Independent segments below which a coherence says nothing: of one segment it is 1, whatever was recorded."""
@@ -69,38 +69,40 @@ def frequency_response(inputs: Sequence[Floats], answer: Floats, rate_hz: float,
             f"{len(answer)} samples are {found.independent:.1f} independent segments of {segment}: expected at least "
             f"{LEAST_SEGMENTS + count - 1:g} for {count} inputs; take shorter segments or record for longer"
         )
-    lines = [_at_line(density, count) for density in np.moveaxis(found.density, 2, 0)]
-    response, coherence, multiple = (np.array(each).T for each in zip(*lines, strict=True))
+    response, coherence, multiple = _responses(np.moveaxis(found.density, 2, 0), count)
     return FrequencyResponse(found.frequency, response, coherence, multiple, segments)
 
 
-def _at_line(density: NDArray[np.complex128], count: int) -> tuple[NDArray[np.complex128], Floats, float]:
-    """Responses, partial coherences and the multiple one, of densities (q + 1, q + 1), the output's last."""
-    output_power = float(density[count, count].real)
-    used = [
-        j
-        for j in range(count)
-        if (power := float(density[j, j].real)) > 0.0
-        and _residual_power(density, [i for i in range(count) if i != j], j) / power > LEAST_OWN_POWER
-    ]
-    response, partial = np.zeros(count, dtype=np.complex128), np.zeros(count)
-    if not used or not output_power > 0.0:
-        return response, partial, 0.0
-    response[used] = np.linalg.solve(density[np.ix_(used, used)], density[used, count])
-    residual = _residual_power(density, used, count)
-    for j in used:
-        without = _residual_power(density, [i for i in used if i != j], count)
-        partial[j] = max(0.0, 1.0 - residual / without) if without > 0.0 else 0.0
-    return response, partial, 1.0 - residual / output_power
+def _responses(density: CrossDensities, count: int) -> tuple[NDArray[np.complex128], Floats, Floats]:
+    """Responses, partial coherences, (q, m), and the multiple one, (m,), of densities (m, q + 1, q + 1), output last."""
+    power = np.diagonal(density, axis1=1, axis2=2).real
+    own = np.array([_residual_power(density, [i for i in range(count) if i != j], j) for j in range(count)]).T
+    used = (own > LEAST_OWN_POWER * power[:, :count]) & (power[:, count:] > 0.0)
+    response, partial = np.zeros((count, len(density)), dtype=np.complex128), np.zeros((count, len(density)))
+    multiple = np.zeros(len(density))
+    for pattern in np.unique(used[used.any(axis=1)], axis=0):  # lines in which the same inputs have power of their own
+        lines, inputs = np.flatnonzero((used == pattern).all(axis=1)), np.flatnonzero(pattern)
+        some = density[lines]
+        among = some[:, inputs[:, None], inputs]
+        response[np.ix_(inputs, lines)] = np.linalg.solve(among, some[:, inputs, count, None])[..., 0].T
+        residual = _residual_power(some, inputs, count)
+        for j in inputs:
+            without = _residual_power(some, inputs[inputs != j], count)
+            known = without > 0.0
+            partial[j, lines[known]] = np.maximum(0.0, 1.0 - residual[known] / without[known])
+        multiple[lines] = 1.0 - residual / power[lines, count]
+    return response, partial, multiple
 
 
-def _residual_power(density: NDArray[np.complex128], inputs: Sequence[int], output: int) -> float:
-    """Power density of a channel that inputs, which may be linearly dependent, do not explain."""
-    power = float(density[output, output].real)
-    if not inputs:
+def _residual_power(density: CrossDensities, inputs: "Sequence[int] | NDArray[np.intp]", output: int) -> Floats:
+    """Power density of a channel that inputs, which may be linearly dependent, do not explain, (m,)."""
+    power = density[:, output, output].real
+    if not len(inputs):
         return power
-    size = np.sqrt(density[inputs, inputs].real)
+    rows = np.asarray(inputs)
+    size = np.sqrt(density[:, rows, rows].real)
     size[size == 0.0] = 1.0
-    among = density[np.ix_(inputs, inputs)] / np.outer(size, size)
-    cross = density[inputs, output] / size
-    return max(0.0, power - float((cross.conj() @ np.linalg.pinv(among, rcond=1e-9, hermitian=True) @ cross).real))
+    among = density[:, rows[:, None], rows] / (size[:, :, None] * size[:, None, :])
+    cross = density[:, rows, output] / size
+    explained = np.einsum("mi,mij,mj->m", cross.conj(), np.linalg.pinv(among, rcond=1e-9, hermitian=True), cross)
+    return np.maximum(0.0, power - explained.real)
