@@ -7,6 +7,7 @@ property of the base.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +22,8 @@ from ..loads import drive_torque
 from ..runs.aligned_run import recorded_clocks
 from ..signal.filters import Band
 from ..signal.free_decay_modes import free_decay_modes
-from ..signal.frequency_response import FrequencyResponse, frequency_response
+from ..signal.frequency_response import FrequencyResponse, response_of
+from ..signal.welch import Spectra, welch
 from ..vibration.channel_levels import channel_levels, level_definitions
 from ..vibration.metrics import METRICS
 
@@ -120,11 +122,15 @@ def motion_on_base_clock(
 def base_response(run: "SIRun", wrench: "MeasuredWrench", highest_hz: float = HIGHEST_HZ) -> Part:
     """Acceleration of the base along each axis per shaking force along it, where the coherence is significant."""
     forces = _significant_components(wrench)
+    columns = [column for column in base_columns(run) if f"F{column.component}" in forces]
     rows: list[Part] = []
-    for column in base_columns(run):
-        if (along := f"F{column.component}") in forces:
-            response = _at_force_instants(run, wrench, column)
-            rows += _rows(column, along, forces, response, wrench.rate, highest_hz)
+    if columns:
+        answers = [_at_force_instants(run, wrench, column) for column in columns]
+        found = welch([*forces.values(), *answers], wrench.rate, 2 * round(0.5 * SEGMENT_S * wrench.rate))
+        shown = found.frequency <= highest_hz
+        found = replace(found, frequency=found.frequency[shown], density=found.density[..., shown])
+        for place, column in enumerate(columns, len(forces)):
+            rows += _rows(column, list(forces), found, place)
     return {
         "rows": rows,
         "definition": "acceleration of the base per shaking force along the same axis (H1), where coherence is over "
@@ -146,17 +152,15 @@ def _significant_components(wrench: "MeasuredWrench") -> dict[str, Floats]:
     return found
 
 
-def _rows(
-    column: "Column", along: str, forces: dict[str, Floats], response: Floats, rate: float, highest_hz: float
-) -> list[Part]:
-    """The lines of one channel."""
-    segment = 2 * round(0.5 * SEGMENT_S * rate)
-    found = frequency_response([forces[along]], response, rate, segment)
-    used = found.significant[0] & (found.frequency > 0.0) & (found.frequency <= highest_hz)
+def _rows(column: "Column", forces: list[str], spectra: Spectra, place: int) -> list[Part]:
+    """The lines of one channel, which follows the forces in the spectra at its place."""
+    along = forces.index(f"F{column.component}")
+    found = response_of(spectra, [along], place)
+    used = found.significant[0] & (found.frequency > 0.0)
     others = {  # lines in which a component explains the acceleration beyond the force
-        name: frequency_response([forces[along], other], response, rate, segment).significant[1]
-        for name, other in forces.items()
-        if name != along
+        name: response_of(spectra, [along, other], place).significant[1]
+        for other, name in enumerate(forces)
+        if other != along
     }
     return [
         _row(column, found, int(i)) | {"also_follows": [name for name, more in others.items() if more[i]]}

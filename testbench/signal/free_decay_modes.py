@@ -111,6 +111,24 @@ class _Fit:
         basis = self.basis(pairs)
         return self.values - basis @ np.linalg.lstsq(basis, self.values, rcond=1e-10)[0]
 
+    def slopes(self, pairs: Floats) -> Floats:
+        """Derivatives of the residual but for a part that is orthogonal to it, (n k, 2 modes).
+
+        L. Kaufman, BIT 15, 49 (1975): the gradient of the sum of squares is exact, and so is its minimum.
+        """
+        basis = self.basis(pairs)
+        linear = np.linalg.lstsq(basis, self.values, rcond=1e-10)[0][1:].reshape(len(pairs), 2, -1)
+        turn, root = 2.0 * np.pi * self.time, np.sqrt(1.0 - pairs[:, 1] ** 2)
+        found = []
+        for i, (frequency, damping) in enumerate(pairs):
+            along = basis[:, 1 + 2 * i : 3 + 2 * i] @ linear[i]
+            across = basis[:, 1 + 2 * i : 3 + 2 * i] @ (linear[i, ::-1] * np.array([[1.0], [-1.0]]))
+            for fall, ring in ((damping, root[i]), (frequency, -frequency * damping / root[i])):
+                found.append(turn[:, None] * (ring * across - fall * along))
+        stacked = np.column_stack(found)
+        apart = stacked - basis @ np.linalg.lstsq(basis, stacked, rcond=1e-10)[0]
+        return -apart.reshape(len(self.time), 2 * len(pairs), -1).transpose(0, 2, 1).reshape(-1, 2 * len(pairs))
+
     def next(self, pairs: Floats, highest: float) -> Floats:
         """Frequency at which the residual has most power, with a damping to start from, (1, 2)."""
         residual = self.residual(pairs)
@@ -131,7 +149,10 @@ class _Fit:
         def residual(x: Floats) -> Floats:
             return self.residual(x.reshape(-1, 2)).ravel()
 
-        done = least_squares(residual, start, bounds=(low, high), x_scale=start, max_nfev=60)
+        def slopes(x: Floats) -> Floats:
+            return self.slopes(x.reshape(-1, 2))
+
+        done = least_squares(residual, start, slopes, bounds=(low, high), x_scale=start, max_nfev=60)
         return np.asarray(done.x).reshape(-1, 2)
 
     def criterion(self, pairs: Floats) -> float:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from balance.arrays import Floats
 
 from ..errors import AnalysisError
-from .welch import CrossDensities, welch
+from .welch import CrossDensities, Spectra, welch
 
 LEAST_SEGMENTS = 4.0
 """Independent segments below which a coherence says nothing: of one segment it is 1, whatever was recorded."""
@@ -62,19 +62,25 @@ def frequency_response(inputs: Sequence[Floats], answer: Floats, rate_hz: float,
 
     Raises AnalysisError where there are too few segments for so many inputs.
     """
-    found, count = welch([*inputs, answer], rate_hz, segment), len(inputs)
+    return response_of(welch([*inputs, answer], rate_hz, segment), range(len(inputs)), len(inputs))
+
+
+def response_of(found: Spectra, inputs: Sequence[int], output: int) -> FrequencyResponse:
+    """From q channels to another, by their numbers in densities that were found together; raises as above."""
+    count = len(inputs)
     segments = found.independent - (count - 1)
     if segments < LEAST_SEGMENTS:
         raise AnalysisError(
-            f"{len(answer)} samples are {found.independent:.1f} independent segments of {segment}: expected at least "
+            f"the record has {found.independent:.1f} independent segments: expected at least "
             f"{LEAST_SEGMENTS + count - 1:g} for {count} inputs; take shorter segments or record for longer"
         )
-    response, coherence, multiple = _responses(np.moveaxis(found.density, 2, 0), count)
+    chosen = np.array([*inputs, output])
+    response, coherence, multiple = _responses(np.moveaxis(found.density[chosen[:, None], chosen], 2, 0), count)
     return FrequencyResponse(found.frequency, response, coherence, multiple, segments)
 
 
 def _responses(density: CrossDensities, count: int) -> tuple[NDArray[np.complex128], Floats, Floats]:
-    """Responses, partial coherences, (q, m), and the multiple one, (m,), of densities (m, q + 1, q + 1), output last."""
+    """Responses, partial coherences, (q, m), the multiple one, (m,), of densities (m, q + 1, q + 1), output last."""
     power = np.diagonal(density, axis1=1, axis2=2).real
     own = np.array([_residual_power(density, [i for i in range(count) if i != j], j) for j in range(count)]).T
     used = (own > LEAST_OWN_POWER * power[:, :count]) & (power[:, count:] > 0.0)
