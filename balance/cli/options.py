@@ -1,17 +1,20 @@
 """Options that several commands share: a mechanism, payloads, counter-masses, quantities; results of a motion."""
 
+import webbrowser
 from collections.abc import Callable
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from ..errors import UnitError
-from .framework import emit_table
+from .framework import emit_table, plain_text
 
 if TYPE_CHECKING:
     from ..closure import Trajectory
     from ..dynamics.inverse_dynamics import Response
     from ..mechanism.mechanism import Mechanism
+    from ..report.loopback import Loopback
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -182,6 +185,31 @@ def print_responses(responses: "dict[str, Response]") -> None:
             values = [before.rms()[name], after.rms()[name], peak, after.peak()[name]]
             rows.append([component_label(name), *(f"{value:.4g}" for value in values)])
     emit_table("Simulated motion", ["component", "RMS before", "RMS after", "peak before", "peak after"], rows)
+
+
+def serve_options(command: F) -> F:
+    """Add ``--port``, ``--no-browser`` and ``--idle``."""
+    for option in (
+        click.option(
+            "--idle", type=click.FloatRange(min=0.0), metavar="S", help="End when nothing is asked for so long."
+        ),
+        click.option("--browser/--no-browser", default=True, help="Open the browser, or print the address alone."),
+        click.option(
+            "--port", type=click.IntRange(0, 65535), default=0, help="Of this machine; a free one unless given."
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def serve(server: "Loopback", name: str, browser: bool, idle: float | None) -> None:
+    """Answer one browser until Ctrl-C."""
+    click.echo(f"{plain_text(name)}: {server.url}")
+    click.echo("This address is for this machine and for you; Ctrl-C ends it.")
+    if browser:
+        webbrowser.open(server.url)
+    with suppress(KeyboardInterrupt):
+        server.serve(float("inf") if idle is None else idle)
 
 
 def component_label(name: str) -> str:

@@ -102,8 +102,10 @@
   const runs = data.runs || [];
   if (runs.length) {
     const conditions = data.conditions || [], help = at("series-help"), kinds = at("series-kind");
-    let plots = [], moving = false;
-    const chosen = () => ["series-a", "series-b"].map((id) => runs[at(id).value]).filter((run) => run);
+    const live = window.live;
+    let plots = [], moving = false, turns = 0;
+    const chosen = () => [...new Set(["series-a", "series-b"]
+      .flatMap((id) => [...at(id).selectedOptions].map((option) => runs[option.value])).filter((run) => run))];
     const over = () => at("series-over").value;
     const curve = (one) => {
       if (one.frequency_hz) return [one.frequency_hz, one.density];
@@ -114,12 +116,15 @@
           y.push(raw[i] === -32768 ? null : one.low + (raw[i] + 32767) * scale);
         }
         one.curve = [x, y];
+        const { half_width: half } = one;
+        if (half) one.curve.push(...[-half, half].map((off) => y.map((value) => (value === null ? null : value + off))));
       }
       return one.curve;
     };
     const listed = (run) => (over() === "time" ? run.channels : run.spectra);
     const offer = () => {
-      const names = [...new Set(chosen().flatMap((run) => listed(run).map((one) => one.kind)))], before = kinds.value;
+      const all = chosen().flatMap(listed), before = kinds.value;
+      const names = [...new Set([...all.map((one) => one.kind), ...all.map((one) => one.name)])];
       kinds.replaceChildren(...names.map((name) => made("option", name, { value: name })));
       if (names.includes(before)) kinds.value = before;
     };
@@ -127,10 +132,11 @@
       const { min, max } = plot.u.scales.x;
       if (min === null || min === undefined) return;
       const unit = over() === "time" ? "s" : "Hz";
-      const parts = plot.u.series.slice(1).map((line, k) => {
+      const parts = plot.u.series.slice(1).filter((line) => line.width).map((line) => {
         let low = Infinity, high = -Infinity;
+        const values = plot.u.data[plot.u.series.indexOf(line)];
         plot.u.data[0].forEach((x, i) => {
-          const y = plot.u.data[k + 1][i];
+          const y = values[i];
           if (x >= min && x <= max && y !== null && y !== undefined) { low = Math.min(low, y); high = Math.max(high, y); }
         });
         return low > high ? `${line.label}: nothing` : `${line.label}: ${low.toPrecision(4)} .. ${high.toPrecision(4)}`;
@@ -142,12 +148,21 @@
       for (const plot of plots) { plot.u.setScale("x", { min, max }); }
       moving = false;
       plots.forEach(stated);
+      if (live) live.look(plots, min, max, renewed);
+    };
+    const renewed = (plot, min, max) => {
+      moving = true;
+      plot.u.setData(uPlot.join(plot.lines.map(({ one }) => curve(one))), false);
+      plot.u.setScale("x", { min, max });
+      moving = false;
+      stated(plot);
+      noted();
     };
     const change = (what) => {
       if (!plots.length) return;
-      const all = plots[0].u.data[0], { min, max } = plots[0].u.scales.x, log = over() !== "time";
+      const { min, max } = plots[0].u.scales.x, log = over() !== "time";
       const [go, back] = log ? [Math.log, Math.exp] : [(x) => x, (x) => x];
-      const ends = [go(all[0]), go(all[all.length - 1])];
+      const ends = plots[0].ends.map(go);
       let [low, high] = [go(min), go(max)];
       const width = high - low, part = { in: [0.25, -0.25], out: [-0.5, 0.5], left: [-0.25, -0.25], right: [0.25, 0.25] }[what];
       [low, high] = part ? [low + part[0] * width, high + part[1] * width] : ends;
@@ -163,21 +178,29 @@
       box.setAttribute("aria-label", title);
       box.append(made("h3", title));
       at("series-plots").append(box);
+      const hues = ["--without", "--with", "--payload", "--link", "--warn", "--ink"];
+      const series = lines.flatMap(({ run, one, label, hue }) => {
+        const words = label || `${run.name}, ${run.balanced ? "with" : "without"} counter-masses`;
+        const stroke = colour(hue === undefined ? (run.balanced ? "--with" : "--without") : hues[hue % hues.length]);
+        const line = { label: words, stroke, width: 1.2, points: { show: false }, dash: run.again ? [6, 4] : undefined };
+        return one.half_width ? [line, ...["from", "to"].map((end) => ({ label: end, width: 0, points: { show: false } }))] : [line];
+      });
+      const bands = series.flatMap((line, i) => (line.label === "to" && line.width === 0 ? [{ series: [i + 1, i], fill: colour("--band") }] : []));
       const axis = { stroke: colour("--ink"), grid: { stroke: colour("--line"), width: 1 }, ticks: { stroke: colour("--line") } };
       const u = new uPlot({
         width: box.clientWidth, height: 220, legend: { live: true },
         cursor: { sync: { key: "counterpoise" }, drag: { x: true, y: false } },
         scales: { x: { time: false, distr: time ? 1 : 3 }, y: { distr: time ? 1 : 3 } },
         axes: [{ ...axis, label: time ? data.time || "time [s]" : "frequency [Hz]", labelSize: 22 }, { ...axis, size: 70 }],
-        series: [{ label: time ? "s" : "Hz" }, ...lines.map(({ run }) => ({
-          label: `${run.name}, ${run.balanced ? "with" : "without"} counter-masses`, stroke: colour(run.balanced ? "--with" : "--without"), width: 1.2, points: { show: false },
-          dash: run.again ? [6, 4] : undefined,
-        }))],
+        series: [{ label: time ? "s" : "Hz" }, ...series],
+        bands,
         hooks: { setScale: [(self, key) => {
           if (key === "x" && !moving && plots.some((plot) => plot.u === self)) show(self.scales.x.min, self.scales.x.max);
         }] },
       }, uPlot.join(lines.map(({ one }) => curve(one))), box);
       box.append(text);
+      const about = [...new Set(lines.map(({ one }) => one.note).filter((note) => note))];
+      if (about.length) box.append(made("p", about.join("; "), { class: "note" }));
       box.addEventListener("keydown", (event) => {
         if (keys[event.key]) { event.preventDefault(); change(keys[event.key]); }
       });
@@ -193,31 +216,38 @@
         show(grabbed.min - off, grabbed.max - off);
       });
       window.addEventListener("mouseup", () => { grabbed = null; });
-      return { u, box, text };
+      const all = u.data[0];
+      return { u, box, text, lines, ends: [all[0], all[all.length - 1]] };
     };
-    const redraw = () => {
+    const redraw = async () => {
+      const turn = ++turns, [first, second] = chosen();
+      if (!first) return;
+      first.again = false;
+      if (second) second.again = second.balanced === first.balanced;
+      const wanted = (one) => one.kind === kinds.value || one.name === kinds.value;
+      const names = [...new Set(chosen().flatMap((run) => listed(run).filter(wanted).map((one) => one.name)))];
+      let drawn = names.map((name) => ({
+        name, lines: chosen().map((run) => ({ run, one: listed(run).find((one) => wanted(one) && one.name === name) })).filter(({ one }) => one),
+      }));
+      if (live) drawn = await live.load(drawn, over(), plots.length ? plots[0].u.scales.x : null);
+      if (turn !== turns) return;
       plots.forEach((plot) => plot.u.destroy());
       at("series-plots").replaceChildren();
       plots = [];
-      const [first, second] = chosen();
-      first.again = false;
-      if (second) second.again = second.balanced === first.balanced;
-      const names = [...new Set(chosen().flatMap((run) => listed(run).filter((one) => one.kind === kinds.value).map((one) => one.name)))];
-      const built = names.map((name) => {
-        const lines = chosen().map((run) => ({ run, one: listed(run).find((one) => one.kind === kinds.value && one.name === name) }))
-          .filter(({ one }) => one && curve(one)[0].length);
-        return lines.length ? plotted(name, lines[0].one.unit, lines) : null;
-      });
-      plots = built.filter((plot) => plot);
+      drawn = drawn.map(({ name, lines }) => ({ name, lines: lines.filter(({ one }) => curve(one)[0].length) }));
+      plots = drawn.filter(({ lines }) => lines.length).map(({ name, lines }) => plotted(name, lines[0].one.unit, lines));
       plots.forEach(stated);
-      const used = over() === "time" ? chosen().flatMap((run) => run.channels.filter((one) => one.kind === kinds.value)) : [];
-      const reduced = used.filter((one) => !one.whole);
-      at("series-note").textContent = over() !== "time"
+      noted();
+    };
+    const noted = () => {
+      const shown = plots.flatMap(({ lines }) => lines.map(({ one }) => one)), reduced = shown.filter((one) => !one.whole);
+      const how = over() !== "time"
         ? "Power spectral density by Welch's method; of neighbouring lines the largest is drawn."
         : reduced.length
-          ? `Of ${Math.max(...reduced.map((one) => one.samples))} samples in SI the least and the largest of each `
+          ? `Of ${Math.max(...reduced.map((one) => one.samples))} samples the least and the largest of each `
             + `${(2000 * reduced[0].step).toPrecision(3)} ms are drawn: every peak is there, its place known to that. Values are rounded to 1/65534 of their range.`
-          : "Every sample in SI, not filtered; values are rounded to 1/65534 of their range.";
+          : "Every sample, not filtered; values are rounded to 1/65534 of their range.";
+      at("series-note").textContent = [how, ...new Set(shown.map((one) => one.about).filter((text) => text))].join(" ");
     };
     const pair = () => {
       const one = conditions[at("series-condition").value];
@@ -241,8 +271,7 @@
     const recolour = () => {
       if (!plots.length) return;
       const { min, max } = plots[0].u.scales.x;
-      redraw();
-      show(min, max);
+      redraw().then(() => show(min, max));
     };
     for (const query of ["(prefers-color-scheme: dark)", "print"]) matchMedia(query).addEventListener("change", recolour);
   }

@@ -41,6 +41,8 @@ class Page:
     """What the script draws: series, spectra, moving mechanisms; plain JSON types."""
     about: Mapping[str, Any] = field(default_factory=dict)
     """What else the template shows: pictures, texts."""
+    live: Path | None = None
+    """A script beside that of every page, which asks the server of the page for more; None: a page asks nobody."""
 
     def html(self) -> str:
         """The page as text."""
@@ -63,7 +65,9 @@ class Page:
         environment.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}
         environment.filters["pointer"] = lambda name: str(name).replace("~", "~0").replace("/", "~1")
         environment.filters["of"] = lambda place, values: values[place]
-        scripts = [(_HERE / name).read_text(encoding="utf-8") for name in SCRIPTS]
+        *vendored, own = (_HERE / name for name in SCRIPTS)
+        files = [*vendored, self.live, own] if self.live else [*vendored, own]
+        scripts = [file.read_text(encoding="utf-8") for file in files]
         return environment.get_template(self.template.name).render(
             document=self.document,
             data=_printable(self.data),
@@ -72,6 +76,7 @@ class Page:
             scripts=[Markup(text) for text in scripts],
             styles=[Markup((_HERE / name).read_text(encoding="utf-8")) for name in STYLES],
             hashes=" ".join(f"'sha256-{_digest(text)}'" for text in scripts),
+            live=self.live is not None,
             **self.about,
         )
 

@@ -1,7 +1,7 @@
 """All witnesses of a campaign heard: what contradicts the run table, the rig or the other runs, and what nobody saw."""
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ from ..rig.rig import NONE
 from ..runs.si_run import SIRun
 from .conditions import accelerations, motions, mounted, payloads
 from .copies import copies
+from .decisions import decisions
 from .observation import Observation, observe
 from .sensors import examined_sensors, levels, unclosed
 from .statement import WITHHOLDING, Statement
@@ -89,6 +90,12 @@ class Examination(Shown, rows="statements"):
         heard = {s.subject for s in self.statements if s.run == run}
         return [subject for subject in WITNESSED if subject not in heard and (subject != "copy" or len(self.runs) < 2)]
 
+    def decided(self, runs: "Iterable[Run | SIRun]") -> "Examination":
+        """The same with the codes accepted that are recorded as such for all of ``runs`` that contradict by them."""
+        recorded = {(run, one.code) for one in decisions(runs) for run in one.runs}
+        still_open = {s.code for s in self.statements if (s.run, s.code) not in recorded}
+        return replace(self, accepted=self.accepted | ({code for _, code in recorded} - still_open))
+
     def verdict(self, shown: Sequence[str]) -> str:
         """In one sentence, of the runs ``shown``."""
         doubtful = [run for run in shown if self.about(run)]
@@ -126,7 +133,7 @@ def examine(
     tasks, known = list(runs), dict[object, Mechanism]()
     found = dict(pool.results(partial(_observed, known=known, given=mechanism), tasks))
     observations = [found[place] for place in range(len(tasks))]
-    return hear([one for one in observations if one is not None], accepted)
+    return hear([one for one in observations if one is not None], accepted).decided(tasks)
 
 
 def hear(seen: Sequence[Observation], accepted: Iterable[str] = ()) -> Examination:

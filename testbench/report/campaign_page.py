@@ -18,6 +18,7 @@ from balance.report.page import Page, document_of
 from balance.results import plain
 
 from ..cross_examination import Examination, examine
+from ..cross_examination.decisions import decisions
 from ..errors import AnalysisError
 from ..kinematics.encoder_motion import mechanism_of
 from ..loads import command_tracking
@@ -74,7 +75,7 @@ class CampaignReport:
         return document_of({
             "campaign": self.name,
             "software": {"name": "counterpoise", "version": version("counterpoise")},
-            "origins": _counted(str(run.origin) for run in self.runs),
+            "origins": counted(str(run.origin) for run in self.runs),
             "verdict": verdict(compared),
             "comparison": {"reason": compared} if isinstance(compared, str) else _comparison(compared),
             "examination": self.examination.document(self.examination.runs),
@@ -82,7 +83,7 @@ class CampaignReport:
             "runs": [one.as_dict() for one in self.reports.values()],
             "unread": self.unread,
             "compared": torques_compared(self.runs, self.reports),
-            "findings": _grouped(dict.fromkeys(findings), self._decisions),
+            "findings": grouped(dict.fromkeys(findings), self._decisions),
             "calibrations": calibrations_in_force(SIRun.of(run) for run in self.runs if run.rig),
             "provenance": [_provenance(run) for run in self.runs],
             "ledgers": ledger_heads(run.path.parent for run in self.runs),
@@ -92,11 +93,11 @@ class CampaignReport:
     @property
     def _decisions(self) -> dict[str, str]:
         """By code, where a person accepted its findings."""
-        found: dict[str, str] = {}
+        found: dict[str, str] = dict.fromkeys(self.accepted, "accepted in this report (--accept)")
         for run in self.runs:
             for code in run.provenance.get("accepted_findings", ()):
                 found[code] = f"accepted as {run.name} was ingested" if code not in found else "accepted at ingest"
-        return found | dict.fromkeys(self.accepted, "accepted in this report (--accept)")
+        return found | recorded_decisions(self.runs, self.examination)
 
     @property
     def _notes(self) -> list[str]:
@@ -194,6 +195,15 @@ def campaign_report(
     )
 
 
+def recorded_decisions(runs: "Sequence[Run]", examination: Examination) -> dict[str, str]:
+    """By code, who accepted it for which runs and why; a contradiction that is open in other runs says so."""
+    found: dict[str, list[str]] = {}
+    for one in decisions(runs):
+        found.setdefault(one.code, []).append(str(one))
+    opened = {finding.code for finding in examination.open_findings}
+    return {code: "; ".join(["open in other runs"] * (code in opened) + some) for code, some in found.items()}
+
+
 def verdict(found: Comparison | str) -> str:
     """The answer in one sentence, or why there is none."""
     if isinstance(found, str):
@@ -210,12 +220,13 @@ def _comparison(found: Comparison) -> dict[str, Any]:
     return shown
 
 
-def _counted(words: Iterable[str]) -> dict[str, int]:
+def counted(words: Iterable[str]) -> dict[str, int]:
+    """How often each word comes."""
     found = list(words)
     return {word: found.count(word) for word in dict.fromkeys(found)}
 
 
-def _grouped(findings: Iterable[Finding], decisions: Mapping[str, str]) -> list[dict[str, Any]]:
+def grouped(findings: Iterable[Finding], decisions: Mapping[str, str]) -> list[dict[str, Any]]:
     """Findings by code, each with its meaning, number and decision; the open ones first."""
     found: dict[str, list[str]] = {}
     for finding in findings:

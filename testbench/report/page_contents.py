@@ -32,13 +32,14 @@ if TYPE_CHECKING:
     from ..store import Run
     from ..vibration.comparison import Comparison
 
+COMMAND = "Command"
 MOST_MOTIONS = 60
 """Motions of the mechanism on a page; of a campaign with more, those of the first conditions."""
 KINDS: tuple[tuple[type, str], ...] = (
     (Accelerometer, "Acceleration of what moves"),
     (Torque, "Torque of the drives"),
     (Encoder, "Positions of the joints"),
-    (Target, "Command"),
+    (Target, COMMAND),
 )
 """Under which heading the channels of a kind of sensor are listed."""
 BASE, SUPPORTS = "Acceleration of the base", "Forces between mechanism and base"
@@ -47,19 +48,28 @@ BASE, SUPPORTS = "Acceleration of the base", "Forces between mechanism and base"
 def plotted_runs(runs: "Sequence[Run]") -> list[PlottedRun]:
     """Every run that has a rig, with all channels that the rig names and the log holds, in SI."""
     bound = [SIRun.of(run) for run in runs if run.rig]
-    counts = [run.group(run.group_of(column)).samples for run in bound for _, column in _columns(run)]
+    counts = [run.group(run.group_of(column)).samples for run in bound for _, column in columns_of(run)]
     spans = spans_for(counts)
     return [_plotted_run(run, spans) for run in bound]
 
 
 def _plotted_run(run: SIRun, spans: int) -> PlottedRun:
-    masses = any(run.conditions.get("counter_masses", {}).values())
-    label = f"{run.name}: {condition_of(run)}, {'with' if masses else 'without'} counter-masses"
     fresh = SIRun(run.recorded, run.rig)  # so that a campaign larger than memory is read run by run
-    return PlottedRun(run.name, label, masses, tuple(_channels(fresh, spans)), tuple(_spectra(fresh)))
+    return PlottedRun(run.name, *run_label(run), tuple(_channels(fresh, spans)), tuple(_spectra(fresh)))
 
 
-def _columns(run: SIRun) -> "Iterator[tuple[str, Column]]":
+def run_label(run: "Run | SIRun") -> tuple[str, bool]:
+    """How a run is called in a list, and whether it has counter-masses."""
+    masses = any(run.conditions.get("counter_masses", {}).values())
+    return f"{run.name}: {condition_of(run)}, {'with' if masses else 'without'} counter-masses", masses
+
+
+def unit_of(run: SIRun, column: "Column") -> str:
+    """SI unit of a channel as it is shown. Raises CounterpoiseError where its log's unit is of something else."""
+    return SI_UNITS[run.dimension(column)].replace("^2", "²")
+
+
+def columns_of(run: SIRun) -> "Iterator[tuple[str, Column]]":
     """The rig's channels that were recorded, the base's acceleration first, and what each is listed under."""
     base = {column.channel for column in run.rig.base_columns}
     supports = {c.channel for name, sensor in run.rig.supports.items() for c in sensor.columns(name)}
@@ -74,9 +84,9 @@ def _columns(run: SIRun) -> "Iterator[tuple[str, Column]]":
 
 def _channels(run: SIRun, spans: int) -> "Iterator[PlottedChannel]":
     """Each channel as its sensor gives it; one that cannot be read in SI is left out, for the findings say why."""
-    for kind, column in _columns(run):
+    for kind, column in columns_of(run):
         try:
-            unit = SI_UNITS[run.dimension(column)].replace("^2", "²")
+            unit = unit_of(run, column)
             time, values = run.instants(column), run.readings(column)
         except CounterpoiseError:
             continue

@@ -92,7 +92,17 @@ def _resampled(run: "Run", group: "StoredGroup", index: int, time: Floats, grid:
                 f"least its own rate, {own:g} Hz"
             )
         values = np.asarray(sosfiltfilt(butter(8, _PASSED * rate, fs=own, output="sos"), values))
+    return interpolated(time, values, grid)
+
+
+def interpolated(time: Floats, values: Floats, grid: Floats) -> Floats:
+    """Values (n,) [any unit] at instants ``time`` (n,) [s] between two samples at ``grid`` (m,) [s], (m,).
+
+    NaN in gaps, and before the first and after the last sample.
+    """
+    if len(time) < 2:
+        return np.full(len(grid), np.nan)
     after = np.clip(np.searchsorted(time, grid), 1, len(time) - 1)
     step = _GAP * float(np.median(np.diff(time)))
     inside = (time[after] - time[after - 1] <= step) | (time[after] == grid) | (time[after - 1] == grid)
-    return np.where(inside, np.interp(grid, time, values), np.nan)
+    return np.where(inside, np.interp(grid, time, values, np.nan, np.nan), np.nan)

@@ -287,10 +287,13 @@ class SIRun:
         group, index = self.recorded.find(column.channel)
         return group.channels[index].unit
 
-    def preloaded(self, columns: Iterable[Column]) -> "SIRun":
-        """The same run with these channels in memory as recorded, read in one opening of its file; SI is not kept."""
+    def preloaded(self, columns: Iterable[Column], begin: int = 0, end: int | None = None) -> "SIRun":
+        """The same run with these channels in memory as recorded, read in one opening of its file; SI is not kept.
+
+        With ``begin`` and ``end`` they are those samples alone: for :meth:`readings`, not for what asks for instants.
+        """
         places = [self.recorded.find(column.channel) for column in columns]
-        values = self.recorded.channels_at(places)
+        values = self.recorded.channels_at(places, begin, end)
         return SIRun(self.recorded, self.rig, {(g.name, i): v for (g, i), v in zip(places, values, strict=True)})
 
     @cached_property
@@ -388,12 +391,14 @@ class PhysicalRun(Run):
     columns: Mapping[tuple[str, int], Column]
     """Channels of the rig by group and index."""
 
-    def channels_at(self, places: Sequence[tuple[StoredGroup, int]]) -> "list[Samples]":
+    def channels_at(
+        self, places: Sequence[tuple[StoredGroup, int]], begin: int = 0, end: int | None = None
+    ) -> "list[Samples]":
         """Values of channels by group and index, (n,) each, in SI where the rig knows them, else as recorded."""
         return [
-            self.si.recorded.channel_at(group.name, index)
+            self.si.recorded.channels_at([(group, index)], begin, end)[0]
             if (column := self.columns.get((group.name, index))) is None
-            else np.asarray(self.si.loads(column), dtype=np.float64)
+            else np.asarray(self.si.loads(column), dtype=np.float64)[begin:end]
             for group, index in places
         ]
 

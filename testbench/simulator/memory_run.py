@@ -22,9 +22,12 @@ if TYPE_CHECKING:
 class MemoryRun(Run):
     """A run whose data are in memory, by path."""
 
-    def channels_at(self, places: Sequence[tuple[StoredGroup, int]]) -> "list[Samples]":
-        """Values by group and index."""
-        return [self.provenance["data"][f"{group.path}/{group.keys[index]}"] for group, index in places]
+    def channels_at(
+        self, places: Sequence[tuple[StoredGroup, int]], begin: int = 0, end: int | None = None
+    ) -> "list[Samples]":
+        """Values by group and index, from sample ``begin`` to ``end``."""
+        data = self.provenance["data"]
+        return [data[f"{group.path}/{group.keys[index]}"][begin:end] for group, index in places]
 
 
 def stored(made: SimulatedRun, rig: Rig, path: str = "memory.h5") -> MemoryRun:

@@ -24,6 +24,8 @@ FOLDER = "records"
 LAYOUT = 3
 _KEYS = {"layout", "kind", "written", "software", "runs", "content"}
 """Of a record, without its digest, which layout 1 had not, and its number, which layouts 1 and 2 had not."""
+_QUOTED = ("code", "by", "reason")
+"""Of what a record says, quoted in the ledger."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ def append_record(campaign: Path, kind: str, runs: Sequence[Path], content: Mapp
             target = folder / f"{now:%Y%m%dT%H%M%S%f}Z-{kind}-{uuid4().hex[:8]}.json"
             folder.mkdir(exist_ok=True)
             _write(target, text)
-            details = {"kind": kind, "number": document["number"]}
+            details = {"kind": kind, "number": document["number"]} | {k: content[k] for k in _QUOTED if k in content}
             try:
                 ledger.enter(campaign, "record", f"{FOLDER}/{target.name}", atomic_files.sha256_of(target), details)
             except OSError:

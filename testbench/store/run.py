@@ -197,13 +197,18 @@ class Run(Shown, rows="groups", figure="testbench.figures.runs:draw_run"):
         """The values of the channel of this index in its group, whatever its name, (n,)."""
         return self.channels_at([(self.group(group), index)])[0]
 
-    def channels_at(self, places: Sequence[tuple[StoredGroup, int]]) -> list[Samples]:
-        """The values of channels as recorded, (n,) each, by group and index; read in one opening of the file."""
+    def channels_at(
+        self, places: Sequence[tuple[StoredGroup, int]], begin: int = 0, end: int | None = None
+    ) -> list[Samples]:
+        """The values of channels as recorded, (n,) each, by group and index, from sample ``begin`` to ``end``.
+
+        Read in one opening of the file.
+        """
         with safe_hdf5.open_for_reading(self.path) as file:
             if len(places) == 1:
-                return [group.samples_of(file, index) for group, index in places]
+                return [group.samples_of(file, index, begin, end) for group, index in places]
             nodes = {group.path: safe_hdf5.member(file, group.path) for group, _ in places}
-            return [group.samples_of(file, index, node=nodes[group.path]) for group, index in places]
+            return [group.samples_of(file, index, begin, end, nodes[group.path]) for group, index in places]
 
     def to_pandas(
         self, group: str | None = None, channels: Sequence[str] | None = None, resample: float | str | None = None
@@ -282,16 +287,16 @@ class Run(Shown, rows="groups", figure="testbench.figures.runs:draw_run"):
             return layout.TIME, self.time(group.name)
         return layout.SAMPLE, np.arange(group.samples, dtype=np.float64)
 
-    def time(self, group: str | None = None) -> Samples:
-        """Time of each sample on its logger's own clock, (n,) [s]."""
+    def time(self, group: str | None = None, begin: int = 0, end: int | None = None) -> Samples:
+        """Time of each sample, or of those from ``begin`` to ``end``, on its logger's own clock, (n,) [s]."""
         where = self.group(group)
         if isinstance(where.clock, UniformClock):
-            return where.clock.times(0, where.samples)
+            return where.clock.times(begin, where.samples if end is None else min(end, where.samples))
         if where.clock is None or where.clock.seconds_per_unit is None:
             raise StoreError(
                 f"{self.path.name}: group {where.name!r} has no time column in a unit of time, and no rate"
             )
-        (recorded,) = self.channels_at([(where, where.clock.index)])
+        (recorded,) = self.channels_at([(where, where.clock.index)], begin, end)
         return recorded if where.clock.seconds_per_unit == 1.0 else recorded * where.clock.seconds_per_unit
 
 

@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import shutil
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -164,20 +163,7 @@ def test_runs_that_cannot_be_compared_have_a_page(made, tmp_path):
     assert "Shaking force" in text
 
 
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 AXE = Path(os.environ.get("COUNTERPOISE_AXE", "node_modules/axe-core/axe.min.js"))
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """Chromium of this machine."""
-    library = pytest.importorskip("playwright.sync_api", reason="needs playwright to drive a browser")
-    if BROWSER is None:
-        pytest.skip("needs a browser: install Chromium, such as apt-get install chromium")
-    with library.sync_playwright() as driver:
-        chromium = driver.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        yield chromium
-        chromium.close()
 
 
 @pytest.mark.parametrize("which", ["made", "hostile"])

@@ -1,0 +1,37 @@
+"""``testbench view``."""
+
+from pathlib import Path
+
+import click
+
+from balance.cli.options import serve, serve_options
+
+from . import options
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  testbench view campaign
+  testbench view campaign --no-browser --port 8765 --idle 600
+\b
+The address holds a secret and leads to this machine alone; it ends with the command (Ctrl-C). Findings that are
+accepted there are recorded with name and reason, and entered into the ledger. Exit code 1: no run could be opened."""
+)
+@click.argument("runs", metavar="RUN|CAMPAIGN...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@serve_options
+def view(runs: tuple[Path, ...], port: int, browser: bool, idle: float | None) -> None:
+    """Look at a campaign in the browser, also at runs larger than memory.
+
+    Any channel of any run over time or frequency; two or more runs over each other, aligned by the command or by what
+    they show, with their difference and its interval; findings, to be accepted by name and reason; the whole report.
+    """
+    from ..errors import StoreError
+    from ..report.viewer import Viewer
+
+    opened, refused = options.openable_runs(runs)
+    if not opened:
+        raise StoreError("; ".join(one.message for one in refused) or f"{runs[0]}: no run")
+    name = runs[0].resolve().name if runs[0].is_dir() else ", ".join(run.name for run in opened)
+    options.complain(*(one.message for one in refused))
+    serve(Viewer(name, opened, {one.run: one.message for one in refused}).server(port), name, browser, idle)

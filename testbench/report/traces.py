@@ -1,0 +1,243 @@
+"""Channels as they are looked at, longer than memory as well, and the difference of a channel between two runs.
+
+Of each block of BLOCK samples the least and the largest value are found once, and drawn where many samples lie in a
+pixel; a range of few samples is read itself. So no peak is lost, and no more is in memory than what is drawn.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from balance.arrays import Floats
+from balance.estimation.estimate import coverage_factor, effective_degrees_of_freedom
+from balance.report.plotted import PlottedChannel, plotted
+
+from ..errors import AnalysisError
+from ..rig import Column
+from ..runs.aligned_run import recorded_clocks
+from ..runs.joined_channels import interpolated
+from ..runs.si_run import SIRun
+from ..signal.filters import correlation_lag
+from ..vibration.motion_timing import MARGIN_S, beginning
+from ..vibration.repeatability import SAME_RATE
+from ..vibration.run_amplitudes import observed_resolution
+
+if TYPE_CHECKING:
+    from ..store.run import Run, StoredGroup
+
+BLOCK = 256
+"""Samples of which the least and the largest are kept."""
+AT_ONCE = 1 << 20
+"""Samples that are read in one go; a whole number of blocks."""
+LOOKED_AT = 1 << 20
+"""First samples of a run by which it is aligned and its noise is known."""
+FOLLOWS = 0.9
+"""Correlation from which two runs show the same and are aligned by it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """One channel of one run, or a difference of two."""
+
+    kind: str
+    """What it is listed under."""
+    name: str
+    unit: str
+    samples: int
+    read: Callable[[int, int], tuple[Floats, Floats]] = field(repr=False)
+    """Instants [s] and values [unit] of the samples from one to another, (n,) each; NaN where there is none."""
+    group: str = ""
+    """Of its logger."""
+    run: SIRun | None = None
+    """Bound to its rig, where that names the channel."""
+
+    @cached_property
+    def blocks(self) -> tuple[Floats, Floats]:
+        """Beginning of each block, and of the last its end, (k + 1,) [s]; least and largest value of each, (k, 2)."""
+        begins, extremes = [], []
+        for begin in range(0, self.samples, AT_ONCE):
+            time, values = self.read(begin, min(begin + AT_ONCE, self.samples))
+            values = np.where(np.isfinite(values), values, np.nan)
+            first = np.arange(0, len(values), BLOCK)
+            begins.append(time[first])
+            extremes.append(np.column_stack([pick.reduceat(values, first) for pick in (np.fmin, np.fmax)]))
+        return np.concatenate([*begins, time[-1:]]), np.concatenate(extremes)
+
+    def between(self, first: float, last: float, spans: int) -> PlottedChannel:
+        """What is drawn from ``first`` to ``last`` [s] in about so many spans."""
+        edges, extremes = self.blocks
+        begin = max(int(np.searchsorted(edges[:-1], first, "right")) - 1, 0)
+        end = max(int(np.searchsorted(edges[:-1], last, "right")), begin + 1)
+        count = min(end * BLOCK, self.samples) - begin * BLOCK
+        if count <= max(2 * BLOCK * spans, AT_ONCE):
+            time, values = self.read(begin * BLOCK, begin * BLOCK + count)
+            values = np.where(np.isfinite(values), values, np.nan)
+            inside = slice(max(int(np.searchsorted(time, first)) - 1, 0), int(np.searchsorted(time, last)) + 1)
+            time, values, count = time[inside], values[inside], len(values[inside])
+        else:
+            at = edges[begin : end + 1]
+            time = np.column_stack([at[:-1], at[:-1] + 0.5 * np.diff(at)]).ravel()
+            values = extremes[begin:end].ravel()
+        return replace(plotted(self.kind, self.name, self.unit, time, values, spans), samples=count)
+
+    def within(self, first: float, last: float) -> tuple[Floats, Floats]:
+        """Instants [s] and values [unit] from the sample before ``first`` to that after ``last``, (n,) each."""
+        edges, _ = self.blocks
+        begin = max(int(np.searchsorted(edges[:-1], first, "left")) - 1, 0)
+        end = int(np.searchsorted(edges[:-1], last, "right")) + 1
+        return self.read(begin * BLOCK, min(end * BLOCK, self.samples))
+
+    @property
+    def beginning(self) -> tuple[float, float, Floats]:
+        """First instant and rate [s, Hz], and values (n,) [unit], up to LOOKED_AT samples of them."""
+        time, values = self.read(0, min(self.samples, LOOKED_AT))
+        if len(time) < 2 or not time[-1] > time[0]:
+            raise AnalysisError(f"{self.name}: has no two samples, or its time does not run")
+        return float(time[0]), (len(time) - 1) / float(time[-1] - time[0]), values
+
+    @cached_property
+    def noise(self) -> tuple[float, float] | None:
+        """Variance at rest before the motion [unit2], at least that of the resolution, and its degrees of freedom."""
+        _, rate, values = self.beginning
+        moves = beginning([values], rate) if np.isfinite(values).all() else None
+        count = 0 if moves is None else int((moves - MARGIN_S) * rate)
+        if count < 8:
+            return None
+        resting = values[:count] - values[:count].mean()
+        spectrum = np.abs(np.fft.rfft(resting, 2 * count)) ** 2
+        correlation = np.fft.irfft(spectrum)[: count // 4] / max(float(resting @ resting), 1e-300)
+        freedom = max(count / (2.0 * float(correlation @ correlation) - 1.0) - 1.0, 1.0)
+        return max(float(resting.var(ddof=1)), observed_resolution(values[:count]) ** 2 / 12.0), freedom
+
+
+def channel_trace(run: SIRun, kind: str, name: str, unit: str, column: Column) -> Trace:
+    """A channel as its sensor gives it, on its logger's clock."""
+    group, _ = run.recorded.find(column.channel)
+    needed = [one for one in column.siblings or (column,) if run.holds(one)]
+
+    def read(begin: int, end: int) -> tuple[Floats, Floats]:
+        time = run.recorded.time(group.name, begin, end) - column.delay
+        return time, run.preloaded(needed, begin, end).readings(column)
+
+    return Trace(kind, name, unit, group.samples, read, group.name, run)
+
+
+def recorded_trace(run: "Run", group: "StoredGroup", index: int) -> Trace:
+    """A channel as recorded, in the unit of its log, on its logger's clock."""
+
+    def read(begin: int, end: int) -> tuple[Floats, Floats]:
+        return run.time(group.name, begin, end), run.channels_at([(group, index)], begin, end)[0]
+
+    channel = group.channels[index]
+    return Trace("As recorded", channel.name, channel.unit or "no unit", group.samples, read, group.name)
+
+
+@dataclass(frozen=True)
+class Lag:
+    """How much later a run shows the same as another, on the clocks of the loggers of one channel."""
+
+    seconds: float
+    deviation: float | None
+    """Standard uncertainty [s]; None where it is not known."""
+    by: str
+
+
+def lag(shared: Sequence[tuple[Trace, Trace]], commands: Sequence[tuple[Trace, Trace]]) -> Lag:
+    """Of a logger of a second run against that of a first, by the channels that both have, (first, second) each.
+
+    By the ``commands`` of both, where the loggers were aligned to them; else by the channel that shows the same most
+    exactly; else by where all begin to move.
+    """
+    for pair in commands:
+        if (found := _correlated(*pair)) is not None:
+            ends = [_on_clock_of(shown, command, at) for shown, command, at in
+                    zip(shared[0], pair, (0.0, found.seconds), strict=True)]  # fmt: skip
+            if ends[0] is not None and ends[1] is not None:
+                deviation = float(np.linalg.norm([found.deviation or 0.0, ends[0][1], ends[1][1]]))
+                return Lag(ends[1][0] - ends[0][0], deviation, f"the command, {pair[0].name}")
+    same = [found for pair in shared if (found := _correlated(*pair)) is not None]
+    if same:
+        return min(same, key=lambda one: one.deviation or 0.0)
+    begins = [_moves([pair[i] for pair in shared]) for i in range(2)]
+    if begins[0] is not None and begins[1] is not None:
+        return Lag(begins[1] - begins[0], None, "the beginning of the motion")
+    return Lag(shared[0][1].beginning[0] - shared[0][0].beginning[0], None, "the first sample")
+
+
+def _moves(traces: Sequence[Trace]) -> float | None:
+    """When channels of one logger cease to be at rest [s]; None where it is not seen."""
+    seen = [trace.beginning for trace in traces]
+    found = beginning([values for _, _, values in seen if np.isfinite(values).all()], seen[0][1])
+    return None if found is None else seen[0][0] + found
+
+
+def _on_clock_of(shown: Trace, command: Trace, at: float) -> tuple[float, float] | None:
+    """An instant of the command's clock on that of the channel, and its standard uncertainty [s]; None: not aligned."""
+    if shown.group == command.group:
+        return at, 0.0
+    clocks = recorded_clocks(shown.run) if shown.run else {}
+    if not {shown.group, command.group} <= clocks.keys():
+        return None
+    clock = clocks[shown.group]
+    instant = float(clocks[command.group].to_reference(np.array([at]))[0])
+    return clock.at_own + (instant - clock.at_reference) / (1.0 + clock.drift), clock.deviation
+
+
+def _correlated(first: Trace, second: Trace) -> Lag | None:
+    """By the correlation of one channel; None where both do not show the same, or not at one rate.
+
+    Standard uncertainty sqrt((1 - r^2) / n) / w: r the correlation, w = RMS slope / RMS [rad/s], n = w T / pi as many
+    independent values as the signal has zeros, for what differs is no white noise.
+    """
+    (start, rate, values), (other_start, other_rate, others) = first.beginning, second.beginning
+    if abs(rate - other_rate) > SAME_RATE * rate or not (np.isfinite(values).all() and np.isfinite(others).all()):
+        return None
+    found = correlation_lag(others, values, rate)
+    time, at = (np.arange(len(some)) / rate for some in (values, others))
+    both = (time + found >= 0.0) & (time + found <= at[-1])
+    pair = values[both], np.interp(time[both] + found, at, others)
+    if both.sum() < 8 or not all(np.ptp(one) > 0.0 for one in pair):
+        return None
+    same = min(float(np.corrcoef(*pair)[0, 1]), 1.0)
+    if same < FOLLOWS:
+        return None
+    turn = float(np.std(np.diff(pair[0])) / np.std(pair[0])) * rate
+    deviation = np.sqrt((1.0 - same**2) * np.pi * rate / (turn * both.sum())) / turn
+    return Lag(found + other_start - start, float(deviation), f"the correlation of {first.name} ({same:.4f})")
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A channel of a second run less that of a first, and how far that is known."""
+
+    trace: Trace
+    half_width: float | None
+    """Of the 95 % interval of each value [unit]; None where it is not known."""
+    text: str
+    """What the interval is of, or why there is none."""
+
+
+def difference(first: Trace, second: Trace, late: Lag) -> Difference:
+    """The second less the first at the first's instants, shifted by the lag; its interval by noise at rest and lag."""
+
+    def read(begin: int, end: int) -> tuple[Floats, Floats]:
+        time, values = first.read(begin, end)
+        at = time + late.seconds
+        return time, interpolated(*second.within(float(at[0]), float(at[-1])), at) - values
+
+    trace = Trace(first.kind, first.name, first.unit, first.samples, read)
+    noises = first.noise, second.noise
+    if late.deviation is None:
+        return Difference(trace, None, f"no interval: aligned by {late.by} alone; testbench align would tell more")
+    if noises[0] is None or noises[1] is None:
+        return Difference(trace, None, "no interval: no rest before the motion shows the noise")
+    _, rate, values = second.beginning
+    shifted = late.deviation * rate * float(np.nanstd(np.diff(values)))
+    variances = np.array([noises[0][0], noises[1][0], shifted**2])
+    freedom = effective_degrees_of_freedom(variances, np.array([noises[0][1], noises[1][1], np.inf]))
+    half = coverage_factor(freedom) * float(np.sqrt(variances.sum()))
+    what = "interval of 95 % of each value by the noise of both runs at rest and by their alignment"
+    return Difference(trace, half, f"± {half:.3g} {first.unit}, {what}")

@@ -1,0 +1,107 @@
+"use strict";
+/* What the viewer adds to the page's script: samples, spectra and differences are asked for as they are looked at. */
+(() => {
+  const at = (id) => document.getElementById(id);
+  const made = (tag, text, attributes = {}) => {
+    const one = Object.assign(document.createElement(tag), attributes);
+    if (text) one.textContent = text;
+    return one;
+  };
+  const asked = async (name, words, method = "GET") => {
+    const text = method === "GET" ? `${name}?${new URLSearchParams(words)}` : name;
+    const given = method === "GET" ? {} : { method, headers: { "Content-Type": "application/json" }, body: JSON.stringify(words) };
+    const answer = await fetch(text, given), found = await answer.json();
+    if (!answer.ok) throw new Error(found.error);
+    return found;
+  };
+
+  /* A line that is drawn knows what it was asked for: the words, and from where to where its samples reach. */
+  const WIDTHS = 3;
+  const complain = (error) => { at("series-error").textContent = error.message; };
+  const fetched = async (one, from, to, spans) => {
+    const found = await asked(one.ask.name, { ...one.ask.words, from, to, spans }).catch((error) => {
+      complain(error);
+      return { values: "", frequency_hz: one.ask.name === "spectrum" ? [] : undefined, density: [] };
+    });
+    Object.assign(one, found, { curve: null, from, to });
+  };
+  const spans = () => Math.max(200, Math.round(at("series-plots").clientWidth));
+
+  let wanted = null, busy = false;
+  window.live = {
+    /* The lines of plots, with those of differences to the first run; over frequency, of the time that is shown. */
+    async load(drawn, over, shown) {
+      at("series-error").textContent = "";
+      const range = over === "frequency" && window.live.shown ? window.live.shown : [-1e300, 1e300];
+      const plots = drawn.flatMap(({ name, lines }) => {
+        const first = lines[0].run.name, own = lines.map(({ run, one }, hue) => ({
+          run, hue: lines.length > 2 ? hue : undefined,
+          one: { ...one, ask: { name: over === "time" ? "samples" : "spectrum", words: { run: run.id, channel: one.id, first: lines[0].run.id } } },
+        }));
+        const apart = own.slice(1).map(({ run, hue, one }) => ({
+          run, hue, label: `${run.name} less ${first}`, one: { ...one, ask: { ...one.ask, name: "difference" } },
+        }));
+        return [{ name, lines: own }, ...(over === "time" && apart.length ? [{ name: `${name}: difference to ${first}`, lines: apart }] : [])];
+      });
+      await Promise.all(plots.flatMap(({ lines }) => lines.map(({ one }) => fetched(one, ...range, spans()))));
+      if (over === "time") window.live.shown = null;
+      return plots;
+    },
+    /* Asks anew for what is too coarse, or ends too near; one request a line at a time, the last wish wins. */
+    async look(plots, min, max, renewed) {
+      if (!plots.length || !plots[0].lines[0].one.values) return;
+      window.live.shown = [min, max];
+      wanted = { plots, min, max };
+      if (busy) return;
+      busy = true;
+      try {
+        while (wanted) {
+          const { plots: some, min: low, max: high } = wanted, width = high - low;
+          wanted = null;
+          await Promise.all(some.map(async (plot) => {
+            const [start, end] = plot.ends, [left, right] = [Math.max(low - width, start), Math.min(high + width, end)];
+            const lacking = plot.lines.map(({ one }) => one).filter((one) => one.from > Math.max(low - width / 4, start)
+              || one.to < Math.min(high + width / 4, end) || (!one.whole && Math.min(one.to, end) - Math.max(one.from, start) > 2 * (right - left)));
+            if (!lacking.length) return;
+            await Promise.all(lacking.map((one) => fetched(one, left, right, WIDTHS * spans())));
+            if (!plot.box.isConnected) return;
+            const last = wanted || { min: low, max: high };
+            renewed(plot, last.min, last.max);
+          }));
+        }
+      } finally { busy = false; }
+    },
+  };
+
+  /* Findings, and the decisions of a person about them. */
+  const form = (code) => {
+    const one = made("form", "", { className: "controls" });
+    const [by, reason] = ["by", "reason"].map((name) => made("input", "", { name, required: true, maxLength: 500 }));
+    const state = made("p", "", { className: "note" });
+    state.setAttribute("role", "status");
+    for (const [text, input] of [["Your name", by], ["Reason", reason]]) {
+      const label = made("label", text);
+      label.append(input);
+      one.append(label);
+    }
+    one.append(made("button", `Accept ${code}`), state);
+    one.addEventListener("submit", async (event) => {
+      event.preventDefault();
+      try {
+        list(await asked("accept", { code, by: by.value, reason: reason.value }, "POST"));
+      } catch (error) { state.textContent = error.message; }
+    });
+    return one;
+  };
+  const list = ({ verdict, findings }) => {
+    at("findings-state").textContent = verdict;
+    at("findings-list").replaceChildren(...findings.map(({ code, count, decision, meaning, messages }) => {
+      const one = made("details"), items = made("ul");
+      items.append(...messages.map((message) => made("li", message)));
+      one.append(made("summary", `${code}: ${count} — ${decision}`), made("p", meaning), items);
+      if (decision.startsWith("open")) one.append(form(code));
+      return one;
+    }));
+  };
+  asked("findings", {}).then(list, (error) => { at("findings-state").textContent = error.message; });
+})();

@@ -1,0 +1,207 @@
+"""The viewer: a campaign in the browser, its runs read as they are looked at, its findings accepted by a person.
+
+The page is the report's, its script too; the runs hold no samples, which are asked for by range. One run is drawn over
+another on the clock of the first, later by what :func:`testbench.report.traces.lag` finds, with their difference.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from importlib.metadata import version
+from pathlib import Path
+from threading import Lock
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from balance.errors import CounterpoiseError
+from balance.report.loopback import Loopback
+from balance.report.page import Page, document_of
+from balance.report.plotted import LEAST_SPANS, spectrum
+
+from ..cross_examination import Examination, examine
+from ..cross_examination.decisions import accept
+from ..errors import AnalysisError
+from ..recording import Severity
+from ..runs.si_run import SIRun
+from ..signal.welch import SEGMENT, welch
+from .campaign_page import campaign_report, counted, grouped, recorded_decisions
+from .page_contents import COMMAND, columns_of, conditions_of, run_label, unit_of
+from .traces import LOOKED_AT, Difference, Lag, Trace, channel_trace, difference, lag, recorded_trace
+
+if TYPE_CHECKING:
+    from ..store import Run
+
+MOST_SPANS = 20_000
+"""Of a line, whatever is asked for."""
+KEPT = 32
+"""Runs, and differences, whose extremes are in memory."""
+SECTIONS = (("series", "Time series and spectra"), ("findings", "Findings"), ("whole", "The report"))
+
+
+@dataclass(eq=False)
+class Viewer:
+    """What the page of a campaign is made of and asks for."""
+
+    name: str
+    runs: "Sequence[Run]"
+    unopened: Mapping[str, str] = field(default_factory=dict)
+    """Runs that cannot be opened, and why."""
+
+    def __post_init__(self) -> None:
+        self._one_at_a_time, self._comparing = Lock(), Lock()
+        self._by_name = {run.name: run for run in self.runs}
+
+    def server(self, port: int = 0) -> Loopback:
+        """A server of all this, for this machine alone."""
+        pages = {
+            "": lambda _: self.page().html(), "samples": self.samples, "difference": self.differences,
+            "spectrum": self.spectrum, "findings": self.findings, "report": self.report,
+        }  # fmt: skip
+        return Loopback(pages, {"accept": self.accept}, port)
+
+    def page(self) -> Page:
+        """The page, without samples."""
+        runs = [self._listed(run) for run in self.runs]
+        shown = [one for one in runs if one["channels"]]
+        document = document_of({
+            "campaign": self.name, "origins": counted(str(run.origin) for run in self.runs),
+            "runs": list(self._by_name), "unread": self.unopened,
+        })  # fmt: skip
+        names = [one["name"] for one in shown]
+        data = {
+            "runs": shown,
+            "conditions": conditions_of(self.runs, names),
+            "time": "time of the first run's logger [s]",
+        }
+        about = {"version": version("counterpoise"), "sections": SECTIONS}
+        here = Path(__file__)
+        return Page(here.with_name("view.html"), document, data, about, here.with_name("view.js"))
+
+    def _listed(self, run: "Run") -> dict[str, Any]:
+        """A run in the lists of the page."""
+        label, balanced = run_label(run)
+        channels = [
+            {"kind": one.kind, "name": name, "unit": one.unit, "id": place, "values": "", "start": 0.0, "step": 1.0}
+            for place, (name, one) in enumerate(self.traces(run.name).items())
+        ]
+        about = {"name": run.name, "label": label, "balanced": balanced, "id": list(self._by_name).index(run.name)}
+        return about | {"channels": channels, "spectra": channels}
+
+    @lru_cache(KEPT)  # noqa: B019 - as long as the program runs
+    def traces(self, name: str) -> dict[str, Trace]:
+        """The channels of a run by name: those of its rig in SI, all others as recorded. Raises KeyError for no run."""
+        run, found, known = self._by_name[name], dict[str, Trace](), set()
+        if run.rig:
+            si = SIRun.of(run)
+            for kind, column in columns_of(si):
+                try:
+                    one = channel_trace(si, kind, f"{column.sensor} {column.component}", unit_of(si, column), column)
+                except CounterpoiseError:  # no unit that it may have: as recorded
+                    continue
+                found[one.name] = one
+                known.add((one.group, run.find(column.channel)[1]))
+        for group in run.groups:
+            for index in group.measured if group.has_time and group.samples else ():
+                if (group.name, index) not in known:
+                    one = recorded_trace(run, group, index)
+                    found[one.name if one.name not in found else f"{group.name} {index}: {one.name}"] = one
+        return found
+
+    @lru_cache(None)  # noqa: B019
+    def _lag(self, first: str, second: str, group: str, other: str) -> Lag:
+        """How much later a logger of the second run shows the same as one of the first."""
+        others = self.traces(second)
+        both = [(one, others[name]) for name, one in self.traces(first).items() if name in others]
+        shared = [pair for pair in both if (pair[0].group, pair[1].group) == (group, other)]
+        return lag(shared, [pair for pair in both if {one.kind for one in pair} == {COMMAND}])
+
+    def _compared(self, first: str, second: str, channel: str) -> tuple[Lag, Difference | None]:
+        """How much later the second run shows the same; a channel of it less that of the first, where both have it."""
+        with self._comparing:  # so that what several lines need is found once
+            return self._difference(first, second, channel)
+
+    @lru_cache(KEPT)  # noqa: B019
+    def _difference(self, first: str, second: str, channel: str) -> tuple[Lag, Difference | None]:
+        one, other = (self.traces(run).get(channel) for run in (first, second))
+        if one is None or other is None or one is other:
+            return Lag(0.0, None, "nothing: the first run has no such channel"), None
+        if one.unit != other.unit:
+            raise AnalysisError(
+                f"{channel}: in {one.unit} in {first}, in {other.unit} in {second}: state one in the rig"
+            )
+        late = self._lag(first, second, one.group, other.group)
+        return late, difference(one, other, late)
+
+    def _range(self, words: Mapping[str, str]) -> tuple[str, str, str, float, float]:
+        """Run, first run, channel, begin and end [s] that are asked for by number. Raises LookupError, ValueError."""
+        run, first = (list(self._by_name)[int(words[key])] for key in ("run", "first"))
+        channel = list(self.traces(run))[int(words["channel"])]
+        return run, first, channel, float(words["from"]), float(words["to"])
+
+    def samples(self, words: Mapping[str, str]) -> dict[str, Any]:
+        """A channel of a run on the clock of the first, from one instant to another, for the page."""
+        run, first, channel, begin, end = self._range(words)
+        late, _ = self._compared(first, run, channel) if run != first else (Lag(0.0, 0.0, ""), None)
+        found = self.traces(run)[channel].between(begin + late.seconds, end + late.seconds, _spans(words))
+        shift = f"{abs(late.seconds):.6f} s {'earlier' if late.seconds > 0.0 else 'later'} than its logger says"
+        about = f"{run} is drawn {shift}, aligned to {first} by {late.by}."
+        return replace(found, start=found.start - late.seconds).as_dict() | {"about": about if late.by else ""}
+
+    def differences(self, words: Mapping[str, str]) -> dict[str, Any]:
+        """A channel of a run less that of the first, for the page."""
+        run, first, channel, begin, end = self._range(words)
+        _, found = self._compared(first, run, channel)
+        if found is None:
+            raise AnalysisError(f"{first}: has no channel {channel!r}, so that there is no difference")
+        drawn = found.trace.between(begin, end, _spans(words))
+        return drawn.as_dict() | {"half_width": found.half_width, "note": f"{run} less {first}: {found.text}"}
+
+    def spectrum(self, words: Mapping[str, str]) -> dict[str, Any]:
+        """The power spectral density of what is between two instants, of at most LOOKED_AT samples."""
+        run, _, channel, begin, end = self._range(words)
+        trace = self.traces(run)[channel]
+        time, values = trace.within(begin, end)
+        inside = (time >= begin) & (time <= end)
+        time, values = time[inside][:LOOKED_AT], values[inside][:LOOKED_AT]
+        if len(time) < 8 or not np.isfinite(values).all():
+            raise AnalysisError(f"{run}: {channel}: expected at least 8 samples without a gap for a spectrum")
+        rate = (len(time) - 1) / float(time[-1] - time[0])
+        if float(np.abs(np.diff(time) * rate - 1.0).max()) > 0.5:
+            raise AnalysisError(f"{run}: {channel}: samples are missing between {time[0]:g} and {time[-1]:g} s")
+        found = welch([values], rate, min(SEGMENT, len(values) // 2 * 2))
+        drawn = spectrum(trace.kind, channel, trace.unit, found.frequency, found.power())
+        return drawn | {"about": f"{run}: {len(time)} samples from {time[0]:g} to {time[-1]:g} s."}
+
+    @cached_property
+    def examination(self) -> Examination:
+        """What the sensors of all runs state of each other, before anybody's decision."""
+        return examine(self.runs)
+
+    def findings(self, _: Mapping[str, str]) -> dict[str, Any]:
+        """Findings by code, those of ingest from warnings on, each with the decision about it."""
+        with self._one_at_a_time:
+            examination = self.examination
+        of_ingest = (one for run in self.runs for one in run.findings if one.severity >= Severity.WARNING)
+        decided = recorded_decisions(self.runs, examination.decided(self.runs))
+        found = grouped(dict.fromkeys([*examination.findings, *of_ingest]), decided)
+        return {"verdict": examination.verdict(examination.runs), "findings": found}
+
+    def accept(self, words: Mapping[str, str]) -> dict[str, Any]:
+        """Record that a person accepts a ``code`` in all runs that have it now, and what is known then."""
+        code, by, reason = words["code"], words["by"], words["reason"]
+        about = {s.run for s in self.examination.contradictions if s.code == code}
+        about |= {run.name for run in self.runs if any(one.code == code for one in run.findings)}
+        runs = [run for run in self.runs if run.name in about]
+        for folder in dict.fromkeys(run.path.parent for run in runs or self.runs):
+            accept(folder, code, [run for run in runs if run.path.parent == folder], by, reason)
+        return self.findings({})
+
+    def report(self, _: Mapping[str, str]) -> str:
+        """The page of `testbench report`, made anew."""
+        with self._one_at_a_time:
+            return campaign_report(self.name, self.runs, unopened=self.unopened).page().html()
+
+
+def _spans(words: Mapping[str, str]) -> int:
+    return min(max(int(words["spans"]), LEAST_SPANS), MOST_SPANS)

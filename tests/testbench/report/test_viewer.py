@@ -1,0 +1,229 @@
+"""The viewer of a campaign: it draws what is stored, peaks kept; what it compares is aligned; who accepted what."""
+
+import shutil
+from threading import Thread
+
+import numpy as np
+import pytest
+
+from testbench.cross_examination import Examination, Statement, examine
+from testbench.cross_examination.decisions import accept
+from testbench.errors import StoreError
+from testbench.recording import Channel, Group, UniformClock
+from testbench.report.traces import AT_ONCE, BLOCK, Lag, Trace, difference, lag
+from testbench.report.viewer import Viewer
+from testbench.store import open_campaign
+from testbench.store.ledger import read_ledger
+from testbench.store.writer import RunWriter
+
+from ..conftest import call
+from .test_campaign_page import HOSTILE, PLAN
+
+RATE = 1000.0
+
+
+def trace(values, start=0.0, rate=RATE, name="a"):
+    """A trace of values in memory."""
+    time = start + np.arange(len(values)) / rate
+    return Trace("kind", name, "N", len(values), lambda begin, end: (time[begin:end], values[begin:end]))
+
+
+def decoded(channel):
+    """Values of a drawn channel, (k,)."""
+    low, high = channel.limits
+    return np.where(
+        channel.values == -32768, np.nan, low + (channel.values.astype(float) + 32767.0) * (high - low) / 65534
+    )
+
+
+@pytest.mark.parametrize("width", [1.0, 0.1, 0.001])
+def test_no_peak_is_lost(width):
+    """Of ranges of a long record, drawn by blocks or by samples, the extremes are those of its samples."""
+    values = np.random.default_rng(1).normal(size=3 * AT_ONCE + 77)
+    values[2 * AT_ONCE + 5], values[12345] = 40.0, np.nan
+    found = trace(values)
+    first = 0.6 * len(values) / RATE
+    last = first + width * 0.4 * len(values) / RATE
+    drawn = found.between(first, last, 500)
+    inside = values[round(first * RATE) : round(last * RATE)]
+    seen = decoded(drawn)
+    step = (drawn.limits[1] - drawn.limits[0]) / 65534
+    assert np.nanmax(seen) >= inside.max() - step
+    assert np.nanmin(seen) <= inside.min() + step
+    assert len(drawn.values) <= 2 * 500 + 2 * BLOCK
+    assert len(found.blocks[1]) == -(-len(values) // BLOCK)
+
+
+def test_every_sample_where_there_is_room():
+    """A short range is drawn sample by sample, at its instants."""
+    values = np.random.default_rng(2).normal(size=5000)
+    drawn = trace(values, start=3.0).between(4.0, 4.1, 500)
+    assert drawn.whole
+    assert drawn.start == pytest.approx(3.999)
+    np.testing.assert_allclose(decoded(drawn), values[999:1101], atol=1e-4)
+
+
+def pulse(late, noise, seed, rate=RATE, size=1.0):
+    """Rest, a motion that begins ``late`` [s], rest; with white noise."""
+    time = np.arange(int(4 * rate)) / rate
+    shape = size * np.exp(-(((time - 2.0 - late) / 0.2) ** 2)) * np.sin(2 * np.pi * 7.0 * (time - late))
+    return shape + noise * np.random.default_rng(seed).normal(size=len(time))
+
+
+@pytest.mark.parametrize("late", [0.0, 0.0123, -0.2])
+def test_repeats_differ_by_their_noise(late):
+    """Repeats that begin at other times are aligned to far below a sample, and 95 % of intervals of their difference
+    hold zero: within 3 %, for 4,000 values, and a lag that is known by noise too.
+    """
+    pairs = [(trace(pulse(0.0, 0.01, 1), start=5.0), trace(pulse(late, 0.01, 2), start=9.0))]
+    found = lag(pairs, [])
+    assert found.seconds == pytest.approx(4.0 + late, abs=0.1 / RATE)
+    apart = difference(*pairs[0], found)
+    _, values = apart.trace.read(300, 3600)
+    assert np.mean(np.abs(values) < apart.half_width) == pytest.approx(0.95, abs=0.03)
+
+
+def test_a_difference_is_found():
+    """Half the size at another rate: aligned by where both begin alone, so that no interval is given."""
+    one, other = trace(pulse(0.0, 1e-4, 1)), trace(pulse(0.1, 1e-4, 2, 1500.0, 0.5), rate=1500.0)
+    found = lag([(one, other)], [])
+    assert found.by == "the beginning of the motion"
+    assert difference(one, other, found).half_width is None
+    _, values = difference(one, other, Lag(0.1, 0.0, "told")).trace.read(0, 3800)
+    np.testing.assert_allclose(values, -0.5 * pulse(0.0, 0.0, 0)[:3800], atol=2e-3)
+
+
+def test_the_command_aligns():
+    """Loggers on the command's clock are aligned by it, whatever their own channels show."""
+    commands = trace(pulse(0.0, 0.0, 0), name="target x"), trace(pulse(0.05, 0.0, 0), name="target x")
+    shown = trace(pulse(0.0, 0.1, 1)), trace(pulse(0.3, 0.1, 2))
+    assert lag([shown], [commands]).seconds == pytest.approx(0.05, abs=1e-4)
+
+
+@pytest.fixture(scope="module")
+def campaign(shared, tmp_path_factory):
+    """Two runs of one condition, with and without counter-masses, and one without a rig, with hostile names."""
+    folder = tmp_path_factory.mktemp("view") / "campaign"
+    shutil.copytree(shared(PLAN).campaign, folder)
+    group = Group(HOSTILE, (Channel(HOSTILE, "<b>"),), UniformClock(RATE))
+    with RunWriter(folder, "r003") as writer:
+        writer.group(group).append([pulse(0.0, 0.1, 1)])
+        writer.group(group).finish(RATE, "declared")
+        writer.describe("simulated", {"motion": HOSTILE}, [], {"sources": []}, None)
+        writer.commit()
+    return folder
+
+
+def contradiction(run, code):
+    """What a witness states of a run."""
+    return Statement(run, "copy", None, "stated", "witnessed", "a witness", code)
+
+
+def test_findings_are_accepted_by_a_person(shared, tmp_path):
+    """With name and reason, for the runs that have it: recorded, in the ledger, in force in analyses, until removed."""
+    folder = tmp_path / "campaign"
+    shutil.copytree(shared(PLAN).campaign, folder)
+    viewer = Viewer("campaign", open_campaign(folder).runs)
+    viewer.examination = Examination(("r001", "r002"), (contradiction("r002", "copied_run"),), {})
+
+    def decision(found):
+        return next(one["decision"] for one in found["findings"] if one["code"] == "copied_run")
+
+    assert decision(viewer.findings({})) == "open"
+    words = {"code": "copied_run", "by": "A. Kaya", "reason": HOSTILE}
+    for wrong, message in (
+        ({"by": " "}, "a name"),
+        ({"reason": ""}, "a reason"),
+        ({"code": "level_drift"}, "no finding"),
+    ):
+        with pytest.raises(StoreError, match=message):
+            viewer.accept(words | wrong)
+    assert decision(viewer.accept(words)).startswith("accepted by A. Kaya")
+    entry = read_ledger(folder).entries[-1]
+    assert (entry.kind, entry.details["by"], entry.details["code"]) == ("record", "A. Kaya", "copied_run")
+    assert viewer.examination.copied == {"r002"}
+    assert not viewer.examination.decided(viewer.runs).copied
+    assert "copied_run" in examine([viewer.runs[1]]).accepted
+    call("remove", folder / entry.file, "--by", "A. Kaya", "--reason", "it was no copy")
+    assert viewer.examination.decided(viewer.runs).copied
+
+
+def test_of_other_runs_nothing_is_accepted(campaign):
+    """A decision about one run does not hold for another: the code stays open."""
+    runs = {run.name: run for run in open_campaign(campaign).runs}
+    accept(campaign, "level_drift", [runs["r001"]], "A. Kaya", "a warm day")
+    for names, expected in ((["r001"], {"level_drift"}), (["r001", "r002"], set())):
+        found = Examination(tuple(runs), tuple(contradiction(name, "level_drift") for name in names), {})
+        assert found.decided(runs.values()).accepted == expected
+
+
+@pytest.fixture(scope="module")
+def served(campaign):
+    """The viewer of these runs at work."""
+    viewer = Viewer(HOSTILE, open_campaign(campaign).runs)
+    viewer.examination = Examination(tuple(run.name for run in viewer.runs), (), {})
+    server = viewer.server()
+    Thread(target=server.serve, daemon=True).start()
+    yield server
+    server.asked = float("-inf")
+
+
+def test_in_a_browser(browser, served):
+    """Loads, zooms to every sample, moves, overlays three runs, spectra; names stay text; nothing else is asked for."""
+    view = browser.new_page()
+    odd, asked = [], []
+    view.on("console", lambda message: odd.append(message.text))
+    view.on("pageerror", lambda error: odd.append(str(error)))
+    view.on("request", lambda request: asked.append(request.url))
+    view.goto(served.url)
+    plots, note = view.locator("#series-plots canvas"), view.locator("#series-note")
+    view.wait_for_selector("#series-plots canvas")
+    assert plots.count() == 6
+    assert "r001 is drawn" in note.inner_text()
+    assert "less r002: ±" in view.inner_text("#series-plots")
+    view.focus("#series-plots .plot >> nth=0")
+    for _ in range(5):
+        view.keyboard.press("+")
+    view.wait_for_function("() => document.getElementById('series-note').textContent.startsWith('Every sample')")
+    shown = view.inner_text("#series-plots p >> nth=0")
+    view.keyboard.press("ArrowRight")
+    view.wait_for_function("old => document.querySelector('#series-plots p').textContent != old", arg=shown)
+    view.select_option("#series-over", "frequency")
+    view.wait_for_function("() => document.getElementById('series-note').textContent.startsWith('Power')")
+    assert plots.count() == 3
+    view.select_option("#series-over", "time")
+    view.select_option(
+        "#series-b",
+        label=[text for text in view.locator("#series-b option").all_inner_texts() if text[:4] in ("r001", "r003")],
+    )
+    view.select_option("#series-kind", "As recorded")
+    view.wait_for_function("() => document.querySelector('#series-plots h3')?.textContent.includes('script')")
+    assert view.title() == "View of " + HOSTILE.replace("\u202e", "\\x202e")
+    view.wait_for_function("() => document.getElementById('findings-state').textContent.includes('runs')")
+    assert odd == []
+    assert all(url.startswith(served.url) for url in asked)
+    view.close()
+
+
+def test_accepts_in_the_browser(browser, served, monkeypatch):
+    """A finding's form: name and reason; the answer is the list anew, its texts as text."""
+    view = browser.new_page()
+    finding = {"code": "copied_run", "count": 1, "decision": "open", "meaning": HOSTILE, "messages": [HOSTILE]}
+    given = []
+
+    def accepted(words):
+        given.append(words)
+        return {"verdict": "done", "findings": [finding | {"decision": "accepted by A. Kaya"}]}
+
+    monkeypatch.setitem(served.answers["GET"], "findings", lambda _: {"verdict": "v", "findings": [finding]})
+    monkeypatch.setitem(served.answers["POST"], "accept", accepted)
+    view.goto(served.url)
+    view.click("#findings-list summary")
+    assert HOSTILE in view.inner_text("#findings-list li")
+    view.fill("#findings-list input >> nth=0", "A. Kaya")
+    view.fill("#findings-list input >> nth=1", "a copy on purpose")
+    view.click("#findings-list button")
+    view.wait_for_function("() => document.getElementById('findings-state').textContent == 'done'")
+    assert given == [{"code": "copied_run", "by": "A. Kaya", "reason": "a copy on purpose"}]
+    assert view.locator("#findings-list form").count() == 0
+    view.close()
