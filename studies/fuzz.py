@@ -87,15 +87,18 @@ def _seeds(place: str) -> list[bytes]:
 def _fuzzed(name: str, folder: Path, count: int) -> Row:
     done, found = 0, list[str]()
     for _ in range(STOPS):
-        with tempfile.TemporaryDirectory() as stopped:
+        with tempfile.TemporaryDirectory() as work:
+            (stopped := Path(work, "stopped")).mkdir()
             limits = [f"-runs={count - done}", f"-timeout={LONGEST_S}", f"-rss_limit_mb={MOST_MEMORY_MB}",
                       f"-max_len={LONGEST_INPUT}", f"-seed={done + 1}", f"-artifact_prefix={stopped}/"]  # fmt: skip
-            told = _run("fuzz", name, str(folder), "-print_final_stats=1", *limits).stderr.decode(errors="replace")
-            done += max(1, *map(int, re.findall(r"stat::number_of_executed_units: (\d+)|$", told)[:1]))
-            for file in Path(stopped).iterdir():
+            ended = _run("fuzz", name, str(folder), work, "-print_final_stats=1", *limits)
+            if (units := re.search(rb"stat::number_of_executed_units: (\d+)", ended.stderr)) is None:
+                raise RuntimeError(f"{name}: libFuzzer did not begin or was killed: {ended.stderr[-2000:].decode()}")
+            done += int(units[1])
+            for file in stopped.iterdir():
                 (folder.parent / "stopped").mkdir(exist_ok=True)
-                kept = file.rename(folder.parent / "stopped" / f"{file.name}-{name}")
-                if (judged := _run("judge", name, str(kept))).returncode:
+                shutil.move(file, kept := folder.parent / "stopped" / f"{file.name}-{name}")
+                if (judged := _run("judge", name, str(kept), work)).returncode:
                     found.append(f"{kept.name}: {judged.stderr.decode().splitlines()[-1:] or judged.returncode}")
         if done >= count:
             break
@@ -111,7 +114,7 @@ def _run(*arguments: str) -> subprocess.CompletedProcess[bytes]:
 
 def _reading(name: str) -> Callable[[Path], None]:
     if name not in INPUT_FILES:
-        return import_module("studies.reader_faults").read_or_refused  # type: ignore[no-any-return]
+        return import_module("studies.reader_faults").read_or_refused
     module, _, function = INPUT_FILES[name][0].partition(":")
     load = attrgetter(function)(import_module(module))
     refusal = import_module("balance.errors").CounterpoiseError
@@ -123,19 +126,18 @@ def _reading(name: str) -> Callable[[Path], None]:
     return read
 
 
-def main(what: str, name: str, place: str, *limits: str) -> None:
-    """``fuzz`` a kind of file with a corpus; or ``judge`` one file, as a user would read it."""
+def main(what: str, name: str, place: str, work: str, *limits: str) -> None:
+    """``fuzz`` a kind of file with the corpus ``place``; or ``judge`` one, as a user would read it; in ``work``."""
     if what == "judge":
         resource.setrlimit(resource.RLIMIT_CPU, (LONGEST_S, LONGEST_S))
         read = _reading(name)
-        with tempfile.TemporaryDirectory() as folder:
-            read(Path(shutil.copy(place, Path(folder, name))))
+        read(Path(shutil.copy(place, Path(work, name))))
         largest = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
         assert largest < MOST_MEMORY_MB << 10, f"took {largest >> 10} MB"
         return
     import atheris
 
-    path = Path(tempfile.mkdtemp(dir="/dev/shm"), name)
+    path = Path(work, name)
     with atheris.instrument_imports(include=["balance", "testbench", "mcap", "rosbags", "tomllib"]):
         read = _reading(name)
         registry, faults = import_module("testbench.readers.registry"), import_module("studies.reader_faults")

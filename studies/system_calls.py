@@ -54,7 +54,7 @@ class Interposed:
         self.kept: list[int] = []  # open handles, so that no number of a file is given again
         for path in (folder, *folder.rglob("*")):
             self._synced(os.open(path, os.O_RDONLY))
-        os.fsync, os.stat = self._fsync, self._stat
+        os.fsync, os.stat = self._fsync, self._stat  # type: ignore[assignment]
         Path.open = self._opened_by()  # type: ignore[method-assign]
         sys.addaudithook(self._audited)
 
