@@ -4,7 +4,7 @@ import re
 import struct
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from importlib import import_module, metadata
 from importlib.util import find_spec
 from itertools import accumulate
@@ -17,8 +17,6 @@ from .header_claims import with_stated_origin
 from .subprocess_reader import open_in_subprocess
 
 ENTRY_POINTS = "counterpoise.readers"
-entry_points = lru_cache(maxsize=1)(metadata.entry_points)
-"""Those of the installed packages, looked for once."""
 HEAD_BYTES = 4096
 EXTRAS = {
     "tdms": ("nptdms",),
@@ -188,6 +186,12 @@ BUILT_IN = (
     Reader("CSV", (".csv", ".txt", ".tsv", ".dat", ".asc"), _is_text, _in_module("csv.reader", "open_text")),
 )
 """The formats that are read, in the order in which they are asked; any other text is CSV, so that it comes last."""
+
+
+@cache
+def entry_points(group: str) -> metadata.EntryPoints:
+    """Those of the installed packages, looked for once."""
+    return metadata.entry_points(group=group)
 
 
 def readers() -> list[Reader]:
