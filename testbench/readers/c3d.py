@@ -69,14 +69,16 @@ def floats(raw: bytes, processor: int) -> NDArray[np.float64]:
     return as_float64(np.frombuffer(raw, dtype=">f4" if processor == SGI else "<f4"))
 
 
-def read_parameters(source: ByteSource, first_block: int) -> Parameters:
-    """The parameter section that begins at block ``first_block`` (from 1)."""
-    begin = (first_block - 1) * BLOCK
+def read_parameters(source: ByteSource, head: bytes) -> Parameters:
+    """The parameter section to which the file's header leads; it ends at the data where it is declared shorter."""
+    begin = (head[0] - 1) * BLOCK
+    data = {order: (struct.unpack_from(f"{order}H", head, 16)[0] - 1) * BLOCK for order in "<>"}
     head = source.read(begin, 4, "the head of the parameters")
     blocks, processor = head[2], head[3]
     if processor not in (INTEL, DEC, SGI):
         raise damaged(source.path, f"processor {processor} at byte {begin + 3}; expected 84, 85 or 86")
-    section = source.read(begin, min(max(1, blocks) * BLOCK, source.size - begin), "the parameters")
+    end = max(begin + max(1, blocks) * BLOCK, data[">" if processor == SGI else "<"])
+    section = source.read(begin, min(end, source.size) - begin, "the parameters")
     try:
         return Parameters(processor, _parsed(section, processor))
     except (struct.error, IndexError, ValueError) as error:
@@ -172,7 +174,7 @@ def read_header(source: ByteSource) -> Header:
     raw = source.read(0, BLOCK, "the header")
     if raw[1] != 0x50 or raw[0] == 0:
         raise damaged(source.path, f"begins with {raw[:2].hex()}; expected the parameters' block and 50 (hexadecimal)")
-    given = read_parameters(source, raw[0])
+    given = read_parameters(source, raw)
     points, analog, first, last = struct.unpack_from(f"{given.order}4H", raw, 2)
     data_block, per_frame = struct.unpack_from(f"{given.order}2H", raw, 16)
     scale, rate = floats(raw[12:16] + raw[20:24], given.processor)
@@ -184,6 +186,11 @@ def read_header(source: ByteSource) -> Header:
     if (points or analog) and data_block == 0:
         data_block = int(given.number("POINT:DATA_START") or 0)
     channels, begin = analog // per_frame if per_frame else 0, (data_block - 1) * BLOCK
+    used = int(given.number("ANALOG:USED") or 0)
+    if analog == used != channels:  # some programs write the channels where their samples of a frame belong
+        message = f"the header counts {analog} samples of analog channels a frame, which are the channels themselves"
+        findings.append(Finding("header_contradiction", None, None, message))
+        channels = used
     frames, scale = _frames(given, first, last, findings), float(scale)
     head = Header(given, begin, frames, first, points, channels, per_frame, float(rate), abs(scale), scale < 0)
     if not head.words or data_block < 1:
