@@ -437,7 +437,7 @@ class TextLog:
     given_up: set[tuple[str, str]] = field(default_factory=set)
     front: str = ""
     """What stands before the names of groups where logs of one run share them."""
-    _letters: int = 0
+    _letters: int = field(default=0, compare=False)
 
     @property
     def kept(self) -> list[TextSeries]:
@@ -459,6 +459,14 @@ class TextLog:
             self._letters -= sum(len(one) + 8 for one in self.series.pop(key).texts)
             return False
         return True
+
+    def take_all(self, group: str, channel: str, start: int, texts: Iterable[str | None]) -> None:
+        """Note the texts of successive samples, the first of which is ``start``; None is no text."""
+        last: str | None = None
+        for i, text in enumerate(texts, start):
+            if text != last and not self.take(group, channel, i, text or ""):
+                return
+            last = text
 
     def findings(self) -> list[Finding]:
         """The channels that are not kept."""

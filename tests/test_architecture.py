@@ -74,6 +74,7 @@ HEAVY = {
     "pydantic",
     "pandas",
     "polars",
+    "pyarrow",
     "matplotlib",
     "sympy",
     "dask",

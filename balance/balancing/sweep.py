@@ -12,7 +12,6 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +26,7 @@ from ..mechanism.mjcf_compiler import tags
 from ..mechanism.mjcf_parser import mechanism_from_text
 from ..motion import Samples
 from ..results import Shown
+from ..table_files import read_parquet, write_parquet
 from ..task_pool import TaskPool
 
 if TYPE_CHECKING:
@@ -365,25 +365,14 @@ class Sweep:
 
 def write_part(path: Path, columns: Mapping[str, Floats]) -> None:
     """Write columns (n,) of one part as Parquet; it is there whole or not at all."""
-    polars = _polars()
     unfinished = path.with_suffix(".unfinished")
-    polars.DataFrame(dict(columns)).write_parquet(unfinished)
+    write_parquet(unfinished, columns)
     unfinished.replace(path)
 
 
 def read_part(path: Path) -> dict[str, Floats]:
     """Columns (n,) of one part."""
-    return {column.name: column.to_numpy() for column in _polars().read_parquet(path)}
-
-
-def _polars() -> ModuleType:
-    try:
-        import polars
-    except ImportError:
-        raise DataError(
-            "results are written as Parquet, which needs polars: pip install 'counterpoise[parquet]', or leave out -o"
-        ) from None
-    return polars
+    return read_parquet(path)
 
 
 @dataclass(frozen=True)

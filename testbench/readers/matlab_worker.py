@@ -10,7 +10,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from math import prod
 from pathlib import Path
@@ -27,8 +27,8 @@ from .byte_source import ByteSource
 from .format_findings import cut, damaged, refusing
 
 _MATRIX, _COMPRESSED = 14, 15
-_CELL, _STRUCT = 1, 2
-_LEFT_OUT = {3: "an object", 5: "a sparse matrix", 16: "a function", 17: "an opaque object", 18: "an object"}
+_CELL, _STRUCT, _OPAQUE = 1, 2, 17
+_LEFT_OUT = {3: "an object", 5: "a sparse matrix", 16: "a function", _OPAQUE: "an opaque object", 18: "an object"}
 _HEADER_4, _HEADER_5 = struct.calcsize("5i"), 128
 _SIZES_4 = {0: 8, 1: 4, 2: 4, 3: 2, 4: 2, 5: 1}
 """Bytes of a number of version 4, by the third digit of its type."""
@@ -63,7 +63,10 @@ def open_library(path: Path) -> Recording:
             if variable.left_out is not None:
                 found.left_out.append(f"{variable.name} ({variable.left_out})")
             elif variable.name:
-                _take(variable.name, _loaded(path, variable), found)
+                try:
+                    _take(variable.name, _loaded(path, variable), found)
+                except Refusal as refusal:  # of this one variable
+                    found.findings.append(replace(refusal.finding, channel=variable.name))
     return found.recording(path, f"MATLAB v{5 if is_5 else 4}", "testbench.readers.matlab")
 
 
@@ -149,14 +152,16 @@ def _header_5(path: Path, content: bytes, order: str) -> tuple[str, str | None]:
     """Name of the variable whose tag ``content`` begins with, and why it is not read if so."""
     with refusing(path, "the header of a variable", struct.error):
         kind, _, flags_kind, flags_size, flags = struct.unpack_from(f"{order}5I", content)
-        sides_kind, sides_size = struct.unpack_from(f"{order}II", content, 24)
-        sides = struct.unpack_from(f"{order}{min(sides_size, 256) // 4}i", content, 32)
-        at = 32 + sides_size + -sides_size % 8
+        what, at, sides_kind, sides = flags & 0xFF, 24, 5, tuple[int, ...]()
+        if what != _OPAQUE:  # which has no dimensions
+            sides_kind, sides_size = struct.unpack_from(f"{order}II", content, at)
+            sides = struct.unpack_from(f"{order}{min(sides_size, 256) // 4}i", content, 32)
+            at = 32 + sides_size + -sides_size % 8
         name_kind, size = struct.unpack_from(f"{order}II", content, at)
         at, size = (at + 4, name_kind >> 16) if name_kind >> 16 else (at + 8, size)
     if (kind, flags_kind, flags_size) != (_MATRIX, 6, 8) or sides_kind not in (5, 6) or size > _LONGEST_NAME:
         raise damaged(path, f"a variable begins with elements of type {kind}, {flags_kind}, {sides_kind}")
-    name, what = content[at : at + size].decode("latin-1"), flags & 0xFF
+    name = content[at : at + size].decode("latin-1")
     if any(side < 0 for side in sides) or (what in (_CELL, _STRUCT) and 8 * prod(sides) > len(content)):
         raise damaged(path, f"{name}: dimensions {sides} in {len(content)} bytes")
     known = what in (_CELL, _STRUCT, 4) or 6 <= what <= 15

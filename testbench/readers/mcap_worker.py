@@ -35,7 +35,7 @@ class _File:
 
 
 def open_library(path: Path) -> Recording:
-    """Go through the file once, looking at the first message of each topic."""
+    """Go through the file once, looking at the first messages of each topic."""
     file = _File()
     for topic, _, raw in _messages(path, file):
         with refusing(path, f"topic {topic.name!r}", Unreadable):

@@ -1,14 +1,17 @@
-"""Reading Parquet with polars, batch by batch.
+"""Reading Parquet with pyarrow, batch by batch.
 
-Columns of a table as numbers: integers and floats as they are, points in time counted from a stated zero.
+Columns of a table as numbers: integers and floats as they are, points in time counted from a stated zero; texts beside.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import polars
+import pyarrow
+from numpy.typing import NDArray
+from pyarrow import compute, parquet, types
 
 from ..recording import (
     Block,
@@ -20,67 +23,127 @@ from ..recording import (
     Report,
     Samples,
     StartTime,
+    TextLog,
     TimeColumn,
     point_in_time,
 )
 from .byte_source import block_samples
 from .csv.header import is_time_name, named_channels
-from .format_findings import damaged, rounded_integers, text_channel, watch_nonfinite
+from .format_findings import damaged, rounded_integers, text_kept, watch_nonfinite
 from .header_claims import recorded_time
 
-_UNITS = {"ns": "ns", "us": "µs", "ms": "ms"}
-_EXACT = 2.0**53
+_UNITS = {"ns": "ns", "us": "µs", "ms": "ms", "s": "s"}
+_EXACT = 2**53
+_MOST_COLUMNS, _LONGEST_TEXT = 10_000, 2000
+_ERRORS = (pyarrow.ArrowException, OSError, ValueError, TypeError, KeyError)
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column that is read: its name in the file, the channel that it becomes, and its numbers.
+    """A column that is read: its name in the file, the channel that it becomes, and its numbers; None: of text.
 
     ``zero`` is subtracted from what is counted in nanoseconds since 1970, which float64 does not hold.
     """
 
     name: str
-    channel: Channel
+    channel: Channel | None
     is_point_in_time: bool = False
+    may_be_clock: bool = False
     zero: int = 0
     has_zone: bool = False
 
-    def numbers(self, series: polars.Series) -> Samples:
+    def numbers(self, array: Any) -> Samples:  # noqa: ANN401
         """The values as float64; NaN where there is none."""
-        if series.dtype.is_temporal():
-            series = series.to_physical()
+        if types.is_temporal(array.type):
+            array = array.cast(pyarrow.int32() if array.type.bit_width == 32 else pyarrow.int64()).cast(pyarrow.int64())
+        elif types.is_boolean(array.type):
+            array = array.cast(pyarrow.uint8())
         if self.zero:
-            series = series.cast(polars.Int64) - self.zero
-        return np.asarray(series.cast(polars.Float64).to_numpy(), dtype=np.float64)
+            array = compute.subtract(array, self.zero)
+        return np.asarray(array.cast(pyarrow.float64(), safe=False).to_numpy(zero_copy_only=False), dtype=np.float64)
 
 
-def column(name: str, kind: polars.DataType, table: polars.LazyFrame) -> Column | None:
-    """How a column of ``table`` is read; None if it holds no numbers."""
-    if isinstance(kind, polars.Datetime):
-        first = None
-        if kind.time_unit == "ns":
-            first = table.select(polars.col(name).to_physical().drop_nulls().first()).collect().item()
-        return Column(name, Channel(name, _UNITS[kind.time_unit]), True, int(first or 0), kind.time_zone is not None)
-    if isinstance(kind, polars.Duration | polars.Time | polars.Date):
-        unit = "day" if isinstance(kind, polars.Date) else _UNITS[getattr(kind, "time_unit", "ns")]
+def open_library(path: Path) -> Recording:
+    """Read schema and metadata; the rows are read when asked for."""
+    findings: list[Finding] = []
+    try:
+        with _file(path) as file:
+            schema, metadata = file.schema_arrow, file.metadata.metadata or {}
+            rows = sum(file.metadata.row_group(i).num_rows for i in range(file.num_row_groups))
+            if len(schema) > _MOST_COLUMNS:
+                raise Refusal(path.name, Finding("too_large", None, None, f"{len(schema)} columns"))
+            given = [_column(file, i, findings) for i in range(len(schema))]
+    except _ERRORS as error:
+        raise damaged(path, f"pyarrow cannot read it: {error}") from error
+    kept = [column for column in given if column is not None]
+    numbers = [(column, column.channel) for column in kept if column.channel is not None]
+    if not numbers or not rows:
+        stated = "; ".join(f"{f.channel} {f.message}" for f in findings[:10])
+        message = f"{len(numbers)} columns of numbers with {rows} rows{f' ({stated})' if stated else ''}"
+        raise Refusal(path.name, Finding("no_data", None, None, message))
+    zeros = {f"{c.name}: zero": f"{c.zero} ns since 1970" for c in kept if c.zero}
+    plain = {key.decode("utf-8", "replace"): text.decode("utf-8", "replace") for key, text in metadata.items()}
+    zeros |= {key: text[:_LONGEST_TEXT] for key, text in plain.items() if key != "ARROW:schema"}
+    time = clock([channel for _, channel in numbers], [column.may_be_clock for column, _ in numbers])
+    zero = None if time is None else _zero(numbers[time.index][0])
+    group, texts = Group(path.stem, tuple(channel for _, channel in numbers), time, zero), TextLog()
+    return Recording(
+        path=path,
+        format="Parquet",
+        reader="testbench.readers.parquet",
+        groups=(group,),
+        read=lambda report: watch_nonfinite(_blocks(path, group, given, texts, report), report),
+        metadata=zeros,
+        findings=tuple(findings),
+        texts=texts,
+    )
+
+
+def _file(path: Path) -> parquet.ParquetFile:
+    return parquet.ParquetFile(path, pre_buffer=False)
+
+
+def _column(file: parquet.ParquetFile, i: int, findings: list[Finding]) -> Column | None:
+    """How the ``i``-th column is read; None if it holds neither numbers nor texts, which is a finding."""
+    name, kind = file.schema_arrow.field(i).name, file.schema_arrow.field(i).type
+    if types.is_timestamp(kind):
+        first = _first_times(file, i)
+        zero = int(first[0]) if kind.unit == "ns" and len(first) else 0
+        return Column(
+            name, Channel(name, _UNITS[kind.unit]), True, bool((np.diff(first) > 0).all()), zero, kind.tz is not None
+        )
+    if types.is_temporal(kind) and not types.is_interval(kind):
+        unit = "day" if types.is_date32(kind) else _UNITS[getattr(kind, "unit", "ms")]
         return Column(name, Channel(name, unit))
-    if kind.is_numeric() or isinstance(kind, polars.Boolean):
+    if types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind) or types.is_boolean(kind):
         return Column(name, named_channels([name], [""])[0])
+    if _is_text(kind):
+        findings.append(text_kept(name))
+        return Column(name, None)
+    findings.append(Finding("left_out", name, None, f"holds {kind}, not one number a row"))
     return None
 
 
-def is_rounded(series: polars.Series) -> bool:
-    """Whether it holds whole numbers of which float64 may round one."""
-    is_wide = isinstance(series.dtype, polars.Int64 | polars.UInt64 | polars.Int128)
-    return is_wide and bool((series.cast(polars.Float64).abs() >= _EXACT).any())
+def _is_text(kind: Any) -> bool:  # noqa: ANN401
+    return (
+        types.is_string(kind)
+        or types.is_large_string(kind)
+        or (types.is_dictionary(kind) and _is_text(kind.value_type))
+    )
 
 
-def clock(columns: list[Column]) -> TimeColumn | None:
-    """The column of time: named so, or else the only one of points in time."""
-    named = [i for i, c in enumerate(columns) if is_time_name(c.channel.name)]
-    points = [i for i, c in enumerate(columns) if c.is_point_in_time]
+def _first_times(file: parquet.ParquetFile, i: int) -> NDArray[np.int64]:
+    """The first points in time of a column (n,) [its unit since 1970]."""
+    batches = (batch.column(0).cast(pyarrow.int64()).drop_null() for batch in _batches(file, [i], 1 << 12))
+    return next((np.asarray(times) for times in batches if len(times)), np.empty(0, np.int64))
+
+
+def clock(channels: list[Channel], is_point: list[bool]) -> TimeColumn | None:
+    """The column of time: named so, or else the only one of points in time that rise."""
+    named = [i for i, channel in enumerate(channels) if is_time_name(channel.name)]
+    points = [i for i, each in enumerate(is_point) if each]
     found = named[:1] or (points if len(points) == 1 else [])
-    return recorded_time(found[0], columns[found[0]].channel.unit) if found else None
+    return recorded_time(found[0], channels[found[0]].unit) if found else None
 
 
 def _zero(time: Column) -> StartTime | None:
@@ -90,78 +153,39 @@ def _zero(time: Column) -> StartTime | None:
     return point_in_time(time.zero, f"column {time.name}", None, 0 if time.has_zone else None)
 
 
-_MOST_COLUMNS, _LONGEST_TEXT = 10_000, 2000
+def _batches(file: parquet.ParquetFile, columns: list[int], rows: int) -> Iterator[Any]:
+    """Batches of these columns of the table, each of which may lie in the file as several."""
+    wanted = {file.schema_arrow.field(i).name for i in columns}
+    leaves = [file.schema.column(k).path for k in range(len(file.schema))]
+    names = [leaf for leaf in leaves if leaf in wanted or leaf.split(".")[0] in wanted]
+    for batch in file.iter_batches(rows, columns=names, use_threads=False):
+        if batch.num_columns != len(columns):
+            raise ValueError(f"{batch.num_columns} columns for {len(columns)} names")
+        if batch.num_rows:
+            yield batch
 
 
-def open_library(path: Path) -> Recording:
-    """Read schema and metadata; the rows are read when asked for."""
-    try:
-        table = _table(path)
-        schema = table.collect_schema()
-        metadata = polars.read_parquet_metadata(path)
-        rows = int(table.select(polars.len()).collect().item())
-    except _ERRORS as error:
-        raise damaged(path, f"polars cannot read it: {error}") from error
-    if len(schema) > _MOST_COLUMNS:
-        raise Refusal(path.name, Finding("too_large", None, None, f"{len(schema)} columns"))
-    findings: list[Finding] = []
-    kept: list[Column] = []
-    for name, kind in schema.items():
-        if (found := column(name, kind, table)) is not None:
-            kept.append(found)
-        elif isinstance(kind, polars.String | polars.Categorical | polars.Enum):
-            findings.append(text_channel(name))
-        else:
-            findings.append(Finding("left_out", name, None, f"holds {kind}, not one number a row"))
-    if not kept or not rows:
-        stated = "; ".join(f"{f.channel} {f.message}" for f in findings[:10])
-        message = f"{len(kept)} columns of numbers with {rows} rows{f' ({stated})' if stated else ''}"
-        raise Refusal(path.name, Finding("no_data", None, None, message))
-    zeros = {f"{c.name}: zero": f"{c.zero} ns since 1970" for c in kept if c.zero}
-    zeros |= {key: text[:_LONGEST_TEXT] for key, text in metadata.items() if key != "ARROW:schema"}
-    time = clock(kept)
-    group = Group(path.stem, tuple(c.channel for c in kept), time, None if time is None else _zero(kept[time.index]))
-    return Recording(
-        path=path,
-        format="Parquet",
-        reader="testbench.readers.parquet",
-        groups=(group,),
-        read=lambda report: watch_nonfinite(_blocks(path, group, kept, report), report),
-        metadata=zeros,
-        findings=tuple(findings),
-    )
-
-
-_ERRORS = (polars.exceptions.PolarsError, OSError, ValueError, TypeError)
-
-
-def _table(path: Path) -> polars.LazyFrame:
-    """The one file, whatever stars its name holds."""
-    return polars.scan_parquet(path, glob=False, hive_partitioning=False)
-
-
-def _blocks(path: Path, group: Group, kept: list[Column], report: Report) -> Iterator[Block]:
+def _blocks(path: Path, group: Group, given: list[Column | None], texts: TextLog, report: Report) -> Iterator[Block]:
     start, rounded = 0, set[str]()
+    indices = [i for i, column in enumerate(given) if column is not None]
     try:
-        for frame in _batches(_table(path).select([c.name for c in kept]), block_samples(len(kept))):
-            if not frame.height:
-                continue
-            series = [frame.get_column(c.name) for c in kept]
-            rounded |= {c.name for c, s in zip(kept, series, strict=True) if is_rounded(s)}
-            yield Block(group, tuple(c.numbers(s) for c, s in zip(kept, series, strict=True)), start)
-            start += frame.height
+        with _file(path) as file:
+            for batch in _batches(file, indices, block_samples(len(indices))):
+                columns = []
+                for i, array in zip(indices, batch.columns, strict=True):
+                    column = given[i]
+                    if column is None or column.channel is None:
+                        values = array.cast(pyarrow.string()).to_pylist()
+                        texts.take_all(group.name, file.schema_arrow.field(i).name, start, values)
+                        continue
+                    columns.append(column.numbers(array))
+                    if types.is_integer(array.type) and (np.abs(columns[-1]) >= _EXACT).any():
+                        rounded.add(column.name)
+                yield Block(group, tuple(columns), start)
+                start += batch.num_rows
     except _ERRORS as error:
-        raise damaged(path, f"polars cannot read its rows from {start} on: {error}") from error
+        raise damaged(path, f"pyarrow cannot read its rows from {start} on: {error}") from error
     for name in sorted(rounded):
         report(rounded_integers(name))
-
-
-def _batches(table: polars.LazyFrame, rows: int) -> Iterator[polars.DataFrame]:
-    """The rows in batches; a polars that has none of its own gives slices."""
-    if hasattr(table, "collect_batches"):
-        yield from table.collect_batches(chunk_size=rows, maintain_order=True)
-        return
-    start = 0
-    while (frame := table.slice(start, rows).collect()).height:
-        yield frame
-        start += frame.height
+    for finding in texts.findings():
+        report(finding)

@@ -65,7 +65,8 @@ def _take_fields(body: Any, kind: Any, prefix: str, found: Message, inside: tupl
         if each.message_type is not None:
             _take_messages(body, each, path, found, inside)
         elif each.cpp_type == each.CPPTYPE_STRING:
-            continue
+            if body is not None and each.type == each.TYPE_STRING and not each.is_repeated:
+                found.texts[path] = getattr(body, each.name)
         elif each.is_repeated:
             numbers = [] if body is None else getattr(body, each.name)
             _add(found, {f"{path}[{i}]": number for i, number in enumerate(numbers)})

@@ -22,7 +22,7 @@ EXTRAS = {
     "tdms": ("nptdms",),
     "ide": ("idelib",),
     "mcap": ("mcap", "rosbags", "google.protobuf"),
-    "parquet": ("polars",),
+    "parquet": ("pyarrow",),
     "rosbag": ("rosbags",),
 }
 """Modules that a reader imports and that only an extra of the distribution installs."""

@@ -138,7 +138,10 @@ class _State:
                 if count > len(self.raw):
                     raise Unreadable(f"{count} texts in a message of {len(self.raw)} bytes")
                 texts = [self.text() for _ in range(count)]
-                labels = texts if each.name == "name" and each.is_array else labels
+                if not each.is_array:
+                    self.message.texts[path] = texts[0]
+                elif each.name == "name":
+                    labels = texts
             else:
                 self._values(each, path, count, labels)
 

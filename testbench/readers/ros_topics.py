@@ -3,12 +3,13 @@
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 
-from ..recording import Block, Channel, Finding, Group, Recording, Report, Samples, TimeColumn, point_in_time
-from .format_findings import nothing_to_read, refusing, rounded_integers, watch_nonfinite
+from ..recording import Block, Channel, Finding, Group, Recording, Report, Samples, TextLog, TimeColumn, point_in_time
+from .format_findings import nothing_to_read, refusing, rounded_integers, text_kept, watch_nonfinite
 
 MOST_NUMBERS = 4096
 """A message of more numbers is a picture or a cloud of points, and no sample."""
@@ -16,6 +17,8 @@ Number = float | int | bool
 LOGGED = "log time"
 _NANOSECOND = "ns"
 _ROWS = 1 << 13
+_LOOKED = 100
+"""Messages of a topic at its beginning whose stamps are looked at."""
 _MOST_SHAPES = 50
 _EXACT = 2.0**53
 
@@ -34,11 +37,15 @@ class UnknownType(Exception):
 
 @dataclass
 class Message:
-    """The numbers of one message, in order, and their names; times are integers of nanoseconds since 1970."""
+    """The numbers of one message, in order, and their names; times are integers of nanoseconds since 1970.
+
+    Texts lie beside them, by their names.
+    """
 
     numbers: list[Number | None] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
     times: list[int] = field(default_factory=list)
+    texts: dict[str, str] = field(default_factory=dict)
 
 
 Decode = Callable[[bytes], Message]
@@ -78,6 +85,10 @@ class Topic:
     zero: int
     shapes: dict[tuple[str, ...], Shape] = field(default_factory=dict)
     reason: str = ""
+    is_stamped: bool = True
+    """Whether the stamp in the messages, where there is one, is their clock: it rises in the first ones."""
+    _looked: int = 0
+    _last: Number = 0
 
     @classmethod
     def of(cls, name: str, decoder: Callable[[], Decode], zero: int = 0) -> "Topic":
@@ -87,12 +98,28 @@ class Topic:
         except UnknownType as error:
             return cls(name, lambda raw: Message(), zero, reason=str(error))
 
-    def look(self, raw: bytes) -> None:
-        """Learn the shape of the first message."""
-        if not self.shapes and not self.reason and (message := self._message(raw)) is not None:
-            self._shape(message)
+    @property
+    def is_known(self) -> bool:
+        """Whether its first messages were looked at."""
+        return bool(self.reason) or self._looked >= _LOOKED
 
-    def take(self, logged: int, raw: bytes) -> Block | None:
+    def look(self, raw: bytes) -> None:
+        """Learn the shape of the first message, and whether the stamps of the first ones rise."""
+        if self.is_known or (message := self._message(raw)) is None:
+            return
+        self._looked += 1
+        if not self.shapes:
+            self._shape(message)
+        if (at := _stamp_index(message)) is None or not self.is_stamped:
+            return
+        stamp = message.numbers[at] or 0
+        if self._looked > 1 and stamp <= self._last:
+            self.is_stamped = False
+            for shape in self.shapes.values():
+                shape.group = self._group(shape.group.name, shape.group.channels, None)
+        self._last = stamp
+
+    def take(self, logged: int, raw: bytes, texts: TextLog) -> Block | None:
         """Take in a message logged at ``logged`` [ns since 1970]; a block when there are enough."""
         if self.reason or (message := self._message(raw)) is None or (shape := self._shape(message)) is None:
             return None
@@ -100,6 +127,8 @@ class Topic:
         for i in shape.times:
             value = numbers[i]
             numbers[i] = None if value is None else int(value) - self.zero
+        for name, text in message.texts.items():
+            texts.take(shape.group.name, name, shape.done + len(shape.rows), text)
         shape.rows.append([logged - self.zero, *(np.nan if n is None else n for n in numbers)])
         return shape.block() if len(shape.rows) >= _ROWS else None
 
@@ -114,25 +143,30 @@ class Topic:
         """The shape of a message; a new one if its names are new."""
         key = tuple(message.names)
         if key not in self.shapes:
-            if not key or len(self.shapes) >= _MOST_SHAPES:
-                self.reason = "no numbers" if not key else f"messages of more than {_MOST_SHAPES} shapes"
+            is_empty = not key and not message.texts
+            if is_empty or len(self.shapes) >= _MOST_SHAPES:
+                self.reason = (
+                    "neither numbers nor texts" if is_empty else f"messages of more than {_MOST_SHAPES} shapes"
+                )
                 return None
             self.shapes[key] = self._new(message)
         return self.shapes[key]
 
     def _new(self, message: Message) -> Shape:
-        """Channels of a message; its own stamp is the clock if it is set, else the time of logging."""
+        """Channels of a message."""
         units = [_NANOSECOND if i in message.times else None for i in range(len(message.names))]
         channels = [Channel(LOGGED, _NANOSECOND)]
         channels += [Channel(name, unit) for name, unit in zip(message.names, units, strict=True)]
-        set_ = [i for i in message.times if message.numbers[i] is not None and message.names[i].endswith("stamp")]
-        clock = TimeColumn(set_[0] + 1 if set_ else 0, 1e-9)
         number = len(self.shapes) + 1
         name = self.name if number == 1 else f"{self.name} part {number}"
-        zero = point_in_time(self.zero, f"time of {'the message' if set_ else 'logging'}", 1e-9)
-        return Shape(
-            Group(name, tuple(channels), clock, zero if self.zero else None), list(message.names), list(message.times)
-        )
+        group = self._group(name, tuple(channels), _stamp_index(message) if self.is_stamped else None)
+        return Shape(group, list(message.names), list(message.times))
+
+    def _group(self, name: str, channels: tuple[Channel, ...], stamp: int | None) -> Group:
+        """The group of messages; their own stamp is the clock if it is set and rises, else the time of logging."""
+        zero = point_in_time(self.zero, f"time of {'logging' if stamp is None else 'the message'}", 1e-9)
+        clock = TimeColumn(0 if stamp is None else stamp + 1, 1e-9)
+        return Group(name, channels, clock, zero if self.zero else None)
 
     def remaining_blocks(self, report: Report) -> Iterator[Block]:
         """The rows that were not given yet; then what was found in all messages is reported."""
@@ -146,6 +180,15 @@ class Topic:
             report(Finding("ragged_row", None, None, message))
 
 
+def _stamp_index(message: Message) -> int | None:
+    """Which number of a message is its own stamp, if it is set: not that of something within."""
+    for i in message.times:
+        parent, _, name = message.names[i].rpartition(".")
+        if name.endswith("stamp") and parent in ("", "header") and message.numbers[i] is not None:
+            return i
+    return None
+
+
 def topic_recording(
     path: Path,
     kind: str,
@@ -155,20 +198,27 @@ def topic_recording(
     messages: Callable[[Report], Iterator[tuple[Topic, int, bytes]]],
 ) -> Recording:
     """The recording of ``topics`` that have been looked at; ``messages`` gives the topic, time and bytes of each."""
+    known, texts = {topic.name: topic.is_stamped for topic in topics}, TextLog()
     groups = tuple(shape.group for topic in topics for shape in topic.shapes.values())
     if not groups:
-        raise nothing_to_read(path, findings, "no message with numbers")
+        raise nothing_to_read(path, findings, "no message with numbers or texts")
 
     def blocks(report: Report) -> Iterator[Block]:
         met: dict[int, Topic] = {}
         for topic, logged, raw in messages(report):
-            met.setdefault(id(topic), topic)
+            if id(topic) not in met:
+                met[id(topic)] = topic
+                topic.is_stamped = known[topic.name]
             with refusing(path, f"topic {topic.name!r}", Unreadable):
-                block = topic.take(logged, raw)
+                block = topic.take(logged, raw, texts)
             if block is not None:
                 yield block
         for topic in met.values():
             yield from topic.remaining_blocks(report)
+        for group, channels in groupby(texts.kept, key=lambda series: series.group):
+            report(text_kept(", ".join(series.channel for series in channels), group))
+        for finding in texts.findings():
+            report(finding)
 
     return Recording(
         path=path,
@@ -178,11 +228,12 @@ def topic_recording(
         read=lambda report: watch_nonfinite(blocks(report), report),
         metadata=metadata,
         findings=tuple(findings),
+        texts=texts,
     )
 
 
 def json_message(raw: bytes) -> Message:
-    """The numbers of a JSON document, named by their path."""
+    """The numbers and texts of a JSON document, named by their path."""
     message = Message()
     try:
         _walk(json.loads(raw), "", message, 0)
@@ -197,6 +248,8 @@ def _walk(value: object, path: str, message: Message, depth: int) -> None:
     if isinstance(value, bool | int | float):
         message.numbers.append(value)
         message.names.append(path or "value")
+    elif isinstance(value, str):
+        message.texts[path or "value"] = value
     elif isinstance(value, dict) and (stamp := _stamp(path, value)) is not None:
         message.times.append(len(message.numbers))
         message.numbers.append(stamp or None)

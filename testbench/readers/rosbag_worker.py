@@ -16,7 +16,7 @@ from .ros_topics import Decode, Topic, Unreadable, topic_recording
 
 
 def open_library(path: Path) -> Recording:
-    """Look at the first message of each topic."""
+    """Look at the first messages of each topic."""
     findings = []
     with _bag(path) as bag:
         topics = _topics(bag)
@@ -27,7 +27,8 @@ def open_library(path: Path) -> Recording:
             with refusing(path, f"topic {topic.name!r}", Unreadable):
                 for _, _, raw in first:
                     topic.look(raw)
-                    break
+                    if topic.is_known:
+                        break
             if topic.reason:
                 message = f"its messages are not kept: {topic.reason}"
                 findings.append(Finding("left_out", topic.name, None, message))

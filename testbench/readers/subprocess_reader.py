@@ -29,6 +29,8 @@ from ..recording import (
     Report,
     Samples,
     SensorRange,
+    TextLog,
+    TextSeries,
     group_from_dict,
 )
 from .format_findings import damaged
@@ -88,7 +90,7 @@ class Process:
 
     def __init__(self, path: Path, module: str, function: str) -> None:
         worker = f"{__package__}.subprocess_worker"
-        threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "POLARS_MAX_THREADS"), "1")
+        threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
         self._path = path
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", worker, module, function, str(path.absolute())],
@@ -182,7 +184,7 @@ def open_in_subprocess(path: Path, module: str, function: str = "open_library") 
     for other in [*_WAITING]:
         _end_waiting(other)
     _WAITING.append(process)
-    groups = tuple(group_from_dict(group) for group in header["groups"])
+    groups, texts = tuple(group_from_dict(group) for group in header["groups"]), TextLog()
 
     def read(report: Report) -> Iterator[Block]:
         known = {group.name: group for group in groups}
@@ -200,6 +202,8 @@ def open_in_subprocess(path: Path, module: str, function: str = "open_library") 
             elif "block" in document:
                 name, count, start, bytes_read = document["block"]
                 yield Block(known[name], tuple(data.reshape(count, -1)), start, None, bytes_read)
+            elif "texts" in document:
+                texts.series |= {(each["group"], each["channel"]): TextSeries(**each) for each in document["texts"]}
 
     lists = {
         "groups": groups,
@@ -207,6 +211,6 @@ def open_in_subprocess(path: Path, module: str, function: str = "open_library") 
         "ranges": tuple(SensorRange(**each) for each in header["ranges"]),
         "findings": tuple(Finding(**each) for each in header["findings"]),
     }
-    recording = Recording(path=path, read=read, **header | lists)
+    recording = Recording(path=path, read=read, texts=texts, **header | lists)
     weakref.finalize(recording, _end_waiting, process)
     return recording

@@ -83,6 +83,7 @@ def _send_data(out: IO[bytes], recording: Recording) -> None:
             protocol.write_frame(out, {"group": asdict(block.group)})
         place = (block.group.name, len(block.columns), block.start, block.bytes_read)
         protocol.write_frame(out, {"block": place}, block.columns)
+    protocol.write_frame(out, {"texts": [asdict(series) for series in recording.texts.kept]})
     protocol.write_frame(out, {"end": True})
 
 

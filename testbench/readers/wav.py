@@ -114,8 +114,8 @@ def _sample_format(source: ByteSource, raw: bytes, order: str) -> _SampleFormat:
         raise damaged(source.path, f"a format of {len(raw)} bytes")
     code, channels, rate, _, frame, bits = struct.unpack_from(f"{order}HHIIHH", raw)
     if code == _EXTENSIBLE and len(raw) >= 26:
-        (code,) = struct.unpack_from(f"{order}H", raw, 24)
-    form = _SampleFormat(order, code, channels, rate, frame, bits)
+        (code,) = struct.unpack_from(f"{order}I", raw, 24)
+    form = _SampleFormat(order, code & 0xFFFF, channels, rate, frame, bits)
     try:
         if not channels or frame % channels or not 0 < bits <= 8 * frame // channels:
             raise ValueError("its frames are no whole numbers of samples")

@@ -82,6 +82,8 @@ def unit_of(stated: Mapping[str, AttributeValue]) -> str | None:
 
 def _value(attrs: h5py.AttributeManager, name: str) -> AttributeValue | None:
     found = attrs.get_id(name)
+    if not found.get_space().get_simple_extent_npoints():
+        return None  # HDF5 fails to say how large an empty one is
     if found.get_storage_size() > 1 << 16 or (found.dtype.kind == "O" and h5py.check_string_dtype(found.dtype) is None):
         return None
     value = attrs[name]

@@ -40,6 +40,7 @@ from ..format_findings import (
     nothing_to_read,
     refusing,
     rounded_integers,
+    text_kept,
     watch_nonfinite,
 )
 from ..header_claims import SINCE_1970, clock_of_step, recorded_time
@@ -291,7 +292,7 @@ def _channel_findings(contents: Contents, gathered: Sequence[_ChannelGroup]) -> 
 
 def _texts(contents: Contents) -> list[Finding]:
     return [
-        Finding("text_kept", channel_title(path), None, "holds text, kept as it is, by the samples where it changes")
+        text_kept(channel_title(path))
         for path, channel in contents.channels.items()
         if channel.texts and path_names(path)
     ]

@@ -71,6 +71,18 @@ def _dec(value):
 WORDS = [2, 4, 6, 0, 14, 18, 22, 26] * 3
 
 
+def test_headers_of_other_programs(tmp_path):
+    """Channels counted where their samples of a frame belong; parameters that go on to the data, declared shorter."""
+    path, _, analog = _written(tmp_path)
+    raw = bytearray(path.read_bytes())
+    raw[4:6] = struct.pack("<H", 3)
+    raw[514] = 1
+    path.write_bytes(raw)
+    found = reading.read(path)
+    np.testing.assert_array_equal(found.column("EMG"), analog[2])
+    assert {f.code for f in found.findings if f.severity} == {"header_contradiction", "invalid_samples"}
+
+
 def test_points_and_channels_are_groups_of_their_own_rate(tmp_path):
     """Numbers, labels, units and rates are those that another program wrote; an unseen point is NaN."""
     path, points, analog = _written(tmp_path)

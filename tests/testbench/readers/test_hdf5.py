@@ -56,6 +56,12 @@ def created(**options):
     return lambda file, where: file.create_dataset(where, **options)
 
 
+def test_an_attribute_without_a_value_is_none(made):
+    """HDF5 fails to say how large it is; the numbers beside it are read."""
+    found = made({"acc": (TIME, {"none": np.empty(0), "units": "m/s2"})})
+    assert found.unit("acc") == "m/s2"
+
+
 def by_channel(found, code):
     """The messages of the findings of a code by their channel."""
     return {f.channel: f.message for f in found.findings if f.code == code}

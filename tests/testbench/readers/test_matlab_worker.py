@@ -86,6 +86,16 @@ def test_fields_and_cells_are_named_by_their_path(saved):
     assert found.column("c{2}").tolist() == [0] * 4
 
 
+def test_objects_without_dimensions_are_left_out(saved):
+    """What MATLAB calls opaque has a name and no sides; the variables beside it are read."""
+    path, name = saved(x=TIME), struct.pack("<HH4s", 1, 3, b"obj")
+    body = struct.pack("<IIII", 6, 8, 17, 0) + name
+    path.write_bytes(path.read_bytes() + struct.pack("<II", 14, len(body)) + body)
+    found = reading.read(path)
+    np.testing.assert_array_equal(found.column("x"), TIME)
+    assert "obj (an opaque object)" in found.message("left_out")
+
+
 @pytest.mark.parametrize(("name", "value"), [("fs", 128.0), ("Sample_Rate", 128.0), ("dt", 1 / 128)])
 def test_a_single_number_may_state_the_rate(saved, name, value):
     """fs and dt are the clock of arrays without a time column."""

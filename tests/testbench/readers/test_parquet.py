@@ -1,10 +1,13 @@
-"""Parquet, written by polars."""
+"""Parquet, written by polars and pyarrow."""
 
 from datetime import date, datetime, time, timedelta
+from decimal import Decimal
 
 import numpy as np
 import polars
+import pyarrow
 import pytest
+from pyarrow import parquet
 
 from testbench.errors import RecordingError
 
@@ -42,16 +45,37 @@ def test_points_in_time_are_counted_exactly(tmp_path, unit, written):
 
 
 def test_other_types_are_kept_or_said(tmp_path):
-    """Switches and durations are numbers; texts and lists are named."""
+    """Switches and durations are numbers, texts are kept beside them; lists are named."""
     found = reading.read(_write(tmp_path, {
         "on": [True, False], "for": [timedelta(seconds=1), timedelta(seconds=2)], "day": [date(1970, 1, 2)] * 2,
-        "at": [time(0, 0, 1)] * 2, "when": [datetime(1970, 1, 1)] * 2, "text": ["a", "b"], "list": [[1], [2]],
+        "at": [time(0, 0, 1)] * 2, "when": [datetime(1970, 1, 1)] * 2, "text": ["a", None], "list": [[1], [2]],
     }))  # fmt: skip
     assert found.column("on").tolist() == [1, 0]
     assert found.column("for").tolist() == [1e6, 2e6]
     assert (found.column("day")[0], found.unit("day")) == (1, "day")
     assert found.column("at")[0] == 1e9
-    assert {f.channel for f in found.findings if f.code in ("text_channel", "left_out")} == {"text", "list"}
+    assert {f.channel: f.code for f in found.findings if f.code in ("text_kept", "left_out")} == {
+        "text": "text_kept",
+        "list": "left_out",
+    }
+    (series,) = found.recording.texts.kept
+    assert (series.channel, series.samples, series.texts) == ("text", [0, 1], ["a", ""])
+
+
+def test_what_only_the_reference_reads(tmp_path):
+    """Zones that are mere offsets, half floats, decimals, dictionaries, and points in time that are no clock."""
+    path, when = tmp_path / "run.parquet", pyarrow.array([3, 1, 2], pyarrow.timestamp("s", tz="-02:15"))
+    table = {
+        "when": when,
+        "half": np.array([0.5, 1, 2], np.float16),
+        "state": pyarrow.array([*"aab"]).dictionary_encode(),
+    }
+    parquet.write_table(pyarrow.table(table | {"price": pyarrow.array([Decimal("1.25")] * 3)}), path)
+    found = reading.read(path)
+    assert found.column("half").tolist() == [0.5, 1, 2]
+    assert found.column("price")[0] == 1.25
+    assert found.group().clock is None
+    assert found.recording.texts.kept[0].texts == ["a", "b"]
 
 
 def test_stars_in_a_name_open_one_file_only(tmp_path):
@@ -73,5 +97,5 @@ def test_cut_and_empty_files_are_refused(tmp_path):
 
 def test_nested_columns_alone_are_refused_by_name(tmp_path):
     """Lists and structures are no single number a row; what they are is said."""
-    with pytest.raises(RecordingError, match=r"acc holds List\(Float64\), not one number a row"):
+    with pytest.raises(RecordingError, match=r"acc holds .*list<.*double>, not one number a row"):
         reading.read(_write(tmp_path, {"acc": [[1.0, 2.0], [3.0]]}))

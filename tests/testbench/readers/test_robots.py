@@ -8,7 +8,7 @@ from rosbags.rosbag1 import Writer as BagWriter
 from testbench.errors import RecordingError
 from testbench.readers.ros_messages import RosDecoder, message_fields
 from testbench.readers.ros_topics import TooManyNumbers, UnknownType, Unreadable
-from testbench.recording import TimeColumn
+from testbench.recording import TextLog, TextSeries, TimeColumn
 
 from . import reading, robots
 from .reading import in_process  # noqa: F401
@@ -58,13 +58,27 @@ def test_integers_that_float64_rounds_are_said():
     """2**53 + 1 of one message; neither floating-point numbers as large nor times, which are counted from a zero."""
     from testbench.readers.ros_topics import Topic, json_message
 
-    topic = Topic("/json", json_message, robots.ZERO)
+    topic, texts = Topic("/json", json_message, robots.ZERO), TextLog()
     for i in range(3):
-        topic.take(robots.ZERO + i, b'{"ticks": %d, "large": 1e300, "small": %d}' % (2**53 + i, i))
+        raw = b'{"ticks": %d, "large": 1e300, "small": %d, "mode": "%s"}' % (2**53 + i, i, (b"idle", b"run")[i > 1])
+        topic.take(robots.ZERO + i, raw, texts)
+    assert texts.kept == [TextSeries("/json", "mode", [0, 2], ["idle", "run"])]
     findings = []
     (block,) = topic.remaining_blocks(findings.append)
     assert block.columns[0].tolist() == [0, 1, 2]
     assert [(f.code, f.channel) for f in findings] == [("not_exact", "ticks")]
+
+
+@pytest.mark.parametrize(("stamps", "clock"), [([1, 2, 3], 1), ([1, 1, 2], 0), ([3, 2, 4], 0)])
+def test_a_stamp_is_the_clock_where_it_rises(stamps, clock):
+    """Messages of two sources with the same stamps, or late ones, go by the time at which they were logged."""
+    from testbench.readers.ros_topics import Topic, json_message
+
+    topic = Topic("/json", json_message, robots.ZERO)
+    for stamp in stamps:
+        topic.look(b'{"header": {"stamp": {"sec": %d, "nanosec": 0}}}' % stamp)
+    (shape,) = topic.shapes.values()
+    assert shape.group.clock.index == clock
 
 
 @pytest.mark.parametrize("share", [0.3, 0.7, 0.98])

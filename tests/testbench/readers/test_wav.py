@@ -99,9 +99,9 @@ def test_other_formats_are_refused(tmp_path, form):
 
 def test_the_other_byte_order_is_read(tmp_path):
     """RIFX: as RIFF, each number with its highest byte first; texts and what lies behind too."""
-    form = struct.pack(">HHIIHH", 1, 2, 100, 600, 6, 24)
+    form = struct.pack(">HHIIHH", 0xFFFE, 2, 100, 600, 6, 24) + struct.pack(">HHII12s", 22, 24, 4, 1, bytes(12))
     texts = b"INFOICMT" + struct.pack(">I", 6) + b"hello\0"
-    body = b"WAVEfmt " + struct.pack(">I", 16) + form + b"LIST" + struct.pack(">I", len(texts)) + texts
+    body = b"WAVEfmt " + struct.pack(">I", len(form)) + form + b"LIST" + struct.pack(">I", len(texts)) + texts
     body += b"data" + struct.pack(">I", 12) + bytes.fromhex("ffffff 000001 000100 800000")
     path = tmp_path / "run.wav"
     path.write_bytes(b"RIFX" + struct.pack(">I", len(body)) + body + b"data" + struct.pack(">I", 20) + bytes(20))
