@@ -75,7 +75,7 @@ def write_run_truth(folder: Path, rig: "Rig", run: "SimulatedRun", balance: "Con
 
 
 def _write_table(stem: Path, columns: "Mapping[str, Floats | NDArray[np.float32]]") -> None:
-    """Write columns (n,) as Parquet where polars is installed; else as CSV, ten times as large."""
+    """Write columns (n,) as Parquet where pyarrow is installed; else as CSV, ten times as large."""
     if can_write_parquet():
         write_parquet(f"{stem}.parquet", columns)
     else:
