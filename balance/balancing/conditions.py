@@ -181,9 +181,10 @@ class Conditions:
         masses = np.array([unit == "kg" for unit in self.units], dtype=bool)
         of_masses, rows = self.matrix[masses], self.matrix[~masses]
         rows = rows - rows @ np.linalg.pinv(of_masses) @ of_masses
-        weights = rows.reshape(len(rows), -1, len(PARAMETERS))[:, :, 1:4].reshape(len(rows), -1)
+        bodies = len(self.mechanism.bodies)
+        weights = rows.reshape(len(rows), bodies, len(PARAMETERS))[:, :, 1:4].reshape(len(rows), 3 * bodies)
         least = np.linalg.pinv(weights, rcond=_ZERO)
-        blocks = zip(least.reshape(-1, 3, len(rows)), weights.T.reshape(-1, 3, len(rows)), strict=True)
+        blocks = zip(least.reshape(bodies, 3, len(rows)), weights.T.reshape(bodies, 3, len(rows)), strict=True)
         return np.array([np.linalg.pinv(own @ weight.T, rcond=_ZERO) @ own @ rows for own, weight in blocks])
 
     def is_balanced(self, tol: float, mechanism: Mechanism | None = None) -> bool:

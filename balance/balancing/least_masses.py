@@ -118,6 +118,8 @@ def _lightest(columns: Floats, made: Floats, least: Floats, most: Floats) -> Flo
     import clarabel
     from scipy import sparse
 
+    if not columns.any():
+        return np.zeros(len(least))
     count = len(least)
     size = max(float(np.abs(made).max(initial=0.0)) / float(np.abs(columns).max()), 1e-12)
     ends = np.concatenate([np.minimum(most, 1e9 * size), np.minimum(-least, 1e9 * size)]) / size

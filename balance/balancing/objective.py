@@ -20,7 +20,7 @@ from ..closure import Closure, Trajectory
 from ..dynamics.inverse_dynamics import driven_rates, simulate
 from ..dynamics.regressor import driven_torque_regressor, momentum_regressor, torque_regressor, wrench_regressor
 from ..errors import ModelError, SizingError
-from ..mechanism.mechanism import Mechanism
+from ..mechanism.mechanism import PARAMETERS, Mechanism
 
 QUANTITIES = {"force": "N", "moment": "Nm", "torque": "Nm"}
 """What can be made small over a motion, and the unit of its root mean square."""
@@ -36,6 +36,8 @@ _ALL_COMBINATIONS, _PAIRS = 3, 8
 """Number of joints up to which they move in all combinations, and in pairs."""
 _DETERMINED = 1e6
 """Condition number from which driven joints do not determine the mechanism at home."""
+_ROUNDING = 1e-12
+"""Effect of a mass at a site, relative to the largest on any body, that is rounding: the site does not move."""
 _MASSLESS = 1e-12
 """Kinetic energy of a direction of motion, relative to the largest, that is rounding."""
 
@@ -56,7 +58,11 @@ class Objective:
     def system(self, mechanism: Mechanism, sites: Sequence[str]) -> tuple[Floats, Floats]:
         """Columns (k, sites) [unit / kg] and target (k,) [unit] with J = |columns m - target|^2, m the masses [kg]."""
         added = np.array([mechanism.with_counter_mass({name: 1.0}).pi - mechanism.pi for name in sites])
-        return self.factor[:, :-1] @ added.T, -self.factor @ np.append(mechanism.pi, 1.0)
+        columns = self.factor[:, :-1] @ added.T
+        largest = np.linalg.norm(self.factor[:, :-1], axis=0).reshape(-1, len(PARAMETERS)).max(axis=0)
+        reach = np.abs(added) @ np.tile(largest, len(mechanism.bodies))  # of the same on the body that does most
+        columns[:, np.linalg.norm(columns, axis=0) <= _ROUNDING * reach] = 0.0
+        return columns, -self.factor @ np.append(mechanism.pi, 1.0)
 
 
 def objective_of(

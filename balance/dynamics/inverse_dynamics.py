@@ -187,7 +187,8 @@ def simulate(mechanism: Mechanism, trajectory: Trajectory) -> Response:
         regressor = np.concatenate([engine.wrench_regressor(q, v, a), engine.torque_regressor(q, v, a)])
         lost = mechanism.armature * a + mechanism.viscous * v + mechanism.coulomb * np.sign(v)
         lost = np.concatenate([np.zeros(6), lost])
-        return regressor @ mechanism.pi + lost, np.abs(regressor) @ np.abs(mechanism.pi) + np.abs(lost)
+        weight = np.linalg.norm(mechanism.gravity) * mechanism.total_mass  # at rest it may be all that is added up
+        return regressor @ mechanism.pi + lost, np.abs(regressor) @ np.abs(mechanism.pi) + np.abs(lost) + weight
 
     refuse_other_than_pinocchio(mechanism, "wrench or torque", _loads_key(mechanism), states, found, expected)
     torque = _drive_torque(mechanism, trajectory, joint_torque.T)

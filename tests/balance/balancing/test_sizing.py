@@ -152,6 +152,22 @@ def test_what_pulls_the_wrong_way_gets_nothing() -> None:
     assert sized.residual_percent() == pytest.approx(100.0)
 
 
+def test_a_site_that_does_not_move_gets_nothing() -> None:
+    """A triangle of bars is rigid up to rounding; a carriage alone moves, and no counter-mass helps it."""
+    site = '<site name="counter_a" pos="-0.1 0.2 0"/>'
+    bars = models.link(site, "a", place='euler="0.3 0.2 0.1"') + models.link(
+        '<site name="counter_b" pos="0.1 0 0"/>', "b", place='pos="0.31 0.07 0"'
+    )
+    slide = models.link("", "c", '<joint name="c" type="slide" axis="0.3 0.5 0.7"/>')
+    tied = '<equality><weld body1="a" body2="b"/></equality>'
+    mechanism = models.model(models.mjcf(bars + slide, tied))
+    sized = balancing.exact_sizing(balance_conditions(mechanism), mechanism)
+    assert [one.mass for one in sized.counter_masses] == [0.0, 0.0]
+    assert sized.residual() == 0.0  # there is a condition on a mass alone, and no first moment is lacking
+    columns = np.diag([1.0, 0.0, 0.0])
+    assert balancing.least_masses.distribute_masses(columns, np.ones(3)).masses.tolist() == [1.0, 0.0, 0.0]
+
+
 def test_of_redundant_sites_the_lightest_choice() -> None:
     """Two sites on one line: the further one does it with less, so it takes all; equal arms would need the same."""
     near, far = (f'<site name="counter_{n}" pos="-{d} 0 0"/>' for n, d in (("near", 0.05), ("far", 0.2)))

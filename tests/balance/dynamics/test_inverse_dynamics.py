@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
+from scipy.spatial.transform import Rotation
 
 from balance.closure import Closure, Trajectory
 from balance.dynamics.inverse_dynamics import (
@@ -292,3 +293,13 @@ def test_where_there_is_no_such_number() -> None:
 def test_a_body_that_does_not_move_the_mechanism() -> None:
     """The first link of a 2R arm moves on a circle: its centre in the plane says nothing of the second link."""
     assert shaking_force_per_acceleration(models.load("serial-2r"), "link_1") is None
+
+
+def test_at_rest_only_rounding_is_added_up() -> None:
+    """Turned axes along gravity: torques at rest are rounding, and are not refused for differing by rounding."""
+    arm = models.link(models.link("", "b", place='pos="0.3 0.1 0.2"'), "a", place='axisangle="3 2 1 0.7"')
+    down = Rotation.from_rotvec(0.7 * np.array([3.0, 2.0, 1.0]) / np.sqrt(14.0)).apply([0.0, 0.0, -9.81])
+    mechanism = replace(models.model(models.mjcf(arm)), gravity=down)
+    still, rates = np.full((5, 2), 0.3), np.tile(np.eye(2), (5, 1, 1))
+    response = simulate(mechanism, Trajectory("", np.arange(5.0), still, 0 * still, 0 * still, rates, 0.0, 1.0, ""))
+    assert 0.0 < np.abs(response.torque["a"]).max() < 1e-13
