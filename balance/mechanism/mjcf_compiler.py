@@ -258,12 +258,15 @@ def _bounded_memory() -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
-def refuse_tags(text: str, name: str) -> None:
-    """Raise ModelError for what must not reach a parser: code, flexible bodies, and elements or copies without end."""
+def refuse_tags(text: str, name: str, passed: str = "") -> None:
+    """Raise ModelError for what must not reach a parser: code, flexible bodies, and elements or copies without end.
+
+    An element ``passed`` over is no reason.
+    """
     count, bodies, copies = 0, 0, [1]
     for match in tags(text):
         tag = match["tag"]
-        if tag in _REFUSED:
+        if tag in _REFUSED and tag != passed:
             raise ModelError(f"{name}: {element_label(match)} is {_REFUSED[tag]}")
         if tag == "replicate":
             if match["close"]:

@@ -19,7 +19,7 @@ from pydantic import Field
 from ..arrays import Floats
 from ..errors import ModelError
 from ..input_files import Table, json_document, model_from_table
-from .mjcf_compiler import located_file, read_text, refuse_tags
+from .mjcf_compiler import located_file, read_text, refuse_tags, tags
 from .robot import Link, Placement, Robot, RobotJoint
 
 _LOOPS_COMMENT = re.compile(r"<!-- counterpoise loops: (.*?) -->", re.S)
@@ -71,7 +71,8 @@ def read_robot(text: str, file: str, path: Path | None) -> tuple[Robot, str]:
 
 def _parsed(text: str, file: str) -> Element:
     """The root, names of elements without their namespaces."""
-    refuse_tags(text, file)
+    is_urdf = next((tag["tag"] for tag in tags(text)), "") == "robot"
+    refuse_tags(text, file, "plugin" if is_urdf else "")  # those of a URDF are a simulator's
     try:
         root = ElementTree.fromstring(_without_comments(text).strip())
     except (ElementTree.ParseError, ValueError) as error:
@@ -249,6 +250,11 @@ def _urdf(root: Element, file: str) -> Robot:
     if root.tag != "robot":
         raise ModelError(f"{file}: expected a URDF file with root <robot>, found <{root.tag}>")
     read = _Reader(file)
+    for element in [*root.iterfind("gazebo/joint"), *root.iterfind("gazebo//mimicJoint"), *root.iter("loop_joint")]:
+        raise ModelError(
+            f"{file}: <{element.tag}> {element.get('name') or (element.text or '').strip()!r} is a loop or coupling of "
+            "a simulator's: state it in a YAML file of this name, or as <mimic>, and remove the element"
+        )
 
     def origin(element: Element | None, where: str) -> Placement:
         found = None if element is None else element.find("origin")

@@ -14,7 +14,7 @@ from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
 
 URDF = """<?xml version="1.0"?>
-<robot name="arm"><!-- two -- hyphens --><gazebo reference="upper"/>
+<robot name="arm"><!-- two -- hyphens --><gazebo reference="upper"/><gazebo><plugin filename="x.so"/></gazebo>
   <link name="ground"/>
   <link name="upper"><inertial><origin xyz="0.14 0 0"/><mass value="1.2"/>
     <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.009" iyz="0" izz="0.009"/></inertial></link>
@@ -194,6 +194,13 @@ def test_loops_that_are_not_understood(tmp_path: Path, sidecar: str, name: str, 
         ('xyz="0 0 1"', 'xyz="0 0 0"', "axis of joint 'shoulder'"),
         ('mass value="0.9"', 'mass value="heavy"', "value of the inertial of link 'fore' is 'heavy'"),
         ('name="elbow"', 'name="shoulder"', "'shoulder'.*no other joint"),
+        ('<gazebo reference="upper"/>', '<gazebo><joint name="close"/></gazebo>', "<joint> 'close' is a loop.*YAML"),
+        ('<gazebo reference="upper"/>', '<loop_joint name="close"/>', "<loop_joint> 'close' is a loop.*YAML"),
+        (
+            'reference="upper"/>',
+            "><plugin><mimicJoint>tip</mimicJoint></plugin></gazebo>",
+            "'tip' is a loop or coupling",
+        ),
         ('izz="0.005"', 'izz="0.5"', r"inertia must satisfy A \+ B >= C.*'fore'"),
     ],
 )
