@@ -124,6 +124,10 @@ class LazyGroup(click.Group):
         command = getattr(import_module(f"{self._package}.{module}"), function or cmd_name)
         assert isinstance(command, click.Command)
         _add_detail_options(command)
+        if ctx.resilient_parsing:  # the shell asks for a completion
+            from .completion import completing
+
+            return completing(command)
         return command
 
     def resolve_command(
@@ -228,13 +232,18 @@ def emit_result(document: dict[str, Any], as_json: bool, show: Callable[[], None
 
 
 def emit_table(title: str, header: list[str], rows: list[list[str]], note: str = "") -> None:
-    """Print a table for people on stdout, numbers to the right, control characters escaped.
+    """Print a table for people on stdout, in lines of the terminal's width."""
+    click.echo("\n".join(table_lines(title, header, rows, note, columns())))
 
-    Where it is wider than the terminal (or COLUMNS), columns of one value go below it, then texts are wrapped between
-    words, then the last columns go; no number is ever broken.
+
+def table_lines(title: str, header: list[str], rows: list[list[str]], note: str, width: int | None) -> list[str]:
+    """A table for people, numbers to the right, control characters escaped.
+
+    Where it is wider than ``width``, columns of one value go below it, then texts are wrapped between words, then the
+    last columns go; no number is ever broken.
     """
     cells = [[plain_text(cell) for cell in row] for row in rows]
-    header, width = [plain_text(name) for name in header], columns()
+    header = [plain_text(name) for name in header]
     below = [note] if note else []
     if width is not None and _least(header, cells) > width and len(cells) > 1:
         header, cells, same = _without_constants(header, cells)
@@ -245,8 +254,8 @@ def emit_table(title: str, header: list[str], rows: list[list[str]], note: str =
         header, cells = header[:-1], [row[:-1] for row in cells]
     if gone:
         below.append(f"Too wide for {width} columns: {', '.join(gone)}")
-    lines = _drawn(title, header, cells, width)
-    click.echo("\n".join([*lines, *(click.wrap_text(text, width or 110) for text in below)]))
+    wrapped = [line for text in below for line in click.wrap_text(text, width or 110).split("\n")]
+    return [*_drawn(title, header, cells, width), *wrapped]
 
 
 def columns() -> int | None:
@@ -315,7 +324,12 @@ def _drawn(title: str, header: list[str], cells: list[list[str]], width: int | N
     with console.capture() as found:
         console.print(table)
     lines = [line.rstrip() for line in found.get().rstrip("\n").split("\n")]
-    return ["", *([click.style(plain_text(title), bold=True)] if title else []), *lines]
+    return ["", *(map(_bold, click.wrap_text(plain_text(title), width or 1000).split("\n")) if title else []), *lines]
+
+
+def _bold(text: str) -> str:
+    """A title in bold, on a terminal; plain where the environment says NO_COLOR."""
+    return text if os.environ.get("NO_COLOR") else click.style(text, bold=True)
 
 
 def emit_findings(findings: Iterable[tuple[str, str]]) -> None:

@@ -192,6 +192,7 @@ Exit codes: 0 done, 3 done with findings (gaps left out) or doubts, which are li
     "--accept",
     multiple=True,
     metavar="CODE",
+    shell_complete=stored_runs.contradiction_codes,
     help="A contradiction that a person accepts, or mechanism_differs: the rig is of another mechanism than MECH.",
 )
 @click.option("--rig", help="A rig in place of the one stored with the runs.")

@@ -29,9 +29,17 @@ def _known_codes(context: click.Context, parameter: click.Parameter, codes: tupl
     return codes
 
 
+def _codes(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
+    """What the shell completes after ``--accept``."""
+    from ..recording import MEANING
+
+    return [code for code in sorted(MEANING) if code.startswith(incomplete)]
+
+
 _accept_option = click.option(
-    "--accept", multiple=True, metavar="CODE", callback=_known_codes, help="Store in spite of findings of this code."
-)
+    "--accept", multiple=True, metavar="CODE", callback=_known_codes, shell_complete=_codes,
+    help="Store in spite of findings of this code.",
+)  # fmt: skip
 _campaign_option = click.option(
     "-o", "--output", "campaign", required=True, type=click.Path(path_type=Path), help="The campaign's folder."
 )

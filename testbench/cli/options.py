@@ -58,12 +58,20 @@ class BandText(click.ParamType["Band | None"]):
             self.fail(str(error), param, ctx)
 
 
+def contradiction_codes(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
+    """What the shell completes after ``--accept``."""
+    from ..cross_examination import SUBJECTS
+
+    return [code for code in sorted(SUBJECTS) if code.startswith(incomplete)]
+
+
 def accept_option(command: F) -> F:
     """Add ``--accept``, several times: codes of contradictions."""
     return click.option(
         "--accept",
         multiple=True,
         metavar="CODE",
+        shell_complete=contradiction_codes,
         help="A contradiction that a person accepts: its numbers are given, marked. Several times.",
     )(command)
 

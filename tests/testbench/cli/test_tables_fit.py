@@ -1,0 +1,103 @@
+"""Tables of all commands fit 80 and 200 columns, and break no number."""
+
+import re
+import shlex
+import shutil
+
+import click
+import pytest
+
+from balance import cli as balance
+from balance.cli import framework
+from testbench import cli as testbench
+
+from ...commands import call
+from ..conftest import conditions
+
+PLAN = conditions((3.4116, 17.1105, ("x",)), (3.4116, 0.0, ("x",)))
+LINES = [
+    "balance conditions four-bar --moment",
+    "balance assemble five-bar",
+    "balance size parallelogram-6bar -p platform=5kg --stock kiper2019 --best 3",
+    "balance check four-bar -c counter_A0A=1kg",
+    "balance simulate four-bar --motion four-bar --rate 1kHz",
+    "balance sweep four-bar --motion four-bar --vary counter_A0A.mass=0kg:2kg:3 --vary counter_B0B.mass=0kg:2kg:3",
+    "balance tolerance four-bar --motion four-bar -c counter_A0A=1kg --tolerance counter_A0A.mass=20g",
+    "balance tradeoff four-bar --motion four-bar --points 10",
+    "balance linkage two-levels",
+    "balance rotor correct three-masses",
+    "balance rotor influence feese-2004",
+    "balance rotor tolerance --mass 20kg --speed 3000rpm --grade G6.3",
+    "balance rotor split '30 g @ 10 deg' --holes 8",
+    "balance engine free v4-72-offset",
+    "balance engine table",
+    "balance engine single single",
+    "balance drive four-bar-dc",
+    "balance static serial-3r",
+    "balance methods serial-1r",
+    "balance files",
+    "testbench formats",
+    "testbench recordings list",
+    "testbench files",
+    "testbench info log.csv --stats",
+    "testbench list campaign",
+    "testbench verify campaign",
+    "testbench ledger campaign",
+    "testbench align campaign/r002.h5",
+    "testbench analyze campaign --budget",
+    "testbench compare campaign --published kiper2019",
+    "testbench report campaign/r001.h5",
+    "testbench identify parallelogram-6bar campaign/r002.h5 --by wrench --budget",
+    "testbench trim parallelogram-6bar campaign/r002.h5 --by wrench",
+    "testbench plan next campaign",
+    "testbench ingest log.csv -o other",
+    "testbench speed edges.csv --pulses 60",
+]
+OTHERS = {
+    "balance": {"report", "animate", "schema"},
+    "testbench": {"new", "check", "simulate", "describe", "watch", "remove", "archive", "recover", "calibrate",
+                  "export", "doctor", "schema", "vectors", "predict"},
+}  # fmt: skip
+"""Commands that print sentences, write files, or (the last two) take long and print tables of these kinds."""
+
+
+@pytest.fixture
+def folder(shared, tmp_path, monkeypatch):
+    """A campaign and two logs."""
+    shutil.copytree(shared(PLAN).campaign, tmp_path / "campaign")
+    (tmp_path / "log.csv").write_text("t (s),a (m/s^2)\n0.0,0.5\n0.1,0.25\n0.2,0.75\n", encoding="utf-8")
+    edges = "".join(f"{0.01 * k:.6f}\n" for k in range(300))
+    (tmp_path / "edges.csv").write_text(f"t (s)\n{edges}", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize("line", LINES)
+def test_tables_fit(line, monkeypatch):
+    """No line is wider, no number broken, nothing cut short."""
+    drawn, tables = framework.table_lines, []
+
+    def lines_at(title, header, rows, note, width):
+        tables.append(title)
+        for wide in (80, 200):
+            lines = list(map(click.unstyle, drawn(title, header, rows, note, wide)))
+            text = "\n".join(lines)
+            assert max(map(len, lines)) <= wide
+            assert "…" not in text
+            numbers = {cell for row in rows for cell in row if re.fullmatch(r"[+-]?[\d.]+(e[+-]?\d+)?", cell)}
+            assert "Too wide" in text or all(number in text for number in numbers)
+        return drawn(title, header, rows, note, width)
+
+    monkeypatch.setattr(framework, "table_lines", lines_at)
+    name, *words = shlex.split(line)
+    done = call({"balance": balance, "testbench": testbench}[name].main, name, *words, "--all")
+    assert done.code in {0, 3}, done.err
+    assert tables
+
+
+def test_no_command_is_left_out():
+    """Each prints a table above, or is said to print none."""
+    for name, package in (("balance", balance), ("testbench", testbench)):
+        shown = {line.split()[1] for line in LINES if line.startswith(f"{name} ")}
+        assert shown | OTHERS[name] == set(package.COMMANDS)
+        assert not shown & OTHERS[name]
