@@ -56,9 +56,9 @@ LINES = [
 OTHERS = {
     "balance": {"report", "animate", "schema"},
     "testbench": {"new", "check", "simulate", "describe", "watch", "remove", "archive", "recover", "calibrate",
-                  "export", "doctor", "schema", "vectors", "predict"},
+                  "export", "doctor", "schema", "vectors", "view", "predict"},
 }  # fmt: skip
-"""Commands that print sentences, write files, or (the last two) take long and print tables of these kinds."""
+"""Commands that print sentences, write files, or (``vectors``, ``predict``) take long and print tables of these kinds."""
 
 
 @pytest.fixture
