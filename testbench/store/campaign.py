@@ -108,7 +108,7 @@ class Campaign(Mapping[str, Run], Shown):
         known |= {name for leftover in unfinished_runs for name in (leftover.part.name, leftover.journal.name)}
         states += [_other(path) for path in sorted(self.path.iterdir()) if path.name not in known | KEPT]
         found = {state.name: state for state in states}
-        entered = not (self.path / CRATE).exists() and any(map(_has_digests, self.run_paths))
+        entered = not (self.path / CRATE).exists() and any(_unproven(path) == "" for path in self.run_paths)
         for name, status, message in ledger.cross_check(self.path, entered):
             if name not in found or found[name].status == "intact":
                 found[name] = FileState(name, status, message)
@@ -182,17 +182,17 @@ def _state_of(run: Path, progress: Callable[[int], None]) -> FileState:
     except OSError as error:
         return FileState(run.name, "damaged", f"cannot be read ({error.strerror or error})")
     if found == expected:
-        return FileState(run.name, "intact", "" if _has_digests(run) else WITHOUT_DIGESTS)
+        return FileState(run.name, "intact", _unproven(run))
     message = f"its content changed: SHA-256 {found[:12]}..., when written {expected[:12]}...; {_what_changed(run)}"
     return FileState(run.name, "damaged", message)
 
 
-def _has_digests(path: Path) -> bool:
-    """Whether what is read of a run is compared with digests each time."""
+def _unproven(path: Path) -> str:
+    """What reading a run of the right bytes cannot prove, for want of digests or since it cannot be opened."""
     try:
-        return all(group.digests is not None for group in open_run(path).groups)
-    except StoreError:
-        return False  # no run that we know: whoever opens it says so
+        return "" if all(group.digests is not None for group in open_run(path).groups) else WITHOUT_DIGESTS
+    except StoreError as error:
+        return f"its bytes are those that were written, but it cannot be opened: {error}"
 
 
 def _what_changed(path: Path) -> str:

@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 from collections.abc import Callable, Iterator, Set
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,6 +24,8 @@ _FILTERS = frozenset({_DEFLATE, _SHUFFLE, _FLETCHER32})
 """Numbers of the filters that every HDF5 library has."""
 _CHECKSUM = 4
 """Bytes that Fletcher-32 adds to a chunk."""
+_OF_THE_SYSTEM = re.compile(r"error message = '([^']*)'")
+"""What the system said, in what HDF5 says of a read that failed."""
 _LARGEST_RATIO = 1040
 """Times that deflated values may be larger than what holds them: no such stream grows by more than 1032."""
 
@@ -49,7 +52,9 @@ def open_for_reading(path: Path) -> Iterator["h5py.File"]:
         with h5py.File(path, "r") as file:
             yield file
     except (OSError, RuntimeError, LookupError, ValueError, TypeError, AttributeError, ArithmeticError) as error:
-        raise StoreError(f"{path.name}: not a stored run, or damaged: {error}") from error
+        failed = _OF_THE_SYSTEM.search(str(error))
+        what = f"cannot be read ({failed[1]})" if failed else f"not a stored run, or damaged: {error}"
+        raise StoreError(f"{path.name}: {what}") from error
     except MemoryError as error:
         raise StoreError(f"{path.name}: does not fit into this machine's memory ({error or 'none is left'})") from error
 

@@ -173,6 +173,21 @@ def test_a_run_without_digests_is_read_and_says_so(run):
     assert "stored before samples had digests" in state.message
 
 
+def test_a_disk_that_fails_is_no_damage(run, monkeypatch):
+    """The system's own words; and verify calls the run neither old nor damaged."""
+
+    def failing(*_):
+        raise KeyError("file read failed: errno = 5, error message = 'Input/output error', buf = 0x5")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(h5py, "File", failing)
+        with pytest.raises(StoreError, match=r"^\S+\.h5: cannot be read \(Input/output error\)$"):
+            open_run(run)
+        state = open_campaign(run.parent).verify()[0]
+    assert state.status == "intact"
+    assert state.message.endswith("it cannot be opened: " + f"{run.name}: cannot be read (Input/output error)")
+
+
 def rewritten(run, make):
     """Give AccY other chunks, as a hostile writer would."""
     with h5py.File(run, "r+") as file:
