@@ -4,8 +4,10 @@ Values are those that the spreadsheet program stored; nothing is computed, linke
 """
 
 import zipfile
+import zlib
 from datetime import date, datetime, time
 from importlib.util import find_spec
+from lzma import LZMAError
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +68,7 @@ def _check_archive(path: Path) -> None:
                     raise RigError(f"{path.name}: {part.filename} has a document type: not what a spreadsheet holds")
     except FileNotFoundError as missing:
         raise RigError(f"no such file {path.name!r}") from missing
-    except (zipfile.BadZipFile, OSError, RuntimeError, NotImplementedError) as error:
+    except (zipfile.BadZipFile, zlib.error, LZMAError, OSError, EOFError, ValueError, RuntimeError) as error:
         raise RigError(f"{path.name}: not a spreadsheet (.xlsx): {error}; save it as .xlsx or CSV") from error
 
 

@@ -60,10 +60,7 @@ class WatchedRunTable:
         if self._state == self._read:
             return set()
         self._read, self.rows = self._state, None
-        try:
-            self.rows = read_run_table(self.path)
-        except OSError as error:
-            raise RigError(f"{self.path.name}: cannot be read: {error.strerror or error}") from error
+        self.rows = read_run_table(self.path)
         before, self._known = self._known, {row.file: row for row in self.rows}
         names = before.keys() | self._known.keys()
         return {Path(name).name for name in names if _says(before.get(name)) != _says(self._known.get(name))}

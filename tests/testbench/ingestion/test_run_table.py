@@ -228,6 +228,12 @@ def broken(path, how):
         workbook(path, WIDE)
         with zipfile.ZipFile(path, "a") as archive:
             archive.writestr("xl/more.xml", "<!DOCTYPE x [<!ENTITY a 'aaaa'>]><x>&a;</x>")
+    elif how == "damaged":
+        content = bytearray(workbook(path, WIDE).read_bytes())
+        with zipfile.ZipFile(path) as archive:
+            first = archive.infolist()[0]
+        content[first.header_offset + 30 + len(first.filename)] = 255  # no kind of block that deflate has
+        path.write_bytes(content)
     elif how == "text":
         path.write_text(WIDE)
     else:
@@ -242,6 +248,7 @@ def broken(path, how):
         ("bomb", "unpacks to more than 100 MB"),
         ("entities", "xl/more.xml has a document type"),
         ("text", r"not a spreadsheet \(.xlsx\)"),
+        ("damaged", r"not a spreadsheet \(.xlsx\): Error -3"),
         ("=1+1", "line 2: cell B2 is a formula without a stored value"),
         ("1.5", "line 2: repeat: '1.5': expected a whole number"),
         ("#REF!", "line 2: cell B2 shows #REF!"),
