@@ -32,6 +32,7 @@
     /* The lines of plots, with those of differences to the first run; over frequency, of the time that is shown. */
     async load(drawn, over, shown) {
       at("series-error").textContent = "";
+      at("series-note").textContent = "Reading …";
       const range = over === "frequency" && window.live.shown ? window.live.shown : [-1e300, 1e300];
       const plots = drawn.flatMap(({ name, lines }) => {
         const first = lines[0].run.name, own = lines.map(({ run, one }, hue) => ({
