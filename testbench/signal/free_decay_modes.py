@@ -9,6 +9,7 @@ widens that mode's intervals.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -96,6 +97,7 @@ class _Fit:
 
     def __init__(self, values: Floats, time: Floats, ambient: Floats | None) -> None:
         self.values, self.time, self.ambient = values, time, ambient
+        self.solved = lru_cache(2)(self._solved)
 
     def basis(self, pairs: Floats) -> Floats:
         """Columns of the linear part, (n, 1 + 2 modes)."""
@@ -106,18 +108,26 @@ class _Fit:
             columns += [fall * np.cos(ring), fall * np.sin(ring)]
         return np.column_stack(columns)
 
+    def _solved(self, pairs: tuple[float, ...]) -> tuple[Floats, Floats, Floats]:
+        """Basis (n, 1 + 2 modes), an orthonormal one of its columns, and the linear part (1 + 2 modes, k)."""
+        basis = self.basis(np.array(pairs).reshape(-1, 2))
+        along, sizes, turned = np.linalg.svd(basis, full_matrices=False)
+        used = sizes > 1e-10 * sizes[0]
+        along, turned = along[:, used], turned[used]
+        return basis, along, turned.T @ ((along.T @ self.values) / sizes[used, None])
+
     def residual(self, pairs: Floats) -> Floats:
         """Readings less modes and offsets, (n, k)."""
-        basis = self.basis(pairs)
-        return self.values - basis @ np.linalg.lstsq(basis, self.values, rcond=1e-10)[0]
+        basis, _, linear = self.solved(tuple(pairs.ravel()))
+        return self.values - basis @ linear
 
     def slopes(self, pairs: Floats) -> Floats:
         """Derivatives of the residual but for a part that is orthogonal to it, (n k, 2 modes).
 
         L. Kaufman, BIT 15, 49 (1975): the gradient of the sum of squares is exact, and so is its minimum.
         """
-        basis = self.basis(pairs)
-        linear = np.linalg.lstsq(basis, self.values, rcond=1e-10)[0][1:].reshape(len(pairs), 2, -1)
+        basis, orthonormal, linear = self.solved(tuple(pairs.ravel()))
+        linear = linear[1:].reshape(len(pairs), 2, -1)
         turn, root = 2.0 * np.pi * self.time, np.sqrt(1.0 - pairs[:, 1] ** 2)
         found = []
         for i, (frequency, damping) in enumerate(pairs):
@@ -126,7 +136,7 @@ class _Fit:
             for fall, ring in ((damping, root[i]), (frequency, -frequency * damping / root[i])):
                 found.append(turn[:, None] * (ring * across - fall * along))
         stacked = np.column_stack(found)
-        apart = stacked - basis @ np.linalg.lstsq(basis, stacked, rcond=1e-10)[0]
+        apart = stacked - orthonormal @ (orthonormal.T @ stacked)
         return -apart.reshape(len(self.time), 2 * len(pairs), -1).transpose(0, 2, 1).reshape(-1, 2 * len(pairs))
 
     def next(self, pairs: Floats, highest: float) -> Floats:
@@ -169,8 +179,7 @@ class _Fit:
         jacobian = self._jacobian(pairs)
         variance = float((residual**2).sum()) / freedom
         unit = np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian))).reshape(-1, 2)
-        basis = self.basis(pairs)
-        linear = np.linalg.lstsq(basis, self.values, rcond=1e-10)[0][1:].reshape(len(pairs), 2, -1)
+        linear = self.solved(tuple(pairs.ravel()))[2][1:].reshape(len(pairs), 2, -1)
         sizes = size * np.hypot(linear[:, 0], linear[:, 1])
         noise = np.maximum(variance * _correlation_widening(residual), self._ambient_variance(pairs, sizes))
         half = coverage_factor(min(freedom, 1000)) * np.sqrt(noise)[:, None] * unit
