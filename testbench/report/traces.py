@@ -98,12 +98,13 @@ class Trace:
             raise AnalysisError(f"{self.name}: has no two samples, or its time does not run")
         return float(time[0]), (len(time) - 1) / float(time[-1] - time[0]), values
 
-    @cached_property
-    def noise(self) -> tuple[float, float] | None:
-        """Variance at rest before the motion [unit2], at least that of the resolution, and its degrees of freedom."""
-        _, rate, values = self.beginning
-        moves = beginning([values], rate) if np.isfinite(values).all() else None
-        count = 0 if moves is None else int((moves - MARGIN_S) * rate)
+    def noise(self, moves: float | None) -> tuple[float, float] | None:
+        """Variance at rest before its logger ``moves`` [s], at least that of the resolution, and degrees of freedom.
+
+        [unit2] and [-]; None where there is no rest.
+        """
+        start, rate, values = self.beginning
+        count = 0 if moves is None or not np.isfinite(values).all() else int((moves - start - MARGIN_S) * rate)
         if count < 8:
             return None
         resting = values[:count] - values[:count].mean()
@@ -161,13 +162,13 @@ def lag(shared: Sequence[tuple[Trace, Trace]], commands: Sequence[tuple[Trace, T
     same = [found for pair in shared if (found := _correlated(*pair)) is not None]
     if same:
         return min(same, key=lambda one: one.deviation or 0.0)
-    begins = [_moves([pair[i] for pair in shared]) for i in range(2)]
+    begins = [motion_begins([pair[i] for pair in shared]) for i in range(2)]
     if begins[0] is not None and begins[1] is not None:
         return Lag(begins[1] - begins[0], None, "the beginning of the motion")
     return Lag(shared[0][1].beginning[0] - shared[0][0].beginning[0], None, "the first sample")
 
 
-def _moves(traces: Sequence[Trace]) -> float | None:
+def motion_begins(traces: Sequence[Trace]) -> float | None:
     """When channels of one logger cease to be at rest [s]; None where it is not seen."""
     seen = [trace.beginning for trace in traces]
     found = beginning([values for _, _, values in seen if np.isfinite(values).all()], seen[0][1])
@@ -220,8 +221,11 @@ class Difference:
     """What the interval is of, or why there is none."""
 
 
-def difference(first: Trace, second: Trace, late: Lag) -> Difference:
-    """The second less the first at the first's instants, shifted by the lag; its interval by noise at rest and lag."""
+def difference(first: Trace, second: Trace, late: Lag, moves: Sequence[float | None]) -> Difference:
+    """The second less the first at the first's instants, shifted by the lag; its interval by noise at rest and lag.
+
+    ``moves``: when the logger of each ceases to be at rest [s].
+    """
 
     def read(begin: int, end: int) -> tuple[Floats, Floats]:
         time, values = first.read(begin, end)
@@ -229,7 +233,7 @@ def difference(first: Trace, second: Trace, late: Lag) -> Difference:
         return time, interpolated(*second.within(float(at[0]), float(at[-1])), at) - values
 
     trace = Trace(first.kind, first.name, first.unit, first.samples, read)
-    noises = first.noise, second.noise
+    noises = first.noise(moves[0]), second.noise(moves[1])
     if late.deviation is None:
         return Difference(trace, None, f"no interval: aligned by {late.by} alone; testbench align would tell more")
     if noises[0] is None or noises[1] is None:

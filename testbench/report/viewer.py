@@ -27,7 +27,7 @@ from ..runs.si_run import SIRun
 from ..signal.welch import SEGMENT, welch
 from .campaign_page import campaign_report, counted, grouped, recorded_decisions
 from .page_contents import COMMAND, columns_of, conditions_of, run_label, unit_of
-from .traces import LOOKED_AT, Difference, Lag, Trace, channel_trace, difference, lag, recorded_trace
+from .traces import LOOKED_AT, Difference, Lag, Trace, channel_trace, difference, lag, motion_begins, recorded_trace
 
 if TYPE_CHECKING:
     from ..store import Run
@@ -116,6 +116,11 @@ class Viewer:
         shared = [pair for pair in both if (pair[0].group, pair[1].group) == (group, other)]
         return lag(shared, [pair for pair in both if {one.kind for one in pair} == {COMMAND}])
 
+    @lru_cache(None)  # noqa: B019
+    def _moves(self, run: str, group: str) -> float | None:
+        """When a logger of a run ceases to be at rest [s]."""
+        return motion_begins([one for one in self.traces(run).values() if one.group == group])
+
     def _compared(self, first: str, second: str, channel: str) -> tuple[Lag, Difference | None]:
         """How much later the second run shows the same; a channel of it less that of the first, where both have it."""
         with self._comparing:  # so that what several lines need is found once
@@ -131,7 +136,7 @@ class Viewer:
                 f"{channel}: in {one.unit} in {first}, in {other.unit} in {second}: state one in the rig"
             )
         late = self._lag(first, second, one.group, other.group)
-        return late, difference(one, other, late)
+        return late, difference(one, other, late, [self._moves(first, one.group), self._moves(second, other.group)])
 
     def _range(self, words: Mapping[str, str]) -> tuple[str, str, str, float, float]:
         """Run, first run, channel, begin and end [s] that are asked for by number. Raises LookupError, ValueError."""

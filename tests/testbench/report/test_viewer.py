@@ -10,7 +10,7 @@ from testbench.cross_examination import Examination, Statement, examine
 from testbench.cross_examination.decisions import accept
 from testbench.errors import StoreError
 from testbench.recording import Channel, Group, UniformClock
-from testbench.report.traces import AT_ONCE, BLOCK, Lag, Trace, difference, lag
+from testbench.report.traces import AT_ONCE, BLOCK, Lag, Trace, difference, lag, motion_begins
 from testbench.report.viewer import Viewer
 from testbench.store import open_campaign
 from testbench.store.ledger import read_ledger
@@ -78,7 +78,7 @@ def test_repeats_differ_by_their_noise(late):
     pairs = [(trace(pulse(0.0, 0.01, 1), start=5.0), trace(pulse(late, 0.01, 2), start=9.0))]
     found = lag(pairs, [])
     assert found.seconds == pytest.approx(4.0 + late, abs=0.1 / RATE)
-    apart = difference(*pairs[0], found)
+    apart = difference(*pairs[0], found, [motion_begins([one]) for one in pairs[0]])
     _, values = apart.trace.read(300, 3600)
     assert np.mean(np.abs(values) < apart.half_width) == pytest.approx(0.95, abs=0.03)
 
@@ -88,8 +88,8 @@ def test_a_difference_is_found():
     one, other = trace(pulse(0.0, 1e-4, 1)), trace(pulse(0.1, 1e-4, 2, 1500.0, 0.5), rate=1500.0)
     found = lag([(one, other)], [])
     assert found.by == "the beginning of the motion"
-    assert difference(one, other, found).half_width is None
-    _, values = difference(one, other, Lag(0.1, 0.0, "told")).trace.read(0, 3800)
+    assert difference(one, other, found, [1.0, 1.0]).half_width is None
+    _, values = difference(one, other, Lag(0.1, 0.0, "command"), [None, None]).trace.read(0, 3800)
     np.testing.assert_allclose(values, -0.5 * pulse(0.0, 0.0, 0)[:3800], atol=2e-3)
 
 
