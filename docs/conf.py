@@ -10,7 +10,8 @@ sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parent.parent)]
 project = "counterpoise"
 author = copyright = "The counterpoise developers"
 release = version = version_of("counterpoise")
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx_click"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx_click"]
+html_math_renderer = "mathml"
 exclude_patterns = ["_build"]
 html_theme = "furo"
 html_title = "counterpoise"
@@ -63,8 +64,20 @@ def plain_bars(_app: object, _what: str, _name: str, _found: object, _options: o
             lines[i] = "``".join(part if k % 2 else part.replace("|", "\\|") for k, part in enumerate(parts))
 
 
+def mathml(visitor: Any, node: Any) -> None:  # noqa: ANN401
+    """Equations as MathML: browsers draw them without script or network."""
+    from docutils.nodes import SkipNode
+    from latex2mathml.converter import convert
+
+    block = node.tagname == "math_block"
+    formula = convert(node.astext(), display="block" if block else "inline")
+    visitor.body.append(f'<div class="math">{formula}</div>' if block else formula)
+    raise SkipNode
+
+
 def setup(app: Any) -> None:  # noqa: ANN401
     """Write the page before anything is read; take help texts as they are."""
+    app.add_html_math_renderer("mathml", inline_renderers=(mathml, None), block_renderers=(mathml, None))
     app.connect("builder-inited", write_api)
     app.connect("autodoc-process-docstring", plain_bars)
     app.connect("sphinx-click-process-description", plain_stars)

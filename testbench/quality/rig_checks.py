@@ -80,7 +80,7 @@ def rig_findings(
             absent.append(_absent(logger, columns, logs) if other is None else _apart(logger, columns, other))
         found += _units(present, channels)
     if len(absent) == sum(any(rig.columns(logger)) for logger in rig.loggers):
-        message = f"none of the rig's channels is in the log, which holds {_listed(channels)}"
+        message = f"none of the rig's channels is in the log, which holds {_listed(channels)}; name them in the rig"
         return [*found, Finding(_CODE, None, None, message)]
     return found + absent
 

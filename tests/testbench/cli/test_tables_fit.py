@@ -58,7 +58,7 @@ OTHERS = {
     "testbench": {"new", "check", "simulate", "describe", "watch", "remove", "archive", "recover", "calibrate",
                   "export", "doctor", "schema", "vectors", "view", "predict"},
 }  # fmt: skip
-"""Commands that print sentences, write files, or (``vectors``, ``predict``) take long and print tables of these kinds."""
+"""They print sentences, write files, or (``vectors``, ``predict``) take long and print tables of these kinds."""
 
 
 @pytest.fixture
