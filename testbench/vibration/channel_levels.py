@@ -76,8 +76,14 @@ class ChannelLevels:
         apart: list[int] = []
         for i in tops[np.argsort(-power[tops], kind="stable")]:
             if len(apart) < MOST_PEAKS and all(abs(i - j) > PEAK_SEPARATION * j for j in apart):
-                apart += [i] if power[i] > PROMINENCE * np.median(power[i // 2 : 2 * i + 1]) else []
+                apart += [i] if _is_prominent(power[i], power[i // 2 : 2 * i + 1]) else []
         return [{"frequency_hz": float(frequency[i]), "density_si2_hz": float(power[i])} for i in apart]
+
+
+def _is_prominent(top: float, about: Floats) -> bool:
+    """Whether a line exceeds the median of those about it, (n,); most that do not are found by counting."""
+    few_are_high = 2 * np.count_nonzero(about >= top / PROMINENCE) <= len(about)
+    return bool(few_are_high and top > PROMINENCE * np.median(about))
 
 
 def level_definitions(band: "Band | None") -> dict[str, str]:
