@@ -21,6 +21,7 @@ from .amplitude import Amplitude, MetricStatistic, Place
 from .amplitude_likelihood import AmplitudeLikelihood
 from .metrics import Measure
 from .noise_floor import Noise, Segment
+from .noise_in_motion import LOUDER, noise_in_motion
 from .repeatability import Group, Repeatability, Synchronous
 from .run_amplitudes import amplitudes_of_run
 from .run_pairs import Pair
@@ -200,10 +201,15 @@ class CampaignNoise:
     """Whether what does not repeat shows more noise in motion than the rests do."""
     aligned: dict[tuple[int, ...], Synchronous | None]
     """By the side's key."""
+    unrepeated: dict[tuple[int, Place], Noise | None] = field(default_factory=dict)
+    """Louder noise in motion by condition and place, of channels of which nothing is repeated; None where no run can
+    tell whether there is any.
+    """
 
     @classmethod
     def of(cls, conditions: Iterable[Condition]) -> "CampaignNoise":
         """Pooled over all runs with one setting of the logger."""
+        conditions = list(conditions)
         sides = {side.key: side for condition in conditions for side in condition.sides}
         aligned = {key: Synchronous.of(side.records) for key, side in sides.items()}
         rests: dict[tuple[Place, int], list[Segment]] = {}
@@ -226,15 +232,28 @@ class CampaignNoise:
             louder = at_rest is not None and moving is not None and moving.exceeds(at_rest, measure.band)
             noises[key] = moving if louder else Noise.of([*rest, *left], density)
             in_motion[key[0]] = louder or in_motion.get(key[0], False)
-        return cls(noises, in_motion, aligned)
+        found = cls(noises, in_motion, aligned)
+        for condition in conditions:
+            for place in (place for place in condition.places if not found.repeated(place)):
+                one, axes = condition.balanced[0][place], [other for other in condition.places if other[0] == place[0]]
+                at_rest = noises[place, round(one.rate_hz)]
+                if at_rest is None or condition.dead(place):
+                    continue
+                others = [condition.unbalanced[0][axis] for axis in axes if not condition.dead(axis)]
+                moving = noise_in_motion(at_rest, one, others)
+                band = one.measure.band
+                if moving is None or moving.power(band)[0] > LOUDER * at_rest.power(band)[0]:
+                    found.unrepeated[id(condition), place] = moving
+        return found
 
-    def noise(self, one: Amplitude, place: Place) -> Noise | None:
+    def noise(self, condition: Condition, one: Amplitude, place: Place) -> Noise | None:
         """Of a channel in a run, by what was recorded, else as the rig states; None where neither is."""
-        return self.noises[place, round(one.rate_hz)] or one.stated
+        at_rest = self.noises[place, round(one.rate_hz)]
+        return self.unrepeated.get((id(condition), place), at_rest) or one.stated
 
     def is_stated(self, condition: Condition, place: Place) -> bool:
         """Whether the noise of a run is known from the rig alone."""
-        return any(self.noises[place, round(run[place].rate_hz)] is None for run in condition.runs)
+        return any(self.noise(condition, run[place], place) in (None, run[place].stated) for run in condition.runs)
 
     def repeated(self, place: Place) -> bool:
         """Whether repeats of the campaign show the noise."""
@@ -246,7 +265,7 @@ class CampaignNoise:
         for side in condition.sides:
             lags = both.lags if (both := self.aligned[side.key]) else (0.0,) * len(side.records)
             some = [
-                (self.in_envelope(condition, place, run[place], lag), self.noise(run[place], place))
+                (self.in_envelope(condition, place, run[place], lag), self.noise(condition, run[place], place))
                 for run, lag in zip(side.records, lags, strict=True)
             ]
             if condition.dead(place) or any(noise is None or one.reading <= 0.0 for one, noise in some):
@@ -260,7 +279,7 @@ class CampaignNoise:
         if both is None or condition.dead(place):
             return None
         one = self.in_envelope(condition, place, both.means[place])
-        noise = self.noise(one, place)
+        noise = self.noise(condition, one, place)
         if noise is None or noise is one.stated or one.reading <= 0.0:
             return None
         return Group((AmplitudeLikelihood.of(one, noise),), side.names)
@@ -269,6 +288,12 @@ class CampaignNoise:
         """A record with the course of its noise over time, where noise acts in motion: that of its own repeats, else
         that of the condition's other side, from the beginning of the motion on.
         """
+        louder = self.unrepeated.get((id(condition), place))
+        if louder and one.moving:
+            at_rest, band = self.noises[place, round(one.rate_hz)] or louder, one.measure.band
+            over_time = np.full(len(one.course), (at_rest.power(band)[0] / louder.power(band)[0]) ** 0.5)
+            over_time[one.moving] = 1.0
+            return replace(one, envelope=over_time)
         if not self.in_motion[place]:
             return one
         sides = sorted(condition.sides, key=lambda side: not any(one is run[place] for run in side.records))

@@ -1,11 +1,12 @@
 """The noise of a channel: a spectrum, how well it is known, and records drawn from it.
 
 The spectrum is pooled over all segments that show noise alone: the rests of the campaign's runs, and what does not
-repeat between aligned repeats (which shows noise that acts in motion only). By sine tapers (Riedel and Sidorenko, IEEE
-Trans. Signal Process. 43, 188, 1995) a segment of T seconds resolves 4 / T; in a cell so wide the power may be that of
-a narrow mode, of which each segment shows one complex amplitude: two degrees of freedom, however many the segment has
-elsewhere. Below 1 / T nothing is known but that spectra of floors and drift rise towards low frequencies: there the
-density is extrapolated by a power of the frequency between 0 and -2, drawn at random (JCGM 101:2008, 6.4).
+repeat between aligned repeats (which shows noise that acts in motion only; of single runs: ``noise_in_motion``). By
+sine tapers (Riedel and Sidorenko, IEEE Trans. Signal Process. 43, 188, 1995) a segment of T seconds resolves 4 / T; in
+a cell so wide the power may be that of a narrow mode, of which each segment shows one complex amplitude: two degrees
+of freedom, however many the segment has elsewhere. Below 1 / T nothing is known but that spectra of floors and drift
+rise towards low frequencies: there the density is extrapolated by a power of the frequency between 0 and -2, drawn at
+random (JCGM 101:2008, 6.4).
 
 Runs of one noise share the records that are drawn. Only samples near the extremes of a signal are looked at: where
 noise is small they are few, and where it is not, few of each draw can become its extreme for any of the signals.
@@ -76,14 +77,17 @@ class Segment:
 
     def density(self, size: int) -> Floats:
         """One-sided power spectral density at size // 2 + 1 even frequencies, [unit^2/Hz]."""
+        return 2.0 * np.mean(np.abs(self.spectra(size)) ** 2, axis=0) / self.rate_hz
+
+    def spectra(self, size: int) -> np.ndarray:
+        """Of each taper at size // 2 + 1 even frequencies, straight line removed, (TAPERS, size // 2 + 1) [unit]."""
         count = len(self.values)
         along = np.pi * np.arange(1, count + 1) / (count + 1)
         tapers = np.sin(np.outer(np.arange(1, TAPERS + 1), along)) * np.sqrt(2.0 / (count + 1))
         line = np.linspace(-1.0, 1.0, count)
         flat = self.values - self.values.mean()
         flat = flat - line * (line @ flat / (line @ line))
-        power = np.abs(np.fft.rfft(flat * tapers, size)) ** 2
-        return 2.0 * power.mean(axis=0) / self.rate_hz
+        return np.asarray(np.fft.rfft(flat * tapers, size))
 
 
 @dataclass(frozen=True, eq=False)

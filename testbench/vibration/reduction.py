@@ -37,13 +37,13 @@ if TYPE_CHECKING:
     from ..store import Run
 
 Method = Literal["repeats", "propagation"]
-"""Where an interval comes from: what repeats of the campaign differ by, or noise at rest alone, propagated."""
+"""Where an interval comes from: what repeats of the campaign differ by, or noise of single runs, propagated."""
 Limit = Literal["at_least", "at_most"]
 ONE_RUN = (
-    "Of a side with one run the interval holds the noise that its rest shows. Noise that acts only during the motion, "
-    "such as that of drives and bearings, shows in repeats alone: make each run at least twice."
+    "Where nothing is repeated, noise that acts only during the motion, such as that of drives and bearings, is told "
+    "by what of one side is no smooth multiple of the other, to a factor of two: make each run at least twice."
 )
-"""What the interval of a lone run cannot hold."""
+"""What the intervals of a campaign without repeats stand on."""
 
 
 def _masses(masses: dict[str, float]) -> str:
@@ -184,7 +184,7 @@ class Analysis(Shown, rows="reductions", figure="testbench.figures.reductions:re
         """Notes for who reads the reductions."""
         simulated = [run for pair in self.pairs for run in pair.runs if run.origin == "simulated"]
         shown = any(SIRun.of(run).rig.mechanism.startswith(MANIPULATOR) for run in simulated)
-        lone = any(1 in one.n and one.interval is not None for one in self.reductions)
+        lone = any(one.method == "propagation" for one in self.reductions)
         return [note for note, applies in ((NO_ORIGINALS, shown), (ONE_RUN, lone)) if applies]
 
 
@@ -449,8 +449,8 @@ def reduction_findings(condition: Condition, found: Sequence[Reduction]) -> list
         (
             "noise_stated",
             [r for r in found if r.noise_stated],
-            "nothing recorded shows the noise: that which the rig states is subtracted, and there is no interval; log "
-            "half a second of rest before the motion, or repeat the runs",
+            "nothing recorded shows the noise, at rest and in motion: that which the rig states is subtracted, and "
+            "there is no interval; log half a second of rest before the motion, or repeat the runs",
         ),
         (
             "no_noise_floor",

@@ -25,8 +25,13 @@ def swing(begin: float, hz: float, decay: float) -> np.ndarray:
     return (1.0 - np.exp(-60.0 * after)) * np.exp(-decay * after) * np.sin(2.0 * np.pi * hz * after)
 
 
-WITHOUT = 10.0 * (swing(REST, 9.0, 3.0) - 0.6 * swing(REST + 0.4, 9.0, 3.0)) + 3.0 * swing(REST, 27.0, 6.0)
-WITH = 2.0 * swing(REST, 9.0, 3.0) - 1.5 * swing(REST + 0.4, 27.0, 6.0)
+def response(hz: float, decay: float) -> np.ndarray:
+    """Of a mode to the command: it is hit twice, the second time less and the other way."""
+    return swing(REST, hz, decay) - 0.6 * swing(REST + 0.4, hz, decay)
+
+
+WITHOUT = 10.0 * response(9.0, 3.0) + 3.0 * response(27.0, 6.0)
+WITH = 2.0 * response(9.0, 3.0) - 1.5 * response(27.0, 6.0)
 MOVING = (TIME > REST).astype(float)
 
 
@@ -88,8 +93,9 @@ def half(found: Reduction) -> float:
 @pytest.mark.parametrize(
     ("noise", "repeats", "more"),
     [
-        (white, 1, {}), (mode_of_the_floor, 1, {}), (hum, 1, {}), (drift, 1, {}), (roughness, 2, {}),
-        (white, 1, {"step": 0.05}), (lambda rng: 1e-3 * white(rng), 1, {"step": 0.5}), (white, 1, {"rest": 0.05}),
+        (white, 1, {}), (mode_of_the_floor, 1, {}), (hum, 1, {}), (drift, 1, {}), (roughness, 1, {}),
+        (roughness, 2, {}), (white, 1, {"step": 0.05}), (lambda rng: 1e-3 * white(rng), 1, {"step": 0.5}),
+        (white, 1, {"rest": 0.05}),
     ],
 )  # fmt: skip
 def test_coverage(noise, repeats, more):
@@ -116,7 +122,7 @@ def test_a_mode_of_the_floor_widens():
 def test_a_step_without_dither_is_in_the_interval():
     """A step of a quarter of the residual's amplitude with hardly any noise is no white noise of step^2 / 12."""
     coarse, fine = (
-        np.median([half(drawn(lambda rng: 1e-3 * white(rng), s, step=q)) for s in range(5)]) for q in (0.5, 1e-3)
+        np.median([half(drawn(lambda rng: 1e-3 * white(rng), s, 2, step=q)) for s in range(5)]) for q in (0.5, 1e-3)
     )
     assert coarse > 20.0 * fine
     assert coarse < 100.0 * 2.0 * 0.5 / MEASURE.amplitude(WITHOUT, RATE)
@@ -148,9 +154,20 @@ def test_repeats_show_noise_in_motion():
     """Noise that acts in motion only is seen in what does not repeat, though the rest shows none."""
     found = [drawn(roughness, seed, 2) for seed in range(3)]
     assert (
-        np.median([one.noise_floor[0] for one in found]) > 20.0 * drawn(lambda rng: 0.02 * white(rng), 0).noise_floor[0]
+        np.median([one.noise_floor[0] for one in found])
+        > 20.0 * drawn(lambda rng: 0.02 * white(rng), 0, 2).noise_floor[0]
     )
     assert all(one.method == "repeats" for one in found)
+
+
+def test_single_runs_tell_noise_in_motion():
+    """By what of one side is no multiple of the other; without such noise they widen next to nothing."""
+    single, twice, quiet = (
+        np.median([half(drawn(noise, seed, repeats)) for seed in range(5)])
+        for noise, repeats in ((roughness, 1), (roughness, 2), (lambda rng: 0.02 * white(rng), 1))
+    )
+    assert twice < single < 2.0 * 2.0**0.5 * twice
+    assert quiet < 0.1 * single
 
 
 def test_a_repeat_that_differs_is_named():

@@ -1,0 +1,69 @@
+"""Noise in motion where no run is repeated: what of one side of a condition is no smooth multiple of the other.
+
+Both sides follow one command on one base. Within a narrow band, what the mechanism causes along one axis on one side is
+a smooth complex multiple of what it causes on the other, along all axes, and what is left is noise of both (local
+polynomial method: Pintelon, Schoukens, Vandersteen and Barbe, Mech. Syst. Signal Process. 24, 573, 2010; here of sine
+tapers). Where a mode or the course of a force differs within the band more is left. Noise is taken to be broadband, so
+that the lower quartile of the bands about a frequency counts.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from balance.arrays import Floats
+
+from .amplitude import Amplitude
+from .noise_floor import TAPERS, Noise, Segment
+
+WIDTH_HZ = 30.0
+"""Of a band; the next begins a third later."""
+FIRST = 2
+"""Frequencies, multiples of one over the motion, that are left out: they hold what is slow."""
+_TERMS = 2
+"""Complex multiple and its slope."""
+_NEAR = 7
+"""Bands about a frequency, or next to it at the ends."""
+_QUARTILE = 0.25
+_SEEN = 0.75
+"""Share of noise of 30 to 150 Hz width that is so found, median (Monte Carlo)."""
+LOUDER = 3.0
+"""Times the power at rest from which there is noise in motion: without any, no more is found in nine of ten channels
+(Monte Carlo), where forces of another course are small.
+"""
+_SCATTER = 0.4
+"""Standard deviation of the logarithm of the power so found (Monte Carlo: 0.5 to 1.4 of what it is)."""
+
+
+def noise_in_motion(at_rest: Noise, side: Amplitude, others: Sequence[Amplitude]) -> Noise | None:
+    """At least the noise at rest, and what one side's motion shows beyond it and beyond all axes of the other side.
+
+    None where the sides cannot be compared.
+    """
+    moved = [run.whole[run.moving or slice(None)] for run in (side, *others)]
+    segments = [Segment(values[: min(map(len, moved))], side.rate_hz) for values in moved]
+    if not segments[0].usable or max(abs(other.rate_hz / side.rate_hz - 1.0) for other in others) > 1e-4:
+        return None
+    centres, densities = _left(segments[0], segments[1:])
+    firsts = np.clip(np.arange(len(centres)) - _NEAR // 2, 0, max(len(centres) - _NEAR, 0))
+    calm = [np.exp(np.quantile(np.log(densities[i : i + _NEAR]), _QUARTILE)) / _SEEN for i in firsts]
+    density = np.maximum(at_rest.density, np.interp(at_rest.frequency, centres, calm))
+    return replace(at_rest, density=density, scatter=max(at_rest.scatter, _SCATTER))
+
+
+def _left(one: Segment, others: Sequence[Segment]) -> tuple[Floats, Floats]:
+    """Centres (k,) [Hz] of bands, and the density in them [unit^2/Hz] of what of a segment is no smooth multiple of
+    others of its length.
+    """
+    count, terms = len(one.values), _TERMS * len(others)
+    wide = max(round(WIDTH_HZ * one.seconds), terms + 4)
+    bands = np.arange(FIRST, count // 2 + 1 - wide, max(wide // 3, 1))[:, None] + np.arange(wide)
+    slopes = np.linspace(-1.0, 1.0, wide)[:, None] ** np.arange(_TERMS)
+    given = [other.spectra(count)[:, bands].transpose(1, 0, 2)[..., None] * slopes for other in others]
+    rows = len(bands), TAPERS * wide
+    basis = np.linalg.qr(np.concatenate(given, axis=-1).reshape(*rows, terms))[0]
+    wanted = one.spectra(count)[:, bands].transpose(1, 0, 2).reshape(*rows, 1)
+    left = wanted - basis @ (basis.conj().swapaxes(1, 2) @ wanted)
+    freedom = rows[1] * (1.0 - terms / wide)
+    return bands.mean(axis=1) / one.seconds, 2.0 * (np.abs(left) ** 2).sum(axis=(1, 2)) / freedom / one.rate_hz
