@@ -42,7 +42,7 @@ STUDIES = {
     "lies": Study("lies about runs are found, honest campaigns are not suspected", "campaigns a bench", 40, 1),
     "order_vectors": Study("intervals of `testbench vectors`", "seeds", 200, 6),
     "reader_faults": Study("damaged files are read to their end or refused", "copies a file", 200, 4),
-    "store_faults": Study("ingests killed, bits flipped, files cut", "kills", 300, 4),
+    "store_faults": Study("ingests killed, bits flipped, files cut or removed, appends at once", "kills", 300, 4),
     "system_calls": Study("system calls of the store failed and killed, power lost", "losses of power", 200, 5),
     "trim": Study("intervals of `testbench trim`", "seeds", 200, 4),
 }
