@@ -112,6 +112,8 @@ class Shown:
     def __init_subclass__(cls, *, rows: str = "", figure: str = "") -> None:
         super().__init_subclass__()
         cls._rows, cls._figure = rows or cls._rows, figure or cls._figure
+        if rows:  # before the dataclass writes one of all its fields
+            cls.__repr__ = Shown.__repr__  # type: ignore[method-assign]
 
     def table(self) -> "pandas.DataFrame":
         """A DataFrame, a row each; the columns are the keys of the JSON document, with the unit at their end."""
@@ -122,6 +124,14 @@ class Shown:
         module, _, function = self._figure.partition(":")
         figure: Figure = getattr(import_module(module), function)(self)
         return figure
+
+    def __repr__(self) -> str:
+        from pandas import DataFrame
+
+        rows = list(getattr(self, self._rows))
+        header, cells = table(type(rows[0]), rows) if rows else ([], [])
+        shown = DataFrame(cells, columns=header) if header else self.table()
+        return f"{type(self).__name__}\n{shown.to_string(index=False, max_rows=20)}"
 
     def _repr_html_(self) -> str:
         return str(self.table().to_html(border=0, na_rep=NO_VALUE))

@@ -121,25 +121,31 @@ def _motion_text(model: Mechanism) -> str:
             f"YAML file of a URDF (joints: {', '.join(model.coordinates)})"
         )
     slides = [not model.tree.joints[model.coordinate_index(joint)].revolute for joint in joints]
-    share = 1.0
-    for _ in range(_HALVINGS):
+    beyond = ""
+    for share in (0.5**halvings for halvings in range(_HALVINGS)):
         text = _moves_text(model, slides, share)
         try:
-            Closure(model).follow(motion_from_text(text).sample(_RATE_HZ))
+            q = Closure(model).follow(motion_from_text(text).sample(_RATE_HZ)).q
         except CounterpoiseError:
-            share /= 2.0
-        else:
+            continue
+        if not model.beyond_limits(q):
             return text
+        beyond = beyond or text
+    if beyond:  # where its home is beyond them already: `check` says so
+        return beyond
     raise RigError(f"{model.name}: its driven joints {', '.join(joints)} cannot move from its home configuration")
 
 
 def _moves_text(model: Mechanism, slides: list[bool], share: float) -> str:
     starts, moves = [], []
     for joint, slide in zip(model.driven, slides, strict=True):
-        home = float(model.home[model.coordinate_index(joint)])
-        starts.append(f'"{1e3 * home:.9g} mm"' if slide else f'"{math.degrees(home):.9g} deg"')
-        size = f"{share * _SLIDE_MM:g} mm" if slide else f"{share * _TURN_DEG:g} deg"
-        moves.append(f'    {{ joint = "{joint}", to = ["{size}", "-{size}", "0 {size.split()[1]}"] }},')
+        factor, unit, size = (1e3, "mm", share * _SLIDE_MM) if slide else (math.degrees(1.0), "deg", share * _TURN_DEG)
+        index = model.coordinate_index(joint)
+        home, (low, high) = factor * float(model.home[index]), factor * model.limits[index]
+        starts.append(f'"{home:.9g} {unit}"')
+        ends = [end for end in (size, -size) if low <= home + end <= high] or [size, -size]
+        listed = ", ".join(f'"{end:g} {unit}"' for end in [*ends, 0])
+        moves.append(f'    {{ joint = "{joint}", to = [{listed}] }},')
     peaks = [f'"{_PEAK[slide]}"' for slide in slides]
     peak = peaks[0] if len(set(peaks)) == 1 else f"[{', '.join(peaks)}]"
     return "\n".join(
@@ -343,7 +349,8 @@ def _motion_problems(folder: Path, rig: Rig, model: Mechanism, run: PlannedRun) 
             yield Problem(own, f"not there: write {own} in this folder, or name a shipped motion ({shipped})")
         return
     try:
-        Closure(model).follow(planned_samples(rig, run, motion))
+        for exceeded in model.limits_exceeded(Closure(model).follow(planned_samples(rig, run, motion)).q):
+            yield Problem("", f"motion {run.motion!r}: {exceeded}")
     except DataError as error:
         yield Problem("", f"motion {run.motion!r}: {error}")
     except CounterpoiseError as error:

@@ -195,8 +195,9 @@ def chosen_sites(mechanism: Mechanism, sites: Sequence[str]) -> list[str]:
     names = list(dict.fromkeys(sites)) or mechanism.counter_sites
     if not names:
         raise SizingError(
-            f"{mechanism.name} has no site named counter...: name the sites for counter-masses, "
-            f"there are {', '.join(mechanism.sites) or 'none in the file'}"
+            f"{mechanism.name} has no site named counter...: add one to its file, in MJCF a site, in URDF or SDF a "
+            "link without mass fixed where a counter-mass can be; or name sites by --site: there are "
+            f"{', '.join(mechanism.sites) or 'none'}"
         )
     for name in names:
         mechanism.with_counter_mass({name: 0.0})

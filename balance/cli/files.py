@@ -101,7 +101,9 @@ def files_command(program: str, kinds: Mapping[str, tuple[str, str]], example: s
     )
     @click.argument("kind", type=Word(list(kinds)), metavar="[KIND]", required=False)
     @click.option("--copy", "name", metavar="NAME", help="Copy this file; KIND/NAME where several have the name.")
-    @click.option("-o", "--output", "folder", type=click.Path(path_type=Path), default=".", help="Where to; here.")
+    @click.option(
+        "-o", "--output", "folder", type=click.Path(path_type=Path), default=".", help="The folder to copy into; here."
+    )
     @json_option
     def files(kind: str | None, name: str | None, folder: Path, as_json: bool) -> None:
         known = shipped_files(kinds if kind is None else {kind: kinds[kind]})

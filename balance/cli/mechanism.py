@@ -93,12 +93,8 @@ def simulate(
     )
     if found:
         _print_reactions(found)
-    for joint, (low, high) in beyond.items():
-        least, most = model.limits[model.coordinate_index(joint)]
-        say(
-            f"Joint {joint} goes from {low:.4g} to {high:.4g}, beyond the file's limits, {least:.4g} to {most:.4g}: "
-            "the motion is computed as if it had none."
-        )
+    for exceeded in model.limits_exceeded(trajectory.q):
+        say(f"{exceeded}: the motion is computed as if it had none.")
     if not response.torque:
         say("No drive torque: the file has no <actuator> that names the driven joints.")
     for what in left_out:

@@ -123,7 +123,9 @@ class Imbalance:
         own = self.coordinates(combination, self.excited.shape[1])
         outside = own - self.excited.T @ (self.excited @ own)
         if np.abs(outside).max() > _OUTSIDE * np.abs(combination).max(initial=0.0):
-            raise NotIdentifiable("what balances is not determined by this record: the motion does not excite it")
+            raise NotIdentifiable(
+                "this record does not determine what balances: the motion does not excite it; move all drives at once"
+            )
         deviation = float(np.sqrt(max(float(combination @ self.covariance @ combination), 0.0)))
         return Estimate.single(
             float(combination @ self.values), deviation, self.degrees_of_freedom_of(combination), unit=unit

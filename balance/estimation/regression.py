@@ -226,7 +226,9 @@ class RegressionFit:
     def estimate(self, combination: Floats) -> Estimate:
         """A combination (p,) [-] of the unknowns. Raises NotIdentifiable where the records do not determine it."""
         if not self.determines(combination):
-            raise NotIdentifiable("this record does not determine it: the motion does not excite it")
+            raise NotIdentifiable(
+                "this record does not determine it: the motion does not excite it; move all drives at once"
+            )
         variance = max(float(combination @ self.covariance @ combination), 0.0)
         value = float(combination @ self.values)
         return Estimate.single(value, float(np.sqrt(variance)), self.degrees_of_freedom(combination))

@@ -96,6 +96,15 @@ class Mechanism:
         out = (low < self.limits[:, 0] - LIMIT_ROUNDING) | (high > self.limits[:, 1] + LIMIT_ROUNDING)
         return {self.coordinates[i]: (float(low[i]), float(high[i])) for i in np.flatnonzero(out)}
 
+    def limits_exceeded(self, q: Floats) -> list[str]:
+        """What is said of each joint beyond its limits at the configurations ``q`` (n, nv) [rad, m]."""
+        return [
+            f"Joint {joint} goes from {low:.4g} to {high:.4g}, beyond the file's limits, {{:.4g}} to {{:.4g}}".format(
+                *self.limits[self.coordinate_index(joint)]
+            )
+            for joint, (low, high) in self.beyond_limits(q).items()
+        ]
+
     @cached_property
     def pi(self) -> Floats:
         """All inertial parameters in one vector, (nb * 10,) [kg, kg m, kg m2]: what the regressors multiply."""

@@ -379,7 +379,8 @@ class Identification(Shown, rows="values", figure="testbench.identification.figu
         seen = self.identified.identifiability
         if seen.condition > POOR_CONDITION:
             text = f"the motion tells the parameters poorly apart: condition {seen.condition:.3g}, expected below"
-            found.append(Doubt("poor_excitation", f"{text} {POOR_CONDITION:g}; weakest: {seen.weakest}"))
+            cure = "record a motion of all drives at once, each over more of its range and of frequencies of its own"
+            found.append(Doubt("poor_excitation", f"{text} {POOR_CONDITION:g}: {cure}; weakest: {seen.weakest}"))
         if abs(self.chosen.delay) > LONGEST_DELAY_S - 0.5 * self.choice.equations.records[0].grid.step:
             text = f"the delay of the torques, {self.chosen.delay * 1e3:.3g} ms, is at the end of what is tried"
             found.append(Doubt("delay", text))

@@ -27,6 +27,7 @@ from .run_table import PlannedRun
 
 if TYPE_CHECKING:
     from ..rig import Rig
+    from ..store.run import Run
     from .run_inputs import Inputs
 
 
@@ -162,17 +163,24 @@ class Ingest:
         for source, run in zip(sources, known_runs, strict=True):
             if run:
                 there = Finding("already_stored", None, None, f"is stored already as {run}; nothing was written")
-                found, origin = (there, *self._differs(planned, run)), source.recording.origin
-                name, sha256 = source.path.name, source.sha256
-                outcomes.append(Outcome(run, name, sha256, origin, "already_stored", found, there.message))
+                stored, name = open_run(self.folder / run), source.path.name
+                found = (there, *self._differs(planned, stored))
+                outcomes.append(
+                    Outcome(run, name, source.sha256, stored.origin, "already_stored", found, there.message)
+                )
         return outcomes
 
-    def _differs(self, planned: PlannedRun, run: str) -> list[Finding]:
-        """Where the run table says something else than what is stored with a run, which never changes."""
+    def _differs(self, planned: PlannedRun, stored: "Run") -> list[Finding]:
+        """Where rig or run table say something else than what is stored with a run, which never changes."""
+        run, found = stored.path.name, list[Finding]()
+        if self.rig is not None and (stored.rig or "") != self.rig.text:
+            message = (
+                f"{run} was stored with{' another' if stored.rig else 'out a'} rig, and keeps what it has: ingest into "
+                "another folder (-o); a calibration alone is corrected by testbench calibrate"
+            )
+            found.append(Finding("rig_differs", None, None, message))
         if planned.conditions is None:
-            return []
-        stored = open_run(self.folder / run)
-        found = []
+            return found
         for name in sorted(planned.conditions.keys() | stored.conditions.keys()):
             now, then = planned.conditions.get(name), stored.conditions.get(name)
             if now != then:

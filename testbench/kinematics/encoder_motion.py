@@ -11,6 +11,7 @@ from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
 from balance.motion import Samples
 
 from ..errors import AnalysisError
+from ..rig.rig import NONE
 from ..rig.sensors import Encoder
 from . import smoothing_and_derivatives
 from .gaps import Gaps
@@ -86,6 +87,10 @@ def mechanism_of(run: "SIRun", given: str | None) -> Mechanism:
     named, stored = run.rig.mechanism, run.recorded.inputs.get("mechanism")
     if given is None and stored is not None:
         return stored_mechanism(*stored)
+    if given is None and named == NONE:
+        raise AnalysisError(
+            f"{run.name}: its rig says mechanism = 'none': nothing can be simulated but with --mechanism FILE"
+        )
     if given is None and named not in datasets.dataset_names("mechanisms", ".xml"):
         raise AnalysisError(
             f"{run.name}: its rig is for {named!r}, which was not stored with it: give it by MECH or --mechanism FILE"

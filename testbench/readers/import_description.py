@@ -87,7 +87,7 @@ class ImportDescription(Table):
     time: Annotated[list[Text], OneOrMore] = Field(default_factory=list)
     """Column of time by its name, or columns whose sum it is, such as a time of day and milliseconds."""
     time_unit: Annotated[list[Text], OneOrMore] = Field(default_factory=list)
-    """Unit of each such column, such as us, or ``day since 1899-12-30``, ``ms since 1970``; of text none is needed."""
+    """Unit of each such column, such as us, or ``day since 1899-12-30``, ``ms since 1970``; of a column of text: s."""
     time_wraps: Positive | None = None
     """Number at which the first column of time starts again from zero, such as 4294967296."""
     time_zone: str = ""
@@ -228,6 +228,12 @@ class _Plan:
         named = [_place(self.before, name) for name in self.description.time]
         self.places = [i for i in named if i is not None] if None not in named else []
         channels = list(self.before.channels)
+        if len(self.places) > 1 and None in self._seconds:
+            unknown = channels[self.places[self._seconds.index(None)]].name
+            raise RecordingError(
+                f"{self.recording.path.name}: the column of time {unknown!r} has no unit of time, and is one of a sum: "
+                'state time_unit, a unit for each column, such as ["s", "ms"]'
+            )
         if self.places and self._units[0] is not None:
             first = channels[self.places[0]]
             channels[self.places[0]] = Channel(first.name, self._units[0].split(_SINCE)[0], first.label)
@@ -303,9 +309,8 @@ class _Plan:
             if len(finite):
                 self._last, self._turns = float(times[finite[-1]]), int(turns[-1])
             times[finite] += turns * wraps
-        first = self._seconds[0] or 1.0
         for part, seconds in zip(parts[1:], self._seconds[1:], strict=True):
-            times = times + part * ((1.0 if seconds is None else seconds) / first)
+            times = times + part * ((seconds or 1.0) / (self._seconds[0] or 1.0))
         return times
 
     def report(self, report: Report) -> None:

@@ -78,7 +78,10 @@ class SIRun:
     def of(cls, run: Run, rig: Rig | None = None) -> "SIRun":
         """Bind a run to the rig that is stored with it, or to the one given. Raises AnalysisError without either."""
         if rig is None and run.rig is None:
-            raise AnalysisError(f"{run.name}: stored without a rig, so that no channel has a sensor; ingest with --rig")
+            raise AnalysisError(
+                f"{run.name}: stored without a rig, so that no channel has a sensor: ingest its logs into another "
+                'folder with --rig RIG.toml; testbench new writes one (mechanism = "none": without a model)'
+            )
         return cls(run, rig or _stored_rig(run.rig or ""))
 
     @property

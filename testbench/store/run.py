@@ -258,8 +258,12 @@ class Run(Shown, rows="groups", figure="testbench.figures.runs:draw_run"):
 
         A time column is the axis, in seconds, and no channel too, also where it is asked for.
         """
-        import xarray
-
+        try:
+            import xarray
+        except ImportError as error:
+            raise StoreError(
+                "a dataset needs xarray: pip install 'counterpoise[xarray]'; to_pandas needs nothing"
+            ) from error
         where = self.group(group)
         kind, index = self._index(where)
         found = {

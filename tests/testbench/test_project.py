@@ -4,6 +4,7 @@ import json
 import re
 import shlex
 import shutil
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -97,6 +98,27 @@ def test_a_machine_of_several_files(tmp_path):
     (tmp_path / "bodies.xml").write_text(f"<mujoco><worldbody>{inner}</worldbody></mujoco>")
     new_project(tmp_path / "test", str(tmp_path / "arm.xml"))
     assert "<include" not in (tmp_path / "test" / "arm.xml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("limits", "ends"),
+    [("-0.15 0", ["-20 mm", "0 mm"]), ("-0.007 0.3", ["20 mm", "0 mm"]), ("-1 1", ["20 mm", "-20 mm", "0 mm"])],
+)
+def test_the_guessed_motion_stays_within_the_limits(tmp_path, limits, ends):
+    """A slide that may go one way alone goes that way; a motion beyond the file's limits is a problem to `check`."""
+    (tmp_path / "slide.xml").write_text(
+        '<mujoco><worldbody><body name="base"><body name="carriage"><joint name="S" type="slide" axis="1 0 0" '
+        f'limited="true" range="{limits}"/><inertial pos="0 0 0" mass="2" diaginertia="1e-3 1e-3 1e-3"/></body></body>'
+        '</worldbody><actuator><motor joint="S"/></actuator></mujoco>'
+    )
+    folder = tmp_path / "test"
+    new_project(folder, str(tmp_path / "slide.xml"))
+    assert tomllib.loads((folder / "motion.toml").read_text())["moves"][0]["to"] == ends
+    said = {problem.message for problem in project_problems(folder)}
+    (folder / "motion.toml").write_text((folder / "motion.toml").read_text().replace("20 mm", "2000 mm"))
+    more = {problem.message for problem in project_problems(folder)} - said
+    assert more
+    assert all("Joint S goes from" in message and "beyond the file's limits" in message for message in more)
 
 
 BROKEN = {

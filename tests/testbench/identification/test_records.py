@@ -50,7 +50,7 @@ def test_channels_by_joint_in_si(tmp_path):
 def test_a_run_without_a_rig(tmp_path):
     """A run stored without a rig is refused, saying how to give one; one given by hand does."""
     run = stored(tmp_path, None)
-    with pytest.raises(AnalysisError, match="ingest with --rig"):
+    with pytest.raises(AnalysisError, match="ingest its logs into another folder with --rig"):
         joint_record(bound(run))
     assert joint_record(bound(run, rigs.load_rig("two-joint-arm-a0"))).q.shape == (200, 2)
 

@@ -247,6 +247,17 @@ def test_conditions_that_were_corrected_too_late(folder):
     assert open_run(folder / "campaign" / "r001.h5").conditions == {"payload_kg": 5.0}
 
 
+def test_a_rig_that_comes_too_late(folder):
+    """A run stored without a rig keeps what it has: said, with the way out, and with the origin of what is stored."""
+    ingested(folder, PlannedRun("r001", (folder / "r001.csv",), "measured"))
+    (folder / "rig.toml").write_text(RIG % "50 g")
+    (outcome,) = ingested(folder, PlannedRun("r001", (folder / "r001.csv",)), rig=rigs.load_rig(folder / "rig.toml"))
+    assert (outcome.status, outcome.origin) == ("already_stored", "measured")
+    (found,) = [f for f in outcome.findings if f.code == "rig_differs"]
+    assert "stored without a rig" in found.message
+    assert "another folder" in found.message
+
+
 @pytest.mark.parametrize("damage", ["cut", "no HDF5", "empty", "description"])
 def test_a_damaged_run_keeps_no_other_out(folder, damage):
     """What comes is stored, and names the run that may hold the same; the name of the damaged one stays taken."""

@@ -54,6 +54,15 @@ def test_the_time_may_be_asked_for(run):
         assert list(found.data_vars) == ["Time", "AccX"]
 
 
+def test_a_run_prints_as_a_table_and_without_xarray_says_what_to_install(run, monkeypatch):
+    """A line a group, never the texts of rig and logs; a dataset names the extra that it needs."""
+    assert len(repr(run).splitlines()) == 2 + len(run.groups)
+    assert repr(run).startswith("Run\n")
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(StoreError, match=r"counterpoise\[xarray\]"):
+        run.to_xarray()
+
+
 def test_two_loggers_in_pandas(tmp_path):
     """One table below the other, each value with its logger, channel and time; clashing names are refused."""
     groups = [

@@ -224,6 +224,7 @@ def test_normal_findings_are_notes(tmp_path, command):
         ("tme = 'Time'", "tme: unknown key; did you mean 'time'"),
         ("time = 'Zeit'", "no column 'Zeit'"),
         ("time = ['Time (s)', 'ms']", "no column 'ms'"),
+        ("time = ['Time (s)', 'tick']", "'tick' has no unit of time, and is one of a sum: state time_unit"),
         ("time = 'Time (s)'\ntime_unit = 'parsec'", "'parsec' is no unit of time"),
         ("time = 'Time (s)'\ntime_unit = 's since when'", "expected a date after since"),
         ("time = 'Time (s)'\ntime_unit = ['s', 'ms']", "2 units for 1 columns"),
@@ -238,6 +239,9 @@ def test_what_a_description_cannot_say(tmp_path, text, said):
     """The key and what was expected, or the column that is not there."""
     (tmp_path / "logger.toml").write_text(text)
     path = LOGS["plain"].write(tmp_path / "log.csv")
+    path.write_text(
+        "".join(f"{row},{'tick' if i == 0 else i}\n" for i, row in enumerate(path.read_text().splitlines()))
+    )
     with pytest.raises(RecordingError, match=said):
         reading.read(path, ReadOptions(description=ImportDescription.load(str(tmp_path / "logger.toml"))))
 
