@@ -15,6 +15,8 @@ Complexes = NDArray[np.complexfloating]
 """Array of complex numbers."""
 Indices = NDArray[np.intp]
 """Array of positions."""
+Mask = NDArray[np.bool_]
+"""Array of truth values."""
 
 
 def frozen(array: Floats) -> Floats:

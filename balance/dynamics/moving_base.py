@@ -14,7 +14,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from ..arrays import Floats
+from ..arrays import Floats, Mask
 from ..closure import Trajectory
 from ..errors import DataError
 from ..input_files import OneForAll, Quantity, Table
@@ -26,6 +26,8 @@ from ..mechanism.tape import Program, Tape
 
 BLOCK = 128
 """Samples a block: about the square root of the samples of a run."""
+_SINGLY = 16
+"""Samples that are stepped one by one before many at once are tried again."""
 _ROWS = 1024
 """Rows in one product, so few that BLAS stays on one thread: more threads cost more here than they bring."""
 
@@ -227,20 +229,33 @@ def linear_response(a: Floats, b: Floats, driven: Floats, step: float) -> Floats
 
 
 def stepped_response(
-    a: Floats, b: Floats, driven: Floats, step: float, start: Floats, more: Callable[[Floats, bool], Floats]
-) -> tuple[Floats, Floats]:
+    a: Floats, b: Floats, driven: Floats, step: float, start: Floats, more: Callable[[Floats, bool], Floats],
+    same: Callable[[Floats], Mask],
+) -> tuple[Floats, Floats]:  # fmt: skip
     """States (n, k), in SI, of y' = A y + B (w + f(y)) from ``start`` (k,), sample by sample, and f (n, m) in them.
 
-    ``more`` is f, (m,), of a state (k,) and of whether that is kept: each is forecast first.
+    ``more`` is f, (m,), of a state (k,) and of whether that is kept: each is forecast first. ``same`` says of states
+    (j, k), the first of them the one kept last, in which f is as it is there: these are found many at once.
     """
     phi, now, after = _propagator(a.tobytes(), b.tobytes(), len(a), step)
     pushes = times(now, driven[:-1]) + times(after, driven[1:])
     states, added = np.empty((len(driven), len(a))), np.empty_like(driven)
     states[0], added[0] = start, more(start, True)
-    for i, push in enumerate(pushes):
-        known = phi @ states[i] + push + now @ added[i]
-        states[i + 1] = known + after @ more(known + after @ added[i], False)
-        added[i + 1] = more(states[i + 1], True)
+    last, tried = 0, np.empty((BLOCK + 1, len(a)))
+    while last < len(pushes):
+        count = BLOCK + 1
+        while count > BLOCK and last < len(pushes):
+            held, tried[0] = pushes[last : last + BLOCK] + (now + after) @ added[last], states[last]
+            for i, push in enumerate(held):
+                np.add(np.dot(phi, tried[i]), push, out=tried[i + 1])
+            count = int(np.argmin(np.append(same(tried[: len(held) + 1]), False)))
+            states[last + 1 : last + count], added[last + 1 : last + count] = tried[1:count], added[last]
+            last += max(count - 1, 0)
+        for i in range(last, min(last + _SINGLY, len(pushes))):
+            known = phi @ states[i] + pushes[i] + now @ added[i]
+            states[i + 1] = known + after @ more(known + after @ added[i], False)
+            added[i + 1] = more(states[i + 1], True)
+            last = i + 1
     return states, added
 
 

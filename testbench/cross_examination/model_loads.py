@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from balance.arrays import Floats
+from balance.arrays import Floats, Mask
 from balance.closure import Closure, Trajectory
 from balance.dynamics.inverse_dynamics import Response as Loads
 from balance.dynamics.inverse_dynamics import driven_rates, simulate
@@ -36,7 +36,7 @@ from ..kinematics.smoothing_and_derivatives import (
 )
 from ..rig.sensors import AXES, Accelerometer, Encoder, Target, Torque
 from ..rig.support_loads import support_wrenches
-from ..runs.si_run import Mask, SIRun
+from ..runs.si_run import SIRun
 
 if TYPE_CHECKING:
     from ..rig import Column

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from balance.arrays import Floats
+from balance.arrays import Floats, Mask
 from balance.mechanism.mechanism import Mechanism
 
 from ..kinematics import base_motion
@@ -20,7 +20,7 @@ from ..kinematics.motion_onset import moving_interval
 from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF, Grid, grid_of, low_pass
 from ..rig.sensors import Encoder
 from ..synchronization.clock_map import DRIFT_FROM_S, ClockMap, same_clock
-from .si_run import Mask, SIRun
+from .si_run import SIRun
 
 if TYPE_CHECKING:
     from balance.closure import Trajectory

@@ -10,9 +10,8 @@ from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from balance.arrays import Floats
+from balance.arrays import Floats, Mask
 from balance.errors import UnitError
 from balance.results import plain
 from balance.units import SI_UNITS, factor_to_si
@@ -32,7 +31,6 @@ if TYPE_CHECKING:
     from ..recording import Conditions, Origin, Samples
     from .calibration_history import CalibrationInForce, CalibrationRecord
 
-Mask = NDArray[np.bool_]
 
 AT_RANGE = 1.0 - 1e-4
 """Share of its range from which a sensor counts as saturated."""

@@ -17,7 +17,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from balance.arrays import Floats
+from balance.arrays import Floats, Mask
 from balance.closure import Closure, Trajectory
 from balance.dynamics.inverse_dynamics import Response, simulate
 from balance.dynamics.moving_base import (
@@ -102,6 +102,21 @@ class Contact:
         force[:, upright] = pressure - self.preload
         return np.einsum("fij,fi->j", self.at, force - fixed)
 
+    def sticks(self, position: Floats, velocity: Floats) -> Mask:
+        """Whether every foot presses and none slides on, (n,), at a base's positions and velocities (n, 6)."""
+        rows = (-1, *self.stiffness.shape)
+        force = -self.stiffness * times(self._across, position).reshape(rows)
+        force -= self.damping * times(self._across, velocity).reshape(rows)
+        pressure = self.preload + force[:, :, self.upright]
+        force += self.stiffness * self.slipped
+        force[:, :, self.upright] = 0.0
+        dragged = np.sqrt((force**2).sum(axis=2))
+        return ((pressure > 0.0) & (dragged <= self.friction * pressure)).all(axis=1)
+
+    @cached_property
+    def _across(self) -> Floats:
+        return self.at.reshape(-1, 6)
+
 
 @dataclass(frozen=True)
 class _Core:
@@ -172,7 +187,12 @@ class _Core:
                     found[:6] += contact.wrench(state[:6], state[n : n + 6], kept)
                 return found
 
-            state, added = stepped_response(self.a, self.b, driven, step, rest, more)
+            def same(states: Floats) -> Mask:
+                turned = [np.clip(times(along[None], states[:, 6:n])[:, 0], -half, half) for along, _, half in slack]
+                found = np.all([one == one[0] for one in turned] or [np.ones(len(states), bool)], axis=0)
+                return found & contact.sticks(states[:, :6], states[:, n : n + 6]) if contact else found
+
+            state, added = stepped_response(self.a, self.b, driven, step, rest, more, same)
             driven += added
         else:
             state = rest + linear_response(self.a, self.b, driven - driven[0], step)
@@ -180,7 +200,7 @@ class _Core:
         parts = state[:, :n], state[:, n : 2 * n], rates
         return BaseMotion(*(x[:, :6] for x in parts)), Deviation(*(x[:, 6:] for x in parts))
 
-    @property
+    @cached_property
     def _slack(self) -> list[tuple[Floats, float, float]]:
         """Of each spring with play: its turn per free coordinate, its stiffness [N m/rad], half the play [rad]."""
         found = self.drives.transmissions if self.drives else []

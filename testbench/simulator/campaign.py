@@ -26,6 +26,7 @@ from ..recording import Origin
 from ..rig import Column, Rig
 from ..rig.bench import Logger
 from . import simulated_logs
+from .drive_trains import parameters_on_links
 from .loggers import Log, is_irregular
 from .run import payload_body
 from .sensors import base_acceleration, draw_transducers
@@ -60,7 +61,9 @@ def write_run_truth(folder: Path, rig: "Rig", run: "SimulatedRun", balance: "Con
         "run": run.planned.name,
         **run.planned.conditions,
         "base_frequencies_hz": run.bench.base.frequencies_hz.tolist(),
-        "first_moment_residual_kg_m": balance.values(run.bench.mechanism).tolist(),
+        "first_moment_residual_kg_m": balance.values(
+            parameters_on_links(run.bench.mechanism, balance.mechanism)
+        ).tolist(),
         "clocks": {
             name: {
                 "start_s": logger.start,

@@ -27,9 +27,12 @@ if TYPE_CHECKING:
     from ..rig.bench import Control, DriveTrain, Transmission
 
 
+_MOTOR_SIDE = " motor side"
+
+
 def motor_side(joint: str) -> str:
     """Name of the coordinate, and of the body, on the motor's side of a joint's transmission."""
-    return f"{joint} motor side"
+    return f"{joint}{_MOTOR_SIDE}"
 
 
 def with_motor_sides(mechanism: Mechanism, drives: "Mapping[str, DriveTrain]") -> Mechanism:
@@ -48,6 +51,16 @@ def with_motor_sides(mechanism: Mechanism, drives: "Mapping[str, DriveTrain]") -
         if drive.transmission is not None:
             mechanism = _with_motor_side(mechanism, joint, own, drive.transmission.motor_side)
     return mechanism
+
+
+def parameters_on_links(mechanism: Mechanism, of: Mechanism) -> Mechanism:
+    """The mechanism ``of`` with the inertial parameters of ``mechanism``, what is on motor sides put on their links."""
+    count, bodies = len(of.bodies), mechanism.tree.bodies
+    parameters = mechanism.parameters[:count].copy()
+    for row in range(count, len(mechanism.bodies)):  # a motor side has the joint of its link, and its frame
+        joint = mechanism.coordinate_index(mechanism.bodies[row].removesuffix(_MOTOR_SIDE))
+        parameters[bodies.index(joint)] += mechanism.parameters[row]
+    return replace(of, parameters=parameters)
 
 
 def _with_motor_side(mechanism: Mechanism, joint: str, own: Joint, mounted: tuple[str, ...]) -> Mechanism:
