@@ -31,6 +31,7 @@ class Study:
 STUDIES = {
     "bench_effects": Study("what each effect of the deep bench does to a reduction", "campaigns", 1, 1),
     "clocks": Study("intervals of `testbench align`", "seeds", 200, 4),
+    "conformance": Study("public files of all formats against the field's libraries, whole and cut", "cuts", 10, 2),
     "encoder_speed": Study("intervals of `testbench speed`", "seeds", 200, 6),
     "fuzz": Study("inputs guided by coverage are read or refused; with --corpus", "inputs a format", 100_000, 2000),
     "identification": Study("intervals of `testbench identify`", "seeds", 50, 1),

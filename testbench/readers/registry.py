@@ -158,6 +158,8 @@ _IS_MATLAB_5 = _matches(rb"(?s)MATLAB 5\.0|.{124}\x00\x01IM")
 _IS_HDF5 = _matches(rb"(?s)(?:.{512}|.{1024}|.{2048})?\x89HDF\r\n\x1a\n")  # it may begin behind other content
 _IS_UFF = _matches(rb"\s{0,6}-1[ \t]*\r?\n[ \t]*\d{1,5}[bB]?(?:[ \t][^\n]*)?\r?\n")
 _IS_WAV = _matches(rb"(?s)(?:RIFF|RIFX|RF64|BW64).{4}WAVE")
+_HDF5_MARK = b"\x89HDF\r\n\x1a\n"
+_FAR_BLOCKS = [HEAD_BYTES << i for i in range(10)]
 _HDF5_EXTENSIONS = (".h5", ".hdf5", ".nxs", ".nc", ".mat")
 _TDMS_NEEDS = f"{needs('tdms')} for scales of thermocouples, bridges and tables"
 BUILT_IN = (
@@ -237,7 +239,12 @@ def _first_bytes(path: Path) -> bytes:
         raise RecordingError(f"{path}: is a pipe or device; expected a log file on a disk")
     try:
         with path.open("rb") as stream:
-            return stream.read(HEAD_BYTES)
+            head = stream.read(HEAD_BYTES)
+            for at in _FAR_BLOCKS if path.suffix.lower() in _HDF5_EXTENSIONS else ():  # behind content of others
+                stream.seek(at)
+                if stream.read(len(_HDF5_MARK)) == _HDF5_MARK:
+                    return _HDF5_MARK
+            return head
     except FileNotFoundError as error:
         raise RecordingError(no_such_file(path)) from error
 

@@ -8,7 +8,7 @@ the layout after which a closing line follows. Source: SDRC, Universal File Form
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -235,6 +235,8 @@ class Function:
     denominator: Axis
     dataset: Dataset
     data: int
+    declared: int | None = None
+    """Samples that the header declares where the text holds fewer."""
 
     @property
     def name(self) -> str:
@@ -260,7 +262,13 @@ def parse_function(source: ByteSource, dataset: Dataset) -> Function:
     """The header of the dataset 58 that ``dataset`` is."""
     lines, offset = _lines(source, dataset.begin, 11)
     with refusing(source.path, f"the header of dataset 58 at byte {dataset.begin}", ValueError, IndexError):
-        return _parsed([_header_text(line).rstrip("\r\n") for line in lines], dataset, offset)
+        found = _parsed([_header_text(line).rstrip("\r\n") for line in lines], dataset, offset)
+        width = _width(found)
+        there = dataset.end - offset
+        if dataset.binary or there > _TEXT_BYTES or 2 * width * found.samples <= there:
+            return found
+        numbers = parsed_numbers(source.read(offset, there, "its numbers"), _widths(found))
+        return replace(found, samples=len(numbers) // width, declared=found.samples)
 
 
 def _parsed(lines: list[str], dataset: Dataset, offset: int) -> Function:
@@ -323,7 +331,7 @@ def function_pieces(source: ByteSource, function: Function, samples: int) -> Ite
 
 
 def _text(source: ByteSource, function: Function, samples: int, what: str) -> Iterator[NDArray[np.float64]]:
-    width = (not function.even) + 1 + function.is_complex  # numbers of a sample
+    width = _width(function)
     offset, keep, waiting, found = function.data, b"", np.empty(0), 0
     while offset < function.dataset.end:
         count = min(_TEXT_BYTES, function.dataset.end - offset)
@@ -341,6 +349,11 @@ def _text(source: ByteSource, function: Function, samples: int, what: str) -> It
         raise damaged(source.path, f"{what}: declares {function.samples} samples, {found} are there")
     if len(waiting):
         yield waiting.reshape(-1, width).T
+
+
+def _width(function: Function) -> int:
+    """Numbers of a sample."""
+    return (not function.even) + 1 + function.is_complex
 
 
 def _widths(function: Function) -> tuple[int, ...]:
@@ -539,6 +552,9 @@ def _header_findings(functions: Sequence[Function], whole: Sequence[Dataset]) ->
         if f.dataset.binary and not f.dataset.binary.agrees:
             message = "the header declares another number of bytes than its samples take; all of them are there"
             findings.append(Finding("header_contradiction", f.name, None, message))
+        if f.declared is not None:
+            message = f"declares {f.declared} samples, {f.samples} are there"
+            findings.append(Finding("count_contradiction", f.name, None, message))
         if f.even and f.abscissa.kind == TIME:
             findings += header_claims.step_findings(f.step_text, "the abscissa's step")
     for (_, _, node, _), names in by_dof.items():

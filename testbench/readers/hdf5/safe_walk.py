@@ -171,6 +171,8 @@ def _declares_too_much(path: str, dataset: h5py.Dataset, plist: h5py.h5p.PropDCI
     there, layout, item = int(dataset.id.get_storage_size()), plist.get_layout(), int(dataset.dtype.itemsize)
     declared = math.prod(map(int, dataset.shape or ())) * item
     chunk = math.prod(map(int, plist.get_chunk())) * item if layout == h5py.h5d.CHUNKED else 0
+    if layout == h5py.h5d.CONTIGUOUS and not there and plist.fill_value_defined() == h5py.h5d.FILL_VALUE_USER_DEFINED:
+        return Finding("left_out", path, None, "none of its values was ever written: all are its fill value")
     if layout == h5py.h5d.CONTIGUOUS and there < declared:
         message = f"declares {declared} bytes and holds {there}: it was never written whole"
         return Finding("cut_file", path, None, message)

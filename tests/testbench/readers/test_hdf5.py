@@ -62,6 +62,14 @@ def test_an_attribute_without_a_value_is_none(made):
     assert found.unit("acc") == "m/s2"
 
 
+def test_content_of_others_may_stand_before(written):
+    """The mark of HDF5 may come behind 512 bytes times a power of two, where the file is called so."""
+    path = written({"acc": TIME}, userblock_size=32768)
+    with path.open("r+b") as file:
+        file.write(b"<?xpacket begin='' ?>".ljust(32768))
+    np.testing.assert_array_equal(reading.read(path).column("acc"), TIME)
+
+
 def by_channel(found, code):
     """The messages of the findings of a code by their channel."""
     return {f.channel: f.message for f in found.findings if f.code == code}
@@ -249,9 +257,11 @@ def test_sizes_that_are_not_there_are_refused(made):
         "acc": TIME, "petabyte": created(shape=(1 << 47,), dtype="f8", chunks=(1 << 16,)),
         "bomb": created(data=np.zeros(9 << 20), chunks=(1 << 20,), compression="gzip"),
         "chunk": created(shape=(1 << 31,), dtype="u1", chunks=(1 << 31,)), "late": created(shape=(1000,), dtype="f8"),
+        "missing": created(shape=(1000,), dtype="f8", fillvalue=9.96921e36),
     })  # fmt: skip
     assert by_channel(found, "too_large").keys() == {"/petabyte", "/bomb", "/chunk"}
     assert by_channel(found, "cut_file").keys() == {"/late"}
+    assert "all are its fill value" in by_channel(found, "left_out")["/missing"]
     assert [c.name for c in found.group().channels] == ["acc"]
 
 

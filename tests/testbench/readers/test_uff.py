@@ -186,3 +186,12 @@ def test_a_cut_and_a_wrong_count(tmp_path, binary):
     path = _write(tmp_path, _function("a", numbers, binary=binary))
     path.write_bytes(path.read_bytes().replace(b"        37", b"        38", 1))
     assert ("its samples take 304 bytes" if binary else "declares 38 samples, 37") in reading.said(path)
+
+
+def test_a_text_shorter_than_declared_is_read_to_its_end(tmp_path):
+    """What is there is read, and that more is declared is an error that a person may accept."""
+    path = _write(tmp_path, _function("Acc 1", np.arange(20.0), binary=0))
+    path.write_text(path.read_text().replace("        20 ", "   2508876 ", 1))
+    found = reading.read(path)
+    assert found.data[found.group().name][-1].tolist() == list(range(20))
+    assert "declares 2508876 samples, 20 are there" in found.message("count_contradiction")
