@@ -112,6 +112,7 @@ def _matlab(path: Path) -> list[Series]:
             isinstance(value, np.ndarray)
             and value.dtype.kind in "iufb"
             and value.size > 1
+            and value.ndim == 2
             and 1 in value.shape
             and name[0] != "_"
         ):
@@ -223,7 +224,7 @@ def _csv(path: Path) -> list[Series]:
     if any(re.fullmatch(r"\s*[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?(?:\.\d+)?\s*", str(name)) for name in table.columns):
         table = pandas.read_csv(path, sep=None, engine="python", comment="#", header=None)
     numbers = table.select_dtypes("number")
-    names = ("" if isinstance(name, int) or name.startswith("Unnamed") else name.lstrip("%") for name in numbers)
+    names = ("" if re.match(r"\d+$|Unnamed", str(name)) else str(name).lstrip("%") for name in numbers)
     columns = zip(names, (numbers[name].to_numpy(dtype=np.float64) for name in numbers), strict=True)
     return [Series(name, column) for name, column in columns if np.isfinite(column).any()]
 

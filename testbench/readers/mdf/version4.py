@@ -232,9 +232,15 @@ def _keep_meanings(
     source: ByteSource, links: Sequence[int], values: Sequence[float], file: File, name: str, kind: int
 ) -> None:
     """What the numbers of a status channel mean, as far as they are plain texts."""
-    if kind == 7:
+    if kind in (7, 8):  # of one value, or of all from one to another
+        bounds = values[: 64 * (kind - 6)]
+        labels = (
+            [f"{v:g}" for v in bounds]
+            if kind == 7
+            else [f"{a:g} to {b:g}" for a, b in zip(bounds[::2], bounds[1::2], strict=False)]
+        )
         meanings = []
-        for value, link in zip(values[:64], links, strict=False):
+        for label, link in zip(labels, links, strict=False):
             if link and source.read(link, 4, "a text") == b"##TX":
-                meanings.append(f"{value:g} = {block_text(source, link)}")
+                meanings.append(f"{label} = {block_text(source, link)}")
         file.metadata[f"{name}: meaning"] = "; ".join(meanings)
