@@ -104,7 +104,10 @@ def test_bits_are_cut_out_of_bytes(order, bit, bits):
 def test_invalid_samples_texts_and_meanings(tmp_path):
     """What invalidation bits mark is NaN and counted; texts are left out by name; a status keeps number and words."""
     words = conversion_utils.from_dict({"val_0": 0, "text_0": "off", "val_1": 1, "text_1": "on"})
+    gears = {f"{key}_{i}": v for i in (0, 1) for key, v in (("lower", 2 * i), ("upper", 2 * i + 1), ("text", f"g{i}"))}
+    ranges = conversion_utils.from_dict(gears)
     found = reading.read(save(tmp_path, "4.10", [
+        signal("gear", (np.arange(400) % 4).astype("u1"), conversion=ranges),
         signal("a", np.arange(400.0), invalidation_bits=np.isin(np.arange(400), [3, 7])),
         signal("note", np.array([b"abc"] * 400), encoding="latin-1"),
         signal("state", (np.arange(400) % 2).astype("u1"), conversion=words),
@@ -114,6 +117,7 @@ def test_invalid_samples_texts_and_meanings(tmp_path):
     assert "text_channel" in found.codes
     assert found.column("state").tolist() == [0, 1] * 200
     assert "1 = on" in found.recording.metadata["state: meaning"]
+    assert "2 to 3 = g1" in found.recording.metadata["gear: meaning"]
 
 
 HEADER = 24 + 48 + 32
