@@ -12,6 +12,7 @@ in CHANGELOG.md, and warns by DeprecationWarning for two minor versions before i
 """
 
 import os
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 DISTRIBUTION = "counterpoise"
@@ -25,99 +26,78 @@ if _strangers := [
         "pip install --force-reinstall --no-deps counterpoise; or give each an environment of its own"
     )
 
+# Each name is an alias of itself, by which type checkers know it as public.
+# isort: off
 if TYPE_CHECKING:
-    from .balancing.conditions import Conditions
-    from .balancing.methods import Methods
-    from .balancing.sizing import CounterMass, Sizing
-    from .balancing.sizing_study import SizingStudy
-    from .balancing.sweep import Designs
-    from .balancing.tradeoff import Front
-    from .closure import Trajectory
-    from .dynamics.inverse_dynamics import Response
-    from .errors import CounterpoiseError
+    from .balancing.conditions import Conditions as Conditions
+    from .balancing.methods import Methods as Methods
+    from .balancing.sizing import CounterMass as CounterMass, Sizing as Sizing
+    from .balancing.sizing_study import SizingStudy as SizingStudy
+    from .balancing.sweep import Designs as Designs
+    from .balancing.tradeoff import Front as Front
+    from .closure import Trajectory as Trajectory
+    from .dynamics.inverse_dynamics import Response as Response
+    from .errors import CounterpoiseError as CounterpoiseError
     from .front_door import (
-        assemble,
-        check,
-        conditions,
-        drive,
-        engine,
-        follow,
-        linkage,
-        load,
-        load_motion,
-        methods,
-        rotor,
-        shipped,
-        simulate,
-        size,
-        sweep,
-        tolerance,
-        tradeoff,
+        assemble as assemble,
+        check as check,
+        conditions as conditions,
+        drive as drive,
+        engine as engine,
+        follow as follow,
+        linkage as linkage,
+        load as load,
+        load_motion as load_motion,
+        methods as methods,
+        rotor as rotor,
+        shipped as shipped,
+        simulate as simulate,
+        size as size,
+        sweep as sweep,
+        tolerance as tolerance,
+        tradeoff as tradeoff,
     )
-    from .mechanism.mechanism import Mechanism
-    from .units import si
+    from .mechanism.mechanism import Mechanism as Mechanism
+    from .units import si as si
 
     __version__: str
 
-__all__ = [
-    "Conditions",
-    "CounterMass",
-    "CounterpoiseError",
-    "Designs",
-    "Front",
-    "Mechanism",
-    "Methods",
-    "Response",
-    "Sizing",
-    "SizingStudy",
-    "Trajectory",
-    "assemble",
-    "check",
-    "conditions",
-    "drive",
-    "engine",
-    "follow",
-    "linkage",
-    "load",
-    "load_motion",
-    "methods",
-    "rotor",
-    "shipped",
-    "si",
-    "simulate",
-    "size",
-    "sweep",
-    "tolerance",
-    "tradeoff",
-]
-_HOMES = {
-    "Conditions": "balancing.conditions",
-    "CounterMass": "balancing.sizing",
-    "CounterpoiseError": "errors",
-    "Designs": "balancing.sweep",
-    "Front": "balancing.tradeoff",
-    "Mechanism": "mechanism.mechanism",
-    "Methods": "balancing.methods",
-    "Response": "dynamics.inverse_dynamics",
-    "Sizing": "balancing.sizing",
-    "SizingStudy": "balancing.sizing_study",
-    "Trajectory": "closure",
-    "si": "units",
-}
+
+def lazy_names(
+    package: str, homes: Mapping[str, str]
+) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
+    """``__all__``, ``__getattr__`` and ``__dir__`` of a package whose names are imported when they are asked for.
+
+    ``homes``: by module of the package the names that it gives. So the command line starts at once.
+    """
+    home_of = {name: home for home, names in homes.items() for name in names.split()}
+
+    def find(name: str) -> Any:  # noqa: ANN401
+        from importlib import import_module
+
+        if name == "__version__":
+            from importlib.metadata import version
+
+            return version(DISTRIBUTION)
+        if name not in home_of:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        return getattr(import_module(f"{package}.{home_of[name]}"), name)
+
+    return sorted(home_of), find, lambda: [*sorted(home_of), "__version__"]
 
 
-def __getattr__(name: str) -> Any:  # noqa: ANN401
-    """What is public here is imported when it is asked for, so that the command line starts at once."""
-    from importlib import import_module
-
-    if name == "__version__":
-        from importlib.metadata import version
-
-        return version("counterpoise")
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f".{_HOMES.get(name, 'front_door')}", __name__), name)
-
-
-def __dir__() -> list[str]:
-    return [*__all__, "__version__"]
+__all__, __getattr__, __dir__ = lazy_names(__name__, {
+    "balancing.conditions": "Conditions",
+    "balancing.sizing": "CounterMass Sizing",
+    "errors": "CounterpoiseError",
+    "balancing.sweep": "Designs",
+    "balancing.tradeoff": "Front",
+    "mechanism.mechanism": "Mechanism",
+    "balancing.methods": "Methods",
+    "dynamics.inverse_dynamics": "Response",
+    "balancing.sizing_study": "SizingStudy",
+    "closure": "Trajectory",
+    "front_door": "assemble check conditions drive engine follow linkage load load_motion methods rotor shipped "
+    "simulate size sweep tolerance tradeoff",
+    "units": "si",
+})  # fmt: skip

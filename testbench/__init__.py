@@ -12,7 +12,7 @@ Names are imported when they are asked for; what is kept of them, and for how lo
 
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 _MECHANICS = find_spec("balance")
 if _MECHANICS is None or 'DISTRIBUTION = "counterpoise"' not in Path(str(_MECHANICS.origin)).read_text("utf-8"):
@@ -22,110 +22,58 @@ if _MECHANICS is None or 'DISTRIBUTION = "counterpoise"' not in Path(str(_MECHAN
         "of its own"
     )
 
-if TYPE_CHECKING:
-    from balance.errors import CounterpoiseError
+from balance import lazy_names  # noqa: E402
 
-    from .cross_examination import Examination
+# Each name is an alias of itself, by which type checkers know it as public.
+# isort: off
+if TYPE_CHECKING:
+    from balance.errors import CounterpoiseError as CounterpoiseError
+
+    from .cross_examination import Examination as Examination
     from .front_door import (
-        align,
-        analyze,
-        compare,
-        doctor,
-        encoder_speed,
-        formats,
-        identify,
-        ingest,
-        load_plan,
-        load_rig,
-        new_project,
-        read,
-        simulate,
-        trim,
+        align as align,
+        analyze as analyze,
+        compare as compare,
+        doctor as doctor,
+        encoder_speed as encoder_speed,
+        formats as formats,
+        identify as identify,
+        ingest as ingest,
+        load_plan as load_plan,
+        load_rig as load_rig,
+        new_project as new_project,
+        read as read,
+        simulate as simulate,
+        trim as trim,
     )
-    from .identification import Identification
-    from .recording import Finding, Recording
-    from .rig import Rig
-    from .runs.aligned_run import AlignedRun
-    from .runs.si_run import SIRun, physical
-    from .signal.filters import Band
-    from .store import Campaign, Run, open_campaign, open_run
-    from .trimming import Trim
-    from .vibration.comparison import Comparison
-    from .vibration.metrics import Measure
-    from .vibration.reduction import Analysis, Reduction
+    from .identification import Identification as Identification
+    from .recording import Finding as Finding, Recording as Recording
+    from .rig import Rig as Rig
+    from .runs.aligned_run import AlignedRun as AlignedRun
+    from .runs.si_run import SIRun as SIRun, physical as physical
+    from .signal.filters import Band as Band
+    from .store import Campaign as Campaign, Run as Run, open_campaign as open_campaign, open_run as open_run
+    from .trimming import Trim as Trim
+    from .vibration.comparison import Comparison as Comparison
+    from .vibration.metrics import Measure as Measure
+    from .vibration.reduction import Analysis as Analysis, Reduction as Reduction
 
     __version__: str
 
-__all__ = [
-    "AlignedRun",
-    "Analysis",
-    "Band",
-    "Campaign",
-    "Comparison",
-    "CounterpoiseError",
-    "Examination",
-    "Finding",
-    "Identification",
-    "Measure",
-    "Recording",
-    "Reduction",
-    "Rig",
-    "Run",
-    "SIRun",
-    "Trim",
-    "align",
-    "analyze",
-    "compare",
-    "doctor",
-    "encoder_speed",
-    "formats",
-    "identify",
-    "ingest",
-    "load_plan",
-    "load_rig",
-    "new_project",
-    "open_campaign",
-    "open_run",
-    "physical",
-    "read",
-    "simulate",
-    "trim",
-]
-_HOMES = {
-    "AlignedRun": "runs.aligned_run",
-    "Analysis": "vibration.reduction",
-    "Band": "signal.filters",
-    "Campaign": "store",
-    "Comparison": "vibration.comparison",
-    "CounterpoiseError": "errors",
-    "Examination": "cross_examination",
-    "Finding": "recording",
-    "Identification": "identification",
-    "Measure": "vibration.metrics",
-    "Recording": "recording",
-    "Reduction": "vibration.reduction",
-    "Rig": "rig",
-    "Run": "store",
-    "SIRun": "runs.si_run",
-    "Trim": "trimming",
-    "open_campaign": "store",
-    "open_run": "store",
-    "physical": "runs.si_run",
-}
-
-
-def __getattr__(name: str) -> Any:  # noqa: ANN401
-    """What is public here is imported when it is asked for, so that the command line starts at once."""
-    from importlib import import_module
-
-    if name == "__version__":
-        from importlib.metadata import version
-
-        return version("counterpoise")
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f".{_HOMES.get(name, 'front_door')}", __name__), name)
-
-
-def __dir__() -> list[str]:
-    return [*__all__, "__version__"]
+__all__, __getattr__, __dir__ = lazy_names(__name__, {
+    "runs.aligned_run": "AlignedRun",
+    "vibration.reduction": "Analysis Reduction",
+    "signal.filters": "Band",
+    "store": "Campaign Run open_campaign open_run",
+    "vibration.comparison": "Comparison",
+    "errors": "CounterpoiseError",
+    "cross_examination": "Examination",
+    "recording": "Finding Recording",
+    "identification": "Identification",
+    "vibration.metrics": "Measure",
+    "rig": "Rig",
+    "runs.si_run": "SIRun physical",
+    "trimming": "Trim",
+    "front_door": "align analyze compare doctor encoder_speed formats identify ingest load_plan load_rig new_project "
+    "read simulate trim",
+})  # fmt: skip
