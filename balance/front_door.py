@@ -3,40 +3,37 @@
 The commands call the same functions. A mechanism is a ``Mechanism``, a shipped name or a file; a motion likewise.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from .balancing import Sizing, sizing_of_given
-from .balancing.closed_forms import compare_conditions
-from .balancing.conditions import Conditions, balance_conditions
-from .balancing.methods import Methods, MethodSettings, compare_methods
-from .balancing.objective import workspace_objective
-from .balancing.sizing_study import SizingStudy, study_sizing
-from .balancing.sweep import Designs, Problem, Sweep, Variable
-from .balancing.tolerance import Tolerance, ToleranceAnalysis, analyze_tolerances
-from .balancing.tradeoff import Front, tradeoff_front
 from .closure import Closure, Trajectory
-from .closure.assembly import Configuration
 from .datasets import dataset_names
-from .drives.drive_files import load_drive
-from .drives.harmonic_balance import SteadyRotation, steady_rotations
 from .dynamics import inverse_dynamics
 from .dynamics.inverse_dynamics import Response
-from .engines.engine_files import load_engine
-from .engines.free_forces import FreeForces, free_forces
-from .errors import DataError
-from .linkages.equivalence_method import LinkageBalance, balance_linkage
-from .linkages.linkage_files import load_linkage
+from .errors import DataError, ModelError
 from .mechanism.mechanism import Mechanism
 from .mechanism.mjcf_parser import load_mechanism
 from .motion import DEFAULT_RATE_HZ, Motion
 from .motion.motion_files import load_motion as read_motion
-from .rotors.correction_planes import Correction, correct_planes
-from .rotors.rotor_files import load_rotor
-from .task_pool import HERE
+from .task_pool import HERE, TaskPool
 from .units import si
+
+if TYPE_CHECKING:  # what each function needs is imported when it is called: a command starts as quickly as without
+    from .balancing import Sizing
+    from .balancing.conditions import Conditions
+    from .balancing.methods import Methods, MethodSettings
+    from .balancing.sizing_study import SizingStudy
+    from .balancing.sweep import Designs, Problem
+    from .balancing.tolerance import Tolerance, ToleranceAnalysis
+    from .balancing.tradeoff import Front
+    from .closure.assembly import Configuration
+    from .drives.harmonic_balance import SteadyRotation
+    from .engines.free_forces import FreeForces
+    from .linkages.equivalence_method import LinkageBalance
+    from .rotors.correction_planes import Correction
 
 FOLDERS = {
     "mechanisms": ".xml", "motions": ".toml", "stock": ".csv", "rigs": ".toml", "plans": ".toml", "drives": ".toml",
@@ -123,6 +120,8 @@ def conditions(mechanism: Mechanism | str | Path, momentum: str = "linear") -> C
     >>> print(balance.conditions("four-bar").text(0))
     mcx[A0A] + crank m[AB] + crank/rocker mcx[B0B] = 0
     """
+    from .balancing.conditions import balance_conditions
+
     return balance_conditions(_mechanism(mechanism), momentum)
 
 
@@ -137,6 +136,7 @@ def size(
     objective: Mapping[str, float] | None = None,
     rig: str | None = None,
     best: int = 1,
+    payload_bodies: Sequence[str] = (),
 ) -> SizingStudy:
     """Counter-masses that balance a mechanism, or leave the least shaking force: of any mass, or from stock plates.
 
@@ -144,6 +144,7 @@ def size(
     plates, a shipped name or a CSV file. ``sites``: where masses may be mounted [default: those named counter...].
     ``limits``: largest mass by site, ``{"counter_A0A": "5 kg"}``. ``equal``: groups of sites of equal masses.
     ``objective``: weights of force, moment, torque, and vibration with a ``rig``. ``best``: sets from stock to give.
+    ``payload_bodies``: of which the payload is stated that the counter-masses would balance.
     Least squares within bounds, from plates by mixed-integer search with a proven bound.
 
     >>> import balance
@@ -152,11 +153,13 @@ def size(
     >>> sizing.table()[["site", "mass_kg"]].round(4).values.tolist()
     [['counter_A0A', 24.2626], ['counter_B0B', 24.2626]]
     """
+    from .balancing.sizing_study import study_sizing
+
     model = _mechanism(mechanism)
     trajectory = follow(model, motion) if motion else None
     return study_sizing(
         model, trajectory, motion=motion, sites=sites, stock=stock, limits=_masses(limits), equal=equal, best=best,
-        weights=objective, rig=rig,
+        weights=objective, rig=rig, payload_bodies=payload_bodies,
     )  # fmt: skip
 
 
@@ -168,10 +171,15 @@ def check(mechanism: Mechanism | str | Path, counter_masses: Mapping[str, float 
     >>> round(found.remaining_percent(), 1)
     4.5
     """
+    from .balancing import sizing_of_given
+    from .balancing.objective import workspace_objective
+
     model = _mechanism(mechanism)
-    return sizing_of_given(
-        balance_conditions(model), model, _masses(counter_masses), objective=workspace_objective(model)
-    )
+    found, masses = conditions(model), _masses(counter_masses)
+    try:
+        return sizing_of_given(found, model, masses, objective=workspace_objective(model))
+    except ModelError:  # massless bodies move alone: the momentum has no measure, the conditions have
+        return sizing_of_given(found, model, masses)
 
 
 def simulate(
@@ -207,6 +215,8 @@ def tradeoff(
     >>> front.points[0].force < 1e-9 < front.points[-1].force
     True
     """
+    from .balancing.tradeoff import Front, tradeoff_front
+
     model = _mechanism(mechanism)
     return Front(model.name, motion, tradeoff_front(model, follow(model, motion), sites, _masses(limits), points))
 
@@ -222,10 +232,11 @@ def _part(name: str) -> tuple[str, str, str]:
 def tolerance(
     mechanism: Mechanism | str | Path,
     motion: str,
-    tolerances: Mapping[str, float | str],
+    tolerances: Mapping[str, float | str] | Sequence[Tolerance],
     counter_masses: Mapping[str, float | str] | None = None,
     draws: int = 20_000,
     seed: int = 1,
+    pool: TaskPool = HERE,
 ) -> ToleranceAnalysis:
     """Shaking force that mechanisms made within tolerances keep; errors are drawn evenly within them (JCGM 101).
 
@@ -234,14 +245,18 @@ def tolerance(
     >>> found.percentiles["95"] > found.nominal
     True
     """
-    given = [Tolerance(*_part(name)[:2], si(value, _part(name)[2])) for name, value in tolerances.items()]
-    problem = _problem(mechanism, motion, counter_masses)
-    return analyze_tolerances(problem, given, draws, seed)
+    from .balancing.tolerance import Tolerance, analyze_tolerances
+
+    if isinstance(tolerances, Mapping):
+        tolerances = [Tolerance(*_part(name)[:2], si(e, _part(name)[2])) for name, e in tolerances.items()]
+    return analyze_tolerances(_problem(mechanism, motion, counter_masses), tolerances, draws, seed, pool)
 
 
 def _problem(
     mechanism: Mechanism | str | Path, motion: str, counter_masses: Mapping[str, float | str] | None
 ) -> Problem:
+    from .balancing.sweep import Problem
+
     return Problem(_mechanism(mechanism), read_motion(motion).sample(DEFAULT_RATE_HZ), _masses(counter_masses))
 
 
@@ -260,13 +275,16 @@ def sweep(
     >>> found.table()["counter_A0A_mass_kg"].tolist()
     [1.0, 2.0, 0.0]
     """
-    variables = [
+    import numpy as np
+
+    from .balancing.sweep import Designs, Sweep, Variable, joined
+
+    variables = tuple(
         Variable(*_part(name)[:2], np.array([si(value, _part(name)[2]) for value in values]))
         for name, values in vary.items()
-    ]
-    parts = [columns for _, columns in Sweep(_problem(mechanism, motion, counter_masses), tuple(variables)).run(HERE)]
-    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    return Designs(columns, tuple(variable.column for variable in variables))
+    )
+    parts = [columns for _, columns in Sweep(_problem(mechanism, motion, counter_masses), variables).run(HERE)]
+    return Designs(joined(parts), tuple(variable.column for variable in variables))
 
 
 def methods(mechanism: Mechanism | str | Path, motion: str, settings: MethodSettings | None = None) -> Methods:
@@ -278,9 +296,12 @@ def methods(mechanism: Mechanism | str | Path, motion: str, settings: MethodSett
     >>> balance.methods("serial-1r", "serial-1r").table()["method"].tolist()[:2]
     ['as it is', 'springs']
     """
+    from .balancing.closed_forms import compare_conditions
+    from .balancing.methods import Methods, compare_methods
+
     model = _mechanism(mechanism)
     outcomes = compare_methods(model, follow(model, motion), settings)
-    return Methods(model, motion, tuple(outcomes), tuple(compare_conditions(balance_conditions(model))))
+    return Methods(model, motion, tuple(outcomes), tuple(compare_conditions(conditions(model))))
 
 
 def linkage(name: str | Path) -> LinkageBalance:
@@ -292,6 +313,9 @@ def linkage(name: str | Path) -> LinkageBalance:
     >>> balance.linkage("dwell").residual() < 1e-12
     True
     """
+    from .linkages.equivalence_method import balance_linkage
+    from .linkages.linkage_files import load_linkage
+
     return balance_linkage(load_linkage(name))
 
 
@@ -302,6 +326,9 @@ def rotor(name: str | Path) -> Correction:
     >>> balance.rotor("three-masses").residual() < 1e-12
     True
     """
+    from .rotors.correction_planes import correct_planes
+    from .rotors.rotor_files import load_rotor
+
     described = load_rotor(name)
     return correct_planes(described.unbalances, described.planes)
 
@@ -313,6 +340,9 @@ def engine(name: str | Path, orders: int = 8) -> list[FreeForces]:
     >>> [one.force.order for one in balance.engine("in-line-4", orders=4) if one.force.largest > 1e-9]
     [2, 4]
     """
+    from .engines.engine_files import load_engine
+    from .engines.free_forces import free_forces
+
     return free_forces(load_engine(name), orders)
 
 
@@ -324,6 +354,9 @@ def drive(name: str | Path) -> list[SteadyRotation]:
     >>> 0.0 < rotation.fluctuation() < 1.0
     True
     """
+    from .drives.drive_files import load_drive
+    from .drives.harmonic_balance import steady_rotations
+
     described = load_drive(name)
     return [
         rotation for machine in described.machines(described.load_mechanism()) for rotation in steady_rotations(machine)

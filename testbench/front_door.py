@@ -3,55 +3,65 @@
 The commands call the same functions. A campaign is a ``Campaign`` or its folder; runs are ``Run`` objects or files.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from balance.balancing.stock_plates import load_stock
 from balance.mechanism.mechanism import Mechanism
-from balance.mechanism.mjcf_parser import load_mechanism
-from balance.task_pool import HERE, TaskPool
 
-from . import campaign_plan, project, rig
-from .campaign_plan import Plan
-from .cross_examination import Examination, examine
-from .identification import Identification
-from .identification import identify as identified
-from .identification.estimators import Method
-from .identification.records import By, assemble
-from .ingestion import Ingest, Outcome
-from .ingestion.log_sources import SiblingLogs, own_files
-from .ingestion.run_table import plan_runs
-from .kinematics.encoder_motion import loaded_mechanism, mechanism_of
-from .published_tables import load_published
-from .readers import ReadOptions, open_recording, readers
-from .recording import Recording
-from .rig import Rig
-from .rotating import Disc, SteadySpeedFit, number_edges, periodic_turn, read_edge_times
-from .runs.aligned_run import AlignedRun, recorded_clocks
-from .runs.si_run import SIRun
-from .signal import Metric
-from .signal.filters import Band
-from .simulator.campaign import simulate_campaign
 from .store import Campaign, Run, open_campaign, open_run
-from .synchronization.run_alignment import RunClocks, align_run
-from .trimming import Source, Trim, trim_runs
-from .vibration.comparison import Comparison, compare_campaign
-from .vibration.metrics import VIBRATION_BAND, Measure
-from .vibration.reduction import Analysis
-from .vibration.reduction import analyze as analyze_runs
 
-Runs = Campaign | Run | str | Path
-"""What a function takes for runs: a campaign, one run, or the path of either."""
+if TYPE_CHECKING:  # what each function needs is imported when it is called: a command starts as quickly as without
+    from balance.task_pool import TaskPool
+
+    from .campaign_plan import Plan
+    from .cross_examination import Examination
+    from .identification import Identification
+    from .identification.estimators import Method
+    from .identification.records import By
+    from .ingestion import Outcome
+    from .readers import ReadOptions
+    from .recording import Recording
+    from .rig import Rig
+    from .rotating import SteadySpeedFit
+    from .runs.si_run import SIRun
+    from .signal import Metric
+    from .signal.filters import Band
+    from .synchronization.run_alignment import RunClocks
+    from .trimming import Source, Trim
+    from .vibration.comparison import Comparison
+    from .vibration.metrics import Measure
+    from .vibration.reduction import Analysis
+
+VIBRATION = "1..200"
+"""Frequencies that count as vibration [Hz], unless others are given."""
+Runs = Campaign | Run | str | Path | Sequence[Run]
+"""What a function takes for runs: a campaign, one run, or the path of either; or runs that are open."""
 
 
 def runs_of(*given: Runs) -> list[Run]:
     """The runs that are meant. Raises StoreError for one that cannot be opened."""
     found: list[Run] = []
     for one in given:
-        opened = one if isinstance(one, Campaign | Run) else open_campaign(one) if Path(one).is_dir() else open_run(one)
-        found += [opened] if isinstance(opened, Run) else opened.runs
+        if isinstance(one, str | Path):
+            one = open_campaign(one) if Path(one).is_dir() else open_run(one)
+        found += [one] if isinstance(one, Run) else one.runs if isinstance(one, Campaign) else one
     return found
+
+
+def bound_runs(runs: Sequence[Runs | SIRun], rig: Rig | str | Path | None = None) -> list[SIRun]:
+    """Runs in SI, with their calibration in force; ``rig`` in place of the one stored with each. SI runs are as is."""
+    from .runs.si_run import SIRun
+
+    described = _rig(rig)
+    return [
+        one
+        for given in runs
+        for one in ([given] if isinstance(given, SIRun) else [SIRun.of(run, described) for run in runs_of(given)])
+    ]
 
 
 def load_rig(name: str | Path) -> Rig:
@@ -61,6 +71,8 @@ def load_rig(name: str | Path) -> Rig:
     >>> sorted(testbench.load_rig("parallelogram-6bar").loggers)
     ['controller', 'daq', 'forces']
     """
+    from . import rig
+
     return rig.load_rig(name)
 
 
@@ -71,6 +83,8 @@ def load_plan(name: str | Path) -> Plan:
     >>> len(testbench.load_plan("kiper2019").runs())
     52
     """
+    from . import campaign_plan
+
     return campaign_plan.load_plan(name)
 
 
@@ -83,6 +97,8 @@ def new_project(folder: str | Path, mechanism: str | Path) -> list[str]:
     >>> testbench.new_project("my-test", "four-bar")
     ['four-bar.xml', 'motion.toml', 'plan.toml', 'rig.toml', 'README.md', 'runs.csv']
     """
+    from . import project
+
     return project.new_project(Path(folder), str(mechanism))
 
 
@@ -96,6 +112,8 @@ def encoder_speed(log: str | Path, pulses: int, ratio: float = 1.0) -> SteadySpe
     >>> print(f"{testbench.encoder_speed('edges.csv', pulses=60).mean.value:.2f} rad/s")
     10.47 rad/s
     """
+    from .rotating import Disc, number_edges, periodic_turn, read_edge_times
+
     path = Path(log)
     return periodic_turn(number_edges(path.name, read_edge_times(path), Disc(pulses, ratio)))
 
@@ -107,6 +125,8 @@ def formats() -> dict[str, str]:
     >>> testbench.formats()["CSV"]
     ''
     """
+    from .readers import readers
+
     return {reader.name: reader.needs or "" for reader in readers()}
 
 
@@ -117,6 +137,8 @@ def read(log: str | Path, options: ReadOptions | None = None) -> Recording:
     >>> [channel.label for channel in testbench.read("log.csv").groups[0].channels]
     ['t', 'a']
     """
+    from .readers import open_recording
+
     return open_recording(log, options)
 
 
@@ -137,6 +159,11 @@ def ingest(
     >>> [one.status for one in testbench.ingest(["log.csv"], to="new-campaign")]
     ['stored']
     """
+    from .ingestion import Ingest
+    from .ingestion.log_sources import SiblingLogs, own_files
+    from .ingestion.run_table import plan_runs
+    from .readers import ReadOptions
+
     files, folder, described = [Path(log) for log in logs], Path(to), _rig(rig)
     files = [file for file in files if file not in own_files(files, folder)]
     others = SiblingLogs(files if runs is None else (), options or ReadOptions())
@@ -145,7 +172,7 @@ def ingest(
 
 
 def _rig(rig: Rig | str | Path | None) -> Rig | None:
-    return rig if rig is None or isinstance(rig, Rig) else load_rig(rig)
+    return load_rig(rig) if isinstance(rig, str | Path) else rig
 
 
 def simulate(plan: Plan | str | Path, rig: Rig | str | Path, to: str | Path, seed: int | None = None) -> list[Path]:
@@ -156,7 +183,9 @@ def simulate(plan: Plan | str | Path, rig: Rig | str | Path, to: str | Path, see
     >>> len(logs)
     3
     """
-    planned, bench = plan if isinstance(plan, Plan) else load_plan(plan), _rig(rig)
+    from .simulator.campaign import simulate_campaign
+
+    planned, bench = load_plan(plan) if isinstance(plan, str | Path) else plan, _rig(rig)
     assert bench is not None
     return simulate_campaign(planned if seed is None else planned.model_copy(update={"seed": seed}), bench, Path(to))
 
@@ -164,10 +193,10 @@ def simulate(plan: Plan | str | Path, rig: Rig | str | Path, to: str | Path, see
 def analyze(
     campaign: Runs,
     metric: Metric = "peak_to_peak",
-    band: Band | None = VIBRATION_BAND,
+    band: Band | str | None = VIBRATION,
     accept: Sequence[str] = (),
     mechanism: Mechanism | str | None = None,
-    pool: TaskPool = HERE,
+    pool: TaskPool | None = None,
 ) -> Analysis:
     """By how many per cent counter-masses reduce the base's vibration, by condition, sensor and axis, with intervals.
 
@@ -180,10 +209,23 @@ def analyze(
     >>> result.table()[["axis", "reduction_percent"]].shape
     (3, 2)
     """
-    return analyze_runs(runs_of(campaign), Measure(metric, band), accept, _mechanism(mechanism), pool)
+    from balance.task_pool import HERE
+
+    from .vibration.reduction import analyze as analyze_runs
+
+    return analyze_runs(runs_of(campaign), _measure(metric, band), accept, _mechanism(mechanism), pool or HERE)
+
+
+def _measure(metric: Metric, band: Band | str | None) -> Measure:
+    from .signal.filters import band_of
+    from .vibration.metrics import Measure
+
+    return Measure(metric, band_of(band) if isinstance(band, str) else band)
 
 
 def _mechanism(mechanism: Mechanism | str | None) -> Mechanism | None:
+    from balance.mechanism.mjcf_parser import load_mechanism
+
     return load_mechanism(mechanism) if isinstance(mechanism, str) else mechanism
 
 
@@ -191,7 +233,7 @@ def compare(
     campaign: Runs,
     published: str | None = None,
     metric: Metric = "peak_to_peak",
-    band: Band | None = VIBRATION_BAND,
+    band: Band | str | None = VIBRATION,
     accept: Sequence[str] = (),
     mechanism: str | None = None,
 ) -> Comparison:
@@ -201,12 +243,15 @@ def compare(
     >>> testbench.compare("campaign").table()["simulated_percent"].notna().all()
     np.True_
     """
+    from .published_tables import load_published
+    from .vibration.comparison import compare_campaign
+
     table = load_published(published) if published else None
-    return compare_campaign(runs_of(campaign), table, Measure(metric, band), mechanism, accept)
+    return compare_campaign(runs_of(campaign), table, _measure(metric, band), mechanism, accept)
 
 
 def doctor(
-    campaign: Runs, accept: Sequence[str] = (), mechanism: Mechanism | str | None = None, pool: TaskPool = HERE
+    campaign: Runs, accept: Sequence[str] = (), mechanism: Mechanism | str | None = None, pool: TaskPool | None = None
 ) -> Examination:
     """What the sensors of a campaign contradict in the run table, the rig or other runs.
 
@@ -214,38 +259,62 @@ def doctor(
     >>> testbench.doctor("campaign").contradictions
     ()
     """
-    return examine(runs_of(campaign), accept, _mechanism(mechanism), pool)
+    from balance.task_pool import HERE
+
+    from .cross_examination import examine
+
+    return examine(runs_of(campaign), accept, _mechanism(mechanism), pool or HERE)
+
+
+def _model(mechanism: Mechanism | str | None, runs: Sequence[SIRun]) -> Mechanism:
+    """The mechanism that is given, or that of the first run."""
+    from .kinematics.encoder_motion import mechanism_of
+
+    return mechanism if isinstance(mechanism, Mechanism) else mechanism_of(runs[0], mechanism)
 
 
 def identify(
-    mechanism: Mechanism | str,
-    *runs: Runs,
+    mechanism: Mechanism | str | None,
+    *runs: Runs | SIRun,
     by: By | None = None,
     method: Method | None = None,
     rig: Rig | str | Path | None = None,
     accept: Sequence[str] = (),
+    validate: Sequence[Runs] = (),
 ) -> Identification:
     """Inertial parameters and friction of a mechanism from the positions, torques and forces of runs.
 
-    ``by``: ``torque``, ``wrench`` or ``both``; ``method``: ``ls``, ``iv`` or ``oe``. Intervals by a delete-block
-    jackknife, widened to contain the answers of other choices.
+    ``mechanism``: None for that of the first run. ``by``: ``torque``, ``wrench`` or ``both``; ``method``: ``ls``,
+    ``iv`` or ``oe``; ``validate``: runs that have no part in it, to hold the result against. Intervals by a
+    delete-block jackknife, widened to contain the answers of other choices.
 
     >>> import testbench
     >>> testbench.identify("parallelogram-6bar", "campaign/r002.h5", by="wrench").table()["unit"][0]
     'kg m'
     """
-    model, described = _mechanism(mechanism), _rig(rig)
-    assert model is not None
-    bound = [AlignedRun(SIRun.of(run, described), model) for run in runs_of(*runs)]
-    taken = assemble(bound, by, accept)
+    from .cross_examination import examine
+    from .identification import identify as identified
+    from .identification import result
+    from .identification.records import assemble
+    from .runs.aligned_run import AlignedRun
+
+    bound = bound_runs(runs, rig)
+    model = _model(mechanism, bound)
+    aligned = [AlignedRun(run, model) for run in bound]
+    taken = assemble(aligned, by, accept)
+    open_findings = examine(bound, accept, model).open_findings
     found = identified(taken.records, taken.mechanism, method)
-    examination = examine([run.run for run in bound], accept, model)
-    return replace(found, contradictions=examination.open_findings)
+    found = replace(found, contradictions=open_findings, by=taken.by, notes=taken.notes)
+    if not validate:
+        return found
+    separate = [AlignedRun(run, model) for run in bound_runs(validate, rig)]
+    records = assemble([aligned[0], *separate], taken.by, accept).records[1:]
+    return replace(found, validation=result.validate(found, records))
 
 
 def trim(
-    mechanism: Mechanism | str,
-    *runs: Runs,
+    mechanism: Mechanism | str | None,
+    *runs: Runs | SIRun,
     sites: Sequence[str] = (),
     stock: str | Path | None = None,
     by: Sequence[Source] = (),
@@ -255,20 +324,26 @@ def trim(
 ) -> Trim:
     """What first moment [kg m] is missing at which site of a mechanism as built, and which mass to add there.
 
-    ``by``: ``wrench``, ``torque``, ``vibration``, ``trials`` [default: what the rig has], weighted by their inverse
-    covariances.
+    ``mechanism``: None for that of the first run. ``by``: ``wrench``, ``torque``, ``vibration``, ``trials`` [default:
+    what the rig has], weighted by their inverse covariances.
 
     >>> import testbench
     >>> testbench.trim("parallelogram-6bar", "campaign/r002.h5", by=["wrench"]).table()["site"].tolist()
     ['counter_A0A', 'counter_B0B']
     """
-    model, described = _mechanism(mechanism), _rig(rig)
-    assert model is not None
-    bound = [SIRun.of(run, described) for run in runs_of(*runs)]
+    from balance.balancing.stock_plates import load_stock
+
+    from .cross_examination import examine
+    from .runs.aligned_run import AlignedRun, recorded_clocks
+    from .trimming import trim_runs
+
+    bound, plates = bound_runs(runs, rig), load_stock(stock) if stock else []
+    model = _model(mechanism, bound)
     aligned = [AlignedRun(run, model, recorded_clocks(run)) for run in bound]
-    found = trim_runs(aligned, sites, load_stock(stock) if stock else [], by or None, cutoff_hz)
+    found = trim_runs(aligned, sites, plates, by or None, cutoff_hz)
     examination = examine(bound, accept, model)
-    return replace(found, findings=(*found.findings, *examination.open_findings))
+    accepted = tuple(finding for finding in examination.findings if finding.code in accept)
+    return replace(found, findings=(*found.findings, *examination.open_findings), accepted=accepted)
 
 
 def align(run: Run | str | Path, reference: str | None = None, drift: bool = True) -> RunClocks:
@@ -280,6 +355,10 @@ def align(run: Run | str | Path, reference: str | None = None, drift: bool = Tru
     >>> sorted(testbench.align("campaign/r002.h5").aligned)
     ['r002_daq', 'r002_forces']
     """
+    from .kinematics.encoder_motion import loaded_mechanism, mechanism_of
+    from .runs.si_run import SIRun
+    from .synchronization.run_alignment import align_run
+
     (opened,) = runs_of(run)
     bound = SIRun.of(opened)
     return align_run(bound, lambda: loaded_mechanism(bound, mechanism_of(bound, None)), reference, drift)

@@ -375,6 +375,11 @@ def read_part(path: Path) -> dict[str, Floats]:
     return read_parquet(path)
 
 
+def joined(parts: Sequence[Mapping[str, Floats]]) -> dict[str, Floats]:
+    """The columns (n,) of all parts of a sweep."""
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
 @dataclass(frozen=True)
 class Designs(Shown, figure="balance.figures.balancing:draw_sweep"):
     """All designs of a sweep, a row each.

@@ -12,7 +12,7 @@ COMMANDS = {
     "animate": ("report", "The mechanism moving on a page, with centre of mass and shaking force."),
     "sweep": ("sweep", "Force, moment and torque of many designs: all combinations of masses and places."),
     "tolerance": ("sweep", "What errors of masses, radii and lengths cost in shaking force."),
-    "tradeoff": ("tradeoff", "What less shaking force costs in moment, torque and mass: the front of a motion."),
+    "tradeoff": ("sweep", "What less shaking force costs in moment, torque and mass: the front of a motion."),
     "linkage": ("linkage", "Planar linkages balanced completely, by counter-masses and gears."),
     "rotor": ("rotor", "Rigid rotors: correction planes, trial runs, holes and stock weights, permissible unbalance."),
     "engine": ("engine", "Slider-cranks and engines: shaking force, partial balance, free forces and moments, shafts."),

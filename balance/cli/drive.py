@@ -1,12 +1,13 @@
 """``balance drive``: steady rotation, start-up, flywheels of a machine that a motor turns."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..results import table
+from ..results import NO_VALUE, table
 from . import options
-from .framework import emit_result, emit_table, json_option
+from .framework import Detail, emit_further, emit_result, emit_table, json_option, note, say
 from .options import Quantity
 
 if TYPE_CHECKING:
@@ -124,11 +125,7 @@ def drive(
         if not balanced
         for text in documents.beyond_file(machine, described.speeds)
     ]
-    if figure:
-        from ..figures.mechanism import save
-        from ..figures.rotating import draw_drive
-
-        save(draw_drive(result), figure)
+    options.draw(figure, "balance.figures.rotating:draw_drive", result)
     emit_result(result, as_json, lambda: _print_study(result))
 
 
@@ -188,8 +185,14 @@ def _fill(
 
 
 def _print_study(result: dict[str, Any]) -> None:
-    _print_reduced(result)
+    """Each steady rotation, the flywheels, the start-up; with --all the inertia, the orbits and the solvers too."""
+    steady = [row for row in result["steady"] if row["reached_from_rest"]] or result["steady"]
+    parts = [f"{row['fluctuation']['nominal']:.4f} at {', '.join(_setting(row)[:2])}" for row in steady[:3]]
+    more = f" and {len(steady) - 3} more" if len(steady) > 3 else ""
+    meaning = "speed fluctuates over a turn, (n_max - n_min) / n_nominal, by"
+    say(f"{result['mechanism']}: {meaning} {'; '.join(parts)}{more}.")
     _print_steady(result)
+    _print_reduced(result)
     _print_flywheels(result)
     _print_start_up(result)
     _print_convergence(result)
@@ -202,7 +205,7 @@ def _print_reduced(result: dict[str, Any]) -> None:
             total = extreme["inertia_kgm2"] + result[key]["constant_inertia_kgm2"]
             values = [extreme["inertia_kgm2"], total]
             rows.append([label, extreme["kind"], f"{extreme['angle_deg']:.2f}", *(f"{v:.5f}" for v in values)])
-    emit_table(
+    emit_further(
         f"Reduced inertia of {result['mechanism']} at the crank {result['reduced']['crank']}",
         ["", "extreme", "angle [deg]", "mechanism [kg m2]", "with shafts [kg m2]"],
         rows,
@@ -212,27 +215,34 @@ def _print_reduced(result: dict[str, Any]) -> None:
     )
 
 
+def _or_dash(value: float | None, form: str) -> str:
+    return NO_VALUE if value is None else format(value, form)
+
+
+_STEADY: dict[str, Callable[[dict[str, Any]], str]] = {
+    "fluctuation": lambda row: f"{row['fluctuation']['nominal']:.4f}",
+    "published": lambda row: _or_dash((row["printed"] or {}).get("fluctuation"), "g"),
+    "kept": lambda row: "from rest" if row["reached_from_rest"] else "once there" if row["stable"] else "unstable",
+    "n_max [rpm]": lambda row: f"{row['fastest_rpm']:.3f} at {row['fastest_at_deg']:.1f}",
+    "n_min [rpm]": lambda row: f"{row['slowest_rpm']:.3f} at {row['slowest_at_deg']:.1f}",
+    "mean [rpm]": lambda row: f"{row['mean_rpm']:.3f}",
+    "Floquet": lambda row: f"{row['floquet_factor']:.3g}",
+    "periodicity": lambda row: _or_dash(row["periodicity"], ".0e"),
+}
+_MAIN_COLUMNS = 3
+"""Columns of a steady rotation that are printed unless all are asked for."""
+
+
 def _print_steady(result: dict[str, Any]) -> None:
-    rows = []
-    for row in result["steady"]:
-        published = (row["printed"] or {}).get("fluctuation")
-        rows.append([
-            *_setting(row), f"{row['fastest_rpm']:.3f} at {row['fastest_at_deg']:.1f}",
-            f"{row['slowest_rpm']:.3f} at {row['slowest_at_deg']:.1f}", f"{row['mean_rpm']:.3f}",
-            f"{row['fluctuation']['nominal']:.4f}", "-" if published is None else f"{published:g}",
-            f"{row['floquet_factor']:.3g}", "-" if row["periodicity"] is None else f"{row['periodicity']:.0e}",
-            "from rest" if row["reached_from_rest"] else "once there" if row["stable"] else "unstable",
-        ])  # fmt: skip
-    emit_table(
-        "Steady rotation of the crank",
-        [*_SETTING, "n_max [rpm]", "n_min [rpm]", "mean [rpm]", "fluctuation", "published", "Floquet",
-         "periodicity", "kept"],
-        rows,
-        "Extremes at [deg]; fluctuation = (n_max - n_min) / n_nominal; periodicity: change of speed over one turn "
-        "integrated apart; from rest: where a start from standstill ends.",
-    )  # fmt: skip
+    columns = _STEADY if Detail.everything else dict(list(_STEADY.items())[:_MAIN_COLUMNS])
+    rows = [[*_setting(row), *(cell(row) for cell in columns.values())] for row in result["steady"]]
+    known = (
+        "Extremes at [deg]; periodicity: change of speed over one turn integrated apart. " if Detail.everything else ""
+    )
+    known += "From rest: where a start from standstill ends."
+    emit_table("Steady rotation of the crank", [*_SETTING, *columns], rows, known)
     for name, meaning in result["readings"].items():
-        click.echo(f"{name}: {meaning}.")
+        note(f"{name}: {meaning}.")
 
 
 _SETTING = ["nominal [rpm]", "torque", "counter-masses"]
@@ -250,8 +260,8 @@ def _print_flywheels(result: dict[str, Any]) -> None:
     ]  # fmt: skip
     if rows:
         header = [*_SETTING, "wanted", "shaft", "flywheel [kg m2]", "estimate, whole [kg m2]"]
-        note = "The estimate dE / (omega^2 delta) is of the whole inertia, from weight alone, without the motor."
-        emit_table("Flywheel for a wanted fluctuation", header, rows, note)
+        remark = "The estimate dE / (omega^2 delta) is of the whole inertia, from weight alone, without the motor."
+        emit_table("Flywheel for a wanted fluctuation", header, rows, remark)
 
 
 def _print_start_up(result: dict[str, Any]) -> None:
@@ -259,9 +269,9 @@ def _print_start_up(result: dict[str, Any]) -> None:
 
     for run in result["start_up"]:
         settled = run["settled_in_turn"]
-        note = f"Steady within 0.1 rpm from turn {settled}." if settled else "Not yet steady within 0.1 rpm."
+        remark = f"Steady within 0.1 rpm from turn {settled}." if settled else "Not yet steady within 0.1 rpm."
         title = f"Start-up, {', '.join(_setting(run)[:2])}, {_setting(run)[2]} counter-masses"
-        emit_table(title, *table(Turn, run["turns"]), note)
+        emit_table(title, *table(Turn, run["turns"]), remark)
 
 
 def _print_convergence(result: dict[str, Any]) -> None:
@@ -273,4 +283,4 @@ def _print_convergence(result: dict[str, Any]) -> None:
         ]  # fmt: skip
         title = f"Solvers, {', '.join(_setting(study)[:2])}: {study['converged_fluctuation']:.6f} converged"
         header = ["solver", "setting", "fluctuation", "off [%]", "evaluations"]
-        emit_table(title, header, rows, f"Integrated from standstill over {study['turns_integrated']} turns.")
+        emit_further(title, header, rows, f"Integrated from standstill over {study['turns_integrated']} turns.")

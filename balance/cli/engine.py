@@ -9,7 +9,7 @@ import click
 
 from ..results import table as table_of
 from . import options
-from .framework import emit_json, emit_result, emit_table, json_option
+from .framework import Detail, emit_further, emit_json, emit_result, emit_table, json_option, note, say
 from .options import Quantity, speed_option
 
 if TYPE_CHECKING:
@@ -92,52 +92,51 @@ def single(
     cases: dict[str, float] = {"unbalanced": 0.0, "rotating only": crank.rotating_unbalance}
     named = {"1/2": 0.5, "2/3": 2 / 3, "best": best.fraction} | {f"{f:g}": f for f in fractions}
     cases |= {name: partial_balance.counterweight(crank, fraction) for name, fraction in named.items()}
-    if figure:
-        from ..figures.mechanism import save
-        from ..figures.rotating import draw_polar
-
-        save(draw_polar(crank, cases, omega), figure)
+    options.draw(figure, "balance.figures.rotating:draw_polar", crank, cases, omega)
     document = cylinder_document(model, cases, omega, radius, mass)
     own = ", ".join(weight.name for weight in model.counterweights)
     emit_result(document, as_json, lambda: _print_single(document, rod_replacements(crank), own))
 
 
 def _print_single(document: dict[str, Any], rod: "list[Replacement]", own: str) -> None:
+    best, cases = document["best_fraction"], document["cases"]
+    one = f", one of its {document['cylinders']} cylinders" if document["cylinders"] > 1 else ""
+    say(
+        f"{document['engine']}{one}: largest shaking force {cases['unbalanced']['exact']['F_max_N']:.5g} N unbalanced, "
+        f"{cases['best']['exact']['F_max_N']:.5g} N at least, with fraction {best['exact']['fraction']:.6f} of the "
+        "reciprocating mass balanced on the crank."
+    )
+    columns = _CASE if Detail.everything else dict(list(_CASE.items())[:_MAIN_CASES])
+    rows = [[name, *(cell(case) for cell in columns.values())] for name, case in cases.items()]
+    emit_table(f"Shaking force of {document['engine']}{one}", ["counterweight", *columns], rows)
     if rod:
-        note = "places from the crank pin; with no inertia missing (third condition) force and moment are both true"
-        emit_table("Connecting rod as point masses", *table_of(type(rod[0]), rod), note)
-    click.echo(
+        remark = "places from the crank pin; with no inertia missing (third condition) force and moment are both true"
+        emit_further("Connecting rod as point masses", *table_of(type(rod[0]), rod), remark)
+    note(
         f"Rotating {document['rotating_mass_at_r_kg']:.5g} kg at the crank radius, reciprocating "
         f"{document['reciprocating_mass_kg']:.5g} kg; at {document['speed_rad_per_s']:.5g} rad/s: rotating "
         f"{document['rotating_force_N']:.5g} N, first order {document['first_order_force_N']:.5g} N, second order "
         f"{document['second_order_force_N']:.5g} N.\n"
-    )
-    one = f", one of its {document['cylinders']} cylinders" if document["cylinders"] > 1 else ""
-    rows = [[name, *(cell(case) for cell in _CASE.values())] for name, case in document["cases"].items()]
-    emit_table(f"Shaking force of {document['engine']}{one}", ["counterweight", *_CASE], rows)
-    best = document["best_fraction"]
-    click.echo(
-        f"Least largest force: fraction {best['exact']['fraction']:.6f} of the reciprocating mass (exact), "
-        f"{best['order2']['fraction']:.6f} (orders 1 and 2), {best['order1']['fraction']:.6f} (order 1); least RMS: "
-        f"{document['least_rms_fraction']:.6f}."
-    )
-    click.echo(
+        f"Fraction of least largest force by orders 1 and 2: {best['order2']['fraction']:.6f}, by order 1: "
+        f"{best['order1']['fraction']:.6f}; of least RMS: {document['least_rms_fraction']:.6f}.\n"
         f"Orders 1 and 2 are off the exact force by at most {document['second_order_error_largest_N']:.4g} N, "
         f"{document['second_order_error_of_first_order_percent']:.3g} % of m r omega^2."
     )
     if own:
-        click.echo(f"The file's own counterweights ({own}) are not included here: see balance engine free.")
+        say(f"The file's own counterweights ({own}) are not included here: see balance engine free.")
 
 
+_MAIN_CASES = 5
+"""Columns that are printed unless all are asked for."""
 _CASE: dict[str, Callable[[dict[str, Any]], str]] = {
     "m_b r_b [kg mm]": lambda case: f"{1e3 * case['counterweight_kgm']:.5g}",
     "m_b [kg]": lambda case: _number(case["counterweight_mass_kg"]),
     "r_b [mm]": lambda case: _number(case["counterweight_radius_mm"]),
+    "F max [N]": lambda case: f"{case['exact']['F_max_N']:.5g}",
+    "F RMS [N]": lambda case: f"{case['exact']['F_rms_N']:.5g}",
     "F max, order 1 [N]": lambda case: f"{case['order1']['F_max_N']:.5g}",
     "orders 1+2 [N]": lambda case: f"{case['order2']['F_max_N']:.5g}",
-    "exact [N]": lambda case: f"{case['exact']['F_max_N']:.5g}",
     "F min [N]": lambda case: f"{case['exact']['F_min_N'] if case['exact']['F_min_N'] > 1e-9 else 0.0:.4g}",
-    "F RMS [N]": lambda case: f"{case['exact']['F_rms_N']:.5g}",
     "|Fx| max [N]": lambda case: f"{max(map(abs, case['exact']['Fx_N'])):.5g}",
     "|Fy| max [N]": lambda case: f"{max(map(abs, case['exact']['Fy_N'])):.5g}",
 }
@@ -219,11 +218,8 @@ def free(
     built = [shaft for shaft in shafts if shaft.order <= _BUILT_ORDERS]
     residual = residual_over_turn(model, built, omega, by_order[0].about)
     units = ("m r omega^2", "m r omega^2 a") if model.normalised else ("N", "N m")
-    if figure:
-        from ..figures.mechanism import save
-        from ..figures.rotating import draw_orders
-
-        save(draw_orders(by_order, model.name, omega**2, units, residual), figure)
+    drawn = (by_order, model.name, omega**2, units, residual)
+    options.draw(figure, "balance.figures.rotating:draw_orders", *drawn)
     if as_json:
         emit_json(engine_document(model, by_order, shafts, residual, omega))
     else:
@@ -244,6 +240,13 @@ def _print_free(
     from ..rotors.rotor import polar_form
 
     factor, length = (1.0, "a") if engine.normalised else (1e3, "mm")
+    sizes = []
+    for kind, unit in zip(("force", "moment"), units, strict=True):
+        worst = max(free, key=lambda f: float(getattr(f, kind).largest))
+        if largest := getattr(worst, kind).largest:
+            sizes.append(f"{kind} of order {worst.force.order}, {omega**2 * largest:.5g} {unit}")
+    known = f"largest free {' and free '.join(sizes)}" if sizes else "every order computed is balanced"
+    say(f"{engine.name}: {known}{'' if engine.normalised else f', at {omega:.5g} rad/s'}.")
     rows = []
     for f in free:
         if f.force.largest or f.moment.largest:
@@ -251,30 +254,26 @@ def _print_free(
             place = None if f.place is None else factor * f.place
             rows.append([str(f.force.order), *(f"{omega**2 * v:.5g}" for v in values), _number(place)])
     header = ["order", f"force [{units[0]}]", "forward", "backward", f"moment [{units[1]}]", "forward", "backward"]
-    note = f"moments about {factor * free[0].about:.5g} {length}; forward turns with the crankshaft"
-    note += "" if engine.normalised else f"; at {omega:.5g} rad/s"
-    emit_table(f"Free forces and moments of {engine.name}", [*header, f"place [{length}]"], rows, note)
-    if not rows:
-        click.echo("No free forces and moments: every order computed is balanced.")
+    remark = f"moments about {factor * free[0].about:.5g} {length}; forward turns with the crankshaft"
+    if rows:
+        emit_table(f"Free forces and moments of {engine.name}", [*header, f"place [{length}]"], rows, remark)
     rows = []
     for shaft in built:
         what = "crankshaft" if shaft.is_crankshaft else f"shaft {'with' if shaft.forward else 'against'} the crankshaft"
         for u in shaft.unbalances:
             rows.append([str(shaft.order), what, f"{factor * u.at:.5g}", polar_form(u.vector, factor)])
-    if rows:
-        header = ["order", "on", f"at [{length}]", f"unbalance [{'m r' if engine.normalised else 'kg mm'}]"]
-        note = "angles when the crankshaft's mark is at x; equal shafts that turn against each other at equal height; "
-        note += f"orders above {_BUILT_ORDERS} with --json"
-        emit_table("What would balance them", header, rows, note)
+    header = ["order", "on", f"at [{length}]", f"unbalance [{'m r' if engine.normalised else 'kg mm'}]"]
+    remark = "angles when the crankshaft's mark is at x; equal shafts that turn against each other at equal height; "
+    emit_further("What would balance them", header, rows, f"{remark}orders above {_BUILT_ORDERS} with --json")
     rows = [
         [STAGES[stage], f"{each.largest_force:.5g}", f"{each.largest_moment:.5g}"]
         for stage, each in residual.stages.items()
     ]
     title = f"Largest over a turn, exact; shafts of orders up to {_BUILT_ORDERS}"
-    emit_table(title, ["engine", f"force [{units[0]}]", f"moment [{units[1]}]"], rows)
+    emit_further(title, ["engine", f"force [{units[0]}]", f"moment [{units[1]}]"], rows)
     for k in (1, 2) if engine.in_line else ():
         (fc, fs), (mc, ms) = cylinder_sums(engine, k).values()
-        click.echo(
+        note(
             f"Sums of order {k}: cos {fc:+.5g}, sin {fs:+.5g}; times z from cylinder 1: {factor * mc:+.5g}, "
             f"{factor * ms:+.5g} {length}"
         )
@@ -284,7 +283,7 @@ def _print_free(
         f"{', '.join(f'{i:g}' for i in fired.intervals_deg)} deg: {'even' if fired.even else 'uneven'}."
     )
     if engine.source:
-        click.echo(f"Source: {engine.source}.")
+        note(f"Source: {engine.source}.")
 
 
 _COMPARED = {"F1_mrw2": "F1", "F1_with_counterweights_mrw2": "F1*", "M1_mrw2a": "M1",
@@ -323,11 +322,15 @@ def table(engines: tuple[str, ...], ratio: float, as_json: bool) -> None:
         for row in rows
     ]  # fmt: skip
     header = ["engine", *_COMPARED.values(), "fires", "intervals"]
-    note = (
+    free = [
+        row["engine"] for row in rows if max(row["F1_mrw2"], row["M1_mrw2a"], row["F2_mrw2"], row["M2_mrw2a"]) < 1e-9
+    ]
+    say(f"Of {len(rows)} engines without free forces and moments of orders 1 and 2: {', '.join(free) or 'none'}.")
+    remark = (
         f"Forces in m r omega^2, moments about the middle in m r omega^2 a; r / l = {ratio:g}. *: with the best "
         "counterweights on the crankshaft, which remove what turns with it; the residual needs balance shafts."
     )
-    emit_table("Engines", header, cells, note)
+    emit_table("Engines", header, cells, remark)
 
 
 @engine.command(

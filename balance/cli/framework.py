@@ -5,7 +5,6 @@ import os
 import re
 import shutil
 import sys
-from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
 from importlib import import_module
@@ -24,6 +23,8 @@ EXIT_REFUSED = 1
 EXIT_WITH_FINDINGS = 3
 """Done, with findings or losses that the output lists."""
 
+SHOWN_PER_KIND = 2
+"""Findings of one kind that are printed unless all are asked for."""
 NO_NUMBER = (
     "a result is no finite number: with these masses, lengths or speeds it exceeds double precision; check their units"
 )
@@ -225,10 +226,15 @@ def emit_result(document: dict[str, Any], as_json: bool, show: Callable[[], None
         emit_json(document)
     else:
         show()
-        for finding in findings:
-            click.echo(f"Finding: {finding}")
+        emit_findings(("Finding", finding) for finding in findings)
     if findings:
         raise click.exceptions.Exit(EXIT_WITH_FINDINGS)
+
+
+def emit_further(title: str, header: list[str], rows: list[list[str]], remark: str = "") -> None:
+    """Print a table, one with rows, for who asks for everything."""
+    if Detail.everything and rows:
+        emit_table(title, header, rows, remark)
 
 
 def emit_table(title: str, header: list[str], rows: list[list[str]], note: str = "") -> None:
@@ -333,20 +339,17 @@ def _bold(text: str) -> str:
 
 
 def emit_findings(findings: Iterable[tuple[str, str]]) -> None:
-    """Print findings, each a kind and a message, by kind: how many, and the first; each by itself with --all."""
-    found = list(findings)
-    counts = Counter(kind for kind, _ in found)
-    for kind, count in counts.items():
-        messages = [plain_text(message) for one, message in found if one == kind]
-        for message in messages if Detail.everything else messages[:1]:
-            click.echo(_indented(f"{kind}{f' ({count})' if count > 1 else ''}: {message}"))
-        if count > 1 and not Detail.everything:
-            click.echo(f"    and {count - 1} more like it: --all lists them")
-
-
-def _indented(text: str) -> str:
-    width = columns()
-    return f"  {text}" if width is None else click.wrap_text(text, width, "  ", "    ")
+    """Print findings, each a kind and a message, by kind: how many, and the first few; each by itself with --all."""
+    by_kind: dict[str, list[str]] = {}
+    for kind, message in findings:
+        by_kind.setdefault(kind, []).append(plain_text(message))
+    for kind, messages in by_kind.items():
+        count, everything = len(messages), Detail.everything or len(messages) <= SHOWN_PER_KIND + 1
+        shown = messages if everything else messages[:SHOWN_PER_KIND]
+        for message in shown:
+            say(f"  {kind}{f' ({count})' if count > len(shown) else ''}: {message}")
+        if count > len(shown):
+            click.echo(f"    and {count - len(shown)} more like these: --all lists them")
 
 
 def note(text: str) -> None:

@@ -79,10 +79,11 @@ def _size_nested(
     from ..balancing.conditions import balance_conditions
     from ..balancing.objective import objective_of
     from ..balancing.stock_plates import load_stock
+    from ..front_door import follow
 
     found = balance_conditions(models[0])
     motion, weights = objective
-    along = options.follow_motion(models[0], motion) if motion else None
+    along = follow(models[0], motion) if motion else None
     objectives = [objective_of(model, along, weights) for model in models]
     if stock:
         sets = nested_size_from_stock(found, models, load_stock(stock), sites, objectives)

@@ -8,7 +8,7 @@ import click
 
 from ..results import table
 from . import options
-from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from .framework import EXIT_WITH_FINDINGS, emit_findings, emit_further, emit_json, emit_table, json_option, note, say
 from .options import Quantity
 
 if TYPE_CHECKING:
@@ -135,27 +135,36 @@ def linkage(
     check = verify_linkage(result, speed, variation, built=made) if described.is_placed else None
     comparison = None if force_only else compare_published(result)
     _write_files(result, check, csv, mjcf, figure)
-    if drawing:
-        from ..figures.linkage import draw_linkage
-        from ..figures.mechanism import save
-
-        save(draw_linkage(made or result), drawing)
+    options.draw(drawing, "balance.figures.linkage:draw_linkage", made or result)
     findings = linkage_findings(made or result)
     document = linkage_document(result, check, comparison, stated, findings)
     if as_json:
         emit_json(document)
     else:
+        say(_verdict(made or result, check))
         _print_balance(document, with_equations)
-        if check is None:
-            click.echo(f"Not simulated: {_unplaced(described)}.")
-        else:
+        if check is not None:
             _print_dynamics(check)
         if comparison:
             _print_comparison(comparison, check)
-        for finding in findings:
-            click.echo(f"Finding: {finding}")
+        emit_findings(("Not simulated", _unplaced(described)) for _ in [described] if check is None)
+        emit_findings(("Finding", finding) for finding in findings)
     if check is None or findings or (comparison and any(row.verdict == "differs" for row in comparison.rows)):
         raise click.exceptions.Exit(EXIT_WITH_FINDINGS)
+
+
+def _verdict(result: "LinkageBalance", check: "Verification | None") -> str:
+    """What of force and moment remains by dynamics, and what that costs."""
+    kinds = ("force", "moment") if result.moment else ("force",)
+    if check is None:
+        return f"{result.linkage.title}: {' and '.join(kinds)} balanced by the equations; not simulated."
+    stage = list(check.mass)[-1]
+    left, cost = check.varying.residual(stage), check.penalty(stage)
+    shares = " and ".join(f"{left[kind]:.2g} of the shaking {kind}" for kind in kinds)
+    return (
+        f"{result.linkage.title}: {shares} remains with {_STAGE[stage]}; moving mass {check.mass['before']:.3f} -> "
+        f"{check.mass[stage]:.3f} kg ({cost['mass']:.3g} times)."
+    )
 
 
 def _built(pairs: tuple[str, ...]) -> dict[str, str | tuple[int, int]]:
@@ -191,11 +200,7 @@ def _write_files(
         Path(mjcf).write_text(text + "\n", encoding="utf-8")
     if csv:
         _write_csv(check, csv)
-    if figure:
-        from ..figures.balancing import draw_stages
-        from ..figures.mechanism import save
-
-        save(draw_stages(check, result.linkage.title), figure)
+    options.draw(figure, "balance.figures.balancing:draw_stages", check, result.linkage.title)
 
 
 def _write_csv(check: "Verification", path: str) -> None:
@@ -223,8 +228,7 @@ def _print_balance(document: dict[str, Any], with_equations: bool) -> None:
         [r["body"], r["joint"], " + ".join(f"{share:.4f} at {joint}" for joint, share in r["point_masses_kg"].items())]
         for r in document["reduction"]
     ]
-    click.echo(f"{document['title']}\n")
-    emit_table("Reduction, leaves first", ["body", "joint", "point mass [kg]"], rows)
+    emit_further("Reduction, ends of the tree first", ["body", "joint", "point mass [kg]"], rows)
     rows = [
         [c["symbol"], c["body"], c["against"], f"{c['mass_kg']:.4f}",
          *(f"{x * 1e3:.2f}" for x in c["position_from_reduction_joint_m"]), f"{c['inertia_kgm2']:.4g}"]
@@ -260,18 +264,18 @@ def _print_dynamics(check: "Verification") -> None:
             for stage in run.responses
         ]  # fmt: skip
         header = ["stage", "FX [N]", "FY [N]", "M [N m]", "torque [N m]", "residual force", "residual moment"]
-        emit_table(f"Simulated, {label}: RMS", header, rows, _motion(check, run))
+        emit_further(f"Simulated, {label}: RMS", header, rows, _motion(check, run))
     _print_bearings(check)
     for stage in list(check.mass)[1:]:
         cost = check.penalty(stage)
         torque = [
             f"{cost[k]:.3g} times ({label})" for k, label in zip(_TORQUES, check.labels, strict=True) if k in cost
         ]
-        click.echo(
+        note(
             f"Cost of {_STAGE[stage]}: moving mass {check.mass['before']:.3f} -> {check.mass[stage]:.3f} kg "
             f"({cost['mass']:.3g} times); RMS drive torque {', '.join(torque) or 'not compared'}."
         )
-    click.echo(
+    note(
         "Weight excluded from force and moment; M about the origin of the base. Mass of counter-gears as far as given."
     )
 
@@ -286,9 +290,9 @@ def _print_bearings(check: "Verification") -> None:
             cells = [f"{stage[kind][name]:.4g}" if name in stage[kind] else "-" for stage in peaks.values()]
             rows.append([label.format(name), *cells])
     if rows:
-        note = "of teeth tangential, their pressure angle of 20 deg in the bearings; weight included, as far as given"
+        remark = "of teeth tangential, their pressure angle of 20 deg in the bearings; weight included, as far as given"
         title = f"Largest bearing and tooth forces [N], {check.labels[1]}"
-        emit_table(title, ["at", *(_STAGE[stage] for stage in peaks)], rows, note)
+        emit_further(title, ["at", *(_STAGE[stage] for stage in peaks)], rows, remark)
     else:
         click.echo("Bearing forces are not determined: the linkage is statically indeterminate.")
     for gear in sorted({name for forces in known.values() for name in forces.undetermined}):
@@ -314,7 +318,7 @@ def _print_comparison(comparison: "Comparison", check: "Verification | None") ->
         for row in comparison.rows
     ]  # fmt: skip
     header = ["symbol", "published", "computed", "from", "to", "verdict"]
-    emit_table("Published, and computed from the published inputs as rounded [kg, kg m2]", header, rows)
+    emit_further("Published, and computed from the published inputs as rounded [kg, kg m2]", header, rows)
     for row in comparison.rows:
         if row.why and row.explained is not None:
             fits = "as published, within the rounding" if row.is_explained else "not as published either"
@@ -334,7 +338,6 @@ def _print_comparison(comparison: "Comparison", check: "Verification | None") ->
             ]
             rows.append([f"{_STAGE[stage]}, simulated", *(f"{ours[c]:.4g}" for c in published)])
             rows.append(["  simulated / published", *ratios])
-    if rows:
-        emit_table("RMS at constant speed", ["stage", "FX [N]", "FY [N]", "M [N m]", "torque [N m]"], rows)
+    emit_further("RMS at constant speed", ["stage", "FX [N]", "FY [N]", "M [N m]", "torque [N m]"], rows)
     for name, what in comparison.restored.items():
         click.echo(f"Restored in the published copy, {name}: {what}.")

@@ -9,7 +9,18 @@ import click
 
 from ..results import per_cent_text
 from . import options
-from .framework import EXIT_WITH_FINDINGS, Detail, emit_json, emit_table, first_moment, json_option, mass, note, say
+from .framework import (
+    EXIT_WITH_FINDINGS,
+    Detail,
+    emit_findings,
+    emit_json,
+    emit_table,
+    first_moment,
+    json_option,
+    mass,
+    note,
+    say,
+)
 
 if TYPE_CHECKING:
     from ..arrays import Floats
@@ -27,7 +38,7 @@ Examples:
   balance simulate parallelogram-6bar --motion triangle -c counter_A0A=24.28kg -c counter_B0B=24.28kg --csv run.csv"""
 )
 @options.mechanism_argument
-@click.option("--motion", required=True, metavar="TOML", help="A motion file, or a shipped one: x, y, triangle.")
+@options.motion_option
 @options.payload_option
 @options.counter_option
 @click.option("--rate", metavar="RATE", help="Samples per second, with unit [default: 10 kHz].")
@@ -56,13 +67,13 @@ def simulate(
     """
     from ..dynamics.inverse_dynamics import simulate as respond
     from ..dynamics.reactions import find_reactions
-    from ..units import parse
+    from ..front_door import follow
     from .options import component_label, response_summary
 
     if csv and parquet and Path(csv).resolve() == Path(parquet).resolve():
         raise click.UsageError(f"--csv and --parquet name one file, {csv}: give two names")
     model = options.load_mechanism_option(mechanism, payload).with_counter_mass(options.distinct(counter, "--counter"))
-    trajectory = options.follow_motion(model, motion, parse(rate, "frequency") if rate else None)
+    trajectory = follow(model, motion, rate) if rate else follow(model, motion)
     response = respond(model, trajectory)
     found = find_reactions(model, trajectory, response) if reactions else None
     beyond, left_out = model.beyond_limits(trajectory.q), model.left_out if response.torque else ()
@@ -93,14 +104,14 @@ def simulate(
     )
     if found:
         _print_reactions(found)
-    for exceeded in model.limits_exceeded(trajectory.q):
-        say(f"{exceeded}: the motion is computed as if it had none.")
     if not response.torque:
         say("No drive torque: the file has no <actuator> that names the driven joints.")
-    for what in left_out:
-        say(
-            f"Torques and forces of the drives{' and reactions' if found else ''} leave out {what}, which the file has."
-        )
+    emit_findings(
+        ("beyond_limits", f"{exceeded}: the motion is computed as if it had none")
+        for exceeded in model.limits_exceeded(trajectory.q)
+    )
+    drives = f"torques and forces of the drives{' and reactions' if found else ''}"
+    emit_findings(("left_out", f"{drives} leave out {what}, which the file has") for what in left_out)
     sys.exit(EXIT_WITH_FINDINGS if beyond or left_out else 0)
 
 
@@ -241,13 +252,13 @@ def conditions(
     zero; mcx[A] is the first moment of mass of body A along x of its own frame, m[A] its mass. With --moment the exit
     code is 3 where no positive masses, wherever they are added on the bodies, can meet all conditions.
     """
-    from ..balancing.conditions import balance_conditions
     from ..balancing.feasibility import feasibility
+    from ..front_door import conditions as found_conditions
 
     momentum = momentum or ("all" if moment else "linear")
 
     model = options.load_mechanism_option(mechanism, payload).with_counter_mass(options.distinct(counter, "--counter"))
-    found = balance_conditions(model, momentum)
+    found = found_conditions(model, momentum)
     model = found.mechanism
     possible = feasibility(found) if moment else None
     if as_json:
@@ -325,22 +336,15 @@ def check(
     """
     if not counter:
         raise click.UsageError("missing counter-masses to check: give --counter SITE=M")
-    from ..balancing import balanced_payload, sizing_of_given
-    from ..balancing.conditions import balance_conditions
-    from ..balancing.objective import workspace_objective
+    from ..balancing import balanced_payload
     from ..dynamics.inverse_dynamics import shaking_force_per_acceleration
-    from ..errors import ModelError
+    from ..front_door import check as checked
     from ..units import G0
 
     model = options.load_mechanism_option(mechanism, payload)
-    found = balance_conditions(model)
-    counters = options.distinct(counter, "--counter")
-    try:
-        result = sizing_of_given(found, model, counters, objective=workspace_objective(model))
-        balanced, remaining = result.is_complete(), result.remaining_percent()
-    except ModelError:  # massless bodies move alone: the momentum has no measure, the conditions have
-        result, remaining = sizing_of_given(found, model, counters), None
-        balanced = result.is_balanced(BALANCED_KGM)
+    result = checked(model, options.distinct(counter, "--counter"))
+    found, remaining = result.conditions, result.remaining_percent() if result.objective else None
+    balanced = result.is_complete() if result.objective else result.is_balanced(BALANCED_KGM)
     bodies = options.payload_bodies(model, payload)
     payloads = {body: balanced_payload(found, result.after, body) for body in bodies}
     force = [shaking_force_per_acceleration(state, bodies[0]) if bodies else None for state in (model, result.after)]

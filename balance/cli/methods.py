@@ -91,10 +91,7 @@ def methods(
     model = options.load_mechanism_option(mechanism, payload)
     name = motion or _own_motion(model.name)
     found = compared(model, name, MethodSettings(site, wheel_ratio, wheel_radius, stroke, turn))
-    if figure:
-        from ..figures.mechanism import save
-
-        save(found.plot(), figure)
+    options.draw(figure, found.plot)
     result = found.document()
     emit_json(result) if as_json else _print_methods(result)
 
@@ -231,11 +228,7 @@ def static(
     if site or model.counter_sites:
         counter = exact_sizing(found, model, site, objective=potential_objective(model))
     result = static_document(found, counter, _springs(model, springs, reach, height))
-    if figure:
-        from ..figures.balancing import draw_energy
-        from ..figures.mechanism import save
-
-        save(draw_energy(result), figure)
+    options.draw(figure, "balance.figures.balancing:draw_energy", result)
     emit_json(result) if as_json else _print_static(result)
     if any(_share(result, method) > _CONSTANT for method in ("counter_masses", "springs")):
         raise click.exceptions.Exit(EXIT_WITH_FINDINGS)

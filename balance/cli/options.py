@@ -3,6 +3,8 @@
 import webbrowser
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -11,7 +13,8 @@ from ..errors import UnitError
 from .framework import emit_table, plain_text
 
 if TYPE_CHECKING:
-    from ..closure import Trajectory
+    from matplotlib.figure import Figure
+
     from ..dynamics.inverse_dynamics import Response
     from ..mechanism.mechanism import Mechanism
     from ..report.loopback import Loopback
@@ -86,6 +89,16 @@ site_option = click.option(
     metavar="SITE",
     help="A site that may carry a counter-mass [default: those named counter...].",
 )
+motion_option = click.option(
+    "--motion", required=True, metavar="TOML", help="A motion file, or a shipped one: x, y, triangle."
+)
+limit_option = click.option(
+    "--limit",
+    type=NamedQuantity("SITE", "mass", "5kg"),
+    multiple=True,
+    metavar="SITE=M",
+    help="Largest counter-mass at a site.",
+)
 
 
 def _drawable(_context: click.Context, _parameter: click.Parameter, path: str | None) -> str | None:
@@ -118,14 +131,15 @@ def load_mechanism_option(mechanism: str, payload: tuple[tuple[str, float], ...]
     return load_mechanism(mechanism).with_payload(distinct(payload, "--payload"))
 
 
-def follow_motion(model: "Mechanism", motion: str, rate_hz: float | None = None) -> "Trajectory":
-    """The closed trajectory of a motion by name or file."""
-    from ..closure import Closure
-    from ..motion import DEFAULT_RATE_HZ
-    from ..motion.motion_files import load_motion
+def draw(path: str | None, function: "str | Callable[[], Figure]", *arguments: Any) -> None:  # noqa: ANN401
+    """Draw into a file, if one is named; ``function`` makes the figure, or is one as ``package.module:function``."""
+    if path is not None:
+        from ..figures.mechanism import save
 
-    samples = load_motion(motion).sample(DEFAULT_RATE_HZ if rate_hz is None else rate_hz)
-    return Closure(model).follow(samples)
+        if isinstance(function, str):
+            module, _, name = function.partition(":")
+            function = partial(getattr(import_module(module), name), *arguments)
+        save(function(), path)
 
 
 def distinct(pairs: tuple[tuple[str, float], ...], option: str) -> dict[str, float]:

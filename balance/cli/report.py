@@ -1,6 +1,5 @@
 """``balance report`` and ``balance animate``."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -36,9 +35,7 @@ Exit code 3: no masses at these sites balance it completely, or plates leave mor
 @options.payload_option
 @options.site_option
 @click.option("--stock", metavar="CSV", help="Counter-masses of these plates: a CSV file, or kiper2019.")
-@click.option(
-    "--motion", required=True, metavar="TOML", help="The motion that is shown, and whose force is made small."
-)
+@options.motion_option
 @output_option
 @json_option
 def report(
@@ -55,30 +52,21 @@ def report(
     The page reads without network and without script, and shows the mechanism moving to scale. Counter-masses are those
     of balance size; --json prints every number of the page.
     """
-    from ..balancing.conditions import balance_conditions
-    from ..balancing.objective import objective_of
-    from ..balancing.remaining_force import verdict_of
-    from ..balancing.sizing import best_sets_from_stock, exact_sizing
-    from ..balancing.stock_plates import load_stock
-    from ..dynamics.inverse_dynamics import simulate
+    from ..front_door import size
     from ..report.design_page import design_page
 
     model = options.load_mechanism_option(mechanism, payload)
-    trajectory = options.follow_motion(model, motion)
-    conditions, target = balance_conditions(model), objective_of(model, trajectory)
-    any_mass = result = exact_sizing(conditions, model, site, objective=target)
-    if stock:
-        (result,) = best_sets_from_stock(conditions, model, load_stock(stock), site, objective=target)
-    result = replace(result, payload_bodies=options.payload_bodies(model, payload))
-    verdict = verdict_of(result, any_mass, lambda one: simulate(one, trajectory).force)
-    page = design_page(result, verdict, trajectory, motion)
+    bodies = options.payload_bodies(model, payload)
+    found = size(model, motion, stock, sites=site, payload_bodies=bodies)
+    assert found.trajectory is not None
+    page = design_page(found.best, found.verdict, found.trajectory, motion)
     path = page.write(output)
     if as_json:
         emit_json({**page.document, "written": str(path)})
     else:
         click.echo(f"{model.name}: {page.document['verdict']}")
         click.echo(f"Wrote {path}.")
-    return EXIT_WITH_FINDINGS if verdict.has_finding else 0
+    return EXIT_WITH_FINDINGS if found.has_finding else 0
 
 
 @click.command(
@@ -90,7 +78,7 @@ Examples:
 @options.mechanism_argument
 @options.payload_option
 @options.counter_option
-@click.option("--motion", required=True, metavar="TOML", help="A motion file, or a shipped one: x, y, triangle.")
+@options.motion_option
 @output_option
 def animate(
     mechanism: str,
@@ -103,9 +91,10 @@ def animate(
 
     With --counter side by side without and with the counter-masses, arrows to one scale.
     """
+    from ..front_door import follow
     from ..report.moving import animation_page, designs_of
 
     model = options.load_mechanism_option(mechanism, payload)
     designs = designs_of(model, options.distinct(counter, "--counter"))
-    page = animation_page(model.name, motion, options.follow_motion(model, motion), designs)
+    page = animation_page(model.name, motion, follow(model, motion), designs)
     click.echo(f"Wrote {page.write(output)}.")

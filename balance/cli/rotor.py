@@ -1,4 +1,4 @@
-"""``balance rotor``: rigid rotors balanced from known masses; permissible unbalance, trial masses."""
+"""``balance rotor``: rigid rotors balanced from known masses or trial runs; permissible unbalance, trial masses."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -6,16 +6,16 @@ import click
 
 from ..results import document as document_of
 from . import options
-from .framework import emit_json, emit_result, emit_table, json_option
+from .framework import emit_further, emit_json, emit_result, emit_table, json_option, note, say
 from .options import NamedQuantity, Quantity, speed_option
 from .rotor_splitting import split
-from .rotor_trial_runs import influence, vector_text
 
 if TYPE_CHECKING:
     from ..rotors.rotor import Rotor
+    from ..rotors.trial_runs import TrialRuns
 
 
-@click.group(commands=[influence, split])
+@click.group(commands=[split])
 def rotor() -> None:
     """Balance rigid rotors: from known masses, or from trial runs in the field."""
 
@@ -77,10 +77,7 @@ def correct(
 
     model = _model(rotor, planes, bearings, speed)
     correction = correct_planes(model.unbalances, model.planes)
-    if figure:
-        from ..figures.mechanism import save
-
-        save(correction.plot(), figure)
+    options.draw(figure, correction.plot)
     document = correction_document(model, correction)
     couple_remains = len(correction.planes) == 1 and not correction.is_balanced(1e-9)
     emit_result(document, as_json, lambda: _print_correction(document, couple_remains))
@@ -107,6 +104,12 @@ def _model(
 
 
 def _print_correction(document: dict[str, Any], couple_remains: bool) -> None:
+    added = " and ".join(
+        f"{p['magnitude_kgmm']:.6g} kg mm at {p['angle_deg']:.2f} deg in plane {p['plane']}"
+        for p in document["corrections"]
+    )
+    what = "One plane balances the force only: the couple remains" if couple_remains else "Balanced"
+    say(f"{what}, by {added}.{' Give a second plane to remove it.' if couple_remains else ''}")
     rows = [
         [p["plane"], f"{p['at_mm']:g}", f"{p['magnitude_kgmm']:.6g}", f"{p['angle_deg']:.3f}",
          "-" if p["mass_kg"] is None else f"{p['mass_kg']:.5g}",
@@ -121,18 +124,16 @@ def _print_correction(document: dict[str, Any], couple_remains: bool) -> None:
         for name in ("before", "after")
         for state in [document[name]]
     ]
-    emit_table("Unbalance", ["", "sum [kg mm]", f"couple about plane {plane} [kg mm2]"], rows)
+    emit_further("Unbalance", ["", "sum [kg mm]", f"couple about plane {plane} [kg mm2]"], rows)
     if loads := document["bearing_loads"]:
         rows = [[name, *(vector_text(load, "N") for load in pair)] for name, pair in loads.items()]
         header = ["", *(f"bearing at {z:g} mm [N]" for z in document["bearings_mm"])]
-        note = f"at {document['speed_rad_per_s']:g} rad/s; angles turn with the rotor"
-        emit_table("Rotating bearing loads", header, rows, note)
+        remark = f"at {document['speed_rad_per_s']:g} rad/s; angles turn with the rotor"
+        emit_further("Rotating bearing loads", header, rows, remark)
     elif document["bearings_mm"]:
         click.echo("Bearing loads need a speed: --speed.")
     if weight := document["weight_on_bearings_N"]:
         click.echo(f"Weight on the bearings at rest: {weight[0]:.4g} N and {weight[1]:.4g} N (g0 = 9.81 m/s2).")
-    if couple_remains:
-        click.echo("One plane balances the force only: the couple remains. Give a second plane to remove it.")
 
 
 @rotor.command(
@@ -218,6 +219,8 @@ def _grade(text: str) -> float:
 
 
 def _print_tolerance(document: dict[str, Any]) -> None:
+    within = {None: "", True: "; the residual unbalance is within it", False: "; the residual unbalance is outside it"}
+    say(f"Permissible unbalance {document['U_per_gmm']:.6g} g mm{within[document['within_tolerance']]}.")
     rows = [
         ["specific unbalance e_per [um]", f"{document['e_per_um']:.5g}"],
         ["permissible unbalance U_per [g mm]", f"{document['U_per_gmm']:.6g}"],
@@ -228,11 +231,8 @@ def _print_tolerance(document: dict[str, Any]) -> None:
         rows.append(["residual unbalance [g mm]", f"{document['residual_gmm']:.6g}"])
         rows.append(["grade reached [mm/s]", f"{document['grade_reached_mm_per_s']:.4g}"])
     title = f"G {document['grade_mm_per_s']:g}, {document['mass_kg']:g} kg, {document['speed_rad_per_s']:.6g} rad/s"
-    note = "" if document["standard_grade"] else "not one of the standard's grades"
-    emit_table(title, ["", "value"], rows, note)
-    if document["within_tolerance"] is not None:
-        click.echo("Within the tolerance." if document["within_tolerance"] else "Outside the tolerance.")
-    click.echo(f"Scope: {document['scope']}.")
+    emit_table(title, ["", "value"], rows, "" if document["standard_grade"] else "not one of the standard's grades")
+    note(f"Scope: {document['scope']}.")
 
 
 @rotor.command(
@@ -274,3 +274,119 @@ def trial(mass: float, speed: float | None, radius: float, planes: int, share: f
         f"Trial mass {1e3 * found:.4g} g at {1e3 * radius:g} mm ({1e6 * found * radius:.4g} g mm): {share:g} % of the "
         f"weight on its plane at {speed:.5g} rad/s (g0 = {G0} m/s2)."
     )
+
+
+@rotor.command(
+    short_help="Correction weights from trial runs: influence coefficients, any planes, sensors and speeds.",
+    epilog="""\b
+Examples:
+  balance rotor influence two-plane-maker
+  balance rotor influence runs.toml --method min-max --json
+\b
+A file of trial runs (TOML); several speeds are several tables of readings:
+  phase = "lag"                       # what the instrument counts: lead or lag
+  angles = "with rotation"            # how weight angles count: with rotation or against rotation
+  amplitude = "peak_to_peak"          # metric of the readings (optional)
+  [[planes]]
+  name = "fan end"
+  limit = "30 g"                      # optional, largest weight
+  [[runs]]                            # first: as found, no weights
+  name = "as found"
+  readings."3000 rpm" = { A = "170 um @ 112 deg", B = "53 um @ 78 deg" }
+  [[runs]]
+  name = "trial, fan end"
+  weights = { "fan end" = "10 g @ 0 deg" }
+  stayed_on = false                   # required: did this trial weight stay on after the run?
+  readings."3000 rpm" = { A = "235 um @ 94 deg", B = "58 um @ 68 deg" }
+\b
+Intervals (95 %) of the weights come from those of the readings, "170 um ± 2 um @ 112 deg ± 1 deg" (or "+- 1 %";
+without the angle's in every direction), or from within = "2 um" in [[sensors]], or else from repeated runs.
+A common-mode error of all phases of a run, such as a late pulse: phases_alike."3000 rpm" = "0.9 deg" in [[runs]].
+Optional: least_effect = 0.25; speed_weights = { "3000 rpm" = 2.0 }; [[sensors]] with name and weight or scale.
+In place of runs: per = "g", initial and coefficients, by speed and sensor, a list over the planes.""",
+)
+@click.argument("runs", metavar="RUNS")
+@click.option(
+    "--method",
+    type=click.Choice(["least-squares", "robust", "min-max"]),
+    default="least-squares",
+    show_default=True,
+    help="Make small the sum of squares, the sum, or the largest of the readings.",
+)
+@options.figure_option
+@json_option
+def influence(runs: str, method: str, figure: str | None, as_json: bool) -> None:
+    """Correction weights from trial runs in RUNS, a file (TOML) or a shipped one.
+
+    A trial weight that changed no reading enough is refused by name. Whether each trial weight stayed on must be
+    recorded; the weights are shown as totals, and as the weights to add to those still on.
+    """
+    from ..rotors.results import READING, WEIGHT, trial_runs_document
+    from ..rotors.trial_run_files import load_trial_runs
+
+    trial_runs = load_trial_runs(runs)
+    solution = trial_runs.solve(method)
+    document = trial_runs_document(trial_runs, solution)
+    if figure:
+        (reading, _, r), (weight, _, w) = READING[trial_runs.reading], WEIGHT[trial_runs.weight]
+        drawn = (trial_runs, solution, (reading, r), (weight, w), trial_runs.uncertainty(solution))
+        options.draw(figure, "balance.figures.rotating:draw_readings", *drawn)
+    emit_result(document, as_json, lambda: _print_trial_runs(trial_runs, document))
+
+
+def _print_trial_runs(runs: "TrialRuns", document: dict[str, Any]) -> None:
+    from ..rotors.results import READING, WEIGHT
+
+    (reading, r, _), (weight, w, _) = READING[runs.reading], WEIGHT[runs.weight]
+    intervals = document["intervals"]
+    say(
+        f"RMS {document[f'rms_before_{r}']:.4g} -> {document[f'rms_after_{r}']:.4g} {reading} is predicted; condition "
+        f"number {document['condition']:.3g}; phase counts as {runs.phase}, weight angles {runs.angles}, "
+        f"amplitude {runs.amplitude}."
+    )
+    rows = [[p["plane"], *(vector_text(p[key], w) for key in ("total", "on_now", "add", "published"))]
+            for p in document["planes"]]  # fmt: skip
+    header = ["plane", f"all weights [{weight}]", "still on", "to add now", "published"]
+    known = (
+        document["source"] or "" if intervals is None else f"Intervals of {intervals['level']}, {_origin(intervals)}."
+    )
+    emit_table(f"Correction weights, {document['name']}, {document['method']}", header, rows, known)
+    rows = [
+        [row["sensor"], row["speed"], vector_text(row["before"], r), vector_text(row["after"], r)]
+        + ([] if intervals is None else [f"{row[f'after_within_{r}']:.3g}"])
+        for row in document["readings"]
+    ]
+    header = ["sensor", "speed", f"before [{reading}]", f"predicted after [{reading}]"]
+    emit_further("Readings", header + ([] if intervals is None else [f"± [{reading}], {intervals['level']}"]), rows)
+    if intervals is None:
+        click.echo("No intervals: state those of the readings (170 um ± 2 um @ 112 deg ± 1 deg), or repeat a run.")
+    for run, trial in document["trial_weights"].items():
+        effect = trial["largest_effect"]
+        change = "a reading that was zero" if effect is None else f"{100 * effect:.3g} % of the reading before"
+        stayed = "stayed on" if trial["stayed_on"] else "was taken off"
+        note(f"Trial weight of run {run!r}: largest effect {change}; it {stayed}.")
+    if intervals is not None and document["source"]:
+        note(f"Source: {document['source']}")
+    if document["note"]:
+        say(f"Note: {document['note']}")
+
+
+def _origin(intervals: dict[str, Any]) -> str:
+    """Where intervals come from, for people."""
+    how = "from the stated intervals of readings"
+    if intervals["from"] == "repeats":
+        how = f"from the residual of the runs ({intervals['degrees_of_freedom_a_row']:.0f} degrees of freedom a row)"
+    return how if intervals["draws"] is None else f"{how}, {intervals['draws']} solutions drawn"
+
+
+def vector_text(value: dict[str, float] | None, unit: str) -> str:
+    """A vector of a document for people, with its intervals where it has any; a dash for none."""
+    if value is None:
+        return "-"
+    size, angle = value[f"magnitude_{unit}"], round(value["angle_deg"], 3) % 360.0
+    within = value.get(f"magnitude_{unit}_within")
+    if within is None:
+        return f"{size:.6g} @ {angle:.3f} deg" if size >= 1e-9 else "0"
+    about = value["angle_deg_within"]
+    turned = "any angle" if about >= 180.0 else f"{angle:.2f} ± {about:.2g} deg"
+    return f"{size:.5g} ± {within:.2g} @ {turned}"

@@ -182,18 +182,18 @@ def _share(within: str | None) -> float:
 def _print(document: dict[str, Any], weighted: "Split", stocked: bool, purpose: str) -> None:
     from ..rotors.rotor import polar_form
 
-    rows = [
-        [hole["hole"], f"{hole['angle_deg']:.3f}", f"{hole['weight_g']:.6g}", " + ".join(hole["pieces"]) or "-"]
-        for hole in document["holes"]
-    ]
-    at = "" if document["radius_mm"] is None else f" at radius {document['radius_mm']:g} mm"
-    emit_table(f"Weights {purpose}{at}", ["hole", "angle [deg]", "weight [g]", "pieces"], rows)
     percent, least = document["residual_percent"], document["least_possible_residual_g"]
     click.echo(
         f"Makes {polar_form(weighted.made, 1e3, unit='g')} of {polar_form(weighted.target, 1e3, unit='g')}; residual "
         f"{document['residual_g']:.4g} g ({'-' if percent is None else f'{percent:.4g} %'}), "
         f"{document['total_weight_g']:.6g} g in all."
     )
+    rows = [
+        [hole["hole"], f"{hole['angle_deg']:.3f}", f"{hole['weight_g']:.6g}", " + ".join(hole["pieces"]) or "-"]
+        for hole in document["holes"]
+    ]
+    at = "" if document["radius_mm"] is None else f" at radius {document['radius_mm']:g} mm"
+    emit_table(f"Weights {purpose}{at}", ["hole", "angle [deg]", "weight [g]", "pieces"], rows)
     if stocked and weighted.bound > weighted.residual() + 1e-6 * abs(weighted.target):
         click.echo(f"Lightest set with a residual of at most {least:.4g} g: proven.")
     elif stocked:

@@ -54,13 +54,7 @@ Exit code 3: no masses at these sites balance it completely, or plates leave mor
 @options.site_option
 @click.option("--without", multiple=True, metavar="SITE", help="A site that gets no counter-mass.")
 @click.option("--stock", metavar="CSV", help="Make them from these plates: a CSV file as below, or kiper2019.")
-@click.option(
-    "--limit",
-    type=options.NamedQuantity("SITE", "mass", "5kg"),
-    multiple=True,
-    metavar="SITE=M",
-    help="Largest counter-mass at a site.",
-)
+@options.limit_option
 @click.option("--equal", multiple=True, metavar="SITE,SITE", help="Sites that get equal masses.")
 @click.option("--best", type=click.IntRange(1, 100), default=1, show_default=True, help="Sets from stock to list.")
 @click.option("--motion", metavar="TOML", help="The motion whose force is made small, and compared before and after.")
@@ -114,26 +108,15 @@ def size(
 
         size_growing(mechanism, payloads, site, stock, (motion, weights), as_json)
         return
-    from ..balancing.sizing_study import study_sizing
+    from ..front_door import size as sized
 
     model = options.load_mechanism_option(mechanism, payload)
-    found = study_sizing(
-        model,
-        options.follow_motion(model, motion) if motion else None,
-        motion=motion,
-        sites=_sites(model, site, without),
-        stock=stock,
-        limits=options.distinct(limit, "--limit"),
-        equal=[[name.strip() for name in group.split(",")] for group in equal],
-        best=best,
-        weights=weights,
-        rig=rig,
+    found = sized(
+        model, motion, stock, sites=_sites(model, site, without), limits=options.distinct(limit, "--limit"),
+        equal=[[name.strip() for name in group.split(",")] for group in equal], objective=weights, rig=rig, best=best,
         payload_bodies=options.payload_bodies(model, payload),
-    )
-    if figure:
-        from ..figures.mechanism import save
-
-        save(found.plot(), figure)
+    )  # fmt: skip
+    options.draw(figure, found.plot)
     if as_json:
         emit_json(found.document() | {n: response_summary(r) for n, r in found.responses.items()})
     else:

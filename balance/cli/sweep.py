@@ -1,15 +1,17 @@
-"""``balance sweep`` and ``balance tolerance``: designs, and errors, of masses and places on one motion."""
+"""``balance sweep``, ``tolerance`` and ``tradeoff``: designs, errors and the best compromises, on one motion."""
 
 import re
 import sys
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn, TypeVar
 
 import click
 
+from ..results import document, table
 from . import options
-from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from .framework import EXIT_WITH_FINDINGS, Detail, emit_findings, emit_json, emit_table, json_option
 from .options import Quantity
 
 if TYPE_CHECKING:
@@ -17,38 +19,67 @@ if TYPE_CHECKING:
     from ..balancing.sweep import Variable
     from ..balancing.tolerance import Tolerance
 
+T = TypeVar("T")
 _MOST_DESIGNS = 10_000_000
 _MOST_IN_MEMORY = 1_000_000
 
 
-class Varied(click.ParamType["Variable"]):
+class OfAPart(click.ParamType[T]):
+    """``NAME.PART=VALUES``: of the mass or a coordinate of a site or body, with units."""
+
+    name, examples, form = "", "", "(.+)"
+
+    def convert(self, value: str | T, param: click.Parameter | None, ctx: click.Context | None) -> T:
+        """Read the text; a wrong one fails as a wrong command line."""
+        if not isinstance(value, str):
+            return value
+        match = re.fullmatch(rf"(.+)\.(mass|x|y|z)={self.form}", value)
+        if match is None:
+            self.fail(f"{value!r}: expected such as {self.examples}", param, ctx)
+        return self.read(*match.groups(), lambda message: self.fail(f"{value!r}: {message}", param, ctx))
+
+    def read(self, name: str, part: str, text: str, fail: Callable[[str], NoReturn]) -> T:
+        """What is given of a part."""
+        raise NotImplementedError
+
+
+def _quantity(part: str, text: str, positive: bool = False) -> float:
+    return Quantity("mass" if part == "mass" else "length", positive=positive).convert(text, None, None)
+
+
+class Varied(OfAPart["Variable"]):
     """``NAME.PART=FIRST:LAST:COUNT`` or ``NAME.PART=A,B,C``, with units."""
 
-    name = "NAME.PART=VALUES"
+    name, examples = "NAME.PART=VALUES", "counter_A0A.mass=0kg:30kg:1000 or A.x=90mm,100mm"
 
-    def convert(self, value: "str | Variable", param: click.Parameter | None, ctx: click.Context | None) -> "Variable":
-        """Read the text; a wrong one fails as a wrong command line."""
+    def read(self, name: str, part: str, text: str, fail: Callable[[str], NoReturn]) -> "Variable":
+        """All values of a mass or a place."""
         import numpy as np
 
         from ..balancing.sweep import Variable
 
-        if not isinstance(value, str):
-            return value
-        match = re.fullmatch(r"(.+)\.(mass|x|y|z)=(.+)", value)
-        if match is None:
-            self.fail(f"{value!r}: expected such as counter_A0A.mass=0kg:30kg:1000 or A.x=90mm,100mm", param, ctx)
-        name, part, text = match.groups()
-        read = Quantity("mass" if part == "mass" else "length")
         if text.count(":") == 2:
             first, last, count = text.split(":")
             if not re.fullmatch(r"[1-9]\d{0,6}", count.strip()):
-                self.fail(f"{value!r}: {count!r} is no number of values: expected such as 1000", param, ctx)
-            values = np.linspace(read.convert(first, param, ctx), read.convert(last, param, ctx), int(count))
+                fail(f"{count!r} is no number of values: expected such as 1000")
+            values = np.linspace(_quantity(part, first), _quantity(part, last), int(count))
         else:
-            values = np.array([read.convert(one, param, ctx) for one in text.split(",")])
+            values = np.array([_quantity(part, one) for one in text.split(",")])
         if part == "mass" and (values < 0.0).any():
-            self.fail(f"{value!r}: expected masses of zero or more", param, ctx)
+            fail("expected masses of zero or more")
         return Variable(name, part, values)
+
+
+class ToleranceType(OfAPart["Tolerance"]):
+    """``NAME.PART=5g`` or ``NAME.PART=0.1mm``: the largest error to either side."""
+
+    name, examples, form = "NAME.PART=ERROR", "counter_A0A.mass=5g or A.x=0.1mm", r"(?:±|\+-|\+/-)?(.+)"
+
+    def read(self, name: str, part: str, text: str, fail: Callable[[str], NoReturn]) -> "Tolerance":
+        """The tolerance of a mass or a place."""
+        from ..balancing.tolerance import Tolerance
+
+        return Tolerance(name, part, _quantity(part, text, positive=True))
 
 
 @click.command(
@@ -68,7 +99,7 @@ origin; the same of each component and drive; added_mass_kg. A folder (-o) holds
 where it was interrupted."""
 )
 @options.mechanism_argument
-@click.option("--motion", required=True, metavar="TOML", help="The motion of all designs.")
+@options.motion_option
 @click.option("--vary", "variables", type=Varied(), multiple=True, required=True, metavar="NAME.PART=VALUES",
               help="A mass or a place, and its values, such as counter_A0A.mass=0kg:30kg:1000.")  # fmt: skip
 @options.payload_option
@@ -106,7 +137,7 @@ def sweep(
     from rich.console import Console
     from rich.progress import Progress
 
-    from ..balancing.sweep import QUANTITIES, Grid, Problem, Sweep
+    from ..balancing.sweep import QUANTITIES, Designs, Grid, Problem, Sweep, joined
     from ..motion import DEFAULT_RATE_HZ
     from ..motion.motion_files import load_motion
     from ..task_pool import task_pool
@@ -133,13 +164,10 @@ def sweep(
                 raise click.UsageError(f"--best {ranked_by}: no such column; there are {', '.join(columns)}")
             found.append(columns if figure else _best(columns, ranked_by, top))
             bar.advance(task, count)
-    best = _best(_joined(found), ranked_by, top)
+    designs = Designs(joined(found), tuple(v.column for v in variables), ranked_by)
+    best = _best(designs.columns, ranked_by, top)
     rows = [{name: float(values[i]) for name, values in best.items()} for i in range(len(best[ranked_by]))]
-    if figure:
-        from ..balancing.sweep import Designs
-        from ..figures.mechanism import save
-
-        save(Designs(_joined(found), tuple(v.column for v in variables), ranked_by).plot(), figure)
+    options.draw(figure, designs.plot)
     if as_json:
         emit_json({"mechanism": model.name, "designs": grid.size, "ranked_by": ranked_by, "best": rows})
         return
@@ -154,39 +182,12 @@ def sweep(
 _SHOWN = ("rms_F_N", "peak_F_N", "rms_M_Nm", "peak_M_Nm", "added_mass_kg")
 
 
-def _best(columns: "dict[str, Floats]", ranked_by: str, top: int) -> "dict[str, Floats]":
+def _best(columns: "Mapping[str, Floats]", ranked_by: str, top: int) -> "dict[str, Floats]":
     """The ``top`` rows of least ``ranked_by``, the lightest of equals first."""
     import numpy as np
 
     order = np.lexsort([columns["added_mass_kg"], columns[ranked_by]])[:top]
     return {name: values[order] for name, values in columns.items()}
-
-
-def _joined(parts: "list[dict[str, Floats]]") -> "dict[str, Floats]":
-    import numpy as np
-
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-
-
-class ToleranceType(click.ParamType["Tolerance"]):
-    """``NAME.PART=5g`` or ``NAME.PART=0.1mm``: the largest error to either side."""
-
-    name = "NAME.PART=ERROR"
-
-    def convert(
-        self, value: "str | Tolerance", param: click.Parameter | None, ctx: click.Context | None
-    ) -> "Tolerance":
-        """Read the text; a wrong one fails as a wrong command line."""
-        from ..balancing.tolerance import Tolerance
-
-        if not isinstance(value, str):
-            return value
-        match = re.fullmatch(r"(.+)\.(mass|x|y|z)=(?:±|\+-|\+/-)?(.+)", value)
-        if match is None:
-            self.fail(f"{value!r}: expected such as counter_A0A.mass=5g or A.x=0.1mm", param, ctx)
-        name, part, text = match.groups()
-        size = Quantity("mass" if part == "mass" else "length", positive=True).convert(text, param, ctx)
-        return Tolerance(name, part, size)
 
 
 @click.command(
@@ -201,7 +202,7 @@ Errors are drawn evenly within the tolerances (rectangular distributions, JCGM 1
 where a tolerance is too wide for that, its curvature is above 0.05 and the exit code is 3. All have the same motion."""
 )
 @options.mechanism_argument
-@click.option("--motion", required=True, metavar="TOML", help="The motion.")
+@options.motion_option
 @click.option("--tolerance", "tolerances", type=ToleranceType(), multiple=True, required=True,
               metavar="NAME.PART=ERROR", help="A mass or a place and its largest error, to either side.")  # fmt: skip
 @options.payload_option
@@ -223,18 +224,13 @@ def tolerance(
     as_json: bool,
 ) -> int:
     """What errors of masses, radii and lengths cost: the shaking force that mechanisms made within tolerances keep."""
-    from ..balancing.sweep import Problem
-    from ..balancing.tolerance import ToleranceEffect, analyze_tolerances
-    from ..motion import DEFAULT_RATE_HZ
-    from ..motion.motion_files import load_motion
-    from ..results import document, table
+    from ..balancing.tolerance import ToleranceEffect
+    from ..front_door import tolerance as toleranced
     from ..task_pool import task_pool
 
     model = options.load_mechanism_option(mechanism, payload)
-    samples = load_motion(motion).sample(DEFAULT_RATE_HZ)
-    problem = Problem(model, samples, options.distinct(counter, "--counter"))
     with task_pool(scheduler) as pool:
-        found = analyze_tolerances(problem, tolerances, draws, seed, pool)
+        found = toleranced(model, motion, tolerances, options.distinct(counter, "--counter"), draws, seed, pool)
     if as_json:
         emit_json({"mechanism": model.name, "draws": draws, "seed": seed, **document(found)})
     else:
@@ -246,10 +242,66 @@ def tolerance(
         emit_table(
             "Tolerances, largest share first", *table(ToleranceEffect, found.effects), f"RMS force at most: {levels}"
         )
-    for effect in found.doubtful:
-        click.echo(
-            f"balance: {effect.tolerance.text}: its effect is not linear (curvature {effect.curvature:.2g}): "
-            "narrow the tolerance, or vary it with balance sweep",
-            err=True,
-        )
+        emit_findings(("not_linear", f"{e.tolerance.text}: {_NOT_LINEAR.format(e.curvature)}") for e in found.doubtful)
     return EXIT_WITH_FINDINGS if found.doubtful else 0
+
+
+_NOT_LINEAR = "its effect is not linear (curvature {:.2g}): narrow the tolerance, or vary it with balance sweep"
+
+
+_POINTS = 12
+"""Points of the front that are printed unless all are asked for."""
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  balance tradeoff parallelogram-6bar --motion x -p platform=5kg
+  balance tradeoff four-bar --motion four-bar --limit counter_A0A=3kg --points 300 --figure front.svg --json
+
+\b
+Root mean squares over the motion, of force and moment as vectors, of the torques of all motors that turn together; the
+moment is about the base frame's origin. No point of the front is bettered in one of the four without a loss in
+another."""
+)
+@options.mechanism_argument
+@options.motion_option
+@options.payload_option
+@options.site_option
+@options.limit_option
+@click.option(
+    "--points", type=click.IntRange(4, 3000), default=300, show_default=True, help="Weights that are tried, at most."
+)
+@options.figure_option
+@json_option
+def tradeoff(
+    mechanism: str,
+    motion: str,
+    payload: tuple[tuple[str, float], ...],
+    site: tuple[str, ...],
+    limit: tuple[tuple[str, float], ...],
+    points: int,
+    figure: str | None,
+    as_json: bool,
+) -> None:
+    """What less shaking force costs in shaking moment, drive torque and mass: the front of MECH on one motion."""
+    from ..balancing.tradeoff import FrontPoint
+    from ..front_door import tradeoff as found_front
+
+    model = options.load_mechanism_option(mechanism, payload)
+    found = found_front(model, motion, site, options.distinct(limit, "--limit"), points)
+    options.draw(figure, found.plot)
+    if as_json:
+        emit_json(document(found))
+        return
+    front = found.points
+    lightest = min(front, key=lambda one: one.added_mass)
+    click.echo(
+        f"From {front[0].force:.4g} N of force with {front[0].added_mass:.4g} kg to {lightest.force:.4g} N with "
+        f"{lightest.added_mass:.4g} kg: {len(front)} point{'s' * (len(front) != 1)} of the front."
+    )
+    count = len(front) if Detail.everything else min(len(front), _POINTS)
+    shown = [front[k * (len(front) - 1) // max(count - 1, 1)] for k in range(count)]
+    remark = f"{count} of {len(front)} points; all are in --all and --json." if count < len(front) else ""
+    title = f"{model.name}, motion {motion}: masses at {', '.join(front[0].masses)}"
+    emit_table(title, *table(FrontPoint, shown), remark)

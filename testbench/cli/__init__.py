@@ -24,7 +24,10 @@ COMMANDS = {
     "export": ("campaign", "Write stored runs as CSV, Parquet, MAT, UFF or an RO-Crate."),
     "report": ("report", "Each run: motions, command, base vibration and its modes, forces, torques; figures."),
     "view": ("view", "A campaign in the browser: any channel of any run, runs over each other, findings accepted."),
-    "doctor": ("doctor", "Cross-examine a campaign: sensors against run table, rig, model and other runs; what to do."),
+    "doctor": (
+        "analyze",
+        "Cross-examine a campaign: sensors against run table, rig, model, other runs; what to do.",
+    ),
     "analyze": ("analyze", "By how much counter-masses reduce the vibration amplitude."),
     "compare": ("analyze", "Analysed from logs, simulated and published, side by side."),
     "predict": ("predict", "Printed reductions of heavier payloads, predicted from those of the lightest."),

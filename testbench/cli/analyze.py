@@ -1,4 +1,4 @@
-"""``testbench analyze`` and ``testbench compare``."""
+"""``testbench analyze``, ``compare`` and ``doctor``: what the runs of a campaign tell together."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from balance.cli.framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
-from balance.cli.options import figure_option, scheduler_option
+from balance.cli.options import draw, figure_option, scheduler_option
 from balance.results import document, plain, table
 
 from ..signal import METRIC_NAMES
@@ -15,6 +15,7 @@ from . import options
 
 F = TypeVar("F", bound=Callable[..., Any])
 if TYPE_CHECKING:
+    from ..cross_examination import Examination
     from ..signal import Metric
     from ..signal.filters import Band
     from ..store import Run
@@ -40,15 +41,6 @@ def measure_options(command: F) -> F:
         "a ramp are removed first: they are no vibration.",
     )
     return metric(band(command))
-
-
-def _draw(found: "Analysis | Comparison", file: str) -> None:
-    """Draw the reductions of an analysis, or of a comparison."""
-    from balance.figures.mechanism import save
-
-    from ..figures.reductions import reductions
-
-    save(reductions(found), file)
 
 
 def _origins_text(counts: dict[str, int]) -> str:
@@ -99,16 +91,13 @@ def analyze(
     options.refuse_unknown_codes(accept)
     from balance.task_pool import task_pool
 
+    from ..front_door import analyze as analyzed
     from ..store import open_campaign
-    from ..vibration.metrics import Measure
-    from ..vibration.reduction import analyze as analyzed
 
-    measure = Measure(metric, band)
     runs = open_campaign(campaign).runs
     with task_pool(scheduler) as pool:
-        analysis = analyzed(runs, measure, accept, pool=pool)
-    if figure:
-        _draw(analysis, figure)
+        analysis = analyzed(runs, metric, band, accept, pool=pool)
+    draw(figure, analysis.plot)
     if as_json:
         shown = document(analysis) | {"calibrations": options.calibrations(runs), "ledgers": options.ledgers(runs)}
         if budget:
@@ -127,10 +116,9 @@ def analyze(
 
 def print_reductions(campaign: Path, runs: "Sequence[Run]") -> None:
     """Print the reductions of runs by the usual measure."""
-    from ..vibration.metrics import DEFAULT_METRIC, VIBRATION_BAND, Measure
-    from ..vibration.reduction import analyze as analyzed
+    from ..front_door import analyze as analyzed
 
-    _print_reductions(campaign, analyzed(runs, Measure(DEFAULT_METRIC, VIBRATION_BAND)))
+    _print_reductions(campaign, analyzed(runs))
 
 
 def _print_reductions(campaign: Path, analysis: "Analysis") -> None:
@@ -190,18 +178,13 @@ def compare(
     The simulation starts from the rig, the mechanism, the motion and the conditions that are stored with the runs,
     without noise.
     """
-    from ..published_tables import load_published
+    from ..front_door import compare as compared
     from ..store import open_campaign
-    from ..vibration.comparison import compare_campaign
-    from ..vibration.metrics import Measure
 
     options.refuse_unknown_codes(accept)
-    published = load_published(table) if table else None
-    measure = Measure(metric, band)
     runs = open_campaign(campaign).runs
-    comparison = compare_campaign(runs, published, measure, mechanism, accept)
-    if figure:
-        _draw(comparison, figure)
+    comparison = compared(runs, table, metric, band, accept, mechanism)
+    draw(figure, comparison.plot)
     if as_json:
         emit_json(document(comparison) | {"calibrations": options.calibrations(runs), "ledgers": options.ledgers(runs)})
     else:
@@ -229,3 +212,58 @@ def _print_comparison(campaign: Path, comparison: "Comparison") -> None:
     for note in (_origins_text(comparison.origins), *printed, *comparison.notes):
         click.echo(click.wrap_text(note, 110))
     options.print_findings(comparison.findings)
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  testbench doctor campaign
+  testbench doctor campaign r003 r004 --json
+\b
+Exit codes: 0 nothing contradicts, 3 done with findings, 1 no campaign or no such run."""
+)
+@click.argument("campaign", type=click.Path(path_type=Path))
+@click.argument("runs", metavar="[RUN]...", nargs=-1)
+@click.option("--mechanism", metavar="MECH", help="The mechanism, where the stored rig names one that is not shipped.")
+@options.accept_option
+@json_option
+def doctor(campaign: Path, runs: tuple[str, ...], mechanism: str | None, accept: tuple[str, ...], as_json: bool) -> int:
+    """Cross-examine a campaign, run by run, worst first: does what its sensors show fit the run table and each other?
+
+    Encoders, commands, torques, forces, accelerometers and the model witness payload, counter-masses, peak
+    acceleration, motion, and of each sensor the axis, sign and gain; dead channels, levels that drift, and copies of
+    runs are found. All runs of the campaign are heard; those named are shown.
+    """
+    from ..errors import StoreError
+    from ..front_door import doctor as examined
+    from ..store import open_campaign
+
+    options.refuse_unknown_codes(accept)
+    stored = open_campaign(campaign).runs
+    names = [run.name for run in stored]
+    if wrong := [run for run in runs if run not in names]:
+        raise StoreError(f"{campaign}: no run {wrong[0]!r}: expected some of {', '.join(names[:12])}")
+    examination = examined(stored, accept, mechanism)
+    shown = sorted(runs or examination.runs, key=lambda run: -len(examination.about(run)))
+    if as_json:
+        emit_json(examination.document(shown))
+    else:
+        _print_examination(campaign, examination, shown)
+    return EXIT_WITH_FINDINGS if any(examination.about(run) for run in shown) else 0
+
+
+def _print_examination(campaign: Path, examination: "Examination", shown: list[str]) -> None:
+    from ..cross_examination import Statement
+
+    click.echo(f"{campaign.name}: {examination.verdict(shown)}")
+    doubtful = [s for run in shown for s in examination.about(run)]
+    if doubtful:
+        emit_table("Contradictions", *table(Statement, doubtful))
+    sharing: dict[str, list[str]] = {}
+    for run in shown:
+        if missing := examination.unwitnessed(run):
+            reasons = "; ".join(dict.fromkeys(examination.reasons[run].values()))
+            text = f"nothing witnesses {', '.join(missing)}{f' ({reasons})' if reasons else ''}"
+            sharing.setdefault(text, []).append(run)
+    for text, runs in sharing.items():
+        click.echo(f"{', '.join(runs)}: {text}")

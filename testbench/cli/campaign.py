@@ -49,7 +49,9 @@ def export(stored: Path, to: str, output: Path, licence: str | None, physical: b
     runs: list[Run]
     refused: list[options.NotOpened] = []
     if to == "ro-crate":  # a crate describes a whole campaign, so that it takes all of it or nothing
-        runs = options.opened_runs([stored])
+        from ..front_door import runs_of
+
+        runs = runs_of(stored)
         written = _crate(stored, runs, output, licence)
     else:
         from ..export import export as write

@@ -1,22 +1,32 @@
 """``testbench identify``, and its tables."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from balance.cli.framework import (
+    EXIT_WITH_FINDINGS,
+    emit_findings,
+    emit_further,
+    emit_json,
+    emit_table,
+    json_option,
+    note,
+    say,
+)
+from balance.cli.options import draw, figure_option
 from balance.errors import DataError
 from balance.results import table
 
-from . import options as calibrations
-from . import options as stored_runs
+from . import options
 
 if TYPE_CHECKING:
     from ..identification import Identification, Value
     from ..identification.cross_validation import MethodErrors
+    from ..identification.estimators import Method
+    from ..identification.records import By
     from ..identification.result import Validation
 
 
@@ -25,29 +35,44 @@ VALUE_COLUMNS = ("name", "value", "unit", "interval", "in_file")
 COUNTER_MASS_COLUMNS = ("site", "position", "mass", "mass_interval", "first_moment", "first_moment_interval")
 
 
-def print_result(
-    result: "Identification", validation: "Validation | None" = None, left_out: Sequence[str] = ()
-) -> None:
-    """The tables for people."""
+def print_result(result: "Identification") -> None:
+    """The verdict, the base parameters, the reasons against it; with --all all other tables and notes."""
     from ..identification.result import CounterMassValue, Value
 
-    click.echo("\n".join(_verdict(result, validation)))
+    moments = [value for value in result.first_moments() if value.in_file] or result.first_moments()
+    say(_verdict(result, moments))
     about = f"{result.mechanism.name} from {', '.join(result.runs)} (origin {result.origin})"
     emit_table(f"Identified: {about}", *table(Value, result.base_values(), *VALUE_COLUMNS))
     terms = "Friction, drives and offsets" if result.joints else "Offsets"
-    emit_table(terms, *table(Value, result.joint_values(), *VALUE_COLUMNS))
-    moments = [value for value in result.first_moments() if value.in_file] or result.first_moments()
+    emit_further(terms, *table(Value, result.joint_values(), *VALUE_COLUMNS))
     rows = [[value.name, *(f"{other:.4f}" for other in value.variants.values())] for value in moments]
     others = moments[0].variants if moments else result.variants
-    emit_table("First moments by other choices [kg m]", ["", *others], rows)
+    emit_further("First moments by other choices [kg m]", ["", *others], rows)
     header = ["", f"{_kind(result)} unexplained", "simulated angle off by, rms [rad]", "first moments [kg m]"]
-    emit_table("Methods on held-out blocks", header, [_method(result, one, moments) for one in result.comparison])
+    emit_further("Methods on held-out blocks", header, [_method(result, one, moments) for one in result.comparison])
     if result.mechanism.counter_sites and not result.undetermined_moments():
         title = "Counter-masses that would balance it, beyond what the first run mounted"
         if result.verdict != "usable":
             title += f": {result.verdict}"
-        emit_table(title, *table(CounterMassValue, result.counter_masses(), *COUNTER_MASS_COLUMNS))
-    click.echo("\n".join([*_notes(result, moments), *left_out, *_separate(result, validation)]))
+        emit_further(title, *table(CounterMassValue, result.counter_masses(), *COUNTER_MASS_COLUMNS))
+    note("\n".join([*_notes(result, moments), *result.notes]))
+    if result.validation is not None:
+        say("\n".join(_unexplained(result, result.validation, f"in {', '.join(result.validation.runs)}")))
+    emit_findings((doubt.code, doubt.text) for doubt in result.all_doubts)
+    emit_findings(("time_gap", text) for text in result.lost)
+
+
+def _verdict(result: "Identification", moments: "Sequence[Value]") -> str:
+    """How far it may be relied on, and the first moments with their intervals."""
+    values = [f"{m.name} = {m.value:.4g} [{m.interval[0]:.4g}, {m.interval[1]:.4g}] {m.unit}" for m in moments]
+    more = f" and {len(values) - 3} more" if len(values) > 3 else ""
+    verdict = f"Verdict: {result.verdict}; {', '.join(values[:3]) or 'no first moment is determined'}{more}."
+    if result.verdict == SCALED:
+        verdict += (
+            " The torques' scale is not checked: ratios of first moments hold, first moments and counter-masses are "
+            "wrong by as much as the torques read wrong; it takes runs that differ by a mass that is known."
+        )
+    return verdict
 
 
 def _method(result: "Identification", one: "MethodErrors", moments: "Sequence[Value]") -> list[str]:
@@ -136,28 +161,6 @@ def _bodies(result: "Identification") -> str:
     )
 
 
-def _separate(result: "Identification", validation: "Validation | None") -> list[str]:
-    """What gaps took, and how separate runs are predicted."""
-    lost, lines = [*result.left_out], []
-    if validation is not None:
-        lines = _unexplained(result, validation, f"in {', '.join(validation.runs)}")
-        lost = [*lost, *validation.equations.left_out]
-    return [*lines, *(f"Finding: {text}." for text in lost)]
-
-
-def _verdict(result: "Identification", validation: "Validation | None") -> list[str]:
-    """The verdict, then every reason against it."""
-    doubts = [*result.doubts, *(validation.doubts if validation else [])]
-    verdict = result.verdict_with(validation.doubts if validation else ())
-    lines = [f"Verdict: {verdict}", *(f"  {doubt.code}: {doubt.text}" for doubt in doubts)]
-    if verdict == SCALED:
-        lines.append(
-            "  the torques' scale is not checked: ratios of first moments hold, first moments and counter-masses are "
-            "wrong by as much as the torques read wrong; it takes runs that differ by a mass that is known"
-        )
-    return lines
-
-
 @click.command(
     epilog="""\b
 Examples:
@@ -169,7 +172,7 @@ Examples:
 \b
 Exit codes: 0 done, 3 done with findings (gaps left out) or doubts, which are listed, 1 refused."""
 )
-@stored_runs.mechanism_and_runs
+@options.mechanism_and_runs
 @click.option(
     "--by",
     type=click.Choice(["torque", "wrench", "both"]),
@@ -192,16 +195,24 @@ Exit codes: 0 done, 3 done with findings (gaps left out) or doubts, which are li
     "--accept",
     multiple=True,
     metavar="CODE",
-    shell_complete=stored_runs.contradiction_codes,
+    shell_complete=options.contradiction_codes,
     help="A contradiction that a person accepts, or mechanism_differs: the rig is of another mechanism than MECH.",
 )
 @click.option("--rig", help="A rig in place of the one stored with the runs.")
-@click.option(
-    "--figure", type=click.Path(path_type=Path), help="Draw measured and predicted torque (.png, .svg, .pdf)."
-)
-@stored_runs.budget_option
+@figure_option
+@options.budget_option
 @json_option
-def identify(words: tuple[str, ...], figure: Path | None, budget: bool, as_json: bool, **options: Any) -> int:  # noqa: ANN401
+def identify(
+    words: tuple[str, ...],
+    by: "By | None",
+    method: "Method | None",
+    separate: tuple[Path, ...],
+    accept: tuple[str, ...],
+    rig: str | None,
+    figure: str | None,
+    budget: bool,
+    as_json: bool,
+) -> int:
     """Inertial parameters and friction of MECH from the positions, torques and forces of stored runs.
 
     What the runs determine is found before solving, and what they do not is named. MECH is the mechanism stored with
@@ -211,48 +222,24 @@ def identify(words: tuple[str, ...], figure: Path | None, budget: bool, as_json:
     double that cut-off, without the delay, and by the other methods. A run whose sensors contradict the run table or
     the other runs (testbench doctor) makes the result doubtful, until its CODE is accepted.
     """
-    from .. import rig as rigs
-    from ..identification import identify as identified
-    from ..identification.records import DIFFERS, assemble
-    from ..identification.result import validate
-    from ..kinematics.encoder_motion import mechanism_of
-    from ..runs.aligned_run import AlignedRun
-    from ..runs.si_run import SIRun
+    from ..front_door import bound_runs
+    from ..front_door import identify as identified
+    from ..identification.records import DIFFERS
 
-    stored_runs.refuse_unknown_codes(code for code in options["accept"] if code != DIFFERS)
-    mechanism, runs = stored_runs.split_words(words)
-    described = rigs.load_rig(options["rig"]) if options["rig"] else None
-    opened = [SIRun.of(run, described) for run in stored_runs.opened_runs(runs)]
-    model = mechanism_of(opened[0], mechanism)
-    bound = [AlignedRun(run, model) for run in opened]
-    taken = assemble(bound, options["by"], options["accept"])
-    result = identified(taken.records, taken.mechanism, options["method"])
-    others = stored_runs.opened_runs(options["separate"])
-    contradictions = stored_runs.contradictions(opened, options["accept"], model)
-    result = replace(result, contradictions=contradictions)
-    validation = None
-    if others:
-        separate = [AlignedRun(SIRun.of(run, described), model) for run in others]
-        records = assemble([bound[0], *separate], taken.by, options["accept"]).records[1:]
-        validation = validate(result, records)
-    if figure is not None:
-        from balance.figures.mechanism import save
-
-        from ..identification.figure import draw
-
-        save(draw(result), figure)
+    options.refuse_unknown_codes(code for code in accept if code != DIFFERS)
+    mechanism, runs = options.split_words(words)
+    bound = bound_runs(runs, rig)
+    result = identified(mechanism, *bound, by=by, method=method, rig=rig, accept=accept, validate=separate)
+    draw(figure, result.plot)
     if as_json:
         from ..identification.diagnostics import identification_document
 
-        found = {**identification_document(result, validation), "by": taken.by, "left_out": list(taken.notes)}
+        found = identification_document(result)
         found |= {"budget": [value.budget for value in result.first_moments()]} if budget else {}
-        emit_json({**found, "calibrations": calibrations.calibrations(opened)})
+        emit_json({**found, "calibrations": options.calibrations(bound)})
     else:
-        print_result(result, validation, taken.notes)
+        print_result(result)
         if budget:
-            stored_runs.print_budgets(result.mechanism.name, [value.budget for value in result.first_moments()])
-        calibrations.print_calibrations(calibrations.calibrations(opened))
-    odd = bool(result.left_out or result.doubts)
-    if validation is not None:
-        odd = odd or bool(validation.equations.left_out or validation.doubts)
-    return EXIT_WITH_FINDINGS if odd else 0
+            options.print_budgets(result.mechanism.name, [value.budget for value in result.first_moments()])
+        options.print_calibrations(options.calibrations(bound))
+    return EXIT_WITH_FINDINGS if result.lost or result.all_doubts else 0

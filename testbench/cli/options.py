@@ -1,8 +1,6 @@
 """What commands share: options of amplitudes and of text logs, RUN arguments, findings, calibrations, progress bar."""
 
-import re
 import sys
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,14 +9,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_table, plain_text
+from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_findings, emit_table, plain_text
 
 if TYPE_CHECKING:
     from balance.estimation.uncertainty_budget import Budget
-    from balance.mechanism.mechanism import Mechanism
 
     from ..readers import ReadOptions
-    from ..readers.import_description import ImportDescription
     from ..recording import Finding
     from ..runs.calibration_history import CalibrationInForce
     from ..runs.si_run import SIRun
@@ -29,12 +25,9 @@ F = TypeVar("F", bound=Callable[..., Any])
 T = TypeVar("T")
 LEAST_PROGRESS = 20 << 20
 """Work from which a progress bar is shown [bytes]."""
-SHOWN_PER_CODE = 5
-"""Findings of one code and file that are printed as text."""
 _DELIMITERS = ("comma", "semicolon", "tab", "bar", "blanks")
 _DECIMALS = {"point": ".", "comma": ","}
 _ORDERS = ("dmy", "mdy", "ymd")
-_NUMBER = r"(\d+\.?\d*)"
 
 
 class BandText(click.ParamType["Band | None"]):
@@ -45,15 +38,12 @@ class BandText(click.ParamType["Band | None"]):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> "Band | None":  # noqa: ANN401
         """Read the text; a wrong one fails as a wrong command line."""
         from ..errors import AnalysisError
-        from ..signal.filters import Band
+        from ..signal.filters import band_of
 
-        if not isinstance(value, str) or value == "none":
-            return None if value == "none" else value
-        match = re.fullmatch(rf"{_NUMBER}?\s*\.\.\s*{_NUMBER}\s*(?:Hz)?", value.strip())
-        if match is None:
-            self.fail(f"{value!r}: expected two frequencies in Hz such as 1..200, or none", param, ctx)
+        if not isinstance(value, str):
+            return value
         try:
-            return Band(float(match[1] or 0.0), float(match[2]))
+            return band_of(value)
         except AnalysisError as error:
             self.fail(str(error), param, ctx)
 
@@ -96,13 +86,6 @@ def split_words(words: Sequence[str]) -> tuple[str | None, tuple[Path, ...]]:
     return (words[0] if given else None), tuple(Path(word) for word in words[given:])
 
 
-def contradictions(runs: "Iterable[SIRun]", accepted: Iterable[str], mechanism: "Mechanism") -> "tuple[Finding, ...]":
-    """What the runs' sensors contradict in the run table or in each other, but for codes that a person accepts."""
-    from ..cross_examination import examine
-
-    return examine(runs, accepted, mechanism).open_findings
-
-
 budget_option = click.option(
     "--budget", is_flag=True, help="Also what contributes how much to each interval (uncertainty budget, JCGM 100)."
 )
@@ -120,9 +103,8 @@ def print_budgets(of: str, budgets: "Iterable[Budget]") -> None:
 
 
 def print_findings(findings: Iterable["Finding"]) -> None:
-    """Print findings of an analysis, a line each."""
-    for finding in findings:
-        click.echo(f"  {finding.code}: {finding.message}")
+    """Print findings of an analysis, by code."""
+    emit_findings((finding.code, finding.message) for finding in findings)
 
 
 def calibrations(runs: "Iterable[Run | SIRun]") -> "list[CalibrationInForce]":
@@ -197,20 +179,16 @@ def read_options(
     from ..readers import ReadOptions
     from ..readers.csv.dialect import DELIMITERS
 
+    if described is not None:
+        from ..readers.import_description import ImportDescription
     return ReadOptions(
         encoding,
         None if delimiter is None else DELIMITERS[delimiter],
         None if decimal is None else _DECIMALS[decimal],
         header,
         date_order,
-        None if described is None else _description(described),
+        None if described is None else ImportDescription.load(described),
     )
-
-
-def _description(name: str) -> "ImportDescription":
-    from ..readers.import_description import ImportDescription
-
-    return ImportDescription.load(name)
 
 
 def refuse_patterns(files: Iterable[Path]) -> None:
@@ -234,24 +212,16 @@ def exit_code(findings: Iterable["Finding"], accepted: Iterable[str] = ()) -> in
 
 
 def print_reading_findings(title: str, findings: Iterable["Finding"]) -> None:
-    """Print findings as lines, the gravest first; of one code SHOWN_PER_CODE and the number of the others."""
-    ordered = sorted(findings, key=lambda finding: -finding.severity)
-    if ordered:
-        click.echo(plain_text(title))
-    counts = Counter(finding.code for finding in ordered)
-    shown: Counter[str] = Counter()
-    for finding in ordered:
-        shown[finding.code] += 1
-        more = counts[finding.code] - SHOWN_PER_CODE
-        if more > 1 and shown[finding.code] > SHOWN_PER_CODE:
-            if shown[finding.code] == SHOWN_PER_CODE + 1:
-                severity = finding.severity.name.lower()
-                click.echo(f"  {severity:7} {finding.code}: and {more} more like these; --json lists all")
-            continue
+    """Print findings about a log below a title, the gravest first, with their place."""
+
+    def text(finding: "Finding") -> str:
         group = finding.group and f"group {finding.group}"
         place = ", ".join(filter(None, (finding.channel, group, finding.where)))
-        text = f"{place}: {finding.message}" if place else finding.message
-        click.echo(f"  {finding.severity.name.lower():7} {finding.code}: {plain_text(text)}")
+        return f"{place}: {finding.message}" if place else finding.message
+
+    if ordered := sorted(findings, key=lambda finding: -finding.severity):
+        click.echo(plain_text(title))
+        emit_findings((f"{one.severity.name.lower():7} {one.code}", text(one)) for one in ordered)
 
 
 @dataclass(frozen=True)
@@ -261,13 +231,6 @@ class NotOpened:
     run: str
     message: str
     status: str = "refused"
-
-
-def opened_runs(paths: Sequence[Path]) -> "list[Run]":
-    """All runs at paths, each a stored run or a campaign folder. Raises StoreError for one that cannot be opened."""
-    from ..store import open_campaign, open_run
-
-    return [run for path in paths for run in (open_campaign(path).runs if path.is_dir() else (open_run(path),))]
 
 
 def openable_runs(paths: Sequence[Path]) -> "tuple[list[Run], list[NotOpened]]":

@@ -1,12 +1,20 @@
 """``testbench trim``."""
 
-from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from balance.cli.framework import (
+    EXIT_WITH_FINDINGS,
+    emit_findings,
+    emit_further,
+    emit_json,
+    emit_table,
+    json_option,
+    note,
+    say,
+)
+from balance.cli.options import draw, figure_option
 from balance.results import table
 
 from . import options
@@ -14,6 +22,7 @@ from . import options
 if TYPE_CHECKING:
     from ..trimming import Source, Trim
 
+GAP = "time_gap"
 COLUMNS = ("site", "first_moment", "interval", "mass", "position")
 
 
@@ -48,11 +57,7 @@ tell."""
     help="Highest frequency of what was measured and model alike.  [default: as is best for the source]",
 )
 @click.option("--rig", help="A rig in place of the one stored with the runs.")
-@click.option(
-    "--figure",
-    type=click.Path(path_type=Path),
-    help="Draw what is missing and what the plates leave (.png, .svg, .pdf).",
-)
+@figure_option
 @options.accept_option
 @options.budget_option
 @json_option
@@ -63,7 +68,7 @@ def trim(
     sources: "tuple[Source, ...]",
     cutoff: float | None,
     rig: str | None,
-    figure: Path | None,
+    figure: str | None,
     accept: tuple[str, ...],
     budget: bool,
     as_json: bool,
@@ -79,52 +84,34 @@ def trim(
     sensors contradict the run table or the other runs (testbench doctor) makes the result doubtful, until its CODE is
     accepted.
     """
-    from balance.balancing import stock_plates as stocks
-
-    from .. import rig as rigs
-    from ..cross_examination import examine
-    from ..kinematics.encoder_motion import mechanism_of
-    from ..runs.aligned_run import AlignedRun, recorded_clocks
-    from ..runs.si_run import SIRun
-    from ..trimming import trim_runs
+    from ..front_door import bound_runs
+    from ..front_door import trim as trimmed
     from ..trimming.result import trim_document
 
     options.refuse_unknown_codes(accept)
     if cutoff is not None and not cutoff > 0.0:
         raise click.UsageError(f"--cutoff {cutoff:g}: expected a positive frequency")
     mechanism, runs = options.split_words(words)
-    opened = options.opened_runs(runs)
-    described = rigs.load_rig(rig) if rig else None
-    bound = [SIRun.of(run, described) for run in opened]
-    plates = stocks.load_stock(stock) if stock else []
-    model = mechanism_of(bound[0], mechanism)
-    runs_of_it = [AlignedRun(run, model, recorded_clocks(run)) for run in bound]
-    result = trim_runs(runs_of_it, site, plates, sources or None, cutoff)
-    examination = examine(bound, accept, model)
-    result = replace(result, findings=(*result.findings, *examination.open_findings))
-    if figure:
-        from balance.figures.mechanism import save
-
-        from ..trimming.figure import draw
-
-        save(draw(result), figure)
-    accepted = [finding.as_dict() for finding in examination.findings if finding.code in accept]
+    bound = bound_runs(runs, rig)
+    result = trimmed(mechanism, *bound, sites=site, stock=stock, by=sources, cutoff_hz=cutoff, accept=accept)
+    draw(figure, result.plot)
     if as_json:
-        shown = {**trim_document(result), "accepted": accepted, "calibrations": options.calibrations(bound)}
+        shown = {**trim_document(result), "calibrations": options.calibrations(bound)}
         emit_json(shown | ({"budget": result.budgets} if budget else {}))
     else:
         _print(result, stock)
-        options.print_findings(f for f in examination.findings if f.code in accept)
         if budget:
             options.print_budgets(result.mechanism.name, result.budgets)
         options.print_calibrations(options.calibrations(bound))
-    return EXIT_WITH_FINDINGS if examination.findings or result.findings or result.doubts() else 0
+    return EXIT_WITH_FINDINGS if result.accepted or result.findings or result.doubts() else 0
 
 
 def _print(result: "Trim", stock: str | None) -> None:
+    """The verdict with what to add, what is missing, why it is doubted; with --all each source and how it was found."""
     from balance.estimation.estimate import LEVEL_TEXT
     from balance.estimation.first_moment_imbalance import MissingMass
 
+    say(_verdict(result, stock))
     level = f"{LEVEL_TEXT} interval" if result.interval_level else f"interval, not of {LEVEL_TEXT}"
     (site, missing, _, *others), rows = table(MissingMass, result.missing, *COLUMNS)
     runs = ", ".join(result.runs[:4]) + (f" and {len(result.runs) - 4} more" if len(result.runs) > 4 else "")
@@ -132,40 +119,36 @@ def _print(result: "Trim", stock: str | None) -> None:
     emit_table(title, [site, missing, level, *others], rows)
     if (found := result.consensus) is not None:
         each = [[one.source, *row] for one in result.shares for row in table(MissingMass, one.missing, *COLUMNS[:3])[1]]
-        emit_table("By source", ["source", site, missing, level], each)
-        click.echo(
+        emit_further("By source", ["source", site, missing, level], each)
+        say(
             f"The sources {'agree' if found.agrees else 'contradict each other'}: chi-square {found.chi_square:.2f} "
             f"with {found.degrees_of_freedom} degrees of freedom, probability {found.probability:.2g}."
         )
-    _print_addition(result, stock)
-    click.echo("\n".join(result.about))
-    helped = any(c.mass > 0.0 for c in result.addition.counter_masses)
-    followed = helped or result.verdict != "add"
-    verdict = result.verdict if followed else f"add, but not from {stock}"
-    click.echo(f"{result.unexplained:.1%} of what was measured stays unexplained. Verdict: {verdict}")
-    for doubt in result.doubts():
-        click.echo(f"  {doubt}")
-    for gap in result.gaps:
-        click.echo(f"Finding: {gap}.")
-    if result.origin == "simulated":
-        click.echo("The runs are simulated.")
+    say(f"{result.unexplained:.1%} of what was measured stays unexplained.")
+    note("\n".join(result.about))
+    emit_findings(("doubtful", doubt) for doubt in result.doubts())
+    emit_findings((GAP, gap) for gap in result.gaps)
+    options.print_findings(result.accepted)
 
 
-def _print_addition(result: "Trim", stock: str | None) -> None:
+def _verdict(result: "Trim", stock: str | None) -> str:
+    """What to add or remove, and the first-moment residual that is predicted then."""
     added = [c for c in result.addition.counter_masses if c.mass > 0.0]
+    lacking = [m for m in result.missing if m.is_significant and m.first_moment.value > 0.0]
+    parts = []
     for c in added:
         plates = f" = {' + '.join(c.plates)}" if c.plates else ""
-        click.echo(f"Add {c.mass:.3f} kg at {c.site}{plates}.")
-    lacking = [m for m in result.missing if m.is_significant and m.first_moment.value > 0.0]
+        parts.append(f"Add {c.mass:.3f} kg at {c.site}{plates}.")
     if lacking and not added:
         masses = ", ".join(f"{m.mass.value:.3f} kg at {m.site}" for m in lacking)
-        click.echo(f"No plates of {stock} bring it nearer: what is missing stays: {masses}.")
+        parts.append(f"No plates of {stock} bring it nearer: what is missing stays: {masses}.")
     elif not added and not result.removal:
-        click.echo("Add nothing: every interval holds zero.")
-    for m in result.removal:
-        click.echo(f"{m.site} has {-m.mass.value:.3f} kg too much: remove it.")
+        parts.append("Add nothing: every interval holds zero.")
+    parts += [f"{m.site} has {-m.mass.value:.3f} kg too much: remove it." for m in result.removal]
     low, high = result.predicted_residual_interval
-    click.echo(
+    verdict = result.verdict if added or result.verdict != "add" else f"add, but not from {stock}"
+    parts.append(
         f"First-moment residual predicted{' with that' if added else ''}: {result.predicted_residual:.4f} kg m, "
-        f"{low:.4f} .. {high:.4f}."
+        f"{low:.4f} .. {high:.4f}{', of simulated runs' if result.origin == 'simulated' else ''}. Verdict: {verdict}."
     )
+    return " ".join(parts)

@@ -219,12 +219,10 @@ def _estimate(found: BaseParameters, row: Mapping[str, float]) -> Estimate | Non
     return found.estimate(vector) if found.identifiability.is_identifiable(vector) else None
 
 
-def identification_document(result: Identification, validation: Validation | None = None) -> dict[str, Any]:
+def identification_document(result: Identification) -> dict[str, Any]:
     """All that was found."""
     determined = bool(result.mechanism.counter_sites) and not result.undetermined_moments()
     explained = Explanation(result)
-    doubts = [*result.doubts, *(validation.doubts if validation else [])]
-    lost = (*result.left_out, *(validation.equations.left_out if validation else ()))
     found = {
         "mechanism": result.mechanism.name,
         "runs": list(result.runs),
@@ -255,14 +253,16 @@ def identification_document(result: Identification, validation: Validation | Non
             "free": result.tests.free,
             "motion": result.tests.motion,
         },
-        "validation": _validation(result, validation),
-        "verdict": result.verdict_with(validation.doubts if validation else ()),
+        "validation": _validation(result, result.validation),
+        "verdict": result.verdict,
         "findings": [
-            *(Finding(GAP_FINDING, None, text.partition(":")[0], text).as_dict() for text in lost),
+            *(Finding(GAP_FINDING, None, text.partition(":")[0], text).as_dict() for text in result.lost),
             *(finding.as_dict() for finding in result.contradictions),
         ],
-        "doubts": [doubt.text for doubt in doubts],
-        "doubt_codes": [doubt.code for doubt in doubts],
+        "doubts": [doubt.text for doubt in result.all_doubts],
+        "doubt_codes": [doubt.code for doubt in result.all_doubts],
+        "by": result.by,
+        "left_out": list(result.notes),
     }
     return dict(plain(found))
 

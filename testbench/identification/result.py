@@ -192,6 +192,12 @@ class Identification(Shown, rows="values", figure="testbench.identification.figu
     """With torque and rates smoothed but positions as recorded: often done, biased, shown for comparison only."""
     contradictions: tuple[Finding, ...] = ()
     """What the runs' sensors contradict in the run table or in each other."""
+    by: str = ""
+    """What tells: ``torque``, ``wrench`` or ``both``."""
+    notes: tuple[str, ...] = ()
+    """What was left out of the runs, and why."""
+    validation: "Validation | None" = None
+    """How well it predicts separate runs."""
 
     @property
     def values(self) -> "list[Value]":
@@ -403,14 +409,20 @@ class Identification(Shown, rows="values", figure="testbench.identification.figu
     @property
     def verdict(self) -> Verdict:
         """Whether it may be relied on."""
-        return self.verdict_with(())
-
-    def verdict_with(self, further: Sequence[Doubt]) -> Verdict:
-        """The verdict where further doubts count too."""
-        if self.doubts or further:
+        if self.all_doubts:
             return "doubtful"
         torques_alone = self.joints and len(self.joints) == len(self.rows)
         return "usable up to a torque scale" if torques_alone and not self.closed else "usable"
+
+    @property
+    def all_doubts(self) -> list[Doubt]:
+        """Those about the runs, and those about the prediction of separate ones."""
+        return [*self.doubts, *(self.validation.doubts if self.validation else [])]
+
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """What gaps in the records took, those of separate runs too."""
+        return (*self.left_out, *(self.validation.equations.left_out if self.validation else ()))
 
     def named(self, row: str) -> str:
         """What a row is called: the torque of a joint, or a component of force or moment."""

@@ -5,6 +5,7 @@ with it to rounding. A recursion waits for its own last result at every sample; 
 channels side by side, by compiled loops in two threads.
 """
 
+import re
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -88,6 +89,15 @@ class Band:
                 "name a lower band, or none"
             )
         return _designed(self, rate_hz)
+
+
+def band_of(text: str) -> Band | None:
+    """``1..200`` or ``..200`` in Hz as a band, ``none`` as None. Raises AnalysisError for another text."""
+    number = r"(\d+\.?\d*)"
+    match = re.fullmatch(rf"{number}?\s*\.\.\s*{number}\s*(?:Hz)?", text.strip())
+    if match is None and text != "none":
+        raise AnalysisError(f"{text!r}: expected two frequencies in Hz such as 1..200, or none")
+    return match and Band(float(match[1] or 0.0), float(match[2]))
 
 
 @lru_cache(maxsize=64)

@@ -85,6 +85,8 @@ class Trim(Shown, rows="missing", figure="testbench.trimming.figure:draw"):
     findings: tuple[Finding, ...] = ()
     estimates: tuple[Imbalance, ...] = ()
     """The conditions' values by each source, in the order of ``shares``."""
+    accepted: tuple[Finding, ...] = ()
+    """Contradictions that a person accepted."""
 
     @property
     def budgets(self) -> list[Budget]:
@@ -249,6 +251,7 @@ def trim_document(result: Trim) -> dict[str, Any]:
         "verdict": result.verdict,
         "doubts": result.doubts(),
         "findings": [finding.as_dict() for finding in result.findings],
+        "accepted": [finding.as_dict() for finding in result.accepted],
         "conditions": [
             {"condition": text, "value_kgm": e and e.value, "interval": e and e.interval()} for text, e in result.values
         ],

@@ -31,11 +31,19 @@ COMPUTED = {}
 """What the front door's long computations gave, by name and arguments: examples share them."""
 
 
+LONG = (
+    "testbench.vibration.reduction.analyze", "testbench.vibration.comparison.compare_campaign",
+    "testbench.cross_examination.examine", "testbench.identification.identify", "testbench.trimming.trim_runs",
+)  # fmt: skip
+"""Long computations of the front door."""
+
+
 @pytest.fixture
 def laboratory(folder, monkeypatch):
     """The folder where the examples run, each computation once."""
-    for name in ("analyze_runs", "compare_campaign", "examine", "identified", "trim_runs"):
-        whole = getattr(import_module("testbench.front_door"), name)
+    for place in LONG:
+        module, _, name = place.rpartition(".")
+        whole = getattr(import_module(module), name)
 
         def once(*given, name=name, whole=whole, **named):
             key = f"{name} {given} {named}"
@@ -43,7 +51,7 @@ def laboratory(folder, monkeypatch):
                 COMPUTED[key] = whole(*given, **named)
             return COMPUTED[key]
 
-        monkeypatch.setattr(f"testbench.front_door.{name}", once)
+        monkeypatch.setattr(place, once)
     monkeypatch.chdir(folder)
 
 

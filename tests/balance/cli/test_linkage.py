@@ -16,7 +16,16 @@ def test_a_balanced_linkage_is_shown_with_force_moment_torque_and_cost(tmp_path)
 
     files = {kind: tmp_path / f"out.{kind}" for kind in ("png", "csv", "xml")}
     result = call(
-        "linkage", "two-levels", "--figure", files["png"], "--csv", files["csv"], "--mjcf", files["xml"], "--equations"
+        "linkage",
+        "two-levels",
+        "--figure",
+        files["png"],
+        "--csv",
+        files["csv"],
+        "--mjcf",
+        files["xml"],
+        "--equations",
+        "--all",
     )
     assert result.code == 0, result.err
     assert "residual moment" in result.out
@@ -75,7 +84,7 @@ def test_as_built_is_a_stage_of_its_own(tmp_path):
     path = tmp_path / "built.toml"
     text = datasets.find_dataset("two-levels", "linkages", ".toml").read_text(encoding="utf-8")
     path.write_text(text + '\n[built]\n"m4*" = "3.5 kg"\nz3 = [40, 26]\n', encoding="utf-8")
-    output = call("linkage", path).out
+    output = call("linkage", path, "--all").out
     assert "as built" in output
     assert "teeth of z2" in output
 
@@ -92,7 +101,7 @@ def test_a_swing_is_not_called_constant_speed(tmp_path):
     path = tmp_path / "swing.toml"
     text = datasets.find_dataset("two-levels", "linkages", ".toml").read_text(encoding="utf-8")
     path.write_text('swing = ["30 deg", "100 deg"]\n' + text, encoding="utf-8")
-    output = call("linkage", path).out
+    output = call("linkage", path, "--all").out
     assert "Simulated, harmonic swing: RMS" in output
     assert "constant" not in output
 

@@ -43,7 +43,7 @@ def test_correct_from_a_table_with_planes_and_bearings_given():
 
 def test_influence_prints_weights_and_whether_the_trial_stayed_on(tmp_path):
     """Text names the trial's effect and whether it stayed on; JSON holds coefficients and readings."""
-    text = call("rotor", "influence", "feese-2004").out
+    text = call("rotor", "influence", "feese-2004", "--all").out
     assert "it stayed on" in text
     assert "phase counts as lead" in text
     found = json_of("rotor", "influence", "goodman-1964", "--method", "min-max", "--figure", str(tmp_path / "v.png"))

@@ -8,6 +8,7 @@ import shutil
 import pytest
 from click.testing import CliRunner
 
+from balance.cli.framework import Detail
 from testbench.cli.align import align
 from testbench.cli.trim import trim
 from testbench.errors import AnalysisError, StoreError
@@ -34,6 +35,12 @@ def aligned(campaign, tmp_path_factory):
 def trimmed(campaign):
     """The document of ``trim``, MECH as it is stored with the runs."""
     return json.loads(invoke(trim, campaign, "--json", "--budget"))
+
+
+@pytest.fixture
+def everything(monkeypatch):
+    """All tables and notes, as with --all."""
+    monkeypatch.setattr(Detail, "everything", True)
 
 
 def invoke(command, *arguments, expected=0) -> str:
@@ -118,7 +125,7 @@ def test_trim_document(trimmed):
         assert budget["expanded_uncertainty"] == pytest.approx(0.5 * (high - low))
 
 
-def test_trim_for_people(aligned, tmp_path):
+def test_trim_for_people(aligned, tmp_path, everything):
     """The text says what to add where, how it was found, and that the runs are simulated; plates are named."""
     shelf = tmp_path / "shelf.csv"
     shelf.write_text("name,mass_kg,quantity\nP400,0.4,6\n", encoding="utf-8")
@@ -127,7 +134,7 @@ def test_trim_for_people(aligned, tmp_path):
         assert words in text
 
 
-def test_plates_that_are_too_heavy(aligned, tmp_path):
+def test_plates_that_are_too_heavy(aligned, tmp_path, everything):
     """Said as such beside the verdict, not as if nothing were missing; each line says which source it is of."""
     shelf = tmp_path / "shelf.csv"
     shelf.write_text("name,mass_kg,quantity\nP5,5.0,4\n", encoding="utf-8")

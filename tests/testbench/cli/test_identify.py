@@ -7,6 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from balance import datasets
+from balance.cli.framework import Detail
 from balance.mechanism.mjcf_parser import load_mechanism
 from testbench import rig as rigs
 from testbench.cli.identify import identify
@@ -80,12 +81,13 @@ def test_document(found):
         assert 0.2 * (high - low) < budget["expanded_uncertainty"] < 0.6 * (high - low)
 
 
-def test_tables_and_figure(run, tmp_path):
+def test_tables_and_figure(run, tmp_path, monkeypatch):
     """The verdict comes first, then its scale, the combination, its interval, the unexplained torque; and a figure."""
+    monkeypatch.setattr(Detail, "everything", True)
     text = invoke(ARM, run, "--method", "ls", "--figure", tmp_path / "torque.svg")
     for words in ("mcx[link_1] + 0.3 m[link_2]", "origin simulated", "unexplained on held-out", "ratios of first"):
         assert words in text
-    assert text.startswith("Verdict: usable up to a torque scale\n")
+    assert text.startswith("Verdict: usable up to a torque scale; ")
     assert "beyond what the first run mounted: usable up to a torque scale" in " ".join(text.split())
     assert (tmp_path / "torque.svg").read_text("utf-8").startswith("<?xml")
 
@@ -144,7 +146,7 @@ def test_a_gap_is_left_out_and_said(run, found, tmp_path):
         assert one["interval"][0] < one["in_file"] < one["interval"][1]
         half = 0.5 * (one["interval"][1] - one["interval"][0])
         assert half < 0.02 * max(row["value"] for row in found["first_moments"])
-    assert "Finding: paused: 1 gap" in invoke(ARM, tmp_path / "paused.h5", "--method", "ls", expected=3)
+    assert "time_gap: paused: 1 gap" in invoke(ARM, tmp_path / "paused.h5", "--method", "ls", expected=3)
 
 
 def test_a_gap_through_loops_and_loggers(shared, tmp_path):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from balance.cli.rotor_trial_runs import influence
+from balance.cli.rotor import influence
 from testbench.cli.vectors import vectors
 from testbench.errors import AnalysisError, StoreError
 from testbench.figures.rotating import draw_vectors
