@@ -20,7 +20,7 @@ COMMANDS = {
     "static": ("methods", "Potential energy constant over the workspace, by counter-masses or springs."),
     "methods": ("methods", "The named ways of balancing side by side: left over, cost, need."),
     "files": ("files", "What is shipped: mechanisms, motions, engines and others; copies of it, to be edited."),
-    "schema": ("schemas", "The JSON schema of an input file: its keys, units, defaults."),
+    "schema": ("files", "The JSON schema of an input file: its keys, units, defaults."),
 }
 
 

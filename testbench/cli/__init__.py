@@ -5,7 +5,7 @@ from balance.cli.framework import LazyGroup, run
 COMMANDS = {
     "new": ("project", "A folder for a test of your own machine: rig, plan, motion, run table, to be edited."),
     "check": ("project", "What is missing in such a folder, or contradicts, all at once."),
-    "plan": ("plan", "Which run to make next: what narrows most what is asked."),
+    "plan": ("project", "Which run to make next: what narrows most what is asked."),
     "simulate": ("simulate", "Make the logs that a test bench would write, marked as simulated."),
     "info": ("logs", "What a log file holds, and what is odd in it."),
     "describe": ("logs", "How a log is read, as detected: an import description to be corrected."),
@@ -36,7 +36,7 @@ COMMANDS = {
     "speed": ("speed", "Speed over a turn and its fluctuation, from the instants of encoder edges."),
     "vectors": ("vectors", "Amplitude and phase of vibration sensors by a tachometer, for balance rotor influence."),
     "files": ("files", "What is shipped: mechanisms, motions, rigs, plans and others; copies of it, to be edited."),
-    "schema": ("schemas", "The JSON schema of an input file: its keys, units, defaults."),
+    "schema": ("files", "The JSON schema of an input file: its keys, units, defaults."),
 }
 
 

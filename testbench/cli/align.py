@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
+from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_findings, emit_json, emit_table, json_option
 from balance.results import table
 
 from . import options
@@ -177,8 +177,7 @@ def _print_clocks(found: "list[RunClocks]", refused: list[str], records: list[Pa
         _print_filters(found)
     for path in records:
         click.echo(f"Recorded in {path}.")
-    for text in (text for clocks in found for text in clocks.findings):
-        click.echo(f"Finding: {text}.")
+    emit_findings(("Finding", f"{text}.") for clocks in found for text in clocks.findings)
     for reason in refused:
         click.echo(f"Not aligned: {reason}", err=not found)
 

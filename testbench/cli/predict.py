@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from balance.cli.framework import emit_json, json_option
-from balance.cli.options import figure_option
+from balance.cli.options import draw, figure_option
 
 from ..errors import AnalysisError
 
@@ -69,10 +69,7 @@ def predict(
         return
     made = validation.forecast(table, plan)
     compared = validation.forms(made.known) if with_forms else []
-    if figure:
-        from balance.figures.mechanism import save
-
-        save(results.prediction(made), figure)
+    draw(figure, lambda: results.prediction(made))
     if as_json:
         emit_json(results.document(made, compared))
     else:

@@ -36,8 +36,7 @@ def print_report(found: "RunReport") -> None:
             click.echo(f"No {name}: {part['reason']}")
         else:
             printers[name](part)
-    for finding in found.findings:
-        click.echo(f"  {finding.code}: {finding.message}")
+    options.print_findings(found.findings)
     click.echo()
 
 

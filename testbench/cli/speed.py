@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
-from balance.cli.options import Quantity, figure_option
+from balance.cli.framework import EXIT_WITH_FINDINGS, emit_findings, emit_json, emit_table, json_option
+from balance.cli.options import Quantity, draw, figure_option
 from balance.results import document
 
 if TYPE_CHECKING:
@@ -80,12 +80,7 @@ def speed(log: Path, **options: Any) -> int:  # noqa: ANN401
         from balance.table_files import write_csv_file
 
         write_csv_file(options["csv"], {name: np.array(values) for name, values in result["course"].items()})
-    if options["figure"]:
-        from balance.figures.mechanism import save
-
-        from ..figures.rotating import draw_speed
-
-        save(draw_speed(result), options["figure"])
+    draw(options["figure"], "testbench.figures.rotating:draw_speed", result)
     emit_json(result) if options["as_json"] else _print(result)
     return EXIT_WITH_FINDINGS if result["findings"] else 0
 
@@ -184,8 +179,7 @@ def _print(result: dict[str, Any]) -> None:
     if "pitch" in result:
         error = result["pitch"]["rms_percent_of_pitch"]
         click.echo(f"Errors of the disc, estimated and corrected: {error:.2g} % of the pitch.")
-    for finding in result["findings"]:
-        click.echo(f"Finding: {finding}")
+    emit_findings(("Finding", finding) for finding in result["findings"])
 
 
 def _print_turn(turn: dict[str, Any], model: dict[str, Any] | None) -> None:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
-from balance.cli.options import figure_option
+from balance.cli.framework import EXIT_WITH_FINDINGS, emit_findings, emit_json, emit_table, json_option
+from balance.cli.options import draw, figure_option
 
 from ..signal import METRIC_NAMES
 
@@ -76,16 +76,12 @@ def vectors(run_file: Path, **options: Any) -> int:  # noqa: ANN401
     found = order_vectors(run, tachometer, options["sensor"], options["order"])
     if options["speed"]:
         _agrees(run, found, options["speed"], within)
-    if options["figure"]:
-        from balance.figures.mechanism import save
-
-        from ..figures.rotating import draw_vectors
-
-        save(draw_vectors(_document(run, found, options["phase"], options["amplitude"])), options["figure"])
+    document = _document(run, found, options["phase"], options["amplitude"])
+    draw(options["figure"], "testbench.figures.rotating:draw_vectors", document)
     if options["toml"]:
         click.echo(_toml(run, found, options))
     elif options["as_json"]:
-        emit_json(_document(run, found, options["phase"], options["amplitude"]))
+        emit_json(document)
     else:
         _print(run, found, options["phase"], options["amplitude"])
     return EXIT_WITH_FINDINGS if found.findings() else 0
@@ -228,5 +224,4 @@ def _print(run: "Run", found: "Vectors", phase: str, metric: "Metric") -> None:
         if v.tones:
             tones = ", ".join(f"{tone:.4g} Hz" for tone in v.tones)
             click.echo(f"{v.sensor}: near the order {tones}, which does not turn with the rotor; fitted with it.")
-    for finding in found.findings():
-        click.echo(f"Finding: {finding}.")
+    emit_findings(("Finding", f"{finding}.") for finding in found.findings())

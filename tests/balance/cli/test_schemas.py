@@ -8,12 +8,12 @@ import jsonschema
 import pytest
 from click.testing import CliRunner
 
-import balance.cli.schemas
-import testbench.cli.schemas
+import balance.cli.files
+import testbench.cli.files
 from balance import datasets
-from balance.cli.schemas import file_schema, reference_page
+from balance.cli.files import file_schema, reference_page
 
-MODELS = {**balance.cli.schemas.MODELS, **testbench.cli.schemas.MODELS}
+MODELS = {**balance.cli.files.MODELS, **testbench.cli.files.MODELS}
 FOLDERS = {"materials": "materials", "springs": "springs", "trial-runs": "rotors"}
 """Where the shipped files are, if not in the plural."""
 
@@ -31,7 +31,7 @@ def test_every_key_says_what_it_means(name):
         assert table.get("description"), title
         for key, described in table.get("properties", {}).items():
             assert described.get("description"), f"{title}.{key}"
-            if "unit" in described and name in balance.cli.schemas.MODELS:
+            if "unit" in described and name in balance.cli.files.MODELS:
                 assert "[" in described["description"], f"{title}.{key}"
 
 
@@ -51,14 +51,14 @@ def test_the_shipped_files_are_valid(name):
 def test_the_reference_page_is_that_of_the_models():
     """docs/files.md says what the loaders take: `testbench schema --text > docs/files.md` writes it anew."""
     page = (Path(__file__).parents[3] / "docs" / "files.md").read_text("utf-8")
-    assert page == reference_page(MODELS, testbench.cli.schemas.MODELS)
-    assert page == CliRunner().invoke(testbench.cli.schemas.schema, ["--text"]).output
+    assert page == reference_page(MODELS, testbench.cli.files.MODELS)
+    assert page == CliRunner().invoke(testbench.cli.files.schema, ["--text"]).output
 
 
 @pytest.mark.parametrize(("package", "kind"), [(balance, "drive"), (testbench, "rig")])
 def test_the_command_prints_it_and_lists_the_kinds(package, kind):
     """By name; an unknown one is a wrong command line."""
-    command = package.cli.schemas.schema
+    command = package.cli.files.schema
     done = CliRunner().invoke(command, [kind])
     assert json.loads(done.stdout) == file_schema(MODELS, kind)
     wrong = CliRunner().invoke(command, ["machine"])
