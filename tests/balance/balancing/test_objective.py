@@ -7,8 +7,8 @@ from balance import balancing
 from balance.balancing.conditions import balance_conditions
 from balance.balancing.objective import motion_objective, workspace_objective
 from balance.balancing.remaining_force import verdict_of
-from balance.cli.options import follow_motion
 from balance.dynamics.inverse_dynamics import simulate
+from balance.front_door import follow
 
 from .. import models
 
@@ -64,7 +64,7 @@ def test_a_symmetric_mechanism_gets_symmetric_masses():
 def test_the_objective_of_a_motion_is_the_mean_square_that_simulation_gives(name):
     """Force, moment and torque, with any counter-masses: by the triangle and by inverse dynamics."""
     mechanism = models.load(name)
-    trajectory = follow_motion(mechanism, {"parallelogram-6bar": "x"}.get(name, name))
+    trajectory = follow(mechanism, {"parallelogram-6bar": "x"}.get(name, name))
     mounted = mechanism.with_counter_mass(dict.fromkeys(mechanism.counter_sites, 1.7))
     response = simulate(mounted, trajectory)
     torque = np.array(list(response.torque.values())).T
@@ -77,7 +77,7 @@ def test_the_objective_of_a_motion_is_the_mean_square_that_simulation_gives(name
 def test_several_quantities_are_weighed_by_what_they_are_without_counter_masses():
     """Without counter-masses, J is the sum of the weights."""
     mechanism = models.load("four-bar")
-    trajectory = follow_motion(mechanism, "four-bar")
+    trajectory = follow(mechanism, "four-bar")
     objective = motion_objective(mechanism, trajectory, {"force": 1.0, "moment": 2.0, "torque": 0.5})
     assert objective.value(mechanism) == pytest.approx(3.5, rel=1e-12)
 
@@ -102,7 +102,7 @@ def test_it_does_not_depend_on_the_scale_of_masses():
 def test_what_remains_and_which_body_lacks_a_site():
     """A four-bar with a site on its crank alone: directions of the force; the coupler or the rocker lacks one."""
     mechanism = models.load("four-bar")
-    trajectory = follow_motion(mechanism, "four-bar")
+    trajectory = follow(mechanism, "four-bar")
     objective = motion_objective(mechanism, trajectory)
     sized = balancing.exact_sizing(balance_conditions(mechanism), mechanism, ["counter_A0A"], objective=objective)
     for other in (0.0, 1.0, 1.658, 2.17):

@@ -7,8 +7,8 @@ from balance import balancing
 from balance.balancing.conditions import balance_conditions
 from balance.balancing.objective import motion_objective
 from balance.balancing.tradeoff import tradeoff_front
-from balance.cli.options import follow_motion
 from balance.dynamics.inverse_dynamics import simulate
+from balance.front_door import follow
 
 from .. import models
 
@@ -17,7 +17,7 @@ from .. import models
 def four_bar():
     """The four-bar, its motion, and its front."""
     mechanism = models.load("four-bar")
-    trajectory = follow_motion(mechanism, "four-bar")
+    trajectory = follow(mechanism, "four-bar")
     return mechanism, trajectory, tradeoff_front(mechanism, trajectory)
 
 
@@ -65,7 +65,7 @@ def test_the_ends_of_the_front(four_bar):
 def test_torque_is_of_the_drives_that_turn():
     """A SCARA whose quill slides: the torques of its arms, N m, without the quill's force, N."""
     mechanism = models.load("scara-quill")
-    trajectory = follow_motion(mechanism, "scara-quill")
+    trajectory = follow(mechanism, "scara-quill")
     front = tradeoff_front(mechanism, trajectory, points=4)
     response = simulate(mechanism, trajectory)
     torques = [values for joint, values in response.torque.items() if joint not in response.sliding]
