@@ -36,7 +36,8 @@ class OfAPart(click.ParamType[T]):
         match = re.fullmatch(rf"(.+)\.(mass|x|y|z)={self.form}", value)
         if match is None:
             self.fail(f"{value!r}: expected such as {self.examples}", param, ctx)
-        return self.read(*match.groups(), lambda message: self.fail(f"{value!r}: {message}", param, ctx))
+        name, part, text = match.groups()
+        return self.read(name, part, text, lambda message: self.fail(f"{value!r}: {message}", param, ctx))
 
     def read(self, name: str, part: str, text: str, fail: Callable[[str], NoReturn]) -> T:
         """What is given of a part."""
