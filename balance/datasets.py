@@ -20,8 +20,11 @@ def find_dataset(name: str | Path, folder: str, *suffixes: str) -> Path:
     Raises DataError, listing the shipped names, if there is neither.
     """
     path = Path(name)
-    if path.is_file():
-        return path
+    try:
+        if path.is_file():
+            return path
+    except OSError as error:
+        raise DataError(f"{str(name)[:60]}...: {error.strerror}") from error
     for suffix in suffixes:
         shipped = ROOT / folder / f"{name}{suffix}"
         if path.name == str(name) and shipped.is_file():

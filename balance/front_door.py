@@ -176,6 +176,7 @@ def check(mechanism: Mechanism | str | Path, counter_masses: Mapping[str, float 
 
     model = _mechanism(mechanism)
     found, masses = conditions(model), _masses(counter_masses)
+    model.with_counter_mass(masses)  # refuses what no counter-mass is
     try:
         return sizing_of_given(found, model, masses, objective=workspace_objective(model))
     except ModelError:  # massless bodies move alone: the momentum has no measure, the conditions have

@@ -6,6 +6,8 @@ from functools import cache, cached_property, partial
 from pathlib import PurePath
 from typing import Any
 
+import numpy as np
+
 from ..arrays import Floats
 from ..closure import Trajectory
 from ..dynamics.inverse_dynamics import Response, simulate
@@ -178,7 +180,9 @@ def study_sizing(
 
     ``motion`` names the trajectory; ``limits`` [kg] by site. Raises SizingError, or DataError for a file.
     """
-    conditions, weights = balance_conditions(model), weights or {"force": 1.0}
+    weights = weights or {"force": 1.0}
+    _refuse_unlike(weights, trajectory, rig, best if stock is None else 1)
+    conditions = balance_conditions(model)
 
     def sized(target: Objective) -> Sizing:
         return exact_sizing(conditions, model, sites, limits, target, equal)
@@ -215,6 +219,20 @@ def study_sizing(
     first = replace(sets[0], payload_bodies=tuple(payload_bodies) or model.payload_bodies)
     verdict = verdict_of(first, any_mass, _samples(trajectory, model) if set(weights) == {"force"} else None)
     return SizingStudy((first, *sets[1:]), any_mass, verdict, weights, motion, stock, trajectory, rig, left_out)
+
+
+def _refuse_unlike(weights: Mapping[str, float], trajectory: Trajectory | None, rig: str | None, best: int) -> None:
+    """Raise SizingError for weights that are none, or that ask for what the rest does not give."""
+    for name, weight in weights.items():
+        if name not in objective.MADE_SMALL or not 0.0 < weight < np.inf:
+            names = ", ".join(objective.MADE_SMALL)
+            raise SizingError(f"objective {name!r} of weight {weight:g}: expected {names}, weights above zero")
+    if bool(rig) != ("vibration" in weights):
+        raise SizingError("the objective vibration and a rig go together")
+    if trajectory is None and set(weights) != {"force"}:
+        raise SizingError(f"the objective {', '.join(weights)} is of a motion: give one")
+    if best != 1:
+        raise SizingError(f"best {best}: several sets are of plates, from stock; of any mass one is the best")
 
 
 def _samples(trajectory: Trajectory | None, model: Mechanism) -> Callable[[Mechanism], Floats]:

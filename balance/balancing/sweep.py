@@ -91,7 +91,9 @@ class Problem:
     """Which of QUANTITIES are found."""
 
     def check(self, variables: Sequence[Variable]) -> None:
-        """Raise ModelError for a variable that the mechanism does not have, or that is given twice."""
+        """Raise ModelError for a variable that the mechanism does not have, is given twice, or is impossible."""
+        if not variables:
+            raise ModelError("nothing is varied: expected one variable at least")
         places = [(v.name, v.part) for v in variables]
         for variable in variables:
             sites = {name for name, site in self.mechanism.sites.items() if site.body >= 0}
@@ -108,6 +110,9 @@ class Problem:
                 )
             if places.count((variable.name, variable.part)) > 1:
                 raise ModelError(f"{variable.name}.{variable.part} is varied twice: give its values once")
+            least = 0.0 if variable.part == "mass" else -np.inf
+            if not (len(variable.values) and np.isfinite(variable.values).all() and variable.values.min() >= least):
+                raise ModelError(f"{variable.name}.{variable.part}: expected finite values, masses of zero or more")
 
     def results(self, variables: Sequence[Variable], designs: Floats) -> dict[str, Floats]:
         """RMS and peak values of each design of (n, variables) [kg or m], by column, (n,) [N, N m, kg]."""

@@ -80,6 +80,8 @@ def analyze_tolerances(
     Raises ModelError for what the mechanism does not have, ClosureError where it cannot move at an end of a tolerance.
     """
     problem.check([Variable(t.name, t.part, np.zeros(1)) for t in tolerances])
+    if draws < 1 or not all(0.0 < one.half_width < np.inf for one in tolerances):
+        raise ModelError("expected one draw at least, and tolerances of more than zero")
     nominal = _force(problem)
     slopes, curvatures = [], []
     ends = [(tolerance, sign * tolerance.half_width) for tolerance in tolerances for sign in (1.0, -1.0)]

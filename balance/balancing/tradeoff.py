@@ -12,6 +12,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..closure import Trajectory
+from ..errors import SizingError
 from ..mechanism.mechanism import Mechanism
 from ..results import Key, Shown
 from .least_masses import distribute_masses
@@ -67,6 +68,8 @@ def tradeoff_front(
 
     Moment is about the base frame's origin. Points that no other betters in one quantity without a loss in another.
     """
+    if points < 4:
+        raise SizingError(f"{points} points: expected 4 at least, one for the end of each quantity")
     names = chosen_sites(mechanism, sites)
     upper = upper_limits(names, limits)
     quantities = [name for name in QUANTITIES if name != "torque" or turning_drives(mechanism)]

@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from ..arrays import Complexes, Floats
+from ..errors import DataError
 from . import slider_crank
 from .engine import Cylinder, Engine
 
@@ -87,6 +88,8 @@ def free_forces(
 
     ``kind``: the exact motion, or its usual approximation by first and second order.
     """
+    if orders < 1:
+        raise DataError(f"orders 1 to {orders}: expected one order at least")
     point = engine.middle if about is None else about
     size, length = force_scale(engine, point)
     free = []

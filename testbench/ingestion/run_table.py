@@ -215,6 +215,8 @@ def _rows(name: str, line: int, columns: Sequence[str], cells: Sequence[str], de
         )
         raise RigError(f"{place}: more or fewer cells than columns{hint}")
     text = {column: cell.strip() for column, cell in zip_longest(columns, cells, fillvalue="")}
+    if "\0" in "".join(text.values()):
+        raise RigError(f"{place}: holds a NUL character; write the table anew as text")
     numbers = [column for column in text if column in _NUMBERS or _OTHERS["payloads"].fullmatch(column)]
     marks = frozenset(re.findall(r"(?<=\d)[.,](?=\d)", " ".join(text[column] for column in numbers)))
     if delimiter == ";" and marks == {","}:

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from .calibration_history import CalibrationInForce, CalibrationRecord
 
 
+_LARGEST = 1e100
+"""What no sensor shows [SI]; squares of larger values could not be added up."""
 AT_RANGE = 1.0 - 1e-4
 """Share of its range from which a sensor counts as saturated."""
 RESOLVED_BY_CALIBRATION = frozenset({"uncalibrated", "calibration_contradiction"})
@@ -156,10 +158,11 @@ class SIRun:
         """A channel (n,) [SI]. Raises AnalysisError for no or two units, no rate, or samples that are no number."""
         self.rate(column)
         values = self.readings(column)
-        odd = np.flatnonzero(~np.isfinite(values))
+        odd = np.flatnonzero(~(np.abs(values) < _LARGEST))
         if odd.size:
+            what = "no number" if not np.isfinite(values[odd[0]]) else f"{values[odd[0]]:g} SI, which nothing measures,"
             raise AnalysisError(
-                f"{self.name}: channel {column.channel!r} holds no number at sample {odd[0]}; repair it first"
+                f"{self.name}: channel {column.channel!r} holds {what} at sample {odd[0]}; repair it first"
             )
         return values
 

@@ -438,7 +438,8 @@ def reduction_findings(condition: Condition, found: Sequence[Reduction]) -> list
         (
             "no_reduction",
             [r for r in without if r not in differ],
-            "nothing vibrates above the noise without counter-masses: there is no reduction",
+            "nothing vibrates above the noise (rests, and what repeats do not share) without counter-masses: there is "
+            "no reduction",
         ),
         (
             "no_reduction",

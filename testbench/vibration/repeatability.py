@@ -35,6 +35,8 @@ SMOOTHED_S = 0.04
 """Over which the power of noise in motion is averaged [s]."""
 LEAST_LEVEL = 0.05
 """Of an envelope [-]."""
+REVERSED = 0.9
+"""Correlation of a channel with its own reversed in another run, from which, if none is larger, one is reversed."""
 LEAST_CORRELATION = 0.3
 """Between two repeats, from which they are shifted to match: below it there is nothing to align by."""
 
@@ -201,19 +203,19 @@ def _envelope(residuals: Floats, part: slice, rate_hz: float) -> Floats:
 
 
 def _lags(runs: Sequence[dict[Place, Amplitude]], places: Sequence[Place], count: int) -> list[float]:
-    """By how many samples each run shows later what the first shows."""
+    """By how many samples each run shows later what the first shows, a channel that one has reversed set right."""
     size = 2 * count
-    spectra = []
+    spectra, energies = [], []
     for run in runs:
         rows = np.array([run[place].course[:count] for place in places])
         spectra.append(np.fft.rfft(rows, size, axis=1))
+        energies.append((rows**2).sum(axis=1))
     lags = [0.0]
-    for spectrum in spectra[1:]:
-        both = np.fft.irfft((spectrum * np.conj(spectra[0])).sum(axis=0), size)
-        energy = np.sqrt(
-            np.fft.irfft(np.abs(spectrum) ** 2, size)[:, 0].sum()
-            * np.fft.irfft(np.abs(spectra[0]) ** 2, size)[:, 0].sum()
-        )
+    for spectrum, own in zip(spectra[1:], energies[1:], strict=True):
+        each = np.fft.irfft(spectrum * np.conj(spectra[0]), size)
+        least = -each.min(axis=1)
+        each[(least > each.max(axis=1)) & (least > REVERSED * np.sqrt(own * energies[0]))] *= -1.0
+        both, energy = each.sum(axis=0), np.sqrt(own.sum() * energies[0].sum())
         best = int(np.argmax(both))
         if both[best] < LEAST_CORRELATION * energy:
             lags.append(0.0)

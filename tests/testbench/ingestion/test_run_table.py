@@ -79,6 +79,7 @@ def test_files_of_one_name_are_told_apart_by_their_folder(tmp_path):
         ("a.csv,,,A=1;A=2,,,\n", r"name the site 'A' twice"),
         ("a.csv,,,,,,1.5\n", r"repeat: '1.5': expected a whole number"),
         ("a.csv,,,\n", r"line 2: more or fewer cells than columns"),
+        ("a\0.csv,,,,,,\n", r"line 2: holds a NUL character"),
         (",,,,,,1\n", r"line 2: file: missing: expected name of the log file, or columns file_NAME"),
     ],
 )

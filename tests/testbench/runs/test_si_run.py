@@ -64,6 +64,13 @@ def test_a_calibration_that_contradicts_the_log(tmp_path, unit, calibration, sai
     assert said in found.message
 
 
+def test_what_no_sensor_shows_is_named(tmp_path):
+    """A reading of 1e295 m/s2 is refused by run, channel and sample, not met as an overflow further on."""
+    run = volts.stored(tmp_path, volts.HEAD + '[sensors.acc.calibration]\nsensitivity = "1e-290 mV/g"\n', unit="V")
+    with pytest.raises(AnalysisError, match=r"r1: channel .* holds .*e\+2\d\d SI, which nothing measures, at sample"):
+        SIRun.of(run).values(column(run))
+
+
 def test_six_axes(tmp_path):
     """The matrix gives back the six loads, in N and N m, also to the analysis of the shaking wrench."""
     run = volts.stored(tmp_path, volts.HEAD + volts.SENSITIVITY + volts.SIX + volts.MATRIX)

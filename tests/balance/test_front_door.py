@@ -1,0 +1,36 @@
+"""What a person at Python's prompt may ask of `import balance` by mistake: refused, not answered otherwise."""
+
+import numpy as np
+import pytest
+
+import balance
+from balance.errors import CounterpoiseError
+
+ASKED = [
+    (lambda: balance.size("four-bar", objective={"moment": 1.0}), "moment is of a motion"),
+    (lambda: balance.size("four-bar", "four-bar", objective={"noise": 1.0}), "'noise' of weight 1: expected force"),
+    (lambda: balance.size("four-bar", "four-bar", objective={"force": 1.0, "moment": -1.0}), "'moment' of weight -1"),
+    (lambda: balance.size("four-bar", "four-bar", objective={"force": np.nan}), "'force' of weight nan"),
+    (lambda: balance.size("four-bar", "four-bar", objective={"vibration": 1.0}), "vibration and a rig"),
+    (lambda: balance.size("four-bar", "four-bar", rig="parallelogram-6bar"), "vibration and a rig"),
+    (lambda: balance.size("four-bar", best=3), "best 3: several sets are of plates"),
+    (lambda: balance.check("four-bar", {"counter_A0A": -1.0}), "'counter_A0A' is -1 kg"),
+    (lambda: balance.check("four-bar", {"counter_A0A": np.inf}), "'counter_A0A' is inf kg"),
+    (lambda: balance.sweep("four-bar", "four-bar", {"AB.mass": [-1.0]}), "AB.mass: expected finite values"),
+    (lambda: balance.sweep("four-bar", "four-bar", {"B_AB.x": [np.nan]}), "B_AB.x: expected finite values"),
+    (lambda: balance.sweep("four-bar", "four-bar", {"AB.mass": []}), "AB.mass: expected finite values"),
+    (lambda: balance.sweep("four-bar", "four-bar", {}), "nothing is varied"),
+    (lambda: balance.tolerance("four-bar", "four-bar", {"AB.mass": -0.1}), "tolerances of more than zero"),
+    (lambda: balance.tolerance("four-bar", "four-bar", {"AB.mass": 0.1}, draws=0), "one draw at least"),
+    (lambda: balance.tradeoff("four-bar", "four-bar", points=0), "0 points: expected 4"),
+    (lambda: balance.engine("in-line-4", orders=0), "one order at least"),
+    (lambda: balance.load("a" * 5000), "a{60}...: File name too long"),
+]
+
+
+@pytest.mark.parametrize(("ask", "message"), ASKED, ids=[message for _, message in ASKED])
+def test_what_cannot_be_meant_is_refused(ask, message) -> None:
+    """By one line that names it; some of these were answered as if nothing had been asked."""
+    with pytest.raises(CounterpoiseError, match=message) as refused:
+        ask()
+    assert len(str(refused.value).splitlines()) == 1
