@@ -230,9 +230,6 @@ def _closed_form(mechanism: str, payload: tuple[tuple[str, float], ...], as_json
     )
 
 
-Payload = tuple[tuple[str, float], ...]
-
-
 def size_growing(
     mechanism: str,
     payloads: Sequence[Payload],
