@@ -26,7 +26,10 @@ from .table import Row, all_of
 
 MOST_ACCEPTED = 0.02
 """Of the files that a library reads, so many may need a person to accept a finding."""
-LIBRARY_ERRS = {"type1.C3D": "ezc3d begins its frames in the middle of one"}
+LIBRARY_ERRS = {
+    "type1.C3D": "ezc3d mixes numbers of other points in, with markers that jump by metres",
+    "561xxa01_anonym.C3D": "ezc3d mixes numbers of other points in, with markers that jump by metres",
+}
 """Files of which a library gives what is not in them."""
 REFUSED = {
     "PDSinfoCOP.txt": "a table of persons",
