@@ -228,7 +228,7 @@ def test_sites_can_be_chosen() -> None:
     text = models.load("serial-1r").text.replace("counter_link_1", "tail")
     mechanism = models.model(text)
     found = balance_conditions(mechanism)
-    with pytest.raises(SizingError, match=r"no site named counter\.\.\.: name the sites.*tail, tip"):
+    with pytest.raises(SizingError, match=r"no site named counter\.\.\.: add one.*tail, tip"):
         balancing.exact_sizing(found, mechanism)
     assert balancing.exact_sizing(found, mechanism, ["tail"]).counter_masses[0].mass == pytest.approx(1.2 * 0.14 / 0.1)
     with pytest.raises(SizingError, match="no site named counter"):
