@@ -128,7 +128,14 @@ def load_mechanism_option(mechanism: str, payload: tuple[tuple[str, float], ...]
     """The mechanism by name or file, with its payload."""
     from ..mechanism.mjcf_parser import load_mechanism
 
-    return load_mechanism(mechanism).with_payload(distinct(payload, "--payload"))
+    model = load_mechanism(mechanism).with_payload(distinct(payload, "--payload"))
+    if model.of_no_body:
+        click.echo(
+            f"{model.name}: no body can have the inertia of {', '.join(model.of_no_body)} (a principal moment is below "
+            "zero or above the two others together): used as stated; moments and torques depend on it, forces do not",
+            err=True,
+        )
+    return model
 
 
 def draw(path: str | None, function: "str | Callable[[], Figure]", *arguments: Any) -> None:  # noqa: ANN401

@@ -192,6 +192,22 @@ class Mechanism:
         along = joint.axis * (joint.axis @ found.position) if joint.revolute else 0.0
         return float(np.linalg.norm(found.position - along))
 
+    @property
+    def of_no_body(self) -> tuple[str, ...]:
+        """Bodies whose inertia no body can have: a principal moment below zero, or above the two others together.
+
+        It is used as stated: moments and torques depend on it, forces and first moments do not.
+        """
+        found = []
+        for name, (_, row) in self.own_mass.items():
+            m, c, (xx, xy, yy, xz, yz, zz) = row[0], row[1:4], row[4:]
+            about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            moved = (c @ c * np.eye(3) - np.outer(c, c)) / m if m else np.zeros((3, 3))
+            size = np.linalg.eigvalsh(about - moved)
+            if min(size[0], size[0] + size[1] - size[2]) < -1e-9 * np.abs(about).max():
+                found.append(name)
+        return tuple(found)
+
     def mass(self, body: str) -> float:
         """Own mass of a body [kg], without what is mounted on it."""
         self.body_index(body)

@@ -31,9 +31,10 @@ def _mechanism(text: str, name: str, file: str, path: Path | None) -> Mechanism:
         from .robot_files import read_robot  # late: most mechanisms are MJCF
 
         robot, text = read_robot(text, file, path)
-        spec = robot.spec()
-    else:
-        text = with_includes(text, file, folder)
-        spec = parse_mjcf(text, file)
+        model = compile_spec(robot.spec(), text, file, folder)
+        robot.restore(model)
+        return mechanism_of(model, file, name, text)
+    text = with_includes(text, file, folder)
+    spec = parse_mjcf(text, file)
     model = compile_spec(spec, text, file, folder)
     return mechanism_of(model, file, name, with_inertials(text, spec, model))

@@ -75,6 +75,13 @@ class Robot:
     loops: tuple[tuple[str, str, bool], ...] = ()
     """Two links or joints whose frames coincide, and whether their axes do."""
     motors: tuple[str, ...] = ()
+    of_no_body: dict[str, Floats] = field(default_factory=dict)
+    """Principal moments (3,) [kg m2] that MuJoCo refuses since no body can have them: another's stand in the spec."""
+
+    def restore(self, model: Any) -> None:  # noqa: ANN401
+        """Put the principal moments of the file into MuJoCo's ``model`` of the spec."""
+        for name, size in self.of_no_body.items():
+            model.body(name).inertia[:] = size
 
     def spec(self) -> Any:  # noqa: ANN401
         """As MuJoCo's MjSpec. Raises ModelError for a link that is joined to nothing, and for unknown names."""
@@ -150,6 +157,8 @@ class _SpecOfRobot:
         own = self.robot.links[link] if link else Link()
         size, axes = np.linalg.eigh(own.inertia)
         axes = axes * np.sign(np.linalg.det(axes))
+        if size[0] < 0.0 or size[0] + size[1] < size[2]:
+            self.robot.of_no_body[name], size = size, np.full(3, np.abs(size).max())
         body.mass, body.inertia, body.explicitinertial = own.mass, size, True
         body.ipos, body.iquat = own.centre.position, self._quaternion(own.centre.rotation @ axes)
         if link:

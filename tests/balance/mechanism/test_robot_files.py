@@ -201,13 +201,20 @@ def test_loops_that_are_not_understood(tmp_path: Path, sidecar: str, name: str, 
             "><plugin><mimicJoint>tip</mimicJoint></plugin></gazebo>",
             "'tip' is a loop or coupling",
         ),
-        ('izz="0.005"', 'izz="0.5"', r"inertia must satisfy A \+ B >= C.*'fore'"),
     ],
 )
 def test_urdf_that_is_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
     """One message that names the file and the element."""
     with pytest.raises(ModelError, match=rf"^robot\.urdf.*{message}"):
         loaded(tmp_path, URDF.replace(old, new))
+
+
+def test_inertia_of_no_body(tmp_path: Path) -> None:
+    """Is used as stated: izz of the forearm about the elbow is 0.5 + 0.9 0.11^2 kg m2, and the body is named."""
+    model = loaded(tmp_path, URDF.replace('izz="0.005"', 'izz="0.5"'))
+    _, row = model.own_mass["fore"]
+    np.testing.assert_allclose(row[4:], [0.001, 0.0, 0.005 + 0.9 * 0.11**2, 0.0, 0.0, 0.5 + 0.9 * 0.11**2], atol=1e-12)
+    assert (model.of_no_body, loaded(tmp_path, URDF).of_no_body) == (("fore",), ())
 
 
 @pytest.mark.parametrize(
