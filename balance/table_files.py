@@ -54,7 +54,7 @@ def write_parquet(path: str | Path, columns: Mapping[str, Column], metadata: Map
     Raises CounterpoiseError where pyarrow is not installed, OSError where the file cannot be written.
     """
     if not can_write_parquet():
-        raise CounterpoiseError("writing Parquet needs pyarrow: pip install 'counterpoise[parquet]'")
+        raise CounterpoiseError(f"{path}: writing Parquet needs pyarrow: pip install 'counterpoise[parquet]'")
     import pyarrow
     from pyarrow import parquet
 

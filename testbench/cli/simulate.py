@@ -22,6 +22,7 @@ Examples:
 \b
 What a rig may state of the bench, in [bench], and of its loggers:
   coupling, planes, rotors, weight, tilt    mechanics of a base that moves
+  unstated_mass                             what moves beyond the mechanism's file
   drives, contact, stacks, rider            drives that yield, feet that lift, plates, what rides on force sensors
   floor, roughness, modes                   other vibration
   errors                                    sensors that are not what their data sheet says

@@ -32,7 +32,7 @@ def test_parquet_reads_back_to_the_same_bits(tmp_path, rows):
     assert (found["origin"], found["ü"]) == ("simulated", "ğ")
 
 
-def test_parquet_without_polars_says_what_to_install(tmp_path, monkeypatch):
+def test_parquet_without_its_library_says_what_to_install(tmp_path, monkeypatch):
     """One line, and no file."""
     monkeypatch.setattr(table_files, "find_spec", lambda name: None)
     with pytest.raises(CounterpoiseError, match=r"t\.parquet: .*pip install 'counterpoise\[parquet\]'"):

@@ -11,8 +11,8 @@ import testbench
 
 ROOT = Path(testbench.__file__).parent
 RUNS, RIGS = {"Run", "SIRun", "AlignedRun"}, {"Rig"}
-BINDS = {"runs/si_run.py: of"}
-"""The one constructor that takes both."""
+BINDS = {"runs/si_run.py: of", "front_door.py: bound_runs"}
+"""The one constructor that takes both, and the front door's call of it for all runs."""
 
 
 def functions() -> Iterator[tuple[str, list[ast.arg]]]:
@@ -43,7 +43,7 @@ def both(arguments: list[ast.arg]) -> bool:
 
 
 def test_no_function_takes_a_run_and_its_rig() -> None:
-    """What a run's rig says is asked of the run: only the constructor of SIRun takes them apart."""
+    """What a run's rig says is asked of the run: only the constructor of SIRun binds them."""
     found = {name for name, arguments in functions() if both(arguments)}
     assert found == BINDS
 
