@@ -21,8 +21,8 @@ from testbench.published_tables import Published
 
 from .bench_model import AXES, LinearBench, Priors, rig_of, simulated_reductions
 
-STARTS = 16
-STEPS = 16
+STARTS = 6
+STEPS = 10
 """Steps on the simulator."""
 RATE_HZ = 2500.0
 """Of the simulation meanwhile: it moves no reduction by more than its scatter by far."""
