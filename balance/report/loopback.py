@@ -6,13 +6,17 @@ anything must be JSON from a page of ours. Names of addresses are looked up in a
 """
 
 import json
+import re
 import secrets
+import sys
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from socket import SHUT_RD, socket
+from threading import Timer
 from typing import Any
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import parse_qsl
 
 from ..errors import CounterpoiseError
 from ..results import plain
@@ -22,7 +26,7 @@ Answer = Callable[[Mapping[str, str]], Any]
 LARGEST_BODY = 1 << 16
 """Of a request [bytes]."""
 PATIENCE_S = 30.0
-"""Within which a request must be whole."""
+"""Within which a request must be whole, however slowly it comes."""
 _HEADERS = {
     "Cache-Control": "no-store", "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer",
     "X-Frame-Options": "DENY", "Cross-Origin-Resource-Policy": "same-origin",
@@ -53,10 +57,25 @@ class Loopback(ThreadingHTTPServer):
             while time.monotonic() - self.asked < idle:
                 self.handle_request()
 
+    def handle_error(self, request: Any, client_address: Any) -> None:  # noqa: ANN401
+        """Nothing where who asked broke off; all else is told on the terminal."""
+        if not isinstance(sys.exception(), ConnectionError):
+            super().handle_error(request, client_address)
+
 
 class _Handler(BaseHTTPRequestHandler):
     server: Loopback
     timeout = PATIENCE_S
+
+    def handle(self) -> None:
+        """Answer a request; one that is not whole in time ends where it is."""
+        limit = Timer(PATIENCE_S, _read_no_more, [self.connection])
+        limit.daemon = True
+        limit.start()
+        try:
+            super().handle()
+        finally:
+            limit.cancel()
 
     def do_GET(self) -> None:
         """Answer what is read."""
@@ -67,10 +86,10 @@ class _Handler(BaseHTTPRequestHandler):
         origin, kind = self.headers.get("Origin"), self.headers.get("Content-Type", "")
         size = self.headers.get("Content-Length", "")
         if kind.partition(";")[0] != "application/json" or (
-            origin and urlsplit(origin).netloc not in self.server.hosts
+            origin and origin.removeprefix("http://") not in self.server.hosts
         ):
             return self._send(403, {"error": "expected JSON from a page of this program"})
-        if not size.isdecimal() or int(size) > LARGEST_BODY:
+        if not re.fullmatch("[0-9]{1,9}", size) or int(size) > LARGEST_BODY:
             return self._send(413, {"error": f"expected at most {LARGEST_BODY} bytes"})
         try:
             words = json.loads(self.rfile.read(int(size)))
@@ -81,8 +100,8 @@ class _Handler(BaseHTTPRequestHandler):
         return self._answer("POST", words)
 
     def _answer(self, method: str, words: Mapping[str, str]) -> None:
-        place = urlsplit(self.path)
-        token, _, name = place.path.removeprefix("/").partition("/")
+        place, _, query = self.path.partition("?")
+        token, _, name = place.removeprefix("/").partition("/")
         if self.headers.get("Host") not in self.server.hosts:
             return self._send(403, {"error": "no such host"})
         if not secrets.compare_digest(token.encode(), self.server.token.encode()):
@@ -91,7 +110,7 @@ class _Handler(BaseHTTPRequestHandler):
         if name not in self.server.answers[method]:
             return self._send(404, {"error": "no such page"})
         try:
-            found = self.server.answers[method][name]({**dict(parse_qsl(place.query)), **words})
+            found = self.server.answers[method][name]({**dict(parse_qsl(query)), **words})
         except CounterpoiseError as error:
             return self._send(422, {"error": str(error)})
         except (LookupError, ValueError) as error:
@@ -116,3 +135,8 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, *_: Any) -> None:  # noqa: ANN401
         """Nothing: addresses hold the secret."""
+
+
+def _read_no_more(connection: socket) -> None:
+    with suppress(OSError):  # it is closed
+        connection.shutdown(SHUT_RD)

@@ -1,12 +1,17 @@
 """The server of a page: one browser of this machine that knows the secret, and nobody and nothing else."""
 
 import json
+import socket
+import struct
+from contextlib import suppress
 from http.client import HTTPConnection
 from threading import Thread
+from time import sleep
 
 import pytest
 
 from balance.errors import DataError
+from balance.report import loopback
 from balance.report.loopback import LARGEST_BODY, Loopback
 
 JSON = {"Content-Type": "application/json"}
@@ -72,6 +77,7 @@ def test_refuses_a_foreign_host(server, host):
     [
         (JSON, '{"a": "b"}', 200), (JSON | {"Origin": "http://127.0.0.1:{port}"}, "{}", 200),
         (JSON | {"Origin": "https://example.org"}, "{}", 403), (JSON | {"Origin": "null"}, "{}", 403),
+        (JSON | {"Origin": "http://["}, "{}", 403), (JSON | {"Content-Length": "9" * 5000}, "{}", 413),
         ({"Content-Type": "text/plain"}, "{}", 403), (JSON, "[1]", 400), (JSON, '{"a": 1}', 400), (JSON, "{", 400),
         (JSON, " " * (LARGEST_BODY + 1), 413),
     ],
@@ -87,6 +93,20 @@ def test_actions_are_json_of_our_pages(server, headers, body, status):
 def test_nothing_but_get_and_post(server, method):
     """Other methods are not known."""
     assert asked(server, f"/{server.token}/", method)[0] == 501
+
+
+def test_who_breaks_off_or_dribbles_is_no_concern(server, monkeypatch, capfd):
+    """A connection that is reset says nothing on the terminal; a request that is not whole in time is dropped."""
+    monkeypatch.setattr(loopback, "PATIENCE_S", 0.2)
+    with socket.create_connection(server.server_address) as reset:
+        reset.sendall(b"GET /")
+        reset.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    with socket.create_connection(server.server_address, timeout=5.0) as slow, suppress(ConnectionError):
+        for _ in range(20):
+            slow.sendall(b"G")
+            sleep(0.05)
+        pytest.fail("the request went on")
+    assert capfd.readouterr().err == ""
 
 
 def test_ends_when_nobody_asks():
