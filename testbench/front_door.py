@@ -342,7 +342,7 @@ def trim(
     aligned = [AlignedRun(run, model, recorded_clocks(run)) for run in bound]
     found = trim_runs(aligned, sites, plates, by or None, cutoff_hz)
     examination = examine(bound, accept, model)
-    accepted = tuple(finding for finding in examination.findings if finding.code in accept)
+    accepted = tuple(finding for finding in examination.findings if finding.code in examination.accepted)
     return replace(found, findings=(*found.findings, *examination.open_findings), accepted=accepted)
 
 

@@ -11,6 +11,7 @@ from click.testing import CliRunner
 from balance.cli.framework import Detail
 from testbench.cli.align import align
 from testbench.cli.trim import trim
+from testbench.cross_examination import Examination, Statement
 from testbench.errors import AnalysisError, StoreError
 from testbench.store import append_only_records
 
@@ -123,6 +124,16 @@ def test_trim_document(trimmed):
     for missing, budget in zip(found["missing"], found["budget"], strict=True):
         low, high = missing["interval"]
         assert budget["expanded_uncertainty"] == pytest.approx(0.5 * (high - low))
+
+
+def test_trim_gives_what_is_accepted_on_record(campaign, monkeypatch):
+    """Not on this command line alone: a contradiction that was accepted in the campaign stays with the numbers."""
+    stated = Statement("r002", "payload", None, "8 kg", "5 kg", "the drives", "payload_contradiction")
+    found = Examination(("r002",), (stated,), {}, accepted=frozenset({"payload_contradiction"}))
+    monkeypatch.setattr("testbench.cross_examination.examine", lambda *_: found)
+    document = json.loads(invoke(trim, campaign, "--by", "wrench", "--json", expected=3))
+    assert [one["code"] for one in document["accepted"]] == ["payload_contradiction"]
+    assert document["verdict"] == "add"
 
 
 def test_trim_for_people(aligned, tmp_path, everything):
