@@ -10,7 +10,8 @@
   const asked = async (name, words, method = "GET") => {
     const text = method === "GET" ? `${name}?${new URLSearchParams(words)}` : name;
     const given = method === "GET" ? {} : { method, headers: { "Content-Type": "application/json" }, body: JSON.stringify(words) };
-    const answer = await fetch(text, given), found = await answer.json();
+    const ended = () => { throw new Error("testbench view does not answer: it has ended. Start it again, and open its new address."); };
+    const answer = await fetch(text, given).catch(ended), found = await answer.json();
     if (!answer.ok) throw new Error(found.error);
     return found;
   };

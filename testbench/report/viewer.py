@@ -4,7 +4,7 @@ The page is the report's, its script too; the runs hold no samples, which are as
 another on the clock of the first, later by what :func:`testbench.report.traces.lag` finds, with their difference.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from importlib.metadata import version
@@ -21,10 +21,11 @@ from balance.report.plotted import LEAST_SPANS, spectrum
 
 from ..cross_examination import Examination, examine
 from ..cross_examination.decisions import accept
-from ..errors import AnalysisError
+from ..errors import AnalysisError, StoreError
 from ..recording import Severity
 from ..runs.si_run import SIRun
 from ..signal.welch import SEGMENT, welch
+from ..store.atomic_files import recorded_digest
 from .campaign_page import campaign_report, counted, grouped, recorded_decisions
 from .page_contents import COMMAND, columns_of, conditions_of, run_label, unit_of
 from .traces import LOOKED_AT, Difference, Lag, Trace, channel_trace, difference, lag, motion_begins, recorded_trace
@@ -50,7 +51,12 @@ class Viewer:
 
     def __post_init__(self) -> None:
         self._one_at_a_time, self._comparing = Lock(), Lock()
+        self._unbound: dict[str, str] = {}
         self._by_name = {run.name: run for run in self.runs}
+        self._digests = {run.name: _digest(run) for run in self.runs}
+        if len(self._by_name) < len(self.runs):
+            twice = next(name for name in self._by_name if sum(run.name == name for run in self.runs) > 1)
+            raise AnalysisError(f"{twice}: of several campaigns, or given twice: expected runs of different names")
 
     def server(self, port: int = 0) -> Loopback:
         """A server of all this, for this machine alone."""
@@ -66,7 +72,7 @@ class Viewer:
         shown = [one for one in runs if one["channels"]]
         document = document_of({
             "campaign": self.name, "origins": counted(str(run.origin) for run in self.runs),
-            "runs": list(self._by_name), "unread": self.unopened,
+            "runs": list(self._by_name), "unread": {**self.unopened, **self._unbound},
         })  # fmt: skip
         names = [one["name"] for one in shown]
         data = {
@@ -93,8 +99,12 @@ class Viewer:
         """The channels of a run by name: those of its rig in SI, all others as recorded. Raises KeyError for no run."""
         run, found, known = self._by_name[name], dict[str, Trace](), set()
         if run.rig:
-            si = SIRun.of(run)
-            for kind, column in columns_of(si):
+            try:
+                si = SIRun.of(run)
+                columns = list(columns_of(si))
+            except CounterpoiseError as error:
+                columns, self._unbound[name] = [], f"as recorded, without its rig: {error}"
+            for kind, column in columns:
                 try:
                     one = channel_trace(si, kind, f"{column.sensor} {column.component}", unit_of(si, column), column)
                 except CounterpoiseError:  # no unit that it may have: as recorded
@@ -141,8 +151,15 @@ class Viewer:
     def _range(self, words: Mapping[str, str]) -> tuple[str, str, str, float, float]:
         """Run, first run, channel, begin and end [s] that are asked for by number. Raises LookupError, ValueError."""
         run, first = (list(self._by_name)[int(words[key])] for key in ("run", "first"))
+        self._refuse_changed(self._by_name[one] for one in (run, first))
         channel = list(self.traces(run))[int(words["channel"])]
         return run, first, channel, float(words["from"]), float(words["to"])
+
+    def _refuse_changed(self, runs: "Iterable[Run]") -> None:
+        """Raise StoreError for a run that is not that which was opened: what is known of it is of another."""
+        for run in runs:
+            if _digest(run) != self._digests[run.name]:
+                raise StoreError(f"{run.name}: was changed since it was opened; end testbench view and start it again")
 
     def samples(self, words: Mapping[str, str]) -> dict[str, Any]:
         """A channel of a run on the clock of the first, from one instant to another, for the page."""
@@ -198,6 +215,7 @@ class Viewer:
         about = {s.run for s in self.examination.contradictions if s.code == code}
         about |= {run.name for run in self.runs if any(one.code == code for one in run.findings)}
         runs = [run for run in self.runs if run.name in about]
+        self._refuse_changed(runs)
         for folder in dict.fromkeys(run.path.parent for run in runs or self.runs):
             accept(folder, code, [run for run in runs if run.path.parent == folder], by, reason)
         return self.findings({})
@@ -206,6 +224,14 @@ class Viewer:
         """The page of `testbench report`, made anew."""
         with self._one_at_a_time:
             return campaign_report(self.name, self.runs, unopened=self.unopened).page().html()
+
+
+def _digest(run: "Run") -> str | None:
+    """That which was written with the run; None where it cannot be read."""
+    try:
+        return recorded_digest(run.path)
+    except StoreError:
+        return None
 
 
 def _spans(words: Mapping[str, str]) -> int:

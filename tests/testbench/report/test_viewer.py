@@ -148,6 +148,43 @@ def test_findings_are_accepted_by_a_person(shared, tmp_path):
     assert viewer.examination.decided(viewer.runs).copied
 
 
+def test_a_run_that_was_changed_is_not_spoken_for(shared, tmp_path):
+    """Another run under the name of one that was opened: neither accepted nor drawn as the one that was looked at."""
+    folder = tmp_path / "campaign"
+    shutil.copytree(shared(PLAN).campaign, folder)
+    viewer = Viewer("campaign", open_campaign(folder).runs)
+    viewer.examination = Examination(("r001", "r002"), (contradiction("r002", "copied_run"),), {})
+    digest = folder / "r002.h5.sha256"
+    digest.write_text(digest.read_text().translate(str.maketrans("0123456789", "1234567890")))
+    words = {"run": "1", "first": "1", "channel": "0", "from": "0", "to": "1", "spans": "100"}
+    for ask, given in (
+        (viewer.samples, words),
+        (viewer.accept, {"code": "copied_run", "by": "A. Kaya", "reason": "on purpose"}),
+    ):
+        with pytest.raises(StoreError, match="r002: was changed since it was opened"):
+            ask(given)
+    assert not (folder / "records").exists()
+
+
+def test_runs_of_one_name_are_refused(shared):
+    """Two campaigns both have an r001: which of them is meant could not be told."""
+    done = call("view", *2 * [shared(PLAN).campaign], "--no-browser", "--idle", "0")
+    assert (done.returncode, "r001: of several campaigns" in done.stderr) == (1, True)
+
+
+def test_a_run_without_a_rig_that_can_be_read(tmp_path):
+    """It is shown as recorded, with the reason, and keeps no other run from the page."""
+    group = Group("g", (Channel("a", "V"),), UniformClock(RATE))
+    with RunWriter(tmp_path, "r001") as writer:
+        writer.group(group).append([pulse(0.0, 0.1, 1)])
+        writer.group(group).finish(RATE, "declared")
+        writer.describe("measured", {}, [], {"sources": []}, "no [ rig")
+        writer.commit()
+    viewer = Viewer("campaign", open_campaign(tmp_path).runs)
+    assert "r001</bdi>: as recorded, without its rig: stored rig: not a TOML file" in viewer.page().html()
+    assert [one.kind for one in viewer.traces("r001").values()] == ["As recorded"]
+
+
 def test_of_other_runs_nothing_is_accepted(campaign):
     """A decision about one run does not hold for another: the code stays open."""
     runs = {run.name: run for run in open_campaign(campaign).runs}
