@@ -32,13 +32,13 @@ if TYPE_CHECKING:
     from ..store import Run
     from ..vibration.comparison import Comparison
 
-COMMAND = "Command"
+COMMAND, POSITIONS = "Command", "Positions of the joints"
 MOST_MOTIONS = 60
 """Motions of the mechanism on a page; of a campaign with more, those of the first conditions."""
 KINDS: tuple[tuple[type, str], ...] = (
     (Accelerometer, "Acceleration of what moves"),
     (Torque, "Torque of the drives"),
-    (Encoder, "Positions of the joints"),
+    (Encoder, POSITIONS),
     (Target, COMMAND),
 )
 """Under which heading the channels of a kind of sensor are listed."""

@@ -35,7 +35,7 @@ AT_ONCE = 1 << 20
 LOOKED_AT = 1 << 20
 """First samples of a run by which it is aligned and its noise is known."""
 FOLLOWS = 0.9
-"""Correlation from which two runs show the same and are aligned by it."""
+"""Correlation from which two runs show the same and are aligned by it; of runs of two conditions it is no sign."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,11 +146,14 @@ class Lag:
     by: str
 
 
-def lag(shared: Sequence[tuple[Trace, Trace]], commands: Sequence[tuple[Trace, Trace]]) -> Lag:
+Pairs = Sequence[tuple[Trace, Trace]]
+
+
+def lag(shared: Pairs, commands: Pairs, telling: Pairs) -> Lag:
     """Of a logger of a second run against that of a first, by the channels that both have, (first, second) each.
 
-    By the ``commands`` of both, where the loggers were aligned to them; else by the channel that shows the same most
-    exactly; else by where all begin to move.
+    By the ``commands`` of both, where the loggers were aligned to them; else by that which shows the same most exactly
+    of ``telling``, channels that differ by noise alone; else by where all begin to move.
     """
     for pair in commands:
         if (found := _correlated(*pair)) is not None:
@@ -159,7 +162,7 @@ def lag(shared: Sequence[tuple[Trace, Trace]], commands: Sequence[tuple[Trace, T
             if ends[0] is not None and ends[1] is not None:
                 deviation = float(np.linalg.norm([found.deviation or 0.0, ends[0][1], ends[1][1]]))
                 return Lag(ends[1][0] - ends[0][0], deviation, f"the command, {pair[0].name}")
-    same = [found for pair in shared if (found := _correlated(*pair)) is not None]
+    same = [found for pair in telling if (found := _correlated(*pair)) is not None]
     if same:
         return min(same, key=lambda one: one.deviation or 0.0)
     begins = [motion_begins([pair[i] for pair in shared]) for i in range(2)]

@@ -27,7 +27,7 @@ from ..runs.si_run import SIRun
 from ..signal.welch import SEGMENT, welch
 from ..store.atomic_files import recorded_digest
 from .campaign_page import campaign_report, counted, grouped, recorded_decisions
-from .page_contents import COMMAND, columns_of, conditions_of, run_label, unit_of
+from .page_contents import COMMAND, POSITIONS, columns_of, conditions_of, run_label, unit_of
 from .traces import LOOKED_AT, Difference, Lag, Trace, channel_trace, difference, lag, motion_begins, recorded_trace
 
 if TYPE_CHECKING:
@@ -124,7 +124,11 @@ class Viewer:
         others = self.traces(second)
         both = [(one, others[name]) for name, one in self.traces(first).items() if name in others]
         shared = [pair for pair in both if (pair[0].group, pair[1].group) == (group, other)]
-        return lag(shared, [pair for pair in both if {one.kind for one in pair} == {COMMAND}])
+        commands = [pair for pair in both if {one.kind for one in pair} == {COMMAND}]
+        made = [{**self._by_name[run].conditions, "repeat": None} for run in (first, second)]
+        repeats = len(made[0]) > 1 and made[0] == made[1]
+        telling = [pair for pair in shared if repeats or {one.kind for one in pair} == {POSITIONS}]
+        return lag(shared, commands, telling)
 
     @lru_cache(None)  # noqa: B019
     def _moves(self, run: str, group: str) -> float | None:

@@ -76,7 +76,7 @@ def test_repeats_differ_by_their_noise(late):
     hold zero: within 3 %, for 4,000 values, and a lag that is known by noise too.
     """
     pairs = [(trace(pulse(0.0, 0.01, 1), start=5.0), trace(pulse(late, 0.01, 2), start=9.0))]
-    found = lag(pairs, [])
+    found = lag(pairs, [], pairs)
     assert found.seconds == pytest.approx(4.0 + late, abs=0.1 / RATE)
     apart = difference(*pairs[0], found, [motion_begins([one]) for one in pairs[0]])
     _, values = apart.trace.read(300, 3600)
@@ -86,18 +86,28 @@ def test_repeats_differ_by_their_noise(late):
 def test_a_difference_is_found():
     """Half the size at another rate: aligned by where both begin alone, so that no interval is given."""
     one, other = trace(pulse(0.0, 1e-4, 1)), trace(pulse(0.1, 1e-4, 2, 1500.0, 0.5), rate=1500.0)
-    found = lag([(one, other)], [])
+    found = lag([(one, other)], [], [(one, other)])
     assert found.by == "the beginning of the motion"
     assert difference(one, other, found, [1.0, 1.0]).half_width is None
     _, values = difference(one, other, Lag(0.1, 0.0, "command"), [None, None]).trace.read(0, 3800)
     np.testing.assert_allclose(values, -0.5 * pulse(0.0, 0.0, 0)[:3800], atol=2e-3)
 
 
+def test_of_two_conditions_what_vibrates_is_no_clock(shared):
+    """Counter-masses shift the phase of what vibrates, as a lag would: the loggers, which have none, are aligned by
+    where both begin, without an interval; those of the command by that.
+    """
+    viewer = Viewer("campaign", open_campaign(shared(PLAN).campaign).runs)
+    for channel, by in (("platform_acc x", "the beginning of the motion"), ("motor_A0 A0", "the command, target x")):
+        late, found = viewer._compared("r002", "r001", channel)
+        assert (late.seconds, late.by, found.half_width is None) == (0.0, by, "begin" in by)
+
+
 def test_the_command_aligns():
     """Loggers on the command's clock are aligned by it, whatever their own channels show."""
     commands = trace(pulse(0.0, 0.0, 0), name="target x"), trace(pulse(0.05, 0.0, 0), name="target x")
     shown = trace(pulse(0.0, 0.1, 1)), trace(pulse(0.3, 0.1, 2))
-    assert lag([shown], [commands]).seconds == pytest.approx(0.05, abs=1e-4)
+    assert lag([shown], [commands], [shown]).seconds == pytest.approx(0.05, abs=1e-4)
 
 
 @pytest.fixture(scope="module")
@@ -217,7 +227,11 @@ def test_in_a_browser(browser, served):
     view.wait_for_selector("#series-plots canvas")
     assert plots.count() == 6
     assert "r001 is drawn" in note.inner_text()
-    assert "less r002: ±" in view.inner_text("#series-plots")
+    assert "no interval: aligned by the beginning" in view.inner_text("#series-plots")
+    view.select_option("#series-kind", "Torque of the drives")
+    view.wait_for_function("() => document.getElementById('series-plots').innerText.includes('less r002: ±')")
+    view.select_option("#series-kind", "Acceleration of the base")
+    view.wait_for_function("() => document.querySelectorAll('#series-plots canvas').length == 6")
     view.focus("#series-plots .plot >> nth=0")
     for _ in range(5):
         view.keyboard.press("+")
