@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from balance.cli.options import scheduler_option
+
 if TYPE_CHECKING:
     from ..rig import Rig
 
@@ -39,11 +41,14 @@ parallelogram-6bar states none of these, parallelogram-6bar-deep all, with reaso
 )  # fmt: skip
 @click.option("-o", "--output", "folder", required=True, type=click.Path(path_type=Path), help="A new or empty folder.")
 @click.option("--seed", type=click.IntRange(min=0), help="Of all that is drawn; the plan's own unless given.")
-def simulate(plan: str, rig: str, folder: Path, seed: int | None) -> None:
+@scheduler_option
+def simulate(plan: str, rig: str, folder: Path, seed: int | None, scheduler: str | None) -> None:
     """Make the logs that a test bench would write, each marked as simulated, and the run table.
 
     The truth is in FOLDER/truth, which no analysis reads. The same plan, rig and seed give the same logs.
     """
+    from balance.task_pool import task_pool
+
     from .. import campaign_plan as plans
     from .. import rig as rigs
     from ..simulator.campaign import RUN_TABLE, simulate_campaign
@@ -51,8 +56,8 @@ def simulate(plan: str, rig: str, folder: Path, seed: int | None) -> None:
     planned, bench = plans.load_plan(plan), rigs.load_rig(rig)
     if seed is not None:
         planned = planned.model_copy(update={"seed": seed})
-    with _progress(len(planned.runs())) as progress:
-        logs = simulate_campaign(planned, bench, folder, progress)
+    with task_pool(scheduler) as pool, _progress(len(planned.runs())) as progress:
+        logs = simulate_campaign(planned, bench, folder, progress, pool)
     size = sum(path.stat().st_size for path in logs) / 1e6
     click.echo(
         f"{len(planned.runs())} simulated runs, {len(logs)} logs, {size:.1f} MB in {folder}; run table {RUN_TABLE}."

@@ -9,20 +9,19 @@ import json
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from balance.balancing import conditions
-from balance.mechanism.mechanism import Mechanism
 from balance.table_files import can_write_parquet, write_csv, write_csv_file, write_parquet
+from balance.task_pool import HERE, TaskPool
 
-from ..campaign_plan import Plan
+from ..campaign_plan import Plan, PlannedRun
 from ..errors import RigError
 from ..ingestion.run_table import write_run_table
-from ..recording import Conditions as RunConditions
-from ..recording import Origin
 from ..rig import Column, Rig
 from ..rig.bench import Logger
 from . import simulated_logs
@@ -122,12 +121,13 @@ RUN_TABLE = "runs.csv"
 
 
 def simulate_campaign(
-    plan: Plan, rig: Rig, folder: Path, progress: Callable[[int, int], None] | None = None
+    plan: Plan, rig: Rig, folder: Path, progress: Callable[[int, int], None] | None = None, pool: TaskPool = HERE
 ) -> list[Path]:
     """Simulate all runs of a plan into ``folder``, which must be new or empty; returns the logs.
 
-    The logs are written to a temporary folder and moved at the end, so a failure leaves nothing behind. Raises RigError
-    for a plan of another mechanism or a folder that is not empty.
+    A run is a task of the ``pool``, whose processes must reach the folder. The logs are written to a temporary folder
+    and moved at the end, so a failure leaves nothing behind. Raises RigError for a plan of another mechanism or a
+    folder that is not empty.
     """
     if plan.mechanism != rig.mechanism:
         raise RigError(
@@ -135,36 +135,34 @@ def simulate_campaign(
         )
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise RigError(f"{folder}: exists and is not empty; name a new folder")
-    mechanism = simulated_logs.mechanism_of_rig(rig)
+    bench = simulated_logs.SimulatedBench.of(rig, plan.seed)
     if plan.payload_body is not None:
-        payload_body(mechanism, plan.payload_body)
+        payload_body(bench.mechanism, plan.payload_body)
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as temporary:
-        made = Path(temporary) / "logs"
-        names = _write_all(plan, rig, mechanism, made, progress)
+        made = Path(temporary).absolute() / "logs"
+        (made / TRUTH_FOLDER).mkdir(parents=True)
+        work = partial(_write_run, made, bench, conditions.balance_conditions(bench.mechanism))
+        runs, found = plan.runs(), {}
+        for place, written in pool.results(work, list(enumerate(runs))):
+            found[place] = written
+            if progress:
+                progress(len(found), len(runs))
+        write_campaign_truth(made / TRUTH_FOLDER, rig, plan.seed, [found[place][1] for place in range(len(runs))])
+        logs = [(name, run) for place, run in enumerate(runs) for name in found[place][0]]
+        write_run_table(made / RUN_TABLE, [(name, run.name, "simulated", run.conditions) for name, run in logs])
         if folder.exists():
             folder.rmdir()
         shutil.move(made, folder)
-    return [folder / name for name in names]
+    return [folder / name for name, _ in logs]
 
 
-def _write_all(
-    plan: Plan, rig: Rig, mechanism: Mechanism, folder: Path, progress: Callable[[int, int], None] | None
-) -> list[str]:
-    (folder / TRUTH_FOLDER).mkdir(parents=True)
-    table: list[tuple[str, str, Origin, RunConditions]] = []
-    total, facts = len(plan.runs()), []
-    balance = conditions.balance_conditions(mechanism)
-    for number, run in enumerate(simulated_logs.simulate_logs(plan, rig), 1):
-        names = _write_logs(folder, rig, run)
-        planned = run.planned
-        table += [(name, planned.name, "simulated", planned.conditions) for name in names]
-        facts.append(write_run_truth(folder / TRUTH_FOLDER, rig, run, balance))
-        if progress:
-            progress(number, total)
-    write_campaign_truth(folder / TRUTH_FOLDER, rig, plan.seed, facts)
-    write_run_table(folder / RUN_TABLE, table)
-    return [row[0] for row in table]
+def _write_run(
+    folder: Path, bench: simulated_logs.SimulatedBench, balance: "Conditions", numbered: tuple[int, PlannedRun]
+) -> tuple[list[str], dict[str, Any]]:
+    """Simulate one run and write it; names of its logs, and what is true of it."""
+    run = bench.simulated(numbered)
+    return _write_logs(folder, bench.rig, run), write_run_truth(folder / TRUTH_FOLDER, bench.rig, run, balance)
 
 
 def _write_logs(folder: Path, rig: Rig, run: SimulatedRun) -> list[str]:

@@ -37,11 +37,30 @@ def simulate_logs(plan: Plan, rig: Rig, seed: int | None = None) -> Iterator[Sim
 
     The same plan, rig and seed give the same runs. Raises RigError where plan or rig cannot be simulated.
     """
-    seed = plan.seed if seed is None else seed
-    mechanism, sensors = mechanism_of_rig(rig), draw_transducers(rig, seed)
-    for number, planned in enumerate(plan.runs()):
-        run = simulate_run(rig, mechanism, planned, lead_s(rig))
-        yield record_run(rig, planned, run, sensors, (seed, number))
+    bench = SimulatedBench.of(rig, plan.seed if seed is None else seed)
+    yield from map(bench.simulated, enumerate(plan.runs()))
+
+
+@dataclass(frozen=True)
+class SimulatedBench:
+    """What all runs of a campaign share."""
+
+    rig: Rig
+    mechanism: Mechanism
+    sensors: Mapping[str, Transducer]
+    """As drawn, by name."""
+    seed: int
+
+    @classmethod
+    def of(cls, rig: Rig, seed: int) -> "SimulatedBench":
+        """The bench that a rig describes, with sensors drawn from a seed."""
+        return cls(rig, mechanism_of_rig(rig), draw_transducers(rig, seed), seed)
+
+    def simulated(self, numbered: tuple[int, PlannedRun]) -> SimulatedRun:
+        """A run by its number from 0 on in the plan, on which nothing but what is drawn for it depends."""
+        number, planned = numbered
+        run = simulate_run(self.rig, self.mechanism, planned, lead_s(self.rig))
+        return record_run(self.rig, planned, run, self.sensors, (self.seed, number))
 
 
 def mechanism_of_rig(rig: Rig) -> Mechanism:

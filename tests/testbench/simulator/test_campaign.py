@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 import testbench
+from balance.task_pool import HERE, TaskPool
 from testbench import campaign_plan as plans
 from testbench import rig as rigs
 from testbench.cli.align import align
@@ -21,6 +22,7 @@ from testbench.errors import RigError
 from testbench.simulator import campaign
 from testbench.simulator.sensors import draw_transducers
 
+from ...other_process import OtherProcess
 from ..conftest import call as command
 
 PLAN = """
@@ -35,9 +37,9 @@ peak_acceleration = "4 g0"
 RIG = rigs.load_rig("parallelogram-6bar")
 
 
-def make(folder: Path, plan: str = PLAN, rig: rigs.Rig = RIG) -> Path:
+def make(folder: Path, plan: str = PLAN, rig: rigs.Rig = RIG, pool: TaskPool = HERE) -> Path:
     """Simulate a plan into ``folder``."""
-    campaign.simulate_campaign(plans.plan_from_text(plan), rig, folder)
+    campaign.simulate_campaign(plans.plan_from_text(plan), rig, folder, pool=pool)
     return folder
 
 
@@ -53,8 +55,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_same_seed_same_bytes(made, tmp_path):
-    """The same plan and rig give the same bytes; another seed gives other logs of the same truth."""
-    assert contents(make(tmp_path / "again")) == contents(made)
+    """The same plan and rig give the same bytes, in other processes too; another seed other logs of the same truth."""
+    assert contents(make(tmp_path / "again", pool=OtherProcess(None))) == contents(made)
     other = contents(make(tmp_path / "other", PLAN.replace("seed = 5", "seed = 6")))
     assert other["r001_daq.csv"] != contents(made)["r001_daq.csv"]
     assert other["truth/r001.parquet"] == contents(made)["truth/r001.parquet"]
