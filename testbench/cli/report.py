@@ -7,6 +7,7 @@ import click
 from click.core import ParameterSource
 
 from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option, json_text
+from balance.cli.options import scheduler_option
 from balance.results import table
 
 from ..signal import METRIC_NAMES
@@ -185,6 +186,7 @@ run was refused (the others are reported)."""
 @click.option("--metric", type=click.Choice(METRIC_NAMES), default="peak_to_peak", show_default=True,
               help="On the page: what an amplitude is whose reduction is shown.")  # fmt: skip
 @options.accept_option
+@scheduler_option
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path),
     help="A name ending in .html: one page of all runs, to sign and mail. Else a folder for figures and report.json.",
@@ -199,6 +201,7 @@ def report(
     published: str | None,
     metric: "Metric",
     accept: tuple[str, ...],
+    scheduler: str | None,
     output: Path | None,
     as_json: bool,
 ) -> int:
@@ -212,12 +215,10 @@ def report(
     what would balance it (trim), the mechanism moving with the log, time series, cross-examination, findings,
     uncertainty, digests. Reductions are of 1..200 Hz unless --band is given.
     """
-    from balance.mechanism.mjcf_parser import load_mechanism
+    from balance.task_pool import task_pool
 
-    from ..cross_examination import examine
-    from ..report import report as reported
+    from ..report import Reporting
     from ..report.campaign_page import torques_compared
-    from ..runs.si_run import SIRun
     from ..vibration.metrics import Measure
 
     options.refuse_unknown_codes(accept)
@@ -227,14 +228,15 @@ def report(
     if output and output.suffix.lower() == ".html":
         given = click.get_current_context().get_parameter_source("band") is not ParameterSource.DEFAULT
         measure = Measure(metric, band) if given else Measure(metric)
-        return _page(runs[0], opened, refused, output, as_json, measure=measure, published=published, accept=accept,
-                     mechanism=mechanism, point=point, band=band, bandwidth_hz=bandwidth)  # fmt: skip
+        return _page(runs[0], opened, refused, output, as_json, scheduler, measure=measure, published=published,
+                     accept=accept, mechanism=mechanism, point=point, band=band, bandwidth_hz=bandwidth)  # fmt: skip
     if published:
         raise click.UsageError("--published is shown on the page: give it with -o report.html")
     if output and output.is_file():
         raise click.UsageError(f"--output {output}: is a file; expected a folder, or a name ending in .html")
-    examination = examine(opened, mechanism=load_mechanism(mechanism) if mechanism else None)
-    found = {run.name: reported(SIRun.of(run), point, band, bandwidth, mechanism, examination) for run in opened}
+    with task_pool(scheduler) as pool:
+        _, found, unread = Reporting(point, band, bandwidth, mechanism).runs(opened, accept, pool)
+    refused += [options.NotOpened(run, message) for run, message in unread.items()]
     compared = torques_compared(opened, found)
     document = {
         "runs": [one.as_dict() for one in found.values()],
@@ -266,10 +268,12 @@ def _page(
     refused: "list[options.NotOpened]",
     output: Path,
     as_json: bool,
+    scheduler: str | None,
     **how: Any,  # noqa: ANN401
 ) -> int:
     """One page of all runs; on stdout its verdict, or the document that its numbers are from."""
     from balance.report.page import writable
+    from balance.task_pool import task_pool
 
     from ..errors import StoreError
     from ..published_tables import load_published
@@ -280,7 +284,9 @@ def _page(
         raise StoreError("; ".join(one.message for one in refused) or f"{first}: no run")
     how["published"] = load_published(how["published"]) if how["published"] else None
     name = first.resolve().name if first.is_dir() else ", ".join(run.name for run in opened)
-    found = campaign_report(name, opened, unopened={one.run: one.message for one in refused}, **how)
+    unopened = {one.run: one.message for one in refused}
+    with task_pool(scheduler) as pool:
+        found = campaign_report(name, opened, unopened=unopened, pool=pool, **how)
     path = found.page().write(output)
     if as_json:
         emit_json({**found.document, "refused": refused, "written": [str(path)]})

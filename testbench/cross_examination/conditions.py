@@ -59,7 +59,8 @@ def motions(seen: Observation) -> list[Statement]:
     stated = seen.conditions.get("motion")
     if stated not in NAMED_MOTIONS:
         return []
-    witnesses = {name: some for name, some in seen.motions.items() if some and "unknown" not in some}
+    named = {source: [one.name for one in found] for source, found in seen.motions.items()}
+    witnesses = {source: some for source, some in named.items() if some and "unknown" not in some}
     if any(set(some) == {stated} for some in witnesses.values()):
         witnesses.pop("acceleration", None)
     return [

@@ -131,7 +131,7 @@ def examine(
     What a run shows is a task of the ``pool``.
     """
     tasks, known = list(runs), dict[object, Mechanism]()
-    found = dict(pool.results(partial(_observed, known=known, given=mechanism), tasks))
+    found = dict(pool.results(partial(observed, known=known, given=mechanism), tasks))
     observations = [found[place] for place in range(len(tasks))]
     return hear([one for one in observations if one is not None], accepted).decided(tasks)
 
@@ -152,8 +152,11 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = ()) -> Examinati
     return Examination(tuple(reasons), tuple(statements), reasons, torque, frozenset(accepted))
 
 
-def _observed(run: "Run | SIRun", known: dict[object, Mechanism], given: Mechanism | None) -> Observation | None:
-    """What a run shows; None for a run without a rig, of which nothing is known."""
+def observed(run: "Run | SIRun", known: dict[object, Mechanism], given: Mechanism | None) -> Observation | None:
+    """What a run shows; None for a run without a rig, of which nothing is known.
+
+    ``given`` takes the place of the mechanism that its rig names; those that were ``known`` are not read again.
+    """
     try:
         bound = run if isinstance(run, SIRun) else SIRun.of(run)
     except CounterpoiseError:

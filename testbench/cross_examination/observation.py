@@ -28,6 +28,7 @@ from ..runs.si_run import SIRun
 from .model_loads import BAND_HZ, LEAST_SAMPLES, ModelledRun
 
 if TYPE_CHECKING:
+    from ..kinematics.motion_recognition import RecognizedMotion, Source
     from ..recording import Conditions
     from ..rig import Column, Rig
 
@@ -119,8 +120,8 @@ class Observation:
     """Of what is driven, by ``command`` and ``encoders`` [m/s2]."""
     peak_joint_acceleration: tuple[float, ...] = ()
     """Of joints that turn and have an encoder: largest of one joint, and of the norm over all [rad/s2]."""
-    motions: dict[str, list[str]] = field(default_factory=dict)
-    """Names of motions, by ``command``, ``encoders`` and ``acceleration``."""
+    motions: "dict[Source, list[RecognizedMotion]]" = field(default_factory=dict)
+    """By ``command``, ``encoders`` and ``acceleration``."""
     torque: TorqueEquations | None = None
     responses: list[Response] = field(default_factory=list)
     reasons: dict[str, str] = field(default_factory=dict)
@@ -223,12 +224,12 @@ def _by_command(seen: Observation, run: SIRun) -> None:
     seen.peak_acceleration["command"] = float(np.linalg.norm(run.stacked(columns), axis=1).max())
     seen.moves |= seen.peak_acceleration["command"] > 0.0
     group, legs, gaps = legs_by_command(run)
-    seen.motions["command"] = [one.name for one in name_motions(legs, "command", group, gaps)]
+    seen.motions["command"] = name_motions(legs, "command", group, gaps)
 
 
 def _by_acceleration(seen: Observation, run: SIRun) -> None:
     group, legs, gaps = legs_by_accelerometer(run)
-    seen.motions["acceleration"] = [one.name for one in name_motions(legs, "acceleration", group, gaps)]
+    seen.motions["acceleration"] = name_motions(legs, "acceleration", group, gaps)
 
 
 def _by_place(seen: Observation, run: ModelledRun) -> None:
@@ -238,7 +239,7 @@ def _by_place(seen: Observation, run: ModelledRun) -> None:
     seen.peak_acceleration["encoders"] = float(acceleration[run.valid].max(initial=0.0))
     legs = legs_of_path(grid.time, place, np.linalg.norm(speed, axis=1), REST_SHARE["encoders"])
     gaps = next(iter(encoder_gaps(run.run).spans.values()), NO_GAP)
-    seen.motions["encoders"] = [one.name for one in name_motions(legs, "encoders", run.group, gaps)]
+    seen.motions["encoders"] = name_motions(legs, "encoders", run.group, gaps)
 
 
 class _Readings:

@@ -5,8 +5,9 @@ acceleration, from the encoders through the mechanism's loops, or from an accele
 acceleration is integrated leg by leg, its drift taken out by the rest at both ends.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
@@ -119,9 +120,14 @@ class RecognizedMotion:
 
 
 def recognized_motions(
-    run: "SIRun", aligned: "Callable[[], AlignedRun]"
+    run: "SIRun",
+    aligned: "Callable[[], AlignedRun]",
+    known: "Mapping[Source, list[RecognizedMotion]]" = MappingProxyType({}),
 ) -> tuple[dict[Source, list[RecognizedMotion]], dict[Source, str]]:
-    """The motions of a run by each source that its rig has, and why another source shows none."""
+    """The motions of a run by each source that its rig has, and why another source shows none.
+
+    Those of the command and of the accelerometer are taken from what is ``known`` of the run.
+    """
     sources: dict[Source, Callable[[], tuple[str, list[Leg], Floats]]] = {
         "command": lambda: legs_by_command(run),
         "encoders": lambda: _legs_by_encoders(aligned()),
@@ -131,8 +137,11 @@ def recognized_motions(
     reasons: dict[Source, str] = {}
     for source, find_legs in sources.items():
         try:
-            group, legs, gaps = find_legs()
-            motions[source] = name_motions(legs, source, group, gaps)
+            if source in known and source != "encoders":
+                motions[source] = known[source]
+            else:
+                group, legs, gaps = find_legs()
+                motions[source] = name_motions(legs, source, group, gaps)
         except CounterpoiseError as error:
             reasons[source] = str(error)
     return motions, reasons

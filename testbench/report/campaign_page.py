@@ -16,8 +16,9 @@ from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism
 from balance.report.page import Page, document_of
 from balance.results import plain
+from balance.task_pool import HERE, TaskPool
 
-from ..cross_examination import Examination, examine
+from ..cross_examination import Examination
 from ..cross_examination.decisions import decisions
 from ..errors import AnalysisError
 from ..kinematics.encoder_motion import mechanism_of
@@ -35,7 +36,8 @@ from ..vibration.comparison import Comparison, compare_campaign
 from ..vibration.metrics import DEFAULT_BAND, Measure
 from ..vibration.reduction import verdict as reduction_verdict
 from ..vibration.run_pairs import pairs
-from .run_report import RunReport, report
+from .page_contents import conditions_of, motions_of, reductions_svg, spans_of, strongest_condition
+from .run_report import Reporting, RunReport
 from .sections import torque_changes
 
 if TYPE_CHECKING:
@@ -108,10 +110,8 @@ class CampaignReport:
 
     def page(self) -> Page:
         """The page, with pictures and what its script draws."""
-        from .page_contents import conditions_of, motions_of, plotted_runs, reductions_svg, strongest_condition
-
         found = self.comparison
-        runs = plotted_runs(self.runs)
+        runs = [one.plotted for one in self.reports.values() if one.plotted]
         data = {
             "runs": [run.as_dict() for run in runs],
             "conditions": conditions_of(self.runs, [run.name for run in runs]),
@@ -171,28 +171,25 @@ def campaign_report(
     band: "Band | None" = DEFAULT_BAND,
     bandwidth_hz: float = command_tracking.BANDWIDTH_HZ,
     unopened: Mapping[str, str] | None = None,
+    pool: TaskPool = HERE,
 ) -> CampaignReport:
     """All that the page of these runs shows; of each run vibration and forces in ``band``, moments about ``point`` [m].
 
     A part that cannot be found has the reason in its place; so have runs that could not be opened, ``unopened``.
+    A run is a task of the ``pool``.
     """
     runs, accept = tuple(runs), tuple(accept)
     given = load_mechanism(mechanism) if mechanism else None
+    reporting = Reporting(point, band, bandwidth_hz, mechanism)
+    examination, reports, unread = reporting.runs(runs, accept, pool, spans_of(runs))
     comparison: Comparison | str
     try:
-        comparison = compare_campaign(runs, published, measure or Measure(), mechanism, accept)
-        examination = comparison.examination or examine(runs, accept, given)
+        comparison = compare_campaign(runs, published, measure or Measure(), mechanism, accept, examination)
     except AnalysisError as error:
-        comparison, examination = str(error), examine(runs, accept, given)
-    reports, unread = {}, dict(unopened or {})
-    for run in runs:
-        try:
-            reports[run.name] = report(SIRun.of(run), point, band, bandwidth_hz, mechanism, examination)
-        except CounterpoiseError as error:
-            unread[run.name] = str(error)
-    return CampaignReport(
-        name, runs, comparison, examination, accept, reports, unread, tuple(_trims(runs, given, examination)), mechanism
-    )
+        comparison = str(error)
+    unread = {**(unopened or {}), **unread}
+    trims = tuple(_trims(runs, given, examination))
+    return CampaignReport(name, runs, comparison, examination, accept, reports, unread, trims, mechanism)
 
 
 def recorded_decisions(runs: "Sequence[Run]", examination: Examination) -> dict[str, str]:

@@ -21,7 +21,6 @@ from ..loads.command_tracking import BANDWIDTH_HZ
 from ..rig.sensors import Accelerometer, Encoder, Target, Torque
 from ..runs.aligned_run import AlignedRun
 from ..runs.si_run import SIRun
-from ..vibration.channel_levels import channel_levels
 from ..vibration.run_pairs import pairs
 
 if TYPE_CHECKING:
@@ -30,6 +29,7 @@ if TYPE_CHECKING:
 
     from ..rig import Column
     from ..store import Run
+    from ..vibration.channel_levels import ChannelLevels
     from ..vibration.comparison import Comparison
 
 COMMAND, POSITIONS = "Command", "Positions of the joints"
@@ -45,17 +45,15 @@ KINDS: tuple[tuple[type, str], ...] = (
 BASE, SUPPORTS = "Acceleration of the base", "Forces between mechanism and base"
 
 
-def plotted_runs(runs: "Sequence[Run]") -> list[PlottedRun]:
-    """Every run that has a rig, with all channels that the rig names and the log holds, in SI."""
-    bound = [SIRun.of(run) for run in runs if run.rig]
-    counts = [run.group(run.group_of(column)).samples for run in bound for _, column in columns_of(run)]
-    spans = spans_for(counts)
-    return [_plotted_run(run, spans) for run in bound]
+def spans_of(runs: "Sequence[Run]") -> int:
+    """Spans of a curve such that all runs that have a rig fit on one page."""
+    bound = (SIRun.of(run) for run in runs if run.rig)
+    return spans_for([run.group(run.group_of(column)).samples for run in bound for _, column in columns_of(run)])
 
 
-def _plotted_run(run: SIRun, spans: int) -> PlottedRun:
-    fresh = SIRun(run.recorded, run.rig)  # so that a campaign larger than memory is read run by run
-    return PlottedRun(run.name, *run_label(run), tuple(_channels(fresh, spans)), tuple(_spectra(fresh)))
+def plotted_run(run: SIRun, levels: "Sequence[ChannelLevels]", spans: int) -> PlottedRun:
+    """A run with all channels that its rig names and the log holds, in SI; spectra are those of ``levels``."""
+    return PlottedRun(run.name, *run_label(run), tuple(_channels(run, spans)), tuple(_spectra(levels)))
 
 
 def run_label(run: "Run | SIRun") -> tuple[str, bool]:
@@ -94,12 +92,8 @@ def _channels(run: SIRun, spans: int) -> "Iterator[PlottedChannel]":
             yield plotted(kind, f"{column.sensor} {column.component}", unit, time, values, spans)
 
 
-def _spectra(run: SIRun) -> "Iterator[Mapping[str, Any]]":
+def _spectra(levels: "Sequence[ChannelLevels]") -> "Iterator[Mapping[str, Any]]":
     """Power spectral densities of the base's acceleration."""
-    try:
-        levels = channel_levels(run, run.rig.base_columns)
-    except CounterpoiseError:
-        return
     for level in levels:
         if level.spectrum is not None:
             frequency, power = level.spectrum.frequency, level.spectrum.power()

@@ -1,16 +1,21 @@
 """The report of one run, each part with its definition or the reason why it is unknown, and the figures of a report."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from balance.errors import CounterpoiseError
+from balance.mechanism.mechanism import Mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
+from balance.report.plotted import PlottedRun
 from balance.results import plain
+from balance.task_pool import HERE, TaskPool
 
 from .. import figures
-from ..cross_examination import Examination, examine
+from ..cross_examination import Examination, Observation, hear
+from ..cross_examination.examination import observed
 from ..kinematics import motion_recognition
 from ..kinematics.encoder_motion import encoder_gaps, mechanism_of
 from ..kinematics.gaps import gap_reach
@@ -20,9 +25,11 @@ from ..recording import Finding
 from ..rig.sensors import Encoder
 from ..runs.aligned_run import AlignedRun
 from ..runs.si_run import SIRun
+from ..vibration.channel_levels import ChannelLevels, channel_levels
 from ..vibration.metrics import DEFAULT_BAND
 from ..vibration.run_pairs import Pair, pairs
 from . import sections
+from .page_contents import plotted_run
 from .sections import Part, attempt_part, base_response
 
 if TYPE_CHECKING:
@@ -42,6 +49,8 @@ class RunReport:
     run: "Run"
     parts: dict[str, Part]
     findings: tuple[Finding, ...]
+    plotted: PlottedRun | None = None
+    """Its channels as a page draws them."""
 
     def as_dict(self) -> dict[str, Any]:
         """The report as it stands in JSON."""
@@ -49,21 +58,70 @@ class RunReport:
         return dict(plain({**about, **self.parts, "findings": self.findings}))
 
 
-def report(
-    run: "SIRun",
-    point: Point = (0.0, 0.0, 0.0),
-    band: "Band | None" = DEFAULT_BAND,
-    bandwidth_hz: float = command_tracking.BANDWIDTH_HZ,
-    given: str | None = None,
-    examination: Examination | None = None,
-) -> RunReport:
-    """Analyse one run: vibration and forces in ``band``, accelerations and torques below ``bandwidth_hz``.
+@dataclass(frozen=True)
+class Reporting:
+    """How runs are reported: vibration and forces in ``band``, accelerations and torques below ``bandwidth_hz``."""
 
-    ``given`` is a mechanism in place of the one that the rig names; ``point`` [m] that of the moments.
-    ``examination`` is that of the run's campaign; without one the run is examined by itself.
-    """
-    aligned = cache(lambda: AlignedRun(run, mechanism_of(run, given)))
-    found, reasons = motion_recognition.recognized_motions(run, aligned)
+    point: Point = (0.0, 0.0, 0.0)
+    """That moments are about [m]."""
+    band: "Band | None" = DEFAULT_BAND
+    bandwidth_hz: float = command_tracking.BANDWIDTH_HZ
+    mechanism: str | None = None
+    """In place of the one that the rigs name."""
+
+    def runs(
+        self, runs: "Sequence[Run]", accept: Iterable[str] = (), pool: TaskPool = HERE, spans: int | None = None
+    ) -> tuple[Examination, dict[str, RunReport], dict[str, str]]:
+        """The examination of runs of one campaign, their reports by name, and by name why a run has none.
+
+        Each run is a task of the ``pool``, its channels read once; with ``spans``, those of a page's curves, it is
+        plotted too. ``accept``: codes of contradictions that a person accepts.
+        """
+        given = load_mechanism(self.mechanism) if self.mechanism else None
+        found = dict(pool.results(partial(_observed_and_reported, how=self, known={}, given=given, spans=spans), runs))
+        examination = hear([seen for place in range(len(runs)) if (seen := found[place][0])], accept).decided(runs)
+        reports, unread = {}, dict[str, str]()
+        for place, run in enumerate(runs):
+            one = found[place][1]
+            if isinstance(one, str):
+                unread[run.name] = one
+            else:
+                contradicted = [statement.finding for statement in examination.about(run.name)]
+                reports[run.name] = replace(one, run=run, findings=(*one.findings, *contradicted))
+        return examination, reports, unread
+
+
+def _observed_and_reported(
+    run: "Run", how: Reporting, known: dict[object, Mechanism], given: Mechanism | None, spans: int | None
+) -> tuple[Observation | None, RunReport | str]:
+    """What a run shows, and its report, without contradictions, or why it has none."""
+    seen = None
+    try:
+        bound = _in_memory(SIRun.of(run))
+        seen = observed(bound, known, given)
+        return seen, _report(bound, how, seen, spans)
+    except CounterpoiseError as error:
+        return seen, str(error)
+
+
+def _in_memory(run: SIRun) -> SIRun:
+    """With every channel read at once; as it was where one cannot be read, for what needs it says why."""
+    try:
+        return run.preloaded([column for column in run.rig.columns() if run.holds(column)])
+    except CounterpoiseError:
+        return run
+
+
+def _report(run: SIRun, how: Reporting, seen: Observation | None, spans: int | None) -> RunReport:
+    point, band, bandwidth_hz = how.point, how.band, how.bandwidth_hz
+    aligned = cache(lambda: AlignedRun(run, mechanism_of(run, how.mechanism)))
+    found, reasons = motion_recognition.recognized_motions(run, aligned, seen.motions if seen else {})
+    levels: list[ChannelLevels] = []
+
+    def vibration() -> Part:
+        levels.extend(channel_levels(run, sections.base_columns(run), band))
+        return sections.base_levels(levels, band)
+
     shown, of_command = _command(aligned, bandwidth_hz)
     forces: Part = {}
     response: Part = {}
@@ -77,18 +135,17 @@ def report(
         forces = response = {"reason": str(error)}
     torque = attempt_part(lambda: sections.torque_part(aligned(), bandwidth_hz))
     findings += _gaps(run, bandwidth_hz)
-    examination = examination or examine([run], mechanism=None if given is None else aligned().unloaded)
-    findings += [statement.finding for statement in examination.about(run.name)]
     parts = {
         "motions": _motions(found, reasons),
         "command": of_command,
-        "vibration": attempt_part(lambda: sections.base_levels(run, band)),
+        "vibration": attempt_part(vibration),
         "modes": attempt_part(lambda: sections.base_modes(run, sections.motion_on_base_clock(run, found, shown))),
         "response": response,
         "wrench": forces,
         "torque": torque,
     }
-    return RunReport(run.recorded, parts, tuple(findings))
+    plotted = None if spans is None else plotted_run(run, levels, spans)
+    return RunReport(run.recorded, parts, tuple(findings), plotted)
 
 
 def _command(

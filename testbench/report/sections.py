@@ -24,7 +24,7 @@ from ..signal.filters import Band
 from ..signal.free_decay_modes import free_decay_modes
 from ..signal.frequency_response import FrequencyResponse, response_of
 from ..signal.welch import Spectra, welch
-from ..vibration.channel_levels import channel_levels, level_definitions
+from ..vibration.channel_levels import ChannelLevels, level_definitions
 from ..vibration.metrics import METRICS
 
 if TYPE_CHECKING:
@@ -64,9 +64,8 @@ def base_columns(run: "SIRun") -> "list[Column]":
     return columns
 
 
-def base_levels(run: "SIRun", band: Band | None) -> Part:
+def base_levels(found: "list[ChannelLevels]", band: Band | None) -> Part:
     """Every metric of every axis, and the peaks of its spectrum."""
-    found = channel_levels(run, base_columns(run), band)
     return {"axes": plain(found), "definitions": level_definitions(band)}
 
 

@@ -210,12 +210,14 @@ def compare_campaign(
     measure: Measure,
     mechanism: str | None = None,
     accept: Iterable[str] = (),
+    examination: "Examination | None" = None,
 ) -> Comparison:
     """Compare every reduction of a campaign with its simulation, and with ``published`` where it is given.
 
-    ``accept``: see :func:`analyze`.
+    ``accept``, ``examination``: see :func:`analyze`.
     """
-    analysis = analyze(runs, measure, accept, load_mechanism(mechanism) if mechanism else None)
+    given = load_mechanism(mechanism) if mechanism else None
+    analysis = analyze(runs, measure, accept, given, examination=examination)
     findings = list(analysis.findings)
     predictions: dict[object, Prediction] = {}
     rows: list[Row] = []

@@ -194,15 +194,16 @@ def analyze(
     accept: Iterable[str] = (),
     mechanism: "Mechanism | None" = None,
     pool: TaskPool = HERE,
+    examination: Examination | None = None,
 ) -> Analysis:
     """Every reduction of a campaign. Raises AnalysisError, naming what each run lacks, if there is none.
 
     What contradicts the run table or the other runs is a doubt of the numbers that it concerns, and withholds those
     that it spoils, unless its code is among those to ``accept``. ``mechanism`` takes the place of the rig's.
-    To examine a run is a task of the ``pool``.
+    To examine a run is a task of the ``pool``; an ``examination`` of the same runs is not made again.
     """
     runs, accept = list(runs), tuple(accept)
-    examination = examine(runs, accept, mechanism, pool)
+    examination = examination or examine(runs, accept, mechanism, pool)
     found, findings = pairs(run for run in runs if run.name not in examination.copied)
     findings += examination.findings
     if not found:

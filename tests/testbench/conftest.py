@@ -97,6 +97,13 @@ def command() -> Callable[..., tuple[int, str, str]]:
     return lambda *words: (lambda done: (done.returncode, done.stdout, done.stderr))(call(*words))
 
 
+def reported(run, *how):
+    """The report of a run by itself; ``how`` as ``Reporting`` takes it."""
+    from testbench.report import Reporting
+
+    return Reporting(*how).runs([run])[1][run.name]
+
+
 def call(*words: object) -> subprocess.CompletedProcess[str]:
     """``testbench`` with words as a process of its own would do it, but in this one."""
     from testbench.cli import main

@@ -1,9 +1,11 @@
-"""``--scheduler``: runs that are ingested and examined in other processes, with the same result."""
+"""``--scheduler``: runs that are ingested, examined and reported in other processes, with the same result."""
 
 import pytest
 
+from balance.cli.framework import json_text
 from balance.task_pool import HERE
 from testbench.cross_examination.examination import examine
+from testbench.report import Reporting
 from testbench.store import open_campaign
 
 from ...other_process import OtherProcess, other_process
@@ -32,3 +34,14 @@ def test_examination(pair_built):
     here, there = (examine(runs, pool=pool) for pool in (HERE, OtherProcess(None)))
     assert here.statements == there.statements
     assert (here.runs, here.reasons) == (there.runs, there.reasons)
+
+
+def test_reports(pair_built):
+    """To report a run is a task, which observes it too: the same reports, curves and statements."""
+    runs = open_campaign(pair_built.campaign).runs
+    (seen, here, _), (also, there, _) = (Reporting().runs(runs, (), pool, 200) for pool in (HERE, OtherProcess(None)))
+    assert seen.statements == also.statements
+    assert list(here) == list(there) == [run.name for run in runs]
+    for name, one in here.items():
+        assert json_text(one.as_dict()) == json_text(there[name].as_dict())
+        assert one.plotted.as_dict() == there[name].plotted.as_dict()

@@ -7,15 +7,14 @@ from click.testing import CliRunner
 
 from studies import simulated_runs as memory
 from testbench.cli.report import report as command
-from testbench.report import report
-from testbench.runs.si_run import SIRun
 
 from ..cli.gapped import without_rows
+from ..conftest import reported
 
 
 def signs(run) -> list[str]:
     """The channels with a finding."""
-    return [finding.channel for finding in report(SIRun.of(run)).findings if finding.code == "force_sign"]
+    return [finding.channel for finding in reported(run).findings if finding.code == "force_sign"]
 
 
 @pytest.fixture(scope="module")

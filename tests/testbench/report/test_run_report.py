@@ -8,10 +8,10 @@ import pytest
 from balance import datasets
 from studies import simulated_runs as memory
 from testbench import rig as rigs
-from testbench.report import report
-from testbench.runs.si_run import SIRun
 from testbench.simulator.sensors import base_acceleration
 from testbench.store import open_campaign
+
+from ..conftest import reported
 
 TEXT = datasets.find_dataset("parallelogram-6bar", "rigs", ".toml").read_text("utf-8")
 PARTS = ("motions", "command", "vibration", "modes", "response", "wrench", "torque")
@@ -26,7 +26,7 @@ def plain():
 @pytest.fixture(scope="module")
 def told(plain):
     """Its report."""
-    return report(SIRun.of(plain.run(0)), (0.1, 0.0, 0.0)).as_dict()
+    return reported(plain.run(0), (0.1, 0.0, 0.0)).as_dict()
 
 
 def test_every_part_is_told_and_defined(told):
@@ -63,9 +63,7 @@ def test_forces_are_those_of_the_bench(plain, told):
 def test_a_clipped_force_is_null_with_the_stretch(plain):
     """What rests on a sensor at the end of its range is null, says when, and is a finding."""
     run = plain.run(0)
-    clipped = report(
-        SIRun.of(memory.with_values(run, "Fy2", np.clip(50.0 * run.channel("Fy2"), -2000.0, 2000.0)))
-    ).as_dict()
+    clipped = reported(memory.with_values(run, "Fy2", np.clip(50.0 * run.channel("Fy2"), -2000.0, 2000.0))).as_dict()
     wrench = clipped["wrench"]
     assert wrench["components"]["Fy"] is None
     assert "end of its range in" in wrench["reasons"]["Fy"]
@@ -78,7 +76,7 @@ def test_a_sheet_that_names_another_motion_is_a_finding(plain):
     """Command, encoders and what is felt each say y; the sheet says x."""
     run = plain.run(0)
     run.conditions["motion"] = "x"
-    found = report(SIRun.of(run)).findings
+    found = reported(run).findings
     assert {f.code for f in found} == {"motion_contradiction"}
     assert len(found) == 3
 
@@ -86,10 +84,10 @@ def test_a_sheet_that_names_another_motion_is_a_finding(plain):
 def test_torques_of_another_size_than_the_model_are_findings(plain):
     """A wrong unit, of torque or of angle, shows as a torque far from the model's; a sound run has no finding."""
     run = plain.run(0)
-    assert report(SIRun.of(run)).findings == ()
+    assert reported(run).findings == ()
     for channel in ("tau1", "tau2"):
         run = memory.with_values(run, channel, 0.01 * run.channel(channel))
-    found = report(SIRun.of(run)).findings
+    found = reported(run).findings
     assert [f.code for f in found] == ["torque_contradiction"] * 2
     assert "0.01 times the model's" in found[0].message
 
@@ -100,7 +98,7 @@ def test_what_a_rig_lacks_is_said_part_by_part(brief):
     text = run.rig[: run.rig.index("[sensors.k6d40]")] + run.rig[run.rig.index("[sensors.encoder_A0]") :]
     text = text[: text.index("[sensors.motor_A0]")] + text[text.index("[bench]") :]
     object.__setattr__(run, "rig", text)
-    told = report(SIRun.of(run)).as_dict()
+    told = reported(run).as_dict()
     assert "no force sensors" in told["wrench"]["reason"]
     assert "kind torque" in told["torque"]["reason"]
     assert "target" in told["command"]["reason"]
@@ -115,7 +113,7 @@ def test_response_is_that_of_the_base():
 
     text = TEXT.replace('kind = "accelerometer"\nlogger = "daq"', 'kind = "accelerometer"\nlogger = "forces"', 1)
     scene = memory.scene("y", masses={}, rig=rigs.rig_from_text(text))
-    rows = {r["frequency_hz"]: r for r in report(SIRun.of(scene.run(0))).parts["response"]["rows"] if r["axis"] == "y"}
+    rows = {r["frequency_hz"]: r for r in reported(scene.run(0)).parts["response"]["rows"] if r["axis"] == "y"}
     start, run = scene.starts(0)["forces"], scene.run(0)
     time = start["start"] + run.time("forces") / (1.0 + 1e-6 * start["drift_ppm"])
     felt = base_acceleration(scene.rig.sensors["base_acc"], scene.bench)["y"]
@@ -132,7 +130,7 @@ def test_response_is_that_of_the_base():
 def test_response_that_follows_the_moment_is_marked():
     """Along x the base is shaken by force and moment together: the lines say so, and that it is not the force alone."""
     text = TEXT.replace('kind = "accelerometer"\nlogger = "daq"', 'kind = "accelerometer"\nlogger = "forces"', 1)
-    found = report(SIRun.of(memory.scene("x", masses={}, rig=rigs.rig_from_text(text)).run(0))).parts["response"]
+    found = reported(memory.scene("x", masses={}, rig=rigs.rig_from_text(text)).run(0)).parts["response"]
     along = [r for r in found["rows"] if r["axis"] == "x" and r["frequency_hz"] < 30.0]
     assert sum("Mz" in r["also_follows"] for r in along) > 0.5 * len(along)
     assert found["of_the_force_alone"] is False
