@@ -463,7 +463,8 @@ class TextLog:
 
     def take_all(self, group: str, channel: str, start: int, texts: Iterable[str | None]) -> None:
         """Note the texts of successive samples, the first of which is ``start``; None is no text."""
-        last: str | None = None
+        known = self.series.get((group, channel))
+        last = known.texts[-1] if known else None
         for i, text in enumerate(texts, start):
             if text != last and not self.take(group, channel, i, text or ""):
                 return

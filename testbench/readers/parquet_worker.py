@@ -155,12 +155,12 @@ def _zero(time: Column) -> StartTime | None:
 
 def _batches(file: parquet.ParquetFile, columns: list[int], rows: int) -> Iterator[Any]:
     """Batches of these columns of the table, each of which may lie in the file as several."""
-    wanted = {file.schema_arrow.field(i).name for i in columns}
+    wanted = [file.schema_arrow.field(i).name for i in columns]
     leaves = [file.schema.column(k).path for k in range(len(file.schema))]
     names = [leaf for leaf in leaves if leaf in wanted or leaf.split(".")[0] in wanted]
     for batch in file.iter_batches(rows, columns=names, use_threads=False):
-        if batch.num_columns != len(columns):
-            raise ValueError(f"{batch.num_columns} columns for {len(columns)} names")
+        if batch.num_columns != len(columns):  # pyarrow takes a column a.b for a part of a column a
+            batch = batch.select(wanted)
         if batch.num_rows:
             yield batch
 

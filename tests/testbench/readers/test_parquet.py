@@ -10,6 +10,7 @@ import pytest
 from pyarrow import parquet
 
 from testbench.errors import RecordingError
+from testbench.recording import TextLog
 
 from . import reading
 from .reading import in_process  # noqa: F401
@@ -62,6 +63,14 @@ def test_other_types_are_kept_or_said(tmp_path):
     assert (series.channel, series.samples, series.texts) == ("text", [0, 1], ["a", ""])
 
 
+def test_a_text_ends_where_none_follows():
+    """Also where the next block begins with none: a text is not in force where the file has no value."""
+    log = TextLog()
+    for start, texts in enumerate([[None], ["a"], [None], [None], ["a"], ["a"]]):
+        log.take_all("g", "state", start, texts)
+    assert (log.kept[0].samples, log.kept[0].texts) == ([1, 2, 4], ["a", "", "a"])
+
+
 def test_what_only_the_reference_reads(tmp_path):
     """Zones that are mere offsets, half floats, decimals, dictionaries, and points in time that are no clock."""
     path, when = tmp_path / "run.parquet", pyarrow.array([3, 1, 2], pyarrow.timestamp("s", tz="-02:15"))
@@ -83,6 +92,14 @@ def test_stars_in_a_name_open_one_file_only(tmp_path):
     _write(tmp_path, {"a": [1.0, 2.0]}, "other.parquet")
     found = reading.read(_write(tmp_path, {"b": [3.0]}, "*.parquet"))
     assert found.column("b").tolist() == [3.0]
+
+
+def test_names_with_points_are_names(tmp_path):
+    """A column a.b beside a clock a is no part of it."""
+    rows = {"a": [datetime(2026, 1, 1, 0, 0, s) for s in range(3)], "a.b": [1.0, 2.0, 4.0]}
+    found = reading.read(_write(tmp_path, rows))
+    assert found.column("a.b").tolist() == [1.0, 2.0, 4.0]
+    assert found.group().clock.index == 0
 
 
 def test_cut_and_empty_files_are_refused(tmp_path):
