@@ -179,7 +179,8 @@ def _blocks(path: Path, group: Group, given: list[Column | None], texts: TextLog
                         texts.take_all(group.name, file.schema_arrow.field(i).name, start, values)
                         continue
                     columns.append(column.numbers(array))
-                    if types.is_integer(array.type) and (np.abs(columns[-1]) >= _EXACT).any():
+                    is_exact = types.is_integer(array.type) or types.is_decimal(array.type)
+                    if is_exact and (np.abs(columns[-1]) >= _EXACT).any():
                         rounded.add(column.name)
                 yield Block(group, tuple(columns), start)
                 start += batch.num_rows

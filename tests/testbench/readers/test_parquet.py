@@ -79,10 +79,11 @@ def test_what_only_the_reference_reads(tmp_path):
         "half": np.array([0.5, 1, 2], np.float16),
         "state": pyarrow.array([*"aab"]).dictionary_encode(),
     }
-    parquet.write_table(pyarrow.table(table | {"price": pyarrow.array([Decimal("1.25")] * 3)}), path)
+    parquet.write_table(pyarrow.table(table | {"price": pyarrow.array([Decimal("1.25"), 2**53 + 1, 1])}), path)
     found = reading.read(path)
     assert found.column("half").tolist() == [0.5, 1, 2]
     assert found.column("price")[0] == 1.25
+    assert "not_exact" in {finding.code for finding in found.findings if finding.channel == "price"}
     assert found.group().clock is None
     assert found.recording.texts.kept[0].texts == ["a", "b"]
 
