@@ -327,7 +327,7 @@ class Sweep:
         parts = [slice(start, min(start + step, size)) for start in range(0, size, step)]
         left = parts if self.folder is None else self._left(parts)
         for part in (part for part in parts if part not in left):
-            yield part.stop - part.start, read_part(self._path(part))
+            yield part.stop - part.start, read_parquet(self._path(part))
         for place, columns in pool.results(self._part, left):
             if self.folder is not None:
                 write_part(self._path(left[place]), columns)
@@ -373,11 +373,6 @@ def write_part(path: Path, columns: Mapping[str, Floats]) -> None:
     unfinished = path.with_suffix(".unfinished")
     write_parquet(unfinished, columns)
     unfinished.replace(path)
-
-
-def read_part(path: Path) -> dict[str, Floats]:
-    """Columns (n,) of one part."""
-    return read_parquet(path)
 
 
 def joined(parts: Sequence[Mapping[str, Floats]]) -> dict[str, Floats]:

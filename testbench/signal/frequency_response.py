@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from balance.arrays import Floats
 
 from ..errors import AnalysisError
-from .welch import CrossDensities, Spectra, welch
+from .welch import CrossDensities, Spectra
 
 LEAST_SEGMENTS = 4.0
 """Independent segments below which a coherence says nothing: of one segment it is 1, whatever was recorded."""
@@ -57,16 +57,11 @@ class FrequencyResponse:
             return np.sqrt((1.0 - self.coherence) / (2.0 * self.coherence * self.segments))
 
 
-def frequency_response(inputs: Sequence[Floats], answer: Floats, rate_hz: float, segment: int) -> FrequencyResponse:
-    """From q inputs to an output, (n,) each [any unit]; ``segment`` in samples.
+def response_of(found: Spectra, inputs: Sequence[int], output: int) -> FrequencyResponse:
+    """From q channels to another, by their numbers in densities that were found together.
 
     Raises AnalysisError where there are too few segments for so many inputs.
     """
-    return response_of(welch([*inputs, answer], rate_hz, segment), range(len(inputs)), len(inputs))
-
-
-def response_of(found: Spectra, inputs: Sequence[int], output: int) -> FrequencyResponse:
-    """From q channels to another, by their numbers in densities that were found together; raises as above."""
     count = len(inputs)
     segments = found.independent - (count - 1)
     if segments < LEAST_SEGMENTS:

@@ -5,9 +5,15 @@ import pytest
 from scipy.signal import butter, coherence, csd, freqz, lfilter, welch
 
 from testbench.errors import AnalysisError
-from testbench.signal.frequency_response import frequency_response
+from testbench.signal import welch as spectra
+from testbench.signal.frequency_response import response_of
 
 RATE = 1000.0
+
+
+def frequency_response(inputs, answer, rate, segment):
+    """From channels to another, from their samples."""
+    return response_of(spectra.welch([*inputs, answer], rate, segment), range(len(inputs)), len(inputs))
 
 
 def test_response_of_a_filter():
