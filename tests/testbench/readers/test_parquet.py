@@ -79,7 +79,10 @@ def test_what_only_the_reference_reads(tmp_path):
         "half": np.array([0.5, 1, 2], np.float16),
         "state": pyarrow.array([*"aab"]).dictionary_encode(),
     }
-    parquet.write_table(pyarrow.table(table | {"price": pyarrow.array([Decimal("1.25"), 2**53 + 1, 1])}), path)
+    parquet.write_table(
+        pyarrow.table(table | {"price": pyarrow.array([Decimal("1.25"), 2**53 + 1, 1], pyarrow.decimal128(20, 2))}),
+        path,
+    )
     found = reading.read(path)
     assert found.column("half").tolist() == [0.5, 1, 2]
     assert found.column("price")[0] == 1.25
