@@ -67,18 +67,19 @@ def _quiet(_context: click.Context, _parameter: click.Parameter, wanted: bool) -
 
 
 class FirstLine:
-    """A stream that passes the first line on: the verdict."""
+    """A stream that passes the first line on that is not empty: the verdict."""
 
     def __init__(self, stream: Any) -> None:  # noqa: ANN401
-        self._stream, self._open = stream, True
+        self._stream, self._open, self._begun = stream, True, False
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
-        """Write up to the end of the first line."""
+        """Write up to the end of the first line that is not empty."""
         if self._open:
-            line, end, _ = text.partition("\n")
+            line, end, _ = (text if self._begun else text.lstrip("\n")).partition("\n")
+            self._begun |= bool(line)
             self._stream.write(line + end)
             self._open = not end
         return len(text)

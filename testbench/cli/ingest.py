@@ -1,5 +1,6 @@
 """``testbench ingest`` and ``testbench watch``: logs into stored runs."""
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -136,7 +137,9 @@ def _ingest(
 def _print(outcomes: "Sequence[Outcome]") -> None:
     from ..ingestion.ingest import Outcome
 
-    emit_table("Runs", *table(Outcome, outcomes, "source", "file", "origin", "status", "findings"))
+    counts = Counter(outcome.status for outcome in outcomes)
+    title = f"Logs: {', '.join(f'{count} {status}' for status, count in counts.items()) or 'none'}"
+    emit_table(title, *table(Outcome, outcomes, "source", "file", "origin", "status", "findings"))
     for outcome in outcomes:
         options.print_reading_findings(outcome.source, (f for f in outcome.findings if f.severity > 0))
 

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from balance.cli.framework import FirstLine
+
 from .. import models
 
 OPEN_RING = models.load("four-bar").text.replace('site name="B_B0B" pos="0.2 0 0"', 'site name="B_B0B" pos="9 0 0"')
@@ -229,6 +231,15 @@ def test_the_answer_comes_first(balance, line):
     """-q prints one sentence with a number."""
     (answer,) = balance(*line.split(), "-q").out.splitlines()
     assert re.search(r"\d.*\.$", answer)
+
+
+def test_an_empty_line_is_no_answer():
+    """-q passes on the first line that says something, in whatever pieces it is written."""
+    said = io.StringIO()
+    first = FirstLine(said)
+    for text in ("\n", "", "\nLogs: 2", " stored\nr001\n", "r002\n"):
+        first.write(text)
+    assert said.getvalue() == "Logs: 2 stored\n"
 
 
 class Terminal(io.StringIO):
