@@ -18,7 +18,7 @@ from balance.report.page import Page, document_of
 from balance.results import plain
 from balance.task_pool import HERE, TaskPool
 
-from ..cross_examination import Examination
+from ..cross_examination import SUBJECTS, Examination
 from ..cross_examination.decisions import decisions
 from ..errors import AnalysisError
 from ..kinematics.encoder_motion import mechanism_of
@@ -44,6 +44,8 @@ if TYPE_CHECKING:
     from ..signal.filters import Band
     from ..store import Run
 
+NOTHING_TO_ACCEPT = "stated with the numbers"
+"""Decision about a finding that is part of a result: a person accepts what is found of runs, not what follows."""
 TRIM_RUNS = 3
 """Runs of a mounting from which the report says what is missing: those with the largest peak acceleration."""
 
@@ -85,17 +87,18 @@ class CampaignReport:
             "runs": [one.as_dict() for one in self.reports.values()],
             "unread": self.unread,
             "compared": torques_compared(self.runs, self.reports),
-            "findings": grouped(dict.fromkeys(findings), self._decisions),
+            "findings": grouped(dict.fromkeys(findings), self._decisions(findings)),
             "calibrations": calibrations_in_force(SIRun.of(run) for run in self.runs if run.rig),
             "provenance": [_provenance(run) for run in self.runs],
             "ledgers": ledger_heads(run.path.parent for run in self.runs),
             "notes": self._notes,
         })  # fmt: skip
 
-    @property
-    def _decisions(self) -> dict[str, str]:
-        """By code, where a person accepted its findings."""
-        found: dict[str, str] = dict.fromkeys(self.accepted, "accepted in this report (--accept)")
+    def _decisions(self, findings: Iterable[Finding]) -> dict[str, str]:
+        """By code, where a person accepted its findings, or where there is nothing to accept."""
+        about_runs = {*SUBJECTS, *(one.code for run in self.runs for one in run.findings)}
+        found = {one.code: NOTHING_TO_ACCEPT for one in findings if one.code not in about_runs}
+        found |= dict.fromkeys(self.accepted, "accepted in this report (--accept)")
         for run in self.runs:
             for code in run.provenance.get("accepted_findings", ()):
                 found[code] = f"accepted as {run.name} was ingested" if code not in found else "accepted at ingest"

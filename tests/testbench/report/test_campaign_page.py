@@ -9,6 +9,10 @@ from pathlib import Path
 import pytest
 
 from balance.report.page import Page
+from testbench.cross_examination import hear
+from testbench.recording import Finding
+from testbench.report.campaign_page import NOTHING_TO_ACCEPT, CampaignReport
+from testbench.report.run_report import RunReport
 from testbench.store import open_campaign
 
 from ..conftest import call, conditions
@@ -107,6 +111,16 @@ def test_every_number_is_the_documents(made, page):
         names += ["at_least_percent"] if row["limit"] == "at_least" else ["reduction_percent"]
         names += ["interval_percent/0", "interval_percent/1"] if row["interval_percent"] else []
         assert {f"/comparison/rows/{i}/{name}" for name in names} <= places
+
+
+def test_open_is_what_a_person_can_accept(made):
+    """A contradiction is open, and what ingest found of a run; what follows from the numbers is stated with them."""
+    run = open_campaign(made[0]).runs[0]
+    codes = ("repeats_differ", "copied_run", run.findings[0].code)
+    one = RunReport(run, {"torque": {}}, tuple(Finding(code, None, run.name, code) for code in codes))
+    found = CampaignReport("page", (run,), "none", hear([]), (), {run.name: one}, {}, ()).document["findings"]
+    assert {f["code"]: f["decision"] for f in found} == dict.fromkeys(codes[1:], "open") | {codes[0]: NOTHING_TO_ACCEPT}
+    assert found[-1]["code"] == "repeats_differ"
 
 
 def test_the_document_is_that_of_the_commands(made):
