@@ -18,8 +18,9 @@ from threading import Timer
 from typing import Any
 from urllib.parse import parse_qsl
 
-from ..errors import CounterpoiseError
+from ..errors import CounterpoiseError, DataError
 from ..results import plain
+from .page import printable
 
 Answer = Callable[[Mapping[str, str]], Any]
 """What is answered to the words of a request: a page as text, or a document in plain JSON types."""
@@ -43,7 +44,10 @@ class Loopback(ThreadingHTTPServer):
     def __init__(self, pages: Mapping[str, Answer], actions: Mapping[str, Answer] | None = None, port: int = 0) -> None:
         self.token, self.answers = secrets.token_urlsafe(32), {"GET": pages, "POST": actions or {}}
         self.asked = time.monotonic()
-        super().__init__(("127.0.0.1", port), _Handler)
+        try:
+            super().__init__(("127.0.0.1", port), _Handler)
+        except OSError as error:
+            raise DataError(f"port {port} of this machine: {error.strerror}; name another, or none") from error
         self.hosts = {f"{name}:{self.server_port}" for name in ("127.0.0.1", "localhost")}
 
     @property
@@ -119,7 +123,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _send(self, status: int, found: Any) -> None:  # noqa: ANN401
         page = isinstance(found, str)
-        text = found if page else json.dumps(plain(found), allow_nan=False)
+        text = found if page else json.dumps(printable(plain(found)), allow_nan=False)
         body = text.encode("utf-8", "backslashreplace")
         self.send_response(status)
         kind = "text/html" if page else "application/json"

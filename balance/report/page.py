@@ -70,7 +70,7 @@ class Page:
         scripts = [file.read_text(encoding="utf-8") for file in files]
         return environment.get_template(self.template.name).render(
             document=self.document,
-            data=_printable(self.data),
+            data=printable(self.data),
             number=self.number,
             interval=self.interval,
             scripts=[Markup(text) for text in scripts],
@@ -126,12 +126,12 @@ def writable(path: str | Path) -> Path:
     return path
 
 
-def _printable(value: Any) -> Any:  # noqa: ANN401
-    """Plain JSON data for the script, control characters of its texts escaped, those that turn the writing included."""
+def printable(value: Any) -> Any:  # noqa: ANN401
+    """Plain JSON data for a script, control characters of its texts escaped, those that turn the writing included."""
     if isinstance(value, Mapping):
-        return {name: _printable(one) for name, one in value.items()}
+        return {name: printable(one) for name, one in value.items()}
     if isinstance(value, list):
-        return [_printable(one) for one in value]
+        return [printable(one) for one in value]
     return plain_text(value) if isinstance(value, str) and not value.isprintable() else value
 
 

@@ -45,6 +45,7 @@ def test_answers_who_knows_the_secret(server):
     assert not [name for name in headers if name.lower().startswith("access-control")]
     assert headers["Referrer-Policy"] == "no-referrer"
     assert json.loads(asked(server, f"/{server.token}/echo?a=1&b=%3C")[2]) == {"a": "1", "b": "<"}
+    assert json.loads(asked(server, f"/{server.token}/echo?a=%E2%80%AE%07")[2]) == {"a": r"\x202e\x07"}
     assert server.server_address[0] == "127.0.0.1"
 
 
@@ -107,6 +108,12 @@ def test_who_breaks_off_or_dribbles_is_no_concern(server, monkeypatch, capfd):
             sleep(0.05)
         pytest.fail("the request went on")
     assert capfd.readouterr().err == ""
+
+
+def test_a_port_that_is_taken_is_named(server):
+    """Of another program, or of another viewer."""
+    with pytest.raises(DataError, match=f"port {server.server_port} of this machine: .*; name another"):
+        Loopback({}, port=server.server_port)
 
 
 def test_ends_when_nobody_asks():
