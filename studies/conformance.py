@@ -28,6 +28,7 @@ MOST_ACCEPTED = 0.02
 """Of the files that a library reads, so many may need a person to accept a finding."""
 LIBRARY_ERRS = {
     "type1.C3D": "ezc3d mixes numbers of other points in, with markers that jump by metres",
+    "shd01.c3d": "ezc3d takes the unsigned offset 0x8010, 32784, for 32752: -32752 without its sign",
     "561xxa01_anonym.C3D": "ezc3d mixes numbers of other points in, with markers that jump by metres",
 }
 """Files of which a library gives what is not in them."""
