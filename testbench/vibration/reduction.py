@@ -39,6 +39,9 @@ if TYPE_CHECKING:
 Method = Literal["repeats", "propagation"]
 """Where an interval comes from: what repeats of the campaign differ by, or noise of single runs, propagated."""
 Limit = Literal["at_least", "at_most"]
+REPEATS_DIFFER = "repeats_differ"
+WITHHELD = frozenset({*WITHHOLDING, REPEATS_DIFFER})
+"""Doubts after which there is no interval."""
 ONE_RUN = (
     "Where nothing is repeated, noise that acts only during the motion, such as that of drives and bearings, is told "
     "by what of one side is no smooth multiple of the other, to a factor of two: make each run at least twice."
@@ -131,7 +134,7 @@ class Reduction:
         if self.limit == "at_least" and self.at_least is not None:
             return f">= {self.at_least:.1f} {'< noise' if self.below_noise else 'clipped'}"
         value = "-" if self.percent is None else f"{self.percent:.1f}"
-        if self.percent is not None and self.interval is None and not WITHHOLDING.keys().isdisjoint(self.doubts):
+        if self.percent is not None and self.interval is None and not WITHHELD.isdisjoint(self.doubts):
             return f"withheld ({value})"
         if self.limit == "at_most":
             return f"<= {value} clipped"
@@ -222,7 +225,10 @@ def analyze(
 def _doubted(pair: Pair, reductions: Sequence[Reduction], examination: Examination) -> list[Reduction]:
     """Reductions of a pair with their doubts; without a number where these spoil it."""
     channels = {(c.sensor, c.component): c.channel for c in SIRun.of(pair.runs[0]).rig.base_columns}
-    marked = [replace(r, doubts=examination.doubts(r.runs, channels[r.sensor, r.axis])) for r in reductions]
+    marked = [
+        replace(r, doubts=tuple(sorted({*r.doubts, *examination.doubts(r.runs, channels[r.sensor, r.axis])})))
+        for r in reductions
+    ]
     return [
         replace(r, interval=None, method=None, uncertainty=None, synchronous_interval=None)
         if examination.withheld(r.doubts)
@@ -325,9 +331,18 @@ class CampaignLikelihoods:
         """Of all places, with what calibrations add to the interval, and what there is to say of the amplitudes."""
         each = [(place, *self._with_sides(condition, place)) for place in condition.places]
         return [
-            found if sides is None else _calibrated(found, AmplitudesUncertainty.of(sides, condition.pair, place))
+            found
+            if sides is None
+            else self._withheld(found, condition, place)
+            or _calibrated(found, AmplitudesUncertainty.of(sides, condition.pair, place))
             for place, found, sides in each
         ]
+
+    def _withheld(self, found: Reduction, condition: Condition, place: Place) -> Reduction | None:
+        """The reduction without a number, where repeats of a side differ too much to have an interval."""
+        if not any(self.repeats[place].withholds(group) for group in self.groups[id(condition), place] or ()):
+            return None
+        return replace(found, interval=None, method=None, synchronous_interval=None, doubts=(REPEATS_DIFFER,))
 
     def _side(self, runs: Group, mean: Group | None, place: Place) -> ConditionAmplitude:
         """By the mean of the aligned repeats near the noise; far above it, or if they differ, by each of them."""
@@ -344,14 +359,15 @@ class CampaignLikelihoods:
             for group in self.groups[id(condition), place] or ()
             if self.repeats[place].excludes(group)
         ]
+        effect = {False: "the interval is wider for it", True: "so much that there is no interval"}
         return [
             Finding(
-                "repeats_differ",
+                REPEATS_DIFFER,
                 None,
                 where := " ".join(group.names),
                 f"{condition.pair.key}, {sensor} along {axis}: repeats differ by more than their noise, most "
-                f"{group.odd}: the interval is wider for it; compare their logs, leave out what is not like the others "
-                f"({where})",
+                f"{group.odd}: {effect[self.repeats[sensor, axis].withholds(group)]}; compare their logs, leave out "
+                f"what is not like the others ({where})",
             )
             for (sensor, axis), group in odd
         ]

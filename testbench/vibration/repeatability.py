@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from balance.arrays import Floats
-from balance.estimation.estimate import chi_square_tail
+from balance.estimation.estimate import chi_square_tail, coverage_factor, f_tail
 
 from .amplitude import Amplitude, Place, shifted
 from .amplitude_likelihood import AmplitudeLikelihood
@@ -33,6 +33,8 @@ EDGE = 8
 """Samples next to an end of another repeat's record, which shifting it spoils."""
 SMOOTHED_S = 0.04
 """Over which the power of noise in motion is averaged [s]."""
+KNOWN = 0.5
+"""Of an amplitude, above which its repeats' interval, where they differ beyond noise, says nothing of a reduction."""
 LEAST_LEVEL = 0.05
 """Of an envelope [-]."""
 REVERSED = 0.9
@@ -109,6 +111,8 @@ class Repeatability:
     degrees_of_freedom: float = np.inf
     outlying: tuple[Group, ...] = ()
     """Groups that scatter more than the others, and by more than noise."""
+    apart: tuple[Group, ...] = ()
+    """Those of them that do so by more than the share: their own scatter counts."""
 
     @classmethod
     def of(cls, groups: Sequence[Group]) -> "Repeatability":
@@ -117,32 +121,71 @@ class Repeatability:
         if not repeated:
             return cls()
         share, freedom = 0.0, np.inf
-        total, count = sum(g.scatter for g in repeated), sum(g.degrees_of_freedom for g in repeated)
         least = DIFFER / len(repeated)
         odd = [g for g in repeated if chi_square_tail(g.scatter, g.degrees_of_freedom) < least]
-        if chi_square_tail(total, count) < DIFFER and (len(odd) > 1 or len(repeated) < 3 or not odd):
-            away = sum(g.degrees_of_freedom * g.signal_to_noise**2 for g in repeated)
-            excess = sum((g.scatter - g.degrees_of_freedom) * g.own for g in repeated)
-            share, freedom = max(excess, 0.0) / max(away, 1e-300), float(count)
-            odd = [g for g in repeated if g.scatter > g.degrees_of_freedom]
-        return cls(share, freedom, tuple(odd))
+        apart = odd
+        if _differ(repeated) and (len(odd) > 1 or len(repeated) < 3 or not odd):
+            unlike = _unlike_the_others(repeated, least)
+            alike = [g for g in repeated if g not in unlike]
+            if _differ(alike):
+                share, freedom = max(_share(alike), 0.0), float(sum(g.degrees_of_freedom for g in alike))
+                odd, apart = [g for g in alike if g.scatter > g.degrees_of_freedom] + unlike, unlike
+            else:
+                odd = apart = [g for g in repeated if g in odd or g in unlike]
+        return cls(share, freedom, tuple(odd), tuple(apart))
 
     def variance(self, group: Group) -> float:
         """Of the mean of a group [variances of the noise of one run]."""
         own = 1.0 - group.common + self.share * group.signal_to_noise**2
-        if self.share == 0.0 and self.excludes(group):
+        if _contains(self.apart, group):
             own = group.own * group.scatter / group.degrees_of_freedom
         return group.common + own / len(group.runs)
 
     def degrees_of_freedom_of(self, group: Group) -> float:
         """Degrees of freedom of that variance: infinite where the noise alone makes it."""
-        if self.share:
-            return self.degrees_of_freedom
-        return float(group.degrees_of_freedom) if self.excludes(group) else np.inf
+        if _contains(self.apart, group):
+            return float(group.degrees_of_freedom)
+        return self.degrees_of_freedom
+
+    def withholds(self, group: Group) -> bool:
+        """Whether a group's repeats differ, and by so much that Student's interval hardly bounds their mean."""
+        half = coverage_factor(self.degrees_of_freedom_of(group)) * self.variance(group) ** 0.5
+        return self.excludes(group) and half > KNOWN * group.signal_to_noise
 
     def excludes(self, group: Group) -> bool:
         """Whether a group's repeats differ."""
-        return any(group is other or (bool(group.names) and group.names == other.names) for other in self.outlying)
+        return _contains(self.outlying, group)
+
+
+def _contains(groups: Sequence[Group], group: Group) -> bool:
+    return any(group is other or (bool(group.names) and group.names == other.names) for other in groups)
+
+
+def _differ(groups: Sequence[Group]) -> bool:
+    """Whether repeats differ beyond noise, all groups taken together."""
+    return chi_square_tail(sum(g.scatter for g in groups), sum(g.degrees_of_freedom for g in groups)) < DIFFER
+
+
+def _share(groups: Sequence[Group]) -> float:
+    """Square of the share of the amplitude by which repeats differ beyond noise; below zero where noise does more."""
+    away = sum(g.degrees_of_freedom * g.signal_to_noise**2 for g in groups)
+    return sum((g.scatter - g.degrees_of_freedom) * g.own for g in groups) / max(away, 1e-300)
+
+
+def _unlike_the_others(groups: Sequence[Group], least: float) -> list[Group]:
+    """Groups that differ by a larger share than all others can together, by Fisher's F; the largest first."""
+    found: list[Group] = []
+    while len(rest := [g for g in groups if g not in found]) > 1:
+        one = max(rest, key=lambda g: _share([g]))
+        others = [g for g in rest if g is not one]
+        freedom, amount = sum(g.degrees_of_freedom for g in others), sum(g.scatter * g.own for g in others)
+        below = max(amount, sum(g.degrees_of_freedom * g.own for g in others))
+        below /= max(sum(g.degrees_of_freedom * g.signal_to_noise**2 for g in others), 1e-300)
+        above = one.scatter * one.own / one.degrees_of_freedom / max(one.signal_to_noise**2, 1e-300)
+        if f_tail(above / max(below, 1e-300), one.degrees_of_freedom, freedom) >= least:
+            break
+        found.append(one)
+    return found
 
 
 @dataclass(frozen=True)

@@ -65,6 +65,18 @@ def test_unlike_the_others():
     assert found >= 15
 
 
+@pytest.mark.parametrize(("share", "withheld"), [(0.0, False), (0.01, False), (1.0, True)])
+def test_a_repeat_of_something_else(share, withheld):
+    """Two repeats far apart have no interval, the others keep theirs; noise or a per cent keep their own."""
+    rng = np.random.default_rng(8)
+    groups = [group(900.0, 0.001, rng, 2, str(i)) for i in range(2)]
+    odd = Group((run(900.0, 0.0, rng), run(900.0 * (1.0 + share), 0.0, rng)), ("a", "b"))
+    scatter = Repeatability.of([*groups, odd])
+    assert scatter.withholds(odd) == withheld
+    assert not any(map(scatter.withholds, groups))
+    assert scatter.variance(groups[0]) < 100.0
+
+
 def test_false_alarms():
     """Of campaigns whose runs differ by noise alone about one in a hundred is said to differ."""
     rng = np.random.default_rng(4)
