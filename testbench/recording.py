@@ -95,6 +95,7 @@ _WARNINGS = {
     "rig_differs": "The run is stored with another rig, or without one, and never changes: take another folder.",
     "rate_contradicts_rig": "A log's rate is not the one that the rig states for its logger; the log's is taken.",
     "sensor_not_recorded": "The rig describes a logger of which no log of the run holds a channel.",
+    "few_samples": "One to three samples of a logger of the rig: its sensors say nothing in this run.",
     "uncalibrated": "Raw values, such as volts, of a sensor without a calibration: no analysis can use them yet.",
     "interrupted": "The ingest was stopped; what it had acknowledged was recovered, what came after is not in the run.",
     "incomplete": "The log of a stored run has more than was stored; its next version is not stored yet.",

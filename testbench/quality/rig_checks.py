@@ -11,6 +11,8 @@ from .time_steps import RATE_TOLERANCE
 if TYPE_CHECKING:
     from ..rig import Column, Rig
 
+FEWEST_SAMPLES = 4
+"""Below which a log is no record: its rate cannot be told from a gap."""
 _CODE = "rig_contradiction"
 _FLAT = {"clipping_suspected", "constant_channel"}
 
@@ -30,11 +32,15 @@ def without_commanded(rig: "Rig | None", recording: Recording, found: Iterable[F
 
 
 def rate_findings(rig: "Rig | None", groups: Iterable[GroupCheck]) -> list[Finding]:
-    """Rates of the logs that are not those which the rig states for their loggers."""
+    """Rates of the logs that are not those which the rig states for their loggers, and logs too short for any."""
     found = []
     for check in groups if rig is not None else ():
         labels = {channel.label for channel in check.group.channels}
         for name, logger in rig.loggers.items() if rig is not None else ():
+            if 0 < check.samples < FEWEST_SAMPLES and any(column.channel in labels for column in rig.columns(name)):
+                message = f"loggers.{name}: {check.samples} samples in the log, expected the whole run: nothing of "
+                message += "these sensors can be analysed; export the log again, or repeat the run"
+                found.append(Finding("few_samples", None, None, message))
             stated = logger.rate if "rate" in logger.model_fields_set else None
             if stated is None or check.rate_hz is None or abs(check.rate_hz / stated - 1.0) <= RATE_TOLERANCE:
                 continue

@@ -2,8 +2,11 @@
 
 from pathlib import Path
 
+import pytest
+
 from testbench import rig
 from testbench.quality import rig_checks
+from testbench.quality.group_checks import GroupCheck
 from testbench.recording import Channel, Finding, Group, Recording
 
 
@@ -18,6 +21,14 @@ def test_a_commanded_channel_may_rest_and_hold() -> None:
         ("constant_channel", "AccX (g)"), ("clipping_suspected", "AccX (g)"), ("not_a_number", "TargetX (m/s^2)")
     ]  # fmt: skip
     assert rig_checks.without_commanded(None, recording, found) == found
+
+
+@pytest.mark.parametrize(("samples", "codes"), [(1, ["few_samples"]), (3, ["few_samples"]), (4, [])])
+def test_a_log_of_a_few_samples(samples, codes):
+    """Of a logger of the rig it is named; a group of other channels may hold as few as it likes."""
+    bench = rig.load_rig("parallelogram-6bar")
+    checks = [GroupCheck(Group("r", (Channel(name, "g"),)), samples=samples) for name in ("AccX", "Temperature")]
+    assert [f.code for f in rig_checks.rate_findings(bench, checks)] == codes
 
 
 def test_loggers_that_no_log_of_the_run_holds() -> None:
