@@ -6,15 +6,20 @@ a contradiction with the right code names a run that lies.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, cast
 
 import numpy as np
 
-from testbench.campaign_plan import Plan, plan_from_text
+from testbench.campaign_plan import Plan, load_plan, plan_from_text
 from testbench.cross_examination import Examination, Observation, hear, observe
+from testbench.ingestion.run_inputs import run_inputs
 from testbench.kinematics.encoder_motion import mechanism_of
+from testbench.project import new_project
 from testbench.recording import Conditions, UniformClock
 from testbench.rig import Rig, load_rig
+from testbench.rig.sensors import Encoder
 from testbench.runs.si_run import SIRun
 from testbench.simulator.memory_run import MemoryRun, stored
 from testbench.simulator.simulated_logs import simulate_logs
@@ -31,6 +36,7 @@ counter_masses = {{ counter_A0A = "{mass} kg", counter_B0B = "{mass} kg" }}
 motion = {motions}
 peak_acceleration = {peaks}
 """
+REPEATS = "five-bar, repeats"
 WITHOUT_FORCES_AND_PLATFORM = ("platform_acc", "k6d40", "kistler", "futek_1", "futek_2")
 
 
@@ -45,8 +51,9 @@ def plan(payload: float, mass: float, motions: Sequence[str], peaks: Sequence[fl
 
 def simulated(rig: Rig, planned: Plan, seed: int) -> Campaign:
     """The runs of a plan in memory."""
-    made = simulate_logs(planned, rig, seed)
-    return [stored(one, rig, f"{one.planned.name}.h5") for one in made]
+    runs = [stored(one, rig, f"{one.planned.name}.h5") for one in simulate_logs(planned, rig, seed)]
+    folders = [rig.folder] if rig.folder else []
+    return [replace(run, inputs=run_inputs(rig, run.conditions, folders)[0]) for run in runs]
 
 
 def slimmed(rig: Rig) -> Rig:
@@ -210,6 +217,27 @@ def copied(runs: Campaign, i: int, rng: np.random.Generator) -> tuple[Campaign, 
     return [*runs, copy], {copy.name}
 
 
+def reversed_encoder(run: MemoryRun, rng: np.random.Generator) -> MemoryRun:
+    """One encoder counts the other way from where it starts."""
+    channel = str(rng.choice([column.channel for column in SIRun.of(run).rig.columns_of(Encoder)]))
+    values = run.channel(channel)
+    return with_values(run, channel, 2.0 * values[0] - values)
+
+
+def in_degrees(run: MemoryRun, rng: np.random.Generator) -> MemoryRun:
+    """All encoders in degrees, which the rig calls radians."""
+    for column in SIRun.of(run).rig.columns_of(Encoder):
+        run = with_values(run, column.channel, np.rad2deg(run.channel(column.channel)))
+    return run
+
+
+def never_mounted(runs: Campaign, i: int, rng: np.random.Generator) -> tuple[Campaign, set[str]]:
+    """A further run without counter-masses, filed as a repeat with those of the pair: never a copy of another."""
+    k = _pair(runs, i)
+    liar = replace(runs[i], path=runs[k].path, conditions=runs[k].conditions)
+    return [liar if n == k else run for n, run in enumerate(runs) if n != i], {liar.name}
+
+
 PAYLOAD, COUNTER = frozenset({"payload_contradiction"}), frozenset({"counter_mass_contradiction"})
 GAIN = frozenset({"gain_contradiction"})
 LIES = {
@@ -236,6 +264,16 @@ LIES = {
     "accelerometer reversed": Lie(_one(reversed_sensor), frozenset({"sign_contradiction"})),
     "force channel turned": Lie(_one(turned_force), frozenset({"force_sign"})),
 }
+
+
+ENCODERS = frozenset({"encoder_contradiction"})
+LIES_BESIDE_REPEATS = {
+    "counter-masses never mounted": Lie(never_mounted, COUNTER),
+    "encoder of one run reversed": Lie(_one(reversed_encoder), ENCODERS),
+    "encoders in degrees": Lie(_all(in_degrees), ENCODERS),
+    "axes exchanged in one run": LIES["axes exchanged in one run"],
+}
+"""Told of three repeats, each side, of a machine whose motion drives its joints."""
 
 
 class Witnesses:
@@ -310,10 +348,18 @@ def drawn_pair(rng: np.random.Generator) -> Plan:
     )
 
 
-BENCHES: dict[str, Callable[[np.random.Generator], tuple[Rig, Plan]]] = {
-    "shipped": lambda rng: (load_rig("parallelogram-6bar"), drawn_plan(rng)),
-    "deep": lambda rng: (load_rig("parallelogram-6bar-deep"), drawn_plan(rng)),
-    "random, a pair": lambda rng: (drawn_rig(rng), drawn_pair(rng)),
+def five_bar(folder: Path) -> tuple[Rig, Plan]:
+    """What `testbench new --from five-bar` writes, with three repeats."""
+    new_project(folder, "five-bar")
+    planned = load_plan(folder / "plan.toml")
+    return load_rig(folder / "rig.toml"), planned.model_copy(update={"repeats": 3})
+
+
+BENCHES: dict[str, Callable[[np.random.Generator, Path], tuple[Rig, Plan]]] = {
+    "shipped": lambda rng, folder: (load_rig("parallelogram-6bar"), drawn_plan(rng)),
+    "deep": lambda rng, folder: (load_rig("parallelogram-6bar-deep"), drawn_plan(rng)),
+    "random, a pair": lambda rng, folder: (drawn_rig(rng), drawn_pair(rng)),
+    REPEATS: lambda rng, folder: five_bar(folder / "five-bar"),
 }
 
 
@@ -327,14 +373,15 @@ def drawn_plan(rng: np.random.Generator) -> Plan:
 def study(count: int, brief: bool) -> Iterator[Row]:
     """Share of lies that are found, and of honest campaigns that are suspected, by bench."""
     for bench, draw in list(BENCHES.items())[: 1 if brief else None]:
-        found: dict[str, list[bool]] = {name: [] for name in LIES}
+        lies = LIES_BESIDE_REPEATS if bench == REPEATS else LIES
+        found: dict[str, list[bool]] = {name: [] for name in lies}
         suspected = []
         for seed in range(count):
             rng = np.random.default_rng([seed, 913])
-            rig, planned = draw(rng)
-            runs, witnesses = simulated(rig, planned, seed), Witnesses()
+            with TemporaryDirectory() as folder:
+                runs, witnesses = simulated(*draw(rng, Path(folder)), seed), Witnesses()
             suspected.append(bool(witnesses.hear(runs).contradictions))
-            for name, lie in LIES.items():
+            for name, lie in lies.items():
                 if applies(name, runs):
                     told, liars = lie.tell(runs, int(rng.choice(shaking(runs))), rng)
                     found[name].append(is_found(witnesses.hear(told), lie, liars))

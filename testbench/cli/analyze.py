@@ -244,12 +244,13 @@ def doctor(campaign: Path, runs: tuple[str, ...], mechanism: str | None, accept:
     if wrong := [run for run in runs if run not in names]:
         raise StoreError(f"{campaign}: no run {wrong[0]!r}: expected some of {', '.join(names[:12])}")
     examination = examined(stored, accept, mechanism)
-    shown = sorted(runs or examination.runs, key=lambda run: -len(examination.about(run)))
+    shown = sorted(runs or names, key=lambda run: -len(examination.about(run)))
     if as_json:
         emit_json(examination.document(shown))
     else:
         _print_examination(campaign, examination, shown)
-    return EXIT_WITH_FINDINGS if any(examination.about(run) for run in shown) else 0
+    doubtful = not shown or any(examination.about(run) or run in examination.unexamined for run in shown)
+    return EXIT_WITH_FINDINGS if doubtful else 0
 
 
 def _print_examination(campaign: Path, examination: "Examination", shown: list[str]) -> None:
@@ -261,7 +262,10 @@ def _print_examination(campaign: Path, examination: "Examination", shown: list[s
         emit_table("Contradictions", *table(Statement, doubtful))
     sharing: dict[str, list[str]] = {}
     for run in shown:
-        if missing := examination.unwitnessed(run):
+        if run in examination.unexamined:
+            reason = examination.unexamined[run].removeprefix(f"{run}: ")
+            sharing.setdefault(f"not examined: {reason}", []).append(run)
+        elif missing := examination.unwitnessed(run):
             reasons = "; ".join(dict.fromkeys(examination.reasons[run].values()))
             text = f"nothing witnesses {', '.join(missing)}{f' ({reasons})' if reasons else ''}"
             sharing.setdefault(text, []).append(run)

@@ -20,6 +20,12 @@ CAMPAIGN_DEVIATIONS = 6.0
 """Robust standard deviations of witnessed less stated values over the campaign within which a run agrees."""
 ACCELERATION_SHARE = {"command": 0.05, "encoders": 0.15}
 """Share by which a peak acceleration may differ: rounded in the run table, smoothed by the encoders' low-pass."""
+UNLIKE = float(np.log(1.5))
+"""Distance of a run from its nearest repeat from which it is none [logarithm of sizes]."""
+LIKE = 0.25
+"""Most of that distance by which it differs from a run with other counter-masses, as which it counts."""
+ABOVE_NOISE = 30.0
+"""Span of a channel over its noise from which sizes are compared: white noise alone spans eight to ten."""
 NAMED_MOTIONS = frozenset({"x", "y", "z", "triangle"})
 TORQUE_FACTOR = 2.0
 """Largest factor between a torque and its model without a finding, where the payload does not explain it."""
@@ -70,6 +76,50 @@ def motions(seen: Observation) -> list[Statement]:
         )
         for name, some in witnesses.items()
     ]  # fmt: skip
+
+
+def unlike_repeats(observations: Sequence[Observation]) -> list[Statement]:
+    """Runs whose forces, torques and base accelerations are unlike all their repeats, and like runs with other masses.
+
+    Sizes of channels are compared, which needs no model.
+    """
+    found = []
+    for seen in observations:
+        same = [o for o in observations if _condition(o) == _condition(seen)]
+        repeats = [o for o in same if o is not seen and o.counter_masses == seen.counter_masses]
+        others = [
+            (d, o) for o in same if o.counter_masses != seen.counter_masses and (d := _apart(seen, o)) is not None
+        ]
+        away = [d for o in repeats if (d := _apart(seen, o)) is not None]
+        if not away or not others:
+            continue
+        near, like = min(others, key=lambda one: one[0])
+        wrong = min(away) > UNLIKE and near < LIKE * min(away)
+        witnessed = f"channels {np.exp(min(away)):.2g} times those of {repeats[0].name}, or the inverse, expected 1"
+        witnessed += f"; as {like.name}, {_masses(like.counter_masses)}" if wrong else ""
+        found.append(
+            Statement(seen.name, "counter-masses", None, f"{_masses(seen.counter_masses)} by the run table", witnessed,
+                      "its sensors beside those of its repeats", "counter_mass_contradiction" if wrong else None)
+        )  # fmt: skip
+    return found
+
+
+def _condition(seen: Observation) -> dict[str, object]:
+    return {k: v for k, v in seen.conditions.items() if k not in {"counter_masses", "repeat"}}
+
+
+def _apart(seen: Observation, other: Observation) -> float | None:
+    """Root mean square of the logarithms of sizes' ratios, of all that shakes above the noise; None of nothing."""
+    found = []
+    for channel, record in seen.records.items():
+        beside, column = other.records.get(channel), record.column
+        if beside is None or {record.dead, beside.dead, record.clipped, beside.clipped} != {False}:
+            continue
+        moved = column.dimensions[0] == "acceleration" and column.sensor not in seen.rig.base_accelerometers
+        small, large = sorted((record.span, beside.span))
+        if not moved and large > ABOVE_NOISE * max(record.noise, beside.noise) and small > 0.0:
+            found.append(np.log(large / small))
+    return float(np.sqrt(np.mean(np.square(found)))) if found else None
 
 
 def mounted(observations: Sequence[Observation]) -> tuple[list[Statement], dict[str, Mapping[str, float]]]:

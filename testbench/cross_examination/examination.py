@@ -15,9 +15,10 @@ from ..kinematics.encoder_motion import mechanism_of
 from ..recording import Finding
 from ..rig.rig import NONE
 from ..runs.si_run import SIRun
-from .conditions import accelerations, motions, mounted, payloads
+from .conditions import accelerations, motions, mounted, payloads, unlike_repeats
 from .copies import copies
 from .decisions import decisions
+from .encoder_paths import encoder_paths
 from .observation import Observation, observe
 from .sensors import examined_sensors, levels, unclosed
 from .statement import WITHHOLDING, Statement
@@ -49,6 +50,8 @@ class Examination(Shown, rows="statements"):
     """Payloads and scales of the torques that explain all runs together."""
     accepted: frozenset[str] = field(default=frozenset())
     """Codes that a person accepts."""
+    unexamined: dict[str, str] = field(default_factory=dict)
+    """By run, why nothing can be heard of it."""
 
     @cached_property
     def contradictions(self) -> tuple[Statement, ...]:
@@ -98,9 +101,12 @@ class Examination(Shown, rows="statements"):
 
     def verdict(self, shown: Sequence[str]) -> str:
         """In one sentence, of the runs ``shown``."""
-        doubtful = [run for run in shown if self.about(run)]
+        doubtful, unheard = [run for run in shown if self.about(run)], [run for run in shown if run in self.unexamined]
+        if len(unheard) == len(shown):
+            return f"None of {len(shown)} runs can be examined: nothing is known of them."
         if not doubtful:
-            return f"Nothing contradicts in {len(shown)} runs."
+            rest = f"; {len(unheard)} more cannot be examined" if unheard else ""
+            return f"Nothing contradicts in {len(shown) - len(unheard)} runs{rest}."
         subjects = ", ".join(sorted({s.subject for run in doubtful for s in self.about(run)}))
         return f"{len(doubtful)} of {len(shown)} runs contradict the run table, the rig or other runs: {subjects}."
 
@@ -115,9 +121,11 @@ class Examination(Shown, rows="statements"):
                 "silent": self.reasons[run],
             }
             for run in shown
+            if run not in self.unexamined
         ]
+        unexamined = {run: self.unexamined[run] for run in shown if run in self.unexamined}
         findings = [document(s.finding) for run in shown for s in self.about(run)]
-        return {"verdict": self.verdict(shown), "runs": runs, "findings": findings}
+        return {"verdict": self.verdict(shown), "runs": runs, "unexamined": unexamined, "findings": findings}
 
 
 def examine(
@@ -131,14 +139,20 @@ def examine(
     What a run shows is a task of the ``pool``.
     """
     tasks, known = list(runs), dict[object, Mechanism]()
-    found = dict(pool.results(partial(observed, known=known, given=mechanism), tasks))
+    found = dict(pool.results(partial(_observed_or_why, known=known, given=mechanism), tasks))
     observations = [found[place] for place in range(len(tasks))]
-    return hear([one for one in observations if one is not None], accepted).decided(tasks)
+    heard = hear([one for one in observations if not isinstance(one, str)], accepted).decided(tasks)
+    silent = {run.name: one for run, one in zip(tasks, observations, strict=True) if isinstance(one, str)}
+    return replace(heard, unexamined=silent)
 
 
 def hear(seen: Sequence[Observation], accepted: Iterable[str] = ()) -> Examination:
     """What the observations of runs of one campaign state, each for itself and against the others."""
-    statements = [*copies(seen), *levels(seen), *unclosed(seen)]
+    reasons = {one.name: one.reasons for one in seen}
+    statements = [*copies(seen), *levels(seen), *(paths := encoder_paths(seen))]
+    wrong = {s.run for s in paths if s.code}
+    seen = [one.without_encoders() if one.name in wrong else one for one in seen]
+    statements += [*unclosed(seen), *unlike_repeats(seen)]
     for one in seen:
         statements += [*accelerations(one), *motions(one)]
     about_masses, masses = mounted(seen)
@@ -148,19 +162,22 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = ()) -> Examinati
     flat = {(s.run, s.channel) for s in statements if s.code == "flat_channel"}
     found = examined_sensors(seen, unsure)
     statements += [s for s in found if s.code != "flat_channel" or (s.run, s.channel) not in flat]
-    reasons = {one.name: one.reasons for one in seen}
     return Examination(tuple(reasons), tuple(statements), reasons, torque, frozenset(accepted))
 
 
-def observed(run: "Run | SIRun", known: dict[object, Mechanism], given: Mechanism | None) -> Observation | None:
-    """What a run shows; None for a run without a rig, of which nothing is known.
+def _observed_or_why(run: "Run | SIRun", known: dict[object, Mechanism], given: Mechanism | None) -> Observation | str:
+    try:
+        return observed(run, known, given)
+    except CounterpoiseError as error:
+        return str(error)
+
+
+def observed(run: "Run | SIRun", known: dict[object, Mechanism], given: Mechanism | None) -> Observation:
+    """What a run shows. Raises CounterpoiseError of one without a rig, of which nothing is known.
 
     ``given`` takes the place of the mechanism that its rig names; those that were ``known`` are not read again.
     """
-    try:
-        bound = run if isinstance(run, SIRun) else SIRun.of(run)
-    except CounterpoiseError:
-        return None
+    bound = run if isinstance(run, SIRun) else SIRun.of(run)
 
     def mechanism() -> Mechanism:
         if given is not None:

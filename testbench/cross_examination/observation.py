@@ -1,7 +1,7 @@
 """One run as its channels show it: reduced in one pass, so that a campaign of hundreds of runs fits into memory."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -10,9 +10,10 @@ import numpy as np
 from balance.arrays import Floats
 from balance.errors import ClosureError, CounterpoiseError
 from balance.mechanism.mechanism import Mechanism
+from balance.motion.motion_files import motion_from_texts
 
 from ..errors import AnalysisError
-from ..kinematics.encoder_motion import encoder_gaps
+from ..kinematics.encoder_motion import encoder_gaps, group_of_encoders
 from ..kinematics.motion_recognition import (
     NO_GAP,
     REST_SHARE,
@@ -46,6 +47,12 @@ THIN_SAMPLES = 20_000
 """Samples of a record, at least, from which its drift is taken."""
 EDGE_S = 0.04
 """Left out at both ends of readings, where their low-pass starts up [s]."""
+SPEED_RATE_HZ = 100.0
+"""At which speeds of encoders are kept [Hz]."""
+SPEED_BAND_HZ = 20.0
+"""Low pass of these [Hz]."""
+STORED_RATE_HZ = 1000.0
+"""At which a stored motion is sampled [Hz]."""
 DRIVE_TERMS = ("offset", "armature", "viscous", "coulomb")
 """Of a drive, beyond what the mechanism's bodies need."""
 MOVED = 1e-3
@@ -120,6 +127,12 @@ class Observation:
     """Of what is driven, by ``command`` and ``encoders`` [m/s2]."""
     peak_joint_acceleration: tuple[float, ...] = ()
     """Of joints that turn and have an encoder: largest of one joint, and of the norm over all [rad/s2]."""
+    encoders: tuple[str, ...] = ()
+    """Channels of the encoders."""
+    encoder_speeds: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    """Of each, every 1 / SPEED_RATE_HZ, (n, k) float32 [rad/s, m/s]."""
+    commanded_speeds: dict[str, Floats] = field(default_factory=dict)
+    """By channel of an encoder whose joint the stored motion drives, likewise, (n,) [rad/s, m/s]."""
     motions: "dict[Source, list[RecognizedMotion]]" = field(default_factory=dict)
     """By ``command``, ``encoders`` and ``acceleration``."""
     torque: TorqueEquations | None = None
@@ -130,6 +143,13 @@ class Observation:
     """Whether the encoders or the command move."""
     unclosed: str | None = None
     """Why the mechanism's loops do not follow the encoders; None where they do, or there are none."""
+
+    def without_encoders(self) -> "Observation":
+        """The same less what is made of its encoders, which are contradicted."""
+        peaks = {witness: peak for witness, peak in self.peak_acceleration.items() if witness != "encoders"}
+        motions = {source: some for source, some in self.motions.items() if source != "encoders"}
+        return replace(self, peak_acceleration=peaks, motions=motions, peak_joint_acceleration=(), torque=None,
+                       responses=[], unclosed=None)  # fmt: skip
 
     @property
     def counter_masses(self) -> dict[str, float]:
@@ -148,6 +168,7 @@ def observe(run: SIRun, mechanism: Callable[[], Mechanism]) -> Observation:
         _attempt(seen, column.channel, partial(_keep_record, seen, run, column))
     _attempt(seen, "command", partial(_by_command, seen, run))
     _attempt(seen, "acceleration", partial(_by_acceleration, seen, run))
+    _attempt(seen, "paths", partial(_keep_speeds, seen, run))
     _attempt(seen, "encoders", partial(_by_model, seen, run, mechanism))
     return seen
 
@@ -178,6 +199,29 @@ def _by_model(seen: Observation, run: SIRun, mechanism: Callable[[], Mechanism])
 
 def _keep_record(seen: Observation, run: SIRun, column: "Column") -> None:
     seen.records[column.channel] = _record(run, column)
+
+
+def _keep_speeds(seen: Observation, run: SIRun) -> None:
+    columns = run.rig.columns_of(Encoder)
+    if not columns:
+        return
+    group_of_encoders(run)
+    time = run.instants(columns[0])
+    grid = grid_of(time, f"{run.name}: encoders", bridged=True)
+    time, position = bridge_gaps(time, run.stacked(columns), grid.step)
+    smooth = low_pass(position, min(SPEED_BAND_HZ, HIGHEST_CUTOFF * grid.rate), grid.rate)
+    at = np.arange(time[0], time[-1], 1.0 / SPEED_RATE_HZ)
+    path = np.column_stack([np.interp(at, time, values) for values in smooth.T])
+    seen.encoder_speeds = np.gradient(path, 1.0 / SPEED_RATE_HZ, axis=0).astype(np.float32)
+    seen.encoders = tuple(column.channel for column in columns)
+    if stored := run.recorded.inputs.get("motion"):
+        motion = motion_from_texts(*stored)
+        if peak := seen.conditions.get("peak_acceleration_rad_s2"):
+            motion = motion.with_peak_acceleration(peak)
+        wanted = motion.sample(STORED_RATE_HZ)
+        at = np.arange(wanted.time[0], wanted.time[-1], 1.0 / SPEED_RATE_HZ)
+        speeds = {j: np.interp(at, wanted.time, v) for j, v in zip(wanted.joints, wanted.velocity.T, strict=False)}
+        seen.commanded_speeds = {c.channel: speeds[c.component] for c in columns if c.component in speeds}
 
 
 def _keep_responses(seen: Observation, readings: "_Readings", group: str) -> None:

@@ -256,12 +256,13 @@ def _exchanged(seen: Observation, one: Gains, others: _Others) -> list[Statement
         wrong = wrong and one.crossed(weak, strong) > PROVEN
         if not _is_accelerometer(one.columns[i]):
             wrong = wrong and others.is_large(one, strong) and all(others.follow(seen, one, n) for n in (i, k))
-        found.append(
-            Statement(seen.name, "axis", names[0], f"{names[0]} is axis {one.columns[i].component}, {names[1]} axis "
+        found += [
+            Statement(seen.name, "axis", channel, f"{names[0]} is axis {one.columns[i].component}, {names[1]} axis "
                       f"{one.columns[k].component} by the rig",
                       "axes exchanged: each follows what the other should show" if wrong else "as the rig states",
                       "the model of the motion", "axis_contradiction" if wrong else None)
-        )  # fmt: skip
+            for channel in (names if wrong else names[:1])
+        ]  # fmt: skip
     return found
 
 

@@ -1,13 +1,14 @@
 """Each lie about one run of a simulated campaign is found by its code; the honest campaign has no finding."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from balance.units import G0
 from studies import lies
-from studies.lies import LIES, Witnesses
+from studies.lies import LIES, LIES_BESIDE_REPEATS, Witnesses
 from studies.simulated_runs import with_values
 from testbench.cross_examination.conditions import accelerations
 from testbench.cross_examination.examination import Examination
@@ -57,6 +58,36 @@ def test_a_lie_is_found_on_the_deep_bench(deep, name):
     runs, witnesses = deep
     changed, liars = LIES[name].tell(runs, lies.shaking(runs)[0], np.random.default_rng(2))
     assert lies.is_found(witnesses.hear(changed), LIES[name], liars)
+
+
+@pytest.fixture(scope="module")
+def repeats(tmp_path_factory):
+    """Three runs of a five-bar each side, as `testbench new` describes it; observed once."""
+    return lies.simulated(*lies.five_bar(tmp_path_factory.mktemp("project") / "five-bar"), 1), Witnesses()
+
+
+@pytest.mark.parametrize("name", list(LIES_BESIDE_REPEATS))
+def test_a_lie_is_found_beside_repeats(repeats, name):
+    """By the right code about the right run, and every channel that it concerns; the honest campaign has no finding."""
+    runs, witnesses = repeats
+    assert not witnesses.hear(runs).findings
+    changed, liars = LIES_BESIDE_REPEATS[name].tell(runs, lies.shaking(runs)[0], np.random.default_rng(1))
+    found = witnesses.hear(changed)
+    assert {(s.run, s.code) for s in found.contradictions} == {
+        (r, c) for r in liars for c in LIES_BESIDE_REPEATS[name].codes
+    }
+    channels = {s.channel for s in found.contradictions}
+    assert len(channels) == (2 if name in {"encoders in degrees", "axes exchanged in one run"} else 1)
+    if name == "encoders in degrees":
+        assert all("deg where the rig says rad" in s.witnessed for s in found.contradictions)
+
+
+def test_an_encoder_is_compared_with_other_runs(repeats):
+    """Where no motion is stored, by most of the other runs."""
+    runs = [replace(run, inputs={"mechanism": run.inputs["mechanism"]}) for run in repeats[0]]
+    told, liars = LIES_BESIDE_REPEATS["encoder of one run reversed"].tell(runs, 0, np.random.default_rng(1))
+    found = Witnesses().hear(told)
+    assert {(s.run, s.code) for s in found.contradictions} == {(*liars, "encoder_contradiction")}
 
 
 def test_witnessed_payload(campaign):
@@ -169,3 +200,16 @@ def test_doctor_says_once_what_nothing_witnesses(brief, command, monkeypatch):
     monkeypatch.setattr("testbench.cross_examination.examine", lambda *arguments: silent)
     lines = [line for line in command("doctor", brief.campaign)[1].splitlines() if "nothing witnesses" in line]
     assert [line.split(": ")[0] for line in lines] == [", ".join(names)]
+
+
+def test_doctor_of_runs_that_cannot_be_examined(brief, command, monkeypatch):
+    """It says so, run by run, and ends as findings do."""
+    unknown = Examination(
+        (), (), {}, unexamined=dict.fromkeys([f"r00{i}" for i in range(1, 9)], "stored without a rig")
+    )
+    monkeypatch.setattr("testbench.cross_examination.examine", lambda *arguments: unknown)
+    code, out, _ = command("doctor", brief.campaign)
+    assert code == 3
+    assert "None of 8 runs can be examined" in out
+    assert "r001, r002, r003, r004, r005, r006, r007, r008: not examined: stored without a rig" in out
+    assert json.loads(command("doctor", brief.campaign, "r002", "--json")[1])["unexamined"].keys() == {"r002"}

@@ -1,0 +1,87 @@
+"""Each encoder's speed against the stored motion, or the runs of the same motion: its sign and its unit."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from balance.arrays import Floats
+
+from .observation import Observation
+from .statement import Statement
+
+SAME_PATH = 0.95
+"""Correlation, of either sign, from which an encoder shows the same path as what it is compared with."""
+UNIT_SHARE = 0.1
+"""Share by which the factor between two paths may differ from that of two units."""
+DEGREES = 180.0 / np.pi
+LEAST_SHARE = 0.05
+"""Of the fastest joint's speed, below which a joint is not compared."""
+
+
+def encoder_paths(observations: Sequence[Observation]) -> list[Statement]:
+    """Encoders that are reversed, or in another unit than the rig's, by the stored motion, else by most other runs."""
+    found = []
+    for seen in observations:
+        if not seen.encoder_speeds.size:
+            continue
+        others = [o for o in observations if o is not seen and o.encoder_speeds.size and _command(o) == _command(seen)]
+        told = _told(seen, seen.commanded_speeds)
+        elsewhere = [_told(seen, dict(zip(o.encoders, o.encoder_speeds.T, strict=True))) for o in others]
+        for channel in seen.encoders:
+            said = [one[channel] for one in elsewhere if channel in one]
+            if channel in told:
+                wrong, witness = told[channel], "the motion that is stored with the run"
+            elif len(said) > 1:
+                wrong, witness = max(set(said), key=said.count), "the other runs of this motion"
+                wrong = wrong if 2 * said.count(wrong) > len(said) else ""
+            else:
+                continue
+            code = "encoder_contradiction" if wrong else None
+            found.append(Statement(seen.name, "axis", channel, "sign and unit as in the rig", wrong or "agrees",
+                                   witness, code))  # fmt: skip
+    return found
+
+
+def _command(seen: Observation) -> dict[str, object]:
+    """What decides how a run moves."""
+    apart = {"payload_kg", "payloads", "counter_masses", "repeat"}
+    return {key: value for key, value in seen.conditions.items() if key not in apart}
+
+
+def _told(seen: Observation, wanted: dict[str, Floats]) -> dict[str, str]:
+    """By channel, what is wrong with an encoder that shows a path of ``wanted`` (n,) by channel; empty if nothing."""
+    names = [name for name in seen.encoders if name in wanted]
+    if not names:
+        return {}
+    shown = np.column_stack([seen.encoder_speeds[:, seen.encoders.index(name)] for name in names])
+    correlation, gain = _compared(shown, np.column_stack([wanted[name] for name in names]))
+    said = {}
+    for name, alike, factor in zip(names, correlation, gain, strict=True):
+        if abs(alike) < SAME_PATH:
+            continue
+        unit = ""
+        for ratio, text in ((DEGREES, "the log is in deg where the rig says rad"),
+                            (1.0 / DEGREES, "the log is in rad where the rig says deg")):  # fmt: skip
+            if abs(abs(factor) / ratio - 1.0) < UNIT_SHARE:
+                unit = f"{abs(factor):.3g} times as far: {text}"
+        said[name] = "; ".join(text for text in ("reversed" if alike < 0.0 else "", unit) if text)
+    return said
+
+
+def _compared(shown: Floats, wanted: Floats) -> tuple[Floats, Floats]:
+    """Correlation and factor of each path of ``shown`` (n, k) with that of ``wanted`` (m, k), where they fit best.
+
+    All are taken at one lag, at which the squares of the correlations are largest: signs and units do not matter.
+    """
+    from scipy.signal import correlate
+
+    count = len(wanted)
+    shown = np.pad(shown, ((count, count), (0, 0)))
+    power = np.cumsum(np.pad(shown**2, ((1, 0), (0, 0))), axis=0)
+    own, energy = (wanted**2).sum(axis=0), power[count:] - power[:-count]
+    products = np.column_stack([correlate(a, b, "valid", "fft") for a, b in zip(shown.T, wanted.T, strict=True)])
+    least = LEAST_SHARE**2 * energy.max(axis=0)
+    correlation = products / np.sqrt(np.maximum(np.maximum(energy, least) * own, 1e-300))
+    correlation[:, own < LEAST_SHARE**2 * own.max()] = 0.0
+    best = int(np.argmax((correlation**2).sum(axis=1)))
+    return correlation[best], products[best] / np.maximum(own, 1e-300)
