@@ -33,8 +33,8 @@ EDGE = 8
 """Samples next to an end of another repeat's record, which shifting it spoils."""
 SMOOTHED_S = 0.04
 """Over which the power of noise in motion is averaged [s]."""
-KNOWN = 0.5
-"""Of an amplitude, above which its repeats' interval, where they differ beyond noise, says nothing of a reduction."""
+KNOWN = 1.0
+"""Of an amplitude, from which its repeats' interval, where they differ beyond noise, reaches zero and says nothing."""
 LEAST_LEVEL = 0.05
 """Of an envelope [-]."""
 REVERSED = 0.9
