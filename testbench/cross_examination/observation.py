@@ -147,7 +147,7 @@ class Observation:
     def without_encoders(self) -> "Observation":
         """The same less what is made of its encoders, which are contradicted."""
         peaks = {witness: peak for witness, peak in self.peak_acceleration.items() if witness != "encoders"}
-        motions = {source: some for source, some in self.motions.items() if source != "encoders"}
+        motions = self.motions | {"encoders": []}
         return replace(self, peak_acceleration=peaks, motions=motions, peak_joint_acceleration=(), torque=None,
                        responses=[], unclosed=None)  # fmt: skip
 

@@ -33,10 +33,12 @@ def without_commanded(rig: "Rig | None", recording: Recording, found: Iterable[F
 
 def rate_findings(rig: "Rig | None", groups: Iterable[GroupCheck]) -> list[Finding]:
     """Rates of the logs that are not those which the rig states for their loggers, and logs too short for any."""
-    found = []
-    for check in groups if rig is not None else ():
+    found: list[Finding] = []
+    if rig is None:
+        return found
+    for check in groups:
         labels = {channel.label for channel in check.group.channels}
-        for name, logger in rig.loggers.items() if rig is not None else ():
+        for name, logger in rig.loggers.items():
             if 0 < check.samples < FEWEST_SAMPLES and any(column.channel in labels for column in rig.columns(name)):
                 message = f"loggers.{name}: {check.samples} samples in the log, expected the whole run: nothing of "
                 message += "these sensors can be analysed; export the log again, or repeat the run"
@@ -44,7 +46,7 @@ def rate_findings(rig: "Rig | None", groups: Iterable[GroupCheck]) -> list[Findi
             stated = logger.rate if "rate" in logger.model_fields_set else None
             if stated is None or check.rate_hz is None or abs(check.rate_hz / stated - 1.0) <= RATE_TOLERANCE:
                 continue
-            if rig is not None and any(column.channel in labels for column in rig.columns(name)):
+            if any(column.channel in labels for column in rig.columns(name)):
                 message = f"loggers.{name}: rate {stated:g} Hz in the rig, {check.rate_hz:.6g} Hz in the log"
                 found.append(Finding("rate_contradicts_rig", None, None, f"{message}, which is taken"))
     return found
