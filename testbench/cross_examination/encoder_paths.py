@@ -19,7 +19,10 @@ LEAST_SHARE = 0.05
 
 
 def encoder_paths(observations: Sequence[Observation]) -> list[Statement]:
-    """Encoders that are reversed, or in another unit than the rig's, by the stored motion, else by most other runs."""
+    """Encoders that are reversed, or in another unit than the rig's, by the stored motion, else by most other runs.
+
+    What is made of the encoders is the whole run's, and so is the statement.
+    """
     found = []
     for seen in observations:
         if not seen.encoder_speeds.size:
@@ -37,8 +40,8 @@ def encoder_paths(observations: Sequence[Observation]) -> list[Statement]:
             else:
                 continue
             code = "encoder_contradiction" if wrong else None
-            found.append(Statement(seen.name, "axis", channel, "sign and unit as in the rig", wrong or "agrees",
-                                   witness, code))  # fmt: skip
+            stated = f"sign and unit of {channel} as in the rig"
+            found.append(Statement(seen.name, "axis", None, stated, wrong or "they agree", witness, code))
     return found
 
 
