@@ -40,7 +40,8 @@ def trimmed(campaign):
 
 @pytest.fixture
 def everything(monkeypatch):
-    """All tables and notes, as with --all."""
+    """All tables and notes, as with --all, which a command has only once the whole program was called."""
+    monkeypatch.setattr(trim, "params", [one for one in trim.params if "--all" not in one.opts])
     monkeypatch.setattr(Detail, "everything", True)
 
 

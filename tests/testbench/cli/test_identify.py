@@ -83,6 +83,7 @@ def test_document(found):
 
 def test_tables_and_figure(run, tmp_path, monkeypatch):
     """The verdict comes first, then its scale, the combination, its interval, the unexplained torque; and a figure."""
+    monkeypatch.setattr(identify, "params", [one for one in identify.params if "--all" not in one.opts])
     monkeypatch.setattr(Detail, "everything", True)
     text = invoke(ARM, run, "--method", "ls", "--figure", tmp_path / "torque.svg")
     for words in ("mcx[link_1] + 0.3 m[link_2]", "origin simulated", "unexplained on held-out", "ratios of first"):
