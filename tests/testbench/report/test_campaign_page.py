@@ -195,10 +195,10 @@ def test_in_a_browser(browser, made, hostile, tmp_path, which):
     view.fill("#motion-time", "40")
     assert view.eval_on_selector_all(links, "all => all.map(one => one.getAttribute('points'))") != before
     view.click("#motion-play")
-    view.wait_for_function("document.getElementById('motion-time').value != '40'")
+    view.wait_for_function("() => document.getElementById('motion-time').value != '40'")
     view.click("#motion-play")
     assert view.locator("#series-plots canvas").count() == 3
-    view.wait_for_function("document.querySelector('#series-plots p').textContent")
+    view.wait_for_function("() => document.querySelector('#series-plots p').textContent")
     whole = view.inner_text("#series-plots p >> nth=0")
     view.focus("#series-plots .plot >> nth=0")
     view.keyboard.press("+")
