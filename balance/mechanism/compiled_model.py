@@ -28,11 +28,7 @@ def mechanism_of(model: Any, file: str, name: str, text: str) -> Mechanism:  # n
     Raises ModelError, naming the file, where nothing moves or has mass, and where a name means nothing.
     """
     if not 0 < model.nv <= COORDINATE_LIMIT:
-        what = (
-            "no moving body; joints belong to the bodies under <worldbody>"
-            if not model.nv
-            else f"{model.nv} coordinates"
-        )
+        what = "no moving body: no joint lets one move" if not model.nv else f"{model.nv} coordinates"
         raise ModelError(f"{file}: {what}; expected 1 to {COORDINATE_LIMIT} coordinates")
     return _Parts(model, file).mechanism(name, text)
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import ModelError
-from .mjcf_compiler import import_mujoco
+from .mjcf_compiler import MASSLESS, import_mujoco
 
 JOINT_LIMIT = 900
 """Most joints of a robot, fixed ones included: MuJoCo takes about a thousand bodies on each other."""
@@ -42,6 +42,8 @@ class Link:
     mass: float = 0.0
     centre: Placement = field(default_factory=Placement)
     inertia: Floats = field(default_factory=lambda: np.zeros((3, 3)))
+    weightless: bool = False
+    """Whether the file takes its weight off."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,8 @@ class RobotJoint:
     limits: tuple[float, float] = (-math.inf, math.inf)
     damping: float = 0.0
     friction: float = 0.0
+    stiffness: float = 0.0
+    armature: float = 0.0
     follows: tuple[str, float, float] | None = None
     """The joint that leads, the ratio, and the offset [rad, m]."""
 
@@ -76,7 +80,7 @@ class Robot:
     """Two links or joints whose frames coincide, and whether their axes do."""
     motors: tuple[str, ...] = ()
     of_no_body: dict[str, Floats] = field(default_factory=dict)
-    """Principal moments (3,) [kg m2] that MuJoCo refuses since no body can have them: another's stand in the spec."""
+    """Principal moments (3,) [kg m2] that MuJoCo refuses, being too small or of no body: others stand in the spec."""
 
     def restore(self, model: Any) -> None:  # noqa: ANN401
         """Put the principal moments of the file into MuJoCo's ``model`` of the spec."""
@@ -119,6 +123,8 @@ class _SpecOfRobot:
             for link in (joint.parent, joint.child):
                 if link not in links and link != "world":
                     raise ModelError(f"{file}: joint {name!r} joins link {link!r}: there are {', '.join(links)}")
+            if joint.parent == joint.child:
+                raise ModelError(f"{file}: joint {name!r} joins link {joint.child!r} to itself: expected two links")
         carried = {joint.child for joint in joints.values()}
         roots = [name for name in links if name not in carried and name != "world"]
         if len(roots) > (1 if "world" not in {j.parent for j in joints.values()} else 0):
@@ -145,7 +151,8 @@ class _SpecOfRobot:
             kind = kinds.mjJNT_SLIDE if joint.kind == "prismatic" else kinds.mjJNT_HINGE
             for suffix, axis in joint.axes.items():
                 added = body.add_joint(name=f"{name}{suffix}", type=kind, pos=point, axis=turn @ axis)
-                added.damping[0], added.frictionloss = joint.damping, joint.friction
+                added.damping[0], added.stiffness[0] = joint.damping, joint.stiffness
+                added.frictionloss, added.armature = joint.friction, joint.armature
                 if max(map(abs, joint.limits)) < math.inf:
                     added.range, added.limited = joint.limits, 1
         if placed:
@@ -157,9 +164,10 @@ class _SpecOfRobot:
         own = self.robot.links[link] if link else Link()
         size, axes = np.linalg.eigh(own.inertia)
         axes = axes * np.sign(np.linalg.det(axes))
-        if size[0] < 0.0 or size[0] + size[1] < size[2]:
-            self.robot.of_no_body[name], size = size, np.full(3, np.abs(size).max())
-        body.mass, body.inertia, body.explicitinertial = own.mass, size, True
+        if size[0] < 0.0 or size[0] + size[1] < size[2] or 0.0 < size[2] < MASSLESS:
+            self.robot.of_no_body[name], size = size, np.full(3, max(np.abs(size).max(), 2.0 * MASSLESS))
+        body.gravcomp, body.mass = float(own.weightless), own.mass
+        body.inertia, body.explicitinertial = size, True
         body.ipos, body.iquat = own.centre.position, self._quaternion(own.centre.rotation @ axes)
         if link:
             self.bodies[link] = body

@@ -289,13 +289,21 @@ def test_a_loop_of_an_sdf_is_closed(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("</model>", "</model><model name='n'/>", "expected one <model> with its links, found 2"),
+        ("</model>", "</model><model name='n'/>", "expected one <model> that moves, found 2"),
         ("</model>", "</model><include><uri>model://sun</uri></include>", "names the file 'sun', which is not there"),
         ("</model>", "</model><include><uri>../x.sdf</uri></include>", "outside the folder"),
         ("<link name=\"upper\">", "<link name=\"u\"/><link name=\"upper\">", "links u are joined to nothing"),
         ("relative_to=\"far\"", "relative_to=\"fore\"", "goes round"),
         ('type="revolute"><parent>', 'type="screw"><parent>', "of type 'screw'"),
         ("<limit>", "<mimic joint='none'/><limit>", "<mimic>: expected two joints of one axis each"),
+        ("<child>fore<", "<child>upper<", "joins link 'upper' to itself"),
+        ("version=\"1.7\"", "version='one'", "a version such as"),
+        ("<inertial><mass>", "<inertial auto='true'><mass>", "'fore' is to be found from geometry"),
+        ("</model>", "<drake:ball_constraint name='tie'/></model>", "<ball_constraint> 'tie' is a loop"),
+        ("</inertia></inertial></link>", "</inertia><fluid_added_mass/></inertial></link>", "<fluid_added_mass> is"),
+        ("</model>", "</model><joint name='j' type='fixed'/>", "joint 'j' of the <world>"),
+        ('<model name="m">', '<model name="m"><static>1</static>', "found 0 .and 1 static"),
+        ('<model name="m">', '<model name="m" placement_frame="far">', "a placement_frame is not read"),
     ],
 )  # fmt: skip
 def test_sdf_that_is_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
@@ -333,3 +341,48 @@ def test_a_model_that_an_sdf_includes(tmp_path: Path, place: str, include: str) 
     for one in (arm, mechanism_from_text(arm.text, "arm")):
         np.testing.assert_array_equal(one.parameters, alone.parameters)
         np.testing.assert_allclose(one.tree.joints[0].position, [0.1, 0.0, 0.0])
+
+
+def test_models_nested_in_an_sdf(tmp_path: Path) -> None:
+    """The arm whose forearm is a model of its own, joined by frames: the same arm; a static model stands still."""
+    flat = loaded_sdf(tmp_path, SDF)
+    start, end = SDF.index('<link name="fore">'), SDF.index('<joint name="shoulder"')
+    fore = SDF[start:end].replace('<pose relative_to="elbow"/>', "<pose>0 0 0 0 0 0.2</pose>")
+    nested = (
+        f"<model name='tip'><pose relative_to='far'>0 0 0 0 0 -0.2</pose>{fore}"
+        "<frame name='grip' attached_to='fore'/></model>"
+    )
+    text = SDF[:start] + nested + SDF[end:].replace("<child>fore<", "<child>tip::grip<")
+    ground = "</model><model name='ground'><static>true</static><link name='plane'/></model>"
+    arm = loaded_sdf(tmp_path, text.replace("</model></world>", f"{ground}</world>"))
+    assert arm.bodies == ("upper", "tip::fore")
+    np.testing.assert_allclose(arm.parameters, flat.parameters, atol=1e-15)
+    for one, other in zip(arm.tree.joints, flat.tree.joints, strict=True):
+        np.testing.assert_allclose(one.position, other.position, atol=1e-15)
+        np.testing.assert_allclose(one.rotation, other.rotation, atol=1e-15)
+
+
+def test_what_simulators_add_to_joints(tmp_path: Path) -> None:
+    """Drake's rotor, gear and mimic, without their namespace declared; springs and links without weight are said."""
+    motor = "<drake:gear_ratio value='10'/><drake:rotor_inertia value='2e-4'/>"
+    text = SDF.replace("</axis></joint>\n  <joint", f"</axis>{motor}</joint>\n  <joint")
+    text = text.replace("<limit>", "<dynamics><spring_stiffness>3</spring_stiffness></dynamics><limit>")
+    text = text.replace('<link name="fore">', '<link name="fore"><gravity>false</gravity>')
+    arm = loaded_sdf(tmp_path, text)
+    np.testing.assert_allclose(arm.armature, [0.02, 0.0])
+    assert arm.left_out == ("springs of joints elbow", "weight taken off bodies (gravcomp)")
+    gear = "<drake:mimic joint='shoulder' multiplier='2' offset='0.1'/>"
+    (coupling,) = loaded_sdf(tmp_path, SDF.replace("<child>fore</child>", f"<child>fore</child>{gear}")).loops
+    assert coupling.coefficients[:2].tolist() == [0.1, 2.0]
+    motor = "<transmission><joint name='elbow'/><actuator name='m'>{}</actuator></transmission></robot>"
+    urdf = URDF.replace("</robot>", motor.format("<drake:gear_ratio value='10'/><drake:rotor_inertia value='2e-4'/>"))
+    np.testing.assert_allclose(loaded(tmp_path, urdf).armature, [0.0, 0.02])
+
+
+def test_inertia_below_what_mujoco_takes(tmp_path: Path) -> None:
+    """A point mass that a file gives 1e-20 kg m2, since others refuse none, has it."""
+    text = SDF.replace(
+        "<ixx>0.001</ixx><iyy>0.009</iyy><izz>0.009</izz>", "<ixx>1e-20</ixx><iyy>1e-20</iyy><izz>1e-20</izz>"
+    )
+    arm = loaded_sdf(tmp_path, text)
+    np.testing.assert_allclose(arm.parameters[0, 4:], [1e-20, 0.0, 1.2 * 0.14**2, 0.0, 0.0, 1.2 * 0.14**2], rtol=1e-12)
