@@ -17,7 +17,6 @@ from .errors import DataError, ModelError
 from .mechanism.mechanism import Mechanism
 from .mechanism.mjcf_parser import load_mechanism
 from .motion import DEFAULT_RATE_HZ, Motion
-from .motion.motion_files import load_motion as read_motion
 from .task_pool import HERE, TaskPool
 from .units import si
 
@@ -73,7 +72,9 @@ def load_motion(name: str | Path) -> Motion:
     >>> round(balance.load_motion("x").duration, 3)
     0.891
     """
-    return read_motion(name)
+    from .motion import motion_files  # late, with what checks input files: much is asked without a motion
+
+    return motion_files.load_motion(name)
 
 
 def _mechanism(mechanism: Mechanism | str | Path) -> Mechanism:
@@ -95,7 +96,7 @@ def follow(
     >>> balance.follow("four-bar", "four-bar", rate="1 kHz").residual < 1e-9
     True
     """
-    described = motion if isinstance(motion, Motion) else read_motion(motion)
+    described = motion if isinstance(motion, Motion) else load_motion(motion)
     return Closure(_mechanism(mechanism)).follow(described.sample(si(rate, "frequency")))
 
 
@@ -258,7 +259,7 @@ def _problem(
 ) -> Problem:
     from .balancing.sweep import Problem
 
-    return Problem(_mechanism(mechanism), read_motion(motion).sample(DEFAULT_RATE_HZ), _masses(counter_masses))
+    return Problem(_mechanism(mechanism), load_motion(motion).sample(DEFAULT_RATE_HZ), _masses(counter_masses))
 
 
 def sweep(

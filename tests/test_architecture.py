@@ -244,6 +244,30 @@ def test_help_imports_nothing_heavy(package: str) -> None:
     assert HEAVY & set(run(HELP, f"{package}.cli")) == set()
 
 
+LOADED = """
+import contextlib, importlib, io, sys
+package, *words = sys.argv[1:]
+sys.argv = [package, *words]
+with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
+    importlib.import_module(f"{package}.cli").main()
+loaded = sorted(sys.modules)
+import json
+print(json.dumps(loaded))
+"""
+NOT_NEEDED = {
+    "balance --help": "json difflib shutil bz2 rich decimal balance.cli.options",
+    "testbench --help": "json difflib shutil bz2 rich decimal testbench.cli.options",
+    "balance size parallelogram-6bar": "pydantic scipy rich.console webbrowser balance.input_files fractions numba",
+}
+"""By command, modules that cost time and are of no use to it."""
+
+
+@pytest.mark.parametrize("words", NOT_NEEDED)
+def test_commands_start_without_what_they_do_not_need(words: str) -> None:
+    """Of a small command, most of the time is imports."""
+    assert set(NOT_NEEDED[words].split()) & set(run(LOADED, *words.split())) == set()
+
+
 WALK = """
 import contextlib, importlib, io, json, sys, threading
 roots, seen = tuple(sys.argv[1].split(";")), set()

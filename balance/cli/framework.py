@@ -1,13 +1,11 @@
 """What both commands share: subcommands, JSON or tables on stdout, messages on stderr, exit codes, number formats."""
 
-import json
 import os
 import re
-import shutil
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from difflib import get_close_matches
 from importlib import import_module
+from itertools import zip_longest
 from typing import Any, NoReturn
 
 import click
@@ -136,8 +134,8 @@ class LazyGroup(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """The subcommand that is named; the refusal of an unknown one names the nearest."""
-        if args and args[0] not in self._lazy and (near := get_close_matches(args[0], self._lazy, n=1)):
-            raise click.UsageError(f"No such command {args[0]!r}. Did you mean {near[0]!r}?", ctx)
+        if args and args[0] not in self._lazy and (near := suggestion(args[0], self._lazy)):
+            raise click.UsageError(f"No such command {args[0]!r}{near}", ctx)
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -158,7 +156,8 @@ def run(group: click.Group, name: str) -> NoReturn:
     stdout = sys.stdout
     try:
         refuse_empty(sys.argv[1:])
-        code = group.main(prog_name=name, standalone_mode=False)
+        width = max(min(columns() or 80, 80) - 2, 50)  # of help, as click has it, which would import shutil
+        code = group.main(prog_name=name, standalone_mode=False, terminal_width=width)
     except click.ClickException as error:
         error.show()
         code = _refused(error, error.format_message(), error.exit_code)
@@ -207,6 +206,8 @@ def refuse_empty(arguments: Sequence[str]) -> None:
 
 def json_text(document: dict[str, Any], version: dict[str, Any] = VERSION) -> str:
     """The one JSON document of a command, results in it by their keys; a number that is not finite is refused."""
+    import json
+
     try:
         text = json.dumps(version | plain(document), indent=2, ensure_ascii=False, allow_nan=False)
     except ValueError as error:
@@ -272,7 +273,11 @@ def columns() -> int | None:
     named = os.environ.get("COLUMNS", "")
     if named.isdigit() and int(named) > 0:
         return max(int(named), 40)
-    return max(shutil.get_terminal_size().columns, 40) if sys.stdout.isatty() else None
+    if not sys.stdout.isatty():
+        return None
+    import shutil
+
+    return max(shutil.get_terminal_size().columns, 40)
 
 
 _TEXT = 24
@@ -310,28 +315,45 @@ def _without_constants(header: list[str], cells: list[list[str]]) -> tuple[list[
 
 def _drawn(title: str, header: list[str], cells: list[list[str]], width: int | None) -> list[str]:
     """The lines of a table with its title."""
-    from rich import box
-    from rich.cells import cell_len
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
+    from rich.cells import cell_len  # a character may be two wide
 
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
     each = list(zip(*cells, strict=True)) or [()] * len(header)
     least = _widths(header, cells)
     sizes = [max(map(cell_len, [name, *column])) for name, column in zip(header, each, strict=True)]
-    while width is not None and sum(sizes) + 2 * len(sizes) > width and sizes != least:
-        widest = max(range(len(sizes)), key=lambda k: sizes[k] - least[k])
-        sizes[widest] -= 1
-    for name, column, size in zip(header, each, sizes, strict=True):
-        table.add_column(Text(name), justify="right" if _is_numeric(column) else "left", width=size)
-    for row in cells:
-        table.add_row(*map(Text, row))
-    console = Console(width=width or 100_000, color_system=None, force_terminal=False)
-    with console.capture() as found:
-        console.print(table)
-    lines = [line.rstrip() for line in found.get().rstrip("\n").split("\n")]
+    while width is not None and sum(sizes) + 2 * len(sizes) > width:
+        spare = [max(size - needed, 0) for size, needed in zip(sizes, least, strict=True)]
+        taken = spare if any(spare) else sizes
+        sizes[taken.index(max(taken))] -= 1
+    sides = [str.rjust if _is_numeric(column) else str.ljust for column in each]
+    lines: list[str] = []
+    for row in (header, *cells):
+        wrapped = [_wrapped(cell, size) for cell, size in zip(row, sizes, strict=True)]
+        if row is header:  # its names end at the line below
+            wrapped = [[""] * (max(map(len, wrapped)) - len(name)) + name for name in wrapped]
+        for line in zip_longest(*wrapped, fillvalue=""):
+            fields = [
+                side(cell, size - cell_len(cell) + len(cell))
+                for side, cell, size in zip(sides, line, sizes, strict=True)
+            ]
+            lines.append("  ".join(fields).rstrip())
+        if row is header:
+            lines.append("\u2500" * (sum(sizes) + 2 * len(sizes) - 2))
     return ["", *(map(_bold, click.wrap_text(plain_text(title), width or 1000).split("\n")) if title else []), *lines]
+
+
+def _wrapped(cell: str, size: int) -> list[str]:
+    """The lines of a cell in a column of ``size`` characters, broken between words where it can be."""
+    from rich.cells import cell_len, chop_cells
+
+    if cell_len(cell) <= size:
+        return [cell]
+    lines: list[str] = []
+    for word in cell.split():
+        if lines and cell_len(lines[-1]) + 1 + cell_len(word) <= size:
+            lines[-1] += f" {word}"
+        else:
+            lines += chop_cells(word, size)
+    return lines
 
 
 def _bold(text: str) -> str:

@@ -1,6 +1,5 @@
 """Options that several commands share: a mechanism, payloads, counter-masses, quantities; results of a motion."""
 
-import webbrowser
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -228,6 +227,8 @@ def serve(server: "Loopback", name: str, browser: bool, idle: float | None) -> N
     click.echo(f"{plain_text(name)}: {server.url}")
     click.echo("This address is for this machine and for you; Ctrl-C ends it.")
     if browser:
+        import webbrowser
+
         webbrowser.open(server.url)
     with suppress(KeyboardInterrupt):
         server.serve(float("inf") if idle is None else idle)

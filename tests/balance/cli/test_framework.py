@@ -104,7 +104,7 @@ WRONG = {
     "conditions": "Missing argument",
     "conditions parallelogram-6bar --colour red": "No such option",
     "balence": "No such command 'balence'",
-    "sise": "Did you mean 'size'",
+    "sise": "did you mean 'size'",
     "conditions parallelogram-6bar --momentum spin": "spin",
     "simulate parallelogram-6bar": "--motion",
     "methods serial-1r --stroke 5": "'5' has no unit",
