@@ -4,6 +4,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -226,12 +227,21 @@ def serve(server: "Loopback", name: str, browser: bool, idle: float | None) -> N
     """Answer one browser until Ctrl-C."""
     click.echo(f"{plain_text(name)}: {server.url}")
     click.echo("This address is for this machine and for you; Ctrl-C ends it.")
-    if browser:
-        import webbrowser
+    import webbrowser
+    from tempfile import TemporaryDirectory
 
-        webbrowser.open(server.url)
-    with suppress(KeyboardInterrupt):
+    with TemporaryDirectory(prefix="counterpoise-") as folder, suppress(KeyboardInterrupt):  # read by this user alone
+        if browser:
+            webbrowser.open(_way_to(server.url, Path(folder)))
         server.serve(float("inf") if idle is None else idle)
+
+
+def _way_to(url: str, folder: Path) -> str:
+    """The address of a page in a private folder that leads on: arguments of processes are read by all users."""
+    page = folder / "open.html"
+    page.write_text(f'<!DOCTYPE html><title>Opening</title><meta http-equiv="refresh" content="0; url={url}">', "utf-8")
+    page.chmod(0o600)
+    return page.as_uri()
 
 
 def component_label(name: str) -> str:

@@ -10,7 +10,7 @@ import hashlib
 import io
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -68,14 +68,16 @@ class Page:
         *vendored, own = (_HERE / name for name in SCRIPTS)
         files = [*vendored, self.live, own] if self.live else [*vendored, own]
         scripts = [file.read_text(encoding="utf-8") for file in files]
+        styles = [(_HERE / name).read_text(encoding="utf-8") for name in STYLES]
         return environment.get_template(self.template.name).render(
             document=self.document,
             data=printable(self.data),
             number=self.number,
             interval=self.interval,
             scripts=[Markup(text) for text in scripts],
-            styles=[Markup((_HERE / name).read_text(encoding="utf-8")) for name in STYLES],
-            hashes=" ".join(f"'sha256-{_digest(text)}'" for text in scripts),
+            styles=[Markup(text) for text in styles],
+            script_hashes=_hashes(scripts),
+            style_hashes=_hashes(styles),
             live=self.live is not None,
             **self.about,
         )
@@ -135,8 +137,10 @@ def printable(value: Any) -> Any:  # noqa: ANN401
     return plain_text(value) if isinstance(value, str) and not value.isprintable() else value
 
 
-def _digest(text: str) -> str:
-    return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+def _hashes(texts: Sequence[str]) -> str:
+    """As a page's policy names them."""
+    digests = (base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in texts)
+    return " ".join(f"'sha256-{digest}'" for digest in digests)
 
 
 def inline_svg(figure: "Figure", name: str) -> "Markup":
