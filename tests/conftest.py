@@ -2,6 +2,7 @@
 
 import gc
 import os
+import shutil
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: a second thread costs many times what it brings
@@ -63,3 +64,34 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
             f"{len(waiting)} tests wait for real recordings: fetch them by `testbench recordings fetch`, or name a "
             f"folder that holds them in {public_recordings.FOLDER_VARIABLE}"
         )
+
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+AXE = Path(os.environ.get("COUNTERPOISE_AXE", "node_modules/axe-core/axe.min.js"))
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Chromium of this machine."""
+    library = pytest.importorskip("playwright.sync_api", reason="needs playwright to drive a browser")
+    if BROWSER is None:
+        pytest.skip("needs a browser: install Chromium, such as apt-get install chromium")
+    with library.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture(scope="session")
+def serious():
+    """What axe finds serious on a page, light and dark; nothing where axe is not at hand."""
+
+    def found(page) -> list[str]:
+        wrong = []
+        for scheme in ("light", "dark") if AXE.is_file() else ():
+            page.emulate_media(color_scheme=scheme)
+            page.evaluate(AXE.read_text("utf-8"))
+            wrong += page.evaluate("axe.run()")["violations"]
+        return [one["id"] for one in wrong if one["impact"] in ("serious", "critical")]
+
+    return found

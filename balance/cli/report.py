@@ -1,4 +1,4 @@
-"""``balance report`` and ``balance animate``."""
+"""``balance report``, ``balance animate`` and ``balance view``."""
 
 from pathlib import Path
 
@@ -98,3 +98,39 @@ def animate(
     designs = designs_of(model, options.distinct(counter, "--counter"))
     page = animation_page(model.name, motion, follow(model, motion), designs)
     click.echo(f"Wrote {page.write(output)}.")
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  balance view parallelogram-6bar -p platform=5kg --motion x --motion triangle
+  balance view delta --motion delta
+  balance view my-machine.xml --no-browser --port 8765
+\b
+The address holds a secret and leads to this machine alone; it ends with the command (Ctrl-C)."""
+)
+@options.mechanism_argument
+@options.payload_option
+@options.site_option
+@click.option(
+    "--motion", multiple=True, metavar="TOML",
+    help="Motions to choose from, files or shipped; moves of each driven joint alone are there without any.",
+)  # fmt: skip
+@options.serve_options
+def view(
+    mechanism: str,
+    payload: tuple[tuple[str, float], ...],
+    site: tuple[str, ...],
+    motion: tuple[str, ...],
+    port: int,
+    browser: bool,
+    idle: float | None,
+) -> None:
+    """MECH in the browser: move it by hand or in a motion, mount masses, see force, moment and torque at once.
+
+    Peak and RMS stand beside those without counter-masses and those with the ones that balance size finds.
+    """
+    from ..report.mechanism_view import MechanismView
+
+    model = options.load_mechanism_option(mechanism, payload)
+    options.serve(MechanismView(model, motion, site).server(port), model.name, browser, idle)

@@ -150,6 +150,10 @@ class Closure:
 
     def configurations(self) -> list[Configuration]:
         """The closed configurations with the driven coordinates as at home, or as many others that leave no freedom."""
+        return configurations(self.engine, self.mechanism, self.home, self.length, self.free_coordinates())
+
+    def free_coordinates(self) -> Indices:
+        """Indices of the driven coordinates, or of as many others that leave no freedom, (dof,)."""
         mechanism = self.mechanism
         fixed = np.array([mechanism.coordinate_index(name) for name in mechanism.driven], dtype=np.intp)
         turning = np.array([joint.revolute for joint in mechanism.tree.joints])
@@ -158,7 +162,7 @@ class Closure:
         rates = np.linalg.svd(free[fixed], compute_uv=False)
         if len(fixed) != self.dof or not (rates > RANK_LIMIT * np.linalg.norm(free, axis=1).max(initial=0.0)).all():
             fixed = independent_rows(free)
-        return configurations(self.engine, mechanism, self.home, self.length, fixed)
+        return fixed
 
     def _closed_home(self, search: bool) -> Floats:
         """The closed configuration nearest to that of the file; with ``search``, else nearest to a start around it."""

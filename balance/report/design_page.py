@@ -13,7 +13,7 @@ from ..balancing.sizing import sizing_document
 from ..closure import Trajectory
 from ..dynamics.inverse_dynamics import Response, simulate
 from ..figures.balancing import draw_responses, titled
-from .moving import Designs, moving
+from .moving import moving
 from .page import Page, document_of, inline_svg
 from .plotted import PlottedRun, plotted, spans_for
 
@@ -37,10 +37,11 @@ def design_page(sizing: Sizing, verdict: Verdict, trajectory: Trajectory, motion
     document = _document(sizing, verdict, motion, responses)
     shown = [row["component"] for row in document["responses"]]
     masses = {one.site: one.mass for one in sizing.counter_masses if one.mass > 0.0}
-    designs: Designs = {"without counter-masses": (sizing.before, {}), "with counter-masses": (sizing.after, masses)}
+    designs = {"without counter-masses": (sizing.before, {}), "with counter-masses": (sizing.after, masses)}
+    forces = {label: one.force for label, one in zip(designs, responses.values(), strict=True)}
     data = {
         "runs": [run.as_dict() for run in _series(motion, responses, shown)],
-        "motions": [moving(f"motion {motion}", trajectory, designs)],
+        "motions": [moving(f"motion {motion}", trajectory, designs, forces)],
     }
     figure = inline_svg(draw_responses(responses, shown), "Forces, moments and torques with and without counter-masses")
     about = {"version": version("counterpoise"), "sections": SECTIONS, "motion": motion, "figure": figure}

@@ -1,7 +1,7 @@
 """A mechanism in motion for a page, to scale: links, pivots, counter-masses, centre of mass and shaking force.
 
-Planar mechanisms are seen along z; others obliquely, the direction of gravity downwards, and then only lengths across
-the line of sight are to scale.
+Planar mechanisms are seen along z; others obliquely, or as is asked for, the direction of gravity downwards, and then
+only lengths across the line of sight are to scale.
 """
 
 import base64
@@ -30,12 +30,14 @@ WIDTH = 1000.0
 _MARGIN = 60.0
 _LONGEST_ARROW = 0.3
 """Of the largest shaking force, as a share of the mechanism's size."""
-_AZIMUTH, _ELEVATION = np.radians(30.0), np.radians(20.0)
+OBLIQUE = np.radians(30.0), np.radians(20.0)
+"""Azimuth and elevation from which a spatial mechanism is seen where nothing else is asked for [rad]."""
+_VIEW = "seen from azimuth {:.0f}°, elevation {:.0f}°, to scale only across the line of sight"
 _PLANAR = 1e-3
 """Extent along z from which a mechanism is seen obliquely, as a share of its size."""
 
 
-Designs = dict[str, tuple[Mechanism, dict[str, float]]]
+Designs = Mapping[str, tuple[Mechanism, Mapping[str, float]]]
 """By label the mechanism as it moves, and its counter-masses [kg] by site."""
 
 
@@ -48,21 +50,27 @@ class _Picture:
 
 
 def moving(
-    name: str, trajectory: Trajectory, designs: Mapping[str, tuple[Mechanism, Mapping[str, float]]]
+    name: str,
+    trajectory: Trajectory,
+    designs: Designs,
+    forces: Mapping[str, Floats] | None = None,
+    seen_from: tuple[float, float] = OBLIQUE,
+    around: Floats | None = None,
 ) -> dict[str, Any]:
     """A motion of one mechanism for the page's script, a panel for each design.
 
-    ``designs``: by label the mechanism as it moves and its counter-masses [kg] by site, which are in it already. The
-    shaking force is the model's along the trajectory.
+    ``designs``: by label the mechanism as it moves and its counter-masses [kg] by site, which are in it already.
+    ``forces``: by label the shaking force along the trajectory (n, 3) [N], by default the model's. ``seen_from``:
+    azimuth and elevation [rad], for spatial mechanisms. ``around``: further configurations (k, nv) [rad, m] for which
+    there is to be room.
     """
     step = max(1, -(-len(trajectory.time) // FRAMES))
     frames = np.arange(0, len(trajectory.time), step)
-    forces = {label: simulate(mechanism, trajectory).force for label, (mechanism, _) in designs.items()}
+    forces = forces or {label: simulate(mechanism, trajectory).force for label, (mechanism, _) in designs.items()}
     largest = max(float(np.linalg.norm(force, axis=1).max()) for force in forces.values())
-    view, flat = _view(next(iter(designs.values()))[0], trajectory.q[frames])
-    pictures = {
-        label: _picture(mechanism, masses, trajectory.q[frames], view) for label, (mechanism, masses) in designs.items()
-    }
+    room_for = trajectory.q[frames] if around is None else np.concatenate([trajectory.q[frames], around])
+    view, flat = _view(next(iter(designs.values()))[0], room_for, seen_from)
+    pictures = {label: _picture(mechanism, masses, room_for, view) for label, (mechanism, masses) in designs.items()}
     extent = np.concatenate([one.points.reshape(-1, 2) for one in pictures.values()])
     low, size = extent.min(axis=0), np.ptp(extent, axis=0)
     arrow = _LONGEST_ARROW * float(size.max()) / (largest or 1.0)
@@ -78,7 +86,8 @@ def moving(
     panels = []
     for label, one in pictures.items():
         force = forces[label][frames] @ view.T
-        points = np.concatenate([one.points, one.points[:, -1:] + arrow * force[:, None]], axis=1)
+        drawn_points = one.points[: len(frames)]
+        points = np.concatenate([drawn_points, drawn_points[:, -1:] + arrow * force[:, None]], axis=1)
         shapes = [{**shape, "radius": shape["radius"] * scale} if "radius" in shape else shape for shape in one.shapes]
         last = points.shape[1] - 1
         shapes += [{"kind": "centre", "points": [last - 1]}, {"kind": "force", "points": [last - 1, last]}]
@@ -94,12 +103,11 @@ def moving(
     return {
         "name": name, "time": [float(f"{t:.6g}") for t in trajectory.time[frames]], "width": WIDTH, "height": height,
         "panels": panels, "scale_bar_m": float(metre), "scale_bar": float(metre * scale),
-        "view": "seen along z" if flat else "seen obliquely, to scale only across the line of sight",
-        "arrow_N": largest,
+        "view": "seen along z" if flat else _VIEW.format(*np.degrees(seen_from)), "arrow_N": largest, "flat": flat,
     }  # fmt: skip
 
 
-def _view(mechanism: Mechanism, q: Floats) -> tuple[Floats, bool]:
+def _view(mechanism: Mechanism, q: Floats, seen_from: tuple[float, float]) -> tuple[Floats, bool]:
     """Directions to the right and upwards, (2, 3), and whether the mechanism lies in x-y."""
     at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
     points = np.concatenate([link_points(mechanism, at, body) for body in range(len(mechanism.bodies))])
@@ -110,9 +118,10 @@ def _view(mechanism: Mechanism, q: Floats) -> tuple[Floats, bool]:
     up = -mechanism.gravity / weight if weight > 0.0 else np.array([0.0, 0.0, 1.0])
     right = np.cross(np.eye(3)[int(np.argmin(np.abs(up)))], up)
     right /= np.linalg.norm(right)
-    away = np.cos(_AZIMUTH) * np.cross(up, right) + np.sin(_AZIMUTH) * right
+    azimuth, elevation = seen_from
+    away = np.cos(azimuth) * np.cross(up, right) + np.sin(azimuth) * right
     right = np.cross(away, up)
-    return np.array([right, np.cos(_ELEVATION) * up + np.sin(_ELEVATION) * away]), False
+    return np.array([right, np.cos(elevation) * up + np.sin(elevation) * away]), False
 
 
 def _picture(mechanism: Mechanism, masses: Mapping[str, float], q: Floats, view: Floats) -> _Picture:
@@ -146,10 +155,8 @@ def _picture(mechanism: Mechanism, masses: Mapping[str, float], q: Floats, view:
 
 def designs_of(mechanism: Mechanism, masses: dict[str, float]) -> Designs:
     """A mechanism without counter-masses, and with those given [kg] by site where there are some."""
-    found: Designs = {"without counter-masses": (mechanism, {})}
-    if masses:
-        found["with counter-masses"] = mechanism.with_counter_mass(masses), masses
-    return found
+    found: dict[str, tuple[Mechanism, Mapping[str, float]]] = {"without counter-masses": (mechanism, {})}
+    return found | ({"with counter-masses": (mechanism.with_counter_mass(masses), masses)} if masses else {})
 
 
 def animation_page(name: str, motion: str, trajectory: Trajectory, designs: Designs) -> Page:

@@ -15,45 +15,47 @@
     return new Int16Array(bytes.buffer);
   };
 
-  /* The mechanism in motion. */
-  const motions = data.motions || [];
-  if (motions.length) {
-    const SVG = "http://www.w3.org/2000/svg", slider = at("motion-time"), play = at("motion-play");
-    let motion = motions[0], panels = [], playing = 0, begun = 0, from = 0;
-    const element = (tag, attributes) => {
-      const one = document.createElementNS(SVG, tag);
-      for (const [name, value] of Object.entries(attributes)) one.setAttribute(name, value);
-      return one;
-    };
-    const build = () => {
-      at("motion-panels").replaceChildren(...motion.panels.map((panel) => {
-        const figure = made("figure"), svg = element("svg", {
-          role: "img", viewBox: `0 0 ${motion.width} ${motion.height}`,
-          "aria-label": `${motion.name}, ${panel.label}: the mechanism, its centre of mass and the shaking force`,
-        });
-        for (const shape of panel.shapes) {
-          const closed = shape.kind === "link" || shape.kind === "payload";
-          const line = closed || shape.kind === "stay" || shape.kind === "force";
-          const one = element(closed ? "polygon" : line ? "polyline" : "circle", { class: shape.kind });
-          if (!line) one.setAttribute("r", shape.radius === undefined ? 9 : shape.radius);
-          if (shape.label) one.append(Object.assign(element("title", {}), { textContent: shape.label }));
-          svg.append(one);
-        }
-        const low = motion.height - 25, text = element("text", { x: 30, y: low - 10 });
-        text.textContent = `${+(1000 * motion.scale_bar_m).toPrecision(3)} mm`;
-        svg.append(element("line", { class: "bar", x1: 30, x2: 30 + motion.scale_bar, y1: low, y2: low }), text);
-        figure.append(svg, made("figcaption", ""));
-        return figure;
-      }));
-      panels = motion.panels.map((panel, i) => ({
-        panel, points: steps(panel.points), shapes: at("motion-panels").children[i].firstChild.children,
-        caption: at("motion-panels").children[i].lastChild,
-      }));
-      slider.max = motion.time.length - 1;
-      slider.value = 0;
-      draw(0);
-    };
-    const draw = (frame) => {
+  /* The answer of the program that serves this page. */
+  const asked = async (name, words, method = "GET") => {
+    const text = method === "GET" ? `${name}?${new URLSearchParams(words)}` : name;
+    const given = method === "GET" ? {} : { method, headers: { "Content-Type": "application/json" }, body: JSON.stringify(words) };
+    const ended = () => { throw new Error("The program that serves this page does not answer: it has ended. Start it again, and open its new address."); };
+    const answer = await fetch(text, given).catch(ended), found = await answer.json();
+    if (!answer.ok) throw new Error(found.error);
+    return found;
+  };
+  const live = window.live && window.live({ data, at, made, asked });
+
+  /* The pictures of a motion in a place of the page; what is given back draws one of them. */
+  const SVG = "http://www.w3.org/2000/svg";
+  const element = (tag, attributes) => {
+    const one = document.createElementNS(SVG, tag);
+    for (const [name, value] of Object.entries(attributes)) one.setAttribute(name, value);
+    return one;
+  };
+  const pictured = (host, motion) => {
+    const panels = motion.panels.map((panel) => {
+      const figure = made("figure"), caption = made("figcaption", panel.label), svg = element("svg", {
+        role: "img", viewBox: `0 0 ${motion.width} ${motion.height}`,
+        "aria-label": `${motion.name}, ${panel.label}: the mechanism, its centre of mass and the shaking force`,
+      });
+      for (const shape of panel.shapes) {
+        const closed = shape.kind === "link" || shape.kind === "payload";
+        const line = closed || shape.kind === "stay" || shape.kind === "force";
+        const one = element(closed ? "polygon" : line ? "polyline" : "circle", { class: shape.kind });
+        if (!line) one.setAttribute("r", shape.radius === undefined ? 9 : shape.radius);
+        if (shape.label) one.append(Object.assign(element("title", {}), { textContent: shape.label }));
+        svg.append(one);
+      }
+      const shapes = [...svg.children];
+      const low = motion.height - 25, text = element("text", { x: 30, y: low - 10 });
+      text.textContent = `${+(1000 * motion.scale_bar_m).toPrecision(3)} mm`;
+      svg.append(element("line", { class: "bar", x1: 30, x2: 30 + motion.scale_bar, y1: low, y2: low }), text);
+      figure.append(svg, caption);
+      return { panel, figure, caption, shapes, points: steps(panel.points) };
+    });
+    host.replaceChildren(...panels.map(({ figure }) => figure));
+    return (frame) => {
       for (const { panel, points, shapes, caption } of panels) {
         const place = (i) => [0, 1].map((k) => points[2 * (frame * panel.count + i) + k] / 10);
         panel.shapes.forEach((shape, k) => {
@@ -64,8 +66,26 @@
             one.setAttribute("cy", y);
           } else one.setAttribute("points", shape.points.map((i) => place(i).join()).join(" "));
         });
-        caption.textContent = `${panel.label}: shaking force ${panel.force_N[frame]} N, largest ${+panel.largest_N.toPrecision(4)} N`;
+        if (motion.time.length > 1) caption.textContent = `${panel.label}: shaking force ${panel.force_N[frame]} N, largest ${+panel.largest_N.toPrecision(4)} N`;
       }
+    };
+  };
+
+  /* The mechanism in motion. */
+  const motions = data.motions || [];
+  let show = () => {};
+  if (motions.length) {
+    const slider = at("motion-time"), play = at("motion-play");
+    let motion = motions[0], picture = null, playing = 0, begun = 0, from = 0;
+    show = (one) => {
+      motion = one;
+      picture = pictured(at("motion-panels"), motion);
+      slider.max = motion.time.length - 1;
+      at("motion-view").textContent = motion.view[0].toUpperCase() + motion.view.slice(1);
+      draw(Number(slider.value));
+    };
+    const draw = (frame) => {
+      picture(frame);
       const now = `t = ${motion.time[frame].toFixed(3)} s`;
       at("motion-now").textContent = now;
       slider.setAttribute("aria-valuetext", now);
@@ -93,16 +113,17 @@
       playing = requestAnimationFrame(tick);
     });
     slider.addEventListener("input", () => { stop(); draw(Number(slider.value)); });
-    at("motion-choice").addEventListener("change", (event) => { stop(); motion = motions[event.target.value]; build(); });
+    at("motion-choice").addEventListener("change", (event) => { stop(); slider.value = 0; show(motions[event.target.value]); });
+    at("motion-choice").parentElement.hidden = motions.length < 2;
     at("motion-controls").hidden = false;
-    build();
+    show(motion);
   }
 
   /* Time series and spectra. */
   const runs = data.runs || [];
+  let renew = () => {};
   if (runs.length) {
     const conditions = data.conditions || [], help = at("series-help"), kinds = at("series-kind");
-    const live = window.live;
     let plots = [], moving = false, turns = 0;
     const chosen = () => [...new Set(["series-a", "series-b"]
       .flatMap((id) => [...at(id).selectedOptions].map((option) => runs[option.value])).filter((run) => run))];
@@ -148,7 +169,7 @@
       for (const plot of plots) { plot.u.setScale("x", { min, max }); }
       moving = false;
       plots.forEach(stated);
-      if (live) live.look(plots, min, max, renewed);
+      if (live && live.look) live.look(plots, min, max, renewed);
     };
     const renewed = (plot, min, max) => {
       moving = true;
@@ -180,7 +201,7 @@
       at("series-plots").append(box);
       const hues = ["--without", "--with", "--payload", "--link", "--warn", "--ink"];
       const series = lines.flatMap(({ run, one, label, hue }) => {
-        const words = label || `${run.name}, ${run.balanced ? "with" : "without"} counter-masses`;
+        const words = label || (run.label === run.name && run.name) || `${run.name}, ${run.balanced ? "with" : "without"} counter-masses`;
         const stroke = colour(hue === undefined ? (run.balanced ? "--with" : "--without") : hues[hue % hues.length]);
         const line = { label: words, stroke, width: 1.2, points: { show: false }, dash: run.again ? [6, 4] : undefined };
         return one.half_width ? [line, ...["from", "to"].map((end) => ({ label: end, width: 0, points: { show: false } }))] : [line];
@@ -227,9 +248,11 @@
       const wanted = (one) => one.kind === kinds.value || one.name === kinds.value;
       const names = [...new Set(chosen().flatMap((run) => listed(run).filter(wanted).map((one) => one.name)))];
       let drawn = names.map((name) => ({
-        name, lines: chosen().map((run) => ({ run, one: listed(run).find((one) => wanted(one) && one.name === name) })).filter(({ one }) => one),
+        name, lines: chosen().map((run, i, all) => ({
+          run, one: listed(run).find((one) => wanted(one) && one.name === name), hue: all.length > 2 ? i : undefined,
+        })).filter(({ one }) => one),
       }));
-      if (live) drawn = await live.load(drawn, over(), plots.length ? plots[0].u.scales.x : null);
+      if (live && live.load) drawn = await live.load(drawn, over(), plots.length ? plots[0].u.scales.x : null);
       if (turn !== turns) return;
       plots.forEach((plot) => plot.u.destroy());
       at("series-plots").replaceChildren();
@@ -249,6 +272,12 @@
           : "Every sample, not filtered; values are rounded to 1/65534 of their range.";
       at("series-note").textContent = [how, ...new Set(shown.map((one) => one.about).filter((text) => text))].join(" ");
     };
+    /* The same runs with other values; ``anew`` where channels or instants are others. */
+    renew = (fresh, anew) => {
+      fresh.forEach((run, i) => (anew ? Object.assign(runs[i], run)
+        : run.channels.forEach((one, k) => Object.assign(runs[i].channels[k], one, { curve: null }))));
+      if (anew) { offer(); redraw(); } else plots.forEach((plot) => renewed(plot, plot.u.scales.x.min, plot.u.scales.x.max));
+    };
     const pair = () => {
       const one = conditions[at("series-condition").value];
       at("series-a").value = one.first;
@@ -257,7 +286,7 @@
     if (conditions.length) {
       pair();
       at("series-condition").addEventListener("change", () => { pair(); offer(); redraw(); });
-    } else if (runs.length > 1) at("series-b").value = 1;
+    } else if (runs.length > 1) for (const one of at("series-b").options) one.selected = one.value === "1" || (data.together && one.value > 0);
     for (const id of ["series-a", "series-b", "series-over"]) at(id).addEventListener("change", () => { offer(); redraw(); });
     kinds.addEventListener("change", redraw);
     for (const button of document.querySelectorAll("[data-view]")) button.addEventListener("click", () => change(button.dataset.view));
@@ -275,6 +304,8 @@
     };
     for (const query of ["(prefers-color-scheme: dark)", "print"]) matchMedia(query).addEventListener("change", recolour);
   }
+
+  if (live && live.ready) live.ready({ pictured, show, renew });
 
   /* Tables that filter, details that print. */
   for (const input of document.querySelectorAll("input[data-filters]")) {

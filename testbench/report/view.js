@@ -1,21 +1,6 @@
 "use strict";
 /* What the viewer adds to the page's script: samples, spectra and differences are asked for as they are looked at. */
-(() => {
-  const at = (id) => document.getElementById(id);
-  const made = (tag, text, attributes = {}) => {
-    const one = Object.assign(document.createElement(tag), attributes);
-    if (text) one.textContent = text;
-    return one;
-  };
-  const asked = async (name, words, method = "GET") => {
-    const text = method === "GET" ? `${name}?${new URLSearchParams(words)}` : name;
-    const given = method === "GET" ? {} : { method, headers: { "Content-Type": "application/json" }, body: JSON.stringify(words) };
-    const ended = () => { throw new Error("testbench view does not answer: it has ended. Start it again, and open its new address."); };
-    const answer = await fetch(text, given).catch(ended), found = await answer.json();
-    if (!answer.ok) throw new Error(found.error);
-    return found;
-  };
-
+window.live = ({ at, made, asked }) => {
   /* A line that is drawn knows what it was asked for: the words, and from where to where its samples reach. */
   const WIDTHS = 3;
   const complain = (error) => { at("series-error").textContent = error.message; };
@@ -28,16 +13,16 @@
   };
   const spans = () => Math.max(200, Math.round(at("series-plots").clientWidth));
 
-  let wanted = null, busy = false;
-  window.live = {
+  let wanted = null, busy = false, lastShown = null;
+  const live = {
     /* The lines of plots, with those of differences to the first run; over frequency, of the time that is shown. */
     async load(drawn, over, shown) {
       at("series-error").textContent = "";
       at("series-note").textContent = "Reading …";
-      const range = over === "frequency" && window.live.shown ? window.live.shown : [-1e300, 1e300];
+      const range = over === "frequency" && lastShown ? lastShown : [-1e300, 1e300];
       const plots = drawn.flatMap(({ name, lines }) => {
-        const first = lines[0].run.name, own = lines.map(({ run, one }, hue) => ({
-          run, hue: lines.length > 2 ? hue : undefined,
+        const first = lines[0].run.name, own = lines.map(({ run, one, hue }) => ({
+          run, hue,
           one: { ...one, ask: { name: over === "time" ? "samples" : "spectrum", words: { run: run.id, channel: one.id, first: lines[0].run.id } } },
         }));
         const apart = own.slice(1).map(({ run, hue, one }) => ({
@@ -46,13 +31,13 @@
         return [{ name, lines: own }, ...(over === "time" && apart.length ? [{ name: `${name}: difference to ${first}`, lines: apart }] : [])];
       });
       await Promise.all(plots.flatMap(({ lines }) => lines.map(({ one }) => fetched(one, ...range, spans()))));
-      if (over === "time") window.live.shown = null;
+      if (over === "time") lastShown = null;
       return plots;
     },
     /* Asks anew for what is too coarse, or ends too near; one request a line at a time, the last wish wins. */
     async look(plots, min, max, renewed) {
       if (!plots.length || !plots[0].lines[0].one.values) return;
-      window.live.shown = [min, max];
+      lastShown = [min, max];
       wanted = { plots, min, max };
       if (busy) return;
       busy = true;
@@ -77,9 +62,9 @@
 
   /* Findings, and the decisions of a person about them. */
   const form = (code) => {
-    const one = made("form", "", { className: "controls" });
-    const [by, reason] = ["by", "reason"].map((name) => made("input", "", { name, required: true, maxLength: 500 }));
-    const state = made("p", "", { className: "note" });
+    const one = made("form", "", { class: "controls" });
+    const [by, reason] = ["by", "reason"].map((name) => made("input", "", { name, required: true, maxlength: 500 }));
+    const state = made("p", "", { class: "note" });
     state.setAttribute("role", "status");
     for (const [text, input] of [["Your name", by], ["Reason", reason]]) {
       const label = made("label", text);
@@ -106,4 +91,5 @@
     }));
   };
   asked("findings", {}).then(list, (error) => { at("findings-state").textContent = error.message; });
-})();
+  return live;
+};

@@ -54,7 +54,7 @@ LINES = [
     "testbench speed edges.csv --pulses 60",
 ]
 OTHERS = {
-    "balance": {"report", "animate", "schema"},
+    "balance": {"report", "animate", "view", "schema"},
     "testbench": {"new", "check", "simulate", "describe", "watch", "remove", "archive", "recover", "calibrate",
                   "export", "doctor", "schema", "vectors", "view", "predict"},
 }  # fmt: skip

@@ -215,8 +215,11 @@ def served(campaign):
     server.asked = float("-inf")
 
 
-def test_in_a_browser(browser, served):
-    """Loads, zooms to every sample, moves, overlays three runs, spectra; names stay text; nothing else is asked for."""
+def test_in_a_browser(browser, serious, served):
+    """Loads, zooms to every sample, moves, overlays three runs, spectra; names stay text; nothing else is asked for.
+
+    Axe finds nothing serious.
+    """
     view = browser.new_page()
     odd, asked = [], []
     view.on("console", lambda message: odd.append(message.text))
@@ -251,6 +254,7 @@ def test_in_a_browser(browser, served):
     view.wait_for_function("() => document.querySelector('#series-plots h3')?.textContent.includes('script')")
     assert view.title() == "View of " + HOSTILE.replace("\u202e", "\\x202e")
     view.wait_for_function("() => document.getElementById('findings-state').textContent.includes('runs')")
+    assert serious(view) == []
     assert odd == []
     assert all(url.startswith(served.url) for url in asked)
     view.close()
