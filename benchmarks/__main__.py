@@ -15,6 +15,7 @@ BENCHMARKS = {
     "tdms": ("TDMS of short segments into HDF5 against npTDMS and h5py", ["--segments", "500", "--rounds", "1"]),
     "spectra": ("power spectral density of a long channel against scipy.signal.welch", ["--samples", "2000000",
                 "--rounds", "3"]),
+    "startup": ("start of a command against bare Python's", ["--rounds", "3"]),
     "analysis": ("a campaign analysed against scipy on whole channels", ["--runs", "6", "--rounds", "2"]),
     "mdf": ("MDF 4 into HDF5 against asammdf, by peak memory", ["--mb", "40", "--rounds", "1"]),
 }  # fmt: skip

@@ -26,11 +26,18 @@ def squaring():
 
 
 @pytest.fixture(scope="module")
-def scheduler():
-    """The address of a scheduler on loopback with two worker processes."""
+def cluster():
+    """A scheduler on loopback with two worker processes."""
     options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None, "host": "127.0.0.1"}
     with distributed.LocalCluster(processes=True, **options) as cluster:
-        yield cluster.scheduler_address
+        yield cluster
+
+
+@pytest.fixture
+def scheduler(cluster):
+    """The address of that scheduler, once both workers are there: one that was killed takes a while to come back."""
+    cluster.wait_for_workers(2, timeout=120)
+    return cluster.scheduler_address
 
 
 def test_one_process_and_two_give_the_same(scheduler):
@@ -69,9 +76,11 @@ def test_a_worker_without_a_module_is_named(scheduler, monkeypatch):
     module.work.__module__, module.work.__qualname__ = "only_here", "work"
     monkeypatch.setitem(sys.modules, "only_here", module)
     with task_pool(scheduler) as pool:
+        before = pool.client.run(os.getpid)
         with pytest.raises(CounterpoiseError, match="has no module only_here"):
             list(pool.results(module.work, [1]))
-        assert pool.workers == 2
+        assert pool.client.run(os.getpid) == before
+        assert len(before) == 2
 
 
 def test_an_address_without_a_scheduler_is_refused(monkeypatch):

@@ -63,10 +63,10 @@ HOSTILE = [
 @pytest.mark.parametrize("unit", HOSTILE)
 def test_hostile_units_are_refused_at_once(unit: str) -> None:
     """A unit's text is never evaluated, and never costs more than a moment."""
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(UnitError):
         parse(f"1 {unit}", "mass")
-    assert time.perf_counter() - start < 1.0
+    assert time.process_time() - start < 1.0
 
 
 @settings(max_examples=50)

@@ -7,7 +7,6 @@ import re
 import shlex
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -174,24 +173,6 @@ def test_a_closed_pipe_is_no_error():
     shown = subprocess.run(f"{command} | head -1", shell=True, capture_output=True, text=True, check=False)
     assert shown.stdout.strip() == "{"
     assert shown.stderr == ""
-
-
-def seconds(*arguments: str) -> float:
-    """Time of a call of Python."""
-    start = time.perf_counter()
-    subprocess.run([sys.executable, *arguments], capture_output=True, check=True)
-    return time.perf_counter() - start
-
-
-@pytest.mark.parametrize("package", ["balance", "testbench"])
-def test_help_takes_at_most_four_times_bare_python(package):
-    """``--help`` imports nothing heavy; in turn with bare Python, the least of each, whatever else the machine does."""
-    call = (
-        f"import sys; sys.argv = ['{package}', '--help']\nfrom {package}.cli import main\n"
-        "try: main()\nexcept SystemExit as end: assert not end.code"
-    )
-    bare, shown = zip(*((seconds("-c", "pass"), seconds("-c", call)) for _ in range(5)), strict=True)
-    assert min(shown) < 4 * min(bare)
 
 
 def test_linear_algebra_keeps_to_one_thread(balance, monkeypatch):
