@@ -9,7 +9,7 @@ COMMANDS = {
     "check": ("mechanism", "What given counter-masses leave unbalanced."),
     "simulate": ("mechanism", "Shaking force, shaking moment and drive torque of a motion."),
     "report": ("report", "Counter-masses, conditions, forces and the moving mechanism on one page."),
-    "animate": ("report", "The mechanism moving on a page, with centre of mass and shaking force."),
+    "animate": ("report", "The mechanism moving, on a page or as a video, with centre of mass and shaking force."),
     "view": ("report", "The mechanism in the browser: move it, mount masses, see force, moment, torque at once."),
     "sweep": ("sweep", "Force, moment and torque of many designs: all combinations of masses and places."),
     "tolerance": ("sweep", "What errors of masses, radii and lengths cost in shaking force."),

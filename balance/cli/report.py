@@ -1,5 +1,6 @@
 """``balance report``, ``balance animate`` and ``balance view``."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -8,19 +9,20 @@ from . import options
 from .framework import EXIT_WITH_FINDINGS, emit_json, json_option
 
 
-def _html(_context: click.Context, _parameter: click.Parameter, path: Path) -> Path:
-    """The path of a page; another ending, or no folder for it, is refused before anything is computed."""
-    if path.suffix.lower() != ".html":
-        raise click.BadParameter(f"{path}: expected a name ending in .html")
-    from ..report.page import writable
+def _output_option(*endings: str) -> Callable[[options.F], options.F]:
+    """``-o``; another ending, or no folder for it, is refused before anything is computed."""
 
-    return writable(path)
+    def checked(_context: click.Context, _parameter: click.Parameter, path: Path) -> Path:
+        if path.suffix.lower() not in endings:
+            raise click.BadParameter(f"{path}: expected a name ending in {' or '.join(endings)}")
+        from ..report.page import writable
 
+        return writable(path)
 
-output_option = click.option(
-    "-o", "--output", type=click.Path(path_type=Path, dir_okay=False), required=True, callback=_html,
-    help="The page to write, a name ending in .html.",
-)  # fmt: skip
+    return click.option(
+        "-o", "--output", type=click.Path(path_type=Path, dir_okay=False), required=True, callback=checked,
+        help=f"What to write, a name ending in {' or '.join(endings)}.",
+    )  # fmt: skip
 
 
 @click.command(
@@ -36,7 +38,7 @@ Exit code 3: no masses at these sites balance it completely, or plates leave mor
 @options.site_option
 @click.option("--stock", metavar="CSV", help="Counter-masses of these plates: a CSV file, or kiper2019.")
 @options.motion_option
-@output_option
+@_output_option(".html")
 @json_option
 def report(
     mechanism: str,
@@ -73,13 +75,15 @@ def report(
     epilog="""\b
 Examples:
   balance animate delta --motion delta -o delta.html
-  balance animate four-bar --motion four-bar -c counter_A0A=1.07kg -c counter_B0B=1.37kg -o four-bar.html"""
+  balance animate four-bar --motion four-bar -c counter_A0A=1.07kg -c counter_B0B=1.37kg -o four-bar.mp4
+\b
+A video has at most 160 pictures, 25 a second, and states its pace. It needs pip install 'counterpoise[video]'."""
 )
 @options.mechanism_argument
 @options.payload_option
 @options.counter_option
 @options.motion_option
-@output_option
+@_output_option(".html", ".mp4")
 def animate(
     mechanism: str,
     payload: tuple[tuple[str, float], ...],
@@ -87,17 +91,25 @@ def animate(
     motion: str,
     output: Path,
 ) -> None:
-    """MECH moving to scale on a page: play and scrub, centre of mass and shaking force as arrows.
+    """MECH moving to scale, on a page to play and scrub or as a video: centre of mass, shaking force as an arrow.
 
     With --counter side by side without and with the counter-masses, arrows to one scale.
     """
     from ..front_door import follow
-    from ..report.moving import animation_page, designs_of
+    from ..report import video
+    from ..report.moving import animation_page, designs_of, moving
 
+    filmed = output.suffix.lower() == ".mp4"
+    if filmed:
+        video.refuse_without_encoder(output)
     model = options.load_mechanism_option(mechanism, payload)
     designs = designs_of(model, options.distinct(counter, "--counter"))
-    page = animation_page(model.name, motion, follow(model, motion), designs)
-    click.echo(f"Wrote {page.write(output)}.")
+    trajectory = follow(model, motion)
+    if filmed:
+        video.write_video(output, f"{model.name}, motion {motion}", moving(f"motion {motion}", trajectory, designs))
+    else:
+        animation_page(model.name, motion, trajectory, designs).write(output)
+    click.echo(f"Wrote {output}.")
 
 
 @click.command(

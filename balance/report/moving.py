@@ -30,6 +30,8 @@ WIDTH = 1000.0
 _MARGIN = 60.0
 _LONGEST_ARROW = 0.3
 """Of the largest shaking force, as a share of the mechanism's size."""
+_HEAD = 0.03
+"""Length of an arrow's head, as a share of the mechanism's size."""
 OBLIQUE = np.radians(30.0), np.radians(20.0)
 """Azimuth and elevation from which a spatial mechanism is seen where nothing else is asked for [rad]."""
 _VIEW = "seen from azimuth {:.0f}°, elevation {:.0f}°, to scale only across the line of sight"
@@ -70,8 +72,8 @@ def moving(
     largest = max(float(np.linalg.norm(force, axis=1).max()) for force in forces.values())
     room_for = trajectory.q[frames] if around is None else np.concatenate([trajectory.q[frames], around])
     view, flat = _view(next(iter(designs.values()))[0], room_for, seen_from)
-    pictures = {label: _picture(mechanism, masses, room_for, view) for label, (mechanism, masses) in designs.items()}
-    extent = np.concatenate([one.points.reshape(-1, 2) for one in pictures.values()])
+    each = {label: _picture(mechanism, masses, room_for, view) for label, (mechanism, masses) in designs.items()}
+    extent = np.concatenate([one.points.reshape(-1, 2) for one in each.values()])
     low, size = extent.min(axis=0), np.ptp(extent, axis=0)
     arrow = _LONGEST_ARROW * float(size.max()) / (largest or 1.0)
     scale = (WIDTH - 2.0 * _MARGIN) / (float(size[0]) + 2.0 * arrow * largest)
@@ -84,13 +86,17 @@ def moving(
         return np.stack([room + off[..., 0], height - room - off[..., 1]], axis=-1)
 
     panels = []
-    for label, one in pictures.items():
+    for label, one in each.items():
         force = forces[label][frames] @ view.T
         drawn_points = one.points[: len(frames)]
-        points = np.concatenate([drawn_points, drawn_points[:, -1:] + arrow * force[:, None]], axis=1)
+        arrows = _arrow(drawn_points[:, -1], arrow * force, _HEAD * float(size.max()))
         shapes = [{**shape, "radius": shape["radius"] * scale} if "radius" in shape else shape for shape in one.shapes]
-        last = points.shape[1] - 1
-        shapes += [{"kind": "centre", "points": [last - 1]}, {"kind": "force", "points": [last - 1, last]}]
+        last = drawn_points.shape[1] - 1
+        shapes += [
+            {"kind": "centre", "points": [last]},
+            {"kind": "force", "points": [last, last + 1, last + 2, last + 1, last + 3]},
+        ]
+        points = np.concatenate([drawn_points, arrows], axis=1)
         tenths = np.rint(10.0 * drawn(points)).astype("<i2")
         panels.append({
             "label": label, "shapes": shapes, "count": points.shape[1],
@@ -105,6 +111,20 @@ def moving(
         "panels": panels, "scale_bar_m": float(metre), "scale_bar": float(metre * scale),
         "view": "seen along z" if flat else _VIEW.format(*np.degrees(seen_from)), "arrow_N": largest, "flat": flat,
     }  # fmt: skip
+
+
+def pictures(panel: Mapping[str, Any]) -> Floats:
+    """Points of a panel of :func:`moving` in every picture, (frames, k, 2) [units of the drawing]."""
+    raw = np.frombuffer(base64.b64decode(panel["points"]), "<i2")
+    return raw.reshape(-1, panel["count"], 2) / 10.0
+
+
+def _arrow(tail: Floats, along: Floats, head: float) -> Floats:
+    """Tip of an arrow and the ends of its barbs, (n, 3, 2) [m], from ``tail`` (n, 2) as long as ``along`` (n, 2)."""
+    back = -along * np.minimum(0.4, head / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300))
+    across = 0.5 * back[:, ::-1] * [1.0, -1.0]
+    tip = tail + along
+    return np.stack([tip, tip + back + across, tip + back - across], axis=1)
 
 
 def _view(mechanism: Mechanism, q: Floats, seen_from: tuple[float, float]) -> tuple[Floats, bool]:

@@ -1,11 +1,17 @@
-"""``balance animate``: a page with a panel a design, or nothing."""
+"""``balance animate``: a page or a video with a panel a design, or nothing."""
 
 import json
 import re
+import subprocess
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from balance.cli import main
+from balance.front_door import follow, load
+from balance.report import video
+from balance.report.moving import designs_of, moving, pictures
 
 from ...commands import call
 
@@ -15,7 +21,7 @@ def test_another_ending_is_refused(command, tmp_path):
     """Before anything is computed; nothing is written."""
     done = call(main, "balance", command, "four-bar", "--motion", "four-bar", "-o", tmp_path / "page.pdf")
     assert done.code == 2
-    assert "expected a name ending in .html" in done.err
+    assert f"expected a name ending in .html{' or .mp4' if command == 'animate' else ''}" in done.err
     done = call(main, "balance", command, "four-bar", "--motion", "four-bar", "-o", tmp_path / "none" / "page.html")
     assert done.code == 1
     assert "there is no folder" in done.err
@@ -32,3 +38,34 @@ def test_a_panel_a_design(tmp_path):
     labels = [panel["label"] for panel in data["motions"][0]["panels"]]
     assert labels == ["without counter-masses", "with counter-masses"]
     assert "SIMULATED" in text
+
+
+def test_a_video_without_its_library_is_refused(tmp_path, monkeypatch):
+    """With the cure, before anything is computed."""
+    monkeypatch.setattr(video, "find_spec", lambda _: None)
+    done = call(main, "balance", "animate", "four-bar", "--motion", "four-bar", "-o", tmp_path / "four-bar.mp4")
+    assert done.code == 1
+    assert "pip install 'counterpoise[video]'" in done.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_video_shows_what_the_page_shows(tmp_path):
+    """As many pictures as the page has, a panel a design; the centre of mass is where its ring is, in every picture."""
+    encoder = pytest.importorskip("imageio_ffmpeg", reason="needs imageio-ffmpeg to write a video")
+    mechanism = load("four-bar")
+    whole = follow(mechanism, "four-bar", "1 kHz")
+    few = replace(whole, **{name: getattr(whole, name)[::300] for name in ("time", "q", "v", "a", "per_drive")})
+    motion = moving("motion", few, designs_of(mechanism, {"counter_A0A": 1.0}))
+    path = video.write_video(tmp_path / "own.mp4", "own \u202e", motion)
+    decode = [encoder.get_ffmpeg_exe(), "-v", "error", "-i", path, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
+    raw = np.frombuffer(subprocess.run(decode, capture_output=True, check=True).stdout, np.uint8)
+    shown = raw.reshape(len(few.time), -1, 2 * 640, 3).astype(int)
+    height = shown.shape[1]
+    assert list(tmp_path.iterdir()) == [path]
+    scale, top = 640 / motion["width"], height - 640 * motion["height"] / motion["width"]
+    for k, panel in enumerate(motion["panels"]):
+        ring = next(one["points"][0] for one in panel["shapes"] if one["kind"] == "centre")
+        for picture, (x, y) in zip(shown, pictures(panel)[:, ring], strict=True):
+            right, down = round(640 * k + scale * x), round(top + scale * y)
+            near = picture[down - 9 : down + 10, right - 9 : right + 10]
+            assert ((near[..., 0] - near[..., 1] > 60) & (near[..., 1] < 90)).any()  # dark red, as the ring alone is

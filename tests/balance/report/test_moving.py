@@ -1,7 +1,5 @@
 """The mechanism on a page: to scale, along the trajectory, with the model's force."""
 
-import base64
-
 import numpy as np
 import pytest
 
@@ -10,13 +8,7 @@ from balance.dynamics.inverse_dynamics import simulate
 from balance.mechanism import forward_kinematics
 from balance.mechanism.mjcf_parser import load_mechanism
 from balance.motion.motion_files import load_motion
-from balance.report.moving import FRAMES, moving
-
-
-def points_of(panel, frames):
-    """Coordinates of the drawing, (frames, k, 2)."""
-    raw = np.frombuffer(base64.b64decode(panel["points"]), "<i2").reshape(frames, panel["count"], 2)
-    return raw / 10.0
+from balance.report.moving import FRAMES, moving, pictures
 
 
 @pytest.mark.parametrize(("name", "planar"), [("five-bar", True), ("delta", False)])
@@ -29,7 +21,7 @@ def test_links_keep_their_length(name, planar):
     assert frames <= FRAMES
     assert ("along z" in drawn["view"]) == planar
     scale = drawn["scale_bar"] / drawn["scale_bar_m"]
-    points = points_of(panel, frames)
+    points = pictures(panel)
     assert points.min() >= 0.0
     assert (points <= [drawn["width"], drawn["height"] + 0.1]).all()
     step = -(-len(trajectory.time) // FRAMES)
@@ -58,8 +50,8 @@ def test_arrows_are_the_models_force():
     step, units = -(-len(trajectory.time) // FRAMES), None
     for panel, mechanism in zip(drawn["panels"], (bare, heavy), strict=True):
         force = simulate(mechanism, trajectory).force[::step, :2]
-        points = points_of(panel, len(drawn["time"]))
-        (tail, tip) = next(s["points"] for s in panel["shapes"] if s["kind"] == "force")
+        points = pictures(panel)
+        tail, tip, *_ = next(s["points"] for s in panel["shapes"] if s["kind"] == "force")
         arrow = (points[:, tip] - points[:, tail]) * [1.0, -1.0]
         k = int(np.argmax(np.abs(force[:, 0])))
         units = units or arrow[k, 0] / force[k, 0]
