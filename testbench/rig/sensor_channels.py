@@ -6,6 +6,7 @@ For a simulated or estimated sensor, the rig also states how far its sensitivity
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Self
 
 import numpy as np
@@ -113,18 +114,30 @@ class LoggedSensor(Table, ABC):
     _delay: float = PrivateAttr(0.0)
     """Of its logger's filter [s], set when the rig is read."""
 
-    def columns(self, name: str) -> Iterator[Column]:
+    @cached_property
+    def _columns(self) -> dict[str, tuple[Column, ...]]:  # no private attribute: those count when rigs are compared
+        return {}
+
+    def columns(self, name: str) -> tuple[Column, ...]:
         """The channels of the sensor called ``name``, each knowing its siblings; commands pass no filter."""
-        cross = getattr(self, "crosstalk", None)
-        columns = tuple(
-            replace(c, calibration=self.calibration, crosstalk=cross, delay=0.0 if c.commanded else self._delay)
-            for c in self._channels(name)
-        )
-        yield from (replace(column, siblings=columns) for column in columns)
+        if name not in self._columns:
+            cross = getattr(self, "crosstalk", None)
+            columns = tuple(
+                replace(c, calibration=self.calibration, crosstalk=cross, delay=0.0 if c.commanded else self._delay)
+                for c in self._channels(name)
+            )
+            self._columns[name] = tuple(replace(column, siblings=columns) for column in columns)
+        return self._columns[name]
 
     def set_delay(self, delay: float) -> None:
         """Set the delay of the logger's filter [s]."""
         self._delay = delay
+        self._columns.clear()
+
+    def __copy__(self) -> Self:
+        copied = super().__copy__()
+        copied.__dict__.pop("_columns", None)
+        return copied
 
     @abstractmethod
     def _channels(self, name: str) -> Iterator[Column]:

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
@@ -104,10 +105,14 @@ class StoredGroup(Group):
 
     def index(self, name: str) -> int | None:
         """The channel of this name as written; else of this name without its unit; else of this HDF5 name."""
-        for names in ([c.name for c in self.channels], [c.label for c in self.channels], list(self.keys)):
-            if names.count(name) == 1:
-                return names.index(name)
-        return None
+        return self._index_by_name.get(name)
+
+    @cached_property
+    def _index_by_name(self) -> dict[str, int]:
+        found: dict[str, int] = {}
+        for names in (list(self.keys), [c.label for c in self.channels], [c.name for c in self.channels]):
+            found |= {name: k for k, name in enumerate(names) if names.count(name) == 1}
+        return found
 
     def attributes(self, index: int) -> dict[str, str]:
         """``long_name`` and, where the log has one, ``units`` of a channel, as xarray and netCDF name them."""
