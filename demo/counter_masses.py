@@ -1,6 +1,7 @@
 """Step 1: the counter-masses for the three payloads: exact, the best from stock, as built, as printed."""
 
 import json
+import sys
 from pathlib import Path
 
 from balance import balancing, datasets
@@ -68,3 +69,7 @@ def _row(payload: str, name: str, result: Sizing) -> list[str]:
         f"{result.residual():.2e}",
         f"{result.residual_percent():.3f} %",
     ]
+
+
+if __name__ == "__main__":
+    run(Path(sys.argv[1]))
