@@ -119,7 +119,8 @@ def _page(figures: Iterable[dict[str, Any]]) -> list[str]:
         "# Results of the studies",
         "",
         "Written by `python -m studies` (`make study`); the same figures are in `results.json`. Of 95 % intervals",
-        "as many must contain the truth as a binomial test at 0.1 % accepts; trials must all go as they should.",
+        "as many must contain the truth as a binomial test at 0.1 % accepts; trials must all go as they should. A",
+        "command is that of the commit beside it; those of today are on the page [validation](index.md).",
     ]
     for origin, rows in groupby(figures, lambda figure: Origin(*(figure[field.name] for field in fields(Origin)))):
         at = f"`{origin.command}` at {origin.commit}, {origin.date}{', brief' if origin.brief else ''}"
