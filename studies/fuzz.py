@@ -1,8 +1,9 @@
 """Coverage-guided fuzzing of every reader and every input file: read or refused, within 10 s and 1 GB.
 
 By atheris, which is libFuzzer (``pip install --group fuzz``). The seeds are the small files of the tests and the
-shipped ones; what reaches new code is kept in ``--corpus FOLDER``, and begun with the next time. What libFuzzer stops
-at is read again as a user would, in a process of its own: readers of foreign libraries crash where nobody minds.
+shipped ones; what reaches new code is kept in ``--corpus FOLDER``, and begun with the next time; inputs are counted
+over all runs with that folder. What libFuzzer stops at is read again as a user would, in a process of its own: readers
+of foreign libraries crash where nobody minds.
 """
 
 import os
@@ -21,7 +22,10 @@ from pathlib import Path
 from .table import Row, all_of
 
 LONGEST_S, MOST_MEMORY_MB = 10, 1024
-LONGEST_INPUT = 1 << 16
+LONGEST_INPUT = 1 << 12
+"""Or as long as the longest seed [bytes]: what is short is read quickly."""
+_MEMORY = Path("/dev/shm")
+"""Inputs are files in memory where the system has such."""
 STOPS = 20
 """So often is a format gone on with after an input at which libFuzzer stopped."""
 INPUT_FILES = {
@@ -69,7 +73,7 @@ def study(count: int, brief: bool) -> Iterator[Row]:
 
     corpus = Path(os.environ["COUNTERPOISE_CORPUS"])
     with tempfile.TemporaryDirectory() as temporary:
-        kinds = [(name, [content]) for name, content in _examples(Path(temporary))]
+        kinds = [(name, [_first_lines(content)]) for name, content in _examples(Path(temporary))]
         kinds += [(name, _seeds(place)) for name, (_, place) in INPUT_FILES.items()]
     for name, seeds in kinds:
         folder = corpus / name
@@ -79,29 +83,38 @@ def study(count: int, brief: bool) -> Iterator[Row]:
         yield _fuzzed(name, folder, count)
 
 
+def _first_lines(content: bytes) -> bytes:
+    """Of a text: an input that is short is read quickly."""
+    return content if b"\0" in content else b"".join(content.splitlines(keepends=True)[:40])
+
+
 def _seeds(place: str) -> list[bytes]:
     files = [] if "\n" in place else sorted(Path(__file__).parents[1].glob(place))
     return [path.read_bytes() for path in files] or [place.lstrip().encode()]
 
 
 def _fuzzed(name: str, folder: Path, count: int) -> Row:
-    done, found = 0, list[str]()
+    counted, found = folder.with_name(f"{name}.count"), list[str]()
+    done = int(counted.read_text()) if counted.exists() else 0
+    longest = max(LONGEST_INPUT, *(path.stat().st_size for path in folder.glob("seed-*")))
     for _ in range(STOPS):
-        with tempfile.TemporaryDirectory() as work:
+        if done >= count:
+            break
+        with tempfile.TemporaryDirectory(dir=_MEMORY if _MEMORY.is_dir() else None) as work:
             (stopped := Path(work, "stopped")).mkdir()
             limits = [f"-runs={count - done}", f"-timeout={LONGEST_S}", f"-rss_limit_mb={MOST_MEMORY_MB}",
-                      f"-max_len={LONGEST_INPUT}", f"-seed={done + 1}", f"-artifact_prefix={stopped}/"]  # fmt: skip
+                      f"-max_len={longest}", f"-seed={done + 1}", f"-artifact_prefix={stopped}/",
+                      "-entropic_scale_per_exec_time=1"]  # fmt: skip
             ended = _run("fuzz", name, str(folder), work, "-print_final_stats=1", *limits)
             if (units := re.search(rb"stat::number_of_executed_units: (\d+)", ended.stderr)) is None:
                 raise RuntimeError(f"{name}: libFuzzer did not begin or was killed: {ended.stderr[-2000:].decode()}")
             done += int(units[1])
+            counted.write_text(f"{done}")
             for file in stopped.iterdir():
                 (folder.parent / "stopped").mkdir(exist_ok=True)
                 shutil.move(file, kept := folder.parent / "stopped" / f"{file.name}-{name}")
                 if (judged := _run("judge", name, str(kept), work)).returncode:
                     found.append(f"{kept.name}: {judged.stderr.decode().splitlines()[-1:] or judged.returncode}")
-        if done >= count:
-            break
     size = sum(1 for _ in folder.iterdir())
     note = "; ".join([f"{size} inputs kept, each of which reached something new", *found[:3]])
     return all_of(f"{name}, inputs read or refused within {LONGEST_S} s and {MOST_MEMORY_MB} MB",

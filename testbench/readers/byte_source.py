@@ -4,6 +4,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import chain, islice
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
@@ -74,6 +75,12 @@ _END: Any = object()
 def in_order(prepare: Callable[[A], B], items: Iterable[A]) -> Iterator[B]:
     """``map(prepare, items)``: items are taken by one thread and prepared by others; results in their order."""
     source = iter(items)
+    first = list(islice(source, 2))
+    if len(first) < 2:  # a small file needs no threads
+        yield from map(prepare, first)
+        return
+    source = chain(first, source)
+    del first
     waiting: deque[Future[Any]] = deque()
 
     def prepared(item: Future[Any]) -> object:

@@ -8,6 +8,7 @@ import re
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from rosbags.interfaces import Nodetype
@@ -44,6 +45,7 @@ class Field:
     is_array: bool = False
 
 
+@lru_cache(maxsize=32)
 def message_fields(text: str, name: str, is_ros2: bool) -> tuple[Field, ...]:
     """The fields of the message ``name`` that ``text`` describes, with what it contains below lines of ``=``."""
     if len(text) > _LONGEST:

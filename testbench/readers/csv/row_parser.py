@@ -105,7 +105,9 @@ class RowParser:
             table = np.loadtxt(BytesIO(plain), delimiter=self.separator, comments=None, ndmin=2, encoding="latin-1")
         except ValueError:  # some cell is no number: it becomes NaN, and is looked at by itself
             return self._cell_by_cell(plain)
-        return list(table.T.copy()) if table.shape == (count_lines(plain), self.fields) else None
+        if table.shape == (count_lines(plain), self.fields):
+            return list(table.T.copy())
+        return self._cell_by_cell(plain)  # an emptied row of one field is a blank line, which NumPy leaves out
 
     def _cell_by_cell(self, plain: bytes) -> list[Samples] | None:
         rows = [line.split(self.separator.encode()) for line in plain.removesuffix(b"\n").split(b"\n")]
