@@ -94,6 +94,9 @@ def _mdf(path: Path) -> list[Series]:
             for signal in file.select([(None, g, c) for g, c in _mdf_channels(file, group)], validate=False) or ():
                 if signal.samples.dtype.names or signal.samples.ndim > 1 or not len(signal.timestamps):
                     continue
+                if signal.samples.dtype.kind == "S":
+                    found.append(Series(signal.name, [cell.decode("utf-8", "replace") for cell in signal.samples]))
+                    continue
                 first = begin + round(1e9 * float(signal.timestamps[0])) if start.year > 1970 else None
                 found.append(_series(signal.name, signal.samples, unit=signal.unit or None, start_ns=first))
         return found
@@ -133,6 +136,8 @@ def _hdf5(path: Path) -> list[Series]:
                 return
             unit = node.attrs.get("units")
             found.append(Series(name.rpartition("/")[2], node[()], unit if isinstance(unit, str) else None))
+        elif isinstance(node, h5py.Dataset) and node.ndim == 1 < node.size and h5py.check_string_dtype(node.dtype):
+            found.append(Series(name.rpartition("/")[2], [str(cell) for cell in node.asstr(errors="replace")[()]]))
 
     with h5py.File(path) as file:
         file.visititems(visit)

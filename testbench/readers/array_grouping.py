@@ -6,7 +6,7 @@ only array that is named for it and grows; a scalar named ``fs`` or ``dt`` state
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,8 +20,10 @@ from ..recording import (
     Finding,
     Group,
     Recording,
+    Report,
     Samples,
     StartTime,
+    TextLog,
     TimeColumn,
     UniformClock,
     point_in_time,
@@ -30,7 +32,14 @@ from ..units import seconds_per
 from . import header_claims
 from .byte_source import as_float64, block_spans
 from .csv.header import is_time_name, named_channels
-from .format_findings import is_beyond_exact, names_listed, nothing_to_read, rounded_integers, watch_nonfinite
+from .format_findings import (
+    is_beyond_exact,
+    names_listed,
+    nothing_to_read,
+    rounded_integers,
+    text_kept,
+    watch_nonfinite,
+)
 from .header_claims import clock_of_rate
 
 _TIME_LIKE = re.compile(r"(?:.*[. /])?(?:t|time|timestamps?|zeit|zaman)(?:[_ ].*|\d*)", re.IGNORECASE)
@@ -134,11 +143,22 @@ class SeriesGroup:
             yield Block(self.group, columns, begin)
 
 
+@dataclass(frozen=True)
+class TextArray:
+    """An array of ``length`` texts, given by ``cells(begin, end)``; ``root`` is what it shares with its neighbours."""
+
+    root: str
+    name: str
+    length: int
+    cells: Callable[[int, int], Iterable[str]]
+
+
 @dataclass
 class Contents:
     """What the arrays, single numbers and texts of a file come to, and what is neither."""
 
     series: list[Series] = field(default_factory=list)
+    texts: list[TextArray] = field(default_factory=list)
     scalars: dict[str, float] = field(default_factory=dict)
     metadata: dict[str, str] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
@@ -176,20 +196,30 @@ class Contents:
         if listed:
             self.findings.append(Finding("left_out", None, None, f"no series of numbers: {listed}"))
 
-        def blocks() -> Iterator[Block]:
+        log = TextLog()
+        places = {(one.members[0].root, one.members[0].length): one.group.name for one in reversed(gathered)}
+
+        def blocks(report: Report) -> Iterator[Block]:
             with guard():
                 for each in gathered:
                     yield from each.blocks()
+                for text in self.texts:
+                    group = places.get((text.root, text.length), " ".join(filter(None, [path.stem, text.root])))
+                    for begin, end in block_spans(text.length, 64):
+                        log.take_all(group, text.name, begin, text.cells(begin, end))
+            for finding in log.findings():
+                report(finding)
 
         return Recording(
             path=path,
             format=kind,
             reader=reader,
             groups=tuple(each.group for each in gathered),
-            read=lambda report: watch_nonfinite(blocks(), report),
+            read=lambda report: watch_nonfinite(blocks(report), report),
             metadata=self.metadata,
             stated_rate_hz=rate,
-            findings=tuple(self.findings),
+            findings=(*self.findings, *(text_kept(text.name) for text in self.texts)),
+            texts=log,
         )
 
 

@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 
 from ...recording import Finding, Recording, Refusal
-from ..array_grouping import MATLAB_INDEX, PYTHON_INDEX, Contents, Series, array_series
+from ..array_grouping import MATLAB_INDEX, PYTHON_INDEX, Contents, Series, TextArray, array_series
 from ..format_findings import damaged
 from . import datasets, safe_walk
 from .datasets import AttributeValue
@@ -91,6 +91,11 @@ def _take(file: h5py.File, path: str, dataset: h5py.Dataset, found: _File) -> No
         _take_scalar(dotted, dataset, found)
     elif (series := _series(name, parent.strip("/"), dataset, stated, found)) is not None:
         _keep(path, dataset, stated, series, found)
+    elif h5py.check_string_dtype(dataset.dtype) is not None and len(dataset.shape) == 1:
+        opened = partial(found.reopened, dataset.ref)
+        found.texts.append(
+            TextArray(parent.strip("/"), name, dataset.size, lambda begin, end: _texts(opened(), begin, end))
+        )
     else:
         what = "texts" if h5py.check_string_dtype(dataset.dtype) else str(dataset.dtype)
         found.left_out.append(f"{path} ({' x '.join(map(str, dataset.shape))} of {what})")
@@ -105,6 +110,12 @@ def _series(
     packing, unit = datasets.stated_packing(stated, dataset.dtype), datasets.unit_of(stated)
     opened = partial(found.reopened, dataset.ref)
     return array_series(name, root, dataset.shape, dataset.dtype, opened, index, unit, packing)
+
+
+def _texts(dataset: h5py.Dataset, begin: int, end: int) -> list[str]:
+    """The texts from ``begin`` to before ``end``; bytes that are no letters are shown as such."""
+    cells = np.asarray(dataset[begin:end], dtype=object).tolist()
+    return [cell.decode("utf-8", "backslashreplace") if isinstance(cell, bytes) else str(cell) for cell in cells]
 
 
 def _keep(path: str, dataset: h5py.Dataset, stated: Mapping[str, AttributeValue], series: Series, found: _File) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...recording import Block, Channel, Finding, Group, Recording, Report, Samples, TimeColumn
+from ...recording import Block, Channel, Finding, Group, Recording, Report, Samples, TextLog, TimeColumn
 from ..byte_source import ByteSource, block_spans
 from ..format_findings import (
     damaged,
@@ -21,6 +21,7 @@ from ..format_findings import (
     nothing_to_read,
     rounded_integers,
     text_channel,
+    text_kept,
     watch_nonfinite,
 )
 from ..header_claims import recorded_time
@@ -100,8 +101,9 @@ _MOST_VIRTUAL = 100_000_000
 
 @dataclass
 class _Odd:
-    """Samples that are marked as invalid, and channels that float64 rounds, by name, as they are met in reading."""
+    """Texts, samples that are marked as invalid, channels that float64 rounds, as they are met in reading."""
 
+    texts: TextLog
     invalid: Counter[str] = field(default_factory=Counter)
     rounded: dict[str, None] = field(default_factory=dict)
 
@@ -126,7 +128,7 @@ def open_mdf(path: Path, options: ReadOptions) -> Recording:
     sets, lost = column_sets(file)
     if lost:
         raise damaged(path, f"channel group {lost!r}: its time lies in another group, which cannot be read with it")
-    groups = _groups(path.stem, file, sets)
+    groups, texts = _groups(path.stem, file, sets), TextLog()
     findings = [*file.findings, *_header_findings(file, groups, sets)]
     if unfinished:
         (flags, custom) = struct.unpack_from("<HH", head, 60)
@@ -144,10 +146,11 @@ def open_mdf(path: Path, options: ReadOptions) -> Recording:
         format="ASAM MDF",
         reader="testbench.readers.mdf",
         groups=tuple(groups.values()),
-        read=lambda report: watch_nonfinite(_blocks(path, file, sets, groups, report), report),
+        read=lambda report: watch_nonfinite(_blocks(path, file, sets, groups, texts, report), report),
         settings={"version": file.version},
         metadata=file.metadata,
         findings=tuple(findings),
+        texts=texts,
     )
 
 
@@ -228,9 +231,9 @@ def _clock(members: Sequence[Member]) -> TimeColumn | None:
 
 
 def _blocks(
-    path: Path, file: File, sets: Sequence[ColumnSet], groups: Mapping[int, Group], report: Report
+    path: Path, file: File, sets: Sequence[ColumnSet], groups: Mapping[int, Group], texts: TextLog, report: Report
 ) -> Iterator[Block]:
-    odd = _Odd()
+    odd = _Odd(texts)
     by_column = _followers(sets) | {id(one.first) for one in sets}
     for one in sets:
         yield from _set_blocks(one, groups, odd, report)
@@ -244,7 +247,7 @@ def _blocks(
                     continue
                 for begin, end in block_spans(len(rows), len(group.channels)):
                     first = done[id(records)]
-                    yield Block(group, tuple(_columns(records, rows[begin:end], first, odd)), first)
+                    yield Block(group, tuple(_columns(records, rows[begin:end], first, odd, group.name)), first)
                     done[id(records)] += end - begin
         except UnknownIdentifier as error:
             raise damaged(path, str(error)) from error
@@ -253,7 +256,7 @@ def _blocks(
             if data.identifier_size and id(records) in groups and found != declared:
                 message = f"group {groups[id(records)].name!r} declares {declared} samples, {found} are there"
                 report(Finding("count_contradiction", None, None, message))
-    for finding in odd.findings():
+    for finding in (*odd.findings(), *texts.findings()):
         report(finding)
 
 
@@ -266,7 +269,7 @@ def _set_blocks(one: ColumnSet, groups: Mapping[int, Group], odd: _Odd, report: 
         for begin, end in block_spans(len(rows[0]), len(group.channels)):
             columns: list[Samples] = []
             for (_, records), piece in zip(one.streams, rows, strict=True):
-                columns += _columns(records, piece[begin:end], start, odd)
+                columns += _columns(records, piece[begin:end], start, odd, group.name)
             yield Block(group, tuple(columns), start)
             start += len(columns[0])
     if one.declared != {start}:
@@ -275,8 +278,12 @@ def _set_blocks(one: ColumnSet, groups: Mapping[int, Group], odd: _Odd, report: 
         report(Finding("count_contradiction", None, None, message))
 
 
-def _columns(records: Records, rows: Bytes, first: int, odd: _Odd) -> Iterator[Samples]:
-    """The channels of records, of which the first has the number ``first``."""
+def _columns(records: Records, rows: Bytes, first: int, odd: _Odd, group: str) -> Iterator[Samples]:
+    """The channels of records, of which the first has the number ``first``; the texts of ``group`` are noted."""
+    for text in records.texts:
+        for i, letters in text.changes(rows):
+            if not odd.texts.take(group, text.name, first + i, letters):
+                break
     for member in records.members:
         values = physical_values(member, rows, first)
         if (bad := invalid_samples(member, rows, records)) is not None and bad.any():
@@ -293,6 +300,7 @@ def _header_findings(file: File, groups: Mapping[int, Group], sets: Sequence[Col
         message = f"raw numbers of {file.converted} channels were made physical by the conversions in the file"
         findings.append(Finding("calibration_applied", None, None, message))
     findings += map(text_channel, dict.fromkeys(file.texts))
+    findings += [text_kept(text.name) for g in file.groups for r in g.records for text in r.texts]
     if file.left_out:
         findings.append(Finding("left_out", None, None, f"no series of numbers: {names_listed(file.left_out)}"))
     known = groups.keys() | _followers(sets)

@@ -16,6 +16,7 @@ from ..byte_source import BLOCK_BYTES
 from .conversions import Conversion
 
 Pieces = Callable[[], Iterator[bytes]]
+Bytes = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,30 @@ class Member:
     invalid_bit: int | None = None
     within: tuple[int, int] | None = None
     """Of a byte of a frame: which byte says how long the frame is, and its number; NaN where that is shorter."""
+
+
+@dataclass(frozen=True)
+class TextMember:
+    """A channel of text: where its letters lie in a record, filled up with zeros; or their place in ``signal``.
+
+    There each text stands behind its length in bytes, 32 bits; the record has its place, 64 bits, little-endian.
+    """
+
+    name: str
+    byte: int
+    size: int
+    encoding: str
+    signal: Callable[[], bytes] | None = None
+
+    def changes(self, rows: Bytes) -> Iterator[tuple[int, str]]:
+        """The rows (n, size) in which another text begins, and it."""
+        cells = rows[:, self.byte : self.byte + self.size]
+        for i in map(int, np.flatnonzero(np.r_[True, (cells[1:] != cells[:-1]).any(axis=1)])):
+            raw = cells[i].tobytes()
+            if self.signal is not None:
+                place, letters = int.from_bytes(raw, "little") + 4, self.signal()
+                raw = letters[place : place + int.from_bytes(letters[place - 4 : place], "little")]
+            yield i, raw.decode(self.encoding, "replace").partition("\0")[0]
 
 
 @dataclass(frozen=True)
@@ -70,6 +95,7 @@ class Records:
     address: int = 0
     master: int = 0
     frames: Frames | None = None
+    texts: tuple[TextMember, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -94,13 +120,13 @@ class File:
     findings: list[Finding] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
     texts: list[str] = field(default_factory=list)
+    """Channels of text that are not kept."""
     converted: int = 0
     """Channels with a conversion."""
     zero: StartTime | None = None
     """When the times of all groups are zero."""
 
 
-Bytes = NDArray[np.uint8]
 LONGEST_FRAME = 64
 """Bytes of the longest frame of a bus (CAN FD)."""
 _ROUND = (8, 16, 32, 64)

@@ -15,10 +15,10 @@ from ..byte_source import BLOCK_BYTES, ByteSource
 from ..format_findings import damaged
 from . import conversions
 from .conversions import Conversion
-from .records import DataGroup, File, Member, Records, fits
+from .records import DataGroup, File, Member, Records, TextMember, fits
 
 _MOST = 1_000_000
-_TEXT_TYPES = (7, 8)
+_LETTERS, _BYTES = 7, 8
 _KINDS: tuple[Literal["u", "i", "f"], ...] = ("u", "i", "f", "f")
 _FORMULA, _TEXTS, _NONE = 10, (11, 12), 0xFFFF
 
@@ -140,16 +140,20 @@ def _records(walk: Walk, raw: bytes, number: int, i: int) -> Records:
     identifier, _, size, declared = walk.take("HHHI", raw, 16)
     name = walk.text(comment) or f"group {number}" + (f".{i}" if i > 1 else "")
     members = [m for block in walk.chain(first, b"CN") if (m := _member(walk, block, size)) is not None]
-    return Records(name, identifier, size, size, declared, tuple(members))
+    texts = tuple(m for m in members if isinstance(m, TextMember))
+    numbers = tuple(m for m in members if isinstance(m, Member))
+    return Records(name, identifier, size, size, declared, numbers, texts=texts)
 
 
-def _member(walk: Walk, raw: bytes, size: int) -> Member | None:
+def _member(walk: Walk, raw: bytes, size: int) -> Member | TextMember | None:
     (address,) = walk.take("I", raw, 8)
     kind, start, bits, form = walk.take("H", raw, 24) + walk.take("3H", raw, 186)
     long_name = walk.take("I", raw, 218)[0] if len(raw) >= 222 else 0
     extra = walk.take("H", raw, 226)[0] if len(raw) >= 228 else 0
     name = walk.text(long_name) or _text(raw[26:58])
-    if form in _TEXT_TYPES:
+    if form == _LETTERS and start % 8 == 0 and 0 < bits // 8 <= size - extra - start // 8:
+        return TextMember(name, extra + start // 8, bits // 8, "latin-1")
+    if form in (_LETTERS, _BYTES):
         walk.file.texts.append(name)
         return None
     known = _form(form, walk.order)

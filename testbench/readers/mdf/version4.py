@@ -3,7 +3,7 @@
 import struct
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Literal
 
@@ -12,7 +12,7 @@ from ..byte_source import ByteSource
 from ..format_findings import damaged
 from . import conversions
 from .conversions import Conversion
-from .records import LONGEST_FRAME, DataGroup, File, Frames, Member, Records, fits
+from .records import LONGEST_FRAME, DataGroup, File, Frames, Member, Records, TextMember, fits
 from .version4_blocks import (
     Block,
     DataBlock,
@@ -30,9 +30,14 @@ from .version4_blocks import (
 
 _VLSD, _REMOTE_MASTER = 1, 8
 _MASTER, _VIRTUAL_MASTER, _VIRTUAL, _TIME = 2, 3, 6, 1
-_TEXTS = (6, 7, 8, 9, 17)
+_TEXTS = {6: "latin-1", 7: "utf-8", 8: "utf-16-le", 9: "utf-16-be"}
+"""Encodings by data type."""
+_LARGEST_SIGNAL = 16 << 20
+"""Texts of varying length beyond this are not kept [bytes]."""
 _LOCAL_TIME, _KNOWN_OFFSETS = 1, 2
-_BYTES = 10
+_SYNC = {1: "s", 2: "rad", 3: "m"}
+"""Units of the axis on which an event lies; of others it is the number of the record."""
+_BYTES, _TEXT_WITH_MARK = 10, 17
 """Data type of an array of bytes."""
 _INVALID_ALL, _INVALID_BIT = 1, 2
 _TO_TEXT = (7, 8, 9, 10, 11)
@@ -54,9 +59,22 @@ def read_version4(source: ByteSource, unfinished: bool) -> File:
         file.zero = point_in_time(start, "start time of the header", 1e-9, minutes)
     if comment := block_text(source, header.links[5]):
         file.metadata["comment"] = comment
+    for i, event in enumerate(block_chain(source, header.links[4], "EV"), 1):
+        file.metadata[f"event {i}"] = _event(source, event)
     for group in block_chain(source, header.links[0], "DG"):
         _data_group(source, group, file, unfinished)
     return file
+
+
+def _event(source: ByteSource, block: Block) -> str:
+    """When an event was, and what the file says of it."""
+    raw = block_data(source, block)
+    if len(block.links) < 5 or len(raw) < 32:
+        raise damaged(source.path, f"byte {block.address}: an event of {len(raw)} bytes")
+    base, factor = struct.unpack_from("<qd", raw, 16)
+    place = f"{base * factor:.9g} {_SYNC.get(raw[1], '')}".strip()
+    said = (block_text(source, block.links[3]), block_text(source, block.links[4]))
+    return f"at {place}: {'; '.join(filter(None, said))}"
 
 
 def _data_group(source: ByteSource, block: Block, file: File, unfinished: bool) -> None:
@@ -109,19 +127,24 @@ def _records(source: ByteSource, block: Block, file: File) -> Records:
         raise damaged(source.path, f"channel group {name!r}: its time lies in another group, which is not named")
     members: list[Member] = []
     frames: list[Frames] = []
+    texts: list[TextMember] = []
     for found in _members(source, block.links[1], file, size, ""):
-        if isinstance(found, Frames):
+        if isinstance(found, TextMember):
+            texts.append(found)
+        elif isinstance(found, Frames):
             frames.append(replace(found, place=len(members)))
         else:
             members.append(found)
     file.texts += [one.name for one in frames[1:]]
     own = frames[0] if frames else None
-    return Records(name, identifier, size + invalidation, size, declared, tuple(members), block.address, master, own)
+    return Records(
+        name, identifier, size + invalidation, size, declared, tuple(members), block.address, master, own, tuple(texts)
+    )
 
 
 def _members(
     source: ByteSource, address: int, file: File, size: int, prefix: str, depth: int = 0
-) -> Iterator[Member | Frames]:
+) -> Iterator[Member | Frames | TextMember]:
     """The channels of a list, and those that they are composition of."""
     if depth > _DEEPEST:
         raise damaged(source.path, f"channels within channels, {depth} deep")
@@ -139,8 +162,10 @@ def _members(
         yield from _own_members(source, block, file, size, name)
 
 
-def _own_members(source: ByteSource, block: Block, file: File, size: int, name: str) -> Iterator[Member | Frames]:
-    """The channel of a block; of an array of bytes, such as the data of a bus, one for each byte. None of texts."""
+def _own_members(
+    source: ByteSource, block: Block, file: File, size: int, name: str
+) -> Iterator[Member | Frames | TextMember]:
+    """The channel of a block; of an array of bytes, such as the data of a bus, one for each byte."""
     raw = block_data(source, block)
     if len(raw) < 24:
         raise damaged(source.path, f"channel {name!r}: its block has {len(raw)} bytes of data")
@@ -148,8 +173,12 @@ def _own_members(source: ByteSource, block: Block, file: File, size: int, name: 
     if form == _BYTES and kind == 1 and source.read(block.links[5], 4, "frames") == b"##CG":
         yield Frames(name, 0, block.links[5])
         return
-    if form in _TEXTS or kind == 1:
-        file.texts.append(name)
+    if form in _TEXTS or form == _TEXT_WITH_MARK or kind == 1:
+        text = _text_member(source, block, name, size) if form in _TEXTS else None
+        if text is None:
+            file.texts.append(name)
+        else:
+            yield text
         return
     if form == _BYTES and bits <= 8 * LONGEST_FRAME and not (bits % 8 or bit):
         if byte + bits // 8 > size:
@@ -179,6 +208,28 @@ def _own_members(source: ByteSource, block: Block, file: File, size: int, name: 
             source.path, f"channel {name!r}: {bits} bits from byte {byte}, bit {bit} of {size} bytes a record"
         )
     yield member
+
+
+def _text_member(source: ByteSource, block: Block, name: str, size: int) -> TextMember | None:
+    """A channel of text, if its letters are where they can be read: in the records, or in blocks of their own."""
+    kind, form, byte, bits = struct.unpack_from("<BxBxII", block_data(source, block))
+    width = bits // 8 if kind == 0 else 8
+    if kind > 1 or not 0 < width <= size - byte:
+        return None
+    if kind == 0:
+        return TextMember(name, byte, width, _TEXTS[form])
+    if not block.links[5] or source.read(block.links[5], 4, "texts") not in (b"##SD", b"##DZ", b"##DL", b"##HL"):
+        return None
+    blocks, missing = data_blocks(source, block.links[5], unfinished=False)
+    refuse_oversized(source, blocks)
+    if missing or sum(one.unpacked for one in blocks) > _LARGEST_SIGNAL:
+        return None
+    return TextMember(name, byte, width, _TEXTS[form], cache(partial(_signal, source.path, blocks)))
+
+
+def _signal(path: Path, blocks: Sequence[DataBlock]) -> bytes:
+    with ByteSource(path) as source:
+        return b"".join(data_pieces(source, blocks))
 
 
 def _conversion(

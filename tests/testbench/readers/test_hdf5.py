@@ -265,14 +265,29 @@ def test_sizes_that_are_not_there_are_refused(made):
     assert [c.name for c in found.group().channels] == ["acc"]
 
 
+def test_arrays_of_texts_are_kept(made):
+    """Of fixed and of varying length, beside the numbers of their place and length, else for themselves."""
+    words = ["wait", "läuft", "läuft", "off"]
+    found = made({
+        "daq/a": np.arange(4.0), "daq/state": words, "log": ["began", "ended"],
+        "daq/code": np.array([word.encode() for word in words]),
+    })  # fmt: skip
+    kept = {text.channel: text for text in found.recording.texts.kept}
+    for name in ("state", "code"):
+        assert kept[name].group == found.recording.groups[0].name
+        assert (kept[name].samples, kept[name].texts) == ([0, 1, 3], ["wait", "läuft", "off"])
+    assert kept["log"].texts == ["began", "ended"]
+    assert {finding.channel for finding in found.findings if finding.code == "text_kept"} == {"state", "code", "log"}
+
+
 def test_objects_are_left_out_by_name(made):
-    """Texts, references, arrays of varying length, pictures: nothing of it is unpickled or followed; Empty is whole."""
+    """References, arrays of varying length, pictures: nothing of it is unpickled or followed; Empty is whole."""
 
     def references(file, where):
         file.create_dataset(where, data=np.array([file["acc"].ref] * 3, dtype=h5py.ref_dtype))
 
     found = made({
-        "acc": TIME, "texts": ["a", "b", "c"], "title": "a text", "picture": np.zeros((4, 5, 6)), "refs": references,
+        "acc": TIME, "texts": [["a", "b"]] * 2, "title": "a text", "picture": np.zeros((4, 5, 6)), "refs": references,
         "vlen": lambda file, where: file.create_dataset(where, (3,), h5py.vlen_dtype("f8")).__setitem__(0, [1.0, 2.0]),
         "nothing": h5py.Empty("f8"),
     })  # fmt: skip

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 from asammdf import MDF, Signal
-from asammdf.blocks import conversion_utils
+from asammdf.blocks import conversion_utils, v4_blocks
 
 from testbench.readers.mdf import conversions, records
 from testbench.readers.mdf.records import Member
@@ -101,20 +101,52 @@ def test_bits_are_cut_out_of_bytes(order, bit, bits):
             assert value == float(number)
 
 
-def test_invalid_samples_texts_and_meanings(tmp_path):
-    """What invalidation bits mark is NaN and counted; texts are left out by name; a status keeps number and words."""
+@pytest.mark.parametrize(
+    ("version", "encoding", "compression"),
+    [("3.30", "latin-1", 0), ("4.10", "latin-1", 0), ("4.10", "utf-8", 2), ("4.10", "utf-16-le", 1)],
+)
+def test_texts_by_their_own_library(tmp_path, version, encoding, compression):
+    """As asammdf gives them, with the samples from which on they hold; in version 4 they lie in blocks of their own."""
+    words = ["bereit", "läuft", "läuft", ""] * 100
+    written = np.array([word.encode(encoding) for word in words])
+    made = [signal("note", written, encoding=encoding), signal("a", np.arange(400.0))]
+    path = save(tmp_path, version, made, compression=compression)
+    found = reading.read(path)
+    (kept,) = found.recording.texts.kept
+    with MDF(path) as file:
+        cells = file.get("note", raw=True).samples
+        given = [(cell + b"\0" * (len(cell) % 2)).decode(encoding).strip("\0") for cell in cells]
+    assert given == words
+    assert (kept.channel, kept.group) == ("note", found.recording.groups[0].name)
+    assert [words[i] for i in kept.samples] == kept.texts
+    assert kept.samples == [i for i in range(400) if i == 0 or words[i] != words[i - 1]]
+    assert "note" in {finding.channel for finding in found.findings if finding.code == "text_kept"}
+
+
+def test_events(tmp_path):
+    """What a person marked while it was recorded, and when, by the time that the file states for it."""
+    with MDF(save(tmp_path, "4.10", [signal("a", np.arange(400.0))])) as file:
+        event = v4_blocks.EventBlock(event_type=6, sync_type=1, sync_base=25, sync_factor=0.5)
+        event.name, event.comment = "knock", "with the small hammer"
+        file.events.append(event)
+        file.save(tmp_path / "marked.mf4", overwrite=True)
+    assert (
+        reading.read(tmp_path / "marked.mf4").recording.metadata["event 1"] == "at 12.5 s: knock; with the small hammer"
+    )
+
+
+def test_invalid_samples_and_meanings(tmp_path):
+    """What invalidation bits mark is NaN and counted; a status keeps number and words."""
     words = conversion_utils.from_dict({"val_0": 0, "text_0": "off", "val_1": 1, "text_1": "on"})
     gears = {f"{key}_{i}": v for i in (0, 1) for key, v in (("lower", 2 * i), ("upper", 2 * i + 1), ("text", f"g{i}"))}
     ranges = conversion_utils.from_dict(gears)
     found = reading.read(save(tmp_path, "4.10", [
         signal("gear", (np.arange(400) % 4).astype("u1"), conversion=ranges),
         signal("a", np.arange(400.0), invalidation_bits=np.isin(np.arange(400), [3, 7])),
-        signal("note", np.array([b"abc"] * 400), encoding="latin-1"),
         signal("state", (np.arange(400) % 2).astype("u1"), conversion=words),
     ]))  # fmt: skip
     assert np.flatnonzero(np.isnan(found.column("a"))).tolist() == [3, 7]
     assert found.message("invalid_samples").startswith("2 samples")
-    assert "text_channel" in found.codes
     assert found.column("state").tolist() == [0, 1] * 200
     assert "1 = on" in found.recording.metadata["state: meaning"]
     assert "2 to 3 = g1" in found.recording.metadata["gear: meaning"]
