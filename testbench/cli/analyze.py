@@ -226,14 +226,25 @@ Exit codes: 0 nothing contradicts, 3 done with findings, 1 no campaign or no suc
 @click.argument("runs", metavar="[RUN]...", nargs=-1)
 @click.option("--mechanism", metavar="MECH", help="The mechanism, where the stored rig names one that is not shipped.")
 @options.accept_option
+@options.person_options
 @json_option
-def doctor(campaign: Path, runs: tuple[str, ...], mechanism: str | None, accept: tuple[str, ...], as_json: bool) -> int:
+def doctor(
+    campaign: Path,
+    runs: tuple[str, ...],
+    mechanism: str | None,
+    accept: tuple[str, ...],
+    by: str | None,
+    reason: str | None,
+    as_json: bool,
+) -> int:
     """Cross-examine a campaign, run by run, worst first: does what its sensors show fit the run table and each other?
 
     Encoders, commands, torques, forces, accelerometers and the model witness payload, counter-masses, peak
     acceleration, motion, and of each sensor the axis, sign and gain; dead channels, levels that drift, and copies of
-    runs are found. All runs of the campaign are heard; those named are shown.
+    runs are found. All runs of the campaign are heard; those named are shown. With --by and --reason, what is accepted
+    is entered into the ledger for the runs that are shown: other commands then take it as accepted too.
     """
+    from ..cross_examination.decisions import accept as enter
     from ..errors import StoreError
     from ..front_door import doctor as examined
     from ..store import open_campaign
@@ -245,6 +256,10 @@ def doctor(campaign: Path, runs: tuple[str, ...], mechanism: str | None, accept:
         raise StoreError(f"{campaign}: no run {wrong[0]!r}: expected some of {', '.join(names[:12])}")
     examination = examined(stored, accept, mechanism)
     shown = sorted(runs or names, key=lambda run: -len(examination.about(run)))
+    if person := options.acceptance(accept, by, reason):
+        for code in accept:
+            about = {s.run for s in examination.contradictions if s.code == code and s.run in shown}
+            enter(campaign, code, [run for run in stored if run.name in about], **person)
     if as_json:
         emit_json(examination.document(shown))
     else:

@@ -16,7 +16,7 @@ from . import options
 from .options import progress
 
 if TYPE_CHECKING:
-    from ..ingestion.ingest import Outcome
+    from ..ingestion.ingest import Ingest, Outcome
     from ..ingestion.watch_folder import Watch
     from ..rig import Rig
 
@@ -52,7 +52,7 @@ _rig_option = click.option("--rig", metavar="RIG", help="What is measured where:
 Examples:
   testbench ingest logs/*.csv --rig rig.toml --runs runs.csv -o campaign
   testbench ingest run_001.csv -o campaign --json
-  testbench ingest torn.csv -o campaign --accept ragged_row
+  testbench ingest torn.csv -o campaign --accept ragged_row --by "A. Kaya" --reason "the cable was pulled"
 \b
 Exit codes: 0 all stored, 3 stored with findings, 1 some file was refused (the others are stored)."""
 )
@@ -61,6 +61,7 @@ Exit codes: 0 all stored, 3 stored with findings, 1 some file was refused (the o
 @click.option("--runs", "run_table", type=click.Path(path_type=Path), help="The run table.")
 @_campaign_option
 @_accept_option
+@options.person_options
 @options.text_options
 @scheduler_option
 @json_option
@@ -70,6 +71,8 @@ def ingest(
     run_table: Path | None,
     campaign: Path,
     accept: tuple[str, ...],
+    by: str | None,
+    reason: str | None,
     scheduler: str | None,
     as_json: bool,
     **text: Any,  # noqa: ANN401
@@ -78,6 +81,7 @@ def ingest(
 
     Where logs lie in the campaign's folder, a pattern may name its runs too: they are left alone.
     """
+    from ..ingestion import Ingest
     from ..ingestion.log_sources import own_files
 
     options.refuse_patterns(files)
@@ -87,7 +91,10 @@ def ingest(
             f"{campaign}: {len(own)} of the files given are the campaign's own runs and no logs; they are left alone"
         )
     logs = [file for file in files if file not in own]
-    outcomes = _ingest(logs, _rig(rig), run_table, campaign, accept, text, scheduler)
+    work = Ingest(
+        campaign, _rig(rig), options.read_options(**text), frozenset(accept), options.acceptance(accept, by, reason)
+    )
+    outcomes = _ingest(logs, work, run_table, scheduler)
     if as_json:
         emit_json({"runs": outcomes})
     else:
@@ -106,23 +113,14 @@ def _rig(name: str | None) -> "Rig | None":
     return rig.load_rig(name)
 
 
-def _ingest(
-    files: Sequence[Path],
-    rig: "Rig | None",
-    run_table: Path | None,
-    campaign: Path,
-    accept: Sequence[str],
-    text: dict[str, Any],
-    scheduler: str | None,
-) -> "list[Outcome]":
-    from ..ingestion import Ingest
+def _ingest(files: Sequence[Path], work: "Ingest", run_table: Path | None, scheduler: str | None) -> "list[Outcome]":
     from ..ingestion.log_sources import SiblingLogs
     from ..ingestion.run_table import plan_runs
 
-    runs, form = plan_runs(files, run_table), options.read_options(**text)
-    others = SiblingLogs(files if run_table is None else (), form)
+    runs = plan_runs(files, run_table)
+    others = SiblingLogs(files if run_table is None else (), work.options)
     total = sum(path.stat().st_size for run in runs for path in run.files if path.is_file())
-    work = Ingest(campaign, rig, form, frozenset(accept), sibling_log=others.holding)
+    work = replace(work, sibling_log=others.holding)
     if scheduler is None:
         with progress("reading", total) as done:
             work = replace(work, progress=done)
@@ -168,6 +166,7 @@ Exit codes of --once: 0 all stored, 3 stored with findings, still growing or wai
     help="What becomes of files that the run table does not name.",
 )
 @_accept_option
+@options.person_options
 @click.option("--once", is_flag=True, help="One pass over what is there, then stop.")
 @click.option(
     "--live", is_flag=True, help="Also levels and findings of logs that still grow, and the reduction so far."
@@ -184,6 +183,8 @@ def watch(
     run_table: Path | None,
     unnamed: str,
     accept: tuple[str, ...],
+    by: str | None,
+    reason: str | None,
     once: bool,
     live: bool,
     settle: str,
@@ -191,8 +192,11 @@ def watch(
     **text: Any,  # noqa: ANN401
 ) -> int:
     """Ingest what arrives in FOLDER, each log once, also after a crash. What is refused is said, and the next comes."""
+    from balance.units import parse
+
     from ..errors import RecordingError
-    from ..ingestion.watch_folder import knows_all_writers
+    from ..ingestion import Ingest
+    from ..ingestion.watch_folder import Watch, knows_all_writers
 
     if live and once:
         raise click.UsageError("--live follows logs while they grow: leave out --once")
@@ -205,7 +209,10 @@ def watch(
         raise RecordingError(
             f"{folder}: is the campaign's folder too: its runs would arrive as logs; name another (-o)"
         )
-    watching = _watching(folder, campaign, rig, accept, settle, text)
+    work = Ingest(
+        campaign, _rig(rig), options.read_options(**text), frozenset(accept), options.acceptance(accept, by, reason)
+    )
+    watching = Watch(folder, work, parse(settle, "time"))
     watching.store_unnamed = unnamed == "store"
     if run_table is not None:
         from ..ingestion.watch_folder import WatchedRunTable
@@ -268,21 +275,6 @@ def _live(watching: "Watch") -> Callable[[], None]:
                 click.echo(f"No reduction yet: {plain_text(str(error))}")
 
     return show
-
-
-def _watching(
-    folder: Path, campaign: Path, rig: str | None, accept: Iterable[str], settle: str, text: dict[str, Any]
-) -> "Watch":
-    from balance.units import parse
-
-    from .. import rig as rigs
-    from ..ingestion import Ingest
-    from ..ingestion.watch_folder import Watch
-
-    work = Ingest(
-        campaign, None if rig is None else rigs.load_rig(rig), options.read_options(**text), frozenset(accept)
-    )
-    return Watch(folder, work, parse(settle, "time"))
 
 
 def _say(outcomes: "Iterable[Outcome]", quiet: bool) -> "list[Outcome]":

@@ -66,6 +66,21 @@ def accept_option(command: F) -> F:
     )(command)
 
 
+def person_options(command: F) -> F:
+    """Add ``--by`` and ``--reason``, of a person who decides something."""
+    by = click.option("--by", metavar="NAME", help="Who accepts it, for the ledger; with --reason.")
+    return by(click.option("--reason", metavar="TEXT", help="Why it is accepted.")(command))
+
+
+def acceptance(accept: Sequence[str], by: str | None, reason: str | None) -> dict[str, str] | None:
+    """Who accepts findings, and why, where that is stated."""
+    if by is None and reason is None:
+        return None
+    if not (accept and (by or "").strip() and (reason or "").strip()):
+        raise click.UsageError("--accept CODE, --by NAME and --reason TEXT go together: a person accepts, and says why")
+    return {"by": str(by).strip(), "reason": str(reason).strip()}
+
+
 def refuse_unknown_codes(accepted: Iterable[str]) -> None:
     """Fail as a wrong command line for a code that no contradiction has."""
     from ..cross_examination import SUBJECTS

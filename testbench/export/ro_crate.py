@@ -11,11 +11,12 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
+from urllib.parse import quote, unquote
 
 from ..errors import StoreError
 from ..public_recordings import recordings_by_file
 from ..store import Campaign, Run, append_only_records, atomic_files
+from ..store.campaign import SUMS
 from ..store.ledger import read_ledger
 from . import Exported
 
@@ -45,6 +46,11 @@ def export_crate(campaign: Campaign, runs: Sequence[Run], folder: Path, licence:
         made.append(part)
         part.write_text(text + "\n", encoding="utf-8")
         part.rename(target)
+        made += [target, folder / SUMS]
+        described = sorted(folder / unquote(one["@id"]) for one in metadata["@graph"][1]["hasPart"])
+        lines = [atomic_files.line_for(path.relative_to(folder).as_posix(), atomic_files.sha256_of(path))
+                 for path in [target, *described]]  # fmt: skip
+        (folder / SUMS).write_text("".join(lines), encoding="utf-8", newline="")
     without = [run.name for run in runs if _UNSTATED in _licences(run, licence)]
     losses = (f"no licence is stated for {', '.join(without)}: say --licence",) if without else ()
     return Exported(target, losses)

@@ -4,7 +4,7 @@ The outcome of each file says what became of it: stored, stored already, refused
 """
 
 import re
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -45,6 +45,8 @@ class Outcome:
     status: Annotated[str, Key("", "status")]
     findings: Annotated[tuple[Finding, ...], Key("", "findings", lambda found: str(sum(f.severity > 0 for f in found)))]
     message: str = ""
+    may_pass: bool = False
+    """Whether the disk or share failed, which may be over soon, and not the log."""
 
 
 def not_stored(planned: PlannedRun, sources: Sequence[Source], error: Exception) -> list[Outcome]:
@@ -59,7 +61,9 @@ def not_stored(planned: PlannedRun, sources: Sequence[Source], error: Exception)
         sha256 = sources[i].sha256 or None if i < len(sources) else None
         simulated = any(source.recording.origin == "simulated" for source in sources)
         origin = "simulated" if simulated else planned.origin or "unstated"
-        outcomes.append(Outcome(None, path.name, sha256, origin, "refused", findings, str(error)))
+        cause = error.__cause__
+        may_pass = isinstance(cause, OSError) and not isinstance(cause, FileExistsError | FileNotFoundError)
+        outcomes.append(Outcome(None, path.name, sha256, origin, "refused", findings, str(error), may_pass))
     return outcomes
 
 
@@ -92,6 +96,8 @@ class Ingest:
     rig: "Rig | None" = None
     options: ReadOptions | None = None
     accepted: frozenset[str] = frozenset()
+    acceptance: Mapping[str, str] | None = None
+    """Who accepts them, ``by``, and the ``reason``; None: nobody says so."""
     progress: Progress = lambda count: None
     sibling_log: Callable[[Collection[str]], str | None] = lambda channels: None
     """Names a log outside the run, given to the same command, that holds one of these channels."""
@@ -121,7 +127,9 @@ class Ingest:
         except (RecordingError, StoreError) as error:
             return not_stored(planned, sources, error)
         except OSError as error:
-            return not_stored(planned, sources, RecordingError(f"{error.filename}: {error.strerror or error}"))
+            told = RecordingError(f"{error.filename}: {error.strerror or error}")
+            told.__cause__ = error
+            return not_stored(planned, sources, told)
 
     def _begun(self, sources: Sequence[Source]) -> str | None:
         """The stored run of these logs as they were when they were shorter, proven by its digests of them."""
@@ -271,6 +279,7 @@ class Ingest:
             "software": {name: version(name) for name in ("counterpoise", "h5py", "numpy")},
             "written": datetime.now(UTC).isoformat(timespec="seconds"),
             "accepted_findings": sorted(self.accepted),
+            **({} if self.acceptance is None else {"acceptance": dict(self.acceptance)}),
             "sources": [source.provenance() for source in sources],
         }
 

@@ -84,6 +84,8 @@ _SKIPPED = (".part", ".tmp", ".crdownload", ".filepart", "~")
 """Endings of files on their way from elsewhere."""
 
 
+TRIED_AGAIN_S = 30.0
+"""After so long a log is tried again at which the disk or share failed [s]."""
 LONGEST_PAUSE_S = 60.0
 """A log that rested for longer did not pause: somebody went on with it [s]."""
 
@@ -143,6 +145,8 @@ class Watch:
     """Files of the runs that logs were stored as."""
     _pauses: dict[str, float] = field(default_factory=dict, init=False)
     """Longest pause of logs while they grew [s], by their name without its digits."""
+    _failed: dict[Path, tuple[float, str]] = field(default_factory=dict, init=False)
+    """Logs at which the disk or share failed: when they are tried again [s], and what was said of it."""
     _trouble: str = field(default="", init=False)
     """Why the last look saw nothing."""
     _siblings: SiblingLogs = field(init=False)
@@ -180,6 +184,8 @@ class Watch:
             return
         self._trouble = ""
         now = time.monotonic()
+        for path in [path for path, (due, _) in self._failed.items() if due <= now]:
+            self._done.pop(path, None)
         yield from self._reread(now)
         pending = sorted((path, *seen) for path, seen in self._seen.items() if path not in self._done)
         resting = [path for path, _, since in pending if now - since >= self._settle_s(path)]
@@ -241,12 +247,18 @@ class Watch:
             if run.conditions is None:
                 (run,) = plan_runs(run.files, None)
             outcomes = self.ingest.run(run)
-            for path, outcome in zip(run.files, outcomes, strict=False):
-                if outcome.file is not None:
-                    self._stored[path] = outcome.file
-            return outcomes
         except (RecordingError, RigError, OSError) as error:
             return [_refused(path, str(error)) for path in run.files]
+        told = []
+        for path, outcome in zip(run.files, outcomes, strict=False):
+            if outcome.file is not None:
+                self._stored[path] = outcome.file
+            _, before = self._failed.pop(path, (0.0, ""))
+            if outcome.may_pass:
+                self._failed[path] = time.monotonic() + TRIED_AGAIN_S, outcome.message
+            if not outcome.may_pass or outcome.message != before:
+                told.append(outcome)
+        return told
 
     def _settle_s(self, path: Path) -> float:
         """How long a log must have rested [s]."""
@@ -270,6 +282,7 @@ class Watch:
                 self._seen.pop(path)
                 self._done.pop(path, None)
                 self._stored.pop(path, None)
+                self._failed.pop(path, None)
                 self._siblings.gone(path)
         for path, state in there.items():
             if path not in self._seen or self._seen[path][0] != state:

@@ -101,7 +101,9 @@ class CampaignReport:
         found |= dict.fromkeys(self.accepted, "accepted in this report (--accept)")
         for run in self.runs:
             for code in run.provenance.get("accepted_findings", ()):
-                found[code] = f"accepted as {run.name} was ingested" if code not in found else "accepted at ingest"
+                one = run.provenance.get("acceptance")
+                by = f" by {one['by']}: {one['reason']}" if one else ""
+                found[code] = f"accepted as {run.name} was ingested{by}" if code not in found else "accepted at ingest"
         return found | recorded_decisions(self.runs, self.examination)
 
     @property

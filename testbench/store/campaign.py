@@ -23,8 +23,12 @@ CONTINUES = "continues"
 """Key of the provenance: the run whose logs, grown since, this run holds whole."""
 CRATE = "ro-crate-metadata.json"
 """The description of a crate, which holds copies and quotes the head of the ledger."""
-KEPT = frozenset({"records", CRATE, ledger.FILE, atomic_files.LOCK})
-"""What else belongs into a campaign: later records, the ledger, the lock, and the description of a crate."""
+SUMS = "SHA256SUMS"
+"""Digests of all files of a crate, for ``sha256sum -c``: what its author signs, with a tool of their choice."""
+KEPT = frozenset(
+    {"records", CRATE, SUMS, f"{SUMS}.minisig", f"{SUMS}.sig", f"{SUMS}.asc", ledger.FILE, atomic_files.LOCK}
+)
+"""What else belongs into a campaign: later records, the ledger, the lock, and what describes and signs a crate."""
 
 
 WITHOUT_DIGESTS = (

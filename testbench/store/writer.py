@@ -48,7 +48,7 @@ CHUNK = 1 << 15
 """Samples a chunk."""
 GATHERED = 4 * CHUNK
 """Samples that are gathered before whole chunks are written."""
-ENTERED = ("accepted_findings", "continues")
+ENTERED = ("accepted_findings", "acceptance", "continues")
 """What the ledger says of a run, out of its provenance."""
 SYNCED_EVERY_S = 1.0
 """How long chunks that are acknowledged may wait to be synced with the journal [s]: what a loss of power may cost."""

@@ -1,6 +1,7 @@
 """Each lie about one run of a simulated campaign is found by its code; the honest campaign has no finding."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,10 @@ from studies.simulated_runs import with_values
 from testbench.cross_examination.conditions import accelerations
 from testbench.cross_examination.examination import Examination
 from testbench.cross_examination.observation import Observation
+from testbench.cross_examination.statement import Statement
 from testbench.rig import load_rig
+from testbench.store import open_campaign
+from testbench.store.ledger import read_ledger
 from testbench.vibration.metrics import Measure
 from testbench.vibration.reduction import analyze
 
@@ -193,6 +197,24 @@ def test_doctor(brief, command):
     assert all(run["statements"] for run in told["runs"])
     assert command("doctor", brief.campaign, "r404")[0] == 1
     assert "no such contradiction" in command("analyze", brief.campaign, "--accept", "nonsense")[2]
+
+
+def test_doctor_enters_what_a_person_accepts(brief, command, monkeypatch, tmp_path):
+    """With name and reason, in the ledger, for the runs that have it; then nobody need accept it again."""
+    shutil.copytree(brief.campaign, tmp_path / "c")
+    runs = tuple(f"r00{i}" for i in range(1, 9))
+    stated = Statement("r002", "payload", None, "8 kg", "5 kg", "the drives", "payload_contradiction")
+    found = Examination(runs, (stated,), {run: {} for run in runs})
+    monkeypatch.setattr("testbench.cross_examination.examine", lambda runs, *_: found.decided(runs))
+    words = ("doctor", tmp_path / "c", "--accept", "payload_contradiction", "--by", "A. Kaya")
+    assert command(*words)[0] == 2
+    assert found.decided(open_campaign(tmp_path / "c").runs).open_findings
+    assert command(*words, "--reason", "weighed again")[0] == 3
+    entry = read_ledger(tmp_path / "c").entries[-1]
+    assert {key: entry.details[key] for key in ("code", "by", "reason")} == {
+        "code": "payload_contradiction", "by": "A. Kaya", "reason": "weighed again"
+    }  # fmt: skip
+    assert not found.decided(open_campaign(tmp_path / "c").runs).open_findings
 
 
 def test_doctor_says_once_what_nothing_witnesses(brief, command, monkeypatch):

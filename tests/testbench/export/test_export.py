@@ -1,6 +1,7 @@
 """Runs in other forms: the same bits with units and time, the origin beside them, nothing overwritten."""
 
 import errno
+import hashlib
 import json
 from urllib.parse import unquote
 
@@ -238,7 +239,9 @@ def test_names_in_a_crate_are_references(tmp_path):
     nodes, _ = crate(tmp_path / "crate", [run], "MIT")
     assert "ölçüm%20%231%20(50~).h5" in nodes
     files = [unquote(part["@id"]) for part in nodes["./"]["hasPart"]]
-    assert sorted([*files, "ro-crate-metadata.json"]) == sorted(p.name for p in (tmp_path / "crate").iterdir())
+    assert sorted([*files, "SHA256SUMS", "ro-crate-metadata.json"]) == sorted(
+        p.name for p in (tmp_path / "crate").iterdir()
+    )
     assert not any(set(' <>"{}|\\^`') & set(identity) for identity in nodes)
 
 
@@ -309,6 +312,10 @@ def test_ro_crate(run, tmp_path, capsys):
     assert states == {"intact", "absent"}  # a crate has no ledger of its own
     with pytest.raises(StoreError, match="nothing is overwritten"):
         command.main(words, standalone_mode=False)
+    lines = (tmp_path / "crate" / "SHA256SUMS").read_text("utf-8").splitlines()
+    listed = {name: digest for digest, _, name in (line.partition("  ") for line in lines)}
+    files = {path.relative_to(tmp_path / "crate").as_posix(): path for path in (tmp_path / "crate").rglob("*.*")}
+    assert listed == {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in files.items()}
 
 
 def test_a_crate_without_a_licence_says_so(run, tmp_path, capsys):

@@ -11,6 +11,7 @@ from testbench import rig as rigs
 from testbench.ingestion import Ingest
 from testbench.ingestion.run_table import PlannedRun
 from testbench.store import open_campaign, open_run
+from testbench.store.ledger import read_ledger
 
 from ..store.test_writer import names_in
 
@@ -115,10 +116,13 @@ def test_one_bad_log_keeps_the_whole_run_out(folder):
 def test_a_decision_of_a_person_is_stored(folder):
     """What was accepted stands with the run, and the finding with it."""
     (folder / "r001.csv").write_text(HEADER + "".join(ROWS[:50]) + "1,2\n" + "".join(ROWS[50:]))
-    (outcome,) = ingested(folder, accepted=frozenset({"ragged_row"}))
+    person = {"by": "A. Kaya", "reason": "the cable was pulled"}
+    (outcome,) = ingested(folder, accepted=frozenset({"ragged_row"}), acceptance=person)
     run = open_run(folder / "campaign" / "r001.h5")
     assert outcome.status == "stored"
     assert run.provenance["accepted_findings"] == ["ragged_row"]
+    (entry,) = read_ledger(folder / "campaign").entries
+    assert entry.details == {"accepted_findings": ["ragged_row"], "acceptance": person}
     assert "ragged_row" in {f.code for f in run.findings}
     assert np.isnan(run.channel("AccX")[50])
     assert np.isfinite(np.delete(run.channel("AccX"), 50)).all()

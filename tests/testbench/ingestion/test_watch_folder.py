@@ -1,5 +1,6 @@
 """A watched folder: each log once, when it has stopped growing, also after a crash."""
 
+import errno
 import json
 import os
 import subprocess
@@ -262,6 +263,26 @@ def test_a_folder_that_goes_away_and_comes_back(watching, tmp_path):
     assert [told(watching.look()) for _ in range(2)] == [{"in": "refused"}, {}]
     (tmp_path / "away").rename(tmp_path / "in")
     assert told(watching.once()) == {"a.csv": "stored", "b.csv": "stored"}
+
+
+def test_a_disk_that_fails_for_a_while(watching, clock, tmp_path, monkeypatch):
+    """A log that could not be read or written is said once, and taken when that is over, without having changed."""
+    failing, whole = {"b.csv"}, Ingest._copy
+
+    def copy(ingest, source, writer):
+        if source.path.name in failing:
+            raise OSError(errno.EIO, os.strerror(errno.EIO), str(source.path))
+        return whole(ingest, source, writer)
+
+    monkeypatch.setattr(Ingest, "_copy", copy)
+    assert told(watching.once()) == {"a.csv": "stored", "b.csv": "refused"}
+    for _ in range(3):
+        clock.sleep(watch_folder.TRIED_AGAIN_S)
+        assert told(watching.look()) == {}
+    failing.clear()
+    assert told(watching.look()) == {}
+    clock.sleep(watch_folder.TRIED_AGAIN_S)
+    assert told(watching.look()) == {"b.csv": "stored"}
 
 
 @pytest.mark.parametrize("pause_s", [1, 9, 30, 60])
