@@ -1,6 +1,7 @@
 """A mechanism drawn to scale in its plane x-y, with its counter-masses."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from ..closure import Closure
 from ..errors import DataError
 from ..mechanism import forward_kinematics
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.sparse_components import Vector, dense
+from ..mechanism.sparse_components import dense
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,22 +47,61 @@ def draw_sizing(result: Sizing | SizingStudy) -> "Figure":
     return draw_mechanism(result.after, result.counter_masses)
 
 
+@dataclass(frozen=True)
+class Shape:
+    """What is drawn of a part of a mechanism."""
+
+    kind: str
+    """``link``, ``payload``: a closed polygon; ``stay``: from a joint to its counter-mass; ``counter``: a disc of
+    ``radius``; ``pivot``, ``ground``: joints that turn, the latter on the base."""
+    points: Floats
+    """In base axes, (k, 3, n) [m]."""
+    label: str = ""
+    radius: float | None = None
+    """[m]"""
+
+
+def shapes(mechanism: Mechanism, masses: Mapping[str, float], q: Floats) -> Iterator[Shape]:
+    """Counter-masses [kg] by site, links, joints at configurations ``q`` (n, nv) [rad, m], in the order of drawing."""
+    tree, count = mechanism.tree, len(q)
+    at = forward_kinematics.pose(tree, np.ascontiguousarray(q.T))
+    for site, mass in masses.items():
+        place, own = mechanism.site(site), tree.bodies[mechanism.site(site).body]
+        ends = np.array([dense(at.position[own], count), dense(at.point(own, place.position), count)])
+        yield Shape("stay", ends)
+        yield Shape("counter", ends[1:], f"{mass:.4g} kg at {site}", float(np.sqrt(mass / (np.pi * STEEL_KG_PER_M2))))
+    for body, name in enumerate(mechanism.bodies):
+        yield Shape("payload" if name in mechanism.payload_bodies else "link", link_points(mechanism, at, body), name)
+    for i, joint in enumerate(tree.joints):
+        if joint.revolute:
+            yield Shape("ground" if joint.parent < 0 else "pivot", dense(at.position[i], count)[None])
+    for loop in mechanism.closed_loops:
+        yield Shape("pivot", dense(at.point(loop.first.joint, loop.first.position), count)[None])
+
+
 def draw_on(axes: "Axes", mechanism: Mechanism, counter_masses: Sequence[CounterMass], q: Floats) -> None:
     """Draw links, pivots, payload and counter-masses at ``q`` (nv,) [rad, m] on axes of equal scale."""
-    at = forward_kinematics.pose(mechanism.tree, q[:, None])
-    for body, name in enumerate(mechanism.bodies):
-        colour = PAYLOAD if name in mechanism.payload_bodies else LINK
-        _draw_link(axes, link_points(mechanism, at, body)[:, :2, 0], name, colour)
-    for joint, elementary in enumerate(mechanism.tree.joints):
-        if elementary.revolute:
-            ground = elementary.parent < 0
-            axes.plot(*_flat(at.position[joint]), "^" if ground else "o", ms=11 if ground else 6, mfc="white",
-                      mec=GROUND, mew=1.6, zorder=5)  # fmt: skip
-    for loop in mechanism.closed_loops:
-        axes.plot(*_flat(at.point(loop.first.joint, loop.first.position)), "o", ms=6, mfc="white", mec=GROUND, mew=1.6,
-                  zorder=5)  # fmt: skip
-    for counter in counter_masses:
-        _draw_counter_mass(axes, mechanism, at, counter)
+    from matplotlib.patches import Circle
+
+    box = {"fc": "white", "ec": "none", "alpha": 0.7, "pad": 1.0}
+    for one in shapes(mechanism, {counter.site: counter.mass for counter in counter_masses}, q[None]):
+        flat = one.points[:, :2, 0]
+        centre = (float(flat[:, 0].mean()), float(flat[:, 1].mean()))
+        if one.kind in ("link", "payload"):
+            colour = PAYLOAD if one.kind == "payload" else LINK
+            axes.plot(*np.vstack([flat, flat[:1]]).T, color=colour, lw=4, solid_capstyle="round", alpha=0.9, zorder=3)
+            axes.annotate(one.label, centre, (7, 5), textcoords="offset points", color=colour, fontsize=9, zorder=6,
+                          bbox=box)  # fmt: skip
+        elif one.kind == "stay":
+            axes.plot(*flat.T, color=COUNTER, lw=3, zorder=2)
+        elif one.radius is not None:
+            axes.add_patch(Circle(centre, one.radius, color=COUNTER, alpha=0.55, lw=0, zorder=2))
+            mass = one.label.partition(" at ")[0]
+            axes.annotate(mass, centre, ha="center", va="center", fontsize=9, zorder=7)
+        else:
+            ground = one.kind == "ground"
+            axes.plot(*centre, "^" if ground else "o", ms=11 if ground else 6, mfc="white", mec=GROUND, mew=1.6,
+                      zorder=5)  # fmt: skip
 
 
 def refuse_unknown_ending(path: str | Path) -> None:
@@ -96,28 +136,3 @@ def link_points(mechanism: Mechanism, at: forward_kinematics.Pose, body: int) ->
     found = np.array([dense(point, at.count) for point in points or [at.position[joint]]])
     off = found[:, :2, 0] - found[:, :2, 0].mean(axis=0)
     return found[np.argsort(np.arctan2(off[:, 1], off[:, 0]))]
-
-
-def _flat(point: Vector) -> Floats:
-    """In the plane x-y, (2,) [m]."""
-    return dense(point, 1)[:2, 0]
-
-
-def _draw_link(axes: "Axes", points: Floats, name: str, colour: str) -> None:
-    centre = points.mean(axis=0)
-    axes.plot(*np.vstack([points, points[:1]]).T, color=colour, lw=4, solid_capstyle="round", alpha=0.9, zorder=3)
-    box = {"fc": "white", "ec": "none", "alpha": 0.7, "pad": 1.0}
-    axes.annotate(name, centre, (7, 5), textcoords="offset points", color=colour, fontsize=9, zorder=6, bbox=box)
-
-
-def _draw_counter_mass(axes: "Axes", mechanism: Mechanism, at: forward_kinematics.Pose, counter: CounterMass) -> None:
-    """A disc, and the stay from the joint to it."""
-    from matplotlib.patches import Circle
-
-    joint = mechanism.tree.bodies[mechanism.site(counter.site).body]
-    pivot, place = _flat(at.position[joint]), _flat(at.point(joint, counter.position))
-    axes.plot(*np.array([pivot, place]).T, color=COUNTER, lw=3, zorder=2)
-    radius = np.sqrt(counter.mass / (np.pi * STEEL_KG_PER_M2))
-    centre = (float(place[0]), float(place[1]))
-    axes.add_patch(Circle(centre, radius, color=COUNTER, alpha=0.55, lw=0, zorder=2))
-    axes.annotate(f"{counter.mass:.2f} kg", centre, ha="center", va="center", fontsize=9, zorder=7)

@@ -17,10 +17,9 @@ from ..arrays import Floats
 from ..closure import Trajectory
 from ..dynamics.inverse_dynamics import simulate
 from ..dynamics.regressor import first_moment
-from ..figures.mechanism import STEEL_KG_PER_M2, link_points
+from ..figures.mechanism import link_points, shapes
 from ..mechanism import forward_kinematics
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.sparse_components import dense
 from .page import Page
 
 FRAMES = 160
@@ -90,16 +89,16 @@ def moving(
         force = forces[label][frames] @ view.T
         drawn_points = one.points[: len(frames)]
         arrows = _arrow(drawn_points[:, -1], arrow * force, _HEAD * float(size.max()))
-        shapes = [{**shape, "radius": shape["radius"] * scale} if "radius" in shape else shape for shape in one.shapes]
+        parts = [{**shape, "radius": shape["radius"] * scale} if "radius" in shape else shape for shape in one.shapes]
         last = drawn_points.shape[1] - 1
-        shapes += [
+        parts += [
             {"kind": "centre", "points": [last]},
             {"kind": "force", "points": [last, last + 1, last + 2, last + 1, last + 3]},
         ]
         points = np.concatenate([drawn_points, arrows], axis=1)
         tenths = np.rint(10.0 * drawn(points)).astype("<i2")
         panels.append({
-            "label": label, "shapes": shapes, "count": points.shape[1],
+            "label": label, "shapes": parts, "count": points.shape[1],
             "points": base64.b64encode(tenths.tobytes()).decode("ascii"),
             "first": (0.1 * tenths[0].astype(float)).tolist(),
             "largest_N": float(np.linalg.norm(forces[label], axis=1).max()),
@@ -146,31 +145,15 @@ def _view(mechanism: Mechanism, q: Floats, seen_from: tuple[float, float]) -> tu
 
 def _picture(mechanism: Mechanism, masses: Mapping[str, float], q: Floats, view: Floats) -> _Picture:
     """Links, pivots and counter-masses at ``q`` (frames, nv) [rad, m]; the centre of mass is the last point."""
-    tree, count = mechanism.tree, len(q)
-    at = forward_kinematics.pose(tree, np.ascontiguousarray(q.T))
     points: list[Floats] = []
-    shapes: list[dict[str, Any]] = []
-
-    def added(kind: str, some: Floats, **more: Any) -> None:  # noqa: ANN401
-        shapes.append({"kind": kind, "points": list(range(len(points), len(points) + len(some))), **more})
-        points.extend(view @ point for point in some)
-
-    for site, mass in masses.items():
-        place, own = mechanism.site(site), tree.bodies[mechanism.site(site).body]
-        ends = np.array([dense(at.position[own], count), dense(at.point(own, place.position), count)])
-        radius = float(np.sqrt(mass / (np.pi * STEEL_KG_PER_M2)))
-        added("stay", ends)
-        added("counter", ends[1:], radius=radius, label=f"{mass:.4g} kg at {site}")
-    for body, name in enumerate(mechanism.bodies):
-        kind = "payload" if name in mechanism.payload_bodies else "link"
-        added(kind, link_points(mechanism, at, body), label=name)
-    for i, joint in enumerate(tree.joints):
-        if joint.revolute:
-            added("ground" if joint.parent < 0 else "pivot", dense(at.position[i], count)[None])
-    for loop in mechanism.closed_loops:
-        added("pivot", dense(at.point(loop.first.joint, loop.first.position), count)[None])
+    drawn: list[dict[str, Any]] = []
+    for one in shapes(mechanism, masses, q):
+        places = list(range(len(points), len(points) + len(one.points)))
+        stated = {"label": one.label, "radius": one.radius}
+        drawn.append({"kind": one.kind, "points": places, **{name: x for name, x in stated.items() if x}})
+        points.extend(view @ point for point in one.points)
     points.append(view @ (first_moment(mechanism, q) / mechanism.total_mass).T)
-    return _Picture(np.array(points).transpose(2, 0, 1), shapes)
+    return _Picture(np.array(points).transpose(2, 0, 1), drawn)
 
 
 def designs_of(mechanism: Mechanism, masses: dict[str, float]) -> Designs:
