@@ -6,14 +6,15 @@ stock's whole mass, g the gradient there and R' R = columns' columns (R triangul
     J(m) >= J(m*) + g (m - m*) + |R (m - m*)|^2,   each g_i (m_i - m*_i) >= 0,
 
 so that site after site, in the order of R's rows, only masses near the best for those chosen can do better than what
-has been found (Schnorr and Euchner, Math. Programming 66, 1994). A mass is looked at once, however plates make it;
-which plates remain is carried along, so that no plate is used twice. Plates of too many kinds for that, weighed to a
-multiple of one unit, make nearly every multiple: whether masses can be made together is then found at the end alone,
-by bits of a number that stand for sums (Bellman, Dynamic programming, 1957).
+has been found (Schnorr and Euchner, Math. Programming 66, 1994). What J may be above the bound is raised from next to
+nothing, so that good masses are found soon. A mass is looked at once, however plates make it; which plates remain is
+carried along, so that no plate is used twice. Plates of too many kinds for that are counted in multiples of a unit:
+which multiples the first kinds make is known by bits (Bellman, Dynamic programming, 1957), along which the plates of
+all sites chosen so far are sought.
 """
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -35,10 +36,14 @@ _MOST_COMPARED = 300
 """Rows that are compared with each other."""
 _STEP_KG, _STEP_ROUNDING = 1e-6, 1e-3
 """What masses of plates are multiples of [kg], and how far from that rounding may take them, in such steps."""
-_MOST_BITS = 30_000_000
-"""Largest sum of plates in units, times the number of parcels of them, that is counted by."""
-_TRIES = 20
-"""Orders of plates in which masses are sought to be made before it is left open whether they can be."""
+_MOST_BITS = 200_000_000
+"""Largest mass of a site in units, times the kinds of plates, that is counted by."""
+_ROUNDED_BITS = 30_000_000
+"""As many where plates are rounded to such units."""
+_STEPS = 5_000
+"""Plates that are tried before it is left open whether some masses can be made together."""
+_FIRST_CAP, _CAPS = 1e-9, 30.0
+"""What J may first be above the bound, relative to J without counter-masses, and the factor by which that rises."""
 _TIE = 1e-12
 """Difference of J, relative to J without counter-masses, that is rounding: the lighter is better then."""
 
@@ -88,11 +93,14 @@ def best_plates(
     groups = [[i] for i in range(sites) if not any(i in group for group in equal)] + [list(group) for group in equal]
     most = np.full(sites, np.inf) if limits is None else limits
     used = quantities > 0
-    kind = _Search if np.prod(quantities + 1.0) <= _MOST_PILES else _UnitSearch
+    few, steps = np.prod(quantities + 1.0) <= _MOST_PILES, masses[used] / _STEP_KG
+    counted = used.any() and np.abs(steps - np.round(steps)).max() <= _STEP_ROUNDING
+    kind = _Search if few and not counted else _UnitSearch
     search = kind(columns, target, masses[used], quantities[used], most, groups, best)
     found = search.run()
     whole = [Selection(_padded(one.counts, used), one.masses, one.value) for one in found]
-    return StockOptimum(tuple(whole), max(min(search.bound, found[0].value), 0.0))
+    bound = search.bound if search.bound < found[0].value - search.tie else found[0].value
+    return StockOptimum(tuple(whole), max(bound, 0.0))
 
 
 def _padded(counts: Indices, used: NDArray[np.bool_]) -> Indices:
@@ -117,6 +125,10 @@ class _Search:
     """J, mass and masses of the best, best first."""
     late: bool = False
     """Whether time was up before the search was complete."""
+    first: bool = False
+    """Whether this pass of the search only looks for some plates."""
+    cap: float = np.inf
+    """What J may be above the bound of any masses, in this pass."""
     open_value: float = np.inf
     """Least J of masses of which it is not known whether plates make them."""
 
@@ -136,7 +148,8 @@ class _Search:
         self.relaxed = float(np.sum((columns @ centre - self.target) ** 2)) - slack - gap
         gradient = 2.0 * columns.T @ (columns @ centre - self.target) + self.price * weight
         pushed = np.where(centre <= 0.0, gradient.clip(min=0.0), np.where(centre >= upper, gradient.clip(max=0.0), 0.0))
-        order = _search_order(columns)
+        free, steep = np.flatnonzero(pushed == 0.0), np.flatnonzero(pushed)
+        order = [*free[_search_order(columns[:, free])], *steep[np.argsort(np.abs(pushed[steep]))]]
         self.order, self.centre, self.gradient = order, centre[order], pushed[order]
         padded = np.vstack([columns[:, order], np.zeros((len(order), len(order)))])
         self.triangle: Floats = np.asarray(np.linalg.qr(padded, mode="r"))
@@ -153,7 +166,17 @@ class _Search:
         self.reachable = [distinct[distinct <= upper + self.edge] for upper in self.upper]
         self.deadline = time.monotonic() + TIME_LIMIT_S
         self._offer(np.zeros(len(self.order)))
+        most = max(self.found[0][0] - self.relaxed, self.tie)
+        cap = max(_FIRST_CAP * most, _GOOD * self.relaxed)
+        self.first = True
         self._descend(len(self.order) - 1, np.zeros(len(self.order)), 0.0, left)
+        self.first = False
+        while not self.late:
+            self.cap = cap if cap < most else np.inf
+            self._descend(len(self.order) - 1, np.zeros(len(self.order)), 0.0, left)
+            if self._worst() - self.relaxed + self.tie <= self.cap or self.is_good(self._worst()):
+                break
+            cap *= _CAPS
 
     @property
     def bound(self) -> float:
@@ -185,7 +208,8 @@ class _Search:
             chosen = self.weight[1:] @ (self.centre + offset)[1:] + self.weight[0] * masses
             costs = costs + self.price * (self.total - chosen)
         for k in np.lexsort((masses, costs)):
-            if costs[k] > self._budget() or self.late or (level == 0 and self.is_good(self._worst())):
+            done = self.late or self.is_good(self._worst()) or (self.first and self.found[0][1] > 0.0)
+            if done or costs[k] > self._budget():
                 return
             if time.monotonic() > self.deadline:
                 self.late = True
@@ -194,9 +218,9 @@ class _Search:
             if level == 0 and not self._is_better(self.relaxed + float(costs[k]), self.centre + offset):
                 continue
             rest = self._left(left, float(masses[k]), times)
-            if len(rest) and level:
+            if len(rest) and level and self._are_possible(level, self.centre + offset, float(costs[k])):
                 self._descend(level - 1, offset, float(costs[k]), rest)
-            elif len(rest):
+            elif len(rest) and not level:
                 self._offer(self.centre + offset)
         offset[level] = 0.0
 
@@ -220,7 +244,11 @@ class _Search:
 
     def _budget(self) -> float:
         """What J may be above that of the centre, for a selection that is worth to be found."""
-        return self._worst() - self.relaxed + self.tie
+        return min(self._worst() - self.relaxed + self.tie, self.cap)
+
+    def _are_possible(self, level: int, masses: Floats, cost: float) -> bool:
+        """Whether plates may make the ``masses`` from ``level`` on together; of which J is at least so much more."""
+        return True
 
     def _value(self, masses: Floats) -> float:
         return float(np.sum((self.columns @ (self.share[:, self.order] @ masses) - self.target) ** 2))
@@ -275,103 +303,115 @@ class _UnitSearch(_Search):
     """
 
     def __post_init__(self) -> None:
-        """Choose the unit and how far is counted."""
+        """Choose the unit and how far is counted, and count."""
+        rising = np.argsort(self.plates)
+        self.places, self.plates, self.quantities = np.argsort(rising), self.plates[rising], self.quantities[rising]
         super().__post_init__()
-        steps, parcels = self.plates / _STEP_KG, sum(int(quantity).bit_length() for quantity in self.quantities)
+        kinds, steps = len(self.plates), self.plates / _STEP_KG
         unit = _STEP_KG * float(np.gcd.reduce(np.round(steps).astype(np.intp)))
-        wanted = 2.0 * float(self.weight @ self.centre + self.weight.sum() * self.plates.max())
-        self.rounded, self.reach = bool(np.abs(steps - np.round(steps)).max() > _STEP_ROUNDING), self.total
-        if self.rounded or unit * _MOST_BITS < self.total * parcels:
-            self.reach = min(self.total, wanted)
-            self.rounded = self.rounded or unit * _MOST_BITS < self.reach * parcels
-        self.unit = self.reach * parcels / _MOST_BITS if self.rounded else unit
-        self.units = np.round(self.plates / self.unit).astype(np.intp)
+        self.rounded, self.reach = bool(np.abs(steps - np.round(steps)).max() > _STEP_ROUNDING), self.upper.max()
+        if self.rounded or unit * _MOST_BITS < self.reach * kinds:
+            self.reach = min(self.reach, 2.0 * float(self.centre.max() + self.plates.max()))
+            self.rounded = self.rounded or unit * _MOST_BITS < self.reach * kinds
+        self.unit = max(self.reach * kinds / _ROUNDED_BITS, 1e-3 * _STEP_KG) if self.rounded else unit
+        self.units = np.round(self.plates / self.unit).astype(np.intp).tolist()
+        self.sums_of = _sums(self.units, self.quantities.tolist(), round(self.reach / self.unit))
+        """For the first 0, 1, 2 ... kinds: bit k tells whether some of them make k units."""
         self.made: dict[tuple[float, ...], Indices] = {}
-        self.random = np.random.default_rng(0)
 
     @property
     def bound(self) -> float:
         """J of no selection is less than this, once the search was run."""
-        return self.relaxed if self.rounded or self.reach < self.total else super().bound
+        return self.relaxed if self.rounded or self.reach < self.upper.max() else super().bound
 
     def run(self) -> list[Selection]:
         """Search through all multiples of the unit that some plates make."""
-        whole = round(self.reach / self.unit)
-        parcels = _parcels(self.quantities)
-        bits = _sums(self.units[parcels[:, 0]] * parcels[:, 1], whole)[-1].to_bytes(whole // 8 + 1, "little")
-        distinct = np.flatnonzero(np.unpackbits(np.frombuffer(bits, np.uint8), bitorder="little"))
-        self._search(distinct * self.unit, np.array([[whole]]))
-        return sorted((self.selection(self.made[chosen]) for *_, chosen in self.found), key=lambda one: one.value)
+        bits = np.unpackbits(np.frombuffer(self.sums_of[-1], np.uint8), bitorder="little")
+        self._search(np.flatnonzero(bits) * self.unit, np.array([[round(self.total / self.unit)]]))
+        found = sorted((self.selection(self.made[chosen]) for *_, chosen in self.found), key=lambda one: one.value)
+        return [Selection(one.counts[:, self.places], one.masses, one.value) for one in found]
 
     def _left(self, left: Indices, mass: float, times: int) -> Indices:
         rest = left - times * round(mass / self.unit)
         return rest[rest[:, 0] >= 0]
 
+    def _are_possible(self, level: int, masses: Floats, cost: float) -> bool:
+        possible = self._counts(level, masses) is not None
+        if not possible and self.steps < 0:
+            self.open_value = min(self.open_value, self.relaxed + cost)
+        return possible
+
     def _offer(self, masses: Floats) -> None:
-        counts = self._counts(masses)
-        if counts is None:
+        counts = self._counts(0, masses)
+        if counts is not None:
+            self.made[tuple(np.abs(masses))] = counts
+            super()._offer(masses)
+        elif self.steps < 0:
             self.open_value = min(self.open_value, self._value(masses))
-            return
-        self.made[tuple(np.abs(masses))] = counts
-        super()._offer(masses)
 
-    def _counts(self, masses: Floats) -> Indices | None:
-        """Plates that make the masses of the groups together, (sites, kinds); None where none are found.
+    def _counts(self, level: int, masses: Floats) -> Indices | None:
+        """Plates (sites, kinds) that make the masses of the groups from ``level`` on together.
 
-        Plates that are rounded make equal masses only where they are the same.
+        None where there are none, or ``steps`` is negative after that: none were found. Plates that are rounded make
+        equal masses only where they are the same.
         """
         wanted = np.round(masses / self.unit).astype(np.intp).tolist()
         parts = [
             (part, sum_)
-            for k, sum_ in zip(self.order, wanted, strict=True)
+            for k, sum_ in zip(self.order[level:], wanted[level:], strict=True)
             for part in ([list(self.groups[k])] if self.rounded else [[i] for i in self.groups[k]])
         ]
-        for _ in range(_TRIES):
-            counts, left = np.zeros((len(self.columns[0]), len(self.plates)), dtype=np.intp), self.quantities.copy()
-            for part, sum_ in parts:
-                parcels = self.random.permutation(_parcels(left // len(part)))
-                chosen = _subset(self.units[parcels[:, 0]] * parcels[:, 1], sum_)
-                if chosen is None:
-                    break
-                taken = np.bincount(parcels[chosen, 0], parcels[chosen, 1], len(self.plates))
-                counts[part] = np.round(taken).astype(np.intp)
-                left -= counts[part].sum(axis=0)
-            else:
-                if (counts @ self.plates <= self.limits + self.edge).all():
-                    return counts
+        self.steps = _STEPS
+        found = self._together(parts[::-1], self.quantities)
+        if found is None:
+            return None
+        counts = np.zeros((len(self.columns[0]), len(self.plates)), dtype=np.intp)
+        for (part, _), taken in zip(parts[::-1], found, strict=True):
+            counts[part] = taken
+        return counts
+
+    def _together(self, parts: list[tuple[list[int], int]], left: Indices) -> list[Indices] | None:
+        """Plates (kinds,) for each part, of those ``left``."""
+        if not parts:
+            return []
+        (part, wanted), *others = parts
+        for chosen in self._subsets(len(self.units), wanted, (left // len(part)).tolist()):
+            taken = np.zeros(len(left), dtype=np.intp)
+            taken[[kind for kind, _ in chosen]] = [count for _, count in chosen]
+            if not self.rounded or (taken @ self.plates <= self.limits[part] + self.edge).all():
+                rest = self._together(others, left - len(part) * taken)
+                if rest is not None:
+                    return [taken, *rest]
         return None
 
-
-def _parcels(quantities: Indices) -> Indices:
-    """Kinds and numbers of plates (n, 2), of each kind 1, 2, 4 ... and the rest: some of them make any number."""
-    found = []
-    for kind, quantity in enumerate(quantities.tolist()):
-        size = 1
-        while quantity:
-            size = min(size, quantity)
-            found.append((kind, size))
-            quantity, size = quantity - size, 2 * size
-    return np.array(found, dtype=np.intp).reshape(-1, 2)
-
-
-def _sums(units: Iterable[int], most: int) -> list[int]:
-    """For the first 0, 1, 2 ... plates: bit k tells whether some of them make k, up to ``most``."""
-    found, mask = [1], (1 << (most + 1)) - 1
-    for unit in units:
-        found.append((found[-1] | found[-1] << int(unit)) & mask)
-    return found
+    def _subsets(self, kinds: int, wanted: int, left: list[int]) -> Iterator[list[tuple[int, int]]]:
+        """Kinds and numbers of plates, of the first ``kinds``, that make ``wanted`` units; heavy plates first."""
+        if not wanted:
+            yield []
+            return
+        kind, sums = kinds - 1, self.sums_of[kinds - 1]
+        unit = max(self.units[kind], 1)
+        for count in range(min(left[kind], wanted // unit), -1, -1):
+            self.steps -= 1
+            if self.steps < 0:
+                return
+            rest = wanted - count * unit
+            if sums[rest >> 3] >> (rest & 7) & 1:
+                for others in self._subsets(kind, rest, left):
+                    yield [(kind, count), *others] if count else others
 
 
-def _subset(units: Indices, wanted: int) -> NDArray[np.bool_] | None:
-    """Which plates make ``wanted`` [units]; None where none do."""
-    sums, chosen = _sums(units, wanted), np.zeros(len(units), dtype=bool)
-    if not sums[-1] >> wanted & 1:
-        return None
-    for k in range(len(units) - 1, -1, -1):
-        if not sums[k] >> wanted & 1:
-            chosen[k] = True
-            wanted -= int(units[k])
-    return chosen
+def _sums(units: Sequence[int], quantities: Sequence[int], most: int) -> list[bytes]:
+    """For the first 0, 1, 2 ... kinds: bit k tells whether some of their plates make k, up to ``most``."""
+    sums, mask = [1], (1 << (most + 1)) - 1
+    for unit, quantity in zip(units, quantities, strict=True):
+        found, parcel, rest = sums[-1], 1, quantity
+        while rest:  # 1, 2, 4 ... plates and the rest: some of them make any number
+            parcel = min(parcel, rest)
+            found = (found | found << unit * parcel) & mask
+            parcel, rest = 2 * parcel, rest - parcel
+        sums.append(found)
+    return [found.to_bytes(most // 8 + 1, "little") for found in sums]
 
 
 def _relaxed(
@@ -397,12 +437,11 @@ def _search_order(columns: Floats) -> list[int]:
     """Sites, the one that is chosen first last: that whose effect is least like that of the others."""
     rest, order = list(range(columns.shape[1])), list[int]()
     while rest:
-        apart = [
-            float(np.linalg.lstsq(columns[:, [j for j in rest if j != k]], columns[:, k], rcond=None)[1].sum())
-            if len(rest) > 1
-            else 0.0
-            for k in rest
-        ]
+        apart = []
+        for k in rest:
+            others = columns[:, [j for j in rest if j != k]]
+            like = others @ np.linalg.lstsq(others, columns[:, k], rcond=None)[0] if len(rest) > 1 else 0.0
+            apart.append(float(np.sum((columns[:, k] - like) ** 2)))
         order.insert(0, rest.pop(int(np.argmax(apart))))
     return order
 

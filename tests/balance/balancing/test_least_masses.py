@@ -95,27 +95,26 @@ def by_looking_at_all(columns, target, masses, quantities, limits, equal):
     return sorted(set(found))
 
 
-@pytest.mark.parametrize("most_piles", [stock_search._MOST_PILES, 1], ids=["piles", "units"])
+@pytest.mark.parametrize("factor", [1.0, 2**0.5], ids=["units", "piles"])
 @pytest.mark.parametrize("seed", range(24))
-def test_plates_are_the_best_of_all(seed, most_piles, monkeypatch):
-    """Random stocks, limits, equal sites, few rows: no selection is better, nor as good and lighter.
+def test_plates_are_the_best_of_all(seed, factor):
+    """Random stocks, limits, equal sites, few rows: no selection is better, nor as good and lighter, and it is proven.
 
-    So it is by piles of plates, and by their mass alone, where masses that no plates make together stay unproven.
+    So it is by multiples of a unit, and by piles of plates where their masses have none.
     """
-    monkeypatch.setattr(stock_search, "_MOST_PILES", most_piles)
     rng = np.random.default_rng(seed)
     sites = int(rng.integers(1, 4))
     columns = rng.normal(size=(int(rng.integers(1, 6)), sites))
     target = 10.0 * rng.normal(size=len(columns))
     kinds = int(rng.integers(1, 4))
-    masses, quantities = np.round(rng.uniform(0.3, 5.0, kinds), 2), rng.integers(0, 3, kinds)
+    masses, quantities = factor * np.round(rng.uniform(0.3, 5.0, kinds), 2), rng.integers(0, 3, kinds)
     limits = np.where(rng.random(sites) < 0.5, rng.uniform(0.0, 6.0, sites), np.inf)
     equal = [[0, 1]] if sites > 1 and seed % 3 == 0 else []
     found = best_plates(columns, target, masses, quantities, limits, equal)
     all_of_them = by_looking_at_all(columns, target, masses, quantities, limits, equal)
     best = found.selections[0]
     assert (best.value, best.masses.sum()) == pytest.approx(all_of_them[0], abs=1e-8)
-    assert found.gap == 0.0 or (found.gap > 0.0 and most_piles == 1)
+    assert found.gap == 0.0
     assert (best.counts.sum(axis=0) <= quantities).all()
 
 
@@ -157,6 +156,18 @@ def test_forty_plates_that_all_differ_are_proven(step, noise):
         near = best.masses + 10.0**-step * np.array(change)
         if near[0] <= 5.46 and near[2] <= 13.3:
             assert np.sum((columns @ near - target) ** 2) >= best.value - 1e-12
+
+
+def test_sites_without_an_effect_of_their_own_are_proven():
+    """Forty plates at four sites of which three have the effect of the fourth, at bounds or not."""
+    rng = np.random.default_rng(2)
+    columns = rng.normal(size=(6, 3)) @ rng.normal(size=(3, 4))
+    masses, limits = np.round(rng.uniform(0.03, 2.0, 40), 5), np.array([2.5, 3.0, 2.0, 1.7])
+    target = columns @ np.array([0.08, 5.0, 4.0, -1.0]) + rng.normal(size=6)
+    found = best_plates(columns, target, masses, np.ones(40, dtype=int), limits)
+    least = distribute_masses(columns, target, limits)
+    assert found.gap == 0.0
+    assert found.selections[0].value == pytest.approx(np.sum((columns @ least.masses - target) ** 2), rel=1e-2)
 
 
 @pytest.mark.parametrize("time_limit", [stock_search.TIME_LIMIT_S, 0.0])
