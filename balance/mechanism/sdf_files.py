@@ -104,8 +104,8 @@ class SdfModel:
             self.stated[scope + name] = self._relative(inner, scope, ""), self._pose(inner, f"model {name!r}")
             self._collect(inner, f"{scope}{name}::")
         first = model.get("canonical_link") or next((link.get("name", "") for link in model.iterfind("link")), "")
-        inner = next((one.get("name", "") for one in model.iterfind("model")), "")
-        self.carrier[own] = scope + first if first else self.carrier.get(scope + inner, "")
+        nested = next((one.get("name", "") for one in model.iterfind("model")), "")
+        self.carrier[own] = scope + first if first else self.carrier.get(scope + nested, "")
 
     def _relative(self, element: Element, scope: str, default: str) -> str:
         found = element.find("pose")
