@@ -3,13 +3,17 @@
 import hashlib
 import subprocess
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import pytest
 from filelock import FileLock
 
 from ..commands import call as call_main
+
+if TYPE_CHECKING:
+    from testbench.vibration.reduction import Analysis
 
 
 class Simulated(NamedTuple):
@@ -83,6 +87,17 @@ def brief(shared: Callable[..., Simulated]) -> Simulated:
     from balance import datasets
 
     return shared(datasets.find_dataset("kiper2019-brief", "plans", ".toml").read_text("utf-8"))
+
+
+@pytest.fixture(scope="session")
+def brief_analysis(brief: Simulated) -> "Callable[[str], Analysis]":
+    """By metric the analysis of the brief plan within 0..200 Hz, each made once in a process."""
+    from testbench.signal.filters import Band
+    from testbench.store import open_campaign
+    from testbench.vibration.metrics import Measure
+    from testbench.vibration.reduction import analyze
+
+    return cache(lambda metric: analyze(open_campaign(brief.campaign).runs, Measure(metric, Band(0.0, 200.0))))
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,7 @@ from testbench.simulator import simulated_logs
 from testbench.simulator.memory_run import stored
 from testbench.store import open_campaign
 from testbench.vibration.metrics import METRICS, Measure
-from testbench.vibration.reduction import analyze
+from testbench.vibration.reduction import Reduction, analyze
 
 from ..conftest import simulated
 from ..coverage import assert_holds
@@ -140,11 +140,10 @@ def brief_in_memory() -> list[memory.MemoryRun]:
 
 
 @pytest.mark.parametrize("metric", METRICS)
-def test_files_and_memory(brief, metric):
+def test_files_and_memory(brief_analysis, metric):
     """What the files give is what the loggers recorded: the same numbers, to the last digit."""
     alone = analyze(brief_in_memory(), Measure(metric, BAND)).reductions
-    filed = analyze(open_campaign(brief.campaign).runs, Measure(metric, BAND)).reductions
-    assert [replace(r, runs=()) for r in alone] == [replace(r, runs=()) for r in filed]
+    assert [replace(r, runs=()) for r in alone] == [replace(r, runs=()) for r in brief_analysis(metric).reductions]
 
 
 @cache
@@ -158,11 +157,16 @@ def repeated() -> tuple[memory.MemoryRun, ...]:
     return tuple(runs)
 
 
+@cache
+def repeated_reductions() -> tuple[Reduction, ...]:
+    """Of all of them."""
+    return analyze(repeated(), Measure("rms", BAND)).reductions
+
+
 def test_repeats_of_other_conditions():
     """An interval of two repeats a side is no wider where other conditions were repeated too."""
-    measure = Measure("rms", BAND)
-    pooled = [r for r in analyze(repeated(), measure).reductions if r.key.peak_acceleration_g == 3.0]
-    alone = analyze(repeated()[-4:], measure).reductions
+    pooled = [r for r in repeated_reductions() if r.key.peak_acceleration_g == 3.0]
+    alone = analyze(repeated()[-4:], Measure("rms", BAND)).reductions
     assert [(r.axis, r.method, r.n) for r in pooled] == [(axis, "repeats", (2, 2)) for axis in "xyz"]
     widths = [np.median([r.interval[1] - r.interval[0] for r in some]) for some in (pooled, alone)]
     assert widths[0] < 1.1 * widths[1]
@@ -172,16 +176,15 @@ def test_repeats_of_other_conditions():
 
 def test_repeats_that_differ():
     """Repeats that differ far more than all others are said, and widen no other condition's interval."""
-    measure, runs = Measure("rms", BAND), list(repeated())
+    runs = list(repeated())
     group, index = runs[0].find("AccX")
     runs[0] = memory.with_values(runs[0], "AccX", 1.8 * runs[0].provenance["data"][f"{group.path}/{group.keys[index]}"])
-    analysis = analyze(runs, measure)
+    analysis = analyze(runs, Measure("rms", BAND))
     assert {f.code for f in analysis.findings} >= {"repeats_differ"}
     said = [f.message for f in analysis.findings if f.code == "repeats_differ"]
     assert len(said) == 1
     assert "1 g0, base_acc along x" in said[0]
     assert f"({runs[0].name} {runs[1].name})" in said[0]
-    before = analyze(repeated(), measure).reductions
-    for new, old in zip(analysis.reductions, before, strict=True):
+    for new, old in zip(analysis.reductions, repeated_reductions(), strict=True):
         if new.axis == "x" and new.key.peak_acceleration_g > 1.0:
             assert np.diff(new.interval) < 2.0 * np.diff(old.interval)

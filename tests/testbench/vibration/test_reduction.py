@@ -29,14 +29,14 @@ def test_percent_of_repeats():
 
 
 @pytest.mark.parametrize("metric", ["peak", "peak_to_peak", "rms"])
-def test_known_truth(brief, metric):
+def test_known_truth(brief, brief_analysis, metric):
     """Through the files, too, the intervals hold the truth: 12 of 95 % miss it more than 3 times once in 450.
 
     And no value is further off than noise of some standard deviations on both amplitudes makes it.
     """
     noise = {"peak": 5.0, "peak_to_peak": 10.0, "rms": 1.2}[metric] * 0.002 * 9.81 * np.sqrt(200.0 / 2500.0)
     measure = Measure(metric, Band(0.0, 200.0))
-    analysis = analyze(open_campaign(brief.campaign).runs, measure)
+    analysis = brief_analysis(metric)
     assert len(analysis.reductions) == 12
     held = 0
     for reduction in analysis.reductions:
@@ -51,19 +51,19 @@ def test_known_truth(brief, metric):
     assert held >= 9
 
 
-def test_noise_floor(brief):
+def test_noise_floor(brief_analysis):
     """At rest the sensor's noise in the band is known: 0.002 g white over 2500 Hz, of which 200 Hz count."""
     expected = 0.002 * 9.81 * np.sqrt(200.0 / 2500.0)
-    for reduction in analyze(open_campaign(brief.campaign).runs, Measure("rms")).reductions:
+    for reduction in brief_analysis("rms").reductions:
         assert reduction.noise_floor == pytest.approx((expected, expected), rel=0.35)
 
 
-def test_below_noise(brief):
+def test_below_noise(brief_analysis):
     """What sinks into the noise is a lower bound that says so: along y force alone acts, and nearly none is left.
 
     What is left is less than twice what noise alone reads.
     """
-    analysis = analyze(open_campaign(brief.campaign).runs, Measure("peak"))
+    analysis = brief_analysis("peak")
     sunk = [r for r in analysis.reductions if r.below_noise]
     assert {(r.key.motion, r.axis) for r in sunk} >= {("y", "x"), ("y", "z")}
     for r in sunk:
@@ -83,11 +83,11 @@ def _true_amplitude(logs, run: str, axis: str, measure: Measure) -> float:
     return measure.amplitude(signal, 10_000.0)
 
 
-def test_truth_is_not_read(brief, tmp_path):
+def test_truth_is_not_read(brief, brief_analysis, tmp_path):
     """Analysis needs neither the logs nor the truth: only the stored runs."""
     shutil.copytree(brief.campaign, tmp_path / "alone")
-    alone = analyze(open_campaign(tmp_path / "alone").runs, Measure())
-    assert alone.reductions == analyze(open_campaign(brief.campaign).runs, Measure()).reductions
+    alone = analyze(open_campaign(tmp_path / "alone").runs, Measure("peak_to_peak", Band(0.0, 200.0)))
+    assert alone.reductions == brief_analysis("peak_to_peak").reductions
 
 
 def test_no_two_runs(brief):
@@ -97,10 +97,9 @@ def test_no_two_runs(brief):
         analyze(runs, Measure())
 
 
-def test_originals_are_not_available(brief):
+def test_originals_are_not_available(brief_analysis):
     """Wherever simulated runs of the manipulator are reduced it is said that its own logs are not at hand."""
-    analysis = analyze(open_campaign(brief.campaign).runs, Measure())
-    assert any("original logs" in note and "not available" in note for note in analysis.notes)
+    assert any("original logs" in note and "not available" in note for note in brief_analysis("rms").notes)
 
 
 def test_repeats_give_intervals(tmp_path):
