@@ -172,12 +172,12 @@ def beginning(signals: Sequence[Floats], rate_hz: float, within: tuple[float, fl
     """
     every = max(int(rate_hz // _RATE_HZ), 1)
     rate, count = rate_hz / every, min(map(len, signals), default=0) // every
-    rows = [values[: count * every].reshape(count, every).mean(axis=1) for values in signals]
-    rows = [row for row in rows if np.ptp(row) > 0.0]
+    means = (values[: count * every].reshape(count, every).mean(axis=1) for values in signals)
+    rows = np.array([row for row in means if np.ptp(row) > 0.0])
     known = round(FIRST_S * rate) if within is None else round(within[0] * rate)
     last = count if within is None else min(round(within[1] * rate), count)
     window = max(round(_WINDOW_S * rate), 4)
-    if not rows or rate_hz < LEAST_RATE_HZ or known < 2 * window or known >= last:
+    if not len(rows) or rate_hz < LEAST_RATE_HZ or known < 2 * window or known >= last:
         return None
     level = float(len(rows) * window)
     while chi_square_tail(level, len(rows) * window) > _CERTAIN:
@@ -185,7 +185,7 @@ def beginning(signals: Sequence[Floats], rate_hz: float, within: tuple[float, fl
     while known < last:
         ahead = min(known + max(known // 3, 4 * window), last)
         first = max(known - round(_FITTED_S * rate), 0)
-        surprise = np.sum([_innovations(row[first:ahead], known - first) for row in rows], axis=0)
+        surprise = _innovations(rows[:, first:ahead], known - first).sum(axis=0)
         felt = np.convolve(surprise, np.ones(window))[: ahead - first]
         crossed = np.flatnonzero(felt[known - first :] > 1.5 * level * (1.0 + 2.0 * ORDER / (known - first)))
         if crossed.size:
@@ -194,14 +194,15 @@ def beginning(signals: Sequence[Floats], rate_hz: float, within: tuple[float, fl
     return None
 
 
-def _innovations(row: Floats, known: int) -> Floats:
-    """Squares of what is not predicted of a row (n,), in variances of the first ``known`` samples, (n,) [-]."""
+def _innovations(rows: Floats, known: int) -> Floats:
+    """Squares of what is not predicted of rows (k, n), in variances of their first ``known`` samples, (k, n) [-]."""
     order = int(np.clip(known // 5, 2, ORDER))
-    centred = row - row[:known].mean()
-    past = np.lib.stride_tricks.sliding_window_view(centred, order)[:-1]
-    fit, wanted = past[: known - order], centred[order:known]
-    ridge = 1e-6 * float(np.sum(wanted**2)) + 1e-12 * float(np.mean(centred**2)) + np.finfo(float).tiny  # flat: zero
-    weights = np.linalg.solve(fit.T @ fit + ridge * np.eye(order), fit.T @ wanted)
-    left = centred[order:] - past @ weights
-    variance = float(np.sum(left[: known - order] ** 2)) / max(known - 2 * order, 2)
-    return np.concatenate([np.zeros(order), left**2 / max(variance, 1e-300)])
+    centred = rows - rows[:, :known].mean(axis=1, keepdims=True)
+    past = np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(centred, order, axis=1)[:, :-1])
+    turned, wanted = past[:, : known - order].transpose(0, 2, 1), centred[:, order:known, None]
+    flat = 1e-12 * np.mean(centred**2, axis=1) + np.finfo(float).tiny
+    ridge = (1e-6 * np.sum(wanted**2, axis=(1, 2)) + flat)[:, None, None] * np.eye(order)
+    weights = np.linalg.solve(turned @ turned.transpose(0, 2, 1) + ridge, turned @ wanted)
+    left = centred[:, order:] - (past @ weights)[:, :, 0]
+    variance = np.sum(left[:, : known - order] ** 2, axis=1, keepdims=True) / max(known - 2 * order, 2)
+    return np.pad(left**2 / np.maximum(variance, 1e-300), [(0, 0), (order, 0)])
