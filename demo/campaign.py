@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 
-from .__main__ import step
+from .__main__ import show, step
 from .console import command, heading, saved
 
 
@@ -26,9 +26,7 @@ def run(out: Path) -> None:
     with step("pictures", out) as pictures:
         command(["testbench", "report", "campaign", "--published", "kiper2019", "-o", "report.html", "-q"], out)
         saved(out / "report.html", "all 78 reductions beside those simulated and published (simulated logs)")
-        print(pictures.communicate()[0], end="")
-    if pictures.returncode:
-        sys.exit(pictures.returncode)
+        show(pictures)
 
 
 def _summarise(stored: list[dict]) -> None:
