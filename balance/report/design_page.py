@@ -1,6 +1,6 @@
 """The report of a design as one page: counter-masses, what remains, conditions, a motion with and without them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -93,11 +93,17 @@ def _verdict(sizing: Sizing, verdict: Verdict, motion: str) -> str:
 def _series(motion: str, responses: Mapping[str, Response], shown: list[str]) -> list[PlottedRun]:
     """Every component that is not zero, before and after."""
     spans = spans_for([len(one.time) for one in responses.values() for _ in shown])
-    found = []
-    for side, one in responses.items():
-        channels = tuple(
-            plotted(KINDS[name[0]], *titled(name), one.time, np.asarray(one.columns()[name]), spans) for name in shown
-        )
-        words = "with" if side == "after" else "without"
-        found.append(PlottedRun(motion, f"motion {motion}, {words} counter-masses", side == "after", channels))
-    return found
+    words = {"before": "without", "after": "with"}
+    return [
+        plotted_response(motion, f"motion {motion}, {words[side]} counter-masses", side == "after", one, shown, spans)
+        for side, one in responses.items()
+    ]
+
+
+def plotted_response(
+    name: str, label: str, balanced: bool, response: Response, shown: Sequence[str], spans: int
+) -> PlottedRun:
+    """Components of a response, those ``shown``, for the page, in ``spans`` spans."""
+    columns = response.columns()
+    channels = (plotted(KINDS[one[0]], *titled(one), response.time, np.asarray(columns[one]), spans) for one in shown)
+    return PlottedRun(name, label, balanced, tuple(channels))

@@ -28,11 +28,10 @@ from ..mechanism.mechanism import Mechanism
 from ..motion import DEFAULT_RATE_HZ, Motion, Samples
 from ..motion.motion_files import load_motion
 from ..units import parse
-from .design_page import KINDS, ZERO
+from .design_page import ZERO, plotted_response
 from .loopback import Loopback
 from .moving import OBLIQUE, moving
 from .page import Page, document_of
-from .plotted import PlottedRun, plotted
 
 SIDES = ("without counter-masses", "as sized by balance size", "as mounted here")
 LONGEST_S = 10.0
@@ -231,16 +230,9 @@ class MechanismView:
                  "rms": [one.rms()[component] for one in each.values()],
                  "peak": [one.peak()[component] for one in each.values()]} for component in driven.shown
             ],
-            "runs": [self._run(driven, label, one).as_dict() for label, one in each.items()], "moving": drawn,
+            "runs": [plotted_response(label, label, label != SIDES[0], one, driven.shown, SPANS).as_dict()
+                     for label, one in each.items()], "moving": drawn,
         })  # fmt: skip
-
-    @staticmethod
-    def _run(driven: _Driven, label: str, one: Response) -> PlottedRun:
-        values = one.columns()
-        channels = tuple(
-            plotted(KINDS[name[0]], *titled(name), one.time, np.asarray(values[name]), SPANS) for name in driven.shown
-        )
-        return PlottedRun(label, label, label != SIDES[0], channels)
 
     @cached_property
     def _workspace(self) -> Floats:
