@@ -38,8 +38,8 @@ def put_included(root: Element, file: str, folder: Path | None) -> bool:
                 raise ModelError(f"{file}: <include> of {uri!r}: its place is not read; write the model out")
             model = models[0]
             for own in (own for own in (pose, element.find("static")) if own is not None):
-                for other in model.findall(own.tag):
-                    model.remove(other)
+                for there in model.findall(own.tag):
+                    model.remove(there)
                 model.append(own)
             model.set("name", element.findtext("name", model.get("name", "")))
             parent.remove(element)
