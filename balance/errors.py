@@ -39,5 +39,6 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     """``; did you mean 'rate'?`` if a known word is near."""
     from difflib import get_close_matches  # late: every command imports this file
 
-    near = get_close_matches(word, list(known), n=1)
-    return f"; did you mean {near[0]!r}?" if near else ""
+    by_lower = {name.lower(): name for name in known}
+    near = get_close_matches(word.lower(), list(by_lower), n=1)
+    return f"; did you mean {by_lower[near[0]]!r}?" if near else ""

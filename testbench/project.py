@@ -20,7 +20,7 @@ from balance.errors import CounterpoiseError, DataError
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
 from balance.motion import Motion
-from balance.motion.motion_files import motion_from_table
+from balance.motion.motion_files import load_motion, motion_from_table
 from balance.results import Key
 from balance.units import G0
 
@@ -29,7 +29,7 @@ from .errors import RigError
 from .ingestion.run_table import RunTableRow, read_run_table, write_run_table
 from .rig import Rig, load_rig
 from .rig.rig import mechanism_file
-from .simulator.run import planned_motion, planned_samples
+from .simulator.run import planned_samples
 
 RIG, PLAN, RUNS, MOTION = "rig.toml", "plan.toml", "runs.csv", "motion.toml"
 FREQUENCY_HZ, DAMPING = 12.0, 0.05
@@ -265,19 +265,23 @@ def _problems(folder: Path) -> Iterator[Problem]:
             read[file] = reader(folder / file)
         except (CounterpoiseError, OSError) as error:
             yield from _rows(folder, file, error)
-    if (rig := read.get(RIG)) is None:
-        return
-    try:
-        model = load_mechanism(mechanism_file(rig.mechanism, rig.folder) or rig.mechanism)
-    except CounterpoiseError as error:
-        yield from _rows(folder, rig.mechanism, error)
-        return
+    rig, plan, model = read.get(RIG), read.get(PLAN), None
+    if (named := rig or plan) is not None:
+        try:
+            model = load_mechanism(mechanism_file(named.mechanism, folder) or named.mechanism)
+        except CounterpoiseError as error:
+            yield from _rows(folder, named.mechanism, error)
+    if rig is not None and "bench" in rig.model_fields_set:
+        try:
+            rig.bench.elastic()
+        except DataError as error:
+            yield from _rows(folder, RIG, error)
     stated: list[tuple[str, str, PlannedRun]] = []
-    if (plan := read.get(PLAN)) is not None:
-        if plan.mechanism != rig.mechanism:
+    if plan is not None:
+        if rig is not None and plan.mechanism != rig.mechanism:
             yield Problem(PLAN, f"mechanism is {plan.mechanism!r}, that of {RIG} {rig.mechanism!r}: make them the same")
         stated += [(PLAN, f"{run.name}: ", run) for run in plan.runs()]
-        if not any(run.counter_masses for run in plan.runs()):
+        if model is not None and not any(run.counter_masses for run in plan.runs()):
             sites = ", ".join(model.counter_sites) or "none yet: name sites counter... in its file"
             yield Problem(PLAN, f"no run has counter-masses, so nothing can be compared: put some on sites ({sites})")
     rows = read.get(RUNS, [])
@@ -291,7 +295,8 @@ def _problems(folder: Path) -> Iterator[Problem]:
         moved = (run.motion, run.peak_acceleration, run.turning)
         if moved not in motions:
             motions[moved] = list(_motion_problems(folder, rig, model, run)) if run.motion else []
-        for problem in [*(Problem("", message) for message in _contradictions(model, run)), *motions[moved]]:
+        carried = [] if model is None else [Problem("", message) for message in _contradictions(model, run)]
+        for problem in [*carried, *motions[moved]]:
             found = (problem.file or file, problem.message)
             if found not in said:
                 said.add(found)
@@ -336,17 +341,20 @@ def _contradictions(model: Mechanism, run: PlannedRun) -> Iterator[str]:
         yield f"payload: {error}"
 
 
-def _motion_problems(folder: Path, rig: Rig, model: Mechanism, run: PlannedRun) -> Iterator[Problem]:
+def _motion_problems(folder: Path, rig: Rig | None, model: Mechanism | None, run: PlannedRun) -> Iterator[Problem]:
     """Why a run's motion cannot be simulated; without a file where the run is to be named."""
     own = run.motion if run.motion.endswith(".toml") else f"{run.motion}.toml"
     try:
-        motion = planned_motion(rig, run.motion)
+        motion = load_motion(next((path for path in (folder / run.motion, folder / own) if path.is_file()), run.motion))
     except DataError as error:
         if (folder / own).exists():
             yield from _rows(folder, own, error)
         else:
             shipped = ", ".join(datasets.dataset_names("motions", ".toml"))
-            yield Problem(own, f"not there: write {own} in this folder, or name a shipped motion ({shipped})")
+            to_simulate = f"to simulate them too, write {own} in this folder, or name a shipped motion ({shipped})"
+            yield Problem(own, f"not there: its runs are analysed, and not simulated; {to_simulate}")
+        return
+    if rig is None or model is None:
         return
     try:
         for exceeded in model.limits_exceeded(Closure(model).follow(planned_samples(rig, run, motion)).q):

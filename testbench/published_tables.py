@@ -8,12 +8,16 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field
 
 from balance import datasets
-from balance.errors import DataError
+from balance.errors import DataError, suggestion
 from balance.input_files import Table, Text, json_document, model_from_table, read_text
 from balance.results import Key
 
 from .errors import AnalysisError
 
+CONDITIONS = ("payload_kg", "motion", "peak_acceleration_g", "peak_acceleration_rad_s2")
+"""Columns of a table's conditions, as in a run table."""
+Printed = tuple[float | str | None, ...]
+"""A printed condition, in the order of CONDITIONS: payload [kg], motion, peak acceleration [g0], or [rad/s2]."""
 LABEL_STEP_KG = 0.01
 """Step of printed payloads [kg]: 1.451 kg is printed as 1.45, 3.4116 kg as 3.41."""
 ORIGINAL_LOGS = "The original logs of the manipulator tests are not available: only these printed numbers are."
@@ -73,13 +77,14 @@ class ForceExtremes:
 
 @dataclass(frozen=True)
 class Published:
-    """A published table: reductions [%] by axis, by payload as printed [kg], motion and peak acceleration [g0]."""
+    """A published table: reductions [%] by axis, by condition as printed."""
 
     name: Annotated[str, Key()]
     source: Annotated[str, Key()]
     definition: Annotated[str, Key()]
     """How amplitudes were taken, by the source."""
-    rows: dict[tuple[float, str, float], dict[str, float]]
+    rows: dict[Printed, dict[str, float]]
+    """Reductions [%] by axis, of each condition."""
     force_extremes: ForceExtremes | None = None
     """Extremes of the force sensors that are printed with the table."""
 
@@ -94,13 +99,28 @@ class Published:
             f"{self.force_extremes.contradiction()} testbench predict names what can reconcile them, and what cannot.",
         )
 
-    def reduction(self, payload_kg: float, motion: str, peak_acceleration_g: float, axis: str) -> float | None:
-        """The printed reduction [%] of a condition and axis; None if there is none. Payloads match rounded."""
-        for (printed_kg, printed_motion, acceleration), axes in self.rows.items():
-            near = abs(payload_kg - printed_kg) <= LABEL_STEP_KG / 2.0
-            if near and printed_motion == motion and abs(acceleration - peak_acceleration_g) < 1e-6:
-                return axes.get(axis)
+    def condition(self, *stated: object) -> Printed | None:
+        """The printed condition that the ``stated`` one is, in the order of CONDITIONS; None if there is none.
+
+        Payloads match rounded; what the table leaves empty, or has no column for, must not be stated.
+        """
+        for printed in self.rows:
+            if all(map(_same, printed, stated, (LABEL_STEP_KG / 2.0, 0.0, 1e-6, 1e-6))):
+                return printed
         return None
+
+    def reduction(
+        self, payload_kg: float | None, motion: str, peak_g: float | None, axis: str, peak_rad_s2: float | None = None
+    ) -> float | None:
+        """The printed reduction [%] of a condition and axis; None if there is none."""
+        printed = self.condition(payload_kg, motion, peak_g, peak_rad_s2)
+        return None if printed is None else self.rows[printed].get(axis)
+
+
+def _same(printed: float | str | None, stated: object, within: float) -> bool:
+    if isinstance(printed, float) and isinstance(stated, float | int):
+        return abs(printed - stated) <= within
+    return printed == stated
 
 
 class ReductionsTable(Table):
@@ -108,27 +128,37 @@ class ReductionsTable(Table):
 
     definition: Text
     """How amplitudes were taken, by the source."""
-    columns: Annotated[list[Text], Field(min_length=4)]
-    """Names of the columns: payload [kg], motion, peak acceleration [g0], then ``x_axis`` and so on."""
-    rows: Annotated[list[list[float | str]], Field(min_length=1)]
-    """Payload [kg], motion, peak acceleration [g0], and the reduction along each axis [%], as printed."""
+    columns: list[Text]
+    """Names of the columns: of a run table's ``payload_kg``, ``motion``, ``peak_acceleration_g``,
+    ``peak_acceleration_rad_s2`` those that its conditions state, then ``x_axis`` and so on."""
+    rows: Annotated[list[list[float | str | None]], Field(min_length=1)]
+    """The condition, and the reduction along each axis [%], as printed; null where none is."""
 
     @property
-    def by_condition(self) -> dict[tuple[float, str, float], dict[str, float]]:
-        """Reductions [%] by axis, by payload [kg], motion and peak acceleration [g0]."""
-        axes = [column.removesuffix("_axis") for column in self.columns[3:]]
-        return {
-            (float(payload), str(motion), float(peak)): dict(zip(axes, map(float, percents), strict=True))
-            for payload, motion, peak, *percents in self.rows
-        }
+    def by_condition(self) -> dict[Printed, dict[str, float]]:
+        """Reductions [%] by axis, by condition."""
+        found: dict[Printed, dict[str, float]] = {}
+        for row in self.rows:
+            cells = dict(zip(self.columns, row, strict=True))
+            axes = {name.removesuffix("_axis"): cell for name, cell in cells.items() if name not in CONDITIONS}
+            found[tuple(map(cells.get, CONDITIONS))] = {a: x for a, x in axes.items() if isinstance(x, float)}
+        return found
 
     def _check(self) -> None:
+        for name in self.columns:
+            if name not in CONDITIONS and not name.endswith("_axis"):
+                known = [*CONDITIONS, "x_axis", "y_axis", "z_axis"]
+                raise DataError(f"columns: {name!r}: expected some of {', '.join(known)}{suggestion(name, known)}")
+        if "motion" not in self.columns or not set(self.columns) - set(CONDITIONS):
+            raise DataError("columns: expected motion, and an axis such as x_axis")
         for i, row in enumerate(self.rows):
             if len(row) != len(self.columns):
                 raise DataError(f"rows[{i}]: has {len(row)} values: expected {len(self.columns)}, one for each column")
-            numbers = [isinstance(cell, float) and math.isfinite(cell) for cell in row]
-            if numbers != [k != 1 for k in range(len(row))]:
-                raise DataError(f"rows[{i}]: {row}: expected numbers, but for the motion, a name in the second column")
+            for name, cell in zip(self.columns, row, strict=True):
+                number = isinstance(cell, float) and math.isfinite(cell)
+                if not (isinstance(cell, str) if name == "motion" else cell is None or number):
+                    expected = "the name of a motion" if name == "motion" else "a number, or null"
+                    raise DataError(f"rows[{i}]: {name}: {cell!r}: expected {expected}")
 
 
 class PublishedTable(Table):
@@ -155,7 +185,7 @@ def load_published(name: str) -> Published:
     reductions = table.acceleration_amplitude_reduction_percent
     rows = reductions.by_condition
     try:
-        extremes = ForceExtremes.of(table.tests, rows.get((PAYLOAD_KG, MOTION, PEAK_G), {}).get(MOTION))
+        extremes = ForceExtremes.of(table.tests, rows.get((PAYLOAD_KG, MOTION, PEAK_G, None), {}).get(MOTION))
     except (ValueError, KeyError, TypeError) as error:
         raise AnalysisError(f"{path.name}: tests.{_EXTREMES}: expected the least and the largest force [N]") from error
     return Published(path.stem, table.source, reductions.definition, rows, extremes)

@@ -36,6 +36,10 @@ AXES = "xyz"
 QUANTITIES = ("force", "moment", "torque")
 PART = 20_000
 """Designs of one task, and rows of one file of results, at most."""
+_PEAKS_AT_ONCE = 30_000_000
+"""Designs times samples of one task, at most, where peaks are sought: what is lost if it is stopped."""
+MANIFEST = "_sweep.json"
+"""What a folder of results is of; readers of Parquet pass over names that begin so."""
 GEOMETRIES = 32
 """Geometries of one task, where each has few designs."""
 _VALUES_AT_ONCE = 2**15
@@ -314,7 +318,8 @@ class Sweep:
         masses = [len(v.values) for v in self.variables if not self.problem.moves(v)]
         of_one_geometry = int(np.prod(masses))
         if len(masses) == len(self.variables) or of_one_geometry > PART:
-            return PART
+            most = _PEAKS_AT_ONCE // len(self.problem.samples.time) if self.problem.peaks else PART
+            return min(PART, max(1, most))
         return of_one_geometry * max(1, GEOMETRIES // of_one_geometry)
 
     def run(self, pool: TaskPool) -> Iterator[tuple[int, dict[str, Floats]]]:
@@ -346,9 +351,10 @@ class Sweep:
         """Parts that are not in the folder, which is made or must be that of the same sweep."""
         assert self.folder is not None
         self.folder.mkdir(parents=True, exist_ok=True)
-        manifest, own = self.folder / "sweep.json", self._manifest()
-        if manifest.is_file() and json.loads(manifest.read_text(encoding="utf-8")) != own:
-            raise DataError(f"{self.folder}: holds another sweep (sweep.json differs): name another folder")
+        manifest, own = self.folder / MANIFEST, self._manifest()
+        before = next((path for path in (manifest, self.folder / "sweep.json") if path.is_file()), None)
+        if before and json.loads(before.read_text(encoding="utf-8")) != own:
+            raise DataError(f"{self.folder}: holds another sweep ({before.name} differs): name another folder")
         manifest.write_text(json.dumps(own, indent=2) + "\n", encoding="utf-8")
         return [part for part in parts if not self._path(part).is_file()]
 

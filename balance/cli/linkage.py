@@ -24,7 +24,7 @@ _TORQUES = ("torque_constant_speed", "torque_varying_speed")
 @click.command(
     epilog="""\b
 Examples:
-  balance linkage two-levels                    a shipped example: copy it from datasets/linkages and change it
+  balance linkage two-levels                    a shipped example; balance files --copy two-levels: to be changed
   balance linkage pantograph --equations --figure pantograph.png
   balance linkage mine.toml --speed 300rpm --variation 0.5 --csv mine.csv
   balance linkage mine.toml --force-only --json

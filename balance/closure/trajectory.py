@@ -109,7 +109,8 @@ def _refuse_singular_between(system: LoopSystem, q: Floats, start: Floats, end: 
         at = ", ".join(f"{name} = {value:.6g}" for name, value in zip(system.drive.names, start, strict=True))
         raise ClosureError(
             f"{system.mechanism.name} passes a singular position at {at}, shortly before t = {time:.6g} s: the driven "
-            "coordinates do not determine on which branch it continues"
+            "coordinates do not determine on which branch it continues; begin elsewhere (a keyframe "
+            "'home'; of a URDF turn a joint's origin), or drive the joints"
         )
 
 

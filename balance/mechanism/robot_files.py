@@ -73,7 +73,8 @@ def _sidecar(path: Path) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for other in sorted({*path.parent.glob("*.yaml"), *path.parent.glob("*.yml")})[:100]:
         own = other.stem == path.stem
-        if not other.resolve().is_relative_to(path.parent.resolve()):
+        of_another = not own and other.with_suffix(".urdf").is_file()
+        if of_another or not other.resolve().is_relative_to(path.parent.resolve()):
             continue
         text = read_text(other)
         if "closed_loop" not in text and not own:

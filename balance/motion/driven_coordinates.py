@@ -129,8 +129,11 @@ class PointDrive:
 
     @classmethod
     def from_place(cls, mechanism: Mechanism, place: str, axes: tuple[str, ...]) -> "PointDrive":
-        """Drive a body's own centre of mass, or a site, by name, along ``axes`` such as ("x", "y")."""
-        if place in mechanism.own_mass:
+        """Drive a body's own centre of mass, or a site, by name, along ``axes`` such as ("x", "y").
+
+        A name that both have is the body's, unless that has no mass.
+        """
+        if place in mechanism.own_mass and (mechanism.mass(place) > 0.0 or place not in mechanism.sites):
             body, offset = mechanism.body_index(place), mechanism.centre(place)
         else:
             site = mechanism.site(place)

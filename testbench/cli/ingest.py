@@ -272,7 +272,7 @@ def _live(watching: "Watch") -> Callable[[], None]:
             try:
                 print_reductions(campaign, open_campaign(campaign).runs)
             except CounterpoiseError as error:
-                click.echo(f"No reduction yet: {plain_text(str(error))}")
+                click.echo("\n".join(map(plain_text, f"No reduction yet: {error}".splitlines())))
 
     return show
 

@@ -17,6 +17,7 @@ from balance.dynamics.inverse_dynamics import Response as Loads
 from balance.dynamics.inverse_dynamics import driven_rates, simulate
 from balance.dynamics.moving_base import BaseMotion, acceleration_in_body, locked_inertia
 from balance.dynamics.regressor import driven_torque_regressor
+from balance.errors import ModelError
 from balance.mechanism import forward_kinematics
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.sparse_components import dense
@@ -100,10 +101,16 @@ class ModelledRun:
         """Values (n, ...) on the grid below BAND_HZ, (n, ...)."""
         return low_pass(values, BAND_HZ, self.grid.rate)
 
+    @property
+    def _payload_body(self) -> str:
+        if not self.unloaded.payload_bodies:
+            raise ModelError(f"{self.unloaded.name} names no payload body, whose path and torques would show it")
+        return self.unloaded.payload_body
+
     @cached_property
     def place(self) -> Floats:
         """Path of the payload's centre, base axes, (n, 3) [m]. Raises ModelError without one payload body."""
-        body = self.unloaded.payload_body
+        body = self._payload_body
         at = forward_kinematics.pose(self.unloaded.tree, np.ascontiguousarray(self.path.q.T))
         joint = self.unloaded.tree.bodies[self.unloaded.body_index(body)]
         return dense(at.point(joint, self.unloaded.centre(body)), at.count).T
@@ -117,7 +124,7 @@ class ModelledRun:
         mechanism, path = self.unloaded, self.path
         driven = mechanism.driven
         rates = driven_rates(mechanism, path.per_drive, driven)
-        body = mechanism.payload_body
+        body = self._payload_body
         masses = {"payload": mechanism.with_payload({body: 2.0}).pi - mechanism.with_payload({body: 1.0}).pi}
         masses |= {s: mechanism.with_counter_mass({s: 1.0}).pi - mechanism.pi for s in mechanism.counter_sites}
         masses["model"] = mechanism.with_payload({body: 1.0}).pi - masses["payload"]

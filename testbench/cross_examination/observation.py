@@ -175,7 +175,7 @@ def observe(run: SIRun, mechanism: Callable[[], Mechanism]) -> Observation:
 
 def _is_recorded(column: "Column") -> bool:
     """Whether a channel is compared between runs: each of an accelerometer, the first of another sensor with noise."""
-    if column.commanded or "angle" in column.dimensions:
+    if column.commanded or column.component == "trigger" or "angle" in column.dimensions:
         return False
     return column.dimensions[0] == "acceleration" or column.index == 0
 

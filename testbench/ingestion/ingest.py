@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from ..store.run import Run
     from .run_inputs import Inputs
 
+_ANEW = "stored runs never change: take it out by testbench remove, with the reason, and ingest again"
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -166,7 +168,7 @@ class Ingest:
         known_runs = [self._stored.run_of(source.size, source.digested()) for source in sources]
         if None in known_runs and any(known_runs):
             known = ", ".join(s.path.name for s, run in zip(sources, known_runs, strict=True) if run)
-            raise StoreError(f"{known}: stored already, but not with the other files of this run; stored runs stay")
+            raise StoreError(f"{known}: stored already, but not with the other files of this run; {_ANEW}")
         outcomes = []
         for source, run in zip(sources, known_runs, strict=True):
             if run:
@@ -192,7 +194,7 @@ class Ingest:
         for name in sorted(planned.conditions.keys() | stored.conditions.keys()):
             now, then = planned.conditions.get(name), stored.conditions.get(name)
             if now != then:
-                message = f"{name} is {now} in the run table, {then} in the stored {run}; stored runs never change"
+                message = f"{name} is {now} in the run table, {then} in the stored {run}; {_ANEW}"
                 found.append(Finding("conditions_differ", None, None, message))
         return found
 

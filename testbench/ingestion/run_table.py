@@ -16,8 +16,9 @@ from typing import Annotated, cast
 from pydantic import BeforeValidator, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
-from balance.errors import DataError, suggestion
+from balance.errors import CounterpoiseError, DataError, suggestion
 from balance.input_files import Table, Text, model_from_table, read_text
+from balance.units import si
 
 from ..errors import RigError
 from ..recording import Conditions, Origin
@@ -26,7 +27,7 @@ NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 
 
 def _by_site(text: object) -> object:
-    """``SITE=KG;SITE=KG`` as masses by site; nothing: no counter-masses."""
+    """``SITE=KG;SITE=KG``, or ``SITE=500 g``, as masses by site; nothing: no counter-masses."""
     masses: dict[str, str] = {}
     for part in filter(None, (part.strip() for part in str(text).split(";"))):
         site, equals, mass = (word.strip() for word in part.partition("="))
@@ -34,7 +35,11 @@ def _by_site(text: object) -> object:
             raise ValueError(f"{part!r}: expected SITE=KG;SITE=KG")
         if site in masses:
             raise ValueError(f"name the site {site!r} twice")
-        masses[site] = mass
+        plain = re.fullmatch(r"[-+.\d]*(e[-+]?\d+)?", mass, re.IGNORECASE)
+        try:
+            masses[site] = mass if plain else repr(si(mass, "mass"))
+        except CounterpoiseError as error:
+            raise ValueError(f"{error}; or a number in kg") from error
     return masses
 
 
@@ -74,7 +79,7 @@ class RunRow(Table):
     files: SkipJsonSchema[tuple[Text, ...]] = ()
     """Of columns ``file_NAME``."""
     counter_masses: BySite | None = None
-    """Counter-masses by site, ``SITE=KG;SITE=KG`` [kg]."""
+    """Counter-masses by site, ``SITE=KG;SITE=KG`` [kg]; a mass may have its unit, ``SITE=500 g``."""
     motion: Text | None = None
     """Name of the motion, or its file."""
     peak_acceleration_g: NotNegative | None = None
@@ -100,6 +105,7 @@ COLUMNS = tuple(name for name in RunRow.model_fields if name not in {"payloads",
 """Columns of a run table, beside those of _OTHERS; ``file``, or some ``file_NAME``, alone must be there."""
 _OTHERS = {"files": re.compile(r"file_(.+)"), "payloads": re.compile(r"payload_(.+)_kg")}
 """Columns with a name of the user's."""
+_ONE_MARK = "expected decimal commas or decimal points throughout, lest 1,451 and 1.451 be taken for the same"
 _NUMBERS = {"payload_kg", "counter_masses", "peak_acceleration_g", "peak_acceleration_rad_s2"}
 
 
@@ -130,7 +136,14 @@ def read_run_table(run_table: Path) -> list[RunTableRow]:
         table, delimiter = _csv_table(run_table)
     columns = [cell.strip() for cell in table[0][1]] if table else []
     _check_columns(run_table, columns)
-    rows = [row for line, cells in table[1:] for row in _rows(run_table.name, line, columns, cells, delimiter)]
+    rows, problems = list[RunTableRow](), list[str]()
+    for line, cells in table[1:]:
+        try:
+            rows += _rows(run_table.name, line, columns, cells, delimiter)
+        except RigError as error:
+            problems.append(str(error))
+    if problems:
+        raise RigError("\n".join(problems))
     if not rows:
         raise RigError(f"{run_table.name}: names no file")
     _check_rows(run_table, rows)
@@ -201,8 +214,7 @@ def _check_rows(run_table: Path, rows: Sequence[RunTableRow]) -> None:
     marks = {mark: row.line for row in rows for mark in row.marks}
     if len(marks) > 1:
         raise RigError(
-            f"{run_table.name}: decimal commas (line {marks[',']}) and decimal points (line {marks['.']}): expected "
-            "one of the two, lest 1,451 and 1.451 be taken for the same"
+            f"{run_table.name}: decimal commas (line {marks[',']}) and decimal points (line {marks['.']}): {_ONE_MARK}"
         )
 
 
@@ -221,6 +233,8 @@ def _rows(name: str, line: int, columns: Sequence[str], cells: Sequence[str], de
     marks = frozenset(re.findall(r"(?<=\d)[.,](?=\d)", " ".join(text[column] for column in numbers)))
     if delimiter == ";" and marks == {","}:
         text |= {column: text[column].replace(",", ".") for column in numbers}
+    elif len(marks) > 1:
+        raise RigError(f"{place}: {_ONE_MARK}")
     given: dict[str, object] = {
         column: cell for column, cell in text.items() if column in COLUMNS and (cell or column == "counter_masses")
     }
@@ -277,6 +291,7 @@ def plan_rows(rows: Sequence[RunTableRow], files: Sequence[Path], run_table: Pat
     Raises RigError if rows of one run differ in their conditions, or runs would have one name, or one row means several
     files.
     """
+    files = list(dict.fromkeys(files))
     places: dict[Path, list[Path]] = {}
     for path in files:
         places.setdefault(path.resolve(), []).append(path)
@@ -338,8 +353,8 @@ def _given(row: RunTableRow, files: Iterable[Path], exact: Sequence[Path], run_t
     matches = exact or [path for path in files if path.name == row.file]
     if len(matches) > 1:
         raise RigError(
-            f"{run_table.name}, line {row.line}: several of the given files have the name {row.file!r}; write their "
-            "folder too"
+            f"{run_table.name}, line {row.line}: several of the given files have the name {row.file!r}: "
+            f"{', '.join(map(str, matches))}; give one, or write its place from the table's folder into the table"
         )
     return matches[0] if matches else None
 

@@ -76,7 +76,10 @@ class TimeCheck:
         """What the time column shows."""
         found, clock = [], self.clock
         if self.column.assumed:
-            message = "carries no unit; seconds were assumed for the rate and the clock, the column is kept as written"
+            message = (
+                "carries no unit; seconds were assumed for the rate and the clock, the column is kept as written; "
+                "state it in the header, Time (s), or as time_unit in an import description (testbench describe)"
+            )
             found.append(Finding("time_unit_assumed", self._name, None, message))
         if self.column.seconds_per_unit is None:
             message = "names no unit of time that is known: there is no rate, and the clock is given as written"

@@ -113,8 +113,8 @@ def motion_on_base_clock(
     if (measured := found.get("acceleration")) and measured[-1].group == group:
         return measured[0].start, measured[-1].end
     raise AnalysisError(
-        f"{run.name}: no source of motions shares the clock of the base's accelerometers, {group}, so the free decay "
-        "of the base is unknown: testbench align first"
+        f"{run.name}: no motion is recognized on the clock of the base's accelerometers, {group}, so the free decay of "
+        "the base is unknown: several loggers need testbench align, and a motion its file"
     )
 
 

@@ -51,6 +51,9 @@ class Share:
 _MEASURED: dict[Source, str] = {
     "wrench": "force", "torque": "torque", "vibration": "vibration", "trials": "vibration",
 }  # fmt: skip
+_LEFT_OUT = dict.fromkeys(
+    ("vibration", "trials"), "; of bodies that move up and down, the weight's moment, which is left out"
+)
 
 
 @dataclass(frozen=True)
@@ -191,7 +194,8 @@ class Trim(Shown, rows="missing", figure="testbench.trimming.figure:draw"):
             if share.doubtful:
                 found.append(
                     f"{share.unexplained:.0%} of the measured {_MEASURED[share.source]} stays unexplained: more than "
-                    "noise leaves; what is systematic (sensors, levers, the model) may exceed the intervals"
+                    "noise leaves; what is systematic (sensors, levers, the model"
+                    f"{_LEFT_OUT.get(share.source, '')}) may exceed the intervals"
                 )
         return found + [finding.message for finding in self.findings if finding.code != GAP_FINDING]
 

@@ -19,7 +19,7 @@ from balance.results import INLINE, Key, Shown
 
 from ..errors import AnalysisError
 from ..kinematics.encoder_motion import mechanism_of
-from ..published_tables import Published
+from ..published_tables import CONDITIONS, Published
 from ..recording import Finding
 from ..runs.si_run import SIRun
 from ..simulator.loggers import sample_instants
@@ -146,9 +146,23 @@ class Comparison(Shown, rows="rows", figure="testbench.figures.reductions:reduct
         """Notes for who reads the rows."""
         return [
             *(self.published.notes if self.published else ()),
+            *self._unmatched_note(),
             *published_difference_note(self.rows),
             *outside_interval_note(self.rows),
         ]
+
+    def _unmatched_note(self) -> list[str]:
+        """Of the published conditions those that no run has."""
+        if self.published is None:
+            return []
+        met = {self.published.condition(*_stated(row.analyzed)) for row in self.rows}
+        left = [row for row in self.published.rows if row not in met]
+        listed = "; ".join(
+            ", ".join(f"{name} {value}" for name, value in zip(CONDITIONS, row, strict=True) if value is not None)
+            for row in left[:3]
+        )
+        more = f"; and {len(left) - 3} more" if len(left) > 3 else ""
+        return [f"Published, and of no run with that condition in the run table: {listed}{more}."] if left else []
 
 
 def published_difference_note(rows: Sequence[Row]) -> list[str]:
@@ -256,7 +270,11 @@ def _simulated(
 
 
 def _published(published: Published | None, reduction: Reduction) -> float | None:
+    printed = None if published is None else published.condition(*_stated(reduction))
+    return None if published is None or printed is None else published.rows[printed].get(reduction.axis)
+
+
+def _stated(reduction: Reduction) -> tuple[object, ...]:
+    """The condition of a reduction, as CONDITIONS; with payloads of several bodies it is none of a table."""
     key = reduction.key
-    if published is None or key.payload_kg is None or key.peak_acceleration_g is None:
-        return None
-    return published.reduction(key.payload_kg, key.motion, key.peak_acceleration_g, reduction.axis)
+    return key.payloads or key.payload_kg, key.motion, key.peak_acceleration_g, key.peak_acceleration_rad_s2

@@ -153,7 +153,7 @@ REFUSED = {
     "a rate that nothing has": ("rig.toml", 'rate = "2 kHz"', 'rate = "1e12 Hz"',
                                 ("plan.toml", r"r001: motion 'motion': 2e\+12 Hz .*: expected fewer than")),
     "a motion that is not there": ("runs.csv", ",motion,1", ",swing,1",
-                                   ("swing.toml", "not there: write swing.toml in this folder, or name a shipped")),
+                                   ("swing.toml", "not there: its runs are analysed, and not simulated; .* write sw")),
     "two keys": ("rig.toml", 'kind = "encoder"', 'kind = "coder"',
                  ("rig.toml", r"sensors\.encoder_\w+\.kind: [^\n]*$")),
     "a cell": ("runs.csv", "measured", "gemessen", ("runs.csv", "line 2: origin: 'gemessen'")),

@@ -50,5 +50,24 @@ def test_what_is_no_number_is_refused(tmp_path):
     document["acceleration_amplitude_reduction_percent"]["rows"][5][4] = float("nan")
     other = tmp_path / "other.json"
     other.write_text(json.dumps(document), encoding="utf-8")
-    with pytest.raises(AnalysisError, match=r"rows\[5\]: \[1\.45, 'y', 2.*expected numbers"):
+    with pytest.raises(AnalysisError, match=r"rows\[5\]: y_axis: nan: expected a number"):
         load_published(str(other))
+
+
+def test_a_table_of_ones_own(tmp_path):
+    """Its columns are those of the run table that its conditions state, in any order; null is not printed."""
+    table = {"definition": "RMS", "columns": ["y_axis", "motion", "peak_acceleration_rad_s2", "x_axis"]}
+    rows = {"rows": [[80, "swing", 60, None], [70, "sweep", 30, 60.5]]}
+    own, key = tmp_path / "own.json", "acceleration_amplitude_reduction_percent"
+    own.write_text(json.dumps({"source": "mine", key: table | rows}), encoding="utf-8")
+    found = load_published(str(own))
+    assert [found.reduction(None, "swing", None, axis, 60.0) for axis in "xy"] == [None, 80.0]
+    assert [found.reduction(None, "sweep", None, axis, 30.0) for axis in "xy"] == [60.5, 70.0]
+    assert found.reduction(5.0, "sweep", None, "x", 30.0) is None
+    own.write_text(
+        json.dumps({"source": "mine", key: table | rows | {"columns": ["x_achse", "motion", "a", "b"]}}), "utf-8"
+    )
+    with pytest.raises(
+        AnalysisError, match=r"columns: 'x_achse': expected some of payload_kg, .*; did you mean 'x_axis'"
+    ):
+        load_published(str(own))

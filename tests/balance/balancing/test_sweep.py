@@ -1,6 +1,7 @@
 """Sweeps: each design as if it were simulated alone, whatever is varied and wherever it is computed."""
 
 import numpy as np
+import pandas
 import pytest
 
 from balance.balancing.sweep import Problem, Sweep, Variable
@@ -90,10 +91,11 @@ def test_a_sweep_goes_on_where_it_ended(tmp_path, monkeypatch):
     monkeypatch.setattr("balance.balancing.sweep.PART", 2)
     whole = swept(problem(), MASS, folder=tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "_sweep.json",
         "part-00000.parquet",
         "part-00001.parquet",
-        "sweep.json",
     ]
+    assert len(pandas.read_parquet(tmp_path)) == len(whole["rms_F_N"])
     (tmp_path / "part-00001.parquet").unlink()
     again = swept(problem(), MASS, folder=tmp_path)
     for name, values in whole.items():

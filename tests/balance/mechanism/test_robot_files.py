@@ -185,6 +185,12 @@ def test_loops_that_are_not_understood(tmp_path: Path, sidecar: str, name: str, 
         loaded(tmp_path, FOUR_BAR, sidecar, name)
 
 
+def test_loops_of_another_machine_in_the_folder(tmp_path: Path) -> None:
+    """The YAML of a URDF beside it is that one's: an arm in the same folder is an open tree."""
+    assert loaded(tmp_path, FOUR_BAR, "closed_loop: [[end_A, end_B]]\ntype: [3d]\n").loops
+    assert not loaded(tmp_path, URDF, name="arm").loops
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

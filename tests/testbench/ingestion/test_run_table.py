@@ -77,6 +77,7 @@ def test_files_of_one_name_are_told_apart_by_their_folder(tmp_path):
         ("a.csv,,nan,,,,\n", r"payload_kg: 'nan': expected a number"),
         ("a.csv,,,A0A:24,,,\n", r"counter_masses: 'A0A:24': expected SITE=KG;SITE=KG"),
         ("a.csv,,,A=1;A=2,,,\n", r"name the site 'A' twice"),
+        ("a.csv,,,A=1 m,,,\nb.csv,,x,,,,\n", r"line 2: counter_masses: 'A=1 m'.* a number in kg\n.*line 3: payload_kg"),
         ("a.csv,,,,,,1.5\n", r"repeat: '1.5': expected a whole number"),
         ("a.csv,,,\n", r"line 2: more or fewer cells than columns"),
         ("a\0.csv,,,,,,\n", r"line 2: holds a NUL character"),
@@ -143,7 +144,7 @@ SEMICOLONS = "file;payload_kg;counter_masses;peak_acceleration_g\n"
 
 
 @pytest.mark.parametrize(
-    "row", ['a.csv;1,451;"A=24,26;B=1";3\n', 'a.csv;1.451;"A=24.26;B=1";3\n', "a.csv;1,451;A=24,26;3\n"]
+    "row", ['a.csv;1,451;"A=24,26;B=1";3\n', 'a.csv;1.451;"A=24.26;B=1";3\n', "a.csv;1,451;A=24,26 kg;3\n"]
 )
 def test_a_sheet_with_semicolons(run_table, row):
     """As spreadrun tables of half of Europe write it: decimal commas, or points, and sites within quotes."""
@@ -159,7 +160,7 @@ def test_a_sheet_with_semicolons(run_table, row):
     [
         ("a.csv;1,451;;3\nb.csv;1.451;;3\n", r"decimal commas \(line 2\) and decimal points \(line 3\)"),
         ("a.csv;1,451;A=24,26;B=1;3\n", "need quotes in a run table with semicolons"),
-        ("a.csv;1.451,5;;3\n", "payload_kg: '1.451,5': expected a number"),
+        ("a.csv;1.451,5;;3\n", "line 2: expected decimal commas or decimal points throughout"),
         ("a.csv;1;;3\n./a.csv;2;;3\n", "line 3: names ./a.csv a second time, after line 2"),
     ],
 )

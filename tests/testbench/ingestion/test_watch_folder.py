@@ -183,7 +183,8 @@ def test_a_line_that_changes_after_its_run_was_stored(sheeted, tmp_path):
     (outcome,) = sheeted.once()
     assert (outcome.source, outcome.status) == ("a.csv", "already_stored")
     assert [f.message for f in outcome.findings if f.code == "conditions_differ"] == [
-        "payload_kg is 7.0 in the run table, 5.0 in the stored ra.h5; stored runs never change"
+        "payload_kg is 7.0 in the run table, 5.0 in the stored ra.h5; stored runs never change: take it out by "
+        "testbench remove, with the reason, and ingest again"
     ]
 
 

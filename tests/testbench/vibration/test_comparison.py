@@ -169,11 +169,13 @@ def test_what_cannot_be_simulated(brief):
 
 
 def test_unpublished_conditions_stay(brief):
-    """A condition that is not printed keeps its row, without a published value."""
+    """A condition that is not printed keeps its row, without a published value; the notes name what no run has."""
     table = load_published("kiper2019")
     table.rows.clear()
-    rows = compare_campaign(open_campaign(brief.campaign).runs, table, Measure()).rows
-    assert [row.published for row in rows] == [None] * 12
+    table.rows[None, "x", None, 3.0] = {"x": 1.0}
+    found = compare_campaign(open_campaign(brief.campaign).runs, table, Measure())
+    assert [row.published for row in found.rows] == [None] * 12
+    assert any("of no run" in note and note.endswith("motion x, peak_acceleration_rad_s2 3.0.") for note in found.notes)
 
 
 def test_a_wrong_sheet_shows(brief):
