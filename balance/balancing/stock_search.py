@@ -7,10 +7,9 @@ stock's whole mass, g the gradient there and R' R = columns' columns (R triangul
 
 so that site after site, in the order of R's rows, only masses near the best for those chosen can do better than what
 has been found (Schnorr and Euchner, Math. Programming 66, 1994). What J may be above the bound is raised from next to
-nothing, so that good masses are found soon. A mass is looked at once, however plates make it; which plates remain is
-carried along, so that no plate is used twice. Plates of too many kinds for that are counted in multiples of a unit:
-which multiples the first kinds make is known by bits (Bellman, Dynamic programming, 1957), along which the plates of
-all sites chosen so far are sought.
+nothing, so that good masses are found soon. A mass is looked at once, however plates make it: whether some make those
+of all sites chosen so far together is sought along a list of all piles, or, where plates weigh multiples of a unit or
+are of many kinds, along bits that tell which multiples the first kinds make (Bellman, Dynamic programming, 1957).
 """
 
 import time
@@ -32,8 +31,6 @@ _MOST_PILES = 2_000_000
 _GOOD = 2e-7
 """Of the bound, by which J may exceed it where the search ends."""
 _MOST_MASSES = 300_000
-_MOST_COMPARED = 300
-"""Rows that are compared with each other."""
 _STEP_KG, _STEP_ROUNDING = 1e-6, 1e-3
 """What masses of plates are multiples of [kg], and how far from that rounding may take them, in such steps."""
 _MOST_BITS = 200_000_000
@@ -129,6 +126,12 @@ class _Search:
     """Whether this pass of the search only looks for some plates."""
     cap: float = np.inf
     """What J may be above the bound of any masses, in this pass."""
+    rounded: bool = False
+    """Whether the search knows masses of plates only about."""
+    made: dict[tuple[float, ...], Indices] = field(default_factory=dict)
+    """Plates of the masses that were found, (sites, kinds)."""
+    steps: int = 0
+    """How many more plates or piles are tried before it is left open whether masses can be made together."""
     open_value: float = np.inf
     """Least J of masses of which it is not known whether plates make them."""
 
@@ -158,37 +161,32 @@ class _Search:
     def run(self) -> list[Selection]:
         """Search through all masses that piles of plates make."""
         self.sums, self.piles = _piles(self.plates, self.quantities, self.edge)
-        self._search(self.sums[np.concatenate([[True], np.diff(self.sums) > self.edge])], self.quantities[None])
-        return [self._selection(chosen) for _, _, chosen in self.found]
+        return self._search(self.sums[np.concatenate([[True], np.diff(self.sums) > self.edge])])
 
-    def _search(self, distinct: Floats, left: Indices) -> None:
+    def _search(self, distinct: Floats) -> list[Selection]:
         """Search through the ``distinct`` masses that plates make, rising [kg]; no plates are always a selection."""
         self.reachable = [distinct[distinct <= upper + self.edge] for upper in self.upper]
         self.deadline = time.monotonic() + TIME_LIMIT_S
-        self._offer(np.zeros(len(self.order)))
+        self._offer(np.zeros(len(self.order)), np.zeros((len(self.columns[0]), len(self.plates)), dtype=np.intp))
         most = max(self.found[0][0] - self.relaxed, self.tie)
         cap = max(_FIRST_CAP * most, _GOOD * self.relaxed)
         self.first = True
-        self._descend(len(self.order) - 1, np.zeros(len(self.order)), 0.0, left)
+        self._descend(len(self.order) - 1, np.zeros(len(self.order)), 0.0)
         self.first = False
         while not self.late:
             self.cap = cap if cap < most else np.inf
-            self._descend(len(self.order) - 1, np.zeros(len(self.order)), 0.0, left)
+            self._descend(len(self.order) - 1, np.zeros(len(self.order)), 0.0)
             if self._worst() - self.relaxed + self.tie <= self.cap or self.is_good(self._worst()):
                 break
             cap *= _CAPS
+        return sorted((self._selection(self.made[chosen]) for *_, chosen in self.found), key=lambda one: one.value)
 
     @property
     def bound(self) -> float:
         """J of no selection is less than this, once the search was run."""
         return self.relaxed if self.late else min(self.found[0][0], self.open_value)
 
-    def _selection(self, chosen: tuple[float, ...]) -> Selection:
-        counts = self._taken(self.share[:, self.order] @ np.array(chosen), self.quantities)
-        assert counts is not None
-        return self.selection(counts)
-
-    def selection(self, counts: Indices) -> Selection:
+    def _selection(self, counts: Indices) -> Selection:
         """The selection of plates ``counts`` (sites, kinds)."""
         made = counts @ self.plates
         return Selection(counts, made, float(np.sum((self.columns @ made - self.target) ** 2)))
@@ -197,9 +195,9 @@ class _Search:
         """Whether J is so near the bound that no selection can be better by what counts."""
         return value <= self.relaxed * (1.0 + _GOOD) + self.tie
 
-    def _descend(self, level: int, offset: Floats, cost: float, left: Indices) -> None:
-        """Choose the mass of one site after the other; ``offset`` from the centre, ``left`` which plates may remain."""
-        row, times = self.triangle[level], round(self.weight[level])
+    def _descend(self, level: int, offset: Floats, cost: float) -> None:
+        """Choose the mass of one site after the other; ``offset`` from the centre [kg]."""
+        row = self.triangle[level]
         pull = float(row[level + 1 :] @ offset[level + 1 :])
         masses = self._window(level, pull, cost)
         steps = masses - self.centre[level]
@@ -217,11 +215,13 @@ class _Search:
             offset[level] = steps[k]
             if level == 0 and not self._is_better(self.relaxed + float(costs[k]), self.centre + offset):
                 continue
-            rest = self._left(left, float(masses[k]), times)
-            if len(rest) and level and self._are_possible(level, self.centre + offset, float(costs[k])):
-                self._descend(level - 1, offset, float(costs[k]), rest)
-            elif len(rest) and not level:
-                self._offer(self.centre + offset)
+            counts = self._counts(level, self.centre + offset)
+            if counts is None and self.steps < 0:
+                self.open_value = min(self.open_value, self.relaxed + float(costs[k]))
+            elif counts is not None and level:
+                self._descend(level - 1, offset, float(costs[k]))
+            elif counts is not None:
+                self._offer(self.centre + offset, counts)
         offset[level] = 0.0
 
     def _window(self, level: int, pull: float, cost: float) -> Floats:
@@ -246,10 +246,6 @@ class _Search:
         """What J may be above that of the centre, for a selection that is worth to be found."""
         return min(self._worst() - self.relaxed + self.tie, self.cap)
 
-    def _are_possible(self, level: int, masses: Floats, cost: float) -> bool:
-        """Whether plates may make the ``masses`` from ``level`` on together; of which J is at least so much more."""
-        return True
-
     def _value(self, masses: Floats) -> float:
         return float(np.sum((self.columns @ (self.share[:, self.order] @ masses) - self.target) ** 2))
 
@@ -259,7 +255,8 @@ class _Search:
             value <= worst + self.tie and self.weight @ masses < self.found[-1][1] - self.edge
         )
 
-    def _offer(self, masses: Floats) -> None:
+    def _offer(self, masses: Floats, counts: Indices) -> None:
+        self.made[tuple(np.abs(masses))] = counts
         entry = (self._value(masses), float(self.weight @ masses), tuple(np.abs(masses)))
         if any(np.allclose(entry[2], other[2], rtol=0.0, atol=self.edge) for other in self.found if other[2]):
             return
@@ -269,34 +266,50 @@ class _Search:
         self.found.insert(len(better), entry)
         del self.found[self.best :]
 
-    def _left(self, left: Indices, mass: float, times: int) -> Indices:
-        """Which plates may remain (n, kinds) when ``mass`` is taken ``times`` from what may be ``left``."""
-        chosen = self._piles_of(mass)
-        for _ in range(times):
-            rest = (left[:, None] - chosen[None]).reshape(len(left) * len(chosen), left.shape[1])
-            left = _undominated(np.unique(rest[(rest >= 0).all(axis=1)], axis=0))
-        return left
+    def _counts(self, level: int, masses: Floats) -> Indices | None:
+        """Plates (sites, kinds) that make the masses of the groups from ``level`` on together.
 
-    def _taken(self, masses: Floats, left: Indices) -> Indices | None:
-        """Plates that make the masses (sites,), site after site, (sites, kinds); None where those ``left`` do not."""
-        if not len(masses):
-            return np.zeros((0, len(left)), dtype=np.intp)
-        piles = self._piles_of(float(masses[0]))
-        for pile in piles[(piles <= left).all(axis=1)]:
-            rest = self._taken(masses[1:], left - pile)
-            if rest is not None:
-                return np.vstack([pile[None], rest])
+        None where there are none, or ``steps`` is negative after that: none were found. Plates that are rounded make
+        equal masses only where they are the same.
+        """
+        parts = [
+            (part, mass)
+            for k, mass in zip(self.order[level:], masses[level:].tolist(), strict=True)
+            for part in ([list(self.groups[k])] if self.rounded else [[i] for i in self.groups[k]])
+        ]
+        self.steps = _STEPS
+        found = self._together(parts[::-1], self.quantities)
+        if found is None:
+            return None
+        counts = np.zeros((len(self.columns[0]), len(self.plates)), dtype=np.intp)
+        for (part, _), taken in zip(parts[::-1], found, strict=True):
+            counts[part] = taken
+        return counts
+
+    def _together(self, parts: list[tuple[list[int], float]], left: Indices) -> list[Indices] | None:
+        """Plates (kinds,) for each part, of those ``left``."""
+        if not parts:
+            return []
+        (part, wanted), *others = parts
+        for taken in self._subsets(wanted, left // len(part)):
+            if not self.rounded or (taken @ self.plates <= self.limits[part] + self.edge).all():
+                rest = self._together(others, left - len(part) * taken)
+                if rest is not None or self.steps < 0:
+                    return None if rest is None else [taken, *rest]
         return None
 
-    def _piles_of(self, mass: float) -> Indices:
-        """Piles of plates that have a mass, those of few plates first, (n, kinds)."""
+    def _subsets(self, mass: float, left: Indices) -> Iterator[Indices]:
+        """Plates (kinds,) of those ``left`` that make a mass [kg], few first; each takes one of the ``steps``."""
         first, last = np.searchsorted(self.sums, [mass - self.edge, mass + self.edge])
-        return self.piles[first:last]
+        piles = self.piles[first:last]
+        for pile in piles[(piles <= left).all(axis=1)]:
+            self.steps -= 1
+            yield pile
 
 
 @dataclass
 class _UnitSearch(_Search):
-    """Plates as multiples of a unit; of what may remain only the mass is carried along.
+    """Plates as multiples of a unit, which bits count.
 
     What is found has no proof where plates are rounded, since they are multiples of no unit that can be counted by, or
     where there are so many that only masses up to about twice what is wanted are looked at.
@@ -317,7 +330,6 @@ class _UnitSearch(_Search):
         self.units = np.round(self.plates / self.unit).astype(np.intp).tolist()
         self.sums_of = _sums(self.units, self.quantities.tolist(), round(self.reach / self.unit))
         """For the first 0, 1, 2 ... kinds: bit k tells whether some of them make k units."""
-        self.made: dict[tuple[float, ...], Indices] = {}
 
     @property
     def bound(self) -> float:
@@ -327,64 +339,16 @@ class _UnitSearch(_Search):
     def run(self) -> list[Selection]:
         """Search through all multiples of the unit that some plates make."""
         bits = np.unpackbits(np.frombuffer(self.sums_of[-1], np.uint8), bitorder="little")
-        self._search(np.flatnonzero(bits) * self.unit, np.array([[round(self.total / self.unit)]]))
-        found = sorted((self.selection(self.made[chosen]) for *_, chosen in self.found), key=lambda one: one.value)
+        found = self._search(np.flatnonzero(bits) * self.unit)
         return [Selection(one.counts[:, self.places], one.masses, one.value) for one in found]
 
-    def _left(self, left: Indices, mass: float, times: int) -> Indices:
-        rest = left - times * round(mass / self.unit)
-        return rest[rest[:, 0] >= 0]
-
-    def _are_possible(self, level: int, masses: Floats, cost: float) -> bool:
-        possible = self._counts(level, masses) is not None
-        if not possible and self.steps < 0:
-            self.open_value = min(self.open_value, self.relaxed + cost)
-        return possible
-
-    def _offer(self, masses: Floats) -> None:
-        counts = self._counts(0, masses)
-        if counts is not None:
-            self.made[tuple(np.abs(masses))] = counts
-            super()._offer(masses)
-        elif self.steps < 0:
-            self.open_value = min(self.open_value, self._value(masses))
-
-    def _counts(self, level: int, masses: Floats) -> Indices | None:
-        """Plates (sites, kinds) that make the masses of the groups from ``level`` on together.
-
-        None where there are none, or ``steps`` is negative after that: none were found. Plates that are rounded make
-        equal masses only where they are the same.
-        """
-        wanted = np.round(masses / self.unit).astype(np.intp).tolist()
-        parts = [
-            (part, sum_)
-            for k, sum_ in zip(self.order[level:], wanted[level:], strict=True)
-            for part in ([list(self.groups[k])] if self.rounded else [[i] for i in self.groups[k]])
-        ]
-        self.steps = _STEPS
-        found = self._together(parts[::-1], self.quantities)
-        if found is None:
-            return None
-        counts = np.zeros((len(self.columns[0]), len(self.plates)), dtype=np.intp)
-        for (part, _), taken in zip(parts[::-1], found, strict=True):
-            counts[part] = taken
-        return counts
-
-    def _together(self, parts: list[tuple[list[int], int]], left: Indices) -> list[Indices] | None:
-        """Plates (kinds,) for each part, of those ``left``."""
-        if not parts:
-            return []
-        (part, wanted), *others = parts
-        for chosen in self._subsets(len(self.units), wanted, (left // len(part)).tolist()):
+    def _subsets(self, mass: float, left: Indices) -> Iterator[Indices]:
+        for chosen in self._along(len(self.units), round(mass / self.unit), left.tolist()):
             taken = np.zeros(len(left), dtype=np.intp)
             taken[[kind for kind, _ in chosen]] = [count for _, count in chosen]
-            if not self.rounded or (taken @ self.plates <= self.limits[part] + self.edge).all():
-                rest = self._together(others, left - len(part) * taken)
-                if rest is not None:
-                    return [taken, *rest]
-        return None
+            yield taken
 
-    def _subsets(self, kinds: int, wanted: int, left: list[int]) -> Iterator[list[tuple[int, int]]]:
+    def _along(self, kinds: int, wanted: int, left: list[int]) -> Iterator[list[tuple[int, int]]]:
         """Kinds and numbers of plates, of the first ``kinds``, that make ``wanted`` units; heavy plates first."""
         if not wanted:
             yield []
@@ -397,7 +361,7 @@ class _UnitSearch(_Search):
                 return
             rest = wanted - count * unit
             if sums[rest >> 3] >> (rest & 7) & 1:
-                for others in self._subsets(kind, rest, left):
+                for others in self._along(kind, rest, left):
                     yield [(kind, count), *others] if count else others
 
 
@@ -467,11 +431,3 @@ def _largest_mass(plates: Floats, quantities: Indices, limit: float, edge: float
         if len(sums) > _MOST_MASSES:
             return limit
     return float(sums[-1])
-
-
-def _undominated(left: Indices) -> Indices:
-    """Rows (n, kinds) that no other row exceeds in every kind."""
-    if len(left) > _MOST_COMPARED:
-        return left
-    less: NDArray[np.bool_] = np.all(left[:, None] <= left[None], axis=2)
-    return left[less.sum(axis=1) == 1]

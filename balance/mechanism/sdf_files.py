@@ -16,6 +16,8 @@ from .robot_elements import BOUNDED, ENDS, Reader, parsed, rotation_of
 _INFINITE = 1e15
 """A limit from here on is none, as SDF writes it; nor are two equal ones [rad, m]."""
 _TRUE = ("true", "1")
+_DEPTH = 50
+"""How deep models may be nested in each other."""
 
 
 def put_included(root: Element, file: str, folder: Path | None) -> bool:
@@ -88,6 +90,8 @@ class SdfModel:
     def _collect(self, model: Element, scope: str) -> None:
         """Elements and frames of a model, ``scope`` before their names, and of the models in it."""
         own = scope.removesuffix("::")
+        if own.count("::") >= _DEPTH:
+            raise ModelError(f"{self.file}: models are nested more than {_DEPTH} deep; write them out in one")
         if model.get("placement_frame"):
             raise ModelError(
                 f"{self.file}: <model> {own!r}: a placement_frame is not read; state the pose of the model"

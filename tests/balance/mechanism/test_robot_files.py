@@ -309,6 +309,7 @@ def test_a_loop_of_an_sdf_is_closed(tmp_path: Path) -> None:
         ("</inertia></inertial></link>", "</inertia><fluid_added_mass/></inertial></link>", "<fluid_added_mass> is"),
         ("</model>", "</model><joint name='j' type='fixed'/>", "joint 'j' of the <world>"),
         ('<model name="m">', '<model name="m"><static>1</static>', "found 0 .and 1 static"),
+        ("</model>", "<model name='n'>" * 60 + "</model>" * 61, "models are nested more than 50 deep"),
         ('<model name="m">', '<model name="m" placement_frame="far">', "a placement_frame is not read"),
     ],
 )  # fmt: skip
