@@ -84,6 +84,12 @@ def milli(value: Any) -> Any:  # noqa: ANN401
     return 1e3 * value
 
 
+def first_of(names: Iterable[str], most: int) -> str:
+    """The first names, and how many more there are."""
+    every = list(names)
+    return ", ".join(every[:most]) + (f" and {len(every) - most} more" if len(every) > most else "")
+
+
 def micro(value: Any) -> Any:  # noqa: ANN401
     """A value, or array of values (...,) [SI], in millionths of its unit: metres in um, kg m in g mm."""
     return 1e6 * value

@@ -1,7 +1,7 @@
 """The machine integrated in time by a general solver: start-up from standstill, and a check of the harmonic balance.
 
-A steady solution repeats after an integrated turn, and two disturbed turns give its Floquet factor. How far the answer
-depends on harmonics and tolerances is shown by solving with several of them.
+A steady solution repeats after an integrated turn. How far the answer depends on harmonics and tolerances is shown by
+solving with several of them.
 """
 
 from collections.abc import Sequence
@@ -89,13 +89,6 @@ def periodicity(solution: SteadyRotation, rtol: float = 1e-12) -> float:
     """How far the speed is off after a turn integrated from the steady solution, relative to it."""
     start = float(solution.rate(0.0))
     return abs(after_a_turn(solution.machine, start, rtol) - start) / start
-
-
-def floquet(solution: SteadyRotation, share: float = 1e-4) -> float:
-    """The Floquet factor by two disturbed turns: central difference of the speed after a turn."""
-    start = float(solution.rate(0.0))
-    ahead, behind = (after_a_turn(solution.machine, start * (1.0 + s), 1e-12) for s in (share, -share))
-    return (ahead - behind) / (2.0 * share * start)
 
 
 @dataclass(frozen=True)

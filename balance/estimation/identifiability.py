@@ -94,6 +94,12 @@ class Identifiability:
         """Columns of a regressor (n, rows, p) that the base parameters multiply, (n, rows, r) [reading / parameter]."""
         return regressor[:, :, list(self.pivots)]
 
+    def over_all(self, values: Floats) -> Floats:
+        """Parameters (..., p) [SI] that make the same rows as base parameters (..., r) [SI]: all others are zero."""
+        full = np.zeros((*values.shape[:-1], len(self.names)))
+        full[..., list(self.pivots)] = values
+        return full
+
     def vector(self, coefficients: Mapping[str, float]) -> Floats:
         """A combination given by names, over all parameters, (p,) [-]. Raises DataError for an unknown name."""
         vector = np.zeros(len(self.names))

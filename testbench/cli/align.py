@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_findings, emit_json, emit_table, json_option
-from balance.results import table
+from balance.results import first_of, table
 
 from . import options
 
@@ -186,15 +186,7 @@ def _print_filters(found: "list[RunClocks]") -> None:
     """Which delays of filters are taken off, and whose may be in the offsets."""
     delays = {group: delay for clocks in found for group, delay in clocks.delays.items()}
     stated = sorted({delay for delay in delays.values() if delay is not None})
-    if texts := [f"{1e3 * d:.3f} ms of {_first_names([g for g, own in delays.items() if own == d])}" for d in stated]:
+    if texts := [f"{1e3 * d:.3f} ms of {first_of([g for g, own in delays.items() if own == d], 3)}" for d in stated]:
         click.echo(f"Delays of the loggers' filters, taken off: {'; '.join(texts)}.")
     if unstated := [group for group, delay in delays.items() if delay is None]:
-        click.echo(
-            f"The rig states no filter (low_pass) of {_first_names(unstated)}: a delay of one is in the offsets."
-        )
-
-
-def _first_names(names: list[str]) -> str:
-    """The first three, and how many more."""
-    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-    return ", ".join(names[:3]) + more
+        click.echo(f"The rig states no filter (low_pass) of {first_of(unstated, 3)}: a delay of one is in the offsets.")

@@ -99,7 +99,7 @@ def analyze(
         analysis = analyzed(runs, metric, band, accept, pool=pool)
     draw(figure, analysis.plot)
     if as_json:
-        shown = document(analysis) | {"calibrations": options.calibrations(runs), "ledgers": options.ledgers(runs)}
+        shown = document(analysis) | options.provenance(runs)
         if budget:
             for row, one in zip(shown["reductions"], analysis.reductions, strict=True):
                 row["budget"] = plain(one.uncertainty.budgets if one.uncertainty else [])
@@ -109,8 +109,7 @@ def analyze(
         for one in analysis.reductions if budget else ():
             of = f"{one.key}, {one.sensor} along {one.axis}"
             options.print_budgets(of, one.uncertainty.budgets if one.uncertainty else ())
-        options.print_calibrations(options.calibrations(runs))
-        options.print_ledgers(options.ledgers(runs))
+        options.print_provenance(runs)
     return EXIT_WITH_FINDINGS if analysis.findings else 0
 
 
@@ -186,11 +185,10 @@ def compare(
     comparison = compared(runs, table, metric, band, accept, mechanism)
     draw(figure, comparison.plot)
     if as_json:
-        emit_json(document(comparison) | {"calibrations": options.calibrations(runs), "ledgers": options.ledgers(runs)})
+        emit_json(document(comparison) | options.provenance(runs))
     else:
         _print_comparison(campaign, comparison)
-        options.print_calibrations(options.calibrations(runs))
-        options.print_ledgers(options.ledgers(runs))
+        options.print_provenance(runs)
     return EXIT_WITH_FINDINGS if comparison.findings else 0
 
 

@@ -18,7 +18,7 @@ from balance.cli.framework import (
 )
 from balance.cli.options import draw, figure_option
 from balance.errors import DataError
-from balance.results import table
+from balance.results import first_of, table
 
 from . import options
 
@@ -65,8 +65,7 @@ def print_result(result: "Identification") -> None:
 def _verdict(result: "Identification", moments: "Sequence[Value]") -> str:
     """How far it may be relied on, and the first moments with their intervals."""
     values = [f"{m.name} = {m.value:.4g} [{m.interval[0]:.4g}, {m.interval[1]:.4g}] {m.unit}" for m in moments]
-    more = f" and {len(values) - 3} more" if len(values) > 3 else ""
-    verdict = f"Verdict: {result.verdict}; {', '.join(values[:3]) or 'no first moment is determined'}{more}."
+    verdict = f"Verdict: {result.verdict}; {first_of(values, 3) or 'no first moment is determined'}."
     if result.verdict == SCALED:
         verdict += (
             " The torques' scale is not checked: ratios of first moments hold, first moments and counter-masses are "
@@ -97,8 +96,7 @@ def _notes(result: "Identification", moments: "Sequence[Value]") -> list[str]:
     chosen, seen = result.chosen, result.identified.identifiability
     side = "after" if chosen.delay >= 0 else "before"
     delay = f", torques logged {abs(chosen.delay) * 1e3:.3g} ms {side} the motion" if result.joints else ""
-    lacking = ", ".join(seen.undetermined[:6]) or "none"
-    lacking += f" and {len(seen.undetermined) - 6} more" if len(seen.undetermined) > 6 else ""
+    lacking = first_of(seen.undetermined, 6) or "none"
     return [
         *_unexplained(result, result, "on held-out blocks"),
         f"Cut-off {chosen.cutoff:.3g} Hz{delay}: chosen by the {_kind(result)} error on held-out blocks.",

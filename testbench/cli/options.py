@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_findings, emit_table, plain_text
+from balance.results import first_of
 
 if TYPE_CHECKING:
     from balance.estimation.uncertainty_budget import Budget
@@ -137,9 +138,15 @@ def ledgers(runs: "Iterable[Run | SIRun]") -> list[dict[str, Any]]:
     return ledger_heads(run.path.parent for run in runs)
 
 
-def print_ledgers(found: Iterable[dict[str, Any]]) -> None:
-    """Print a line for each campaign that has a ledger."""
-    for one in found:
+def provenance(runs: "Sequence[Run | SIRun]") -> dict[str, Any]:
+    """What documents say of the runs that they are from: calibrations in force, and the campaigns' ledgers."""
+    return {"calibrations": calibrations(runs), "ledgers": ledgers(runs)}
+
+
+def print_provenance(runs: "Sequence[Run | SIRun]") -> None:
+    """Print a line for each calibration, then one for each campaign that has a ledger."""
+    print_calibrations(calibrations(runs))
+    for one in ledgers(runs):
         if one["head"]:
             click.echo(f"Ledger of {plain_text(one['campaign'])}: {one['entries']} entries, head {one['head']}.")
 
@@ -147,8 +154,7 @@ def print_ledgers(found: Iterable[dict[str, Any]]) -> None:
 def print_calibrations(found: "Sequence[CalibrationInForce]") -> None:
     """Print a line for each calibration, with the runs in which it is in force."""
     for one in found:
-        runs = ", ".join(one.runs[:4]) + (f" and {len(one.runs) - 4} more" if len(one.runs) > 4 else "")
-        click.echo(f"Calibrated {one}, in {runs}.")
+        click.echo(f"Calibrated {one}, in {first_of(one.runs, 4)}.")
 
 
 @contextmanager

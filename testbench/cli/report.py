@@ -241,8 +241,7 @@ def report(
     document = {
         "runs": [one.as_dict() for one in found.values()],
         "compared": compared,
-        "calibrations": options.calibrations(opened),
-        "ledgers": options.ledgers(opened),
+        **options.provenance(opened),
         "refused": refused,
     }
     written = _write(output, opened, document, mechanism, bandwidth) if output and opened else []
@@ -254,8 +253,7 @@ def report(
         _print_compared(compared)
         for path in written:
             click.echo(f"Wrote {path}.")
-        options.print_calibrations(options.calibrations(opened))
-        options.print_ledgers(options.ledgers(opened))
+        options.print_provenance(opened)
     options.complain(*(one.message for one in refused))
     if refused:
         return EXIT_REFUSED

@@ -15,7 +15,7 @@ from balance.cli.framework import (
     say,
 )
 from balance.cli.options import draw, figure_option
-from balance.results import table
+from balance.results import first_of, table
 
 from . import options
 
@@ -114,8 +114,7 @@ def _print(result: "Trim", stock: str | None) -> None:
     say(_verdict(result, stock))
     level = f"{LEVEL_TEXT} interval" if result.interval_level else f"interval, not of {LEVEL_TEXT}"
     (site, missing, _, *others), rows = table(MissingMass, result.missing, *COLUMNS)
-    runs = ", ".join(result.runs[:4]) + (f" and {len(result.runs) - 4} more" if len(result.runs) > 4 else "")
-    title = f"Missing on {result.mechanism.name}, {result.origin}, {runs}, by {result.source}"
+    title = f"Missing on {result.mechanism.name}, {result.origin}, {first_of(result.runs, 4)}, by {result.source}"
     emit_table(title, [site, missing, level, *others], rows)
     if (found := result.consensus) is not None:
         each = [[one.source, *row] for one in result.shares for row in table(MissingMass, one.missing, *COLUMNS[:3])[1]]

@@ -1,6 +1,6 @@
 """One style for all figures: colours that colour-blind eyes distinguish, units on axes, origin in the title."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
 
@@ -62,9 +62,14 @@ def headline(figure: "Figure", text: str) -> None:
 
 def origin_of(runs: "Sequence[Run | SIRun]") -> str:
     """``Simulated: `` and the like as a prefix; empty for measured runs."""
-    origins = sorted({str(run.origin) for run in runs})
+    return origin_prefix(run.origin for run in runs)
+
+
+def origin_prefix(origins: Iterable[str]) -> str:
+    """The same by the origins of runs."""
+    known = sorted({str(origin) for origin in origins})
     words = {"simulated": "Simulated", "unstated": "Origin unstated", "measured": "Measured"}
-    return "" if origins == ["measured"] else " and ".join(words[origin] for origin in origins) + ": "
+    return "" if known == ["measured"] else " and ".join(words[origin] for origin in known) + ": "
 
 
 def condition_of(run: "Run | SIRun") -> str:

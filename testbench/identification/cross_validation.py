@@ -275,7 +275,7 @@ class SimulationError:
 def simulation_errors(
     equations: RegressionEquations,
     mechanism: Mechanism,
-    pivots: tuple[int, ...],
+    identifiable: Identifiability,
     parameters: Sequence[Floats],
     delay: float,
 ) -> list[SimulationError] | None:
@@ -296,7 +296,7 @@ def simulation_errors(
     for part in equations.parts:
         inside = slice(first, first + len(part.inside(part.valid)))
         first = inside.stop
-        rms.append(_windows(part, mechanism, pivots, parameters, delay, block[inside]))
+        rms.append(_windows(part, mechanism, identifiable, parameters, delay, block[inside]))
     if not sum(one.shape[1] for one in rms):
         return None
     step = equations.records[0].grid.step
@@ -312,7 +312,7 @@ def _length(samples: int, step: float) -> int:
 def _windows(
     part: RecordEquations,
     mechanism: Mechanism,
-    pivots: tuple[int, ...],
+    identifiable: Identifiability,
     parameters: Sequence[Floats],
     delay: float,
     block: Indices,
@@ -324,8 +324,7 @@ def _windows(
     labels, firsts, place = labels[whole], firsts[whole], place[whole]
     joints = part.record.torque.shape[1]
     torque = part.inside(part.delayed(part.record.measured, delay))[place][:, :, :joints]
-    full = np.zeros((len(parameters), len(labels), len(part.names)))
-    full[:, :, list(pivots)] = np.array(parameters)[:, labels % FOLDS]
+    full = identifiable.over_all(np.array(parameters)[:, labels % FOLDS])
     full[:, :, : len(part.record.mounted)] += part.record.mounted
     used = full.reshape(-1, len(part.names))[:, : len(mechanism.pi) + len(JOINT_TERMS) * len(mechanism.driven)]
     q, v = (np.tile(part.inside(x)[firsts], (len(parameters), 1)) for x in (part.motion.q, part.motion.v))
@@ -364,7 +363,7 @@ def compare(choice: Choice, mechanism: Mechanism, identifiable: Identifiability)
     tried = {method: simulated(partial(held_out.parameters, delay, method)) for method in allowed(equations)}
     methods = [method for method, values in tried.items() if values is not None]
     found = [values for values in tried.values() if values is not None]
-    strayed = simulation_errors(equations, mechanism, identifiable.pivots, found, delay)
+    strayed = simulation_errors(equations, mechanism, identifiable, found, delay)
     rows, names = equations.torque(delay), equations.records[0].rows(mechanism)
     errors = []
     for k, (method, parameters) in enumerate(zip(methods, found, strict=True)):

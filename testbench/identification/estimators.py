@@ -242,9 +242,7 @@ class Methods:
 
     def _about(self, base: Floats) -> list[Deviation]:
         """About parameters (p,) that make the same rows as the base parameters (r,)."""
-        full = np.zeros(len(self.identifiable.names))
-        full[self._pivots] = base
-        return [Deviation.of(part, self.mechanism, full) for part in self.equations.parts]
+        return [Deviation.of(p, self.mechanism, self.identifiable.over_all(base)) for p in self.equations.parts]
 
     @cached_property
     def _output_error(self) -> RegressionRecord:

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _RECORDED = "#bbbbbb"
-_ORIGIN = {"measured": "", "simulated": "Simulated: ", "unstated": "Origin unstated: "}
 
 
 def draw(result: Identification) -> "Figure":
@@ -49,7 +48,7 @@ def draw(result: Identification) -> "Figure":
 
 
 def _headline(result: Identification) -> str:
-    return f"{_ORIGIN[result.origin]}{result.mechanism.name}, {', '.join(result.runs)}"
+    return f"{style.origin_prefix([result.origin])}{result.mechanism.name}, {', '.join(result.runs)}"
 
 
 def _first_moments(result: Identification) -> "Figure":

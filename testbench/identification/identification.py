@@ -9,18 +9,11 @@ from balance.estimation.regression import RegressionRecord
 from balance.mechanism.mechanism import Mechanism
 
 from ..recording import common_origin
-from ..runs.aligned_run import AlignedRun
 from .cross_validation import Choice, choose, possible_cutoffs
 from .estimators import BLOCK_PERIODS, Method, Methods, allowed, simulated
-from .records import JointRecord, assemble
+from .records import JointRecord
 from .regression_equations import one_sided, regression_equations
 from .result import Identification
-
-
-def identify_run(run: AlignedRun) -> Identification:
-    """Identify a mechanism from one run."""
-    assembled = assemble([run])
-    return identify(assembled.records, assembled.mechanism)
 
 
 def identify(

@@ -368,9 +368,7 @@ class ModelTests:
     @cached_property
     def _full(self) -> Floats:
         """Parameters (p,) that make the same rows as the base parameters."""
-        full = np.zeros(len(self.identified.identifiability.names))
-        full[list(self.identified.identifiability.pivots)] = self.identified.values
-        return full
+        return self.identified.identifiability.over_all(self.identified.values)
 
     @cached_property
     def _models(self) -> list[Deviation]:

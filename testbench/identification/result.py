@@ -483,8 +483,8 @@ class Validation:
         """How far simulated angles stray; None for loops, and where there are no torques."""
         found, result = self.result.identified, self.result
         same = [np.tile(found.values, (FOLDS, 1))]
-        pivots = found.identifiability.pivots
-        strayed = simulation_errors(self.equations, result.mechanism, pivots, same, result.chosen.delay)
+        seen = found.identifiability
+        strayed = simulation_errors(self.equations, result.mechanism, seen, same, result.chosen.delay)
         return None if strayed is None else strayed[0]
 
     @cached_property

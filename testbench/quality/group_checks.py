@@ -9,7 +9,7 @@ from typing import Annotated
 
 import numpy as np
 
-from balance.results import Key, finite
+from balance.results import Key, finite, first_of
 
 from ..readers import header_claims
 from ..recording import (
@@ -223,9 +223,8 @@ def header_findings(group: Group, reported: Collection[str | None] = ()) -> list
         if c.unit is None and c.name not in reported and not _is_time(group, i)
     ]
     if without:
-        shown = ", ".join(without[:8]) + (f" and {len(without) - 8} more" if len(without) > 8 else "")
         one = without[0] if len(without) == 1 else None
-        found.append(Finding("unit_missing", one, None, f"no unit is written for {shown}"))
+        found.append(Finding("unit_missing", one, None, f"no unit is written for {first_of(without, 8)}"))
     for channel in group.channels:
         if channel.unit is not None and not is_unit(channel.unit) and not _is_date(channel.unit):
             message = f"{channel.unit!r} is no unit that is known; it is kept as written"

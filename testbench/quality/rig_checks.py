@@ -3,6 +3,8 @@
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from balance.results import first_of
+
 from ..recording import Channel, Finding, Recording, SensorRange
 from ..units import same_unit
 from .group_checks import GroupCheck
@@ -88,19 +90,23 @@ def rig_findings(
             absent.append(_absent(logger, columns, logs) if other is None else _apart(logger, columns, other))
         found += _units(present, channels)
     if len(absent) == sum(any(rig.columns(logger)) for logger in rig.loggers):
-        message = f"none of the rig's channels is in the log, which holds {_listed(channels)}; name them in the rig"
+        message = (
+            f"none of the rig's channels is in the log, which holds {first_of(channels, 12)}; name them in the rig"
+        )
         return [*found, Finding(_CODE, None, None, message)]
     return found + absent
 
 
 def _missing(column: "Column", channels: Iterable[str]) -> Finding:
-    message = f"the rig names it in sensors.{column.sensor} (logger {column.logger}); the log holds {_listed(channels)}"
+    message = (
+        f"the rig names it in sensors.{column.sensor} (logger {column.logger}); the log holds {first_of(channels, 12)}"
+    )
     return Finding(_CODE, column.channel, None, message)
 
 
 def _absent(logger: str, columns: "Iterable[Column]", logs: Sequence[str]) -> Finding:
     names = ", ".join(dict.fromkeys(column.sensor for column in columns))
-    own = logs[0] if len(logs) == 1 else f"any of {_listed(logs)}"
+    own = logs[0] if len(logs) == 1 else f"any of {first_of(logs, 12)}"
     message = (
         f"nothing is recorded of sensors {names} (logger {logger}): no channel of theirs is in {own}, of which the run "
         "is made; a log that holds them is joined to the run by a run table (--runs)"
@@ -170,8 +176,3 @@ def _measures(unit: str, dimensions: tuple[str, ...]) -> bool:
     except UnitError:
         return False
     return True
-
-
-def _listed(channels: Iterable[str]) -> str:
-    names = list(channels)
-    return ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")

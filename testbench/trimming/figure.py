@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from balance.estimation.estimate import LEVEL_TEXT
 from balance.estimation.first_moment_imbalance import MissingMass
+from balance.results import first_of
 
 from ..figures import style
 from .result import Trim
@@ -13,7 +14,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_ORIGIN = {"measured": "", "simulated": "Simulated: ", "unstated": "Origin unstated: "}
 _COLOURS = {
     "wrench": style.WITH, "torque": style.ENCODERS, "vibration": style.ACCELEROMETER, "trials": style.ACCELEROMETER,
 }  # fmt: skip
@@ -26,10 +26,9 @@ def draw(result: Trim) -> "Figure":
         for k, axes in enumerate(panels[0]):
             _site(axes, result, k)
         panels[0, 0].set_ylabel("missing first moment [kg m]")
-        runs = ", ".join(result.runs[:4]) + (f" and {len(result.runs) - 4} more" if len(result.runs) > 4 else "")
         style.headline(
             figure,
-            f"{_ORIGIN[result.origin]}{result.mechanism.name}, {runs}\n"
+            f"{style.origin_prefix([result.origin])}{result.mechanism.name}, {first_of(result.runs, 4)}\n"
             f"{_level(result)}; residual predicted {result.predicted_residual:.4f} kg m",
         )
     return figure

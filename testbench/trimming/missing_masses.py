@@ -36,7 +36,7 @@ def trim_runs(
     NotIdentifiable where the runs cannot tell.
     """
     problem = trim_problem(runs, sites, cutoff)
-    mechanism, mounted, names = problem.mechanism, problem.mounted, problem.sites
+    mounted, names = problem.mounted, problem.sites
     named = [source] if isinstance(source, str) else list(dict.fromkeys(source or ()))
     wanted = _checked(problem, named) if named else _present(problem)
     found, failed = _estimated(problem, wanted, bool(named))
@@ -50,7 +50,6 @@ def trim_runs(
     return Trim(
         problem.conditions,
         mounted,
-        mechanism,
         tuple(run.name for run in runs),
         common_origin(run.run.origin for run in runs),
         tuple(

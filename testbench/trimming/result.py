@@ -69,8 +69,6 @@ class Trim(Shown, rows="missing", figure="testbench.trimming.figure:draw"):
     conditions: Conditions
     mechanism: Mechanism
     """As mounted, by its file and the run table."""
-    bare: Mechanism
-    """Without payload and counter-masses."""
     runs: tuple[str, ...]
     origin: Origin
     shares: tuple[Share, ...]

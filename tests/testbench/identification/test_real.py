@@ -9,10 +9,11 @@ import pytest
 from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from testbench import rig as rigs
-from testbench.identification import identify_run
+from testbench.identification import identify
 from testbench.identification.diagnostics import Explanation
 from testbench.identification.estimators import Methods
 from testbench.identification.figure import draw
+from testbench.identification.records import assemble
 from testbench.identification.regression_equations import regression_equations
 from testbench.ingestion import Ingest
 from testbench.ingestion.run_table import PlannedRun
@@ -33,7 +34,8 @@ def result(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("campaign")
     log = arms.real(RECORDINGS[request.param])
     Ingest(folder, rigs.load_rig(request.param)).run(PlannedRun(log.stem, (log,)))
-    return identify_run(*memory.aligned([open_run(folder / f"{log.stem}.h5")], load_mechanism(request.param)))
+    found = assemble(memory.aligned([open_run(folder / f"{log.stem}.h5")], load_mechanism(request.param)))
+    return identify(found.records, found.mechanism)
 
 
 def test_first_moments(result):
