@@ -180,7 +180,9 @@ class Amplitude:
     averages: int = 1
     """Records that it is the mean of."""
     envelope: Floats | None = None
-    """Standard deviation of the noise over time, (n,) [-]; None where it is the same in rest and motion."""
+    """Standard deviation of the noise over time, (n,) [-]; None where it is the same in rest and motion. Of a mean it
+    is larger where some of its records do not reach.
+    """
     step: float = 0.0
     """Of the channel [unit]; zero where none is known."""
     logger_hz: float = np.inf
@@ -189,6 +191,8 @@ class Amplitude:
     """Whether the sensor reached the end of its range: the amplitude is at least what was read."""
     dead: bool = False
     """Whether the channel shows one value only."""
+    timed: bool = False
+    """Whether command or encoders tell on its own clock when anything moves."""
     stated: Noise | None = None
     """The channel's noise by the rig."""
     faults: tuple[tuple[str, str], ...] = ()

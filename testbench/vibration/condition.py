@@ -21,7 +21,7 @@ from .amplitude import Amplitude, MetricStatistic, Place
 from .amplitude_likelihood import AmplitudeLikelihood
 from .metrics import Measure
 from .noise_floor import Noise, Segment
-from .noise_in_motion import LOUDER, noise_in_motion
+from .noise_in_motion import LOUDER, exceeds_rest, noise_in_motion
 from .repeatability import Group, Repeatability, Synchronous
 from .run_amplitudes import amplitudes_of_run
 from .run_pairs import Pair
@@ -205,6 +205,10 @@ class CampaignNoise:
     """Louder noise in motion by condition and place, of channels of which nothing is repeated; None where no run can
     tell whether there is any.
     """
+    unfelt: set[tuple[int, Place]] = field(default_factory=set)
+    """Conditions and places where it is not known when the side with counter-masses moves, nothing is repeated, and it
+    shows more than the noise at rest: vibration, or noise in motion.
+    """
 
     @classmethod
     def of(cls, conditions: Iterable[Condition]) -> "CampaignNoise":
@@ -240,6 +244,10 @@ class CampaignNoise:
                 if at_rest is None or condition.dead(place):
                     continue
                 others = [condition.unbalanced[0][axis] for axis in axes if not condition.dead(axis)]
+                if one.moving is None and others and others[0].moving is not None:
+                    if exceeds_rest(at_rest, one, others[0].moving.stop - others[0].moving.start):
+                        found.unfelt.add((id(condition), place))
+                    continue
                 moving = noise_in_motion(at_rest, one, others)
                 band = one.measure.band
                 if moving is None or moving.power(band)[0] > LOUDER * at_rest.power(band)[0]:
@@ -270,7 +278,9 @@ class CampaignNoise:
             ]
             if condition.dead(place) or any(noise is None or one.reading <= 0.0 for one, noise in some):
                 return None
-            found.append(Group(tuple(AmplitudeLikelihood.of(one, noise) for one, noise in some if noise), side.names))
+            likelihoods = tuple(AmplitudeLikelihood.of(one, noise) for one, noise in some if noise)
+            gains = (both.gains[place], both.gain_error(place, some[0][1])) if both and some[0][1] else ()
+            found.append(Group(likelihoods, side.names, *gains))
         return found[0], found[1]
 
     def mean(self, condition: Condition, place: Place, side: Side) -> Group | None:
@@ -293,7 +303,7 @@ class CampaignNoise:
             at_rest, band = self.noises[place, round(one.rate_hz)] or louder, one.measure.band
             over_time = np.full(len(one.course), (at_rest.power(band)[0] / louder.power(band)[0]) ** 0.5)
             over_time[one.moving] = 1.0
-            return replace(one, envelope=over_time)
+            return replace(one, envelope=over_time * (1.0 if one.envelope is None else one.envelope))
         if not self.in_motion[place]:
             return one
         sides = sorted(condition.sides, key=lambda side: not any(one is run[place] for run in side.records))
@@ -306,7 +316,8 @@ class CampaignNoise:
             if not own and one.moving and first.moving:
                 lag = float(one.moving.start - first.moving.start)
             at = np.arange(len(one.course)) - lag
-            return replace(one, envelope=np.interp(at, np.arange(len(over_time)), over_time))
+            over_time = np.interp(at, np.arange(len(over_time)), over_time)
+            return replace(one, envelope=over_time * (1.0 if one.envelope is None else one.envelope))
         return one
 
 
@@ -331,6 +342,10 @@ def _readable(pair: Pair, measure: Measure) -> tuple[Pair, list[dict[Place, Ampl
         sides.append(tuple(read))
     if not all(sides):
         raise AnalysisError("; ".join(errors))
+    mains = {place for record in records for place, one in record.items() if one.line_errors is not None}
+    for i, run in enumerate((*sides[0], *sides[1]) if mains else ()):
+        if any(one.rest is one.moving is None for one in records[i].values()):
+            records[i] = amplitudes_of_run(SIRun.of(run), measure, mains)
     return replace(pair, balanced=sides[0], unbalanced=sides[1]), records, unread, doubts
 
 

@@ -54,6 +54,8 @@ class MotionTiming:
     """From the first to the last motion."""
     unfelt: tuple[float, float] | None = None
     """The whole record, where a motion was commanded of which no accelerometer feels anything begin."""
+    timed: bool = False
+    """Whether command or encoders tell it on the same clock."""
 
     @classmethod
     def of(cls, run: SIRun, group: str) -> "MotionTiming":
@@ -69,7 +71,7 @@ class MotionTiming:
         source, time, power, span = stated
         if source == group:
             first, last = (at - run.time(group)[0] for at in span)
-            return cls(_rest(first), (max(first, 0.0), min(last, seconds)))
+            return cls(_rest(first), (max(first, 0.0), min(last, seconds)), timed=True)
         first, lag = beginning(signals, rate), coarse_lag(signals, rate, time, power)
         if lag is not None and (first is None or first > span[0] + lag + COARSE_S):
             coarse = span[0] + lag

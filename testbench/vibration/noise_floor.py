@@ -21,7 +21,7 @@ from zlib import crc32
 import numpy as np
 
 from balance.arrays import Floats
-from balance.estimation.estimate import chi_square_tail, f_tail
+from balance.estimation.estimate import chi_square_tail, f_tail, normal_probability
 
 from .metrics import Measure, gain_of_record
 
@@ -35,6 +35,12 @@ LEAST_S = 0.03
 """Least length of a segment [s]."""
 DIFFER = 0.01
 """Level at which powers of several segments, or of rest and motion, differ."""
+FEWEST_CELLS = 8
+"""Of two spectra that are compared cell by cell."""
+BROAD = 0.1
+"""Share of the power of one, from which what another has more of in the median cell counts: repeats that are not quite
+aligned leave a little of their signal.
+"""
 _STATED = 30.0
 """Degrees of freedom of a cell of a stated spectrum: data sheets are good to a quarter."""
 _PRIOR = 1.0
@@ -170,17 +176,40 @@ class Noise:
         return np.asarray(found)
 
     def exceeds(self, other: "Noise", band: "Band | None") -> bool:
-        """Whether its power in a band is larger than another's, beyond chance."""
+        """Whether its power in a band is larger than another's, beyond chance: in all, or in the median cell.
+
+        The sum sees what is in narrow modes, and knows them to few degrees of freedom; what is in all of the band is
+        seen beside them by the cells.
+        """
         (power, freedom), (below, freedom_below) = self.power(band), other.power(band)
-        return power > below and f_tail(power / max(below, 1e-300), freedom, freedom_below) < DIFFER
+        if power > below and f_tail(power / max(below, 1e-300), freedom, freedom_below) < DIFFER:
+            return True
+        from scipy.special import digamma, polygamma
+
+        width, lowest = max(self.resolution_hz, other.resolution_hz), max(self.lowest_hz, other.lowest_hz)
+        cells = [one._cells(band, lowest, width) for one in (self, other)]
+        within = [one[: int(band.high_hz / width)] if band else one for one in cells]
+        pairs = np.array([(a, b) for a, b in zip(*within, strict=False) if a > 0.0 and b > 0.0]).reshape(-1, 2)
+        if len(pairs) < FEWEST_CELLS or -len(pairs) * np.median(np.diff(pairs)) < BROAD * below:
+            return False
+        ratios = -np.diff(np.log(pairs))
+        half = 0.5 * width * np.array([one.freedom / one.resolution_hz for one in (self, other)])
+        expected = float(np.diff(np.log(half) - digamma(half))[0])  # of logarithms of chi squared
+        deviation = float(np.sqrt(0.5 * np.pi * polygamma(1, half).sum() / len(ratios)))  # of a median
+        return 1.0 - normal_probability((float(np.median(ratios)) - expected) / deviation) < DIFFER
 
     def power(self, band: "Band | None") -> tuple[float, float]:
         """Mean square of the noise in a band [unit^2], and its degrees of freedom."""
-        fine = self.frequency[self.frequency >= self.lowest_hz]
-        gain = band.gain(fine, 2.0 * float(self.frequency[-1]) * 1.0001) if band else np.ones_like(fine)
-        cells = np.bincount((fine / self.resolution_hz).astype(int), self.at(fine) * gain**2)
+        cells = self._cells(band, self.lowest_hz, self.resolution_hz)
         total = float(cells.sum())
-        return total * float(self.frequency[1]), self.freedom * total**2 / max(float((cells**2).sum()), 1e-300)
+        return total, self.freedom * total**2 / max(float((cells**2).sum()), 1e-300)
+
+    def _cells(self, band: "Band | None", lowest_hz: float, width_hz: float) -> Floats:
+        """Mean squares in cells of a width in a band, from a frequency on, (k,) [unit^2]."""
+        fine = self.frequency[self.frequency >= lowest_hz]
+        gain = band.gain(fine, 2.0 * float(self.frequency[-1]) * 1.0001) if band else np.ones_like(fine)
+        cells = np.bincount((fine / width_hz).astype(int), self.at(fine) * gain**2)
+        return np.asarray(cells * float(self.frequency[1]))
 
     @cached_property
     def _slope(self) -> float:

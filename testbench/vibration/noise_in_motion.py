@@ -52,6 +52,14 @@ def noise_in_motion(at_rest: Noise, side: Amplitude, others: Sequence[Amplitude]
     return replace(at_rest, density=density, scatter=max(at_rest.scatter, _SCATTER))
 
 
+def exceeds_rest(at_rest: Noise, side: Amplitude, length: int) -> bool:
+    """Whether any part of a record, of so many samples, has more power than the noise at rest, whatever it is."""
+    length = min(length, len(side.whole))
+    starts = np.linspace(0, len(side.whole) - length, 2 * len(side.whole) // max(length, 1)).astype(int)
+    parts = [Noise.of([Segment(side.whole[at : at + length], side.rate_hz)]) for at in starts]
+    return any(one is not None and one.exceeds(at_rest, side.measure.band) for one in parts)
+
+
 def _left(one: Segment, others: Sequence[Segment]) -> tuple[Floats, Floats]:
     """Centres (k,) [Hz] of bands, and the density in them [unit^2/Hz] of what of a segment is no smooth multiple of
     others of its length.

@@ -303,6 +303,9 @@ class CampaignLikelihoods:
         sides = self._side(groups[0], means[0], place), self._side(groups[1], means[1], place)
         ratio, stated = Ratio(*sides), self.noise.is_stated(condition, place)
         interval = None if ratio.interval is None or stated else _percents(ratio.interval)
+        below = ratio.defined and (ratio.below_noise or (id(condition), place) in self.noise.unfelt)
+        if below and interval:
+            interval = interval[0], max(interval[1], 100.0)
         together = [ConditionAmplitude(mean) for mean in means if mean]
         mean = Ratio(*together) if len(together) == len(means) else None
         found = Reduction(
@@ -313,8 +316,8 @@ class CampaignLikelihoods:
             None if ratio.value is None or ratio.interval is None else _percent(ratio.value),
             _bounded(interval, sides),
             None if interval is None else "repeats" if self.noise.repeated(place) else "propagation",
-            _limit(sides, ratio.defined and ratio.below_noise),
-            ratio.defined and ratio.below_noise,
+            _limit(sides, below),
+            below,
             (sides[0].amplitude, sides[1].amplitude),
             (sides[0].floor, sides[1].floor),
             stated,

@@ -8,7 +8,7 @@ variance (two components: Rocke and Lorenzato, Technometrics 37, 176, 1995; pool
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,13 +18,17 @@ from balance.estimation.estimate import chi_square_tail, coverage_factor, f_tail
 
 from .amplitude import Amplitude, Place, shifted
 from .amplitude_likelihood import AmplitudeLikelihood
-from .noise_floor import Segment
+from .noise_floor import Noise, Segment
 
 DIFFER = 0.01
 """Level at which repeats differ beyond noise, over a campaign."""
 SAMPLING_SHARE = {True: 0.02, False: 0.005}
 """Share of the amplitude by which repeats may differ: an RMS by where the record begins and ends, a peak by the
 instants of samples about it."""
+GAIN_SHARE = 0.002
+"""Share by which repeats may differ in how much of their mean they show, where all of them reach."""
+SURE = 0.2
+"""Error of that share by noise from which it says nothing."""
 CLEAR = 0.25
 """Of what noise does, from which what repeats may differ by counts."""
 SAME_RATE = 1e-4
@@ -39,8 +43,13 @@ LEAST_LEVEL = 0.05
 """Of an envelope [-]."""
 REVERSED = 0.9
 """Correlation of a channel with its own reversed in another run, from which, if none is larger, one is reversed."""
-LEAST_CORRELATION = 0.3
-"""Between two repeats, from which they are shifted to match: below it there is nothing to align by."""
+CERTAIN = 0.9
+"""Correlation of two repeats from which they are shifted to match whenever their motions begin: a mode of the floor
+that two short records show is as like itself at some shift, up to less."""
+LEAST_CORRELATION = 0.5
+"""From which they are shifted to match about where their motions begin: below it noise is more than what repeats."""
+BEGINS_S = {True: 0.003, False: 0.06}
+"""To which it is known when a motion begins, by whether command or encoders tell it on the same clock [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +59,10 @@ class Group:
     runs: tuple[AmplitudeLikelihood, ...]
     names: tuple[str, ...] = ()
     """Names of the runs."""
+    gains: Floats | None = None
+    """By what share each run shows more of the mean's course than the mean, (n,) [-]; none where not aligned."""
+    gain_error: float = np.inf
+    """Standard deviation of each by noise [-]."""
 
     @cached_property
     def amplitude(self) -> float:
@@ -69,23 +82,40 @@ class Group:
         return float(np.mean([run.common for run in self.runs]))
 
     @cached_property
-    def scatter(self) -> float:
-        """Sum of squares of the readings about their mean [variances of what each run has of its own]."""
+    def _witness(self) -> tuple[Floats, float, float]:
+        """What shows whether runs differ: deviations (n,) from their mean and the variance of what makes no repeat
+        differ, in variances of the noise of one of them, and the amplitude in standard deviations of it.
+
+        The readings, or what share of its signal each run shows: whichever shows more, beside the noise.
+        """
         away = self.deviations(np.array([self.amplitude]))[:, 0]
-        return float(((away - away.mean()) ** 2).sum()) / self.own
+        sure = SAMPLING_SHARE[self.runs[0].statistic.squared] * self.signal_to_noise
+        found = [(away - away.mean(), max(1.0 - self.common, 0.05) + sure**2, self.signal_to_noise)]
+        if self.gains is not None and self.gain_error < SURE:
+            found.append(
+                (self.gains / self.gain_error, 1.0 + (GAIN_SHARE / self.gain_error) ** 2, 1.0 / self.gain_error)
+            )
+        return max(found, key=lambda one: float((one[0] ** 2).sum()) / one[1])
 
     @cached_property
+    def scatter(self) -> float:
+        """Sum of squares of the runs about their mean [variances of what each run has of its own]."""
+        return float((self._witness[0] ** 2).sum()) / self.own
+
+    @property
     def own(self) -> float:
         """Variance of what each run has of its own: noise, and what makes no repeat differ [variances of noise]."""
-        return (
-            max(1.0 - self.common, 0.05) + (SAMPLING_SHARE[self.runs[0].statistic.squared] * self.signal_to_noise) ** 2
-        )
+        return self._witness[1]
+
+    @property
+    def weight(self) -> float:
+        """Square of the amplitude in standard deviations of the noise of what shows whether runs differ [-]."""
+        return self._witness[2] ** 2
 
     @cached_property
     def odd(self) -> str:
         """Name of the run that differs most from the mean."""
-        away = self.deviations(np.array([self.amplitude]))[:, 0]
-        return self.names[int(np.argmax(np.abs(away - away.mean())))] if self.names else ""
+        return self.names[int(np.argmax(np.abs(self._witness[0])))] if self.names else ""
 
     @cached_property
     def signal_to_noise(self) -> float:
@@ -136,9 +166,8 @@ class Repeatability:
 
     def variance(self, group: Group) -> float:
         """Of the mean of a group [variances of the noise of one run]."""
-        own = 1.0 - group.common + self.share * group.signal_to_noise**2
-        if _contains(self.apart, group):
-            own = group.own * group.scatter / group.degrees_of_freedom
+        share = max(_share([group]), 0.0) if _contains(self.apart, group) else self.share
+        own = 1.0 - group.common + share * group.signal_to_noise**2
         return group.common + own / len(group.runs)
 
     def degrees_of_freedom_of(self, group: Group) -> float:
@@ -168,7 +197,7 @@ def _differ(groups: Sequence[Group]) -> bool:
 
 def _share(groups: Sequence[Group]) -> float:
     """Square of the share of the amplitude by which repeats differ beyond noise; below zero where noise does more."""
-    away = sum(g.degrees_of_freedom * g.signal_to_noise**2 for g in groups)
+    away = sum(g.degrees_of_freedom * g.weight for g in groups)
     return sum((g.scatter - g.degrees_of_freedom) * g.own for g in groups) / max(away, 1e-300)
 
 
@@ -180,8 +209,8 @@ def _unlike_the_others(groups: Sequence[Group], least: float) -> list[Group]:
         others = [g for g in rest if g is not one]
         freedom, amount = sum(g.degrees_of_freedom for g in others), sum(g.scatter * g.own for g in others)
         below = max(amount, sum(g.degrees_of_freedom * g.own for g in others))
-        below /= max(sum(g.degrees_of_freedom * g.signal_to_noise**2 for g in others), 1e-300)
-        above = one.scatter * one.own / one.degrees_of_freedom / max(one.signal_to_noise**2, 1e-300)
+        below /= max(sum(g.degrees_of_freedom * g.weight for g in others), 1e-300)
+        above = one.scatter * one.own / one.degrees_of_freedom / max(one.weight, 1e-300)
         if f_tail(above / max(below, 1e-300), one.degrees_of_freedom, freedom) >= least:
             break
         found.append(one)
@@ -199,21 +228,34 @@ class Synchronous:
     """Standard deviation of what does not repeat over time, 1 on average in motion, (n,) [-]."""
     lags: tuple[float, ...]
     """By how much later each run shows what the first shows [samples]."""
+    gains: dict[Place, Floats]
+    """By what share of it each run shows more of the mean than the mean itself, where all of them reach, (k,) [-]."""
+
+    def gain_error(self, place: Place, noise: Noise) -> float:
+        """Standard deviation of the gain of one run by its noise [-]."""
+        mean = self.means[place]
+        spectrum = np.fft.rfft(mean.course)
+        density = noise.at(np.arange(len(spectrum)) * mean.rate_hz / len(mean.course))
+        power = float(np.sum(density * np.abs(spectrum) ** 2)) * mean.rate_hz / len(mean.course)
+        return power**0.5 / max(float(np.sum(mean.course**2)), 1e-300)
 
     @classmethod
     def of(cls, runs: Sequence[dict[Place, Amplitude]]) -> "Synchronous | None":
-        """From repeats; None of a single run, or of records whose rates differ."""
+        """From repeats; None of a single run, of records whose rates differ, or where nothing tells how they align."""
         places = list(runs[0])
         rates = [run[places[0]].rate_hz for run in runs]
         if len(runs) < 2 or max(rates) - min(rates) > SAME_RATE * max(rates):
             return None
         count = min(len(run[places[0]].course) for run in runs)
         lags = _lags(runs, places, count)
-        means, residuals, envelopes = {}, {}, {}
+        if lags is None:
+            return None
+        means, residuals, envelopes, gains = {}, {}, {}, {}
         first, at = runs[0], np.arange(count) + np.array(lags)[:, None]
         lengths = np.array([[len(run[places[0]].course)] for run in runs])
         held = (at >= 0.0) & (at <= lengths - 1.0)
         shared = np.flatnonzero(held.all(axis=0))
+        fewer = None if held.all() else np.sqrt(len(runs) / held.sum(axis=0))
         if len(shared) <= 2 * EDGE:
             return None
         common = slice(int(shared[0]) + EDGE * (shared[0] > 0), int(shared[-1]) + 1 - EDGE * (shared[-1] < count - 1))
@@ -226,15 +268,16 @@ class Synchronous:
             slopes = [np.fft.irfft(spectrum * turn**order, 2 * count)[:count] for order in (1, 2)]
             basis = np.column_stack([shape, *slopes, np.ones(count), np.linspace(-1.0, 1.0, count)])[common]
             apart = (whole - mean).T[common]
-            left = (apart - basis @ np.linalg.lstsq(basis, apart, rcond=None)[0]).T
+            found = np.linalg.lstsq(basis, apart, rcond=None)[0]
+            left, gains[place] = (apart - basis @ found).T, found[0]
             scale = (len(runs) / (len(runs) - 1.0)) ** 0.5
             rate, moving = first[place].rate_hz, first[place].moving or slice(0, count)
             part = slice(max(moving.start - common.start, 0), max(moving.stop - common.start, 0))
             over_time = _envelope(scale * first[place].in_band(left), part, rate)
-            envelopes[place] = np.pad(over_time, (common.start, count - common.stop), "edge")
+            envelopes[place] = _beyond(over_time, common, moving, count)
             residuals[place] = tuple(Segment((scale * one / over_time)[part], rate, 1.0 / scale**2) for one in left)
-            means[place] = first[place].mean_of([run[place] for run in runs], lags, mean)
-        return cls(means, residuals, envelopes, tuple(lags))
+            means[place] = replace(first[place].mean_of([run[place] for run in runs], lags, mean), envelope=fewer)
+        return cls(means, residuals, envelopes, tuple(lags), gains)
 
 
 def _envelope(residuals: Floats, part: slice, rate_hz: float) -> Floats:
@@ -245,25 +288,48 @@ def _envelope(residuals: Floats, part: slice, rate_hz: float) -> Floats:
     return np.asarray(np.sqrt(np.maximum(power / max(float(power[part].mean()), 1e-300), LEAST_LEVEL**2)))
 
 
-def _lags(runs: Sequence[dict[Place, Amplitude]], places: Sequence[Place], count: int) -> list[float]:
-    """By how many samples each run shows later what the first shows, a channel that one has reversed set right."""
+def _beyond(envelope: Floats, common: slice, moving: slice, count: int) -> Floats:
+    """An envelope of what repeats have in common, over all samples (count,): no motion is calmer than on average."""
+    found = np.pad(envelope, (common.start, count - common.stop), "edge")
+    outside = np.ones(count, dtype=bool)
+    outside[common] = False
+    inside = np.zeros(count, dtype=bool)
+    inside[moving] = True
+    return np.where(outside & inside, np.maximum(found, 1.0), found)
+
+
+def _lags(runs: Sequence[dict[Place, Amplitude]], places: Sequence[Place], count: int) -> list[float] | None:
+    """By how many samples each run shows later what the first shows, a channel that one has reversed set right.
+
+    None where it is not known of one: it is little like the first, and when its motion begins is not known. To shift
+    it until noise is most like noise would call noise what repeats.
+    """
     size = 2 * count
     spectra, energies = [], []
     for run in runs:
         rows = np.array([run[place].course[:count] for place in places])
         spectra.append(np.fft.rfft(rows, size, axis=1))
         energies.append((rows**2).sum(axis=1))
+    firsts = [run[places[0]] for run in runs]
+    begins = [None if one.moving is None else one.moving.start for one in firsts]
+    near = round(BEGINS_S[all(one.timed for one in firsts)] * firsts[0].rate_hz) + 1
     lags = [0.0]
-    for spectrum, own in zip(spectra[1:], energies[1:], strict=True):
+    for spectrum, own, begin in zip(spectra[1:], energies[1:], begins[1:], strict=True):
         each = np.fft.irfft(spectrum * np.conj(spectra[0]), size)
         least = -each.min(axis=1)
         each[(least > each.max(axis=1)) & (least > REVERSED * np.sqrt(own * energies[0]))] *= -1.0
         both, energy = each.sum(axis=0), np.sqrt(own.sum() * energies[0].sum())
         best = int(np.argmax(both))
-        if both[best] < LEAST_CORRELATION * energy:
-            lags.append(0.0)
-            continue
+        if both[best] < CERTAIN * energy:
+            if begin is None or begins[0] is None:
+                return None
+            later = begin - begins[0]
+            about = np.arange(later - near, later + near + 1) % size
+            best = int(about[np.argmax(both[about])])
+            if both[best] < LEAST_CORRELATION * energy:
+                lags.append(float(later))
+                continue
         before, top, after = both[best - 1], both[best], both[(best + 1) % size]
-        lag = best + 0.5 * (before - after) / min(before - 2.0 * top + after, -1e-300)
+        lag = best + 0.5 * np.clip((before - after) / min(before - 2.0 * top + after, -1e-300), -1.0, 1.0)
         lags.append(lag - size if lag > count else lag)
     return lags

@@ -1,5 +1,6 @@
 """What a stored run's accelerometers on the base recorded, with the rest before the motion, by place."""
 
+from collections.abc import Container
 from dataclasses import replace
 
 import numpy as np
@@ -19,8 +20,12 @@ _SAMPLES = 10_000
 _CLIPPED = ("clipping", "clipping_suspected")
 
 
-def amplitudes_of_run(run: SIRun, measure: Measure) -> dict[Place, Amplitude]:
-    """Each axis of each accelerometer on the base [m/s2]."""
+def amplitudes_of_run(run: SIRun, measure: Measure, mains: Container[Place] = ()) -> dict[Place, Amplitude]:
+    """Each axis of each accelerometer on the base [m/s2].
+
+    ``mains``: places whose rests show the mains in other runs; where nothing tells when this one rests, they are sought
+    in all of it.
+    """
     clipped = {f.channel for f in run.doubts(run.rig.base_columns) if f.code in _CLIPPED}
     columns = {(c.sensor, c.component): c for c in run.rig.base_columns}
     run = run.preloaded([c for k in (Accelerometer, Target, Encoder) for c in run.rig.columns_of(k) if run.holds(c)])
@@ -33,14 +38,18 @@ def amplitudes_of_run(run: SIRun, measure: Measure) -> dict[Place, Amplitude]:
         timing, rate = MotionTiming.of(run, group), records[some[0]][1]
         values = np.array([records[place][0] for place in some])
         steps = [columns[place].resolution or observed_resolution(row) for place, row in zip(some, values, strict=True)]
-        amplitudes = Amplitude.of(values, rate, measure, timing.rest, timing.moving, steps, timing.unfelt)
+        unknown = timing.rest is None and timing.moving is None and any(place in mains for place in some)
+        quiet = (0.0, values.shape[1] / rate) if unknown else timing.unfelt
+        amplitudes = Amplitude.of(values, rate, measure, timing.rest, timing.moving, steps, quiet)
         for place, row, one in zip(some, values, amplitudes, strict=True):
             where, index = run.recorded.find(columns[place].channel)
             clipping_found = where.channels[index].name in clipped
             faults = _faults(row, rate, clipping_found)
             saturated = clipping_found or any(code in _CLIPPED for code, _ in faults)
             stated = Noise.stated(columns[place].noise, rate)
-            found[place] = replace(one, saturated=saturated, dead=is_dead(row), stated=stated, faults=faults)
+            found[place] = replace(
+                one, timed=timing.timed, saturated=saturated, dead=is_dead(row), stated=stated, faults=faults
+            )
     return {place: found[place] for place in columns}
 
 

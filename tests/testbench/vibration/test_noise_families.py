@@ -212,3 +212,17 @@ def test_a_ramp_changes_nothing():
     other = reduced([sides[0][0] + 50.0 * TIME], sides[1], RATE, REST - 0.01)[0]
     assert other.percent == pytest.approx(one.percent, abs=0.3 * half(one))
     assert other.interval == pytest.approx(one.interval, abs=0.3 * half(one))
+
+
+def test_two_runs_that_differ():
+    """Two runs a side that differ by 2 % in their RMS: intervals hold the reduction of the mean runs, and are not as
+    narrow as where runs do not differ.
+    """
+    measure, found = Measure("rms"), []
+    for seed, share in [(1, 0.0), *((seed, 0.02) for seed in range(6))]:
+        rng = np.random.default_rng([seed, 202])
+        gains = 1.0 + share * rng.standard_normal((2, 2))
+        sides = [[gain * v + white(rng) for gain in some] for v, some in zip((WITH, WITHOUT), gains, strict=True)]
+        found.append(reduced(*sides, RATE, REST - 0.01, measure)[0])
+    assert_holds(sum(one.interval[0] <= truth(measure) <= one.interval[1] for one in found[1:]), 6)
+    assert 5.0 * half(found[0]) < np.median([*map(half, found[1:])])

@@ -1,5 +1,7 @@
 """Runs that differ: by noise alone, by a share of their amplitude, one of them alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import norm
@@ -7,6 +9,7 @@ from scipy.stats import norm
 from testbench.vibration import AmplitudeLikelihood, ConditionAmplitude, Group, Ratio, Repeatability
 from testbench.vibration.amplitude import Amplitude, MetricStatistic, shifted
 from testbench.vibration.metrics import Measure
+from testbench.vibration.noise_floor import Noise, Segment
 from testbench.vibration.repeatability import Synchronous
 
 from ..coverage import assert_holds
@@ -146,3 +149,38 @@ def test_moved_record():
     wave = lambda at: np.sin(0.2 * at + 0.3) + 0.01 * at  # noqa: E731
     np.testing.assert_allclose(shifted(wave(time), 0.4, 600)[:599], wave(time + 0.4)[:599], atol=0.02)
     np.testing.assert_allclose(shifted(wave(time), 0.4, 600)[20:580], wave(time + 0.4)[20:580], atol=3e-4)
+
+
+@pytest.mark.parametrize(
+    ("begins", "known", "expected"),
+    [((100, 150, 80), True, (0.0, 50.0, -20.0)), ((100, 150, 80), False, None)],
+)
+def test_noise_is_not_what_repeats(begins, known, expected):
+    """Repeats of a mode of the floor alone are not shifted until they match, but by when they move; else not at all."""
+    rng, time = np.random.default_rng(4), np.arange(1000) / 1000.0
+    runs = []
+    for begin in begins:
+        wave = np.sin(2.0 * np.pi * 11.0 * time + rng.uniform(0.0, 2.0 * np.pi)) + 0.5 * rng.standard_normal(len(time))
+        one = Amplitude.of(wave[None], 1000.0, Measure(), None, (begin / 1000.0, 0.8) if known else None)[0]
+        runs.append({("base_acc", "x"): replace(one, moving=one.moving if known else None, timed=known)})
+    found = Synchronous.of(runs)
+    if expected is None:
+        assert found is None
+    else:
+        np.testing.assert_allclose(found.lags, np.array(expected) * runs[0]["base_acc", "x"].rate_hz / 1000.0, atol=6.0)
+
+
+@pytest.mark.parametrize(("broad", "louder"), [(0.0, False), (1.0, True)])
+def test_broadband_noise_beside_a_mode(broad, louder):
+    """What is in all of the band is seen beside a narrow mode, whose power is known to few degrees of freedom."""
+    rng, seen = np.random.default_rng(6), []
+    waves = np.exp(69.0j * np.arange(1000) / 1000.0).view(float).reshape(-1, 2)
+    for _ in range(20):
+        rest, moving = (
+            Noise.of([Segment(waves @ rng.normal(size=2) + size * rng.normal(size=1000), 1000.0)])
+            for size in (0.1, np.hypot(0.1, broad))
+        )
+        seen.append(moving.exceeds(rest, Measure().band))
+    assert (
+        sum(seen) >= 19 if louder else sum(seen) <= 4
+    )  # two degrees of freedom a mode: F exceeds its 1 % point of five in 8 %
