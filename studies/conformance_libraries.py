@@ -222,6 +222,18 @@ def _rosbag(path: Path) -> list[Series]:
     return [Series(topic, np.array(stamps)) for topic, stamps in times.items()]
 
 
+def _mcap(path: Path) -> list[Series]:
+    """The same of each topic of an MCAP file, by the times of logging."""
+    from mcap.reader import make_reader
+
+    times: dict[str, list[int]] = {}
+    with path.open("rb") as stream:
+        for _, channel, message in make_reader(stream).iter_messages():
+            times.setdefault(channel.topic, []).append(message.log_time)
+    first = min(map(min, times.values()), default=0)
+    return [Series(topic, np.array(stamps) - first) for topic, stamps in times.items()]
+
+
 def _csv(path: Path) -> list[Series]:
     import pandas
 
@@ -258,6 +270,7 @@ LIBRARIES = {
     "HDF5": Library("h5py", _hdf5),
     "LabVIEW LVM": Library("lvm_read", _lvm, 1),
     "MATLAB": Library("scipy", _matlab),
+    "MCAP": Library("mcap", _mcap),
     "NI TDMS": Library("npTDMS", _tdms),
     "Parquet": Library("pyarrow", _parquet),
     "ROS 1 bag": Library("rosbags", _rosbag),

@@ -94,7 +94,8 @@ def _seeds(place: str) -> list[bytes]:
 
 
 def _fuzzed(name: str, folder: Path, count: int) -> Row:
-    counted, found = folder.with_name(f"{name}.count"), list[str]()
+    counted, before = folder.with_name(f"{name}.count"), sorted((folder.parent / "stopped").glob(f"*-{name}"))
+    found = [said for kept in before if (said := _judged(name, kept))]  # what stopped it once must not again
     done = int(counted.read_text()) if counted.exists() else 0
     longest = max(LONGEST_INPUT, *(path.stat().st_size for path in folder.glob("seed-*")))
     for _ in range(STOPS):
@@ -113,12 +114,19 @@ def _fuzzed(name: str, folder: Path, count: int) -> Row:
             for file in stopped.iterdir():
                 (folder.parent / "stopped").mkdir(exist_ok=True)
                 shutil.move(file, kept := folder.parent / "stopped" / f"{file.name}-{name}")
-                if (judged := _run("judge", name, str(kept), work)).returncode:
-                    found.append(f"{kept.name}: {judged.stderr.decode().splitlines()[-1:] or judged.returncode}")
+                if said := _judged(name, kept):
+                    found.append(said)
     size = sum(1 for _ in folder.iterdir())
     note = "; ".join([f"{size} inputs kept, each of which reached something new", *found[:3]])
     return all_of(f"{name}, inputs read or refused within {LONGEST_S} s and {MOST_MEMORY_MB} MB",
                   done - len(found), done, note)  # fmt: skip
+
+
+def _judged(name: str, kept: Path) -> str:
+    """What is wrong where a user reads an input; empty if it is read or refused."""
+    with tempfile.TemporaryDirectory() as work:
+        judged = _run("judge", name, str(kept), work)
+    return f"{kept.name}: {judged.stderr.decode().splitlines()[-1:] or judged.returncode}" if judged.returncode else ""
 
 
 def _run(*arguments: str) -> subprocess.CompletedProcess[bytes]:

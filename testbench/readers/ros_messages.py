@@ -154,6 +154,8 @@ class _State:
         if each.is_array:
             names = [f"{path}[{i}]" for i in (labels if len(labels) == count else range(count))]
         if isinstance(each.kind, tuple):
+            if self.is_cdr and not each.kind:  # DDS knows no structure without a member: a byte stands for it
+                self.take("B", count)
             for name in names:
                 self.fields(each.kind, f"{name}.")
             return

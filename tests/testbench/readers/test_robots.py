@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from mcap.writer import CompressionType
 from rosbags.rosbag1 import Writer as BagWriter
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from testbench.errors import RecordingError
 from testbench.readers.ros_messages import RosDecoder, message_fields
@@ -166,3 +167,14 @@ def test_messages_are_never_longer_than_their_bytes():
             decoder.decode(raw)
     with pytest.raises(TooManyNumbers):
         decoder.decode(b"\xff\xff\xff\xff" + bytes(8))
+
+
+def test_a_message_of_constants_is_a_byte_in_cdr():
+    """DDS knows no structure without a member: rosbags writes one, so that what follows lies behind it."""
+    text = f"pkg/Only[2] limits\nfloat64 x\n{'=' * 80}\nMSG: pkg/Only\nint32 MOST=3\n"
+    types = get_typestore(Stores.EMPTY)
+    types.register(get_types_from_msg(text, "pkg/msg/M"))
+    only = types.types["pkg/msg/Only"]()
+    raw = types.serialize_cdr(types.types["pkg/msg/M"]([only, only], 2.5), "pkg/msg/M")
+    message = RosDecoder(message_fields(text, "pkg/msg/M", is_ros2=True), is_cdr=True).decode(bytes(raw))
+    assert (message.names, message.numbers) == (["x"], [2.5])
