@@ -327,7 +327,7 @@ def read_contents(source: ByteSource) -> Contents:
 def _locate(source: ByteSource, segment: Segment, raw: dict[str, Index], contents: Contents) -> None:
     """Note where the samples of all whole chunks of a segment lie, and the bytes behind them."""
     unit = _locate_chunks(source, segment, raw, contents)
-    rest = (segment.end - segment.raw) % unit if unit else segment.end - segment.raw
+    rest = segment.raw_bytes % unit if unit else segment.raw_bytes
     if segment.is_whole and rest:
         where, whole = f"byte {segment.begin}", "rows" if segment.flags & INTERLEAVED else "chunks"
         message = (
@@ -341,7 +341,7 @@ def _locate_chunks(source: ByteSource, segment: Segment, raw: dict[str, Index], 
     if any(index.scalers for index in raw.values()):
         return _locate_daqmx(source, segment, raw, contents)
     sizes = {path: _bytes(source, index, segment) for path, index in raw.items()}
-    there = segment.end - segment.raw
+    there = segment.raw_bytes
     if segment.flags & INTERLEAVED:
         width = sum(size // max(index.values, 1) for size, index in zip(sizes.values(), raw.values(), strict=True))
         if width:
@@ -406,7 +406,7 @@ def _locate_daqmx(source: ByteSource, segment: Segment, raw: dict[str, Index], c
     ]
     sizes = [count * width for count, width in zip(rows, first.widths, strict=True)]
     begins, chunk = np.concatenate(([0], np.cumsum(sizes, dtype=object)))[:-1], sum(sizes)
-    chunks = (segment.end - segment.raw) // chunk if chunk else 0
+    chunks = segment.raw_bytes // chunk if chunk else 0
     for path, index in raw.items():
         for scaler in index.scalers:
             kind = stored_type(scaler.kind, segment.order, is_daqmx=True)
@@ -416,7 +416,7 @@ def _locate_daqmx(source: ByteSource, segment: Segment, raw: dict[str, Index], c
             spans, width = contents.channels[path].of_scale(scaler.scale, kind), first.widths[scaler.buffer]
             spans.add(at, index.values, width, chunks, chunk)
             if not segment.is_whole and len(first.widths) == 1:  # the rows of a chunk in which the file ends
-                spans.add(at + chunks * chunk, (segment.end - segment.raw - chunks * chunk) // width, width, 1, 0)
+                spans.add(at + chunks * chunk, (segment.raw_bytes - chunks * chunk) // width, width, 1, 0)
     return int(chunk)
 
 

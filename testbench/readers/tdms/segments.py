@@ -43,6 +43,11 @@ class Segment:
         return ">" if self.flags & BIG_ENDIAN else "<"
 
     @property
+    def raw_bytes(self) -> int:
+        """Bytes of its raw data that are there; in a file that is cut they may begin beyond its end."""
+        return max(0, self.end - self.raw)
+
+    @property
     def is_whole(self) -> bool:
         """Whether the file holds all of it."""
         return self.declared_end == self.end

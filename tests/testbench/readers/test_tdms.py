@@ -220,6 +220,18 @@ def test_a_file_cut_in_its_only_chunk_keeps_what_is_there(tmp_path):
     assert "no sample in b" in found.message("empty_group")
 
 
+@pytest.mark.parametrize("beyond", [5, 1 << 62])
+def test_raw_data_that_begin_beyond_the_end_of_a_cut_file(tmp_path, beyond):
+    """The segment before is read, of the last nothing is there; no place before the data is taken for one of theirs."""
+    whole = segment(METADATA | RAW, numbers(10, count=4), np.arange(4.0).tobytes())
+    last = bytearray(segment(METADATA | RAW, numbers(10, count=4), b""))
+    last[12:28] = struct.pack("<2Q", len(last) - 28 + beyond + 32, len(last) - 28 + beyond)
+    (tmp_path / "run.tdms").write_bytes(whole + last)
+    found = reading.read(tmp_path / "run.tdms")
+    assert found.column("a").tolist() == [0.0, 1.0, 2.0, 3.0]
+    assert "segment 2" in found.message("cut_file")
+
+
 def test_a_file_that_was_never_finished_is_found(tmp_path):
     """A writer that crashed leaves its last segment without a length."""
     path = write(tmp_path, [channel("a", np.arange(10.0))])
