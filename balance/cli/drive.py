@@ -7,8 +7,8 @@ import click
 
 from ..results import NO_VALUE, table
 from . import options
-from .framework import Detail, emit_further, emit_result, emit_table, json_option, note, say
-from .options import Quantity
+from .framework import JSON, Detail, emit_further, emit_result, emit_table, note, say
+from .options import Quantity, argument, command, option
 
 if TYPE_CHECKING:
     from ..drives.drive_files import Drive
@@ -33,7 +33,7 @@ class Share(click.ParamType[float]):
         return share
 
 
-@click.command(
+@command(
     epilog="""\b
 A drive file (TOML; unknown keys are refused, quantities carry units):
   mechanism = "four-bar"            # shipped name, or a file in the same folder
@@ -69,36 +69,23 @@ Examples:
   balance drive inverted-slider-crank --start-up 8 --convergence --figure drive.png
   balance drive inverted-slider-crank -c counter_A0A=1.80288kg --flywheel-for 0.05 --json"""
 )
-@click.argument("drive", metavar="DRIVE")
-@options.payload_option
-@options.counter_option
-@click.option(
-    "--speed",
-    "speeds",
-    type=Quantity("angular velocity", positive=True),
-    multiple=True,
-    metavar="N",
-    help="Nominal speed of the motor, such as 828rpm [default: file].",
-)
-@click.option("--reading", type=click.Choice(["geared", "ungeared"]), help="Whether the gearbox multiplies the torque.")
-@click.option("--flywheel-for", type=Share(), multiple=True, metavar="SHARE", help="Flywheel for this fluctuation.")
-@click.option("--flywheel-side", type=click.Choice(["crank", "motor"]), default="crank", help="Its shaft.")
-@click.option("--start-up", type=click.IntRange(1, 200), metavar="TURNS", help="Also start from standstill.")
-@click.option("--convergence", is_flag=True, help="Also the answer of looser and tighter solvers.")
-@options.figure_option
-@json_option
 def drive(
-    drive: str,
-    payload: tuple[tuple[str, float], ...],
-    counter: tuple[tuple[str, float], ...],
-    speeds: tuple[float, ...],
-    reading: str | None,
-    flywheel_for: tuple[float, ...],
-    flywheel_side: str,
-    start_up: int | None,
-    convergence: bool,
-    figure: str | None,
-    as_json: bool,
+    drive: str = argument("DRIVE"),
+    payload: options.Masses = options.PAYLOADS,
+    counter: options.Masses = options.COUNTERS,
+    speeds: tuple[float, ...] = option(
+        "Nominal speed of the motor, such as 828rpm [default: file].",
+        Quantity("angular velocity", positive=True),
+        "--speed",
+        metavar="N",
+    ),
+    reading: str | None = option("Whether the gearbox multiplies the torque.", click.Choice(["geared", "ungeared"])),
+    flywheel_for: tuple[float, ...] = option("Flywheel for this fluctuation.", Share(), metavar="SHARE"),
+    flywheel_side: str = option("Its shaft.", click.Choice(["crank", "motor"]), default="crank", show_default=False),
+    start_up: int | None = option("Also start from standstill.", click.IntRange(1, 200), metavar="TURNS"),
+    convergence: bool = option("Also the answer of looser and tighter solvers."),
+    figure: str | None = options.FIGURE,
+    as_json: bool = JSON,
 ) -> None:
     """Steady rotation of a machine of one degree of freedom, and how much its speed fluctuates over a turn.
 

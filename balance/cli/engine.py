@@ -9,8 +9,8 @@ import click
 
 from ..results import table as table_of
 from . import options
-from .framework import Detail, emit_further, emit_json, emit_result, emit_table, json_option, note, say
-from .options import Quantity, speed_option
+from .framework import JSON, Detail, emit_further, emit_json, emit_result, emit_table, note, say
+from .options import SPEED, Quantity, argument, command, option
 
 if TYPE_CHECKING:
     from ..engines.balance_shafts import ResidualOverTurn, Shaft
@@ -27,7 +27,8 @@ def engine() -> None:
     """Shaking forces and moments of slider-cranks and engines, and what balances them."""
 
 
-@engine.command(
+@command(
+    group=engine,
     short_help="One slider-crank: rod as point masses, shaking force exact and by orders, partial balance.",
     epilog="""\b
 Examples:
@@ -46,27 +47,16 @@ An engine file (TOML): throws = ["0 deg"], speed = "1000 rpm" and
   piston_mass = "0.8 kg"
   offset = "0 mm"               # of the cylinder's axis (optional)""",
 )
-@click.argument("engine", metavar="ENGINE")
-@speed_option
-@click.option(
-    "--fraction",
-    "fractions",
-    type=click.FloatRange(-1e3, 1e3),
-    multiple=True,
-    help="Balance also this fraction of the reciprocating.",
-)
-@click.option("--radius", type=Quantity("length", positive=True), metavar="R", help="Choose r_b: the mass follows.")
-@click.option("--mass", type=Quantity("mass", positive=True), metavar="M", help="Choose m_b: the radius follows.")
-@options.figure_option
-@json_option
 def single(
-    engine: str,
-    speed: float | None,
-    fractions: tuple[float, ...],
-    radius: float | None,
-    mass: float | None,
-    figure: str | None,
-    as_json: bool,
+    engine: str = argument("ENGINE"),
+    speed: float | None = SPEED,
+    fractions: tuple[float, ...] = option(
+        "Balance also this fraction of the reciprocating.", click.FloatRange(-1e3, 1e3), "--fraction"
+    ),
+    radius: float | None = option("Choose r_b: the mass follows.", Quantity("length", positive=True), metavar="R"),
+    mass: float | None = option("Choose m_b: the radius follows.", Quantity("mass", positive=True), metavar="M"),
+    figure: str | None = options.FIGURE,
+    as_json: bool = JSON,
 ) -> None:
     """The slider-crank of ENGINE, a file (TOML) or a shipped one: rod, shaking force, partial balance.
 
@@ -147,7 +137,8 @@ def _number(value: float | None) -> str:
     return "-" if value is None else f"{value:.5g}"
 
 
-@engine.command(
+@command(
+    group=engine,
     short_help="Free forces and moments of an engine by orders, place of the resultant, balance shafts, firing.",
     epilog="""\b
 Examples:
@@ -168,30 +159,17 @@ An engine file (TOML); angles in the sense of rotation, banks from upright:
   unbalance = "30 kg mm @ 180 deg"
   at = 0""",
 )
-@click.argument("engine", metavar="ENGINE")
-@speed_option
-@click.option("--ratio", type=float, help="r / l of an engine without sizes [default: 0.25].")
-@click.option(
-    "--orders", type=click.IntRange(1, 64), default=8, show_default=True, help="Highest order of the exact motion."
-)
-@click.option("--second-order", is_flag=True, help="The usual approximation by first and second order.")
-@click.option(
-    "--about",
-    type=Quantity("length"),
-    metavar="Z",
-    help="Moments about here, 1 m for a spacing without sizes [default: the middle].",
-)
-@options.figure_option
-@json_option
 def free(
-    engine: str,
-    speed: float | None,
-    ratio: float | None,
-    orders: int,
-    second_order: bool,
-    about: float | None,
-    figure: str | None,
-    as_json: bool,
+    engine: str = argument("ENGINE"),
+    speed: float | None = SPEED,
+    ratio: float | None = option("r / l of an engine without sizes [default: 0.25]."),
+    orders: int = option("Highest order of the exact motion.", click.IntRange(1, 64), default=8),
+    second_order: bool = option("The usual approximation by first and second order."),
+    about: float | None = option(
+        "Moments about here, 1 m for a spacing without sizes [default: the middle].", Quantity("length"), metavar="Z"
+    ),
+    figure: str | None = options.FIGURE,
+    as_json: bool = JSON,
 ) -> None:
     """Free forces and moments of ENGINE, a file (TOML) or a shipped one, by orders of its crankshaft's speed.
 
@@ -290,7 +268,8 @@ _COMPARED = {"F1_mrw2": "F1", "F1_with_counterweights_mrw2": "F1*", "M1_mrw2a": 
              "M1_with_counterweights_mrw2a": "M1*", "F2_mrw2": "F2", "M2_mrw2a": "M2"}  # fmt: skip
 
 
-@engine.command(
+@command(
+    group=engine,
     short_help="The common engines side by side.",
     epilog="""\b
 Examples:
@@ -298,10 +277,11 @@ Examples:
   balance engine table --ratio 0.3 --json
   balance engine table own.toml in-line-4""",
 )
-@click.argument("engines", nargs=-1, metavar="[ENGINE]...")
-@click.option("--ratio", type=float, default=0.25, show_default=True, help="r / l of all engines.")
-@json_option
-def table(engines: tuple[str, ...], ratio: float, as_json: bool) -> None:
+def table(
+    engines: tuple[str, ...] = argument("[ENGINE]..."),
+    ratio: float = option("r / l of all engines.", default=0.25),
+    as_json: bool = JSON,
+) -> None:
     """The common engines side by side: first and second order forces and moments, and the residual with counterweights.
 
     Forces in m r omega^2, moments in m r omega^2 a, with m the reciprocating mass of one cylinder, a the spacing;
@@ -333,16 +313,20 @@ def table(engines: tuple[str, ...], ratio: float, as_json: bool) -> None:
     emit_table("Engines", header, cells, remark)
 
 
-@engine.command(
+@command(
+    group=engine,
     short_help="Write an engine as a mechanism file (MJCF).",
     epilog="""\b
 Examples:
   balance engine mechanism v4-72-offset -o v4.xml
   balance conditions v4.xml""",
 )
-@click.argument("engine", metavar="ENGINE")
-@click.option("-o", "--output", type=click.Path(dir_okay=False), metavar="FILE", help="Write here [default: stdout].")
-def mechanism(engine: str, output: str | None) -> None:
+def mechanism(
+    engine: str = argument("ENGINE"),
+    output: str | None = option(
+        "Write here [default: stdout].", click.Path(dir_okay=False), "-o", "--output", metavar="FILE"
+    ),
+) -> None:
     """Write ENGINE, a file with sizes, as a mechanism file (MJCF) for the other commands, Pinocchio and MuJoCo."""
     from ..engines.engine_files import load_engine, mjcf
 

@@ -18,7 +18,8 @@ import click
 from .. import datasets
 from ..errors import DataError, suggestion
 from ..results import Key, document, table
-from .framework import Word, emit_json, emit_table, json_option, json_text, plain_text
+from .framework import JSON, Word, emit_json, emit_table, json_text, plain_text
+from .options import argument, command, option
 
 MECHANICS = {
     "mechanism": ("mechanisms", ".xml"),
@@ -95,7 +96,7 @@ def copy_shipped(name: str, files: list[Shipped], folder: Path) -> Path:
 def files_command(program: str, kinds: Mapping[str, tuple[str, str]], example: str) -> click.Command:
     """The command ``files`` of a program, of its kinds of files."""
 
-    @click.command(
+    @command(
         "files",
         help="List what is shipped, or copy a file of it for editing.\n\n"
         f"A command takes a shipped file by its name, and a file of your own by its path. KIND: {', '.join(kinds)}.",
@@ -103,13 +104,16 @@ def files_command(program: str, kinds: Mapping[str, tuple[str, str]], example: s
         f"  {program} files --copy {example} -o mine\n"
         "\b\nExit codes: 0 done, 1 no file, or several, of that name, or it is there already.",
     )
-    @click.argument("kind", type=Word(list(kinds)), metavar="[KIND]", required=False)
-    @click.option("--copy", "name", metavar="NAME", help="Copy this file; KIND/NAME where several have the name.")
-    @click.option(
-        "-o", "--output", "folder", type=click.Path(path_type=Path), default=".", help="The folder to copy into; here."
-    )
-    @json_option
-    def files(kind: str | None, name: str | None, folder: Path, as_json: bool) -> None:
+    def files(
+        kind: str | None = argument("[KIND]", type=Word(list(kinds)), required=False),
+        name: str | None = option(
+            "Copy this file; KIND/NAME where several have the name.", None, "--copy", metavar="NAME"
+        ),
+        folder: Path = option(
+            "The folder to copy into; here.", None, "-o", "--output", default=".", show_default=False
+        ),
+        as_json: bool = JSON,
+    ) -> None:
         known = shipped_files(kinds if kind is None else {kind: kinds[kind]})
         if name is not None:
             copied = copy_shipped(name, known, folder)
@@ -164,16 +168,17 @@ def file_schema(models: Mapping[str, str], kind: str) -> dict[str, Any]:
 def schema_command(program: str, models: Mapping[str, str], example: str) -> click.Command:
     """The command ``schema`` of a program, of its kinds of input files and their models."""
 
-    @click.command(
+    @command(
         "schema",
         help="Print the JSON schema of an input file: its keys, their meaning, unit, example and default.\n\n"
         f"Editors check a file by it while it is written. KIND: {', '.join(models)}.",
         epilog=f"\b\nExamples:\n  {program} schema {example} > {example}.schema.json\n"
         f"  {program} schema {example} --text",
     )
-    @click.argument("kind", type=Word(list(models)), metavar="KIND", required=False)
-    @click.option("--text", is_flag=True, help="As tables for people (Markdown); of all kinds unless one is named.")
-    def schema(kind: str | None, text: bool) -> None:
+    def schema(
+        kind: str | None = argument("KIND", type=Word(list(models)), required=False),
+        text: bool = option("As tables for people (Markdown); of all kinds unless one is named."),
+    ) -> None:
         if text:
             click.echo(reference_page(models, [kind] if kind else list(models)), nl=False)
         elif kind is None:

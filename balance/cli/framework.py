@@ -32,6 +32,7 @@ _HALF_LETTERS = re.compile("[\ud800-\udfff]")
 json_option = click.option(
     "--json", "as_json", is_flag=True, help="Print one JSON document on stdout, units in the keys."
 )
+JSON: Any = json_option
 
 
 class Word(click.Choice[str]):

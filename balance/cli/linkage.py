@@ -8,8 +8,8 @@ import click
 
 from ..results import table
 from . import options
-from .framework import EXIT_WITH_FINDINGS, emit_findings, emit_further, emit_json, emit_table, json_option, note, say
-from .options import Quantity
+from .framework import EXIT_WITH_FINDINGS, JSON, emit_findings, emit_further, emit_json, emit_table, note, say
+from .options import Quantity, argument, command, option
 
 if TYPE_CHECKING:
     from ..linkages.equivalence_method import LinkageBalance
@@ -21,7 +21,7 @@ _STAGE = {"before": "before", "force": "counter-masses", "complete": "counter-ma
 _TORQUES = ("torque_constant_speed", "torque_varying_speed")
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   balance linkage two-levels                    a shipped example; balance files --copy two-levels: to be changed
@@ -70,49 +70,30 @@ A linkage is a TOML file; every quantity has a unit, positions are sums of named
 Exit code 3: balanced, but not simulated, a published value differs, or a finding: a counter-mass or inertia that
 no workshop makes or no rod has."""
 )
-@click.argument("linkage", metavar="LINKAGE")
-@click.option(
-    "--speed",
-    type=Quantity("angular velocity"),
-    metavar="SPEED",
-    help="Mean speed of the driven joint, with unit [default: as described].",
-)
-@click.option(
-    "--variation",
-    type=click.FloatRange(0.0, 0.95, min_open=True),
-    default=0.3,
-    show_default=True,
-    help="Amplitude of the varying speed, as a share of its mean.",
-)
-@click.option("--force-only", is_flag=True, help="Counter-masses only, no gears.")
-@click.option("--equations", "with_equations", is_flag=True, help="Also print the equations in symbols.")
-@click.option("--csv", type=click.Path(dir_okay=False), metavar="FILE", help="Write the time series as CSV.")
-@click.option(
-    "--mjcf",
-    type=click.Path(dir_okay=False),
-    metavar="FILE",
-    help="Write the balanced linkage as MJCF, gears as joint equalities.",
-)
-@click.option(
-    "--built", multiple=True, metavar="SYMBOL=VALUE", help="A mass, inertia or pair of teeth (z3=40:21) as built."
-)
-@options.figure_option
-@click.option(
-    "--drawing", type=click.Path(dir_okay=False), metavar="FILE", help="Draw the linkage with its gears, to scale."
-)
-@json_option
 def linkage(
-    linkage: str,
-    speed: float | None,
-    variation: float,
-    force_only: bool,
-    with_equations: bool,
-    csv: str | None,
-    mjcf: str | None,
-    built: tuple[str, ...],
-    figure: str | None,
-    drawing: str | None,
-    as_json: bool,
+    linkage: str = argument("LINKAGE"),
+    speed: float | None = option(
+        "Mean speed of the driven joint, with unit [default: as described].",
+        Quantity("angular velocity"),
+        metavar="SPEED",
+    ),
+    variation: float = option(
+        "Amplitude of the varying speed, as a share of its mean.",
+        click.FloatRange(0.0, 0.95, min_open=True),
+        default=0.3,
+    ),
+    force_only: bool = option("Counter-masses only, no gears."),
+    with_equations: bool = option("Also print the equations in symbols.", None, "--equations"),
+    csv: str | None = option("Write the time series as CSV.", click.Path(dir_okay=False), metavar="FILE"),
+    mjcf: str | None = option(
+        "Write the balanced linkage as MJCF, gears as joint equalities.", click.Path(dir_okay=False), metavar="FILE"
+    ),
+    built: tuple[str, ...] = option("A mass, inertia or pair of teeth (z3=40:21) as built.", metavar="SYMBOL=VALUE"),
+    figure: str | None = options.FIGURE,
+    drawing: str | None = option(
+        "Draw the linkage with its gears, to scale.", click.Path(dir_okay=False), metavar="FILE"
+    ),
+    as_json: bool = JSON,
 ) -> None:
     """Balance a planar linkage completely: counter-masses for the force, gears for the moment.
 

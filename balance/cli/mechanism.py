@@ -11,16 +11,17 @@ from ..results import per_cent_text
 from . import options
 from .framework import (
     EXIT_WITH_FINDINGS,
+    JSON,
     Detail,
     emit_findings,
     emit_json,
     emit_table,
     first_moment,
-    json_option,
     mass,
     note,
     say,
 )
+from .options import command, option
 
 if TYPE_CHECKING:
     from ..arrays import Floats
@@ -31,33 +32,24 @@ if TYPE_CHECKING:
     from ..mechanism.mechanism import Mechanism
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   balance simulate parallelogram-6bar --motion x --payload platform=5kg
   balance simulate parallelogram-6bar --motion triangle -c counter_A0A=24.28kg -c counter_B0B=24.28kg --csv run.csv"""
 )
-@options.mechanism_argument
-@options.motion_option
-@options.payload_option
-@options.counter_option
-@click.option("--rate", metavar="RATE", help="Samples per second, with unit [default: 10 kHz].")
-@click.option(
-    "--csv", type=click.Path(dir_okay=False), metavar="FILE", help="Write the time series as CSV, marked simulated."
-)
-@click.option("--parquet", type=click.Path(dir_okay=False), metavar="FILE", help="Write the time series as Parquet.")
-@click.option("--reactions", is_flag=True, help="Also forces and moments in the joints and loop closures.")
-@json_option
 def simulate(
-    mechanism: str,
-    motion: str,
-    payload: tuple[tuple[str, float], ...],
-    counter: tuple[tuple[str, float], ...],
-    rate: str | None,
-    csv: str | None,
-    parquet: str | None,
-    reactions: bool,
-    as_json: bool,
+    mechanism: str = options.MECHANISM,
+    motion: str = options.MOTION,
+    payload: options.Masses = options.PAYLOADS,
+    counter: options.Masses = options.COUNTERS,
+    rate: str | None = option("Samples per second, with unit [default: 10 kHz].", metavar="RATE"),
+    csv: str | None = option(
+        "Write the time series as CSV, marked simulated.", click.Path(dir_okay=False), metavar="FILE"
+    ),
+    parquet: str | None = option("Write the time series as Parquet.", click.Path(dir_okay=False), metavar="FILE"),
+    reactions: bool = option("Also forces and moments in the joints and loop closures."),
+    as_json: bool = JSON,
 ) -> None:
     """Simulate a motion of MECH: shaking force, shaking moment and drive torque.
 
@@ -155,15 +147,13 @@ _BRANCHES = 4
 """Columns of a table of closed configurations that fit a line."""
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   balance assemble four-bar
   balance assemble five-bar --json"""
 )
-@options.mechanism_argument
-@json_option
-def assemble(mechanism: str, as_json: bool) -> None:
+def assemble(mechanism: str = options.MECHANISM, as_json: bool = JSON) -> None:
     """Close the loops of MECH, and list the ways in which it can be put together.
 
     Branch A is found from the file's keyframe, or else from its zero configuration; the others have the same driven
@@ -217,7 +207,7 @@ BALANCED_KGM = 1e-6
 """First-moment residual up to which a mechanism is called balanced [kg m]."""
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   balance conditions parallelogram-6bar
@@ -225,26 +215,17 @@ Examples:
   balance conditions parallelogram-6bar-full --momentum planar
   balance conditions four-bar --moment"""
 )
-@options.mechanism_argument
-@options.payload_option
-@options.counter_option
-@click.option(
-    "--momentum",
-    type=click.Choice(["linear", "planar", "all"]),
-    help="Which momentum stays zero: linear; with the angular one about z; with all three angular ones.  "
-    "[default: linear]",
-)
-@click.option(
-    "--moment", is_flag=True, help="Force and moment together (all momenta), and whether positive masses can meet both."
-)
-@json_option
 def conditions(
-    mechanism: str,
-    payload: tuple[tuple[str, float], ...],
-    counter: tuple[tuple[str, float], ...],
-    momentum: str | None,
-    moment: bool,
-    as_json: bool,
+    mechanism: str = options.MECHANISM,
+    payload: options.Masses = options.PAYLOADS,
+    counter: options.Masses = options.COUNTERS,
+    momentum: str | None = option(
+        "Which momentum stays zero: linear; with the angular one about z; with all three angular ones.  "
+        "[default: linear]",
+        click.Choice(["linear", "planar", "all"]),
+    ),
+    moment: bool = option("Force and moment together (all momenta), and whether positive masses can meet both."),
+    as_json: bool = JSON,
 ) -> None:
     """Find the conditions that balance MECH, and their present values.
 
@@ -317,17 +298,16 @@ def _print_feasibility(possible: "Feasibility") -> None:
     )
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   balance check parallelogram-6bar -p platform=3.4116kg -c counter_A0A=17.1105kg -c counter_B0B=17.1105kg"""
 )
-@options.mechanism_argument
-@options.payload_option
-@options.counter_option
-@json_option
 def check(
-    mechanism: str, payload: tuple[tuple[str, float], ...], counter: tuple[tuple[str, float], ...], as_json: bool
+    mechanism: str = options.MECHANISM,
+    payload: options.Masses = options.PAYLOADS,
+    counter: options.Masses = options.COUNTERS,
+    as_json: bool = JSON,
 ) -> None:
     """Residual imbalance of MECH with given counter-masses, and the payload that they would balance.
 

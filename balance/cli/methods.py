@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from . import options
-from .framework import EXIT_WITH_FINDINGS, Detail, emit_json, emit_table, json_option, note, say
-from .options import Quantity
+from .framework import EXIT_WITH_FINDINGS, JSON, Detail, emit_json, emit_table, note, say
+from .options import Quantity, command, option
 
 if TYPE_CHECKING:
     from ..balancing.static_balancing import Springs
@@ -22,61 +22,28 @@ UNITS = {
 """Endings of keys, longer ones first, and the units that they mean."""
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   balance methods parallelogram-6bar --payload platform=5kg --motion x
   balance methods serial-3r --stroke 50mm --wheel-ratio 3
   balance methods four-bar --figure methods.png --json"""
 )
-@options.mechanism_argument
-@click.option("--motion", metavar="TOML", help="A motion [default: the shipped one of the mechanism's name].")
-@options.payload_option
-@options.site_option
-@click.option(
-    "--wheel-ratio",
-    type=click.FloatRange(1e-6, 1e6),
-    default=1.0,
-    show_default=True,
-    help="Counter-inertias turn so many times as fast.",
-)
-@click.option(
-    "--wheel-radius",
-    type=_LENGTH,
-    default="100mm",
-    show_default=True,
-    metavar="LENGTH",
-    help="Of counter-inertias, as discs.",
-)
-@click.option(
-    "--stroke",
-    type=_LENGTH,
-    default="100mm",
-    show_default=True,
-    metavar="LENGTH",
-    help="Of active masses, from end to end.",
-)
-@click.option(
-    "--turn",
-    type=Quantity("angle", positive=True),
-    default="360deg",
-    show_default=True,
-    metavar="ANGLE",
-    help="Of the active disc, from end to end.",
-)
-@options.figure_option
-@json_option
 def methods(
-    mechanism: str,
-    motion: str | None,
-    payload: tuple[tuple[str, float], ...],
-    site: tuple[str, ...],
-    wheel_ratio: float,
-    wheel_radius: float,
-    stroke: float,
-    turn: float,
-    figure: str | None,
-    as_json: bool,
+    mechanism: str = options.MECHANISM,
+    motion: str | None = option("A motion [default: the shipped one of the mechanism's name].", metavar="TOML"),
+    payload: options.Masses = options.PAYLOADS,
+    site: tuple[str, ...] = options.SITES,
+    wheel_ratio: float = option(
+        "Counter-inertias turn so many times as fast.", click.FloatRange(1e-6, 1e6), default=1.0
+    ),
+    wheel_radius: float = option("Of counter-inertias, as discs.", _LENGTH, default="100mm", metavar="LENGTH"),
+    stroke: float = option("Of active masses, from end to end.", _LENGTH, default="100mm", metavar="LENGTH"),
+    turn: float = option(
+        "Of the active disc, from end to end.", Quantity("angle", positive=True), default="360deg", metavar="ANGLE"
+    ),
+    figure: str | None = options.FIGURE,
+    as_json: bool = JSON,
 ) -> None:
     """Compare the named methods of balancing MECH: residual, cost and needs of each.
 
@@ -174,7 +141,7 @@ _CONSTANT = 1e-9
 """Residual share of the unbalanced swing up to which the potential energy counts as constant."""
 
 
-@click.command(
+@command(
     epilog="""\b
 A spring file (TOML; unknown keys are refused, quantities carry units); without stiffness it is found:
   [[spring]]
@@ -192,27 +159,19 @@ Examples:
 \b
 Exit code 3: with the springs or counter-masses the potential energy still swings; the output states how much."""
 )
-@options.mechanism_argument
-@options.payload_option
-@options.site_option
-@click.option("--springs", metavar="TOML", help="Where springs go, or which they are [default: laid out].")
-@click.option(
-    "--reach", type=_LENGTH, metavar="LENGTH", help="Spring ends from joints [default: half the mechanism's length]."
-)
-@click.option(
-    "--height", type=_LENGTH, metavar="LENGTH", help="Spring ends from ground pivots [default: the mechanism's length]."
-)
-@options.figure_option
-@json_option
 def static(
-    mechanism: str,
-    payload: tuple[tuple[str, float], ...],
-    site: tuple[str, ...],
-    springs: str | None,
-    reach: float | None,
-    height: float | None,
-    figure: str | None,
-    as_json: bool,
+    mechanism: str = options.MECHANISM,
+    payload: options.Masses = options.PAYLOADS,
+    site: tuple[str, ...] = options.SITES,
+    springs: str | None = option("Where springs go, or which they are [default: laid out].", metavar="TOML"),
+    reach: float | None = option(
+        "Spring ends from joints [default: half the mechanism's length].", _LENGTH, metavar="LENGTH"
+    ),
+    height: float | None = option(
+        "Spring ends from ground pivots [default: the mechanism's length].", _LENGTH, metavar="LENGTH"
+    ),
+    figure: str | None = options.FIGURE,
+    as_json: bool = JSON,
 ) -> None:
     """Balance MECH statically: weight does no work, whatever it does, by counter-masses or by springs.
 

@@ -1,11 +1,19 @@
-"""Options that several commands share: a mechanism, payloads, counter-masses, quantities; results of a motion."""
+"""Commands, their options and arguments; those that several share: a mechanism, payloads; results of a motion.
+
+Options and arguments are the defaults of a command's parameters, declared once each; a shared one is a constant:
+
+    @command(epilog="...")
+    def size(mechanism: str = MECHANISM, best: int = option("Sets to list.", default=1)) -> None:
+"""
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
+from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, get_args, get_origin
 
 import click
 
@@ -19,7 +27,74 @@ if TYPE_CHECKING:
     from ..mechanism.mechanism import Mechanism
     from ..report.loopback import Loopback
 
-F = TypeVar("F", bound=Callable[..., Any])
+
+_TYPES = {int: int, float: float, Path: click.Path(path_type=Path)}
+"""How the text of a parameter of these types is converted, unless it says otherwise."""
+
+
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+
+
+@dataclass(frozen=True)
+class _Declared:
+    """An option or argument: what makes the decorator of click that adds it, its names and attributes."""
+
+    make: Callable[..., Decorator]
+    names: tuple[str, ...]
+    attributes: dict[str, Any]
+
+    def of(self, name: str, kind: Any) -> Decorator:  # noqa: ANN401
+        """The decorator, of the parameter ``name`` of the type ``kind``."""
+        inferred: dict[str, Any] = next(({"type": _TYPES[one]} for one in (kind, *get_args(kind)) if one in _TYPES), {})
+        any_number = get_origin(kind) is tuple and get_args(kind)[-1] is ...
+        if self.make is click.argument:
+            return self.make(name, **inferred | ({"nargs": -1} if any_number else {}) | self.attributes)
+        names = self.names or (f"--{name.replace('_', '-')}",)
+        if kind is bool and "/" not in names[0]:
+            inferred = {"is_flag": True}
+        elif any_number:
+            inferred["multiple"] = True
+        return self.make(*names, name, **inferred | self.attributes)
+
+
+def option(text: str, type: Any = None, *names: str, **attributes: Any) -> Any:  # noqa: ANN401
+    """An option, ``--name`` of its parameter unless it has ``names``; its help and what ``click.option`` takes.
+
+    A bool is a flag, a tuple of any length is given several times; a default is shown in the help.
+    """
+    shown = {"show_default": True} if attributes.get("default") is not None else {}
+    return _Declared(
+        click.option, names, {"help": text} | ({} if type is None else {"type": type}) | shown | attributes
+    )
+
+
+def argument(metavar: str | None = None, **attributes: Any) -> Any:  # noqa: ANN401
+    """An argument, shown as ``metavar``, and what ``click.argument`` takes; a tuple takes any number."""
+    return _Declared(click.argument, (), {"metavar": metavar, **attributes})
+
+
+def command(
+    name: str | None = None,
+    *,
+    group: click.Group | None = None,
+    **attributes: Any,  # noqa: ANN401
+) -> Callable[[Callable[..., Any]], click.Command]:
+    """A command, one of a ``group`` if given, with the options and arguments that are the defaults of a function.
+
+    ``attributes`` are those of ``click.command``; a default may also be a decorator of click's.
+    """
+
+    def declared(function: Callable[..., Any]) -> click.Command:
+        for one in reversed(list(signature(function).parameters.values())):
+            if one.default is not one.empty:
+                is_ours = isinstance(one.default, _Declared)
+                function = (one.default.of(one.name, one.annotation) if is_ours else one.default)(function)
+        made: click.Command = click.command(name, cls=click.Command, **attributes)(function)
+        if group is not None:
+            group.add_command(made)
+        return made
+
+    return declared
 
 
 class Quantity(click.ParamType[float]):
@@ -66,39 +141,29 @@ class NamedQuantity(click.ParamType[tuple[str, float]]):
             self.fail(f"{name}: {error.message}", param, ctx)
 
 
-mechanism_argument = click.argument("mechanism", metavar="MECH")
-payload_option = click.option(
-    "--payload",
-    "-p",
-    type=NamedQuantity("BODY", "mass", "5kg"),
-    multiple=True,
-    metavar="BODY=M",
-    help="Set the mass of a body, such as platform=5kg; its own mass included.",
+Masses = tuple[tuple[str, float], ...]
+"""Masses [kg] by name, as they are given."""
+MECHANISM = argument("MECH")
+PAYLOADS = option(
+    "Set the mass of a body, such as platform=5kg; its own mass included.",
+    NamedQuantity("BODY", "mass", "5kg"), "--payload", "-p", metavar="BODY=M",
+)  # fmt: skip
+COUNTERS = option(
+    "Mount a counter-mass at a site, such as counter_A0A=24.28kg.",
+    NamedQuantity("SITE", "mass", "5kg"), "--counter", "-c", metavar="SITE=M",
+)  # fmt: skip
+SITES = option("A site that may carry a counter-mass [default: those named counter...].", metavar="SITE")
+MOTION = option("A motion file, or a shipped one: x, y, triangle.", required=True, metavar="TOML")
+LIMITS = option("Largest counter-mass at a site.", NamedQuantity("SITE", "mass", "5kg"), metavar="SITE=M")
+SPEED = option("Speed, such as 3000rpm.", Quantity("angular velocity", positive=True), metavar="SPEED")
+SCHEDULER = option(
+    "Compute on Dask: local for processes of this machine, or an address such as tcp://host:8786.", metavar="ADDRESS"
 )
-counter_option = click.option(
-    "--counter",
-    "-c",
-    type=NamedQuantity("SITE", "mass", "5kg"),
-    multiple=True,
-    metavar="SITE=M",
-    help="Mount a counter-mass at a site, such as counter_A0A=24.28kg.",
+PORT = option("Of this machine; a free one unless given.", click.IntRange(0, 65535), default=0, show_default=False)
+BROWSER = option(
+    "Open the browser, or print the address alone.", None, "--browser/--no-browser", default=True, show_default=False
 )
-site_option = click.option(
-    "--site",
-    multiple=True,
-    metavar="SITE",
-    help="A site that may carry a counter-mass [default: those named counter...].",
-)
-motion_option = click.option(
-    "--motion", required=True, metavar="TOML", help="A motion file, or a shipped one: x, y, triangle."
-)
-limit_option = click.option(
-    "--limit",
-    type=NamedQuantity("SITE", "mass", "5kg"),
-    multiple=True,
-    metavar="SITE=M",
-    help="Largest counter-mass at a site.",
-)
+IDLE = option("End when nothing is asked for so long.", click.FloatRange(min=0.0), metavar="S")
 
 
 def _drawable(_context: click.Context, _parameter: click.Parameter, path: str | None) -> str | None:
@@ -111,17 +176,10 @@ def _drawable(_context: click.Context, _parameter: click.Parameter, path: str | 
 
 
 figure_option = click.option(
-    "--figure",
-    type=click.Path(dir_okay=False),
-    metavar="FILE",
-    callback=_drawable,
+    "--figure", type=click.Path(dir_okay=False), metavar="FILE", callback=_drawable,
     help="Also draw it, as .png, .svg or .pdf.",
-)
-scheduler_option = click.option(
-    "--scheduler",
-    metavar="ADDRESS",
-    help="Compute on Dask: local for processes of this machine, or an address such as tcp://host:8786.",
-)
+)  # fmt: skip
+FIGURE: Any = figure_option
 
 
 def load_mechanism_option(mechanism: str, payload: tuple[tuple[str, float], ...]) -> "Mechanism":
@@ -208,21 +266,6 @@ def print_responses(responses: "dict[str, Response]") -> None:
     emit_table("Simulated motion", ["component", "RMS before", "RMS after", "peak before", "peak after"], rows)
 
 
-def serve_options(command: F) -> F:
-    """Add ``--port``, ``--no-browser`` and ``--idle``."""
-    for option in (
-        click.option(
-            "--idle", type=click.FloatRange(min=0.0), metavar="S", help="End when nothing is asked for so long."
-        ),
-        click.option("--browser/--no-browser", default=True, help="Open the browser, or print the address alone."),
-        click.option(
-            "--port", type=click.IntRange(0, 65535), default=0, help="Of this machine; a free one unless given."
-        ),
-    ):
-        command = option(command)
-    return command
-
-
 def serve(server: "Loopback", name: str, browser: bool, idle: float | None) -> None:
     """Answer one browser until Ctrl-C."""
     click.echo(f"{plain_text(name)}: {server.url}")
@@ -248,8 +291,3 @@ def component_label(name: str) -> str:
     """The name of a component with its unit, such as ``Fx [N]`` of ``Fx_N``."""
     stem, _, unit = name.rpartition("_")
     return f"{stem.replace('_', ' ')} [{unit.replace('Nm', 'N m')}]"
-
-
-speed_option = click.option(
-    "--speed", type=Quantity("angular velocity", positive=True), metavar="SPEED", help="Speed, such as 3000rpm."
-)

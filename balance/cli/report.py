@@ -1,15 +1,16 @@
 """``balance report``, ``balance animate`` and ``balance view``."""
 
-from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import click
 
 from . import options
-from .framework import EXIT_WITH_FINDINGS, emit_json, json_option
+from .framework import EXIT_WITH_FINDINGS, JSON, emit_json
+from .options import command, option
 
 
-def _output_option(*endings: str) -> Callable[[options.F], options.F]:
+def _output(*endings: str) -> Any:  # noqa: ANN401
     """``-o``; another ending, or no folder for it, is refused before anything is computed."""
 
     def checked(_context: click.Context, _parameter: click.Parameter, path: Path) -> Path:
@@ -19,13 +20,14 @@ def _output_option(*endings: str) -> Callable[[options.F], options.F]:
 
         return writable(path)
 
-    return click.option(
-        "-o", "--output", type=click.Path(path_type=Path, dir_okay=False), required=True, callback=checked,
-        help=f"What to write, a name ending in {' or '.join(endings)}.",
+    kind = click.Path(path_type=Path, dir_okay=False)
+    return option(
+        f"What to write, a name ending in {' or '.join(endings)}.",
+        kind, "-o", "--output", required=True, callback=checked,
     )  # fmt: skip
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   balance report four-bar --motion four-bar -o report.html
@@ -33,21 +35,14 @@ Examples:
 \b
 Exit code 3: no masses at these sites balance it completely, or plates leave more than 5 % where others would."""
 )
-@options.mechanism_argument
-@options.payload_option
-@options.site_option
-@click.option("--stock", metavar="CSV", help="Counter-masses of these plates: a CSV file, or kiper2019.")
-@options.motion_option
-@_output_option(".html")
-@json_option
 def report(
-    mechanism: str,
-    payload: tuple[tuple[str, float], ...],
-    site: tuple[str, ...],
-    stock: str | None,
-    motion: str,
-    output: Path,
-    as_json: bool,
+    mechanism: str = options.MECHANISM,
+    payload: options.Masses = options.PAYLOADS,
+    site: tuple[str, ...] = options.SITES,
+    stock: str | None = option("Counter-masses of these plates: a CSV file, or kiper2019.", metavar="CSV"),
+    motion: str = options.MOTION,
+    output: Path = _output(".html"),
+    as_json: bool = JSON,
 ) -> int:
     """The counter-masses of MECH on one page to sign and mail: verdict, sizing, conditions, a motion with and without.
 
@@ -71,7 +66,7 @@ def report(
     return EXIT_WITH_FINDINGS if found.has_finding else 0
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   balance animate delta --motion delta -o delta.html
@@ -79,17 +74,12 @@ Examples:
 \b
 A video has at most 160 pictures, 25 a second, and states its pace. It needs pip install 'counterpoise[video]'."""
 )
-@options.mechanism_argument
-@options.payload_option
-@options.counter_option
-@options.motion_option
-@_output_option(".html", ".mp4")
 def animate(
-    mechanism: str,
-    payload: tuple[tuple[str, float], ...],
-    counter: tuple[tuple[str, float], ...],
-    motion: str,
-    output: Path,
+    mechanism: str = options.MECHANISM,
+    payload: options.Masses = options.PAYLOADS,
+    counter: options.Masses = options.COUNTERS,
+    motion: str = options.MOTION,
+    output: Path = _output(".html", ".mp4"),
 ) -> None:
     """MECH moving to scale, on a page to play and scrub or as a video: centre of mass, shaking force as an arrow.
 
@@ -112,7 +102,7 @@ def animate(
     click.echo(f"Wrote {output}.")
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   balance view parallelogram-6bar -p platform=5kg --motion x --motion triangle
@@ -121,22 +111,17 @@ Examples:
 \b
 The address holds a secret and leads to this machine alone; it ends with the command (Ctrl-C)."""
 )
-@options.mechanism_argument
-@options.payload_option
-@options.site_option
-@click.option(
-    "--motion", multiple=True, metavar="TOML",
-    help="Motions to choose from, files or shipped; moves of each driven joint alone are there without any.",
-)  # fmt: skip
-@options.serve_options
 def view(
-    mechanism: str,
-    payload: tuple[tuple[str, float], ...],
-    site: tuple[str, ...],
-    motion: tuple[str, ...],
-    port: int,
-    browser: bool,
-    idle: float | None,
+    mechanism: str = options.MECHANISM,
+    payload: options.Masses = options.PAYLOADS,
+    site: tuple[str, ...] = options.SITES,
+    motion: tuple[str, ...] = option(
+        "Motions to choose from, files or shipped; moves of each driven joint alone are there without any.",
+        metavar="TOML",
+    ),
+    port: int = options.PORT,
+    browser: bool = options.BROWSER,
+    idle: float | None = options.IDLE,
 ) -> None:
     """MECH in the browser: move it by hand or in a motion, mount masses, see force, moment and torque at once.
 

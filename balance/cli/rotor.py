@@ -6,8 +6,8 @@ import click
 
 from ..results import document as document_of
 from . import options
-from .framework import emit_further, emit_json, emit_result, emit_table, json_option, note, say
-from .options import NamedQuantity, Quantity, speed_option
+from .framework import JSON, emit_further, emit_json, emit_result, emit_table, note, say
+from .options import SPEED, NamedQuantity, Quantity, argument, command, option
 from .rotor_splitting import split
 
 if TYPE_CHECKING:
@@ -20,7 +20,8 @@ def rotor() -> None:
     """Balance rigid rotors: from known masses, or from trial runs in the field."""
 
 
-@rotor.command(
+@command(
+    group=rotor,
     short_help="Corrections in one plane, two or more, from the rotor's masses; bearing reactions before and after.",
     epilog="""\b
 Examples:
@@ -44,28 +45,15 @@ A rotor file (TOML):
 \b
 A table (CSV): name, mass (kg), radius (mm), angle (deg), at (mm); or unbalance (kg mm) for mass and radius.""",
 )
-@click.argument("rotor", metavar="ROTOR")
-@click.option(
-    "--plane",
-    "planes",
-    type=NamedQuantity("NAME", "length", "0mm"),
-    multiple=True,
-    metavar="NAME=Z",
-    help="Correct in this plane instead.",
-)
-@click.option(
-    "--bearing", "bearings", type=Quantity("length"), multiple=True, metavar="Z", help="A bearing (give two)."
-)
-@speed_option
-@options.figure_option
-@json_option
 def correct(
-    rotor: str,
-    planes: tuple[tuple[str, float], ...],
-    bearings: tuple[float, ...],
-    speed: float | None,
-    figure: str | None,
-    as_json: bool,
+    rotor: str = argument("ROTOR"),
+    planes: tuple[tuple[str, float], ...] = option(
+        "Correct in this plane instead.", NamedQuantity("NAME", "length", "0mm"), "--plane", metavar="NAME=Z"
+    ),
+    bearings: tuple[float, ...] = option("A bearing (give two).", Quantity("length"), "--bearing", metavar="Z"),
+    speed: float | None = SPEED,
+    figure: str | None = options.FIGURE,
+    as_json: bool = JSON,
 ) -> None:
     """Corrections that balance ROTOR, a file (TOML), a table of masses (CSV) or a shipped one.
 
@@ -136,7 +124,8 @@ def _print_correction(document: dict[str, Any], couple_remains: bool) -> None:
         click.echo(f"Weight on the bearings at rest: {weight[0]:.4g} N and {weight[1]:.4g} N (g0 = 9.81 m/s2).")
 
 
-@rotor.command(
+@command(
+    group=rotor,
     short_help="Permissible residual unbalance of a rigid rotor after ISO 21940-11, and the grade reached.",
     epilog="""\b
 Examples:
@@ -146,31 +135,19 @@ Examples:
 \b
 Scope: rotors that are rigid up to their service speed. A linkage or a flexible rotor is refused.""",
 )
-@click.argument("rotor", metavar="[ROTOR]", required=False)
-@click.option("--grade", required=True, metavar="G", help="Balance quality grade, such as G6.3: e_per omega in mm/s.")
-@click.option("--mass", type=Quantity("mass", positive=True), metavar="M", help="Mass of the rotor.")
-@speed_option
-@click.option(
-    "--to-bearings",
-    type=Quantity("length"),
-    nargs=2,
-    metavar="LA LB",
-    help="Distances of the centre of mass from the two bearing planes.",
-)
-@click.option(
-    "--critical-speed", type=Quantity("angular velocity", positive=True), metavar="SPEED", help="First critical speed."
-)
-@click.option("--residual", type=Quantity("first moment"), metavar="U", help="Residual unbalance, such as 300gmm.")
-@json_option
 def tolerance(
-    rotor: str | None,
-    grade: str,
-    mass: float | None,
-    speed: float | None,
-    to_bearings: tuple[float, float] | None,
-    critical_speed: float | None,
-    residual: float | None,
-    as_json: bool,
+    rotor: str | None = argument("[ROTOR]", required=False),
+    grade: str = option("Balance quality grade, such as G6.3: e_per omega in mm/s.", required=True, metavar="G"),
+    mass: float | None = option("Mass of the rotor.", Quantity("mass", positive=True), metavar="M"),
+    speed: float | None = SPEED,
+    to_bearings: tuple[float, float] | None = option(
+        "Distances of the centre of mass from the two bearing planes.", Quantity("length"), nargs=2, metavar="LA LB"
+    ),
+    critical_speed: float | None = option(
+        "First critical speed.", Quantity("angular velocity", positive=True), metavar="SPEED"
+    ),
+    residual: float | None = option("Residual unbalance, such as 300gmm.", Quantity("first moment"), metavar="U"),
+    as_json: bool = JSON,
 ) -> None:
     """Permissible residual unbalance after ISO 21940-11, for rigid rotors only."""
     from ..rotors.iso21940 import GRADES, SCOPE, permissible
@@ -235,22 +212,22 @@ def _print_tolerance(document: dict[str, Any]) -> None:
     note(f"Scope: {document['scope']}.")
 
 
-@rotor.command(
+@command(
+    group=rotor,
     short_help="A trial mass by the rule of practice.",
     epilog="""\b
 Examples:
   balance rotor trial --mass 40kg --speed 3000rpm --radius 100mm
   balance rotor trial --mass 250kg --speed 1500rpm --radius 300mm --planes 2 --share 5""",
 )
-@click.option("--mass", type=Quantity("mass", positive=True), required=True, metavar="M", help="Mass of the rotor.")
-@speed_option
-@click.option(
-    "--radius", type=Quantity("length", positive=True), required=True, metavar="R", help="Radius of the trial mass."
-)
-@click.option("--planes", type=click.IntRange(1), default=1, show_default=True, help="Planes that share the weight.")
-@click.option("--share", type=float, default=10.0, show_default=True, help="Centrifugal force, per cent of the weight.")
-@json_option
-def trial(mass: float, speed: float | None, radius: float, planes: int, share: float, as_json: bool) -> None:
+def trial(
+    mass: float = option("Mass of the rotor.", Quantity("mass", positive=True), required=True, metavar="M"),
+    speed: float | None = SPEED,
+    radius: float = option("Radius of the trial mass.", Quantity("length", positive=True), required=True, metavar="R"),
+    planes: int = option("Planes that share the weight.", click.IntRange(1), default=1),
+    share: float = option("Centrifugal force, per cent of the weight.", default=10.0),
+    as_json: bool = JSON,
+) -> None:
     """A trial mass whose centrifugal force is a share of the weight on its plane: m_t r omega^2 = p m g0 / planes."""
     from ..rotors.iso21940 import trial_mass
     from ..units import G0
@@ -276,7 +253,8 @@ def trial(mass: float, speed: float | None, radius: float, planes: int, share: f
     )
 
 
-@rotor.command(
+@command(
+    group=rotor,
     short_help="Correction weights from trial runs: influence coefficients, any planes, sensors and speeds.",
     epilog="""\b
 Examples:
@@ -305,17 +283,16 @@ A common-mode error of all phases of a run, such as a late pulse: phases_alike."
 Optional: least_effect = 0.25; speed_weights = { "3000 rpm" = 2.0 }; [[sensors]] with name and weight or scale.
 In place of runs: per = "g", initial and coefficients, by speed and sensor, a list over the planes.""",
 )
-@click.argument("runs", metavar="RUNS")
-@click.option(
-    "--method",
-    type=click.Choice(["least-squares", "robust", "min-max"]),
-    default="least-squares",
-    show_default=True,
-    help="Make small the sum of squares, the sum, or the largest of the readings.",
-)
-@options.figure_option
-@json_option
-def influence(runs: str, method: str, figure: str | None, as_json: bool) -> None:
+def influence(
+    runs: str = argument("RUNS"),
+    method: str = option(
+        "Make small the sum of squares, the sum, or the largest of the readings.",
+        click.Choice(["least-squares", "robust", "min-max"]),
+        default="least-squares",
+    ),
+    figure: str | None = options.FIGURE,
+    as_json: bool = JSON,
+) -> None:
     """Correction weights from trial runs in RUNS, a file (TOML) or a shipped one.
 
     A trial weight that changed no reading enough is refused by name. Whether each trial weight stayed on must be

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .framework import emit_result, emit_table, json_option
-from .options import Quantity
+from .framework import JSON, emit_result, emit_table
+from .options import Quantity, argument, command, option
 
 if TYPE_CHECKING:
     from ..balancing.stock_plates import Plate
@@ -16,7 +16,7 @@ _WIDER = 0.01
 """Residual, of the correction, that is allowed where the least one takes too long to prove."""
 
 
-@click.command(
+@command(
     short_help="Split a correction over holes, of any weight or from stock weights to a proven optimum.",
     epilog="""\b
 Examples:
@@ -27,42 +27,25 @@ Examples:
 \b
 Stock weights: --stock CSV with the columns name,mass_kg,quantity, or --weight M, as many as wanted of each.""",
 )
-@click.argument("correction", metavar="CORRECTION")
-@click.option("--holes", type=click.IntRange(1), metavar="N", help="Holes at equal distance, numbered from 1.")
-@click.option("--first", type=Quantity("angle"), default="0 deg", metavar="ANGLE", help="Angle of hole 1 [default: 0].")
-@click.option("--angle", "angles", type=Quantity("angle"), multiple=True, metavar="ANGLE", help="A hole at this angle.")
-@click.option("--taken", type=int, multiple=True, metavar="I", help="Hole I is not free.")
-@click.option(
-    "--radius",
-    type=Quantity("length", positive=True),
-    metavar="R",
-    help="Radius of the holes, for a mass times radius.",
-)
-@click.option(
-    "--limit", type=Quantity("mass", positive=True), metavar="M", help="Largest weight of any size in a hole."
-)
-@click.option("--weight", "weights", multiple=True, metavar="M", help="A stock weight, such as 5g.")
-@click.option("--stock", metavar="CSV", help="Stock weights and how many there are.")
-@click.option("--in-hole", type=click.IntRange(1), default=1, show_default=True, help="Most stock weights in one hole.")
-@click.option("--most-holes", type=click.IntRange(1), metavar="N", help="Most holes used.")
-@click.option("--within", metavar="PERCENT", help="Residual that is small enough; the lightest such set is taken.")
-@click.option("--remove", is_flag=True, help="Correct by removing material: opposite the added mass.")
-@json_option
 def split(
-    correction: str,
-    holes: int | None,
-    first: float,
-    angles: tuple[float, ...],
-    taken: tuple[int, ...],
-    radius: float | None,
-    limit: float | None,
-    weights: tuple[str, ...],
-    stock: str | None,
-    in_hole: int,
-    most_holes: int | None,
-    within: str | None,
-    remove: bool,
-    as_json: bool,
+    correction: str = argument("CORRECTION"),
+    holes: int | None = option("Holes at equal distance, numbered from 1.", click.IntRange(1), metavar="N"),
+    first: float = option(
+        "Angle of hole 1 [default: 0].", Quantity("angle"), default="0 deg", metavar="ANGLE", show_default=False
+    ),
+    angles: tuple[float, ...] = option("A hole at this angle.", Quantity("angle"), "--angle", metavar="ANGLE"),
+    taken: tuple[int, ...] = option("Hole I is not free.", metavar="I"),
+    radius: float | None = option(
+        "Radius of the holes, for a mass times radius.", Quantity("length", positive=True), metavar="R"
+    ),
+    limit: float | None = option("Largest weight of any size in a hole.", Quantity("mass", positive=True), metavar="M"),
+    weights: tuple[str, ...] = option("A stock weight, such as 5g.", None, "--weight", metavar="M"),
+    stock: str | None = option("Stock weights and how many there are.", metavar="CSV"),
+    in_hole: int = option("Most stock weights in one hole.", click.IntRange(1), default=1),
+    most_holes: int | None = option("Most holes used.", click.IntRange(1), metavar="N"),
+    within: str | None = option("Residual that is small enough; the lightest such set is taken.", metavar="PERCENT"),
+    remove: bool = option("Correct by removing material: opposite the added mass."),
+    as_json: bool = JSON,
 ) -> None:
     """Split CORRECTION, such as "30 g @ 100 deg" or "12 g mm @ 30 deg", over holes.
 

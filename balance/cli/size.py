@@ -11,8 +11,8 @@ import click
 
 from ..results import per_cent_text, table
 from . import options
-from .framework import EXIT_WITH_FINDINGS, emit_json, emit_table, first_moment, json_option, mass, note, say
-from .options import print_responses, response_summary
+from .framework import EXIT_WITH_FINDINGS, JSON, emit_json, emit_table, first_moment, mass, note, say
+from .options import command, option, print_responses, response_summary
 
 if TYPE_CHECKING:
     from ..balancing import Sizing
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Payload = tuple[tuple[str, float], ...]
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   balance size parallelogram-6bar --payload platform=5kg
@@ -51,41 +51,25 @@ Stock as drawn: name,quantity,shape,material,thickness_mm,length_mm,width_mm,dia
 \b
 Exit code 3: no masses at these sites balance it completely, or plates leave more than 5 % where other masses would."""
 )
-@options.mechanism_argument
-@options.payload_option
-@options.site_option
-@click.option("--without", multiple=True, metavar="SITE", help="A site that gets no counter-mass.")
-@click.option("--stock", metavar="CSV", help="Make them from these plates: a CSV file as below, or kiper2019.")
-@options.limit_option
-@click.option("--equal", multiple=True, metavar="SITE,SITE", help="Sites that get equal masses.")
-@click.option("--best", type=click.IntRange(1, 100), default=1, show_default=True, help="Sets from stock to list.")
-@click.option("--motion", metavar="TOML", help="The motion whose force is made small, and compared before and after.")
-@click.option(
-    "--objective",
-    multiple=True,
-    metavar="NAME=WEIGHT",
-    help="What is made small: force, moment or torque (of the drives that turn) of the motion; of several the sum of "
-    "weight times (RMS / RMS without)^2; vibration too, with --rig [default: force].",
-)
-@click.option("--rig", metavar="RIG", help="A rig's file, or a shipped one: the base whose vibration is made small.")
-@click.option("--closed-form", is_flag=True, help="parallelogram-6bar by its published formula, without Pinocchio.")
-@options.figure_option
-@json_option
 def size(
-    mechanism: str,
-    payload: Payload,
-    site: tuple[str, ...],
-    without: tuple[str, ...],
-    stock: str | None,
-    limit: tuple[tuple[str, float], ...],
-    equal: tuple[str, ...],
-    best: int,
-    motion: str | None,
-    objective: tuple[str, ...],
-    rig: str | None,
-    closed_form: bool,
-    figure: str | None,
-    as_json: bool,
+    mechanism: str = options.MECHANISM,
+    payload: options.Masses = options.PAYLOADS,
+    site: tuple[str, ...] = options.SITES,
+    without: tuple[str, ...] = option("A site that gets no counter-mass.", metavar="SITE"),
+    stock: str | None = option("Make them from these plates: a CSV file as below, or kiper2019.", metavar="CSV"),
+    limit: options.Masses = options.LIMITS,
+    equal: tuple[str, ...] = option("Sites that get equal masses.", metavar="SITE,SITE"),
+    best: int = option("Sets from stock to list.", click.IntRange(1, 100), default=1),
+    motion: str | None = option("The motion whose force is made small, and compared before and after.", metavar="TOML"),
+    objective: tuple[str, ...] = option(
+        "What is made small: force, moment or torque (of the drives that turn) of the motion; of several the sum of "
+        "weight times (RMS / RMS without)^2; vibration too, with --rig [default: force].",
+        metavar="NAME=WEIGHT",
+    ),
+    rig: str | None = option("A rig's file, or a shipped one: the base whose vibration is made small.", metavar="RIG"),
+    closed_form: bool = option("parallelogram-6bar by its published formula, without Pinocchio."),
+    figure: str | None = options.FIGURE,
+    as_json: bool = JSON,
 ) -> None:
     """Size the counter-masses that balance MECH, or leave the least shaking force: of any mass, or from stock plates.
 

@@ -11,8 +11,8 @@ import click
 
 from ..results import document, table
 from . import options
-from .framework import EXIT_WITH_FINDINGS, Detail, emit_findings, emit_json, emit_table, json_option
-from .options import Quantity
+from .framework import EXIT_WITH_FINDINGS, JSON, Detail, emit_findings, emit_json, emit_table
+from .options import Quantity, command, option
 
 if TYPE_CHECKING:
     from ..arrays import Floats
@@ -83,7 +83,7 @@ class ToleranceType(OfAPart["Tolerance"]):
         return Tolerance(name, part, _quantity(part, text, positive=True))
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   balance sweep parallelogram-6bar --motion x -p platform=5kg \\
@@ -99,40 +99,38 @@ Columns: each variable; rms_F_N, peak_F_N of the force vector; rms_M_Nm, peak_M_
 origin; the same of each component and drive; added_mass_kg. A folder (-o) holds them as Parquet; a sweep goes on there
 where it was interrupted."""
 )
-@options.mechanism_argument
-@options.motion_option
-@click.option("--vary", "variables", type=Varied(), multiple=True, required=True, metavar="NAME.PART=VALUES",
-              help="A mass or a place, and its values, such as counter_A0A.mass=0kg:30kg:1000.")  # fmt: skip
-@options.payload_option
-@options.counter_option
-@click.option("--rate", type=Quantity("frequency", positive=True), metavar="HZ",
-              help="Sampling of the motion, such as 1kHz [default: 10 kHz].")  # fmt: skip
-@click.option("--quantity", "quantities", type=click.Choice(["force", "moment", "torque"]), multiple=True,
-              help="Only this, several times for more [default: all].")  # fmt: skip
-@click.option("--rms-only", is_flag=True, help="No peak values: some hundred times quicker on long motions.")
-@click.option("--best", "ranked_by", default="rms_F_N", show_default=True, metavar="COLUMN",
-              help="Column by which designs are ranked.")  # fmt: skip
-@click.option("--top", type=click.IntRange(1, 1000), default=5, show_default=True, help="Designs that are printed.")
-@click.option("-o", "--output", type=click.Path(path_type=Path, file_okay=False), metavar="FOLDER",
-              help="Keep all results here, as Parquet.")  # fmt: skip
-@options.scheduler_option
-@options.figure_option
-@json_option
 def sweep(
-    mechanism: str,
-    motion: str,
-    variables: "tuple[Variable, ...]",
-    payload: tuple[tuple[str, float], ...],
-    counter: tuple[tuple[str, float], ...],
-    rate: float | None,
-    quantities: tuple[str, ...],
-    rms_only: bool,
-    ranked_by: str,
-    top: int,
-    output: Path | None,
-    scheduler: str | None,
-    figure: str | None,
-    as_json: bool,
+    mechanism: str = options.MECHANISM,
+    motion: str = options.MOTION,
+    variables: "tuple[Variable, ...]" = option(
+        "A mass or a place, and its values, such as counter_A0A.mass=0kg:30kg:1000.",
+        Varied(),
+        "--vary",
+        multiple=True,
+        required=True,
+        metavar="NAME.PART=VALUES",
+    ),
+    payload: options.Masses = options.PAYLOADS,
+    counter: options.Masses = options.COUNTERS,
+    rate: float | None = option(
+        "Sampling of the motion, such as 1kHz [default: 10 kHz].", Quantity("frequency", positive=True), metavar="HZ"
+    ),
+    quantities: tuple[str, ...] = option(
+        "Only this, several times for more [default: all].", click.Choice(["force", "moment", "torque"]), "--quantity"
+    ),
+    rms_only: bool = option("No peak values: some hundred times quicker on long motions."),
+    ranked_by: str = option("Column by which designs are ranked.", None, "--best", default="rms_F_N", metavar="COLUMN"),
+    top: int = option("Designs that are printed.", click.IntRange(1, 1000), default=5),
+    output: Path | None = option(
+        "Keep all results here, as Parquet.",
+        click.Path(path_type=Path, file_okay=False),
+        "-o",
+        "--output",
+        metavar="FOLDER",
+    ),
+    scheduler: str | None = options.SCHEDULER,
+    figure: str | None = options.FIGURE,
+    as_json: bool = JSON,
 ) -> None:
     """Shaking force, moment and torque of all combinations of masses and places, on one motion."""
     from rich.console import Console
@@ -191,7 +189,7 @@ def _best(columns: "Mapping[str, Floats]", ranked_by: str, top: int) -> "dict[st
     return {name: values[order] for name, values in columns.items()}
 
 
-@click.command(
+@command(
     epilog="""\b
 Example:
   balance tolerance parallelogram-6bar --motion x -p platform=5kg -c counter_A0A=24.28kg -c counter_B0B=24.28kg \\
@@ -202,27 +200,23 @@ Example:
 Errors are drawn evenly within the tolerances (rectangular distributions, JCGM 101) and act on the force linearly;
 where a tolerance is too wide for that, its curvature is above 0.05 and the exit code is 3. All have the same motion."""
 )
-@options.mechanism_argument
-@options.motion_option
-@click.option("--tolerance", "tolerances", type=ToleranceType(), multiple=True, required=True,
-              metavar="NAME.PART=ERROR", help="A mass or a place and its largest error, to either side.")  # fmt: skip
-@options.payload_option
-@options.counter_option
-@click.option("--draws", type=click.IntRange(1000, 1_000_000), default=20_000, show_default=True,
-              help="Mechanisms that are drawn.")  # fmt: skip
-@click.option("--seed", type=int, default=1, show_default=True, help="Of the draws.")
-@options.scheduler_option
-@json_option
 def tolerance(
-    mechanism: str,
-    motion: str,
-    tolerances: "tuple[Tolerance, ...]",
-    payload: tuple[tuple[str, float], ...],
-    counter: tuple[tuple[str, float], ...],
-    draws: int,
-    seed: int,
-    scheduler: str | None,
-    as_json: bool,
+    mechanism: str = options.MECHANISM,
+    motion: str = options.MOTION,
+    tolerances: "tuple[Tolerance, ...]" = option(
+        "A mass or a place and its largest error, to either side.",
+        ToleranceType(),
+        "--tolerance",
+        multiple=True,
+        required=True,
+        metavar="NAME.PART=ERROR",
+    ),
+    payload: options.Masses = options.PAYLOADS,
+    counter: options.Masses = options.COUNTERS,
+    draws: int = option("Mechanisms that are drawn.", click.IntRange(1000, 1_000_000), default=20_000),
+    seed: int = option("Of the draws.", default=1),
+    scheduler: str | None = options.SCHEDULER,
+    as_json: bool = JSON,
 ) -> int:
     """What errors of masses, radii and lengths cost: the shaking force that mechanisms made within tolerances keep."""
     from ..balancing.tolerance import ToleranceEffect
@@ -254,7 +248,7 @@ _POINTS = 12
 """Points of the front that are printed unless all are asked for."""
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   balance tradeoff parallelogram-6bar --motion x -p platform=5kg
@@ -265,25 +259,15 @@ Root mean squares over the motion, of force and moment as vectors, of the torque
 moment is about the base frame's origin. No point of the front is bettered in one of the four without a loss in
 another."""
 )
-@options.mechanism_argument
-@options.motion_option
-@options.payload_option
-@options.site_option
-@options.limit_option
-@click.option(
-    "--points", type=click.IntRange(4, 3000), default=300, show_default=True, help="Weights that are tried, at most."
-)
-@options.figure_option
-@json_option
 def tradeoff(
-    mechanism: str,
-    motion: str,
-    payload: tuple[tuple[str, float], ...],
-    site: tuple[str, ...],
-    limit: tuple[tuple[str, float], ...],
-    points: int,
-    figure: str | None,
-    as_json: bool,
+    mechanism: str = options.MECHANISM,
+    motion: str = options.MOTION,
+    payload: options.Masses = options.PAYLOADS,
+    site: tuple[str, ...] = options.SITES,
+    limit: options.Masses = options.LIMITS,
+    points: int = option("Weights that are tried, at most.", click.IntRange(4, 3000), default=300),
+    figure: str | None = options.FIGURE,
+    as_json: bool = JSON,
 ) -> None:
     """What less shaking force costs in shaking moment, drive torque and mass: the front of MECH on one motion."""
     from ..balancing.tradeoff import FrontPoint

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_findings, emit_json, emit_table, json_option
+from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, JSON, emit_findings, emit_json, emit_table
+from balance.cli.options import argument, command, option
 from balance.results import first_of, table
 
 from . import options
@@ -21,7 +22,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench align campaign/r001.h5
@@ -33,35 +34,23 @@ Examples:
 Exit codes: 0 done, 3 done but some clocks are not determined, or records have gaps, as listed, 1 none is
 determined, or some run cannot be opened (the others are aligned)."""
 )
-@click.argument("runs", metavar="RUN...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option(
-    "--by",
-    type=click.Choice(["correlation", "tap", "trigger"]),
-    default="correlation",
-    show_default=True,
-    help="By common signals, by taps on what both are fixed to, or by the edges of a trigger that both recorded.",
-)
-@click.option(
-    "--pair", metavar="REFERENCE=OWN", help="A channel of each logger, in place of those that the rig suggests."
-)
-@click.option("--reference", metavar="GROUP", help="The group whose clock is the reference; that of the encoders.")
-@click.option("--cutoff", type=float, metavar="HZ", help="Highest frequency that is compared.")
-@click.option("--no-drift", is_flag=True, help="The offset alone, the drift taken to be within 100 ppm: short records.")
-@click.option("--mechanism", metavar="MECH", help="A mechanism in place of the one that the rig names.")
-@click.option("--rig", help="A rig in place of the one stored with the runs.")
-@click.option("--dry-run", is_flag=True, help="Print the result only; store no record in the campaign.")
-@json_option
 def align(
-    runs: tuple[Path, ...],
-    by: str,
-    pair: str | None,
-    reference: str | None,
-    cutoff: float | None,
-    no_drift: bool,
-    mechanism: str | None,
-    rig: str | None,
-    dry_run: bool,
-    as_json: bool,
+    runs: tuple[Path, ...] = argument("RUN...", required=True),
+    by: str = option(
+        "By common signals, by taps on what both are fixed to, or by the edges of a trigger that both recorded.",
+        click.Choice(["correlation", "tap", "trigger"]),
+        default="correlation",
+    ),
+    pair: str | None = option(
+        "A channel of each logger, in place of those that the rig suggests.", metavar="REFERENCE=OWN"
+    ),
+    reference: str | None = option("The group whose clock is the reference; that of the encoders.", metavar="GROUP"),
+    cutoff: float | None = option("Highest frequency that is compared.", metavar="HZ"),
+    no_drift: bool = option("The offset alone, the drift taken to be within 100 ppm: short records."),
+    mechanism: str | None = option("A mechanism in place of the one that the rig names.", metavar="MECH"),
+    rig: str | None = option("A rig in place of the one stored with the runs."),
+    dry_run: bool = option("Print the result only; store no record in the campaign."),
+    as_json: bool = JSON,
 ) -> int:
     """Align the clocks of the loggers of each RUN (a stored run, or a campaign): offset and drift, with intervals.
 

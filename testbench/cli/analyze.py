@@ -1,19 +1,18 @@
 """``testbench analyze``, ``compare`` and ``doctor``: what the runs of a campaign tell together."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option
-from balance.cli.options import draw, figure_option, scheduler_option
+from balance.cli.framework import EXIT_WITH_FINDINGS, JSON, emit_json, emit_table
+from balance.cli.options import FIGURE, SCHEDULER, argument, command, draw, option
 from balance.results import document, plain, table
 
 from ..signal import METRIC_NAMES
 from . import options
 
-F = TypeVar("F", bound=Callable[..., Any])
 if TYPE_CHECKING:
     from ..cross_examination import Examination
     from ..signal import Metric
@@ -23,24 +22,12 @@ if TYPE_CHECKING:
     from ..vibration.reduction import Analysis, Reduction
 
 
-def measure_options(command: F) -> F:
-    """Add ``--metric`` and ``--band``."""
-    metric = click.option(
-        "--metric",
-        type=click.Choice(METRIC_NAMES),
-        default="peak_to_peak",
-        show_default=True,
-        help="What an amplitude is.",
-    )
-    band = click.option(
-        "--band",
-        type=options.BandText(),
-        default="1..200",
-        show_default=True,
-        help="Frequencies that count [Hz], zero-phase Butterworth; none: all. Above a lower end of zero, an offset and "
-        "a ramp are removed first: they are no vibration.",
-    )
-    return metric(band(command))
+METRIC = option("What an amplitude is.", click.Choice(METRIC_NAMES), default="peak_to_peak")
+BAND = option(
+    "Frequencies that count [Hz], zero-phase Butterworth; none: all. Above a lower end of zero, an offset and "
+    "a ramp are removed first: they are no vibration.",
+    options.BandText(), default="1..200",
+)  # fmt: skip
 
 
 def _origins_text(counts: dict[str, int]) -> str:
@@ -50,7 +37,7 @@ def _origins_text(counts: dict[str, int]) -> str:
     return "; ".join(parts) + "."
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench analyze campaign --figure reductions.png
@@ -59,22 +46,15 @@ Examples:
 \b
 Exit codes: 0 done, 3 done with findings (no partner, doubtful channels, lower bounds), 1 nothing to compare."""
 )
-@click.argument("campaign", type=click.Path(path_type=Path))
-@measure_options
-@options.accept_option
-@scheduler_option
-@options.budget_option
-@figure_option
-@json_option
 def analyze(
-    campaign: Path,
-    metric: "Metric",
-    band: "Band | None",
-    accept: tuple[str, ...],
-    scheduler: str | None,
-    budget: bool,
-    figure: str | None,
-    as_json: bool,
+    campaign: Path = argument(),
+    metric: "Metric" = METRIC,
+    band: "Band | None" = BAND,
+    accept: tuple[str, ...] = options.ACCEPT,
+    scheduler: str | None = SCHEDULER,
+    budget: bool = options.BUDGET,
+    figure: str | None = FIGURE,
+    as_json: bool = JSON,
 ) -> int:
     """By how much counter-masses reduce the vibration amplitude of the base: runs with them against runs without.
 
@@ -144,7 +124,7 @@ def _place(reductions: "Sequence[Reduction]") -> tuple[str, ...]:
     return (*stated, *masses, "sensor", "axis")
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench compare campaign --figure reductions.png
@@ -153,24 +133,17 @@ Examples:
 \b
 Exit codes: 0 done, 3 done with findings (runs without a partner, what cannot be simulated), 1 nothing to compare."""
 )
-@click.argument("campaign", type=click.Path(path_type=Path))
-@click.option(
-    "--published", "table", metavar="NAME", help="Published reductions: a shipped table, kiper2019, or a file."
-)
-@click.option("--mechanism", metavar="MECH", help="A mechanism in place of the one that is stored with the runs.")
-@measure_options
-@options.accept_option
-@figure_option
-@json_option
 def compare(
-    campaign: Path,
-    table: str | None,
-    mechanism: str | None,
-    metric: "Metric",
-    band: "Band | None",
-    accept: tuple[str, ...],
-    figure: str | None,
-    as_json: bool,
+    campaign: Path = argument(),
+    table: str | None = option(
+        "Published reductions: a shipped table, kiper2019, or a file.", None, "--published", metavar="NAME"
+    ),
+    mechanism: str | None = option("A mechanism in place of the one that is stored with the runs.", metavar="MECH"),
+    metric: "Metric" = METRIC,
+    band: "Band | None" = BAND,
+    accept: tuple[str, ...] = options.ACCEPT,
+    figure: str | None = FIGURE,
+    as_json: bool = JSON,
 ) -> int:
     """Reductions by several sources: analysed from the logs, simulated anew, and published where a table is given.
 
@@ -212,7 +185,7 @@ def _print_comparison(campaign: Path, comparison: "Comparison") -> None:
     options.print_findings(comparison.findings)
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench doctor campaign
@@ -220,20 +193,16 @@ Examples:
 \b
 Exit codes: 0 nothing contradicts, 3 done with findings, 1 no campaign or no such run."""
 )
-@click.argument("campaign", type=click.Path(path_type=Path))
-@click.argument("runs", metavar="[RUN]...", nargs=-1)
-@click.option("--mechanism", metavar="MECH", help="The mechanism, where the stored rig names one that is not shipped.")
-@options.accept_option
-@options.person_options
-@json_option
 def doctor(
-    campaign: Path,
-    runs: tuple[str, ...],
-    mechanism: str | None,
-    accept: tuple[str, ...],
-    by: str | None,
-    reason: str | None,
-    as_json: bool,
+    campaign: Path = argument(),
+    runs: tuple[str, ...] = argument("[RUN]..."),
+    mechanism: str | None = option(
+        "The mechanism, where the stored rig names one that is not shipped.", metavar="MECH"
+    ),
+    accept: tuple[str, ...] = options.ACCEPT,
+    by: str | None = options.BY,
+    reason: str | None = options.REASON,
+    as_json: bool = JSON,
 ) -> int:
     """Cross-examine a campaign, run by run, worst first: does what its sensors show fit the run table and each other?
 

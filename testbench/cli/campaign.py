@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option, plain_text
+from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, JSON, emit_json, emit_table, plain_text
+from balance.cli.options import argument, command, option
 from balance.results import document, table
 
 from . import options
@@ -22,7 +23,7 @@ ARCHIVE_COLUMNS = ("run", "status", "float64_bytes", "sample_bytes", "ratio", "w
 TARGETS = ("csv", "parquet", "mat", "uff", "sep005", "ro-crate")
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench export campaign/r001.h5 --to csv -o tables
@@ -32,13 +33,14 @@ Examples:
 SEP005 defines objects in memory and no file: testbench.export.columns(testbench.open_run("r001.h5"))
 Exit codes: 0 done, 3 done with losses, which are listed, 1 some run was refused (the others are exported)."""
 )
-@click.argument("stored", metavar="RUN|CAMPAIGN", type=click.Path(path_type=Path))
-@click.option("--to", required=True, type=click.Choice(TARGETS), help="The form to write.")
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="The folder to write into.")
-@click.option("--licence", metavar="NAME|URL", help="Licence of the runs, such as CC-BY-4.0: for ro-crate.")
-@click.option("--physical", is_flag=True, help="Values in SI, by the calibration that holds, and not as recorded.")
-@json_option
-def export(stored: Path, to: str, output: Path, licence: str | None, physical: bool, as_json: bool) -> int:
+def export(
+    stored: Path = argument("RUN|CAMPAIGN"),
+    to: str = option("The form to write.", click.Choice(TARGETS), required=True),
+    output: Path = option("The folder to write into.", None, "-o", "--output", required=True),
+    licence: str | None = option("Licence of the runs, such as CC-BY-4.0: for ro-crate.", metavar="NAME|URL"),
+    physical: bool = option("Values in SI, by the calibration that holds, and not as recorded."),
+    as_json: bool = JSON,
+) -> int:
     """Write stored runs in another form: values as recorded, with units, time and provenance. Overwrites nothing."""
     if to == "sep005":
         raise click.UsageError("SEP005 defines no file: use testbench.export.columns(run) in Python")
@@ -92,7 +94,7 @@ def _crate(stored: Path, runs: "Sequence[Run]", output: Path, licence: str | Non
     return [ro_crate.export_crate(Campaign(folder), list(runs), output, licence)]
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench archive campaign -o archive
@@ -103,10 +105,11 @@ a little more slowly. The archive is a campaign like any other: verify, list, an
 archived run names the SHA-256 of the run that it was made of; the originals are left where they are.
 Exit codes: 0 done, 1 some run was refused (the others are archived)."""
 )
-@click.argument("stored", nargs=-1, required=True, metavar="RUN|CAMPAIGN...", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="The folder of the archive.")
-@json_option
-def archive(stored: tuple[Path, ...], output: Path, as_json: bool) -> int:
+def archive(
+    stored: tuple[Path, ...] = argument("RUN|CAMPAIGN...", required=True),
+    output: Path = option("The folder of the archive.", None, "-o", "--output", required=True),
+    as_json: bool = JSON,
+) -> int:
     """Store runs anew, small, and the same to the bit. Overwrites nothing; needs no HDF5 plugin to be read.
 
     Numbers of fixed decimals are kept as whole numbers, others as they are; both are compressed. Each channel is read
@@ -173,7 +176,7 @@ def _masses(masses: dict[str, float] | None) -> str:
     return "-" if masses is None else ", ".join(f"{site} {mass:g}" for site, mass in masses.items()) or "none"
 
 
-@click.command(
+@command(
     "list",
     epilog="""\b
 Examples:
@@ -182,9 +185,7 @@ Examples:
 \b
 Exit codes: 0 done, 1 some run cannot be opened (the others are listed).""",
 )
-@click.argument("campaign", type=click.Path(path_type=Path))
-@json_option
-def list_runs(campaign: Path, as_json: bool) -> int:
+def list_runs(campaign: Path = argument(), as_json: bool = JSON) -> int:
     """The runs of a campaign, with the conditions of each."""
     from ..store import open_campaign
 
@@ -199,7 +200,7 @@ def list_runs(campaign: Path, as_json: bool) -> int:
     return EXIT_REFUSED if refused else 0
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench recover campaign
@@ -208,9 +209,7 @@ Examples:
 Exit codes: 0 nothing to do, or nothing was lost; 3 recovered, with the losses that are listed;
 1 something could not be saved."""
 )
-@click.argument("campaign", type=click.Path(path_type=Path))
-@json_option
-def recover(campaign: Path, as_json: bool) -> int:
+def recover(campaign: Path = argument(), as_json: bool = JSON) -> int:
     """Save what ingests had acknowledged before they were stopped.
 
     It becomes a run of its own, NAME.recovered, which says what is lost; no stored run is touched. If the log is
@@ -233,7 +232,7 @@ def recover(campaign: Path, as_json: bool) -> int:
     return EXIT_WITH_FINDINGS if "recovered" in states else 0
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench verify campaign
@@ -242,9 +241,7 @@ Examples:
 Exit codes: 0 every run is intact, 1 a run or record, or the ledger, is damaged or missing, 3 there are files that are
 no runs or not in the ledger."""
 )
-@click.argument("campaign", type=click.Path(path_type=Path))
-@json_option
-def verify(campaign: Path, as_json: bool) -> int:
+def verify(campaign: Path = argument(), as_json: bool = JSON) -> int:
     """Check every stored run, to the bit, against the digest that was written beside it; and the later records.
 
     Against the ledger it finds what is missing, exchanged, or there without having been entered.
@@ -290,7 +287,7 @@ def _records(campaign: Path) -> "list[FileState]":
     ]
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench ledger campaign
@@ -300,9 +297,7 @@ The head is the SHA-256 of the last entry, which holds that of the entry before:
 anything up to it was changed since. It is a plain digest and no signature.
 Exit codes: 0 done, 1 the ledger was changed."""
 )
-@click.argument("campaign", type=click.Path(path_type=Path))
-@json_option
-def ledger(campaign: Path, as_json: bool) -> int:
+def ledger(campaign: Path = argument(), as_json: bool = JSON) -> int:
     """What was entered into a campaign, in this order: runs, records, removals; and the head."""
     from ..store.campaign import existing
     from ..store.ledger import Entry, read_ledger
@@ -318,7 +313,7 @@ def ledger(campaign: Path, as_json: bool) -> int:
     return 0
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench remove campaign/r001.h5 --by "A. Kaya" --reason "the wrong rig"
@@ -327,11 +322,12 @@ Examples:
 A file that is gone already may be named too: then its absence is accounted for.
 Exit codes: 0 done, 1 some file was neither there nor in the ledger (the others are removed)."""
 )
-@click.argument("files", metavar="RUN|RECORD...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--by", required=True, metavar="NAME", help="Who removes it.")
-@click.option("--reason", required=True, metavar="TEXT", help="Why.")
-@json_option
-def remove(files: tuple[Path, ...], by: str, reason: str, as_json: bool) -> int:
+def remove(
+    files: tuple[Path, ...] = argument("RUN|RECORD...", required=True),
+    by: str = option("Who removes it.", required=True, metavar="NAME"),
+    reason: str = option("Why.", required=True, metavar="TEXT"),
+    as_json: bool = JSON,
+) -> int:
     """Take runs or records out of a campaign. The ledger keeps what they were, by whom and why they were removed."""
     from ..errors import StoreError
     from ..store import append_only_records

@@ -8,15 +8,15 @@ import click
 
 from balance.cli.framework import (
     EXIT_WITH_FINDINGS,
+    JSON,
     emit_findings,
     emit_further,
     emit_json,
     emit_table,
-    json_option,
     note,
     say,
 )
-from balance.cli.options import draw, figure_option
+from balance.cli.options import FIGURE, command, draw, option
 from balance.errors import DataError
 from balance.results import first_of, table
 
@@ -159,7 +159,7 @@ def _bodies(result: "Identification") -> str:
     )
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench ingest 09_double_pendulum_A0_061705.csv --rig two-joint-arm-a0 -o campaign
@@ -170,46 +170,31 @@ Examples:
 \b
 Exit codes: 0 done, 3 done with findings (gaps left out) or doubts, which are listed, 1 refused."""
 )
-@options.mechanism_and_runs
-@click.option(
-    "--by",
-    type=click.Choice(["torque", "wrench", "both"]),
-    help="What tells: motor torques, force sensors, or both, weighted by their noise.  [default: torque, if any]",
-)
-@click.option(
-    "--method",
-    type=click.Choice(["ls", "iv", "oe"]),
-    help="Least squares, instrumental variables, output error.  [default: iv; ls by force sensors alone]",
-)
-@click.option(
-    "--validate",
-    "separate",
-    metavar="RUN",
-    multiple=True,
-    type=click.Path(path_type=Path),
-    help="A run, or a campaign, that has no part in it, to hold the result against; give it again for more.",
-)
-@click.option(
-    "--accept",
-    multiple=True,
-    metavar="CODE",
-    shell_complete=options.contradiction_codes,
-    help="A contradiction that a person accepts, or mechanism_differs: the rig is of another mechanism than MECH.",
-)
-@click.option("--rig", help="A rig in place of the one stored with the runs.")
-@figure_option
-@options.budget_option
-@json_option
 def identify(
-    words: tuple[str, ...],
-    by: "By | None",
-    method: "Method | None",
-    separate: tuple[Path, ...],
-    accept: tuple[str, ...],
-    rig: str | None,
-    figure: str | None,
-    budget: bool,
-    as_json: bool,
+    words: tuple[str, ...] = options.MECHANISM_AND_RUNS,
+    by: "By | None" = option(
+        "What tells: motor torques, force sensors, or both, weighted by their noise.  [default: torque, if any]",
+        click.Choice(["torque", "wrench", "both"]),
+    ),
+    method: "Method | None" = option(
+        "Least squares, instrumental variables, output error.  [default: iv; ls by force sensors alone]",
+        click.Choice(["ls", "iv", "oe"]),
+    ),
+    separate: tuple[Path, ...] = option(
+        "A run, or a campaign, that has no part in it, to hold the result against; give it again for more.",
+        None,
+        "--validate",
+        metavar="RUN",
+    ),
+    accept: tuple[str, ...] = option(
+        "A contradiction that a person accepts, or mechanism_differs: the rig is of another mechanism than MECH.",
+        metavar="CODE",
+        shell_complete=options.contradiction_codes,
+    ),
+    rig: str | None = option("A rig in place of the one stored with the runs."),
+    figure: str | None = FIGURE,
+    budget: bool = options.BUDGET,
+    as_json: bool = JSON,
 ) -> int:
     """Inertial parameters and friction of MECH from the positions, torques and forces of stored runs.
 

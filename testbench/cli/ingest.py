@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option, plain_text
-from balance.cli.options import scheduler_option
+from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, JSON, emit_json, emit_table, plain_text
+from balance.cli.options import SCHEDULER, argument, command, option
 from balance.results import table
 
 from . import options
@@ -37,17 +37,14 @@ def _codes(_context: click.Context, _parameter: click.Parameter, incomplete: str
     return [code for code in sorted(MEANING) if code.startswith(incomplete)]
 
 
-_accept_option = click.option(
-    "--accept", multiple=True, metavar="CODE", callback=_known_codes, shell_complete=_codes,
-    help="Store in spite of findings of this code.",
-)  # fmt: skip
-_campaign_option = click.option(
-    "-o", "--output", "campaign", required=True, type=click.Path(path_type=Path), help="The campaign's folder."
+_ACCEPT = option(
+    "Store in spite of findings of this code.", metavar="CODE", callback=_known_codes, shell_complete=_codes
 )
-_rig_option = click.option("--rig", metavar="RIG", help="What is measured where: a rig file, kept with each run.")
+_CAMPAIGN = option("The campaign's folder.", None, "-o", "--output", required=True)
+_RIG = option("What is measured where: a rig file, kept with each run.", metavar="RIG")
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench ingest logs/*.csv --rig rig.toml --runs runs.csv -o campaign
@@ -56,25 +53,17 @@ Examples:
 \b
 Exit codes: 0 all stored, 3 stored with findings, 1 some file was refused (the others are stored)."""
 )
-@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
-@_rig_option
-@click.option("--runs", "run_table", type=click.Path(path_type=Path), help="The run table.")
-@_campaign_option
-@_accept_option
-@options.person_options
 @options.text_options
-@scheduler_option
-@json_option
 def ingest(
-    files: tuple[Path, ...],
-    rig: str | None,
-    run_table: Path | None,
-    campaign: Path,
-    accept: tuple[str, ...],
-    by: str | None,
-    reason: str | None,
-    scheduler: str | None,
-    as_json: bool,
+    files: tuple[Path, ...] = argument(required=True),
+    rig: str | None = _RIG,
+    run_table: Path | None = option("The run table.", None, "--runs"),
+    campaign: Path = _CAMPAIGN,
+    accept: tuple[str, ...] = _ACCEPT,
+    by: str | None = options.BY,
+    reason: str | None = options.REASON,
+    scheduler: str | None = SCHEDULER,
+    as_json: bool = JSON,
     **text: Any,  # noqa: ANN401
 ) -> int:
     """Read logs into HDF5, one file a run. A run is stored whole or not at all, and never changes.
@@ -142,7 +131,7 @@ def _print(outcomes: "Sequence[Outcome]") -> None:
         options.print_reading_findings(outcome.source, (f for f in outcome.findings if f.severity > 0))
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench watch incoming -o campaign --rig rig.toml
@@ -154,41 +143,22 @@ wait until it names them (--unnamed store: are stored without conditions). The r
 \b
 Exit codes of --once: 0 all stored, 3 stored with findings, still growing or waiting, 1 some file was refused."""
 )
-@click.argument("folder", type=click.Path(path_type=Path))
-@_campaign_option
-@_rig_option
-@click.option("--runs", "run_table", type=click.Path(path_type=Path), help="The run table; it may change.")
-@click.option(
-    "--unnamed",
-    type=click.Choice(["wait", "store"]),
-    default="wait",
-    show_default=True,
-    help="What becomes of files that the run table does not name.",
-)
-@_accept_option
-@options.person_options
-@click.option("--once", is_flag=True, help="One pass over what is there, then stop.")
-@click.option(
-    "--live", is_flag=True, help="Also levels and findings of logs that still grow, and the reduction so far."
-)
-@click.option(
-    "--settle", default="2s", show_default=True, metavar="TIME", help="How long a file must not have changed."
-)
 @options.text_options
-@json_option
 def watch(
-    folder: Path,
-    campaign: Path,
-    rig: str | None,
-    run_table: Path | None,
-    unnamed: str,
-    accept: tuple[str, ...],
-    by: str | None,
-    reason: str | None,
-    once: bool,
-    live: bool,
-    settle: str,
-    as_json: bool,
+    folder: Path = argument(),
+    campaign: Path = _CAMPAIGN,
+    rig: str | None = _RIG,
+    run_table: Path | None = option("The run table; it may change.", None, "--runs"),
+    unnamed: str = option(
+        "What becomes of files that the run table does not name.", click.Choice(["wait", "store"]), default="wait"
+    ),
+    accept: tuple[str, ...] = _ACCEPT,
+    by: str | None = options.BY,
+    reason: str | None = options.REASON,
+    once: bool = option("One pass over what is there, then stop."),
+    live: bool = option("Also levels and findings of logs that still grow, and the reduction so far."),
+    settle: str = option("How long a file must not have changed.", default="2s", metavar="TIME"),
+    as_json: bool = JSON,
     **text: Any,  # noqa: ANN401
 ) -> int:
     """Ingest what arrives in FOLDER, each log once, also after a crash. What is refused is said, and the next comes."""

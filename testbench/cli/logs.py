@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, emit_json, emit_table, json_option, plain_text
+from balance.cli.framework import EXIT_REFUSED, JSON, emit_json, emit_table, plain_text
+from balance.cli.options import argument, command, option
 from balance.results import table
 
 from . import options
@@ -21,7 +22,7 @@ SHOWN_GROUPS, SHOWN_CHANNELS = 50, 500
 """Groups of a file, and channels of a group, that are printed for people."""
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench info run_001.csv
@@ -30,11 +31,13 @@ Examples:
 \b
 Exit codes: 0 nothing odd, 3 findings, 1 would be refused or cannot be read."""
 )
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option("--stats", is_flag=True, help="Also count, min, max, mean, first and last of each channel.")
 @options.text_options
-@json_option
-def info(file: Path, stats: bool, as_json: bool, **text: Any) -> int:  # noqa: ANN401
+def info(
+    file: Path = argument(),
+    stats: bool = option("Also count, min, max, mean, first and last of each channel."),
+    as_json: bool = JSON,
+    **text: Any,  # noqa: ANN401
+) -> int:
     """What a log file holds, and what is odd in it. Reads the whole file, keeps nothing."""
     from ..quality.log_description import describe_log
     from ..recording import Refusal, refusing_findings
@@ -57,7 +60,7 @@ def info(file: Path, stats: bool, as_json: bool, **text: Any) -> int:  # noqa: A
     return options.exit_code(found.findings)
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench describe run_001.csv -o logger.toml
@@ -66,10 +69,12 @@ Examples:
 \b
 Shipped descriptions: `testbench files`."""
 )
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="The file to write; else it is printed.")
 @options.text_options
-def describe(file: Path, output: Path | None, **text: Any) -> int:  # noqa: ANN401
+def describe(
+    file: Path = argument(),
+    output: Path | None = option("The file to write; else it is printed.", None, "-o", "--output"),
+    **text: Any,  # noqa: ANN401
+) -> int:
     """Write how a log is read, as detected: an import description, to be corrected and given with --as."""
     from ..errors import RecordingError
     from ..quality.log_description import describe_log
@@ -132,15 +137,14 @@ def _span(times: "Mapping[str, float | int | None]") -> str:
     return ""
 
 
-@click.command(
+@command(
     epilog="""\b
 Example:
   testbench formats
 \b
 A package adds a format by an entry point of the group counterpoise.readers."""
 )
-@json_option
-def formats(as_json: bool) -> None:
+def formats(as_json: bool = JSON) -> None:
     """Which formats can be read, and what each needs installed."""
     from ..readers import readers
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_findings, emit_table, plain_text
+from balance.cli.options import argument, option
 from balance.results import first_of
 
 if TYPE_CHECKING:
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from ..signal.filters import Band
     from ..store import Run
 
-F = TypeVar("F", bound=Callable[..., Any])
 T = TypeVar("T")
 LEAST_PROGRESS = 20 << 20
 """Work from which a progress bar is shown [bytes]."""
@@ -56,21 +56,12 @@ def contradiction_codes(_context: click.Context, _parameter: click.Parameter, in
     return [code for code in sorted(SUBJECTS) if code.startswith(incomplete)]
 
 
-def accept_option(command: F) -> F:
-    """Add ``--accept``, several times: codes of contradictions."""
-    return click.option(
-        "--accept",
-        multiple=True,
-        metavar="CODE",
-        shell_complete=contradiction_codes,
-        help="A contradiction that a person accepts: its numbers are given, marked. Several times.",
-    )(command)
-
-
-def person_options(command: F) -> F:
-    """Add ``--by`` and ``--reason``, of a person who decides something."""
-    by = click.option("--by", metavar="NAME", help="Who accepts it, for the ledger; with --reason.")
-    return by(click.option("--reason", metavar="TEXT", help="Why it is accepted.")(command))
+ACCEPT = option(
+    "A contradiction that a person accepts: its numbers are given, marked. Several times.",
+    metavar="CODE", shell_complete=contradiction_codes,
+)  # fmt: skip
+BY = option("Who accepts it, for the ledger; with --reason.", metavar="NAME")
+REASON = option("Why it is accepted.", metavar="TEXT")
 
 
 def acceptance(accept: Sequence[str], by: str | None, reason: str | None) -> dict[str, str] | None:
@@ -90,7 +81,7 @@ def refuse_unknown_codes(accepted: Iterable[str]) -> None:
         raise click.UsageError(f"--accept {wrong[0]}: no such contradiction: expected {', '.join(sorted(SUBJECTS))}")
 
 
-mechanism_and_runs = click.argument("words", metavar="[MECH] RUN...", nargs=-1, required=True)
+MECHANISM_AND_RUNS = argument("[MECH] RUN...", required=True)
 """Where MECH may be left out: it is stored with the runs."""
 
 
@@ -102,9 +93,7 @@ def split_words(words: Sequence[str]) -> tuple[str | None, tuple[Path, ...]]:
     return (words[0] if given else None), tuple(Path(word) for word in words[given:])
 
 
-budget_option = click.option(
-    "--budget", is_flag=True, help="Also what contributes how much to each interval (uncertainty budget, JCGM 100)."
-)
+BUDGET = option("Also what contributes how much to each interval (uncertainty budget, JCGM 100).")
 
 
 def print_budgets(of: str, budgets: "Iterable[Budget]") -> None:
@@ -174,7 +163,7 @@ def progress(what: str, total_bytes: int) -> Iterator[Callable[[int], None]]:
 
 def text_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options of text logs that replace detection."""
-    for option in reversed((
+    for one in reversed((
         click.option("--encoding", metavar="NAME", help="Encoding of texts, such as cp1254; else detected."),
         click.option("--delimiter", type=click.Choice(_DELIMITERS), help="Delimiter of texts; else detected."),
         click.option("--decimal", type=click.Choice([*_DECIMALS]), help="Decimal mark of texts; else detected."),
@@ -184,7 +173,7 @@ def text_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--as", "described", metavar="DESCRIPTION",
                      help="An import description, or a shipped one by name; `testbench describe FILE` writes one."),
     )):  # fmt: skip
-        command = option(command)
+        command = one(command)
     return command
 
 

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import click
 
-from balance.cli.framework import emit_json, json_option
-from balance.cli.options import draw, figure_option
+from balance.cli.framework import JSON, emit_json
+from balance.cli.options import FIGURE, argument, command, draw, option
 
 from ..errors import AnalysisError
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench predict kiper2019
@@ -20,21 +20,19 @@ Examples:
 \b
 Exit codes: 0 done, 1 refused (no such table, a plan without its conditions, no checkout with the study)."""
 )
-@click.argument("published")
-@click.option(
-    "--plan", "tests", metavar="PLAN", help="The plan of these tests, shipped or a file; else that of the name."
-)
-@click.option(
-    "--rig",
-    "rig_file",
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="Calibrate the simulated bench instead of the law, and write its rig to this new file (some minutes).",
-)
-@click.option("--forms", "with_forms", is_flag=True, help="Also with some terms of the law left out.")
-@figure_option
-@json_option
 def predict(
-    published: str, tests: str | None, rig_file: Path | None, with_forms: bool, figure: str | None, as_json: bool
+    published: str = argument(),
+    tests: str | None = option(
+        "The plan of these tests, shipped or a file; else that of the name.", None, "--plan", metavar="PLAN"
+    ),
+    rig_file: Path | None = option(
+        "Calibrate the simulated bench instead of the law, and write its rig to this new file (some minutes).",
+        click.Path(path_type=Path, dir_okay=False),
+        "--rig",
+    ),
+    with_forms: bool = option("Also with some terms of the law left out.", None, "--forms"),
+    figure: str | None = FIGURE,
+    as_json: bool = JSON,
 ) -> None:
     """Calibrate on the lightest payload of a published table, and predict all other payloads.
 

@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import EXIT_WITH_FINDINGS, emit_json, emit_table, json_option, plain_text
+from balance.cli.framework import EXIT_WITH_FINDINGS, JSON, emit_json, emit_table, plain_text
+from balance.cli.options import argument, command, option
 from balance.results import document, table
 
 from . import options
-from .analyze import measure_options
+from .analyze import BAND, METRIC
 
 if TYPE_CHECKING:
     from balance.input_files import Measured
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from ..signal.filters import Band
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench new my-test --from my-machine.xml
@@ -28,18 +29,13 @@ Examples:
 \b
 Exit codes: 0 done, 1 the mechanism cannot be read, or the folder is in use."""
 )
-@click.argument("folder", type=click.Path(path_type=Path))
-@click.option(
-    "--from", "mechanism", metavar="MECH", help="A mechanism file or a shipped one; parallelogram-6bar unless given."
-)
-@click.option(
-    "--loggers",
-    type=click.IntRange(1, 2),
-    default=2,
-    show_default=True,
-    help="Of the accelerometer and the drives: one, or one each.",
-)
-def new(folder: Path, mechanism: str | None, loggers: int) -> None:
+def new(
+    folder: Path = argument(),
+    mechanism: str | None = option(
+        "A mechanism file or a shipped one; parallelogram-6bar unless given.", None, "--from", metavar="MECH"
+    ),
+    loggers: int = option("Of the accelerometer and the drives: one, or one each.", click.IntRange(1, 2), default=2),
+) -> None:
     """Write a FOLDER with all that a test needs: mechanism, motion, rig, plan, run table, and what to do next.
 
     It is valid as it is and runs on simulated logs; what the mechanism does not say is a guess, marked (guess).
@@ -50,7 +46,7 @@ def new(folder: Path, mechanism: str | None, loggers: int) -> None:
     click.echo(f"{plain_text(str(folder))}: {', '.join(map(plain_text, files))}. README.md says what to do next.")
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench check my-test
@@ -58,9 +54,7 @@ Examples:
 \b
 Exit codes: 0 nothing is missing, 3 something is, 1 no such folder."""
 )
-@click.argument("folder", type=click.Path(path_type=Path))
-@json_option
-def check(folder: Path, as_json: bool) -> int:
+def check(folder: Path = argument(), as_json: bool = JSON) -> int:
     """Say all that is missing in FOLDER, or contradicts: rig.toml, plan.toml, runs.csv, mechanism and motions."""
     from ..project import Problem, project_problems
 
@@ -80,8 +74,9 @@ def plan() -> None:
     """Which run to make next."""
 
 
-@plan.command(
+@command(
     "next",
+    group=plan,
     epilog="""\b
 Examples:
   testbench plan next campaign
@@ -91,37 +86,25 @@ Examples:
 \b
 Exit codes: 0 done, 1 refused: nothing that a run would show tells what is asked.""",
 )
-@click.argument("campaign", type=click.Path(path_type=Path))
-@click.option(
-    "--for",
-    "question",
-    type=click.Choice(["reduction", "first-moment", "counter-mass"]),
-    default="reduction",
-    show_default=True,
-    help="What is to become surer: reductions, or the first moment or the mass that is missing at sites.",
-)
-@click.option("--payload", type=float, metavar="KG", help="Of the runs with this payload alone.")
-@click.option("--site", multiple=True, help="At these sites alone; those named counter... unless given.")
-@click.option(
-    "--motion", multiple=True, help="Reductions of these alone; of first moments candidates besides the motions made."
-)
-@click.option("--peak", multiple=True, metavar="TEXT", help="The same of peak accelerations: '2 g0', '60 rad/s^2'.")
-@click.option("--axis", multiple=True, type=click.Choice(["x", "y", "z"]), help="Reductions along these axes alone.")
-@measure_options
-@options.accept_option
-@json_option
 def next_run(
-    campaign: Path,
-    question: "Question",
-    payload: float | None,
-    site: tuple[str, ...],
-    motion: tuple[str, ...],
-    peak: tuple[str, ...],
-    axis: tuple[str, ...],
-    metric: "Metric",
-    band: "Band | None",
-    accept: tuple[str, ...],
-    as_json: bool,
+    campaign: Path = argument(),
+    question: "Question" = option(
+        "What is to become surer: reductions, or the first moment or the mass that is missing at sites.",
+        click.Choice(["reduction", "first-moment", "counter-mass"]),
+        "--for",
+        default="reduction",
+    ),
+    payload: float | None = option("Of the runs with this payload alone.", metavar="KG"),
+    site: tuple[str, ...] = option("At these sites alone; those named counter... unless given."),
+    motion: tuple[str, ...] = option(
+        "Reductions of these alone; of first moments candidates besides the motions made."
+    ),
+    peak: tuple[str, ...] = option("The same of peak accelerations: '2 g0', '60 rad/s^2'.", metavar="TEXT"),
+    axis: tuple[str, ...] = option("Reductions along these axes alone.", click.Choice(["x", "y", "z"])),
+    metric: "Metric" = METRIC,
+    band: "Band | None" = BAND,
+    accept: tuple[str, ...] = options.ACCEPT,
+    as_json: bool = JSON,
 ) -> None:
     """Which run narrows what is asked of CAMPAIGN most, and by how much: every candidate, the best first.
 

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, emit_json, emit_table, json_option
+from balance.cli.framework import EXIT_REFUSED, JSON, emit_json, emit_table
+from balance.cli.options import argument, command, option
 from balance.results import document, table
 
 from .. import public_recordings as public
@@ -18,9 +19,8 @@ def recordings() -> None:
     """Public recordings of other people, to read, check and show; each of one commit, known by its SHA-256."""
 
 
-@recordings.command("list")
-@json_option
-def list_recordings(as_json: bool) -> None:
+@command("list", group=recordings)
+def list_recordings(as_json: bool = JSON) -> None:
     """List them: file, content, size, licence and source."""
     known = list(public.recordings_by_file().values())
     if as_json:
@@ -29,19 +29,21 @@ def list_recordings(as_json: bool) -> None:
     emit_table("Public recordings", *table(public.PublicRecording, known))
 
 
-@recordings.command(
+@command(
+    group=recordings,
     epilog="""\b
 Examples:
   testbench recordings fetch
   testbench recordings fetch 09 10 --to recordings
 \b
 Where COUNTERPOISE_RECORDINGS names a folder, that takes the place of the network.
-Exit codes: 0 all are there, 1 some were refused (the others are fetched)."""
+Exit codes: 0 all are there, 1 some were refused (the others are fetched).""",
 )
-@click.argument("names", metavar="[NAME]...", nargs=-1)
-@click.option("--to", type=click.Path(path_type=Path, file_okay=False), help="Into this folder; else the user's cache.")
-@json_option
-def fetch(names: tuple[str, ...], to: Path | None, as_json: bool) -> int:
+def fetch(
+    names: tuple[str, ...] = argument("[NAME]..."),
+    to: Path | None = option("Into this folder; else the user's cache.", click.Path(path_type=Path, file_okay=False)),
+    as_json: bool = JSON,
+) -> int:
     """Fetch recordings, all or those named (the beginning of a name will do), and verify each by its SHA-256."""
     chosen = [public.recording_named(name) for name in names] or list(public.recordings_by_file().values())
     folder = (to or public.folder()).absolute()

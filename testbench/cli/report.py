@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option, json_text
-from balance.cli.options import scheduler_option
+from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, JSON, emit_json, emit_table, json_text
+from balance.cli.options import SCHEDULER, argument, command, option
 from balance.results import table
 
 from ..signal import METRIC_NAMES
@@ -163,7 +163,7 @@ class PointText(click.ParamType[tuple[float, float, float]]):
             self.fail(str(error), param, ctx)
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench report campaign/r001.h5
@@ -174,36 +174,31 @@ Examples:
 Exit codes: 0 done, 3 done with findings (a clipped or dead sensor, a motion or torque not the sheet's), 1 some
 run was refused (the others are reported)."""
 )
-@click.argument("runs", metavar="RUN|CAMPAIGN...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--at", "point", type=PointText(), default="0m,0m,0m", show_default=True,
-              help="The point of the base that moments are about.")  # fmt: skip
-@click.option("--band", type=BandText(), default="0..200", show_default=True,
-              help="Of vibration and forces [Hz], zero-phase Butterworth; none: all.")  # fmt: skip
-@click.option("--bandwidth", type=float, default=80.0, show_default=True, metavar="HZ",
-              help="Of accelerations from encoders and of torques [Hz].")  # fmt: skip
-@click.option("--mechanism", metavar="MECH", help="A mechanism in place of the one that the rig names.")
-@click.option("--published", metavar="NAME", help="On the page: published reductions, kiper2019 or a file.")
-@click.option("--metric", type=click.Choice(METRIC_NAMES), default="peak_to_peak", show_default=True,
-              help="On the page: what an amplitude is whose reduction is shown.")  # fmt: skip
-@options.accept_option
-@scheduler_option
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path),
-    help="A name ending in .html: one page of all runs, to sign and mail. Else a folder for figures and report.json.",
-)  # fmt: skip
-@json_option
 def report(
-    runs: tuple[Path, ...],
-    point: tuple[float, float, float],
-    band: "Band | None",
-    bandwidth: float,
-    mechanism: str | None,
-    published: str | None,
-    metric: "Metric",
-    accept: tuple[str, ...],
-    scheduler: str | None,
-    output: Path | None,
-    as_json: bool,
+    runs: tuple[Path, ...] = argument("RUN|CAMPAIGN...", required=True),
+    point: tuple[float, float, float] = option(
+        "The point of the base that moments are about.", PointText(), "--at", default="0m,0m,0m"
+    ),
+    band: "Band | None" = option(
+        "Of vibration and forces [Hz], zero-phase Butterworth; none: all.", BandText(), default="0..200"
+    ),
+    bandwidth: float = option("Of accelerations from encoders and of torques [Hz].", default=80.0, metavar="HZ"),
+    mechanism: str | None = option("A mechanism in place of the one that the rig names.", metavar="MECH"),
+    published: str | None = option("On the page: published reductions, kiper2019 or a file.", metavar="NAME"),
+    metric: "Metric" = option(
+        "On the page: what an amplitude is whose reduction is shown.",
+        click.Choice(METRIC_NAMES),
+        default="peak_to_peak",
+    ),
+    accept: tuple[str, ...] = options.ACCEPT,
+    scheduler: str | None = SCHEDULER,
+    output: Path | None = option(
+        "A name ending in .html: one page of all runs, to sign and mail. Else a folder for figures and report.json.",
+        None,
+        "-o",
+        "--output",
+    ),
+    as_json: bool = JSON,
 ) -> int:
     """What each RUN tells by itself, every number with its definition, and for what is not known the reason.
 

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.options import scheduler_option
+from balance.cli.options import SCHEDULER, command, option
 
 if TYPE_CHECKING:
     from ..rig import Rig
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench simulate --plan kiper2019 --rig parallelogram-6bar -o logs
@@ -31,18 +31,19 @@ What a rig may state of the bench, in [bench], and of its loggers:
   start_scatter, drift_scatter_ppm, jitter, lost, dropouts_per_minute, low_pass    [loggers.NAME]
 parallelogram-6bar states none of these, parallelogram-6bar-deep all, with reasons; docs/bench.md explains each."""
 )
-@click.option(
-    "--plan", required=True, metavar="PLAN",
-    help="Which runs: a plan file, or a shipped one: kiper2019, kiper2019-brief, kiper2019-deep.",
-)  # fmt: skip
-@click.option(
-    "--rig", required=True, metavar="RIG",
-    help="A rig file, or a shipped one: parallelogram-6bar, parallelogram-6bar-deep.",
-)  # fmt: skip
-@click.option("-o", "--output", "folder", required=True, type=click.Path(path_type=Path), help="A new or empty folder.")
-@click.option("--seed", type=click.IntRange(min=0), help="Of all that is drawn; the plan's own unless given.")
-@scheduler_option
-def simulate(plan: str, rig: str, folder: Path, seed: int | None, scheduler: str | None) -> None:
+def simulate(
+    plan: str = option(
+        "Which runs: a plan file, or a shipped one: kiper2019, kiper2019-brief, kiper2019-deep.",
+        required=True,
+        metavar="PLAN",
+    ),
+    rig: str = option(
+        "A rig file, or a shipped one: parallelogram-6bar, parallelogram-6bar-deep.", required=True, metavar="RIG"
+    ),
+    folder: Path = option("A new or empty folder.", None, "-o", "--output", required=True),
+    seed: int | None = option("Of all that is drawn; the plan's own unless given.", click.IntRange(min=0)),
+    scheduler: str | None = SCHEDULER,
+) -> None:
     """Make the logs that a test bench would write, each marked as simulated, and the run table.
 
     The truth is in FOLDER/truth, which no analysis reads. The same plan, rig and seed give the same logs.

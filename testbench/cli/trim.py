@@ -6,15 +6,15 @@ import click
 
 from balance.cli.framework import (
     EXIT_WITH_FINDINGS,
+    JSON,
     emit_findings,
     emit_further,
     emit_json,
     emit_table,
-    json_option,
     note,
     say,
 )
-from balance.cli.options import draw, figure_option
+from balance.cli.options import FIGURE, command, draw, option
 from balance.results import first_of, table
 
 from . import options
@@ -26,7 +26,7 @@ GAP = "time_gap"
 COLUMNS = ("site", "first_moment", "interval", "mass", "position")
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench trim campaign/r021.h5 campaign/r035.h5
@@ -38,40 +38,26 @@ Examples:
 Exit codes: 0 done, 3 done with findings (gaps left out) or doubts, which are listed, 1 refused: the runs cannot
 tell."""
 )
-@options.mechanism_and_runs
-@click.option("--site", multiple=True, help="Where masses may be added; the sites named counter... unless given.")
-@click.option("--stock", metavar="CSV", help="Add from these plates: columns name,mass_kg,quantity.")
-@click.option(
-    "--from",
-    "--by",
-    "sources",
-    multiple=True,
-    type=click.Choice(["wrench", "torque", "vibration", "trials"]),
-    help="By force sensors, motor torques, the base's vibration with the base that the rig states, or runs with trial "
-    "masses; give it again for several.  [default: what the rig has]",
-)
-@click.option(
-    "--cutoff",
-    type=float,
-    metavar="HZ",
-    help="Highest frequency of what was measured and model alike.  [default: as is best for the source]",
-)
-@click.option("--rig", help="A rig in place of the one stored with the runs.")
-@figure_option
-@options.accept_option
-@options.budget_option
-@json_option
 def trim(
-    words: tuple[str, ...],
-    site: tuple[str, ...],
-    stock: str | None,
-    sources: "tuple[Source, ...]",
-    cutoff: float | None,
-    rig: str | None,
-    figure: str | None,
-    accept: tuple[str, ...],
-    budget: bool,
-    as_json: bool,
+    words: tuple[str, ...] = options.MECHANISM_AND_RUNS,
+    site: tuple[str, ...] = option("Where masses may be added; the sites named counter... unless given."),
+    stock: str | None = option("Add from these plates: columns name,mass_kg,quantity.", metavar="CSV"),
+    sources: "tuple[Source, ...]" = option(
+        "By force sensors, motor torques, the base's vibration with the base that the rig states, or runs with trial "
+        "masses; give it again for several.  [default: what the rig has]",
+        click.Choice(["wrench", "torque", "vibration", "trials"]),
+        "--from",
+        "--by",
+        multiple=True,
+    ),
+    cutoff: float | None = option(
+        "Highest frequency of what was measured and model alike.  [default: as is best for the source]", metavar="HZ"
+    ),
+    rig: str | None = option("A rig in place of the one stored with the runs."),
+    figure: str | None = FIGURE,
+    accept: tuple[str, ...] = options.ACCEPT,
+    budget: bool = options.BUDGET,
+    as_json: bool = JSON,
 ) -> int:
     """What first moment is missing on which arm of MECH, and which mass to add there, from measured runs.
 

@@ -2,14 +2,12 @@
 
 from pathlib import Path
 
-import click
-
-from balance.cli.options import serve, serve_options
+from balance.cli.options import BROWSER, IDLE, PORT, argument, command, serve
 
 from . import options
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench view campaign
@@ -18,9 +16,12 @@ Examples:
 The address holds a secret and leads to this machine alone; it ends with the command (Ctrl-C). Findings that are
 accepted there are recorded with name and reason, and entered into the ledger. Exit code 1: no run could be opened."""
 )
-@click.argument("runs", metavar="RUN|CAMPAIGN...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@serve_options
-def view(runs: tuple[Path, ...], port: int, browser: bool, idle: float | None) -> None:
+def view(
+    runs: tuple[Path, ...] = argument("RUN|CAMPAIGN...", required=True),
+    port: int = PORT,
+    browser: bool = BROWSER,
+    idle: float | None = IDLE,
+) -> None:
     """Look at a campaign in the browser, also at runs larger than memory.
 
     Any channel of any run over time or frequency; two or more runs over each other, aligned by the command or by what
