@@ -164,7 +164,7 @@ def _rotation(at: Pose, joint: int) -> Floats:
 
 @dataclass(frozen=True)
 class BaseMotion:
-    """Motion of the base frame, translations first, base axes: (n, 6) each."""
+    """Motion of the base frame, translations first, base axes: (n, ..., 6) each."""
 
     displacement: Floats
     """[m, rad]"""
@@ -210,10 +210,10 @@ class ElasticBase:
         return a, b
 
     def respond(self, wrench: Floats, step: float) -> BaseMotion:
-        """Motion from rest under a wrench (n, 6) [N, N m] sampled every ``step`` [s]; exact where linear between."""
+        """Motion from rest under wrenches (n, ..., 6) [N, N m] every ``step`` [s]; exact where linear between."""
         a, b = self.state_space()
         state = linear_response(a, b, wrench, step)
-        return BaseMotion(state[:, :6], state[:, 6:], times(a[6:], state) + times(b[6:], wrench))
+        return BaseMotion(state[..., :6], state[..., 6:], times(a[6:], state) + times(b[6:], wrench))
 
 
 def linear_response(a: Floats, b: Floats, driven: Floats, step: float) -> Floats:
@@ -301,6 +301,21 @@ def _propagator(a_bytes: bytes, b_bytes: bytes, size: int, step: float) -> tuple
     return full[:size, :size], full[:size, size : size + inputs] - slope, slope
 
 
+def gravity_in_tilted_axes(gravity: Floats, rotation_vector: Floats) -> Floats:
+    """Gravity (3,) [m/s2] in the axes of a base at rest, turned by a rotation vector (3,) [rad]: R' g, (3,) [m/s2]."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_rotvec(rotation_vector).as_matrix().T @ gravity)
+
+
+def apparent_gravity(gravity: Floats, displacement: Floats) -> Floats:
+    """What accelerometers show of gravity (3,) [m/s2] on a base displaced by (u, phi), (..., 6) [m, rad].
+
+    R' (-g) + g = phi x g, (..., 3) [m/s2].
+    """
+    return np.cross(displacement[..., 3:], gravity)
+
+
 class Mount(Table):
     """A spring and a damper along each axis of the base, at a point of it."""
 
@@ -339,8 +354,8 @@ class MountedBase(Table):
     mounts: tuple[Mount, ...] = Field(default_factory=_feet, min_length=1)
     """What the base stands on."""
 
-    def elastic(self, carried: Floats | None = None) -> ElasticBase:
-        """With the inertia ``carried`` (6, 6) [kg, kg m, kg m2] of what it carries.
+    def elastic(self, carried: Floats | None = None, gravity: Floats | None = None) -> ElasticBase:
+        """With the inertia ``carried`` (6, 6) [kg, kg m, kg m2] of what it carries, turning in ``gravity`` (3,) [m/s2].
 
         Raises DataError if the mounts do not fix it in all six degrees of freedom.
         """
@@ -357,4 +372,19 @@ class MountedBase(Table):
                 f"bench.mounts: {len(self.mounts)} mounts do not fix the base in all six degrees of freedom: "
                 "expected at least three that are not in line"
             )
-        return ElasticBase(mass if carried is None else mass + carried, damping, stiffness)
+        mass = mass if carried is None else mass + carried
+        return ElasticBase(mass, damping, stiffness if gravity is None else self._in_gravity(stiffness, mass, gravity))
+
+    def _in_gravity(self, elastic: Floats, mass: Floats, gravity: Floats) -> Floats:
+        """Stiffness with the geometric one of weight and mount preload.
+
+        A force f at p of the base, constant in space, has the moment (p + phi x p) x f about the base's origin, so it
+        adds -S(f) S(p); here the weight at the centre of mass, and what each mount carries of it at rest.
+        """
+        first, stiffness = first_moment(mass), elastic.copy()
+        sag = np.linalg.solve(elastic, np.concatenate([mass[0, 0] * gravity, np.cross(first, gravity)]))
+        stiffness[3:, 3:] -= skew(gravity) @ skew(first)
+        for mount in self.mounts:
+            at = np.array(mount.position)
+            stiffness[3:, 3:] += skew(np.array(mount.stiffness) * (displacement_at(at) @ sag)) @ skew(at)
+        return stiffness

@@ -24,6 +24,7 @@ from balance.dynamics.moving_base import (
     BaseMotion,
     ElasticBase,
     Mount,
+    apparent_gravity,
     displacement_at,
     linear_response,
     stepped_response,
@@ -35,7 +36,7 @@ from ..errors import RigError
 from ..rig.bench import Rotor
 from .added_bodies import rotor_momentum
 from .drive_trains import Deviation, DriveTrains, every
-from .moving_base_coupling import Coupling, apparent_gravity, base_motion_loads, weight_wrench_change
+from .moving_base_coupling import Coupling, base_motion_loads, weight_wrench_change
 
 ROUNDS = 150
 TOLERANCE = 1e-6

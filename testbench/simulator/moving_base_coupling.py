@@ -18,9 +18,8 @@ momentum (p, L) per rate
 forces of the mounts act at other places: an inverted pendulum, some 0.2 % of the default frame's stiffness.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,7 +28,7 @@ from balance.closure import Trajectory
 from balance.dynamics.inverse_dynamics import driven_rates, momentum
 from balance.dynamics.moving_base import (
     BaseMotion,
-    displacement_at,
+    apparent_gravity,
     first_moment,
     inertia_along,
     second_moment,
@@ -43,9 +42,6 @@ from balance.mechanism.tape import Program, Tape
 
 from ..rig.bench import Rotor
 from .added_bodies import rotor_momentum
-
-if TYPE_CHECKING:
-    from balance.dynamics.moving_base import Mount
 
 
 @dataclass(frozen=True)
@@ -167,24 +163,9 @@ def velocity_cross_product(mechanism: Mechanism, q: Floats, v: Floats, other: Fl
     return total.T
 
 
-def gravity_in_tilted_axes(gravity: Floats, rotation_vector: Floats) -> Floats:
-    """Gravity (3,) [m/s2] in the axes of a base at rest, turned by a rotation vector (3,) [rad]: R' g, (3,) [m/s2]."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_rotvec(rotation_vector).as_matrix().T @ gravity)
-
-
 def weight_wrench_change(weight_moment: Floats) -> Floats:
     """Wrench of the weight less that at the start, (n, 6) [N, N m], from its moment (n, 3) [N m]."""
     return np.hstack([np.zeros_like(weight_moment), weight_moment - weight_moment[0]])
-
-
-def apparent_gravity(gravity: Floats, displacement: Floats) -> Floats:
-    """What accelerometers show of gravity (3,) [m/s2] on a base displaced by (u, phi), (n, 6) [m, rad].
-
-    R' (-g) + g = phi x g, (n, 3) [m/s2].
-    """
-    return np.cross(displacement[:, 3:], gravity)
 
 
 def tilted_weight_wrench(gravity: Floats, first: Floats, mass: float, displacement: Floats) -> Floats:
@@ -194,22 +175,3 @@ def tilted_weight_wrench(gravity: Floats, first: Floats, mass: float, displaceme
     """
     change = -apparent_gravity(gravity, displacement)
     return np.hstack([mass * change, np.cross(first, change)])
-
-
-def gravitational_stiffness(mounts: "Sequence[Mount]", elastic: Floats, mass: Floats, gravity: Floats) -> Floats:
-    """Geometric stiffness of weight and mount preload, to be added to the ``elastic`` one, (6, 6) each [N/m, N, N m].
-
-    ``mass`` is the inertia of what stands on the mounts, (6, 6) [kg, kg m, kg m2], ``gravity`` (3,) [m/s2].
-
-    A force f at p of the base, constant in space, has the moment (p + phi x p) x f about the base's origin, so it adds
-    -S(f) S(p); here the weight at the centre of mass, and what each mount carries of it at rest.
-    """
-    first, total = first_moment(mass), float(mass[0, 0])
-    sag = np.linalg.solve(elastic, np.concatenate([total * gravity, np.cross(first, gravity)]))
-    added = np.zeros((6, 6))
-    added[3:, 3:] = -skew(gravity) @ skew(first)
-    for mount in mounts:
-        at = np.array(mount.position)
-        preload = -np.array(mount.stiffness) * (displacement_at(at) @ sag)
-        added[3:, 3:] -= skew(preload) @ skew(at)
-    return added

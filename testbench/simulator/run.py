@@ -22,7 +22,9 @@ from balance.dynamics.inverse_dynamics import Response
 from balance.dynamics.moving_base import (
     BaseMotion,
     ElasticBase,
+    apparent_gravity,
     first_moment,
+    gravity_in_tilted_axes,
     linear_response,
     locked_inertia,
     times,
@@ -129,7 +131,7 @@ class BenchRun:
     @cached_property
     def sensed_acceleration(self) -> Floats:
         """Accelerations of the base as accelerometers sense them, tilt in gravity included, (n, 6) [m/s2, rad/s2]."""
-        turned = moving_base_coupling.apparent_gravity(self.gravity, self.motion.displacement) + self.tilt_offset
+        turned = apparent_gravity(self.gravity, self.motion.displacement) + self.tilt_offset
         return self.motion.acceleration + np.hstack([turned, np.zeros_like(turned)])
 
     @cached_property
@@ -145,7 +147,7 @@ class BenchRun:
         if self.coupling is None:
             return still
         field = self.motion.acceleration.copy()
-        field[:, :3] += moving_base_coupling.apparent_gravity(self.gravity, self.motion.displacement)
+        field[:, :3] += apparent_gravity(self.gravity, self.motion.displacement)
         omega, driven = self.motion.velocity[:, 3:], tuple(still)
         more = base_motion_torque(self.mechanism, self.trajectory, self.rotors, field, omega, driven)
         return {joint: torque + more[joint] for joint, torque in still.items()}
@@ -202,7 +204,7 @@ def _moved(bench: Bench, loaded: Mechanism, command: Samples, rigid: Trajectory,
     trajectory = drives.command if drives else rigid
     response = shaking(loaded, trajectory, rotors)
     carried = locked_inertia(loaded, trajectory.q[0])
-    base = _standing(bench, carried, loaded)
+    base = bench.elastic(carried, gravity)
     wrench, coupling = np.hstack([response.force, response.moment]), None
     if bench.coupling == "moving":
         coupling = Coupling.of(loaded, trajectory, wrench, rotors, gravity)
@@ -274,9 +276,7 @@ def _loaded(mechanism: Mechanism, bench: Bench, planned: PlannedRun) -> Mechanis
     sided = with_motor_sides(with_planes(mechanism, _planes(bench, planned.counter_masses)), bench.drives)
     placed = added_bodies.with_rotors(sided, _rotors(bench))
     if any(bench.tilt):
-        placed = replace(
-            placed, gravity=moving_base_coupling.gravity_in_tilted_axes(mechanism.gravity, np.array(bench.tilt))
-        )
+        placed = replace(placed, gravity=gravity_in_tilted_axes(mechanism.gravity, np.array(bench.tilt)))
     loaded = placed.with_payload(planned.payloads, planned.payload)
     for body, mass in bench.unstated_mass.items():
         if body not in loaded.own_mass:
@@ -292,15 +292,6 @@ def _planes(bench: Bench, masses: Mapping[str, float]) -> dict[str, float]:
         face = found.get(site, 0.0)
         found[site] = face + math.copysign(0.5 * masses.get(site, 0.0) / density, face)
     return found
-
-
-def _standing(bench: Bench, carried: Floats, mechanism: Mechanism) -> ElasticBase:
-    """The base with the inertia of the locked mechanism; with geometric stiffness where the rig states the weight."""
-    base = bench.elastic(carried)
-    if not bench.weight:
-        return base
-    added = moving_base_coupling.gravitational_stiffness(bench.mounts, base.stiffness, base.mass, mechanism.gravity)
-    return replace(base, stiffness=base.stiffness + added)
 
 
 def _modal_acceleration(rig: Rig, transmitted: Floats, step: float) -> dict[Point, Floats]:

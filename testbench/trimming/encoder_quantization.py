@@ -2,8 +2,9 @@
 
 The readings r of an encoder move the columns, A(r) x = y, so that dx = -A^+ dA x: the gain of the least squares times
 the readings of a wrench that changes by dw = w_q dq + w_v dv + w_a da with the driven coordinates. That sum is taken
-from its end (adjoint): base and low-pass answer backwards in time as they do forwards, for M, C, K are symmetric. What
-remains is by how much each value moves per reading, and so its covariance, for a reading is as good as q^2 / 12.
+from its end (adjoint): base and low-pass answer backwards in time as they do forwards, for M, C, K are symmetric, and
+the tilt phi x g in a reading answers by the displacement under moments g x f. What remains is by how much each value
+moves per reading, and so its covariance, for a reading is as good as q^2 / 12.
 """
 
 from collections.abc import Sequence
@@ -12,9 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from balance.arrays import Floats
-from balance.closure import Closure, Trajectory
-from balance.dynamics.regressor import wrench_regressor
-from balance.mechanism.mechanism import Mechanism
+from balance.closure import Closure
 from balance.motion import Samples
 
 from ..kinematics.smoothing_and_derivatives import smoothed_derivatives
@@ -39,35 +38,35 @@ def step_covariance(run: ShakenBase, encoders: "Sequence[Column]", gain: Floats,
 
 def per_reading(run: ShakenBase, joints: Sequence[str], gain: Floats, pi: Floats) -> Floats:
     """What the values rise by per unit of each encoder's reading, (n, joints, rank) [kg m / rad or m]."""
-    weight = _backwards(run, gain)
-    by_place, by_speed, by_rate = (
-        np.einsum("nij,nik->njk", slope, weight) for slope in wrench_slopes(run.model, run.path, joints, pi)
-    )
+    weight = backwards(run, gain)
+    by_place, by_speed, by_rate = (np.einsum("nij,nik->njk", slope, weight) for slope in wrench_slopes(run, joints, pi))
     bandwidth, rate = POSITION_BANDWIDTH * run.cutoff, run.grid.rate
     flat = [smoothed_derivatives(b.reshape(len(b), -1), bandwidth, rate) for b in (by_place, by_speed, by_rate)]
     return np.asarray((flat[0].q - flat[1].v + flat[2].a).reshape(by_place.shape))
 
 
-def _backwards(run: ShakenBase, gain: Floats) -> Floats:
+def backwards(run: ShakenBase, gain: Floats) -> Floats:
     """What the values rise by per wrench on the base, (n, 6, rank)."""
     whole = np.zeros((run.grid.count, *gain.shape[1:]))
     whole[run.used] = gain
     smooth = run.valid.low_pass(whole, run.cutoff)
-    pushed = np.einsum("nck,ci->nki", smooth, run.sensors.rows)[::-1]
-    return np.moveaxis(run.moved(np.ascontiguousarray(pushed))[::-1], 1, 2) * run.valid.kept[:, None, None]
+    pushed = np.ascontiguousarray(np.einsum("nck,ci->nki", smooth, run.sensors.rows)[::-1])
+    back = run.moved(pushed).acceleration
+    if run.gravity.any():
+        turned = np.cross(run.gravity, pushed[..., :3])
+        back = back + run.moved(np.concatenate([np.zeros_like(turned), turned], axis=2)).displacement
+    return np.moveaxis(back[::-1], 1, 2) * run.valid.kept[:, None, None]
 
 
-def wrench_slopes(
-    model: Mechanism, path: Trajectory, joints: Sequence[str], pi: Floats
-) -> tuple[Floats, Floats, Floats]:
-    """How the shaking wrench changes with position, speed and acceleration of driven joints, (n, 6, joints) each."""
-    places = [model.coordinate_index(joint) for joint in joints]
+def wrench_slopes(run: ShakenBase, joints: Sequence[str], pi: Floats) -> tuple[Floats, Floats, Floats]:
+    """How the wrench on the base changes with position, speed, acceleration of driven joints, (n, 6, joints) each."""
+    path, closure = run.path, Closure(run.model)
+    places = [run.model.coordinate_index(joint) for joint in joints]
     start = [x[:, places] for x in (path.q, path.v, path.a)]
-    closure = Closure(model)
 
     def wrench(driven: Sequence[Floats]) -> Floats:
         moved = closure.follow(Samples(path.time, driven[0], driven[1], driven[2], tuple(joints)), near=path)
-        return wrench_regressor(model, moved.q, moved.v, moved.a) @ pi
+        return run.wrench_regressor(moved) @ pi
 
     still = wrench(start)
 

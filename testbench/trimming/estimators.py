@@ -53,6 +53,10 @@ HINTS: dict[Source, str] = {
     "wrench": MORE_RUNS, "torque": LONGER, "vibration": MORE_RUNS, "trials": "use heavier trial masses, or more runs",
 }  # fmt: skip
 """What helps a source that cannot tell."""
+WEIGHTLESS = (
+    "the rig's [bench] does not state weight = true: the weight's moment as the bodies move, which tilts the base, is "
+    "left out"
+)
 FIXED = "What no mass at the sites can change is taken from the mechanism's file: these runs do not tell it."
 DETERMINED = 0.02
 """Half of an interval of a condition, as a part of the largest of the mechanism without counter-masses, up to which a
@@ -159,7 +163,8 @@ def by_vibration(problem: TrimProblem) -> SourceEstimate:
         "the conditions.",
     )
     text = (*about, *fixed, _jackknife(measured, [*within, STEPS]))
-    return SourceEstimate("vibration", measured, text, (), tuple(findings))
+    weightless = any(run.run.origin != "simulated" and not run.rig.bench.weight for run in problem.runs)
+    return SourceEstimate("vibration", measured, text, (WEIGHTLESS,) if weightless else (), tuple(findings))
 
 
 def by_trials(problem: TrimProblem) -> SourceEstimate:

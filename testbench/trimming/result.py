@@ -51,9 +51,10 @@ class Share:
 _MEASURED: dict[Source, str] = {
     "wrench": "force", "torque": "torque", "vibration": "vibration", "trials": "vibration",
 }  # fmt: skip
-_LEFT_OUT = dict.fromkeys(
-    ("vibration", "trials"), "; of bodies that move up and down, the weight's moment, which is left out"
-)
+_LEFT_OUT: dict[Source, str] = {
+    "vibration": "; the mechanism's inertia on the moving base, which is that of its start",
+    "trials": "; of bodies that move up and down, the weight's moment, which is left out",
+}
 
 
 @dataclass(frozen=True)

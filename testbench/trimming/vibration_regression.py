@@ -4,9 +4,12 @@ M x'' + C x' + K x = W pi, with the base on its mounts and the mechanism's inert
 column of W is computed, and the readings of the accelerometers on the base are least squares of it. As with torque,
 pi = C^+ c + N z: what does not shake with a force, but turns the base, is a nuisance, the same in all runs. How the
 base was pushed in a gap is unknown: how it rings after one is a nuisance of the run.
+
+Where the rig states ``weight``, W holds its moment as the first moment s of mass moves, (s - s0) x g, K the weight and
+the mounts' preload, and accelerometers show a + phi x g. Where c is zero s rests: no further unknowns.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,8 +17,15 @@ import numpy as np
 from balance.arrays import Floats
 from balance.balancing.conditions import Conditions
 from balance.closure import Trajectory
-from balance.dynamics.moving_base import ElasticBase, locked_inertia
-from balance.dynamics.regressor import wrench_regressor
+from balance.dynamics.moving_base import (
+    BaseMotion,
+    ElasticBase,
+    apparent_gravity,
+    gravity_in_tilted_axes,
+    locked_inertia,
+    skew,
+)
+from balance.dynamics.regressor import first_moment_regressor, wrench_regressor
 from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
@@ -51,6 +61,8 @@ class ShakenBase:
     path: Trajectory
     base: ElasticBase
     """With the mechanism's inertia locked onto it."""
+    gravity: Floats
+    """In the axes of the base at rest, (3,) [m/s2]; zero where the rig does not state ``weight``."""
     sensors: base_motion.BaseAcceleration
     readings: Floats
     """Readings on the grid, (n, channels) [m/s2]."""
@@ -65,8 +77,16 @@ class ShakenBase:
         """Values (n, channels, k) low-passed, on the samples that count; zero where gaps touch them."""
         return self.valid.low_pass(values, self.cutoff)[self.used]
 
-    def moved(self, wrenches: Floats) -> Floats:
-        """Accelerations of the base under wrenches (n, k, 6), (n, k, 6) [m/s2, rad/s2].
+    def wrench_regressor(self, path: Trajectory) -> Floats:
+        """W with ``W @ pi`` = shaking wrench, and the weight's less that at the start, (n, 6, 10 nb) [N, N m]."""
+        columns = wrench_regressor(self.model, path.q, path.v, path.a)
+        if self.gravity.any():
+            start, first = (first_moment_regressor(self.model, q) for q in (self.path.q[:1], path.q))
+            columns[:, 3:] -= skew(self.gravity) @ (first - start)
+        return columns
+
+    def moved(self, wrenches: Floats) -> BaseMotion:
+        """Motion of the base under wrenches (n, k, 6) [N, N m], (n, k, 6) each.
 
         Taken for straight between samples a wave loses (omega h)^2 / 12, half a per cent of 40 Hz at 1 kHz, of what
         moves the base: a twelfth of the second difference puts that back, up to (omega h)^4 / 240. At the samples
@@ -74,7 +94,8 @@ class ShakenBase:
         """
         bent = np.zeros_like(wrenches)
         bent[1:-1] = (wrenches[2:] - 2.0 * wrenches[1:-1] + wrenches[:-2]) / 12.0
-        return self.base.respond(wrenches - bent, self.grid.step).acceleration + bent @ np.linalg.inv(self.base.mass).T
+        motion = self.base.respond(wrenches - bent, self.grid.step)
+        return replace(motion, acceleration=motion.acceleration + bent @ np.linalg.inv(self.base.mass).T)
 
     def answers(self, columns: Floats) -> Floats:
         """What the accelerometers show of wrenches (n, 6, k) on the base, (n, channels, k) [m/s2]; none in gaps."""
@@ -99,8 +120,9 @@ class ShakenBase:
         pushed = np.flatnonzero(columns.any(axis=(0, 1)))
         found = np.zeros((len(columns), len(self.sensors.rows), columns.shape[2]))
         wrenches = np.ascontiguousarray(np.moveaxis(columns[:, :, pushed], 1, 2))
-        moved = self.moved(wrenches)
-        found[:, :, pushed] = np.moveaxis(moved @ self.sensors.rows.T, 1, 2)
+        motion = self.moved(wrenches)
+        motion.acceleration[..., :3] += apparent_gravity(self.gravity, motion.displacement)
+        found[:, :, pushed] = np.moveaxis(motion.acceleration @ self.sensors.rows.T, 1, 2)
         return found
 
 
@@ -111,7 +133,7 @@ def states_base(rig: "Rig") -> bool:
 
 def vibration_regression(run: ShakenBase, conditions: Conditions) -> RunEquations:
     """The equations of a run."""
-    columns = wrench_regressor(run.model, run.path.q, run.path.v, run.path.a) @ parameter_basis(conditions)
+    columns = run.wrench_regressor(run.path) @ parameter_basis(conditions)
     made = run.answers(columns)
     rate = run.valid.rates(run.readings)
     smooth = run.smooth(np.concatenate([made, run.readings[:, :, None], rate[:, :, None]], axis=2))
@@ -148,6 +170,9 @@ def shaken_base(run: AlignedRun, cutoff: float) -> ShakenBase:
     valid = ValidSamples.of(run, {sensors.group}, bandwidth)
     valid.refuse_no_motion(path)
     readings = run.on_grid(sensors.group, sensors.time, sensors.values)
-    base = rig.bench.elastic(locked_inertia(run.mechanism, path.q[0]))
+    level = run.mechanism.gravity if rig.bench.weight else np.zeros(3)
+    gravity = gravity_in_tilted_axes(level, np.array(rig.bench.tilt))
+    base = rig.bench.elastic(locked_inertia(run.mechanism, path.q[0]), gravity)
     used = run.motion_span(bandwidth, RINGING_S)
-    return ShakenBase(run.mechanism, run.grid, path, base, sensors, readings, used, cutoff, motion_name(run), valid)
+    model, motion = run.mechanism, motion_name(run)
+    return ShakenBase(model, run.grid, path, base, gravity, sensors, readings, used, cutoff, motion, valid)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from balance.closure import Closure
-from balance.dynamics.moving_base import displacement_at, first_moment
+from balance.dynamics.moving_base import apparent_gravity, displacement_at, first_moment, gravity_in_tilted_axes
 from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
 from testbench.campaign_plan import PlannedRun
 from testbench.errors import RigError
@@ -13,9 +13,6 @@ from testbench.rig.bench import Bench
 from testbench.simulator import bench_dynamics
 from testbench.simulator import run as runs
 from testbench.simulator.moving_base_coupling import (
-    apparent_gravity,
-    gravitational_stiffness,
-    gravity_in_tilted_axes,
     second_moment,
     velocity_cross_product,
     weight_wrench_change,
@@ -208,8 +205,8 @@ def test_a_pendulum_upside_down():
         for z in (-0.2, 0.2)
     ]
     frame = {"mass": "100 kg", "centre": ["0 m", "0 m", "0 m"], "inertia": "1 kg m^2", "mounts": legs}
-    base = Bench.model_validate(frame).elastic()
-    added = gravitational_stiffness(Bench.model_validate(frame).mounts, base.stiffness, base.mass, G)
+    bench = Bench.model_validate(frame)
+    added = bench.elastic(gravity=G).stiffness - bench.elastic().stiffness
     assert added[3:, 3:] == pytest.approx(np.diag([-981.0, 0.0, -981.0]), abs=1e-9)
     assert not np.any(added[:3])
 

@@ -91,11 +91,21 @@ def test_vibration_through_the_stated_base(manipulator, runs):
     assert found.source == "vibration"
     assert holds(found, 0.01)
     assert any("assumed" in line for line in found.about)
+    assert found.verdict == "add"
+
+
+def test_what_was_measured_was_measured_in_gravity(manipulator, runs):
+    """A rig without ``weight`` is doubtful for runs that are not simulated."""
+    measured = [replace(run, origin="measured") for run in runs[:1]]
+    found = trim_runs(memory.aligned(measured, manipulator, with_kinds("encoder", "accelerometer")))
+    assert found.verdict == "doubtful"
+    assert "weight = true" in found.doubts()[0]
 
 
 def test_intervals_of_vibration_hold(manipulator):
-    """Through the stated base, over seeds of noise and clocks, on another bench: as often as 95 % promises."""
-    scenes = [memory.scene(motion, rig=BENCHES["other"]) for motion in MOTIONS]
+    """Over seeds of noise and clocks, on another bench, which its bodies' weight tilts: as often as 95 % promises."""
+    weighed = rigs.rig_from_text(BENCHES["other"].text.replace("[bench]", "[bench]\nweight = true"))
+    scenes = [memory.scene(motion, rig=weighed) for motion in MOTIONS]
     runs = [[scene.run(1000 * seed + k) for k, scene in enumerate(scenes)] for seed in range(2)]
     found = [trim_runs(memory.aligned(one, manipulator), source="vibration").missing for one in runs]
     for arm in range(2):
