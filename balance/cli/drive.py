@@ -7,7 +7,7 @@ import click
 
 from ..results import NO_VALUE, table
 from . import options
-from .framework import JSON, Detail, emit_further, emit_result, emit_table, note, say
+from .framework import Answer, Detail, emit_further, emit_table, note, say
 from .options import Quantity, argument, command, option
 
 if TYPE_CHECKING:
@@ -85,8 +85,7 @@ def drive(
     start_up: int | None = option("Also start from standstill.", click.IntRange(1, 200), metavar="TURNS"),
     convergence: bool = option("Also the answer of looser and tighter solvers."),
     figure: str | None = options.FIGURE,
-    as_json: bool = JSON,
-) -> None:
+) -> Answer:
     """Steady rotation of a machine of one degree of freedom, and how much its speed fluctuates over a turn.
 
     The equation of motion I(phi) phi'' + I'(phi) phi'^2 / 2 + V'(phi) = Q comes from the mechanism's file. DRIVE is a
@@ -113,7 +112,7 @@ def drive(
         for text in documents.beyond_file(machine, described.speeds)
     ]
     options.draw(figure, "balance.figures.rotating:draw_drive", result)
-    emit_result(result, as_json, lambda: _print_study(result))
+    return Answer(result, lambda: _print_study(result), findings=result["findings"])
 
 
 def _machines(study: "Drive", payload: dict[str, float], counter: dict[str, float]) -> list[tuple["Machine", bool]]:

@@ -9,7 +9,7 @@ import click
 
 from ..results import table as table_of
 from . import options
-from .framework import JSON, Detail, emit_further, emit_json, emit_result, emit_table, note, say
+from .framework import Answer, Detail, emit_further, emit_table, note, say
 from .options import SPEED, Quantity, argument, command, option
 
 if TYPE_CHECKING:
@@ -56,8 +56,7 @@ def single(
     radius: float | None = option("Choose r_b: the mass follows.", Quantity("length", positive=True), metavar="R"),
     mass: float | None = option("Choose m_b: the radius follows.", Quantity("mass", positive=True), metavar="M"),
     figure: str | None = options.FIGURE,
-    as_json: bool = JSON,
-) -> None:
+) -> Answer:
     """The slider-crank of ENGINE, a file (TOML) or a shipped one: rod, shaking force, partial balance.
 
     x is along the cylinder's axis away from the crank, y a quarter turn on; the force is what the machine exerts on its
@@ -85,7 +84,8 @@ def single(
     options.draw(figure, "balance.figures.rotating:draw_polar", crank, cases, omega)
     document = cylinder_document(model, cases, omega, radius, mass)
     own = ", ".join(weight.name for weight in model.counterweights)
-    emit_result(document, as_json, lambda: _print_single(document, rod_replacements(crank), own))
+    findings = document["findings"]
+    return Answer(document, lambda: _print_single(document, rod_replacements(crank), own), findings=findings)
 
 
 def _print_single(document: dict[str, Any], rod: "list[Replacement]", own: str) -> None:
@@ -169,8 +169,7 @@ def free(
         "Moments about here, 1 m for a spacing without sizes [default: the middle].", Quantity("length"), metavar="Z"
     ),
     figure: str | None = options.FIGURE,
-    as_json: bool = JSON,
-) -> None:
+) -> Answer:
     """Free forces and moments of ENGINE, a file (TOML) or a shipped one, by orders of its crankshaft's speed.
 
     Forward is the part that turns with the crankshaft: at first order its counterweights remove it. The force of an
@@ -198,10 +197,8 @@ def free(
     units = ("m r omega^2", "m r omega^2 a") if model.normalised else ("N", "N m")
     drawn = (by_order, model.name, omega**2, units, residual)
     options.draw(figure, "balance.figures.rotating:draw_orders", *drawn)
-    if as_json:
-        emit_json(engine_document(model, by_order, shafts, residual, omega))
-    else:
-        _print_free(model, by_order, built, residual, omega, units)
+    document = engine_document(model, by_order, shafts, residual, omega)
+    return Answer(document, lambda: _print_free(model, by_order, built, residual, omega, units))
 
 
 def _print_free(
@@ -280,8 +277,7 @@ Examples:
 def table(
     engines: tuple[str, ...] = argument("[ENGINE]..."),
     ratio: float = option("r / l of all engines.", default=0.25),
-    as_json: bool = JSON,
-) -> None:
+) -> Answer:
     """The common engines side by side: first and second order forces and moments, and the residual with counterweights.
 
     Forces in m r omega^2, moments in m r omega^2 a, with m the reciprocating mass of one cylinder, a the spacing;
@@ -293,9 +289,10 @@ def table(
 
     names = list(engines) or [name for name in datasets.dataset_names("engines", ".toml") if not has_sizes(name)]
     rows = [comparison_row(load_layout(name, ratio)) for name in names]
-    if as_json:
-        emit_json({"ratio_r_over_l": ratio, "engines": rows})
-        return
+    return Answer({"ratio_r_over_l": ratio, "engines": rows}, lambda: _print_engines(rows, ratio))
+
+
+def _print_engines(rows: list[dict[str, Any]], ratio: float) -> None:
     cells = [
         [row["engine"], *(f"{row[column]:.4g}" for column in _COMPARED), "-".join(map(str, row["firing_order"])),
          "even" if row["firing_even"] else " ".join(f"{i:g}" for i in row["firing_intervals_deg"])]

@@ -3,10 +3,11 @@
 import os
 import re
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import wraps
 from importlib import import_module
 from itertools import zip_longest
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 import click
 
@@ -205,7 +206,7 @@ def refuse_empty(arguments: Sequence[str]) -> None:
             )
 
 
-def json_text(document: dict[str, Any], version: dict[str, Any] = VERSION) -> str:
+def json_text(document: Mapping[str, Any], version: dict[str, Any] = VERSION) -> str:
     """The one JSON document of a command, results in it by their keys; a number that is not finite is refused."""
     import json
 
@@ -216,22 +217,39 @@ def json_text(document: dict[str, Any], version: dict[str, Any] = VERSION) -> st
     return _HALF_LETTERS.sub(lambda match: f"\\u{ord(match[0]):04x}", text)
 
 
-def emit_json(document: dict[str, Any]) -> None:
+def emit_json(document: Mapping[str, Any]) -> None:
     """Print the one JSON document of a command."""
     Detail.emitted = True
     click.echo(json_text(document))
 
 
-def emit_result(document: dict[str, Any], as_json: bool, show: Callable[[], None]) -> None:
-    """Print a result as JSON, or as ``show`` prints it for people and then its findings; with findings exit code 3."""
-    findings = document["findings"]
-    if as_json:
-        emit_json(document)
-    else:
-        show()
-        emit_findings(("Finding", finding) for finding in findings)
-    if findings:
-        raise click.exceptions.Exit(EXIT_WITH_FINDINGS)
+class Answer(NamedTuple):
+    """What a command that returns it has found: it has the option --json, and exit code 3 where there is a finding."""
+
+    document: Mapping[str, Any]
+    """The JSON document."""
+    show: Callable[[], None]
+    """Prints it for people."""
+    has_finding: bool = False
+    findings: Sequence[str] = ()
+    """Printed for people below it."""
+
+
+def answering(function: Callable[..., Answer]) -> Callable[..., int]:
+    """A command with --json that prints what the function answers, and returns its exit code."""
+
+    @json_option
+    @wraps(function)
+    def answered(*, as_json: bool, **given: Any) -> int:  # noqa: ANN401
+        answer = function(**given)
+        if as_json:
+            emit_json(answer.document)
+        else:
+            answer.show()
+            emit_findings(("Finding", finding) for finding in answer.findings)
+        return EXIT_WITH_FINDINGS if answer.has_finding or answer.findings else 0
+
+    return answered
 
 
 def emit_further(title: str, header: list[str], rows: list[list[str]], remark: str = "") -> None:

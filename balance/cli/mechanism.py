@@ -1,6 +1,5 @@
 """``balance simulate``, ``balance conditions`` and ``balance check``."""
 
-import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,11 +9,9 @@ import click
 from ..results import per_cent_text
 from . import options
 from .framework import (
-    EXIT_WITH_FINDINGS,
-    JSON,
+    Answer,
     Detail,
     emit_findings,
-    emit_json,
     emit_table,
     first_moment,
     mass,
@@ -26,8 +23,11 @@ from .options import command, option
 if TYPE_CHECKING:
     from ..arrays import Floats
     from ..balancing import Sizing
+    from ..balancing.conditions import Conditions
     from ..balancing.feasibility import Feasibility
-    from ..closure import Trajectory
+    from ..closure import Closure, Trajectory
+    from ..closure.assembly import Configuration
+    from ..dynamics.inverse_dynamics import Response
     from ..dynamics.reactions import Reactions
     from ..mechanism.mechanism import Mechanism
 
@@ -49,8 +49,7 @@ def simulate(
     ),
     parquet: str | None = option("Write the time series as Parquet.", click.Path(dir_okay=False), metavar="FILE"),
     reactions: bool = option("Also forces and moments in the joints and loop closures."),
-    as_json: bool = JSON,
-) -> None:
+) -> Answer:
     """Simulate a motion of MECH: shaking force, shaking moment and drive torque.
 
     Shaking force and moment are what the mechanism exerts on its base, weight excluded, the moment about the origin
@@ -60,7 +59,7 @@ def simulate(
     from ..dynamics.inverse_dynamics import simulate as respond
     from ..dynamics.reactions import find_reactions
     from ..front_door import follow
-    from .options import component_label, response_summary
+    from .options import response_summary
 
     if csv and parquet and Path(csv).resolve() == Path(parquet).resolve():
         raise click.UsageError(f"--csv and --parquet name one file, {csv}: give two names")
@@ -71,16 +70,22 @@ def simulate(
     beyond, left_out = model.beyond_limits(trajectory.q), model.left_out if response.torque else ()
     if csv or parquet:
         _write(model, trajectory, response.columns() | (found.columns() if found else {}), csv, parquet)
-    if as_json:
-        closure = {"residual_m": trajectory.residual, "condition": trajectory.condition, "branch": trajectory.branch}
-        emit_json(
-            {"mechanism": model.name, "motion": motion, "samples": len(trajectory.time), "closure": closure}
-            | {"beyond_limits": {joint: list(reached) for joint, reached in beyond.items()}}
-            | {"left_out": list(left_out)}
-            | response_summary(response)
-            | ({"reactions": found.summary(), "redundant_constraint_rows": found.redundant} if found else {})
-        )
-        sys.exit(EXIT_WITH_FINDINGS if beyond or left_out else 0)
+    closure = {"residual_m": trajectory.residual, "condition": trajectory.condition, "branch": trajectory.branch}
+    document = (
+        {"mechanism": model.name, "motion": motion, "samples": len(trajectory.time), "closure": closure}
+        | {"beyond_limits": {joint: list(reached) for joint, reached in beyond.items()}}
+        | {"left_out": list(left_out)}
+        | response_summary(response)
+        | ({"reactions": found.summary(), "redundant_constraint_rows": found.redundant} if found else {})
+    )
+    return Answer(document, lambda: _print_motion(model, motion, trajectory, response, found), bool(beyond or left_out))
+
+
+def _print_motion(
+    model: "Mechanism", motion: str, trajectory: "Trajectory", response: "Response", found: "Reactions | None"
+) -> None:
+    """Force, moment and drives' torques, reactions where they are asked for, and what the motion exceeds."""
+    left_out = model.left_out if response.torque else ()
     peak, rms = response.peak(), response.rms()
     force = float((response.force**2).sum(axis=1).mean() ** 0.5)
     click.echo(
@@ -88,7 +93,7 @@ def simulate(
         f"{float((response.force**2).sum(axis=1).max() ** 0.5):.4g} N peak (simulated, weight excluded)."
     )
     shown = {n: value for n, value in rms.items() if Detail.everything or peak[n] > _NOTHING}
-    rows = [[component_label(name), f"{value:.4g}", f"{peak[name]:.4g}"] for name, value in shown.items()]
+    rows = [[options.component_label(name), f"{value:.4g}", f"{peak[name]:.4g}"] for name, value in shown.items()]
     emit_table("", ["component", "RMS", "peak"], rows, "" if len(shown) == len(rms) else "All others are zero.")
     note(
         f"{len(trajectory.time)} samples over {trajectory.time[-1]:.4g} s; loops closed to {trajectory.residual:.2g} m "
@@ -104,7 +109,6 @@ def simulate(
     )
     drives = f"torques and forces of the drives{' and reactions' if found else ''}"
     emit_findings(("left_out", f"{drives} leave out {what}, which the file has") for what in left_out)
-    sys.exit(EXIT_WITH_FINDINGS if beyond or left_out else 0)
 
 
 _NOTHING = 1e-9
@@ -153,7 +157,7 @@ Examples:
   balance assemble four-bar
   balance assemble five-bar --json"""
 )
-def assemble(mechanism: str = options.MECHANISM, as_json: bool = JSON) -> None:
+def assemble(mechanism: str = options.MECHANISM) -> Answer:
     """Close the loops of MECH, and list the ways in which it can be put together.
 
     Branch A is found from the file's keyframe, or else from its zero configuration; the others have the same driven
@@ -165,23 +169,25 @@ def assemble(mechanism: str = options.MECHANISM, as_json: bool = JSON) -> None:
     closure = Closure(options.load_mechanism_option(mechanism, ()), search=True)
     model, found = closure.mechanism, closure.configurations()
     tolerance = CLOSED_LIMIT * closure.length
-    if as_json:
-        emit_json(
-            {
-                "mechanism": model.name,
-                "dof": closure.dof,
-                "loops": len(model.loops),
-                "start": model.branch,
-                "tolerance_m": tolerance,
-                "configurations": [
-                    {"branch": one.branch, "residual_m": one.residual, "distance": one.distance}
-                    | {"beyond_limits": sorted(model.beyond_limits(one.q[None]))}
-                    | {"q": dict(zip(model.coordinates, one.q.tolist(), strict=True))}
-                    for one in found
-                ],
-            }
-        )
-        return
+    document = {
+        "mechanism": model.name,
+        "dof": closure.dof,
+        "loops": len(model.loops),
+        "start": model.branch,
+        "tolerance_m": tolerance,
+        "configurations": [
+            {"branch": one.branch, "residual_m": one.residual, "distance": one.distance}
+            | {"beyond_limits": sorted(model.beyond_limits(one.q[None]))}
+            | {"q": dict(zip(model.coordinates, one.q.tolist(), strict=True))}
+            for one in found
+        ],
+    }
+    return Answer(document, lambda: _print_configurations(closure, found, tolerance))
+
+
+def _print_configurations(closure: "Closure", found: "list[Configuration]", tolerance: float) -> None:
+    """The closed configurations side by side, and the keyframe that chooses each."""
+    model = closure.mechanism
     click.echo(
         f"{model.name} can be put together in {len(found)} way{'s' * (len(found) != 1)}: degrees of freedom "
         f"{closure.dof}, loops {len(model.loops)}, A is found from {model.branch!r}."
@@ -225,8 +231,7 @@ def conditions(
         click.Choice(["linear", "planar", "all"]),
     ),
     moment: bool = option("Force and moment together (all momenta), and whether positive masses can meet both."),
-    as_json: bool = JSON,
-) -> None:
+) -> Answer:
     """Find the conditions that balance MECH, and their present values.
 
     MECH is the name of a shipped mechanism or a MJCF, URDF or SDF file. Balanced is where every left-hand side is
@@ -242,35 +247,34 @@ def conditions(
     found = found_conditions(model, momentum)
     model = found.mechanism
     possible = feasibility(found) if moment else None
-    if as_json:
-        emit_json(
-            {
-                "mechanism": model.name,
-                "branch": model.branch,
-                "momentum": momentum,
-                "dof": found.dof,
-                "moving_mass_kg": model.total_mass,
-                "loops": len(model.loops),
-                "residual_m": found.closure_residual,
-                "rank": found.rank,
-                "rank_by": found.rank_by,
-                "singular_value_gap": list(found.singular_values),
-                "conditions": found.document(),
-                "balanced": found.is_balanced(BALANCED_KGM),
-                "balanced_tolerance_kgm": BALANCED_KGM,
-            }
-            | ({"positive_masses": asdict(possible)} if possible else {})
-        )
-        sys.exit(EXIT_WITH_FINDINGS if possible and possible.status != "possible" else 0)
+    document = {
+        "mechanism": model.name,
+        "branch": model.branch,
+        "momentum": momentum,
+        "dof": found.dof,
+        "moving_mass_kg": model.total_mass,
+        "loops": len(model.loops),
+        "residual_m": found.closure_residual,
+        "rank": found.rank,
+        "rank_by": found.rank_by,
+        "singular_value_gap": list(found.singular_values),
+        "conditions": found.document(),
+        "balanced": found.is_balanced(BALANCED_KGM),
+        "balanced_tolerance_kgm": BALANCED_KGM,
+    } | ({"positive_masses": asdict(possible)} if possible else {})
+    cannot_be = possible is not None and possible.status != "possible"
+    return Answer(document, lambda: _print_conditions(found, momentum, possible), cannot_be)
+
+
+def _print_conditions(found: "Conditions", momentum: str, possible: "Feasibility | None") -> None:
+    """Whether it is balanced, the conditions with their values, whether positive masses can meet them."""
+    model = found.mechanism
     largest = ", ".join(f"{found.residual(unit):.4g} {unit}" for unit in sorted({"kg m", *found.units}))
     click.echo(
         f"{'Balanced' if found.is_balanced(BALANCED_KGM) else 'Not balanced'}: largest residual {largest}, of "
         f"{found.rank} condition{'s' * (found.rank != 1)} on {momentum} momentum."
     )
-    rows = [
-        [found.text(i), f"{value:+.6g}", unit]
-        for i, (value, unit) in enumerate(zip(found.values(), found.units, strict=True))
-    ]
+    rows = _condition_rows(found, model)
     named = f"With {', '.join(f'{name} = {length:.6g} m' for name, length in model.lengths.items())}"
     emit_table(f"Conditions of {model.name}", ["condition", "now", "unit"], rows, named if model.lengths else "")
     kept, dropped = found.singular_values
@@ -282,7 +286,12 @@ def conditions(
     )
     if possible:
         _print_feasibility(possible)
-        sys.exit(EXIT_WITH_FINDINGS if possible.status != "possible" else 0)
+
+
+def _condition_rows(found: "Conditions", model: "Mechanism") -> list[list[str]]:
+    """The conditions with their values for a mechanism."""
+    values = zip(found.values(model), found.units, strict=True)
+    return [[found.text(i), f"{value:+.6g}", unit] for i, (value, unit) in enumerate(values)]
 
 
 def _print_feasibility(possible: "Feasibility") -> None:
@@ -307,8 +316,7 @@ def check(
     mechanism: str = options.MECHANISM,
     payload: options.Masses = options.PAYLOADS,
     counter: options.Masses = options.COUNTERS,
-    as_json: bool = JSON,
-) -> None:
+) -> Answer:
     """Residual imbalance of MECH with given counter-masses, and the payload that they would balance.
 
     The first line states how much of the momentum remains: its RMS over the workspace, as balance size measures it.
@@ -329,43 +337,39 @@ def check(
     payloads = {body: balanced_payload(found, result.after, body) for body in bodies}
     force = [shaking_force_per_acceleration(state, bodies[0]) if bodies else None for state in (model, result.after)]
     before, after = (None if value is None else value * G0 for value in force)
-    if as_json:
-        emit_json(
-            {
-                "mechanism": model.name,
-                "balanced": balanced,
-                "remaining_percent": remaining,
-                "residual_first_moment_kgm": result.residual(),
-                "residual_percent": result.residual_percent(),
-                "conditions": found.document(result.after),
-                "balanced_payload_kg": payloads,
-                "shaking_force_N_per_g": after,
-                "shaking_force_without_counter_masses_N_per_g": before,
-                "g0_m_per_s2": G0,
-            }
+    document = {
+        "mechanism": model.name,
+        "balanced": balanced,
+        "remaining_percent": remaining,
+        "residual_first_moment_kgm": result.residual(),
+        "residual_percent": result.residual_percent(),
+        "conditions": found.document(result.after),
+        "balanced_payload_kg": payloads,
+        "shaking_force_N_per_g": after,
+        "shaking_force_without_counter_masses_N_per_g": before,
+        "g0_m_per_s2": G0,
+    }
+
+    def show() -> None:
+        click.echo(
+            "Balanced completely over the workspace."
+            if balanced
+            else f"Not balanced completely: {per_cent_text(remaining)} of the RMS momentum remains over the workspace."
         )
-        sys.exit(0 if balanced else EXIT_WITH_FINDINGS)
-    click.echo(
-        "Balanced completely over the workspace."
-        if balanced
-        else f"Not balanced completely: {per_cent_text(remaining)} of the RMS momentum remains over the workspace."
-    )
-    _print_check(result, payloads)
-    if before is not None and after is not None:
-        say(
-            f"Shaking force: {after:.4g} N per g0 of {bodies[0]} acceleration, "
-            f"{before:.4g} N without counter-masses (g0 = {G0} m/s2)."
-        )
-    sys.exit(0 if balanced else EXIT_WITH_FINDINGS)
+        _print_check(result, payloads)
+        if before is not None and after is not None:
+            say(
+                f"Shaking force: {after:.4g} N per g0 of {bodies[0]} acceleration, "
+                f"{before:.4g} N without counter-masses (g0 = {G0} m/s2)."
+            )
+
+    return Answer(document, show, not balanced)
 
 
 def _print_check(result: "Sizing", balanced: dict[str, float | None]) -> None:
     """The conditions with the counter-masses, their residual, and the payload that they would balance."""
     model, found = result.before, result.conditions
-    rows = [
-        [found.text(i), f"{value:+.6g}", unit]
-        for i, (value, unit) in enumerate(zip(found.values(result.after), found.units, strict=True))
-    ]
+    rows = _condition_rows(found, result.after)
     masses = ", ".join(f"{c.site} {mass(c.mass)} kg" for c in result.counter_masses)
     emit_table(f"Conditions of {model.name} with {masses}", ["condition", "now", "unit"], rows)
     for body, value in balanced.items():

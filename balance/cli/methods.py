@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from . import options
-from .framework import EXIT_WITH_FINDINGS, JSON, Detail, emit_json, emit_table, note, say
+from .framework import Answer, Detail, emit_table, note, say
 from .options import Quantity, command, option
 
 if TYPE_CHECKING:
@@ -43,8 +43,7 @@ def methods(
         "Of the active disc, from end to end.", Quantity("angle", positive=True), default="360deg", metavar="ANGLE"
     ),
     figure: str | None = options.FIGURE,
-    as_json: bool = JSON,
-) -> None:
+) -> Answer:
     """Compare the named methods of balancing MECH: residual, cost and needs of each.
 
     Springs; counter-masses; with counter-inertias on the base; mirror images of the mechanism; active masses. Published
@@ -60,7 +59,7 @@ def methods(
     found = compared(model, name, MethodSettings(site, wheel_ratio, wheel_radius, stroke, turn))
     options.draw(figure, found.plot)
     result = found.document()
-    emit_json(result) if as_json else _print_methods(result)
+    return Answer(result, lambda: _print_methods(result))
 
 
 def _own_motion(mechanism: str) -> str:
@@ -171,8 +170,7 @@ def static(
         "Spring ends from ground pivots [default: the mechanism's length].", _LENGTH, metavar="LENGTH"
     ),
     figure: str | None = options.FIGURE,
-    as_json: bool = JSON,
-) -> None:
+) -> Answer:
     """Balance MECH statically: weight does no work, whatever it does, by counter-masses or by springs.
 
     Springs have no free length (force in proportion to length, as over a pulley). The softest set that makes the
@@ -188,9 +186,8 @@ def static(
         counter = exact_sizing(found, model, site, objective=potential_objective(model))
     result = static_document(found, counter, _springs(model, springs, reach, height))
     options.draw(figure, "balance.figures.balancing:draw_energy", result)
-    emit_json(result) if as_json else _print_static(result)
-    if any(_share(result, method) > _CONSTANT for method in ("counter_masses", "springs")):
-        raise click.exceptions.Exit(EXIT_WITH_FINDINGS)
+    swings = any(_share(result, method) > _CONSTANT for method in ("counter_masses", "springs"))
+    return Answer(result, lambda: _print_static(result), swings)
 
 
 def _share(result: dict[str, Any], method: str) -> float:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, get_args, get_origin
 import click
 
 from ..errors import UnitError
-from .framework import emit_table, plain_text
+from .framework import Answer, answering, emit_table, plain_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -85,7 +85,10 @@ def command(
     """
 
     def declared(function: Callable[..., Any]) -> click.Command:
-        for one in reversed(list(signature(function).parameters.values())):
+        stated = signature(function)
+        if stated.return_annotation is Answer:
+            function = answering(function)
+        for one in reversed(list(stated.parameters.values())):
             if one.default is not one.empty:
                 is_ours = isinstance(one.default, _Declared)
                 function = (one.default.of(one.name, one.annotation) if is_ours else one.default)(function)

@@ -6,7 +6,7 @@ from typing import Any
 import click
 
 from . import options
-from .framework import EXIT_WITH_FINDINGS, JSON, emit_json
+from .framework import Answer
 from .options import command, option
 
 
@@ -42,8 +42,7 @@ def report(
     stock: str | None = option("Counter-masses of these plates: a CSV file, or kiper2019.", metavar="CSV"),
     motion: str = options.MOTION,
     output: Path = _output(".html"),
-    as_json: bool = JSON,
-) -> int:
+) -> Answer:
     """The counter-masses of MECH on one page to sign and mail: verdict, sizing, conditions, a motion with and without.
 
     The page reads without network and without script, and shows the mechanism moving to scale. Counter-masses are those
@@ -58,12 +57,8 @@ def report(
     assert found.trajectory is not None
     page = design_page(found.best, found.verdict, found.trajectory, motion)
     path = page.write(output)
-    if as_json:
-        emit_json({**page.document, "written": str(path)})
-    else:
-        click.echo(f"{model.name}: {page.document['verdict']}")
-        click.echo(f"Wrote {path}.")
-    return EXIT_WITH_FINDINGS if found.has_finding else 0
+    text = f"{model.name}: {page.document['verdict']}\nWrote {path}."
+    return Answer({**page.document, "written": str(path)}, lambda: click.echo(text), found.has_finding)
 
 
 @command(

@@ -6,7 +6,7 @@ import click
 
 from ..results import document as document_of
 from . import options
-from .framework import JSON, emit_further, emit_json, emit_result, emit_table, note, say
+from .framework import Answer, emit_further, emit_table, note, say
 from .options import SPEED, NamedQuantity, Quantity, argument, command, option
 from .rotor_splitting import split
 
@@ -53,8 +53,7 @@ def correct(
     bearings: tuple[float, ...] = option("A bearing (give two).", Quantity("length"), "--bearing", metavar="Z"),
     speed: float | None = SPEED,
     figure: str | None = options.FIGURE,
-    as_json: bool = JSON,
-) -> None:
+) -> Answer:
     """Corrections that balance ROTOR, a file (TOML), a table of masses (CSV) or a shipped one.
 
     One plane balances the force and leaves the couple; in two the solution is unique; of more the least sum of squares
@@ -68,7 +67,7 @@ def correct(
     options.draw(figure, correction.plot)
     document = correction_document(model, correction)
     couple_remains = len(correction.planes) == 1 and not correction.is_balanced(1e-9)
-    emit_result(document, as_json, lambda: _print_correction(document, couple_remains))
+    return Answer(document, lambda: _print_correction(document, couple_remains), findings=document["findings"])
 
 
 def _model(
@@ -147,8 +146,7 @@ def tolerance(
         "First critical speed.", Quantity("angular velocity", positive=True), metavar="SPEED"
     ),
     residual: float | None = option("Residual unbalance, such as 300gmm.", Quantity("first moment"), metavar="U"),
-    as_json: bool = JSON,
-) -> None:
+) -> Answer:
     """Permissible residual unbalance after ISO 21940-11, for rigid rotors only."""
     from ..rotors.iso21940 import GRADES, SCOPE, permissible
     from ..rotors.rotor_files import load_rotor
@@ -174,10 +172,7 @@ def tolerance(
         "grade_reached_mm_per_s": None if residual is None else 1e3 * allowed.reached(residual),
         "within_tolerance": None if residual is None else residual <= allowed.unbalance,
     }
-    if as_json:
-        emit_json(document)
-        return
-    _print_tolerance(document)
+    return Answer(document, lambda: _print_tolerance(document))
 
 
 def _grade(text: str) -> float:
@@ -226,8 +221,7 @@ def trial(
     radius: float = option("Radius of the trial mass.", Quantity("length", positive=True), required=True, metavar="R"),
     planes: int = option("Planes that share the weight.", click.IntRange(1), default=1),
     share: float = option("Centrifugal force, per cent of the weight.", default=10.0),
-    as_json: bool = JSON,
-) -> None:
+) -> Answer:
     """A trial mass whose centrifugal force is a share of the weight on its plane: m_t r omega^2 = p m g0 / planes."""
     from ..rotors.iso21940 import trial_mass
     from ..units import G0
@@ -237,20 +231,18 @@ def trial(
     if not 0.0 < share <= 100.0:
         raise click.UsageError(f"--share {share:g}: expected per cent of the weight, more than 0 and at most 100")
     found = trial_mass(mass, speed, radius, planes, share / 100.0)
-    if as_json:
-        document = {
-            "trial_mass_g": 1e3 * found,
-            "trial_unbalance_gmm": 1e6 * found * radius,
-            "force_N": found * radius * speed**2,
-            "share_of_weight_percent": share,
-            "g0_m_per_s2": G0,
-        }
-        emit_json(document)
-        return
-    click.echo(
+    document = {
+        "trial_mass_g": 1e3 * found,
+        "trial_unbalance_gmm": 1e6 * found * radius,
+        "force_N": found * radius * speed**2,
+        "share_of_weight_percent": share,
+        "g0_m_per_s2": G0,
+    }
+    text = (
         f"Trial mass {1e3 * found:.4g} g at {1e3 * radius:g} mm ({1e6 * found * radius:.4g} g mm): {share:g} % of the "
         f"weight on its plane at {speed:.5g} rad/s (g0 = {G0} m/s2)."
     )
+    return Answer(document, lambda: click.echo(text))
 
 
 @command(
@@ -291,8 +283,7 @@ def influence(
         default="least-squares",
     ),
     figure: str | None = options.FIGURE,
-    as_json: bool = JSON,
-) -> None:
+) -> Answer:
     """Correction weights from trial runs in RUNS, a file (TOML) or a shipped one.
 
     A trial weight that changed no reading enough is refused by name. Whether each trial weight stayed on must be
@@ -308,7 +299,7 @@ def influence(
         (reading, _, r), (weight, _, w) = READING[trial_runs.reading], WEIGHT[trial_runs.weight]
         drawn = (trial_runs, solution, (reading, r), (weight, w), trial_runs.uncertainty(solution))
         options.draw(figure, "balance.figures.rotating:draw_readings", *drawn)
-    emit_result(document, as_json, lambda: _print_trial_runs(trial_runs, document))
+    return Answer(document, lambda: _print_trial_runs(trial_runs, document), findings=document["findings"])
 
 
 def _print_trial_runs(runs: "TrialRuns", document: dict[str, Any]) -> None:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .framework import JSON, emit_result, emit_table
+from .framework import Answer, emit_table
 from .options import Quantity, argument, command, option
 
 if TYPE_CHECKING:
@@ -45,8 +45,7 @@ def split(
     most_holes: int | None = option("Most holes used.", click.IntRange(1), metavar="N"),
     within: str | None = option("Residual that is small enough; the lightest such set is taken.", metavar="PERCENT"),
     remove: bool = option("Correct by removing material: opposite the added mass."),
-    as_json: bool = JSON,
-) -> None:
+) -> Answer:
     """Split CORRECTION, such as "30 g @ 100 deg" or "12 g mm @ 30 deg", over holes.
 
     Without stock weights: of any size, least in all. With them: the set with the least residual, proven; of such sets
@@ -80,7 +79,7 @@ def split(
         weighted = split_freely(masses, free, float("inf") if limit is None else limit)
     document = split_document(weighted, radius) | {"findings": findings}
     purpose = "to remove" if remove else "to mount"
-    emit_result(document, as_json, lambda: _print(document, weighted, bool(plates), purpose))
+    return Answer(document, lambda: _print(document, weighted, bool(plates), purpose), findings=findings)
 
 
 def _from_stock(

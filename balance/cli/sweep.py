@@ -11,13 +11,14 @@ import click
 
 from ..results import document, table
 from . import options
-from .framework import EXIT_WITH_FINDINGS, JSON, Detail, emit_findings, emit_json, emit_table
+from .framework import Answer, Detail, emit_findings, emit_table
 from .options import Quantity, command, option
 
 if TYPE_CHECKING:
     from ..arrays import Floats
     from ..balancing.sweep import Variable
     from ..balancing.tolerance import Tolerance
+    from ..balancing.tradeoff import Front
 
 T = TypeVar("T")
 _MOST_DESIGNS = 10_000_000
@@ -130,8 +131,7 @@ def sweep(
     ),
     scheduler: str | None = options.SCHEDULER,
     figure: str | None = options.FIGURE,
-    as_json: bool = JSON,
-) -> None:
+) -> Answer:
     """Shaking force, moment and torque of all combinations of masses and places, on one motion."""
     from rich.console import Console
     from rich.progress import Progress
@@ -167,15 +167,16 @@ def sweep(
     best = _best(designs.columns, ranked_by, top)
     rows = [{name: float(values[i]) for name, values in best.items()} for i in range(len(best[ranked_by]))]
     options.draw(figure, designs.plot)
-    if as_json:
-        emit_json({"mechanism": model.name, "designs": grid.size, "ranked_by": ranked_by, "best": rows})
-        return
-    shown = list(dict.fromkeys([*(v.column for v in variables), ranked_by, *_SHOWN]))
-    shown = [name for name in shown if name in best]
-    cells = [[f"{row[name]:.6g}" for name in shown] for row in rows]
     seconds = perf_counter() - started
-    click.echo(f"Least {ranked_by} of {grid.size} designs: {rows[0][ranked_by]:.4g} ({seconds:.3g} s)")
-    emit_table(f"{model.name}, motion {motion}", shown, cells)
+
+    def show() -> None:
+        shown = list(dict.fromkeys([*(v.column for v in variables), ranked_by, *_SHOWN]))
+        shown = [name for name in shown if name in best]
+        cells = [[f"{row[name]:.6g}" for name in shown] for row in rows]
+        click.echo(f"Least {ranked_by} of {grid.size} designs: {rows[0][ranked_by]:.4g} ({seconds:.3g} s)")
+        emit_table(f"{model.name}, motion {motion}", shown, cells)
+
+    return Answer({"mechanism": model.name, "designs": grid.size, "ranked_by": ranked_by, "best": rows}, show)
 
 
 _SHOWN = ("rms_F_N", "peak_F_N", "rms_M_Nm", "peak_M_Nm", "added_mass_kg")
@@ -216,8 +217,7 @@ def tolerance(
     draws: int = option("Mechanisms that are drawn.", click.IntRange(1000, 1_000_000), default=20_000),
     seed: int = option("Of the draws.", default=1),
     scheduler: str | None = options.SCHEDULER,
-    as_json: bool = JSON,
-) -> int:
+) -> Answer:
     """What errors of masses, radii and lengths cost: the shaking force that mechanisms made within tolerances keep."""
     from ..balancing.tolerance import ToleranceEffect
     from ..front_door import tolerance as toleranced
@@ -226,9 +226,8 @@ def tolerance(
     model = options.load_mechanism_option(mechanism, payload)
     with task_pool(scheduler) as pool:
         found = toleranced(model, motion, tolerances, options.distinct(counter, "--counter"), draws, seed, pool)
-    if as_json:
-        emit_json({"mechanism": model.name, "draws": draws, "seed": seed, **document(found)})
-    else:
+
+    def show() -> None:
         click.echo(
             f"95 % of {model.name} made within these tolerances keep at most {found.percentiles['95']:.4g} N RMS of "
             f"shaking force; without errors {found.nominal:.4g} N."
@@ -238,7 +237,9 @@ def tolerance(
             "Tolerances, largest share first", *table(ToleranceEffect, found.effects), f"RMS force at most: {levels}"
         )
         emit_findings(("not_linear", f"{e.tolerance.text}: {_NOT_LINEAR.format(e.curvature)}") for e in found.doubtful)
-    return EXIT_WITH_FINDINGS if found.doubtful else 0
+
+    shown = {"mechanism": model.name, "draws": draws, "seed": seed, **document(found)}
+    return Answer(shown, show, bool(found.doubtful))
 
 
 _NOT_LINEAR = "its effect is not linear (curvature {:.2g}): narrow the tolerance, or vary it with balance sweep"
@@ -267,18 +268,20 @@ def tradeoff(
     limit: options.Masses = options.LIMITS,
     points: int = option("Weights that are tried, at most.", click.IntRange(4, 3000), default=300),
     figure: str | None = options.FIGURE,
-    as_json: bool = JSON,
-) -> None:
+) -> Answer:
     """What less shaking force costs in shaking moment, drive torque and mass: the front of MECH on one motion."""
-    from ..balancing.tradeoff import FrontPoint
     from ..front_door import tradeoff as found_front
 
     model = options.load_mechanism_option(mechanism, payload)
     found = found_front(model, motion, site, options.distinct(limit, "--limit"), points)
     options.draw(figure, found.plot)
-    if as_json:
-        emit_json(document(found))
-        return
+    return Answer(document(found), lambda: _print_front(found))
+
+
+def _print_front(found: "Front") -> None:
+    """From the least force to the least mass, and points between; all with --all."""
+    from ..balancing.tradeoff import FrontPoint
+
     front = found.points
     lightest = min(front, key=lambda one: one.added_mass)
     click.echo(
@@ -288,5 +291,5 @@ def tradeoff(
     count = len(front) if Detail.everything else min(len(front), _POINTS)
     shown = [front[k * (len(front) - 1) // max(count - 1, 1)] for k in range(count)]
     remark = f"{count} of {len(front)} points; all are in --all and --json." if count < len(front) else ""
-    title = f"{model.name}, motion {motion}: masses at {', '.join(front[0].masses)}"
+    title = f"{found.mechanism}, motion {found.motion}: masses at {', '.join(front[0].masses)}"
     emit_table(title, *table(FrontPoint, shown), remark)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import EXIT_WITH_FINDINGS, JSON, emit_json, emit_table
+from balance.cli.framework import EXIT_WITH_FINDINGS, JSON, Answer, emit_json, emit_table
 from balance.cli.options import FIGURE, SCHEDULER, argument, command, draw, option
 from balance.results import document, plain, table
 
@@ -143,8 +143,7 @@ def compare(
     band: "Band | None" = BAND,
     accept: tuple[str, ...] = options.ACCEPT,
     figure: str | None = FIGURE,
-    as_json: bool = JSON,
-) -> int:
+) -> Answer:
     """Reductions by several sources: analysed from the logs, simulated anew, and published where a table is given.
 
     The simulation starts from the rig, the mechanism, the motion and the conditions that are stored with the runs,
@@ -157,12 +156,12 @@ def compare(
     runs = open_campaign(campaign).runs
     comparison = compared(runs, table, metric, band, accept, mechanism)
     draw(figure, comparison.plot)
-    if as_json:
-        emit_json(document(comparison) | options.provenance(runs))
-    else:
+
+    def show() -> None:
         _print_comparison(campaign, comparison)
         options.print_provenance(runs)
-    return EXIT_WITH_FINDINGS if comparison.findings else 0
+
+    return Answer(document(comparison) | options.provenance(runs), show, bool(comparison.findings))
 
 
 def _print_comparison(campaign: Path, comparison: "Comparison") -> None:
@@ -202,8 +201,7 @@ def doctor(
     accept: tuple[str, ...] = options.ACCEPT,
     by: str | None = options.BY,
     reason: str | None = options.REASON,
-    as_json: bool = JSON,
-) -> int:
+) -> Answer:
     """Cross-examine a campaign, run by run, worst first: does what its sensors show fit the run table and each other?
 
     Encoders, commands, torques, forces, accelerometers and the model witness payload, counter-masses, peak
@@ -227,12 +225,8 @@ def doctor(
         for code in accept:
             about = {s.run for s in examination.contradictions if s.code == code and s.run in shown}
             enter(campaign, code, [run for run in stored if run.name in about], **person)
-    if as_json:
-        emit_json(examination.document(shown))
-    else:
-        _print_examination(campaign, examination, shown)
     doubtful = not shown or any(examination.about(run) or run in examination.unexamined for run in shown)
-    return EXIT_WITH_FINDINGS if doubtful else 0
+    return Answer(examination.document(shown), lambda: _print_examination(campaign, examination, shown), doubtful)
 
 
 def _print_examination(campaign: Path, examination: "Examination", shown: list[str]) -> None:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, JSON, emit_json, emit_table, plain_text
+from balance.cli.framework import EXIT_REFUSED, JSON, Answer, emit_json, emit_table, plain_text
 from balance.cli.options import argument, command, option
 from balance.results import table
 
@@ -144,15 +144,11 @@ Example:
 \b
 A package adds a format by an entry point of the group counterpoise.readers."""
 )
-def formats(as_json: bool = JSON) -> None:
+def formats() -> Answer:
     """Which formats can be read, and what each needs installed."""
     from ..readers import readers
 
     known = readers()
-    if as_json:
-        emit_json({
-            "formats": [{"name": r.name, "extensions": list(r.extensions), "needs": r.needs or None} for r in known]
-        })  # fmt: skip
-        return
     rows = [[r.name, " ".join(r.extensions), r.needs or "nothing more"] for r in known]
-    emit_table("Formats", ["format", "extensions", "needs"], rows)
+    document = [{"name": r.name, "extensions": list(r.extensions), "needs": r.needs or None} for r in known]
+    return Answer({"formats": document}, lambda: emit_table("Formats", ["format", "extensions", "needs"], rows))

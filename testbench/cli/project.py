@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import EXIT_WITH_FINDINGS, JSON, emit_json, emit_table, plain_text
+from balance.cli.framework import EXIT_WITH_FINDINGS, JSON, Answer, emit_json, emit_table, plain_text
 from balance.cli.options import argument, command, option
 from balance.results import document, table
 
@@ -104,8 +104,7 @@ def next_run(
     metric: "Metric" = METRIC,
     band: "Band | None" = BAND,
     accept: tuple[str, ...] = options.ACCEPT,
-    as_json: bool = JSON,
-) -> None:
+) -> Answer:
     """Which run narrows what is asked of CAMPAIGN most, and by how much: every candidate, the best first.
 
     Half widths are of 95 % intervals: now, and predicted with the candidate. Of a reduction a candidate is a repeat of
@@ -126,13 +125,14 @@ def next_run(
         found = next_for_reduction(runs, Measure(metric, band), payload, motion, peaks, axis, accept)
     else:
         found = next_for_first_moment(runs, question, site, payload, motion, peaks)
-    if as_json:
-        emit_json(document(found))
-        return
-    click.echo(plain_text(found.verdict))
-    emit_table(f"Next run, {campaign.name}, half widths in {found.unit}", *table(Proposal, found.proposals))
-    for note in found.notes:
-        click.echo(click.wrap_text(note, 110))
+
+    def show() -> None:
+        click.echo(plain_text(found.verdict))
+        emit_table(f"Next run, {campaign.name}, half widths in {found.unit}", *table(Proposal, found.proposals))
+        for note in found.notes:
+            click.echo(click.wrap_text(note, 110))
+
+    return Answer(document(found), show)
 
 
 def _peak(text: str) -> "Measured[float]":

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, JSON, emit_json, emit_table
+from balance.cli.framework import EXIT_REFUSED, JSON, Answer, emit_json, emit_table
 from balance.cli.options import argument, command, option
 from balance.results import document, table
 
@@ -20,13 +20,10 @@ def recordings() -> None:
 
 
 @command("list", group=recordings)
-def list_recordings(as_json: bool = JSON) -> None:
+def list_recordings() -> Answer:
     """List them: file, content, size, licence and source."""
     known = list(public.recordings_by_file().values())
-    if as_json:
-        emit_json({"recordings": known})
-        return
-    emit_table("Public recordings", *table(public.PublicRecording, known))
+    return Answer({"recordings": known}, lambda: emit_table("Public recordings", *table(public.PublicRecording, known)))
 
 
 @command(
