@@ -90,10 +90,13 @@ def spans_for(samples: Sequence[int], budget_bytes: float = BUDGET_BYTES) -> int
 
 
 def plotted(kind: str, name: str, unit: str, time: Floats, values: Floats, spans: int) -> PlottedChannel:
-    """A channel at instants (n,) [s] that do not fall, values (n,) [unit], NaN where there is none.
+    """A channel at instants (n,) [s] that do not fall, values (n,) [unit], either NaN where there is none.
 
-    Kept whole where it has at most two samples a span and they are evenly spaced, else reduced to ``spans`` spans.
+    A sample without an instant is not drawn. Kept whole where it has at most two samples a span and they are evenly
+    spaced, else reduced to ``spans`` spans.
     """
+    known = np.isfinite(time)
+    time, values = time[known], values[known]
     count = len(values)
     step = float(time[-1] - time[0]) / (count - 1) if count > 1 else 1.0
     even = count < 3 or bool(np.abs(np.diff(time) - step).max() <= 0.5 * step)

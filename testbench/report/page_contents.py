@@ -88,7 +88,7 @@ def _channels(run: SIRun, spans: int) -> "Iterator[PlottedChannel]":
             time, values = run.instants(column), run.readings(column)
         except CounterpoiseError:
             continue
-        if len(values):
+        if np.isfinite(time).any():
             yield plotted(kind, f"{column.sensor} {column.component}", unit, time, values, spans)
 
 

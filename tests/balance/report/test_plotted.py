@@ -38,6 +38,14 @@ def test_every_peak_is_kept(count):
     assert abs(at[int(np.nanargmax(found))] - time[count // 3]) <= 2.0 * one.step
 
 
+def test_a_sample_without_an_instant_is_not_drawn():
+    """The others stand where they stood."""
+    time, values = np.arange(5000) / 1e3, np.sin(np.arange(5000) / 300.0)
+    torn = np.where(np.isin(np.arange(5000), (1, 2499, 4998)), np.nan, time)
+    at, found = shown(plotted("kind", "name", "m", torn, values, 300))
+    np.testing.assert_allclose(found, np.interp(at, time, values), atol=0.04)
+
+
 def test_gaps_stay_gaps():
     """Where the log has no sample for longer than a span, and where its values are NaN, nothing is drawn."""
     time = np.r_[np.arange(5000), np.arange(7000, 12000)] / 1e3
