@@ -261,7 +261,7 @@ def toml_tables(text: str, source: str, error: type[CounterpoiseError] = DataErr
 def json_document(text: str, source: str, error: type[CounterpoiseError] = DataError) -> Any:  # noqa: ANN401
     """What a JSON text says; ``source`` is what messages call it. Raises ``error`` if it is none."""
     try:
-        document = json.loads(text.removeprefix("\ufeff"))
+        document = json.loads(text.removeprefix("\ufeff"), object_pairs_hook=_once_each)
         if _depth(document) > DEEPEST:
             raise RecursionError
     except RecursionError:
@@ -269,6 +269,15 @@ def json_document(text: str, source: str, error: type[CounterpoiseError] = DataE
     except ValueError as wrong:  # also of an integer of more digits than Python reads
         raise error(f"{source}: not a JSON file: {_SHORT.repr(str(wrong))[1:-1]}") from wrong
     return document
+
+
+def _once_each(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    """The table of these keys and values. Raises ValueError for a key that is there twice."""
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        twice = next(key for k, (key, _) in enumerate(pairs) if any(key == before for before, _ in pairs[:k]))
+        raise ValueError(f"{twice!r} is there twice: remove one")
+    return table
 
 
 def xml_root(text: str, source: str, error: type[CounterpoiseError] = DataError) -> ElementTree.Element:

@@ -1,11 +1,11 @@
 """Published tables of reductions (``datasets/published``), with the numbers as printed."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, Strict
 
 from balance import datasets
 from balance.errors import DataError, suggestion
@@ -16,6 +16,7 @@ from .errors import AnalysisError
 
 CONDITIONS = ("payload_kg", "motion", "peak_acceleration_g", "peak_acceleration_rad_s2")
 """Columns of a table's conditions, as in a run table."""
+AXES = ("x_axis", "y_axis", "z_axis")
 Printed = tuple[float | str | None, ...]
 """A printed condition, in the order of CONDITIONS: payload [kg], motion, peak acceleration [g0], or [rad/s2]."""
 LABEL_STEP_KG = 0.01
@@ -105,7 +106,7 @@ class Published:
         Payloads match rounded; what the table leaves empty, or has no column for, must not be stated.
         """
         for printed in self.rows:
-            if all(map(_same, printed, stated, (LABEL_STEP_KG / 2.0, 0.0, 1e-6, 1e-6))):
+            if _is(printed, stated):
                 return printed
         return None
 
@@ -115,6 +116,11 @@ class Published:
         """The printed reduction [%] of a condition and axis; None if there is none."""
         printed = self.condition(payload_kg, motion, peak_g, peak_rad_s2)
         return None if printed is None else self.rows[printed].get(axis)
+
+
+def _is(printed: Printed, stated: Sequence[object]) -> bool:
+    """Whether two conditions are the same, in the order of CONDITIONS."""
+    return all(map(_same, printed, stated, (LABEL_STEP_KG / 2.0, 0.0, 1e-6, 1e-6)))
 
 
 def _same(printed: float | str | None, stated: object, within: float) -> bool:
@@ -131,7 +137,7 @@ class ReductionsTable(Table):
     columns: list[Text]
     """Names of the columns: of a run table's ``payload_kg``, ``motion``, ``peak_acceleration_g``,
     ``peak_acceleration_rad_s2`` those that its conditions state, then ``x_axis`` and so on."""
-    rows: Annotated[list[list[float | str | None]], Field(min_length=1)]
+    rows: Annotated[list[list[Annotated[float, Strict()] | str | None]], Field(min_length=1)]
     """The condition, and the reduction along each axis [%], as printed; null where none is."""
 
     @property
@@ -145,20 +151,27 @@ class ReductionsTable(Table):
         return found
 
     def _check(self) -> None:
-        for name in self.columns:
-            if name not in CONDITIONS and not name.endswith("_axis"):
-                known = [*CONDITIONS, "x_axis", "y_axis", "z_axis"]
+        for k, name in enumerate(self.columns):
+            if name not in (known := [*CONDITIONS, *AXES]):
                 raise DataError(f"columns: {name!r}: expected some of {', '.join(known)}{suggestion(name, known)}")
+            if name in self.columns[:k]:
+                raise DataError(f"columns: {name!r} is there twice: remove one")
         if "motion" not in self.columns or not set(self.columns) - set(CONDITIONS):
             raise DataError("columns: expected motion, and an axis such as x_axis")
         for i, row in enumerate(self.rows):
             if len(row) != len(self.columns):
                 raise DataError(f"rows[{i}]: has {len(row)} values: expected {len(self.columns)}, one for each column")
             for name, cell in zip(self.columns, row, strict=True):
-                number = isinstance(cell, float) and math.isfinite(cell)
-                if not (isinstance(cell, str) if name == "motion" else cell is None or number):
-                    expected = "the name of a motion" if name == "motion" else "a number, or null"
+                least, most = (-math.inf, 100.0) if name in AXES else (0.0, math.inf)
+                number = isinstance(cell, float) and math.isfinite(cell) and least <= cell <= most
+                if not (isinstance(cell, str) and cell if name == "motion" else cell is None or number):
+                    numbers = "a number of at most 100 [%], or null" if name in AXES else "a number from 0 on, or null"
+                    expected = "the name of a motion" if name == "motion" else numbers
                     raise DataError(f"rows[{i}]: {name}: {cell!r}: expected {expected}")
+        stated = [tuple(map(dict(zip(self.columns, row, strict=True)).get, CONDITIONS)) for row in self.rows]
+        for i, one in enumerate(stated):
+            if again := [k for k in range(i) if _is(stated[k], one)]:
+                raise DataError(f"rows[{i}]: the condition of rows[{again[0]}]: expected each once, payloads rounded")
 
 
 class PublishedTable(Table):

@@ -23,7 +23,15 @@ from balance.units import si
 from ..errors import RigError
 from ..recording import Conditions, Origin
 
-NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+
+def _without_underscores(cell: object) -> object:
+    """As it is: Python alone takes ``1_451`` for a number."""
+    if isinstance(cell, str) and "_" in cell:
+        raise ValueError(f"{cell!r}: expected a number")
+    return cell
+
+
+NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False), BeforeValidator(_without_underscores)]
 
 
 def _by_site(text: object) -> object:
@@ -86,7 +94,7 @@ class RunRow(Table):
     """Peak acceleration of the motion of a point, in g0."""
     peak_acceleration_rad_s2: NotNegative | None = None
     """Peak acceleration of the motion of joints that turn [rad/s2]."""
-    repeat: Annotated[int, Field(ge=0)] | None = None
+    repeat: Annotated[int, Field(ge=0), BeforeValidator(_without_underscores)] | None = None
     """Which repeat of the same conditions it is."""
 
     @property
@@ -225,7 +233,7 @@ def _rows(name: str, line: int, columns: Sequence[str], cells: Sequence[str], de
         hint = (
             "" if delimiter != ";" else "; counter_masses with several sites need quotes in a run table with semicolons"
         )
-        raise RigError(f"{place}: more or fewer cells than columns{hint}")
+        raise RigError(f"{place}: {len(cells)} cells: expected {len(columns)}, one for each column{hint}")
     text = {column: cell.strip() for column, cell in zip_longest(columns, cells, fillvalue="")}
     if "\0" in "".join(text.values()):
         raise RigError(f"{place}: holds a NUL character; write the table anew as text")

@@ -71,3 +71,36 @@ def test_a_table_of_ones_own(tmp_path):
         AnalysisError, match=r"columns: 'x_achse': expected some of payload_kg, .*; did you mean 'x_axis'"
     ):
         load_published(str(own))
+
+
+@pytest.mark.parametrize(
+    ("columns", "rows", "message"),
+    [
+        (["motion", "x_axis", "x_axis"], [["x", 80.0, 90.0]], r"columns: 'x_axis' is there twice"),
+        (["motion", "w_axis"], [["x", 80.0]], r"columns: 'w_axis': expected some of"),
+        (["motion", "x_axis"], [["x", 189.5]], r"rows\[0\]: x_axis: 189.5: expected a number of at most 100"),
+        (["motion", "x_axis"], [["x", True]], r"rows\[0\]"),
+        (["motion", "x_axis"], [["", 80.0]], r"rows\[0\]: motion: '': expected the name"),
+        (["payload_kg", "motion", "x_axis"], [[-5.0, "x", 80.0]], r"payload_kg: -5.0: expected a number from 0 on"),
+        (
+            ["payload_kg", "motion", "x_axis"],
+            [[5.0, "x", 80.0], [6.0, "x", 70.0], [5.004, "x", 60.0]],
+            r"rows\[2\]: the condition of rows\[0\]",
+        ),
+    ],
+)
+def test_no_row_of_ones_own_table_is_guessed(columns, rows, message, tmp_path):
+    """What is there twice, no percentage, or no name is refused by row and column."""
+    table = {"definition": "rms", "columns": columns, "rows": rows}
+    (tmp_path / "own.json").write_text(
+        json.dumps({"source": "mine", "acceleration_amplitude_reduction_percent": table}), "utf-8"
+    )
+    with pytest.raises(AnalysisError, match=message):
+        load_published(str(tmp_path / "own.json"))
+
+
+def test_a_key_that_is_there_twice(tmp_path):
+    """Neither of the two is taken."""
+    (tmp_path / "own.json").write_text('{"source": "mine", "source": "yours"}', "utf-8")
+    with pytest.raises(AnalysisError, match="'source' is there twice: remove one"):
+        load_published(str(tmp_path / "own.json"))
