@@ -8,7 +8,7 @@ import click
 
 from ..results import table
 from . import options
-from .framework import EXIT_WITH_FINDINGS, JSON, emit_findings, emit_further, emit_json, emit_table, note, say
+from .framework import Answer, emit_findings, emit_further, emit_table, note, say
 from .options import Quantity, argument, command, option
 
 if TYPE_CHECKING:
@@ -93,8 +93,7 @@ def linkage(
     drawing: str | None = option(
         "Draw the linkage with its gears, to scale.", click.Path(dir_okay=False), metavar="FILE"
     ),
-    as_json: bool = JSON,
-) -> None:
+) -> Answer:
     """Balance a planar linkage completely: counter-masses for the force, gears for the moment.
 
     LINKAGE is a TOML file or a shipped one: dwell, knife, pantograph, sewing-machine, dwell-short,
@@ -119,9 +118,9 @@ def linkage(
     options.draw(drawing, "balance.figures.linkage:draw_linkage", made or result)
     findings = linkage_findings(made or result)
     document = linkage_document(result, check, comparison, stated, findings)
-    if as_json:
-        emit_json(document)
-    else:
+    differs = comparison is not None and any(row.verdict == "differs" for row in comparison.rows)
+
+    def show() -> None:
         say(_verdict(made or result, check))
         _print_balance(document, with_equations)
         if check is not None:
@@ -129,9 +128,8 @@ def linkage(
         if comparison:
             _print_comparison(comparison, check)
         emit_findings(("Not simulated", _unplaced(described)) for _ in [described] if check is None)
-        emit_findings(("Finding", finding) for finding in findings)
-    if check is None or findings or (comparison and any(row.verdict == "differs" for row in comparison.rows)):
-        raise click.exceptions.Exit(EXIT_WITH_FINDINGS)
+
+    return Answer(document, show, check is None or differs, findings)
 
 
 def _verdict(result: "LinkageBalance", check: "Verification | None") -> str:

@@ -185,7 +185,7 @@ figure_option = click.option(
 FIGURE: Any = figure_option
 
 
-def load_mechanism_option(mechanism: str, payload: tuple[tuple[str, float], ...]) -> "Mechanism":
+def load_mechanism_option(mechanism: str, payload: Masses) -> "Mechanism":
     """The mechanism by name or file, with its payload."""
     from ..mechanism.mjcf_parser import load_mechanism
 
@@ -210,7 +210,7 @@ def draw(path: str | None, function: "str | Callable[[], Figure]", *arguments: A
         save(function(), path)
 
 
-def distinct(pairs: tuple[tuple[str, float], ...], option: str) -> dict[str, float]:
+def distinct(pairs: Masses, option: str) -> dict[str, float]:
     """Pairs as a mapping; a name given twice is a wrong command line."""
     names = [name for name, _ in pairs]
     for name in names:
@@ -219,7 +219,7 @@ def distinct(pairs: tuple[tuple[str, float], ...], option: str) -> dict[str, flo
     return dict(pairs)
 
 
-def growing_payloads(pairs: tuple[tuple[str, float], ...]) -> list[tuple[tuple[str, float], ...]]:
+def growing_payloads(pairs: Masses) -> list[Masses]:
     """Payloads in rising order of the one body that is named more than once, each with those of all other bodies."""
     names = [name for name, _ in pairs]
     again = sorted({name for name in names if names.count(name) > 1})
@@ -236,7 +236,7 @@ def growing_payloads(pairs: tuple[tuple[str, float], ...]) -> list[tuple[tuple[s
     return [(*rest, (again[0], mass)) for mass in masses]
 
 
-def payload_bodies(mechanism: "Mechanism", payload: tuple[tuple[str, float], ...]) -> tuple[str, ...]:
+def payload_bodies(mechanism: "Mechanism", payload: Masses) -> tuple[str, ...]:
     """Bodies whose balanced payload is computed: those named, or else the mechanism's own."""
     return tuple(name for name, _ in payload if name in mechanism.own_mass) or mechanism.payload_bodies
 

@@ -1,6 +1,5 @@
 """``balance size``: counter-masses for one payload, or sets that only grow for several payloads of one body."""
 
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -11,15 +10,13 @@ import click
 
 from ..results import per_cent_text, table
 from . import options
-from .framework import EXIT_WITH_FINDINGS, JSON, emit_json, emit_table, first_moment, mass, note, say
+from .framework import Answer, emit_table, first_moment, mass, note, say
 from .options import command, option, print_responses, response_summary
 
 if TYPE_CHECKING:
     from ..balancing import Sizing
     from ..balancing.sizing_study import SizingStudy
     from ..mechanism.mechanism import Mechanism
-
-Payload = tuple[tuple[str, float], ...]
 
 
 @command(
@@ -69,8 +66,7 @@ def size(
     rig: str | None = option("A rig's file, or a shipped one: the base whose vibration is made small.", metavar="RIG"),
     closed_form: bool = option("parallelogram-6bar by its published formula, without Pinocchio."),
     figure: str | None = options.FIGURE,
-    as_json: bool = JSON,
-) -> None:
+) -> Answer:
     """Size the counter-masses that balance MECH, or leave the least shaking force: of any mass, or from stock plates.
 
     The first line states whether it balances; if not, what remains, and which bodies would need a site. Force balance
@@ -81,8 +77,7 @@ def size(
     if closed_form:
         if site or without or stock or limit or equal or motion or objective or rig or figure:
             raise click.UsageError("--closed-form reads no model: give only --payload and --json with it")
-        _closed_form(mechanism, payload, as_json)
-        return
+        return _closed_form(mechanism, payload)
     weights = _weights(objective, motion, rig)
     payloads = options.growing_payloads(payload)
     if len(payloads) > 1:
@@ -90,8 +85,7 @@ def size(
             raise click.UsageError(
                 "--limit, --equal, --without, --best, --rig and --figure are for one payload of a body"
             )
-        size_growing(mechanism, payloads, site, stock, (motion, weights), as_json)
-        return
+        return size_growing(mechanism, payloads, site, stock, (motion, weights))
     from ..front_door import size as sized
 
     model = options.load_mechanism_option(mechanism, payload)
@@ -101,11 +95,8 @@ def size(
         payload_bodies=options.payload_bodies(model, payload),
     )  # fmt: skip
     options.draw(figure, found.plot)
-    if as_json:
-        emit_json(found.document() | {n: response_summary(r) for n, r in found.responses.items()})
-    else:
-        _print(found, best)
-    sys.exit(EXIT_WITH_FINDINGS if found.has_finding else 0)
+    document = found.document() | {n: response_summary(r) for n, r in found.responses.items()}
+    return Answer(document, lambda: _print(found, best), found.has_finding)
 
 
 def _print(found: "SizingStudy", best: int) -> None:
@@ -179,7 +170,7 @@ def _print_sets(sets: "Sequence[Sizing]") -> None:
         emit_table("Next best sets", ["", "masses [kg]", "remain"], rows)
 
 
-def _closed_form(mechanism: str, payload: tuple[tuple[str, float], ...], as_json: bool) -> None:
+def _closed_form(mechanism: str, payload: options.Masses) -> Answer:
     """Size the manipulator by the published formula from the published inputs."""
     from ..balancing import closed_forms
 
@@ -189,40 +180,36 @@ def _closed_form(mechanism: str, payload: tuple[tuple[str, float], ...], as_json
     m1, p1, m2, p2, r, p_cm = (published[key] for key in ("m1_kg", "p1_m", "m2_kg", "p2_m", "r_m", "p_cm_m"))
     first = closed_forms.manipulator_first_moment(m1, p1, m2, p2, r, payload[0][1])
     counter = closed_forms.manipulator_counter_mass(first, p_cm)
-    if as_json:
-        sites = [
-            {"site": site, "mass_kg": counter, "position_m": [p_cm, 0.0, 0.0],
-             "first_moment_kgm": [counter * p_cm, 0.0, 0.0], "plates": []}
-            for site in ("counter_A0A", "counter_B0B")
-        ]  # fmt: skip
-        emit_json(
-            {
-                "mechanism": mechanism,
-                "method": "closed form, printed",
-                "counter_masses": sites,
-                "residual_first_moment_kgm": None,
-                "residual_percent": None,
-                "balanced_payload_kg": dict(payload),
-                "added_mass_kg": 2 * counter,
-                "added_inertia_kgm2": None,
-            }
-        )
-        return
-    click.echo(
+    sites = [
+        {"site": site, "mass_kg": counter, "position_m": [p_cm, 0.0, 0.0],
+         "first_moment_kgm": [counter * p_cm, 0.0, 0.0], "plates": []}
+        for site in ("counter_A0A", "counter_B0B")
+    ]  # fmt: skip
+    document = {
+        "mechanism": mechanism,
+        "method": "closed form, printed",
+        "counter_masses": sites,
+        "residual_first_moment_kgm": None,
+        "residual_percent": None,
+        "balanced_payload_kg": dict(payload),
+        "added_mass_kg": 2 * counter,
+        "added_inertia_kgm2": None,
+    }
+    text = (
         f"{mass(counter)} kg on each arm at {p_cm * 1e3:.2f} mm, by the published closed form "
         "m_cm p_cm = -(m1 p1 + (m2 + m5) r + m2 p2); no model was evaluated."
     )
+    return Answer(document, lambda: click.echo(text))
 
 
 def size_growing(
     mechanism: str,
-    payloads: Sequence[Payload],
+    payloads: Sequence[options.Masses],
     sites: tuple[str, ...],
     stock: str | None,
     objective: tuple[str | None, dict[str, float]],
-    as_json: bool,
-) -> None:
-    """Size and print a set for each of ``payloads``, which rise."""
+) -> Answer:
+    """Size a set for each of ``payloads``, which rise."""
     from ..balancing.objective import MADE_SMALL
     from ..balancing.remaining_force import STEPS
     from ..balancing.sizing import sizing_document
@@ -238,9 +225,8 @@ def size_growing(
     ]
     published = _published(models, payloads) if stock == "kiper2019" and not sites else {}
     complete = all(one["balanced"] for one in sets)
-    if as_json:
-        emit_json({"mechanism": models[0].name, "stock": stock, "sets": sets, **published})
-    else:
+
+    def show() -> None:
         left = ", ".join(per_cent_text(one["remaining_percent"]) for one in sets)
         what = "momentum" if objective[0] is None else " and ".join(MADE_SMALL[name] for name in objective[1])
         click.echo(
@@ -249,10 +235,12 @@ def size_growing(
             else f"Not balanced completely: {left} of the RMS {what} remains with the payloads below."
         )
         _print_nested(models[0].name, sets, stock)
-    if published and not as_json:
-        _print_published(published["published"])
+        if published:
+            _print_published(published["published"])
+
     largest = max(one["remaining_percent"] or 0.0 for one in sets)
-    sys.exit(0 if complete or (stock and largest <= 100.0 * STEPS) else EXIT_WITH_FINDINGS)
+    is_enough = complete or (bool(stock) and largest <= 100.0 * STEPS)
+    return Answer({"mechanism": models[0].name, "stock": stock, "sets": sets, **published}, show, not is_enough)
 
 
 def _is_attainable(sized: "Sizing", sites: tuple[str, ...]) -> bool:
@@ -264,7 +252,7 @@ def _is_attainable(sized: "Sizing", sites: tuple[str, ...]) -> bool:
 
 def _size_nested(
     models: "Sequence[Mechanism]",
-    payloads: Sequence[Payload],
+    payloads: Sequence[options.Masses],
     sites: tuple[str, ...],
     stock: str | None,
     objective: tuple[str | None, dict[str, float]],
@@ -291,7 +279,7 @@ def _size_nested(
     return [(replace(s, payload_bodies=b), add) for s, b, add in zip(sets, bodies, added, strict=True)]
 
 
-def _published(models: "Sequence[Mechanism]", payloads: Sequence[Payload]) -> dict[str, Any]:
+def _published(models: "Sequence[Mechanism]", payloads: Sequence[options.Masses]) -> dict[str, Any]:
     """Sets that the source built, for the source's manipulator with its payloads; else empty."""
     if not models[0].name.startswith("parallelogram-6bar") or any([n for n, _ in p] != ["platform"] for p in payloads):
         return {}
