@@ -472,9 +472,10 @@ class TextLog:
             last = text
 
     def findings(self) -> list[Finding]:
-        """The channels that are not kept."""
+        """The channels that are not kept, once."""
+        given_up, self.given_up = sorted(self.given_up), set()
         message = f"holds texts that change too often to be kept: more than {_MOST_TEXT} letters; it is not kept"
-        return [Finding("text_channel", channel, None, message, group) for group, channel in sorted(self.given_up)]
+        return [Finding("text_channel", channel, None, message, group) for group, channel in given_up]
 
 
 @dataclass(frozen=True)
@@ -506,4 +507,6 @@ class Recording:
 
     def blocks(self, report: Report) -> Iterator[Block]:
         """The data in blocks of bounded size; findings on the way go to ``report``."""
-        return self.read(report)
+        yield from self.read(report)
+        for finding in self.texts.findings():
+            report(finding)

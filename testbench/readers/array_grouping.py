@@ -20,7 +20,6 @@ from ..recording import (
     Finding,
     Group,
     Recording,
-    Report,
     Samples,
     StartTime,
     TextLog,
@@ -199,7 +198,7 @@ class Contents:
         log = TextLog()
         places = {(one.members[0].root, one.members[0].length): one.group.name for one in reversed(gathered)}
 
-        def blocks(report: Report) -> Iterator[Block]:
+        def blocks() -> Iterator[Block]:
             with guard():
                 for each in gathered:
                     yield from each.blocks()
@@ -207,15 +206,13 @@ class Contents:
                     group = places.get((text.root, text.length), " ".join(filter(None, [path.stem, text.root])))
                     for begin, end in block_spans(text.length, 64):
                         log.take_all(group, text.name, begin, text.cells(begin, end))
-            for finding in log.findings():
-                report(finding)
 
         return Recording(
             path=path,
             format=kind,
             reader=reader,
             groups=tuple(each.group for each in gathered),
-            read=lambda report: watch_nonfinite(blocks(report), report),
+            read=lambda report: watch_nonfinite(blocks(), report),
             metadata=self.metadata,
             stated_rate_hz=rate,
             findings=(*self.findings, *(text_kept(text.name) for text in self.texts)),

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..errors import RecordingError
 from ..recording import Block, Channel, Finding, Group, Recording, Report, Samples, TimeColumn
+from .byte_source import decoded
 from .format_findings import names_listed
 
 if TYPE_CHECKING:
@@ -51,11 +52,7 @@ class BusDatabase:
             raise RecordingError(f"{path.name}: larger than {LARGEST_BYTES >> 20} MiB: expected a database (DBC)")
         logging.getLogger("cantools").addHandler(logging.NullHandler())  # which else speaks on stderr
         try:
-            text = raw.decode("utf-8")
-        except UnicodeDecodeError:
-            text = raw.decode("cp1252", "replace")
-        try:
-            database: Any = cantools.database.load_string(text, "dbc")
+            database: Any = cantools.database.load_string(decoded(raw), "dbc")
             messages: list[Any] = list(database.messages)
         except Exception as error:  # cantools has no one error for texts that are no DBC
             raise RecordingError(f"{path.name}: not a DBC: {str(error)[:200]}") from error

@@ -57,6 +57,14 @@ class ByteSource:
         return data
 
 
+def decoded(raw: bytes) -> str:
+    """A text in UTF-8 where it is that, else in the letters of Western Europe."""
+    try:
+        return raw.decode("utf-8")
+    except UnicodeDecodeError:
+        return raw.decode("cp1252", "replace")
+
+
 def as_float64(numbers: NDArray[Any]) -> Samples:
     """Numbers (n,) [any unit] as float64 (n,) [the same], bit for bit where it holds them; no warning on any NaN."""
     with np.errstate(invalid="ignore", over="ignore"):

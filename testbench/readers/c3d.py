@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..recording import Block, Channel, Finding, Group, Recording, Refusal, Report, Samples
-from .byte_source import ByteSource, as_float64, block_spans
+from .byte_source import ByteSource, as_float64, block_spans, decoded
 from .format_findings import damaged, watch_nonfinite
 from .header_claims import clock_of_rate
 from .registry import ReadOptions
@@ -119,19 +119,11 @@ def _value(section: bytes, at: int, processor: int) -> Values:
         raise ValueError(f"{count} values at byte {begin} lie beyond its end")
     if kind == -1:
         width = sizes[0] if sizes else 1
-        return tuple(parameter_text(raw[i : i + width]) for i in range(0, count, width)) if width else ()
+        return tuple(decoded(raw[i : i + width]).strip(" \0") for i in range(0, count, width)) if width else ()
     if kind == 4:
         return floats(raw, processor)
     order = ">" if processor == SGI else "<"
     return np.frombuffer(raw, dtype="i1" if abs(kind) == 1 else f"{order}i2").astype(np.float64)
-
-
-def parameter_text(raw: bytes) -> str:
-    """A text without the blanks that fill it up; in UTF-8, or else in the letters of Western Europe."""
-    try:
-        return raw.decode("utf-8").strip(" \0")
-    except UnicodeDecodeError:
-        return raw.decode("cp1252", "replace").strip(" \0")
 
 
 @dataclass(frozen=True)

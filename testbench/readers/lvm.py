@@ -409,8 +409,6 @@ def _blocks(
                 yield from rows.blocks(piece, begin, lines.bytes_read)
     for rows in todo:
         rows.report(report)
-    for finding in texts.findings():
-        report(finding)
 
 
 def _last_row(form: RowParser, rest: bytes, before: bytes, line: int) -> tuple[bytes, Finding | None]:

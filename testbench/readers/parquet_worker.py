@@ -188,5 +188,3 @@ def _blocks(path: Path, group: Group, given: list[Column | None], texts: TextLog
         raise damaged(path, f"pyarrow cannot read its rows from {start} on: {error}") from error
     for name in sorted(rounded):
         report(rounded_integers(name))
-    for finding in texts.findings():
-        report(finding)

@@ -2,19 +2,22 @@
 
 import re
 import struct
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module, metadata
 from importlib.util import find_spec
 from itertools import accumulate
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from ..errors import RecordingError
 from ..recording import Finding, Recording, Refusal
 from .header_claims import with_stated_origin
 from .subprocess_reader import open_in_subprocess
+
+if TYPE_CHECKING:
+    from .import_description import ImportDescription
 
 ENTRY_POINTS = "counterpoise.readers"
 HEAD_BYTES = 4096
@@ -28,39 +31,6 @@ EXTRAS = {
 """Modules that a reader imports and that only an extra of the distribution installs."""
 
 
-class LoggerDescription(Protocol):
-    """What a person states of a logger; see :class:`testbench.readers.import_description.ImportDescription`."""
-
-    @property
-    def names(self) -> Sequence[int] | None:
-        """Lines of the names of a text."""
-
-    @property
-    def units(self) -> int | None:
-        """Line of its units."""
-
-    @property
-    def data(self) -> int | None:
-        """First line of its data."""
-
-    @property
-    def time(self) -> Sequence[str]:
-        """Columns of time."""
-
-    @property
-    def words(self) -> frozenset[str]:
-        """Words for no value."""
-
-    def completed(self, options: "ReadOptions") -> "ReadOptions":
-        """Options with what they do not give."""
-
-    def applied(self, recording: Recording) -> Recording:
-        """The recording as it is described."""
-
-    def with_normal_as_notes(self, findings: Iterable[Finding]) -> list[Finding]:
-        """Findings, the normal ones as notes."""
-
-
 @dataclass(frozen=True)
 class ReadOptions:
     """What a person states about a file, where the reader is not to detect it; None: detect."""
@@ -71,7 +41,7 @@ class ReadOptions:
     header: bool | None = None
     date_order: str | None = None
     """``dmy``, ``mdy``, ``ymd``: order of dates such as 03/04/2024, where no number above 12 settles it."""
-    description: LoggerDescription | None = None
+    description: "ImportDescription | None" = None
     """What is stated of the logger; the options above go before it."""
 
 

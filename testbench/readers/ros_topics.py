@@ -217,8 +217,6 @@ def topic_recording(
             yield from topic.remaining_blocks(report)
         for group, channels in groupby(texts.kept, key=lambda series: series.group):
             report(text_kept(", ".join(series.channel for series in channels), group))
-        for finding in texts.findings():
-            report(finding)
 
     return Recording(
         path=path,

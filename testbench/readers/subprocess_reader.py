@@ -92,7 +92,7 @@ class Process:
         worker = f"{__package__}.subprocess_worker"
         threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
         self._path = path
-        self._process = subprocess.Popen(
+        self._process: Any = subprocess.Popen(
             [sys.executable, "-P", "-m", worker, module, function, str(path.absolute())],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -113,8 +113,8 @@ class Process:
         """Blocks, groups and findings, one after the other, after the header; the process ends with the last one."""
         try:
             with suppress(OSError):  # it died while it waited; its silence says so
-                self._stdin.write(b"\n")
-                self._stdin.flush()
+                self._process.stdin.write(b"\n")
+                self._process.stdin.flush()
             while True:
                 document, columns = self._frame()
                 if "end" in document:
@@ -127,9 +127,9 @@ class Process:
         """End the process, if it still is."""
         self._process.kill()
         self._process.wait()
-        self._stdout.close()
+        self._process.stdout.close()
         with suppress(OSError):
-            self._stdin.close()
+            self._process.stdin.close()
 
     def _frame(self) -> tuple[dict[str, Any], Any]:
         """The next frame; a process that is silent for too long, that refuses, or that died, is an error."""
@@ -137,7 +137,7 @@ class Process:
         silent = threading.Timer(patience, self._process.kill)
         silent.start()
         try:
-            document, data = read_frame(self._stdout)
+            document, data = read_frame(self._process.stdout)
         except BrokenPipe as error:
             raise self._failure(patience, silent.finished.is_set()) from error
         finally:
@@ -153,14 +153,6 @@ class Process:
             return Refusal(self._path.name, Finding("too_large", None, None, message))
         died = signal.Signals(-status).name if status < 0 else f"exit code {status}"
         return damaged(self._path, f"the library that reads it crashed on it ({died}); it is damaged")
-
-    @property
-    def _stdin(self) -> Any:  # noqa: ANN401
-        return self._process.stdin
-
-    @property
-    def _stdout(self) -> Any:  # noqa: ANN401
-        return self._process.stdout
 
 
 _WAITING: list[Process] = []

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..recording import Block, Channel, Finding, Group, Recording, Samples, StartTime
 from . import header_claims
-from .byte_source import ByteSource, as_float64, block_samples
+from .byte_source import ByteSource, as_float64, block_samples, decoded
 from .format_findings import damaged, nothing_to_read, refusing, watch_nonfinite
 from .header_claims import clock_of_step, recorded_time, start_at
 from .registry import ReadOptions
@@ -109,14 +109,6 @@ def _dataset(source: ByteSource, kind: re.Match[bytes], begin: int) -> Dataset:
         message = f"byte order {order} and floating-point format {form}; expected 1 or 2, and 2 (IEEE 754)"
         raise damaged(source.path, f"dataset 58b at byte {begin}: {message}")
     return _closed(source, number, begin, data, declared, "<" if order == 1 else ">", layouts)
-
-
-def _header_text(raw: bytes) -> str:
-    """Lines of a header: UTF-8 where they are that, else Latin-1; the format itself knows ASCII alone."""
-    try:
-        return raw.decode("utf-8")
-    except UnicodeDecodeError:
-        return raw.decode("latin-1")
 
 
 def _lines(source: ByteSource, offset: int, count: int) -> tuple[list[bytes], int]:
@@ -262,7 +254,7 @@ def parse_function(source: ByteSource, dataset: Dataset) -> Function:
     """The header of the dataset 58 that ``dataset`` is."""
     lines, offset = _lines(source, dataset.begin, 11)
     with refusing(source.path, f"the header of dataset 58 at byte {dataset.begin}", ValueError, IndexError):
-        found = _parsed([_header_text(line).rstrip("\r\n") for line in lines], dataset, offset)
+        found = _parsed([decoded(line).rstrip("\r\n") for line in lines], dataset, offset)
         width = _width(found)
         there = dataset.end - offset
         if dataset.binary or there > _TEXT_BYTES or 2 * width * found.samples <= there:
@@ -399,7 +391,7 @@ def parse_nodal_data(source: ByteSource, dataset: Dataset, name: str) -> NodalDa
         raise damaged(source.path, f"dataset 55 at byte {dataset.begin} is larger than {_MOST_BYTES >> 20} MiB")
     raw = source.read(dataset.begin, dataset.end - dataset.begin, "dataset 55")
     with refusing(source.path, f"dataset 55 at byte {dataset.begin}", ValueError, IndexError):
-        return _parsed_nodal(_header_text(raw).splitlines(), name)
+        return _parsed_nodal(decoded(raw).splitlines(), name)
 
 
 def _parsed_nodal(lines: list[str], name: str) -> NodalData:
@@ -575,7 +567,7 @@ def _metadata(
     for dataset in whole:
         if dataset.kind in _HEADERS:
             raw = source.read(dataset.begin, min(2000, dataset.end - dataset.begin), "a header")
-            lines = (" ".join(line.split()) for line in _header_text(raw).splitlines())
+            lines = (" ".join(line.split()) for line in decoded(raw).splitlines())
             metadata[_HEADERS[dataset.kind]] = "; ".join(filter(None, lines))
     for f in functions[:200]:
         ids = [text for text in f.ids[1:] if text not in ("", "NONE")]

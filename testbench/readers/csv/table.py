@@ -74,8 +74,6 @@ class Table:
             start += len(columns[0])
         for judge in (rows, cells, points):
             judge.report(report)
-        for finding in self.log.findings():
-            report(finding)
 
     def _take_texts(self, text: bytes, field_of_text: int, group: str, name: str, start: int) -> None:
         """Note the texts of a field of regular rows where they change; ``start`` is the first row's sample."""

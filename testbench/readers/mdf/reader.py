@@ -256,7 +256,7 @@ def _blocks(
             if data.identifier_size and id(records) in groups and found != declared:
                 message = f"group {groups[id(records)].name!r} declares {declared} samples, {found} are there"
                 report(Finding("count_contradiction", None, None, message))
-    for finding in (*odd.findings(), *texts.findings()):
+    for finding in odd.findings():
         report(finding)
 
 

@@ -50,8 +50,6 @@ def read_version4(source: ByteSource, unfinished: bool) -> File:
     """All blocks of the file but its samples."""
     file = File(source.read(8, 8, "the version").decode("latin-1").strip(" \0"))
     header = block_at(source, 64, "HD")
-    if len(header.links) < 6:
-        raise damaged(source.path, "the header has less than six links")
     start, zone, summer, flags = struct.unpack_from("<QhhB", block_data(source, header).ljust(13, b"\0"))
     file.metadata["start_time_ns"] = str(start)
     if start:
@@ -69,8 +67,6 @@ def read_version4(source: ByteSource, unfinished: bool) -> File:
 def _event(source: ByteSource, block: Block) -> str:
     """When an event was, and what the file says of it."""
     raw = block_data(source, block)
-    if len(block.links) < 5 or len(raw) < 32:
-        raise damaged(source.path, f"byte {block.address}: an event of {len(raw)} bytes")
     base, factor = struct.unpack_from("<qd", raw, 16)
     place = f"{base * factor:.9g} {_SYNC.get(raw[1], '')}".strip()
     said = (block_text(source, block.links[3]), block_text(source, block.links[4]))
@@ -78,14 +74,12 @@ def _event(source: ByteSource, block: Block) -> str:
 
 
 def _data_group(source: ByteSource, block: Block, file: File, unfinished: bool) -> None:
-    if len(block.links) < 4:
-        raise damaged(source.path, f"byte {block.address}: a data group with {len(block.links)} links")
     identifier_size = block_data(source, block)[:1] or b"\0"
     records = tuple(_records(source, group, file) for group in block_chain(source, block.links[1], "CG"))
-    if not records or identifier_size[0] not in (0, 1, 2, 4, 8):
-        if records:
-            raise damaged(source.path, f"byte {block.address}: identifiers of {identifier_size[0]} bytes")
+    if not records:
         return
+    if identifier_size[0] not in (0, 1, 2, 4, 8):
+        raise damaged(source.path, f"byte {block.address}: identifiers of {identifier_size[0]} bytes")
     blocks, missing = data_blocks(source, block.links[2], unfinished)
     refuse_oversized(source, blocks)
     if is_column_list(source, block.links[2]):
@@ -116,8 +110,6 @@ def _pieces(path: Path, blocks: Sequence[DataBlock], widths: tuple[int, int]) ->
 
 def _records(source: ByteSource, block: Block, file: File) -> Records:
     raw = block_data(source, block)
-    if len(block.links) < 6 or len(raw) < 32:
-        raise damaged(source.path, f"byte {block.address}: a channel group of {len(raw)} bytes")
     identifier, declared, flags, _, size, invalidation = struct.unpack_from("<QQHH4xII", raw)
     name = block_text(source, block.links[2]) or block_text(source, block.links[5])
     if flags & _VLSD:
@@ -149,8 +141,6 @@ def _members(
     if depth > _DEEPEST:
         raise damaged(source.path, f"channels within channels, {depth} deep")
     for block in block_chain(source, address, "CN"):
-        if len(block.links) < 8:
-            raise damaged(source.path, f"byte {block.address}: a channel with {len(block.links)} links")
         name = prefix + block_text(source, block.links[2])
         composition = block.links[1]
         if composition and source.read(composition, 4, "a composition") == b"##CN":
@@ -167,8 +157,6 @@ def _own_members(
 ) -> Iterator[Member | Frames | TextMember]:
     """The channel of a block; of an array of bytes, such as the data of a bus, one for each byte."""
     raw = block_data(source, block)
-    if len(raw) < 24:
-        raise damaged(source.path, f"channel {name!r}: its block has {len(raw)} bytes of data")
     kind, sync, form, bit, byte, bits, flags, invalid = struct.unpack_from("<BBBBIIII", raw)
     if form == _BYTES and kind == 1 and source.read(block.links[5], 4, "frames") == b"##CG":
         yield Frames(name, 0, block.links[5])
@@ -240,8 +228,6 @@ def _conversion(
         return None, ""
     block = block_at(source, address, "CC")
     raw = block_data(source, block)
-    if len(block.links) < 4 or len(raw) < 24:
-        raise damaged(source.path, f"channel {name!r}: its conversion has {len(raw)} bytes")
     kind, _, _, references, count = struct.unpack_from("<BBHHH", raw)
     if len(raw) < 24 + 8 * count or len(block.links) < 4 + references:
         raise damaged(source.path, f"channel {name!r}: its conversion declares {count} values")
@@ -260,23 +246,19 @@ def _conversion(
 
 def _law(kind: int, p: Sequence[float], formula: Callable[[], str], is_float: bool) -> Conversion | None:
     """The law of a conversion from its numbers, or from its formula. Raises ValueError for one that is none."""
-    least = {1: 2, 2: 6, 4: 2, 5: 2, 6: 1}.get(kind, 0)
-    if len(p) < least:
-        raise ValueError(f"{len(p)} values, expected {least}")
-    if kind == 0:
-        return None
-    if kind == 1:
-        return conversions.linear(p[0], p[1])
-    if kind == 2:
-        return conversions.rational(p)
-    if kind == 3:
-        return conversions.formula(formula())
-    if kind in (4, 5):
-        return conversions.table(p[::2], p[1::2], kind == 4)
-    if kind == 6:
-        whole = len(p) // 3 * 3
-        return conversions.ranges(p[:whole:3], p[1:whole:3], p[2:whole:3], p[-1], ends_belong=not is_float)
-    raise ValueError("it is not known")
+    whole = len(p) // 3 * 3
+    laws: dict[int, tuple[int, Callable[[], Conversion | None]]] = {
+        0: (0, lambda: None),
+        1: (2, lambda: conversions.linear(p[0], p[1])),
+        2: (6, lambda: conversions.rational(p)),
+        3: (0, lambda: conversions.formula(formula())),
+        4: (2, lambda: conversions.table(p[::2], p[1::2], interpolate=True)),
+        5: (2, lambda: conversions.table(p[::2], p[1::2], interpolate=False)),
+        6: (1, lambda: conversions.ranges(p[:whole:3], p[1:whole:3], p[2:whole:3], p[-1], ends_belong=not is_float)),
+    }
+    if kind not in laws or len(p) < laws[kind][0]:
+        raise ValueError(f"{len(p)} values; it is not known, or has more")
+    return laws[kind][1]()
 
 
 def _keep_meanings(
@@ -284,14 +266,12 @@ def _keep_meanings(
 ) -> None:
     """What the numbers of a status channel mean, as far as they are plain texts."""
     if kind in (7, 8):  # of one value, or of all from one to another
-        bounds = values[: 64 * (kind - 6)]
+        size = kind - 6
         labels = (
-            [f"{v:g}" for v in bounds]
-            if kind == 7
-            else [f"{a:g} to {b:g}" for a, b in zip(bounds[::2], bounds[1::2], strict=False)]
+            " to ".join(f"{v:g}" for v in values[i : i + size]) for i in range(0, min(len(values), 64 * size), size)
         )
-        meanings = []
-        for label, link in zip(labels, links, strict=False):
-            if link and source.read(link, 4, "a text") == b"##TX":
-                meanings.append(f"{label} = {block_text(source, link)}")
-        file.metadata[f"{name}: meaning"] = "; ".join(meanings)
+        file.metadata[f"{name}: meaning"] = "; ".join(
+            f"{label} = {block_text(source, link)}"
+            for label, link in zip(labels, links, strict=False)
+            if link and source.read(link, 4, "a text") == b"##TX"
+        )

@@ -25,6 +25,9 @@ _MOST = 1_000_000
 _OWN_INVALIDATION = 1 << 31
 _MOST_RATIO, _ALWAYS_ALLOWED = 200, 1 << 30
 _TAGS = re.compile(r"<[^>]*>")
+_LEAST = {"HD": (6, 24), "DG": (4, 24), "CG": (6, 56), "CN": (8, 48), "CC": (4, 48), "EV": (5, 56), "DL": (1, 24),
+          "LD": (1, 32)}  # fmt: skip
+"""Links that a block has at least, and bytes beside them."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,8 @@ def block_at(source: ByteSource, address: int, *kinds: str) -> Block:
     if mark[:2] != b"##" or kind not in kinds:
         message = f"byte {address}: {mark!r}; expected a block {' or '.join(kinds)}"
         raise damaged(source.path, message)
-    if 8 * count > min(length, _LONGEST):
+    fewest, least = _LEAST.get(kind, (0, 0))
+    if 8 * count > min(length, _LONGEST) or count < fewest or length - 8 * count < least:
         raise damaged(source.path, f"byte {address}: block {kind} of {length} bytes with {count} links")
     links = struct.unpack(f"<{count}Q", source.read(address + _HEAD, 8 * count, f"the links of {kind}"))
     return Block(kind, links, address + _HEAD + 8 * count, address + length, address)
@@ -67,8 +71,6 @@ def block_chain(source: ByteSource, address: int, kind: str) -> Iterator[Block]:
             raise damaged(source.path, f"the list of blocks {kind} comes back to byte {address}")
         seen.add(address)
         block = block_at(source, address, kind)
-        if not block.links:
-            raise damaged(source.path, f"byte {address}: block {kind} without links")
         yield block
         address = block.links[0]
 

@@ -206,8 +206,6 @@ def _blocks(
                 yield Block(each.group, columns, start)
             rounded |= {channel_title(reading.path) for reading in readings if reading.is_rounded}
         _take_texts(source, contents, gathered, texts)
-    for finding in texts.findings():
-        report(finding)
     for name in sorted(rounded):
         report(rounded_integers(name))
 

@@ -102,16 +102,6 @@ class Spans:
         self.strides.extend([stride] * chunks)
         self.length += count * chunks
 
-    def trim(self, length: int) -> None:
-        """Keep the first ``length`` numbers."""
-        while self.length > length:
-            excess = min(self.length - length, self.counts[-1])
-            self.counts[-1] -= excess
-            self.length -= excess
-            if not self.counts[-1]:
-                for column in (self.offsets, self.counts, self.strides):
-                    column.pop()
-
 
 class Reading:
     """The numbers of spans, read from first to last."""
