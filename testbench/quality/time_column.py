@@ -86,14 +86,17 @@ class TimeCheck:
             found.append(Finding("time_unit_unknown", self._name, None, message))
         if clock.unreadable:
             found.append(Finding("time_unreadable", self._name, None, f"no finite number: {clock.unreadable} times"))
-        if clock.non_increasing:
+        is_of_events = len(self.group.channels) == 1
+        if clock.non_increasing and not (is_of_events and clock.dt_min >= 0):
             steps = ", ".join(f"{step:.10g} {self._unit} at {where}" for where, step in clock.falls)
             more = ", ..." if clock.non_increasing > len(clock.falls) else ""
             message = f"time falls or stands still {clock.non_increasing} times: {steps}{more}"
             places = ", ".join(where for where, _ in clock.falls)
             found.append(Finding("time_not_increasing", self._name, places, message))
-        if len(self.group.channels) == 1:
+        if is_of_events:
             message = "the only column of numbers is one of times: events such as edges, no signal; there is no rate"
+            if clock.non_increasing and clock.dt_min >= 0:
+                message += f"; {clock.non_increasing} of them are at the time of the one before"
             return [*found, Finding("event_times", self._name, None, message)]
         return found + self._steps() if self._shown.step > 0 else found
 

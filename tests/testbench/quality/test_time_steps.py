@@ -97,6 +97,10 @@ def test_events_have_no_rate():
     group, findings = checked(edges, channels=(TIME,))
     assert group.rate_hz is None
     assert "event_times" in findings
+    for change, code in ((0.0, "event_times"), (-0.001, "time_not_increasing")):  # at one time, or back in time
+        _, findings = checked(np.insert(edges, 7, edges[6] + change), channels=(TIME,))
+        assert ("time_not_increasing" in findings) == (code == "time_not_increasing")
+        assert ("1 of them are at the time" in findings["event_times"].message) == (code == "event_times")
     group, findings = checked(edges)
     assert group.rate_hz is None
     assert "time_irregular" in findings
