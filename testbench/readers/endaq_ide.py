@@ -5,12 +5,13 @@ Each channel of the recorder is a group, calibrated by the recorder's polynomial
 """
 
 import logging
+import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
@@ -109,7 +110,9 @@ def _dataset(path: Path, end: int, findings: list[Finding]) -> Iterator[Any]:
     with path.open("rb") as whole, tempfile.NamedTemporaryFile(suffix=".ide") as shorter:
         stream: Any = whole
         if end < path.stat().st_size:
-            _copy(whole, shorter, end)
+            shutil.copyfileobj(whole, shorter)
+            shorter.truncate(end)
+            shorter.seek(0)
             stream = shorter
         dataset = importer.openFile(stream, quiet=True)
         importer.readData(dataset)
@@ -118,13 +121,6 @@ def _dataset(path: Path, end: int, findings: list[Finding]) -> Iterator[Any]:
             message = f"idelib passed over {max(1, len(passed_over))} elements that it could not read{stated}"
             findings.append(Finding("damaged_file", None, None, message))
         yield dataset
-
-
-def _copy(source: IO[bytes], target: IO[bytes], count: int) -> None:
-    while count and (piece := source.read(min(count, 1 << 20))):
-        target.write(piece)
-        count -= len(piece)
-    target.seek(0)
 
 
 def _sources(dataset: Any, stem: str) -> Iterator[tuple[Group, Any]]:  # noqa: ANN401

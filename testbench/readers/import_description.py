@@ -53,7 +53,6 @@ from ..units import seconds_per
 from .csv.dialect import DELIMITERS
 from .csv.header import named_channels
 from .header_claims import SINCE_1970, start_at
-from .registry import ReadOptions
 
 _SINCE = " since "
 _OFFSET = re.compile(r"([+-])(\d\d):?(\d\d)|Z|UTC", re.IGNORECASE)
@@ -149,15 +148,12 @@ class ImportDescription(Table):
         with np.errstate(over="ignore"):
             return tuple(dict.fromkeys(x for n in numbers for x in (n, float(np.float32(n)))))
 
-    def completed(self, options: ReadOptions) -> ReadOptions:
-        """Options of which those that a command does not give are those of the description."""
-        return replace(
-            options,
-            encoding=options.encoding or self.encoding or None,
-            delimiter=options.delimiter if options.delimiter is not None else DELIMITERS.get(self.delimiter or ""),
-            decimal=options.decimal or DECIMALS.get(self.decimal or ""),
-            date_order=options.date_order or self.date_order,
-        )
+    @property
+    def options(self) -> dict[str, str | None]:
+        """What it states of a text, by the names of the options for reading; None: detect."""
+        delimiter, decimal = DELIMITERS.get(self.delimiter or ""), DECIMALS.get(self.decimal or "")
+        found = {"encoding": self.encoding or None, "delimiter": delimiter, "decimal": decimal}
+        return found | {"date_order": self.date_order}
 
     def with_normal_as_notes(self, findings: Iterable[Finding]) -> list[Finding]:
         """Findings, of which those that are normal for the logger are notes that name them."""

@@ -29,11 +29,10 @@ from ..recording import (
 )
 from .byte_source import block_samples
 from .csv.header import is_time_name, named_channels
-from .format_findings import damaged, rounded_integers, text_kept, watch_nonfinite
+from .format_findings import damaged, is_beyond_exact, rounded_integers, text_kept, watch_nonfinite
 from .header_claims import recorded_time
 
 _UNITS = {"ns": "ns", "us": "µs", "ms": "ms", "s": "s"}
-_EXACT = 2**53
 _MOST_COLUMNS, _LONGEST_TEXT = 10_000, 2000
 _ERRORS = (pyarrow.ArrowException, OSError, ValueError, TypeError, KeyError)
 
@@ -180,7 +179,7 @@ def _blocks(path: Path, group: Group, given: list[Column | None], texts: TextLog
                         continue
                     columns.append(column.numbers(array))
                     is_exact = types.is_integer(array.type) or types.is_decimal(array.type)
-                    if is_exact and (np.abs(columns[-1]) >= _EXACT).any():
+                    if is_exact and is_beyond_exact(columns[-1]):
                         rounded.add(column.name)
                 yield Block(group, tuple(columns), start)
                 start += batch.num_rows

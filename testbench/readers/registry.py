@@ -3,7 +3,7 @@
 import re
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib import import_module, metadata
 from importlib.util import find_spec
@@ -197,7 +197,8 @@ def open_recording(path: str | Path, options: ReadOptions | None = None) -> Reco
     path, options = Path(path), options or ReadOptions()
     described = options.description
     if described is not None:
-        options = described.completed(options)
+        stated = {key: text for key, text in described.options.items() if getattr(options, key) is None}
+        options = replace(options, **stated)  # type: ignore[arg-type]
     recording = with_stated_origin(find_reader(path).open(path, options))
     return recording if described is None else described.applied(recording)
 
