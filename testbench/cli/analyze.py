@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import EXIT_WITH_FINDINGS, JSON, Answer, emit_json, emit_table
+from balance.cli.framework import EXIT_WITH_FINDINGS, JSON, Answer, emit_json, emit_table, plain_text
 from balance.cli.options import FIGURE, SCHEDULER, argument, command, draw, option
-from balance.results import document, plain, table
+from balance.results import document, first_of, plain, table
 
 from ..signal import METRIC_NAMES
 from . import options
@@ -210,6 +210,7 @@ def doctor(
     is entered into the ledger for the runs that are shown: other commands then take it as accepted too.
     """
     from ..cross_examination.decisions import accept as enter
+    from ..cross_examination.decisions import decisions
     from ..errors import StoreError
     from ..front_door import doctor as examined
     from ..store import open_campaign
@@ -222,11 +223,21 @@ def doctor(
     examination = examined(stored, accept, mechanism)
     shown = sorted(runs or names, key=lambda run: -len(examination.about(run)))
     if person := options.acceptance(accept, by, reason):
-        for code in accept:
-            about = {s.run for s in examination.contradictions if s.code == code and s.run in shown}
-            enter(campaign, code, [run for run in stored if run.name in about], **person)
+        about = {code: {s.run for run in shown for s in examination.about(run) if s.code == code} for code in accept}
+        if absent := [code for code, some in about.items() if not some]:
+            raise StoreError(f"--accept {', '.join(absent)}: no finding of {first_of(shown, 4)}; nothing was recorded")
+        for code, some in about.items():
+            enter(campaign, code, [run for run in stored if run.name in some], **person)
+    recorded = decisions(run for run in stored if run.name in shown)
+
+    def show() -> None:
+        _print_examination(campaign, examination, shown)
+        for one in recorded:
+            click.echo(plain_text(f"{one.code}: {one}"))
+
     doubtful = not shown or any(examination.about(run) or run in examination.unexamined for run in shown)
-    return Answer(examination.document(shown), lambda: _print_examination(campaign, examination, shown), doubtful)
+    accepted = [plain(vars(one)) for one in recorded]
+    return Answer(examination.document(shown) | {"accepted": accepted}, show, doubtful)
 
 
 def _print_examination(campaign: Path, examination: "Examination", shown: list[str]) -> None:

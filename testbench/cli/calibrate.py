@@ -72,7 +72,8 @@ def calibrate(words: tuple[str, ...], listed: bool, reason: str | None, as_json:
         return _exit_code(runs, damaged)
     if len(words) < 2:
         raise click.UsageError("expected CAMPAIGN or RUN..., then SENSOR; or --list")
-    if not reason or not reason.strip():
+    reason = options.one_line("--reason", reason)
+    if not reason:
         raise click.UsageError("--reason is missing: a correction is recorded with why it was made")
     files, quantity, frequency = (given.pop(name) for name in ("certificate", "quantity", "frequency"))
     if (files and given["sensitivity"]) or (not files and (quantity or frequency)):
@@ -93,7 +94,7 @@ def calibrate(words: tuple[str, ...], listed: bool, reason: str | None, as_json:
             "record": str(done.record),
             "sensor": words[-1],
             "calibration": calibration.document(),
-            "reason": reason.strip(),
+            "reason": reason,
             "runs": list(done.runs),
             "runs_without_the_sensor": list(done.without),
             "refused": damaged,

@@ -334,7 +334,8 @@ def remove(
     from ..store.campaign import existing
     from ..store.ledger import remove as take_out
 
-    if not by.strip() or not reason.strip():
+    by, reason = options.one_line("--by", by), options.one_line("--reason", reason)
+    if not by or not reason:
         raise click.UsageError("--by and --reason: expected a text; a removal is recorded with who made it and why")
     removed, failed = [], []
     for path in files:
@@ -342,7 +343,7 @@ def remove(
         folder = path.parent.parent if in_records else path.parent
         try:
             name = f"{path.parent.name}/{path.name}" if in_records else path.name
-            removed.append(take_out(existing(folder), name, by.strip(), reason.strip()))
+            removed.append(take_out(existing(folder), name, by, reason))
         except StoreError as error:
             failed.append(str(error))
     if as_json:

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from ..signal.filters import Band
     from ..store import Run
 
+LONGEST = 2000
+"""Characters of a name or reason in the ledger."""
 T = TypeVar("T")
 LEAST_PROGRESS = 20 << 20
 """Work from which a progress bar is shown [bytes]."""
@@ -68,9 +70,21 @@ def acceptance(accept: Sequence[str], by: str | None, reason: str | None) -> dic
     """Who accepts findings, and why, where that is stated."""
     if by is None and reason is None:
         return None
-    if not (accept and (by or "").strip() and (reason or "").strip()):
+    person = {"by": one_line("--by", by), "reason": one_line("--reason", reason)}
+    if not (accept and all(person.values())):
         raise click.UsageError("--accept CODE, --by NAME and --reason TEXT go together: a person accepts, and says why")
-    return {"by": str(by).strip(), "reason": str(reason).strip()}
+    return person
+
+
+def one_line(option: str, text: str | None) -> str:
+    """What a person states for the ledger, in one line, empty where nothing is stated.
+
+    Refuses as a wrong command line what no terminal shows, such as control characters, and what nobody reads.
+    """
+    line = " ".join((text or "").split())
+    if not line.isprintable() or len(line) > LONGEST:
+        raise click.UsageError(f"{option}: expected printable text of up to {LONGEST} characters")
+    return line
 
 
 def refuse_unknown_codes(accepted: Iterable[str]) -> None:

@@ -276,12 +276,13 @@ class Ingest:
         }
 
     def _provenance(self, sources: Sequence[Source], begun: str | None) -> dict[str, Any]:
+        accepted = sorted(self.accepted & {finding.code for source in sources for finding in source.findings})
         return {
             **({} if begun is None else {CONTINUES: begun}),
             "software": {name: version(name) for name in ("counterpoise", "h5py", "numpy")},
             "written": datetime.now(UTC).isoformat(timespec="seconds"),
-            "accepted_findings": sorted(self.accepted),
-            **({} if self.acceptance is None else {"acceptance": dict(self.acceptance)}),
+            "accepted_findings": accepted,
+            **({"acceptance": dict(self.acceptance)} if accepted and self.acceptance else {}),
             "sources": [source.provenance() for source in sources],
         }
 

@@ -15,7 +15,7 @@ from balance.errors import CounterpoiseError
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism
 from balance.report.page import Page, document_of
-from balance.results import plain
+from balance.results import first_of, plain
 from balance.task_pool import HERE, TaskPool
 
 from ..cross_examination import SUBJECTS, Examination
@@ -99,11 +99,15 @@ class CampaignReport:
         about_runs = {*SUBJECTS, *(one.code for run in self.runs for one in run.findings)}
         found = {one.code: NOTHING_TO_ACCEPT for one in findings if one.code not in about_runs}
         found |= dict.fromkeys(self.accepted, "accepted in this report (--accept)")
-        for run in self.runs:
-            for code in run.provenance.get("accepted_findings", ()):
-                one = run.provenance.get("acceptance")
-                by = f" by {one['by']}: {one['reason']}" if one else ""
-                found[code] = f"accepted as {run.name} was ingested{by}" if code not in found else "accepted at ingest"
+        for code in {code for run in self.runs for code in run.provenance.get("accepted_findings", ())}:
+            having = [run for run in self.runs if any(one.code == code for one in run.findings)]
+            some = [run for run in having if code in run.provenance.get("accepted_findings", ())]
+            people = [run.provenance.get("acceptance") for run in some]
+            if some:
+                one = people[0] if people.count(people[0]) == len(people) else None
+                names, by = first_of([run.name for run in some], 4), f" by {one['by']}: {one['reason']}" if one else ""
+                still_open = "open in other runs; " if len(some) < len(having) else ""
+                found[code] = f"{still_open}accepted as {names} was ingested{by}"
         return found | recorded_decisions(self.runs, self.examination)
 
     @property

@@ -215,6 +215,13 @@ def test_doctor_enters_what_a_person_accepts(brief, command, monkeypatch, tmp_pa
         "code": "payload_contradiction", "by": "A. Kaya", "reason": "weighed again"
     }  # fmt: skip
     assert not found.decided(open_campaign(tmp_path / "c").runs).open_findings
+    (shown,) = json.loads(command("doctor", tmp_path / "c", "--json")[1])["accepted"]
+    assert (shown["code"], shown["by"], shown["runs"]) == ("payload_contradiction", "A. Kaya", ["r002"])
+    again = (*words, "--reason", "again")
+    assert command(*again, "--accept", "flat_channel")[0] == 1
+    for hostile in ("a\x1b[31mb", "\udcff", "x" * 3000, "\u202eb"):
+        assert command(*words, "--reason", hostile)[0] == 2
+    assert read_ledger(tmp_path / "c").entries[-1] == entry, "an acceptance that is refused leaves nothing"
 
 
 def test_doctor_says_once_what_nothing_witnesses(brief, command, monkeypatch):

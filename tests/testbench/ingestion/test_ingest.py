@@ -123,6 +123,11 @@ def test_a_decision_of_a_person_is_stored(folder):
     assert run.provenance["accepted_findings"] == ["ragged_row"]
     (entry,) = read_ledger(folder / "campaign").entries
     assert entry.details == {"accepted_findings": ["ragged_row"], "acceptance": person}
+    (folder / "whole.csv").write_text(HEADER + "".join(ROWS[:80]))
+    ingested(
+        folder, PlannedRun("whole", (folder / "whole.csv",)), accepted=frozenset({"ragged_row"}), acceptance=person
+    )
+    assert read_ledger(folder / "campaign").entries[-1].details == {}, "it has no such finding"
     assert "ragged_row" in {f.code for f in run.findings}
     assert np.isnan(run.channel("AccX")[50])
     assert np.isfinite(np.delete(run.channel("AccX"), 50)).all()
