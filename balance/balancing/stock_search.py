@@ -118,8 +118,8 @@ class _Search:
     limits: Floats
     groups: Sequence[Sequence[int]]
     best: int
-    found: list[tuple[float, float, tuple[float, ...]]] = field(default_factory=list)
-    """J, mass and masses of the best, best first."""
+    found: list[Selection] = field(default_factory=list)
+    """The best, best first; of equals the lightest."""
     late: bool = False
     """Whether time was up before the search was complete."""
     first: bool = False
@@ -128,8 +128,6 @@ class _Search:
     """What J may be above the bound of any masses, in this pass."""
     rounded: bool = False
     """Whether the search knows masses of plates only about."""
-    made: dict[tuple[float, ...], Indices] = field(default_factory=dict)
-    """Plates of the masses that were found, (sites, kinds)."""
     steps: int = 0
     """How many more plates or piles are tried before it is left open whether masses can be made together."""
     open_value: float = np.inf
@@ -154,6 +152,9 @@ class _Search:
         free, steep = np.flatnonzero(pushed == 0.0), np.flatnonzero(pushed)
         order = [*free[_search_order(columns[:, free])], *steep[np.argsort(np.abs(pushed[steep]))]]
         self.order, self.centre, self.gradient = order, centre[order], pushed[order]
+        alike = np.linalg.matrix_rank(columns) < len(weight)
+        self.lightest = float(weight @ centre) if alike else np.inf
+        """What masses as good as the centre weigh at least [kg]; any, where there are no others."""
         padded = np.vstack([columns[:, order], np.zeros((len(order), len(order)))])
         self.triangle: Floats = np.asarray(np.linalg.qr(padded, mode="r"))
         self.weight, self.upper = weight[order], upper[order]
@@ -167,8 +168,8 @@ class _Search:
         """Search through the ``distinct`` masses that plates make, rising [kg]; no plates are always a selection."""
         self.reachable = [distinct[distinct <= upper + self.edge] for upper in self.upper]
         self.deadline = time.monotonic() + TIME_LIMIT_S
-        self._offer(np.zeros(len(self.order)), np.zeros((len(self.columns[0]), len(self.plates)), dtype=np.intp))
-        most = max(self.found[0][0] - self.relaxed, self.tie)
+        self._offer(np.zeros((len(self.columns[0]), len(self.plates)), dtype=np.intp))
+        most = max(self.found[0].value - self.relaxed, self.tie)
         cap = max(_FIRST_CAP * most, _GOOD * self.relaxed)
         self.first = True
         self._descend(len(self.order) - 1, np.zeros(len(self.order)), 0.0)
@@ -176,44 +177,47 @@ class _Search:
         while not self.late:
             self.cap = cap if cap < most else np.inf
             self._descend(len(self.order) - 1, np.zeros(len(self.order)), 0.0)
-            if self._worst() - self.relaxed + self.tie <= self.cap or self.is_good(self._worst()):
+            if self._worst() - self.relaxed + self.tie <= self.cap or self._is_done():
                 break
             cap *= _CAPS
-        return sorted((self._selection(self.made[chosen]) for *_, chosen in self.found), key=lambda one: one.value)
+        return self.found
 
     @property
     def bound(self) -> float:
         """J of no selection is less than this, once the search was run."""
-        return self.relaxed if self.late else min(self.found[0][0], self.open_value)
+        return self.relaxed if self.late else min(self.found[0].value, self.open_value)
 
-    def _selection(self, counts: Indices) -> Selection:
-        """The selection of plates ``counts`` (sites, kinds)."""
-        made = counts @ self.plates
-        return Selection(counts, made, float(np.sum((self.columns @ made - self.target) ** 2)))
+    def _is_done(self) -> bool:
+        """Whether time is up, or what was found is so near the bound that no other is better by what counts.
 
-    def is_good(self, value: float) -> bool:
-        """Whether J is so near the bound that no selection can be better by what counts."""
-        return value <= self.relaxed * (1.0 + _GOOD) + self.tie
+        An equal one may be lighter where sites do alike.
+        """
+        worst = self._worst()
+        if self.late or worst > self.relaxed * (1.0 + _GOOD) + self.tie:
+            return self.late
+        return worst > self.relaxed + self.tie or self.found[-1].masses.sum() <= self.lightest + self.edge
 
     def _descend(self, level: int, offset: Floats, cost: float) -> None:
         """Choose the mass of one site after the other; ``offset`` from the centre [kg]."""
         row = self.triangle[level]
         pull = float(row[level + 1 :] @ offset[level + 1 :])
-        masses = self._window(level, pull, cost)
+        masses = self._window(level, pull, cost, float(self.weight[level + 1 :] @ (self.centre + offset)[level + 1 :]))
         steps = masses - self.centre[level]
         costs = cost + (row[level] * steps + pull) ** 2 + self.gradient[level] * steps
         if level == 0:
             chosen = self.weight[1:] @ (self.centre + offset)[1:] + self.weight[0] * masses
             costs = costs + self.price * (self.total - chosen)
         for k in np.lexsort((masses, costs)):
-            done = self.late or self.is_good(self._worst()) or (self.first and self.found[0][1] > 0.0)
+            done = self._is_done() or (self.first and self.found[0].masses.any())
             if done or costs[k] > self._budget():
                 return
             if time.monotonic() > self.deadline:
                 self.late = True
                 return
             offset[level] = steps[k]
-            if level == 0 and not self._is_better(self.relaxed + float(costs[k]), self.centre + offset):
+            if level == 0 and not self._is_better(
+                self.relaxed + float(costs[k]), float(self.weight @ (self.centre + offset))
+            ):
                 continue
             counts = self._counts(level, self.centre + offset)
             if counts is None and self.steps < 0:
@@ -221,11 +225,11 @@ class _Search:
             elif counts is not None and level:
                 self._descend(level - 1, offset, float(costs[k]))
             elif counts is not None:
-                self._offer(self.centre + offset, counts)
+                self._offer(counts)
         offset[level] = 0.0
 
-    def _window(self, level: int, pull: float, cost: float) -> Floats:
-        """Masses of a site that may lead to a better selection, rising."""
+    def _window(self, level: int, pull: float, cost: float, chosen: float) -> Floats:
+        """Masses of a site that may lead to a better selection, rising; ``chosen`` [kg] is what the others have."""
         masses, left = self.reachable[level], self._budget() - cost
         reach, steep, centre = abs(self.triangle[level, level]), self.gradient[level], self.centre[level]
         low, high = 0.0, np.inf
@@ -236,34 +240,36 @@ class _Search:
             low, high = (
                 (low, min(high, centre + left / steep)) if steep > 0.0 else (max(low, centre + left / steep), high)
             )
+        if self._worst() <= self.relaxed + self.tie:  # none is better, but one may be lighter
+            high = min(high, (self.found[-1].masses.sum() - chosen) / self.weight[level])
         first, last = np.searchsorted(masses, [low - self.edge, high + self.edge])
         return masses[first:last]
 
     def _worst(self) -> float:
-        return self.found[-1][0] if len(self.found) >= self.best else np.inf
+        return self.found[-1].value if len(self.found) >= self.best else np.inf
 
     def _budget(self) -> float:
         """What J may be above that of the centre, for a selection that is worth to be found."""
         return min(self._worst() - self.relaxed + self.tie, self.cap)
 
-    def _value(self, masses: Floats) -> float:
-        return float(np.sum((self.columns @ (self.share[:, self.order] @ masses) - self.target) ** 2))
-
-    def _is_better(self, value: float, masses: Floats) -> bool:
+    def _is_better(self, value: float, mass: float) -> bool:
         worst = self._worst()
         return value < worst - self.tie or (
-            value <= worst + self.tie and self.weight @ masses < self.found[-1][1] - self.edge
+            value <= worst + self.tie and mass < self.found[-1].masses.sum() - self.edge
         )
 
-    def _offer(self, masses: Floats, counts: Indices) -> None:
-        self.made[tuple(np.abs(masses))] = counts
-        entry = (self._value(masses), float(self.weight @ masses), tuple(np.abs(masses)))
-        if any(np.allclose(entry[2], other[2], rtol=0.0, atol=self.edge) for other in self.found if other[2]):
+    def _offer(self, counts: Indices) -> None:
+        """Keep plates ``counts`` (sites, kinds), if they are among the best, and others than are kept."""
+        made = counts @ self.plates
+        one = Selection(counts, made, float(np.sum((self.columns @ made - self.target) ** 2)))
+        if any(np.allclose(made, other.masses, rtol=0.0, atol=self.edge) for other in self.found):
             return
-        better = [
-            o for o in self.found if o[0] < entry[0] - self.tie or (o[0] <= entry[0] + self.tie and o[1] <= entry[1])
-        ]
-        self.found.insert(len(better), entry)
+        place = sum(
+            other.value < one.value - self.tie
+            or (other.value <= one.value + self.tie and other.masses.sum() <= made.sum())
+            for other in self.found
+        )
+        self.found.insert(place, one)
         del self.found[self.best :]
 
     def _counts(self, level: int, masses: Floats) -> Indices | None:

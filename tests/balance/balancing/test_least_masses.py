@@ -127,6 +127,26 @@ def test_the_best_few():
     assert [one.value for one in found.selections] == pytest.approx([value for value, _ in every[:5]], abs=1e-8)
 
 
+@pytest.mark.parametrize(
+    ("rows", "target", "masses", "quantities", "lightest"),
+    [
+        ([[0.0, 2.0, 0.0, 1.0]], [9.12], [2.28], [4], 4.56),
+        ([[2.0, 1.0], [0.0, 0.0]], [1.3333356, 0.0], [0.2222226], [4], 0.6666678),
+        ([[1.0, 2.0, -1.0]], [0.832], [0.416, 0.01], [2, 0], 0.416),
+        ([[0.888, -0.888], [0.757, -0.757]], [0.9, 0.7], [0.8], [4], 0.8),
+    ],
+    ids=["alike", "apart", "against each other", "with a remainder"],
+)
+@pytest.mark.parametrize("best", [1, 3])
+@pytest.mark.parametrize("factor", [1.0, 2**0.5], ids=["units", "piles"])
+def test_of_plates_that_do_equally_well_the_lightest(rows, target, masses, quantities, lightest, best, factor):
+    """Where sites do alike many selections leave the same, to rounding: the lightest is the first of the best few."""
+    columns, plates = np.array(rows), factor * np.array(masses)
+    found = best_plates(columns, factor * np.array(target), plates, np.array(quantities), best=best)
+    assert found.selections[0].masses.sum() == pytest.approx(factor * lightest)
+    assert found.gap < 1e-12
+
+
 def test_forty_plates_at_four_sites_with_limits_are_proven():
     """Five kinds of eight, weighed to a gram: the bound is reached, well within the time."""
     rng = np.random.default_rng(1)
