@@ -281,7 +281,7 @@ def table_lines(title: str, header: list[str], rows: list[list[str]], note: str,
         header, cells = header[:-1], [row[:-1] for row in cells]
     if gone:
         below.append(f"Too wide for {width} columns: {', '.join(gone)}")
-    wrapped = [line for text in below for line in click.wrap_text(text, width or 110).split("\n")]
+    wrapped = [line for text in below for line in _wrapped(text, width or 110)]
     return [*_drawn(title, header, cells, width), *wrapped]
 
 
@@ -305,12 +305,14 @@ _TEXT = 24
 
 def _widths(header: list[str], cells: list[list[str]]) -> list[int]:
     """The least width of each column: of its numbers or short words; of long texts that of a longest word."""
+    from rich.cells import cell_len  # a character may be two wide
+
     found = []
     for name, column in zip(header, list(zip(*cells, strict=True)) or [()] * len(header), strict=True):
-        longest = max(map(len, column), default=0)
+        longest = max(map(cell_len, column), default=0)
         if longest > _TEXT and not _is_numeric(column):
-            longest = max(_TEXT, *(len(word) for cell in column for word in cell.split()))
-        found.append(max(longest, *(len(word) for word in name.split()), 1))
+            longest = max(_TEXT, *(cell_len(word) for cell in column for word in cell.split()))
+        found.append(max(longest, *(cell_len(word) for word in name.split()), 1))
     return found
 
 
@@ -334,7 +336,7 @@ def _without_constants(header: list[str], cells: list[list[str]]) -> tuple[list[
 
 def _drawn(title: str, header: list[str], cells: list[list[str]], width: int | None) -> list[str]:
     """The lines of a table with its title."""
-    from rich.cells import cell_len  # a character may be two wide
+    from rich.cells import cell_len
 
     each = list(zip(*cells, strict=True)) or [()] * len(header)
     least = _widths(header, cells)
@@ -357,11 +359,11 @@ def _drawn(title: str, header: list[str], cells: list[list[str]], width: int | N
             lines.append("  ".join(fields).rstrip())
         if row is header:
             lines.append("\u2500" * (sum(sizes) + 2 * len(sizes) - 2))
-    return ["", *(map(_bold, click.wrap_text(plain_text(title), width or 1000).split("\n")) if title else []), *lines]
+    return ["", *(map(_bold, _wrapped(plain_text(title), width or 1000)) if title else []), *lines]
 
 
 def _wrapped(cell: str, size: int) -> list[str]:
-    """The lines of a cell in a column of ``size`` characters, broken between words where it can be."""
+    """The lines of a text in a column of ``size`` characters, broken between words where it can be."""
     from rich.cells import cell_len, chop_cells
 
     if cell_len(cell) <= size:
