@@ -4,6 +4,8 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 
@@ -11,7 +13,10 @@ def main() -> None:
     """Run the demonstration in a fresh output folder."""
     out = Path("demo-output")
     shutil.rmtree(out, ignore_errors=True)
-    out.mkdir()
+    try:
+        out.mkdir()
+    except OSError as error:
+        sys.exit(f"{out.absolute()}: {error.strerror}; the demonstration needs this folder for itself")
     started = time.perf_counter()
     with step("campaign", out) as bench:  # the longest; the others need nothing of it
         with step("counter_masses", out) as masses:
@@ -22,9 +27,16 @@ def main() -> None:
     print(f"\nDone in {time.perf_counter() - started:.0f} s.")
 
 
-def step(name: str, out: Path) -> "subprocess.Popen[str]":
-    """A step that has been started, what it prints in a pipe."""
-    return subprocess.Popen([sys.executable, "-m", f"demo.{name}", out], stdout=subprocess.PIPE, encoding="utf-8")
+@contextmanager
+def step(name: str, out: Path) -> "Iterator[subprocess.Popen[str]]":
+    """A step that has been started, what it prints in a pipe; it ends where the demonstration fails."""
+    words = [sys.executable, "-m", f"demo.{name}", out]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, encoding="utf-8") as running:
+        try:
+            yield running
+        except BaseException:
+            running.terminate()
+            raise
 
 
 def show(running: "subprocess.Popen[str]") -> None:
@@ -33,7 +45,7 @@ def show(running: "subprocess.Popen[str]") -> None:
     for line in running.stdout:
         print(line, end="", flush=True)
     if running.wait():
-        sys.exit(running.returncode)
+        sys.exit(f"python {' '.join(map(str, running.args[1:]))} failed with exit code {running.returncode}")
 
 
 if __name__ == "__main__":
