@@ -189,11 +189,14 @@ def campaign_report(
     """
     runs, accept = tuple(runs), tuple(accept)
     given = load_mechanism(mechanism) if mechanism else None
-    reporting = Reporting(point, band, bandwidth_hz, mechanism)
+    measure = measure or Measure()
+    reporting = Reporting(point, band, bandwidth_hz, mechanism, measure)
     examination, reports, unread = reporting.runs(runs, accept, pool, spans_of(runs))
+    named = counted(run.name for run in runs)
+    known = {name: one.amplitudes for name, one in reports.items() if one.amplitudes is not None and named[name] == 1}
     comparison: Comparison | str
     try:
-        comparison = compare_campaign(runs, published, measure or Measure(), mechanism, accept, examination)
+        comparison = compare_campaign(runs, published, measure, mechanism, accept, examination, known)
     except AnalysisError as error:
         comparison = str(error)
     unread = {**(unopened or {}), **unread}

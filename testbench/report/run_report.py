@@ -26,7 +26,8 @@ from ..rig.sensors import Encoder
 from ..runs.aligned_run import AlignedRun
 from ..runs.si_run import SIRun
 from ..vibration.channel_levels import ChannelLevels, channel_levels
-from ..vibration.metrics import DEFAULT_BAND
+from ..vibration.metrics import DEFAULT_BAND, Measure
+from ..vibration.run_amplitudes import AmplitudesOfRun, amplitudes_or_reason
 from ..vibration.run_pairs import Pair, pairs
 from . import sections
 from .page_contents import plotted_run
@@ -51,6 +52,8 @@ class RunReport:
     findings: tuple[Finding, ...]
     plotted: PlottedRun | None = None
     """Its channels as a page draws them."""
+    amplitudes: AmplitudesOfRun | str | None = None
+    """For reductions, or why there are none; None where not asked for."""
 
     def as_dict(self) -> dict[str, Any]:
         """The report as it stands in JSON."""
@@ -68,6 +71,8 @@ class Reporting:
     bandwidth_hz: float = command_tracking.BANDWIDTH_HZ
     mechanism: str | None = None
     """In place of the one that the rigs name."""
+    measure: Measure | None = None
+    """Of the amplitudes that reductions need; None: of none."""
 
     def runs(
         self, runs: "Sequence[Run]", accept: Iterable[str] = (), pool: TaskPool = HERE, spans: int | None = None
@@ -145,7 +150,8 @@ def _report(run: SIRun, how: Reporting, seen: Observation | None, spans: int | N
         "torque": torque,
     }
     plotted = None if spans is None else plotted_run(run, levels, spans)
-    return RunReport(run.recorded, parts, tuple(findings), plotted)
+    amplitudes = None if how.measure is None else amplitudes_or_reason(run, how.measure)
+    return RunReport(run.recorded, parts, tuple(findings), plotted, amplitudes)
 
 
 def _command(

@@ -3,7 +3,7 @@
 The simulation knows the rig and the conditions stored with a run, and nothing that was recorded.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,6 +27,7 @@ from ..simulator.run import BenchRun, simulate_run
 from ..simulator.sensors import base_acceleration
 from .metrics import Measure
 from .reduction import Reduction, analyze, reduction_percent
+from .run_amplitudes import AmplitudesOfRun
 from .run_pairs import Pair
 
 if TYPE_CHECKING:
@@ -225,13 +226,14 @@ def compare_campaign(
     mechanism: str | None = None,
     accept: Iterable[str] = (),
     examination: "Examination | None" = None,
+    known: Mapping[str, AmplitudesOfRun | str] | None = None,
 ) -> Comparison:
     """Compare every reduction of a campaign with its simulation, and with ``published`` where it is given.
 
-    ``accept``, ``examination``: see :func:`analyze`.
+    ``accept``, ``examination``, ``known``: see :func:`analyze`.
     """
     given = load_mechanism(mechanism) if mechanism else None
-    analysis = analyze(runs, measure, accept, given, examination=examination)
+    analysis = analyze(runs, measure, accept, given, examination=examination, known=known)
     findings = list(analysis.findings)
     predictions: dict[object, Prediction] = {}
     rows: list[Row] = []

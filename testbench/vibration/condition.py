@@ -4,9 +4,10 @@ How sure a mean of repeats is follows from the noise of the campaign, rests and 
 (``CampaignNoise``), and from what the repeats differ by beyond it (``repeatability``).
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,7 +24,7 @@ from .metrics import Measure
 from .noise_floor import Noise, Segment
 from .noise_in_motion import LOUDER, exceeds_rest, noise_in_motion
 from .repeatability import Group, Repeatability, Synchronous
-from .run_amplitudes import amplitudes_of_run
+from .run_amplitudes import AmplitudesOfRun, amplitudes_of_run, amplitudes_or_reason
 from .run_pairs import Pair
 
 if TYPE_CHECKING:
@@ -115,7 +116,6 @@ def pooled_degrees_of_freedom(sides: Sequence[ConditionAmplitude], shares: Seque
 
 EQUAL_DURATION = 0.9
 """Share of the longest record of a condition from which the others count as equally long."""
-AmplitudesOfRun = dict[Place, Amplitude]
 
 
 @dataclass(frozen=True)
@@ -150,13 +150,15 @@ class Condition:
     """Findings of ingest about the accelerometers on the base."""
 
     @classmethod
-    def of(cls, pair: Pair, measure: Measure) -> "Condition":
-        """From every run of a pair that can be read.
+    def of(
+        cls, pair: Pair, measure: Measure, known: Mapping[str, AmplitudesOfRun | str] = MappingProxyType({})
+    ) -> "Condition":
+        """From every run of a pair that can be read; what is ``known`` of a run, or why nothing is, is not read again.
 
         Raises AnalysisError where no run with, or none without counter-masses can be read, or where their rigs differ
         in the accelerometers on the base.
         """
-        pair, found, unread, doubts = _readable(pair, measure)
+        pair, found, unread, doubts = _readable(pair, measure, known)
         for run, some in zip(pair.runs, found, strict=True):
             if some.keys() != found[0].keys():
                 raise AnalysisError(
@@ -321,9 +323,11 @@ class CampaignNoise:
         return one
 
 
-def _readable(pair: Pair, measure: Measure) -> tuple[Pair, list[dict[Place, Amplitude]], list[Finding], list[Finding]]:
+def _readable(
+    pair: Pair, measure: Measure, known: Mapping[str, AmplitudesOfRun | str]
+) -> tuple[Pair, list[AmplitudesOfRun], list[Finding], list[Finding]]:
     """The readable runs as a pair, their amplitudes, findings why others cannot be read, doubts about the readable."""
-    records: list[dict[Place, Amplitude]] = []
+    records: list[AmplitudesOfRun] = []
     unread: list[Finding] = []
     doubts: list[Finding] = []
     errors: list[str] = []
@@ -331,14 +335,15 @@ def _readable(pair: Pair, measure: Measure) -> tuple[Pair, list[dict[Place, Ampl
     for side in (pair.balanced, pair.unbalanced):
         read = []
         for run in side:
-            try:
-                si = SIRun.of(run)
-                records.append(amplitudes_of_run(si, measure))
-                doubts += si.doubts(si.rig.base_columns)
-                read.append(run)
-            except AnalysisError as error:
-                errors.append(str(error))
-                unread.append(Finding("not_analyzed", None, run.name, f"{error}; the run is left out"))
+            found = known[run.name] if run.name in known else amplitudes_or_reason(run, measure)
+            if isinstance(found, str):
+                errors.append(found)
+                unread.append(Finding("not_analyzed", None, run.name, f"{found}; the run is left out"))
+                continue
+            records.append(found)
+            si = SIRun.of(run)
+            doubts += si.doubts(si.rig.base_columns)
+            read.append(run)
         sides.append(tuple(read))
     if not all(sides):
         raise AnalysisError("; ".join(errors))

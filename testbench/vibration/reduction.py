@@ -5,7 +5,7 @@ and from what the repeats differ by beyond that noise.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
@@ -29,6 +29,7 @@ from .amplitude_uncertainty import SIDES, AmplitudesUncertainty, Interval
 from .condition import CampaignNoise, Condition
 from .metrics import Measure
 from .repeatability import Group, Repeatability
+from .run_amplitudes import AmplitudesOfRun
 from .run_pairs import ConditionKey, Pair, pairs
 
 if TYPE_CHECKING:
@@ -198,12 +199,14 @@ def analyze(
     mechanism: "Mechanism | None" = None,
     pool: TaskPool = HERE,
     examination: Examination | None = None,
+    known: Mapping[str, AmplitudesOfRun | str] | None = None,
 ) -> Analysis:
     """Every reduction of a campaign. Raises AnalysisError, naming what each run lacks, if there is none.
 
     What contradicts the run table or the other runs is a doubt of the numbers that it concerns, and withholds those
     that it spoils, unless its code is among those to ``accept``. ``mechanism`` takes the place of the rig's.
-    To examine a run is a task of the ``pool``; an ``examination`` of the same runs is not made again.
+    To examine a run is a task of the ``pool``; an ``examination`` of the same runs is not made again, nor are
+    amplitudes that are ``known`` by the run's name, or why there are none.
     """
     runs, accept = list(runs), tuple(accept)
     examination = examination or examine(runs, accept, mechanism, pool)
@@ -211,7 +214,7 @@ def analyze(
     findings += examination.findings
     if not found:
         raise AnalysisError("no two runs can be compared:\n" + "\n".join(f"  {f.message}" for f in findings))
-    conditions = _conditions(found, measure, findings)
+    conditions = _conditions(found, measure, findings, known or {})
     judged, reductions = CampaignLikelihoods.of(conditions), []
     for condition in conditions:
         some = judged.calibrated(condition)
@@ -237,12 +240,14 @@ def _doubted(pair: Pair, reductions: Sequence[Reduction], examination: Examinati
     ]
 
 
-def _conditions(found: Sequence[Pair], measure: Measure, findings: list[Finding]) -> list[Condition]:
+def _conditions(
+    found: Sequence[Pair], measure: Measure, findings: list[Finding], known: Mapping[str, AmplitudesOfRun | str]
+) -> list[Condition]:
     """The pairs that can be analysed, a finding for each other one. Raises AnalysisError if none can."""
     conditions, lacks = [], []
     for pair in found:
         try:
-            conditions.append(Condition.of(pair, measure))
+            conditions.append(Condition.of(pair, measure, known))
         except AnalysisError as error:
             where = " ".join(run.name for run in pair.runs)
             lacks.append(Finding("not_analyzed", None, where, f"{pair.key}: {error}"))

@@ -2,11 +2,13 @@
 
 from collections.abc import Container
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from balance.arrays import Floats
 
+from ..errors import AnalysisError
 from ..quality.clipping import flat_tops, is_dead, stuck_value
 from ..rig.sensors import Accelerometer, Encoder, Target
 from ..runs.si_run import SIRun
@@ -15,12 +17,18 @@ from .metrics import Measure, base_accelerations
 from .motion_timing import MotionTiming
 from .noise_floor import Noise
 
+if TYPE_CHECKING:
+    from ..store import Run
+
 _SAMPLES = 10_000
 """That are looked at for the step of a channel."""
 _CLIPPED = ("clipping", "clipping_suspected")
 
 
-def amplitudes_of_run(run: SIRun, measure: Measure, mains: Container[Place] = ()) -> dict[Place, Amplitude]:
+AmplitudesOfRun = dict[Place, Amplitude]
+
+
+def amplitudes_of_run(run: SIRun, measure: Measure, mains: Container[Place] = ()) -> AmplitudesOfRun:
     """Each axis of each accelerometer on the base [m/s2].
 
     ``mains``: places whose rests show the mains in other runs; where nothing tells when this one rests, they are sought
@@ -51,6 +59,14 @@ def amplitudes_of_run(run: SIRun, measure: Measure, mains: Container[Place] = ()
                 one, timed=timing.timed, saturated=saturated, dead=is_dead(row), stated=stated, faults=faults
             )
     return {place: found[place] for place in columns}
+
+
+def amplitudes_or_reason(run: "Run | SIRun", measure: Measure) -> AmplitudesOfRun | str:
+    """:func:`amplitudes_of_run`, or why there are none."""
+    try:
+        return amplitudes_of_run(run if isinstance(run, SIRun) else SIRun.of(run), measure)
+    except AnalysisError as error:
+        return str(error)
 
 
 def _faults(values: Floats, rate_hz: float, clipping_found: bool) -> tuple[tuple[str, str], ...]:
