@@ -223,7 +223,7 @@ class Synchronous:
 
     means: dict[Place, Amplitude]
     residuals: dict[Place, tuple[Segment, ...]]
-    """In motion, each divided by its envelope."""
+    """In motion, each divided by its envelope, of the power in the band that they have there."""
     envelopes: dict[Place, Floats]
     """Standard deviation of what does not repeat over time, 1 on average in motion, (n,) [-]."""
     lags: tuple[float, ...]
@@ -273,9 +273,12 @@ class Synchronous:
             scale = (len(runs) / (len(runs) - 1.0)) ** 0.5
             rate, moving = first[place].rate_hz, first[place].moving or slice(0, count)
             part = slice(max(moving.start - common.start, 0), max(moving.stop - common.start, 0))
-            over_time = _envelope(scale * first[place].in_band(left), part, rate)
+            shown = scale * first[place].in_band(left)
+            over_time = _envelope(shown, part, rate)
+            evened = float(np.mean((shown / over_time)[:, part] ** 2))  # less: the envelope follows the noise itself
+            level = scale * np.sqrt(np.mean(shown[:, part] ** 2) / max(evened, 1e-300))
             envelopes[place] = _beyond(over_time, common, moving, count)
-            residuals[place] = tuple(Segment((scale * one / over_time)[part], rate, 1.0 / scale**2) for one in left)
+            residuals[place] = tuple(Segment((level * one / over_time)[part], rate, 1.0 / scale**2) for one in left)
             means[place] = replace(first[place].mean_of([run[place] for run in runs], lags, mean), envelope=fewer)
         return cls(means, residuals, envelopes, tuple(lags), gains)
 

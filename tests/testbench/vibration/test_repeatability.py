@@ -128,6 +128,20 @@ def test_repeats_that_begin_at_other_times():
     assert left.std() == pytest.approx(0.01, rel=0.15)
 
 
+@pytest.mark.parametrize("repeats", [2, 3])
+def test_noise_of_a_speed_keeps_its_power(repeats):
+    """Noise in proportion to a speed that swings over legs has the same mean square after it was evened out in time."""
+    rng, rate, place, time = np.random.default_rng(8), 1000.0, ("base_acc", "x"), np.arange(9000) / 1000.0
+    moving = (time > 0.5) & (time < 8.5)
+    speed = np.abs(np.sin(2.0 * np.pi * 2.5 * (time - 0.5))) * moving
+    true = np.array([speed * rng.normal(size=len(time)) for _ in range(repeats)])
+    shown = 20.0 * np.sin(2.0 * np.pi * 9.0 * time) * moving + true
+    runs = [{place: Amplitude.of(one[None], rate, Measure(), (0.0, 0.49), (0.5, 8.5))[0]} for one in shown]
+    noise = Noise.of(Synchronous.of(runs).residuals[place])
+    mean_square = np.mean(Measure().band.filtered(true, rate)[:, moving] ** 2)
+    assert noise.power(Measure().band)[0] == pytest.approx(mean_square, rel=0.1)  # 2,000 degrees of freedom: 3 %
+
+
 def test_a_channel_that_one_repeat_has_reversed():
     """It does not move the others: what repeats of another channel leave is their noise."""
     rng, rate, places = np.random.default_rng(6), 1000.0, [("base_acc", "x"), ("base_acc", "y")]
