@@ -12,6 +12,7 @@ of all sites chosen so far together is sought along a list of all piles, or, whe
 are of many kinds, along bits that tell which multiples the first kinds make (Bellman, Dynamic programming, 1957).
 """
 
+import math
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -28,6 +29,8 @@ _ROUNDING = 1e-9
 """Masses that differ by less, relative to all plates, are one."""
 _MOST_PILES = 2_000_000
 """Piles of plates that are all looked at."""
+_MOST_SELECTIONS = 1_000_000
+"""Selections, times their sites, that are all looked at, instead of a search."""
 _GOOD = 2e-7
 """Of the bound, by which J may exceed it where the search ends."""
 _MOST_MASSES = 300_000
@@ -90,6 +93,8 @@ def best_plates(
     groups = [[i] for i in range(sites) if not any(i in group for group in equal)] + [list(group) for group in equal]
     most = np.full(sites, np.inf) if limits is None else limits
     used = quantities > 0
+    if math.prod(math.comb(quantity + sites, sites) for quantity in quantities.tolist()) * sites <= _MOST_SELECTIONS:
+        return _best_of_all(columns, target, masses, quantities, most, groups, best)
     few, steps = np.prod(quantities + 1.0) <= _MOST_PILES, masses[used] / _STEP_KG
     counted = used.any() and np.abs(steps - np.round(steps)).max() <= _STEP_ROUNDING
     kind = _Search if few and not counted else _UnitSearch
@@ -98,6 +103,49 @@ def best_plates(
     whole = [Selection(_padded(one.counts, used), one.masses, one.value) for one in found]
     bound = search.bound if search.bound < found[0].value - search.tie else found[0].value
     return StockOptimum(tuple(whole), max(bound, 0.0))
+
+
+def _best_of_all(
+    columns: Floats,
+    target: Floats,
+    plates: Floats,
+    quantities: Indices,
+    limits: Floats,
+    groups: Sequence[Sequence[int]],
+    best: int,
+) -> StockOptimum:
+    """Of all ways to share the plates among the sites."""
+    sites, edge = columns.shape[1], _ROUNDING * max(float(plates @ quantities), 1e-12)
+    shared = [np.array(list(_shares(quantity, sites)), dtype=np.intp) for quantity in quantities.tolist()]
+    made = np.zeros((1, sites))
+    for counts, plate in zip(shared, plates, strict=True):
+        made = (made[:, None] + plate * counts[None]).reshape(-1, sites)
+    allowed = (made <= limits + edge).all(axis=1)
+    for group in groups:
+        allowed &= np.ptp(made[:, list(group)], axis=1) <= edge
+    ways = np.flatnonzero(allowed)
+    made, square = made[ways], np.asarray(np.linalg.qr(np.column_stack([columns, target]), mode="r"))
+    values = np.sum((made @ square[:, :-1].T - square[:, -1]) ** 2, axis=1)
+    tie, found = _TIE * (float(target @ target) or 1.0), list[Selection]()
+    while len(ways) and len(found) < best:
+        equals = np.flatnonzero(values <= values.min() + tie)
+        chosen = equals[np.lexsort((values[equals], made[equals].sum(axis=1).round(9)))[0]]
+        places = np.unravel_index(ways[chosen], [len(counts) for counts in shared])
+        counts = np.zeros((sites, len(plates)), dtype=np.intp)
+        counts.T[:] = [shares[place] for shares, place in zip(shared, places, strict=True)]
+        found.append(Selection(counts, counts @ plates, float(values[chosen])))
+        others = (np.abs(made - made[chosen]) > edge).any(axis=1)
+        ways, made, values = ways[others], made[others], values[others]
+    return StockOptimum(tuple(found), found[0].value)
+
+
+def _shares(quantity: int, sites: int) -> Iterator[tuple[int, ...]]:
+    """All ways to share at most ``quantity`` plates of a kind among ``sites``."""
+    if not sites:
+        yield ()
+        return
+    for count in range(quantity + 1):
+        yield from ((count, *others) for others in _shares(quantity - count, sites - 1))
 
 
 def _padded(counts: Indices, used: NDArray[np.bool_]) -> Indices:

@@ -9,6 +9,18 @@ from balance.balancing import stock_search
 from balance.balancing.least_masses import distribute_masses
 from balance.balancing.stock_search import best_plates
 
+
+@pytest.fixture(params=["all", "units", "piles"])
+def factor(request, monkeypatch):
+    """Of the masses, so that each way of finding plates is taken.
+
+    By looking at all selections, by multiples of a unit, and by piles of plates where masses have none.
+    """
+    if request.param != "all":
+        monkeypatch.setattr(stock_search, "_MOST_SELECTIONS", 0)
+    return 2**0.5 if request.param == "piles" else 1.0
+
+
 TWO_ARMS = np.array([[0.1, 0.2, 0.0, 0.0], [0.0, 0.0, 0.1, 0.1]])
 """Two sites at 0.1 m and 0.2 m on one arm, two at 0.1 m on the other."""
 
@@ -95,13 +107,9 @@ def by_looking_at_all(columns, target, masses, quantities, limits, equal):
     return sorted(set(found))
 
 
-@pytest.mark.parametrize("factor", [1.0, 2**0.5], ids=["units", "piles"])
 @pytest.mark.parametrize("seed", range(24))
 def test_plates_are_the_best_of_all(seed, factor):
-    """Random stocks, limits, equal sites, few rows: no selection is better, nor as good and lighter, and it is proven.
-
-    So it is by multiples of a unit, and by piles of plates where their masses have none.
-    """
+    """Random stocks, limits, equal sites, few rows: none is better, nor as good and lighter; proven."""
     rng = np.random.default_rng(seed)
     sites = int(rng.integers(1, 4))
     columns = rng.normal(size=(int(rng.integers(1, 6)), sites))
@@ -118,10 +126,10 @@ def test_plates_are_the_best_of_all(seed, factor):
     assert (best.counts.sum(axis=0) <= quantities).all()
 
 
-def test_the_best_few():
+def test_the_best_few(factor):
     """The first five, in order, of all that plates can make."""
     columns, target = np.array([[1.0, 0.3], [0.0, 0.9]]), np.array([3.1, 2.2])
-    masses, quantities = np.array([0.5, 1.2]), np.array([3, 2])
+    masses, quantities = factor * np.array([0.5, 1.2]), np.array([3, 2])
     found = best_plates(columns, target, masses, quantities, best=5)
     every = by_looking_at_all(columns, target, masses, quantities, np.full(2, np.inf), [])
     assert [one.value for one in found.selections] == pytest.approx([value for value, _ in every[:5]], abs=1e-8)
@@ -138,13 +146,23 @@ def test_the_best_few():
     ids=["alike", "apart", "against each other", "with a remainder"],
 )
 @pytest.mark.parametrize("best", [1, 3])
-@pytest.mark.parametrize("factor", [1.0, 2**0.5], ids=["units", "piles"])
 def test_of_plates_that_do_equally_well_the_lightest(rows, target, masses, quantities, lightest, best, factor):
     """Where sites do alike many selections leave the same, to rounding: the lightest is the first of the best few."""
     columns, plates = np.array(rows), factor * np.array(masses)
     found = best_plates(columns, factor * np.array(target), plates, np.array(quantities), best=best)
     assert found.selections[0].masses.sum() == pytest.approx(factor * lightest)
     assert found.gap < 1e-12
+
+
+def test_many_sites_of_one_effect_are_proven():
+    """Of 73,500 selections nearly all differ by next to nothing from others: all are looked at."""
+    columns, masses, quantities = np.array([[0.9, 0.3, 0.5, 0.7]]), np.array([0.144, 2.375, 2.908]), np.array([4, 2, 4])
+    found = best_plates(columns, np.array([7.3]), masses, quantities)
+    made = found.selections[0].counts @ masses
+    assert (found.selections[0].value, found.gap) == pytest.approx(
+        (((columns @ made).item() - 7.3) ** 2, 0.0), abs=1e-12
+    )
+    assert found.selections[0].value < 1e-5
 
 
 def test_forty_plates_at_four_sites_with_limits_are_proven():
