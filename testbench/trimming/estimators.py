@@ -57,6 +57,10 @@ WEIGHTLESS = (
     "the rig's [bench] does not state weight = true: the weight's moment as the bodies move, which tilts the base, is "
     "left out"
 )
+MOVING_INERTIA = (
+    "the mechanism's inertia on the base, held as at the start, changes by {:.1%} of both's in the motion: what is "
+    "missing may be wrong by as much, which is more than the intervals"
+)
 FIXED = "What no mass at the sites can change is taken from the mechanism's file: these runs do not tell it."
 DETERMINED = 0.02
 """Half of an interval of a condition, as a part of the largest of the mechanism without counter-masses, up to which a
@@ -163,8 +167,14 @@ def by_vibration(problem: TrimProblem) -> SourceEstimate:
         "the conditions.",
     )
     text = (*about, *fixed, _jackknife(measured, [*within, STEPS]))
-    weightless = any(run.run.origin != "simulated" and not run.rig.bench.weight for run in problem.runs)
-    return SourceEstimate("vibration", measured, text, (WEIGHTLESS,) if weightless else (), tuple(findings))
+    doubts = []
+    if any(run.run.origin != "simulated" and not run.rig.bench.weight for run in problem.runs):
+        doubts.append(WEIGHTLESS)
+    moving = [run.run.origin != "simulated" or run.rig.bench.coupling == "moving" for run in problem.runs]
+    change = max((one.inertia_change for one, moves in zip(bases, moving, strict=True) if moves), default=0.0)
+    if (change * np.abs(measured.values) > 2.0 * np.sqrt(np.diag(measured.covariance))).any():
+        doubts.append(MOVING_INERTIA.format(change))
+    return SourceEstimate("vibration", measured, text, tuple(doubts), tuple(findings))
 
 
 def by_trials(problem: TrimProblem) -> SourceEstimate:

@@ -102,6 +102,25 @@ def test_what_was_measured_was_measured_in_gravity(manipulator, runs):
     assert "weight = true" in found.doubts()[0]
 
 
+@pytest.mark.parametrize(("mounted", "doubts"), [({"masses": {}}, 1), ({}, 0)], ids=["bare", "as built"])
+def test_inertia_that_moves_with_much_missing_is_doubtful(manipulator, mounted, doubts):
+    """What is held as at the start biases all that shakes by a part of itself: of little missing, less than noise."""
+    light = {
+        "[bench]": '[bench]\ncoupling = "moving"',
+        '"90 kg"': '"30 kg"',
+        '["13 ': '["4 ',
+        '"11 ': '"3 ',
+        '"9 kg': '"3 kg',
+    }
+    text = BENCHES["other"].text
+    for old, new in light.items():
+        text = text.replace(old, new)
+    rig = rigs.rig_from_text(text)
+    seen = [memory.scene(motion, rig=rig, **mounted).run(k) for k, motion in enumerate(MOTIONS)]
+    found = trim_runs(memory.aligned(seen, manipulator), source="vibration")
+    assert sum("held as at the start" in one for one in found.doubts()) == doubts
+
+
 def test_intervals_of_vibration_hold(manipulator):
     """Over seeds of noise and clocks, on another bench, which its bodies' weight tilts: as often as 95 % promises."""
     weighed = rigs.rig_from_text(BENCHES["other"].text.replace("[bench]", "[bench]\nweight = true"))
