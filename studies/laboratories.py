@@ -464,6 +464,10 @@ def half_widths(family: Family, seed: int, repeats: int) -> dict[str, float]:
     return {one.axis: 0.5 * (one.interval[1] - one.interval[0]) for one in found if one.interval and not one.limit}
 
 
+NARROWED = 8
+"""Campaigns of which repeats are compared, briefly too: of four but two intervals are two-sided with one run a side."""
+
+
 def narrowing(family: Family, seeds: Sequence[int]) -> Iterator[Row]:
     """Half widths of twice as many repeats over those of half as many, medians over the same channels."""
     widths = {repeats: [half_widths(family, seed, repeats) for seed in seeds] for repeats in (1, 2, 4)}
@@ -487,7 +491,7 @@ def study(count: int, brief: bool) -> Iterator[Row]:
         note += f", missed by seeds {' '.join(map(str, sorted(set(t.missed))[:12]))}" * bool(t.missed)
         yield covered(f"{name}, two-sided", t.two_sided.hits, t.two_sided.count, note)
         yield covered(f"{name}, at least", t.at_least.hits, t.at_least.count, conservative=True)
-    yield from narrowing(FAMILIES["floor"], range(min(max(count, 4), 8)))
+    yield from narrowing(FAMILIES["floor"], range(NARROWED))
 
 
 def _p(t: Tally) -> float:
