@@ -200,8 +200,8 @@ class _Search:
         free, steep = np.flatnonzero(pushed == 0.0), np.flatnonzero(pushed)
         order = [*free[_search_order(columns[:, free])], *steep[np.argsort(np.abs(pushed[steep]))]]
         self.order, self.centre, self.gradient = order, centre[order], pushed[order]
-        alike = np.linalg.matrix_rank(columns) < len(weight)
-        self.lightest = float(weight @ centre) if alike else np.inf
+        dependent = np.linalg.matrix_rank(columns) < len(weight)
+        self.lightest = float(weight @ centre) if dependent else np.inf
         """What masses as good as the centre weigh at least [kg]; any, where there are no others."""
         padded = np.vstack([columns[:, order], np.zeros((len(order), len(order)))])
         self.triangle: Floats = np.asarray(np.linalg.qr(padded, mode="r"))
@@ -238,7 +238,7 @@ class _Search:
     def _is_done(self) -> bool:
         """Whether time is up, or what was found is so near the bound that no other is better by what counts.
 
-        An equal one may be lighter where sites do alike.
+        An equal one may be lighter where sites have the same effect.
         """
         worst = self._worst()
         if self.late or worst > self.relaxed * (1.0 + _GOOD) + self.tie:
@@ -340,23 +340,23 @@ class _Search:
             counts[part] = taken
         return counts
 
-    def _together(self, parts: list[tuple[list[int], float]], left: Indices) -> list[Indices] | None:
-        """Plates (kinds,) for each part, of those ``left``."""
+    def _together(self, parts: list[tuple[list[int], float]], available: Indices) -> list[Indices] | None:
+        """Plates (kinds,) for each part, of those ``available``."""
         if not parts:
             return []
         (part, wanted), *others = parts
-        for taken in self._subsets(wanted, left // len(part)):
+        for taken in self._subsets(wanted, available // len(part)):
             if not self.rounded or (taken @ self.plates <= self.limits[part] + self.edge).all():
-                rest = self._together(others, left - len(part) * taken)
+                rest = self._together(others, available - len(part) * taken)
                 if rest is not None or self.steps < 0:
                     return None if rest is None else [taken, *rest]
         return None
 
-    def _subsets(self, mass: float, left: Indices) -> Iterator[Indices]:
-        """Plates (kinds,) of those ``left`` that make a mass [kg], few first; each takes one of the ``steps``."""
+    def _subsets(self, mass: float, available: Indices) -> Iterator[Indices]:
+        """Plates (kinds,) of those ``available`` that make a mass [kg], few first; each takes one of the ``steps``."""
         first, last = np.searchsorted(self.sums, [mass - self.edge, mass + self.edge])
         piles = self.piles[first:last]
-        for pile in piles[(piles <= left).all(axis=1)]:
+        for pile in piles[(piles <= available).all(axis=1)]:
             self.steps -= 1
             yield pile
 
@@ -396,26 +396,26 @@ class _UnitSearch(_Search):
         found = self._search(np.flatnonzero(bits) * self.unit)
         return [Selection(one.counts[:, self.places], one.masses, one.value) for one in found]
 
-    def _subsets(self, mass: float, left: Indices) -> Iterator[Indices]:
-        for chosen in self._along(len(self.units), round(mass / self.unit), left.tolist()):
-            taken = np.zeros(len(left), dtype=np.intp)
+    def _subsets(self, mass: float, available: Indices) -> Iterator[Indices]:
+        for chosen in self._along(len(self.units), round(mass / self.unit), available.tolist()):
+            taken = np.zeros(len(available), dtype=np.intp)
             taken[[kind for kind, _ in chosen]] = [count for _, count in chosen]
             yield taken
 
-    def _along(self, kinds: int, wanted: int, left: list[int]) -> Iterator[list[tuple[int, int]]]:
+    def _along(self, kinds: int, wanted: int, available: list[int]) -> Iterator[list[tuple[int, int]]]:
         """Kinds and numbers of plates, of the first ``kinds``, that make ``wanted`` units; heavy plates first."""
         if not wanted:
             yield []
             return
         kind, sums = kinds - 1, self.sums_of[kinds - 1]
         unit = max(self.units[kind], 1)
-        for count in range(min(left[kind], wanted // unit), -1, -1):
+        for count in range(min(available[kind], wanted // unit), -1, -1):
             self.steps -= 1
             if self.steps < 0:
                 return
             rest = wanted - count * unit
             if sums[rest >> 3] >> (rest & 7) & 1:
-                for others in self._along(kind, rest, left):
+                for others in self._along(kind, rest, available):
                     yield [(kind, count), *others] if count else others
 
 

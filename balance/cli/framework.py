@@ -342,8 +342,8 @@ def _drawn(title: str, header: list[str], cells: list[list[str]], width: int | N
     least = _widths(header, cells)
     sizes = [max(map(cell_len, [name, *column])) for name, column in zip(header, each, strict=True)]
     while width is not None and sum(sizes) + 2 * len(sizes) > width:
-        spare = [max(size - needed, 0) for size, needed in zip(sizes, least, strict=True)]
-        taken = spare if any(spare) else sizes
+        slack = [max(size - needed, 0) for size, needed in zip(sizes, least, strict=True)]
+        taken = slack if any(slack) else sizes
         sizes[taken.index(max(taken))] -= 1
     sides = [str.rjust if _is_numeric(column) else str.ljust for column in each]
     lines: list[str] = []

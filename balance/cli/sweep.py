@@ -25,10 +25,16 @@ _MOST_DESIGNS = 10_000_000
 _MOST_IN_MEMORY = 1_000_000
 
 
-class OfAPart(click.ParamType[T]):
-    """``NAME.PART=VALUES``: of the mass or a coordinate of a site or body, with units."""
+Fail = Callable[[str], NoReturn]
+"""Ends the command for a wrong value, with a message."""
 
-    name, examples, form = "", "", "(.+)"
+
+class OfAPart(click.ParamType[T]):
+    """``NAME.PART=VALUES``: of the mass or a coordinate of a site or body, with units; ``read`` takes all three."""
+
+    def __init__(self, name: str, examples: str, read: Callable[[str, str, str, Fail], T], form: str = "(.+)") -> None:
+        """For values that match ``form``."""
+        self.name, self.examples, self.read, self.form = name, examples, read, form
 
     def convert(self, value: str | T, param: click.Parameter | None, ctx: click.Context | None) -> T:
         """Read the text; a wrong one fails as a wrong command line."""
@@ -40,48 +46,34 @@ class OfAPart(click.ParamType[T]):
         name, part, text = match.groups()
         return self.read(name, part, text, lambda message: self.fail(f"{value!r}: {message}", param, ctx))
 
-    def read(self, name: str, part: str, text: str, fail: Callable[[str], NoReturn]) -> T:
-        """What is given of a part."""
-        raise NotImplementedError
-
 
 def _quantity(part: str, text: str, positive: bool = False) -> float:
     return Quantity("mass" if part == "mass" else "length", positive=positive).convert(text, None, None)
 
 
-class Varied(OfAPart["Variable"]):
-    """``NAME.PART=FIRST:LAST:COUNT`` or ``NAME.PART=A,B,C``, with units."""
+def _varied(name: str, part: str, text: str, fail: Fail) -> "Variable":
+    """All values of a mass or a place: ``FIRST:LAST:COUNT`` or ``A,B,C``, with units."""
+    import numpy as np
 
-    name, examples = "NAME.PART=VALUES", "counter_A0A.mass=0kg:30kg:1000 or A.x=90mm,100mm"
+    from ..balancing.sweep import Variable
 
-    def read(self, name: str, part: str, text: str, fail: Callable[[str], NoReturn]) -> "Variable":
-        """All values of a mass or a place."""
-        import numpy as np
-
-        from ..balancing.sweep import Variable
-
-        if text.count(":") == 2:
-            first, last, count = text.split(":")
-            if not re.fullmatch(r"[1-9]\d{0,6}", count.strip()):
-                fail(f"{count!r} is no number of values: expected such as 1000")
-            values = np.linspace(_quantity(part, first), _quantity(part, last), int(count))
-        else:
-            values = np.array([_quantity(part, one) for one in text.split(",")])
-        if part == "mass" and (values < 0.0).any():
-            fail("expected masses of zero or more")
-        return Variable(name, part, values)
+    if text.count(":") == 2:
+        first, last, count = text.split(":")
+        if not re.fullmatch(r"[1-9]\d{0,6}", count.strip()):
+            fail(f"{count!r} is no number of values: expected such as 1000")
+        values = np.linspace(_quantity(part, first), _quantity(part, last), int(count))
+    else:
+        values = np.array([_quantity(part, one) for one in text.split(",")])
+    if part == "mass" and (values < 0.0).any():
+        fail("expected masses of zero or more")
+    return Variable(name, part, values)
 
 
-class ToleranceType(OfAPart["Tolerance"]):
-    """``NAME.PART=5g`` or ``NAME.PART=0.1mm``: the largest error to either side."""
+def _tolerance(name: str, part: str, text: str, _: Fail) -> "Tolerance":
+    """The largest error of a mass or a place, to either side, such as ``5g`` or ``0.1mm``."""
+    from ..balancing.tolerance import Tolerance
 
-    name, examples, form = "NAME.PART=ERROR", "counter_A0A.mass=5g or A.x=0.1mm", r"(?:±|\+-|\+/-)?(.+)"
-
-    def read(self, name: str, part: str, text: str, fail: Callable[[str], NoReturn]) -> "Tolerance":
-        """The tolerance of a mass or a place."""
-        from ..balancing.tolerance import Tolerance
-
-        return Tolerance(name, part, _quantity(part, text, positive=True))
+    return Tolerance(name, part, _quantity(part, text, positive=True))
 
 
 @command(
@@ -105,7 +97,7 @@ def sweep(
     motion: str = options.MOTION,
     variables: "tuple[Variable, ...]" = option(
         "A mass or a place, and its values, such as counter_A0A.mass=0kg:30kg:1000.",
-        Varied(),
+        OfAPart("NAME.PART=VALUES", "counter_A0A.mass=0kg:30kg:1000 or A.x=90mm,100mm", _varied),
         "--vary",
         multiple=True,
         required=True,
@@ -206,7 +198,7 @@ def tolerance(
     motion: str = options.MOTION,
     tolerances: "tuple[Tolerance, ...]" = option(
         "A mass or a place and its largest error, to either side.",
-        ToleranceType(),
+        OfAPart("NAME.PART=ERROR", "counter_A0A.mass=5g or A.x=0.1mm", _tolerance, r"(?:±|\+-|\+/-)?(.+)"),
         "--tolerance",
         multiple=True,
         required=True,

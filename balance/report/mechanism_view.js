@@ -46,7 +46,7 @@ window.live = ({ data, at, made, asked }) => ({
       cell.append(one);
       return cell;
     };
-    const told = (found) => {
+    const showValues = (found) => {
       current = found;
       const [without, best, here] = Object.values(found.rms_force_N);
       const share = (one) => (without > 0 ? `${digits(100 * one / without)} %` : "–");
@@ -62,7 +62,7 @@ window.live = ({ data, at, made, asked }) => ({
     const instants = (found) => JSON.stringify(found.runs[0].channels.map(({ name, start, step, samples }) => [name, start, step, samples]));
     const answered = (found) => {
       const anew = instants(found) !== instants(current);
-      told(found);
+      showValues(found);
       show(found.moving);
       renew(found.runs, anew);
     };
@@ -126,7 +126,7 @@ window.live = ({ data, at, made, asked }) => ({
         });
       }
     }
-    told(data.response);
+    showValues(data.response);
     posed(data.pose);
     pose();
   },

@@ -59,15 +59,15 @@ def _told(seen: Observation, wanted: dict[str, Floats]) -> dict[str, str]:
     shown = np.column_stack([seen.encoder_speeds[:, seen.encoders.index(name)] for name in names])
     correlation, gain = _compared(shown, np.column_stack([wanted[name] for name in names]))
     said = {}
-    for name, alike, factor in zip(names, correlation, gain, strict=True):
-        if abs(alike) < SAME_PATH:
+    for name, likeness, factor in zip(names, correlation, gain, strict=True):
+        if abs(likeness) < SAME_PATH:
             continue
         unit = ""
         for ratio, text in ((DEGREES, "the log is in deg where the rig says rad"),
                             (1.0 / DEGREES, "the log is in rad where the rig says deg")):  # fmt: skip
             if abs(abs(factor) / ratio - 1.0) < UNIT_SHARE:
                 unit = f"{abs(factor):.3g} times as far: {text}"
-        said[name] = "; ".join(text for text in ("reversed" if alike < 0.0 else "", unit) if text)
+        said[name] = "; ".join(text for text in ("reversed" if likeness < 0.0 else "", unit) if text)
     return said
 
 

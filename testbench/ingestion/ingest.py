@@ -129,9 +129,9 @@ class Ingest:
         except (RecordingError, StoreError) as error:
             return not_stored(planned, sources, error)
         except OSError as error:
-            told = RecordingError(f"{error.filename}: {error.strerror or error}")
-            told.__cause__ = error
-            return not_stored(planned, sources, told)
+            failure = RecordingError(f"{error.filename}: {error.strerror or error}")
+            failure.__cause__ = error
+            return not_stored(planned, sources, failure)
 
     def _begun(self, sources: Sequence[Source]) -> str | None:
         """The stored run of these logs as they were when they were shorter, proven by its digests of them."""

@@ -156,10 +156,10 @@ class Repeatability:
         apart = odd
         if _differ(repeated) and (len(odd) > 1 or len(repeated) < 3 or not odd):
             unlike = _unlike_the_others(repeated, least)
-            alike = [g for g in repeated if g not in unlike]
-            if _differ(alike):
-                share, freedom = max(_share(alike), 0.0), float(sum(g.degrees_of_freedom for g in alike))
-                odd, apart = [g for g in alike if g.scatter > g.degrees_of_freedom] + unlike, unlike
+            consistent = [g for g in repeated if g not in unlike]
+            if _differ(consistent):
+                share, freedom = max(_share(consistent), 0.0), float(sum(g.degrees_of_freedom for g in consistent))
+                odd, apart = [g for g in consistent if g.scatter > g.degrees_of_freedom] + unlike, unlike
             else:
                 odd = apart = [g for g in repeated if g in odd or g in unlike]
         return cls(share, freedom, tuple(odd), tuple(apart))

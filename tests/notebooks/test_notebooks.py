@@ -2,6 +2,7 @@
 
 import ast
 import json
+import re
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -53,7 +54,7 @@ def test_notebook_shows_its_pictures_where_it_is_stored(path):
     drawing = [cell for cell in cells if "".join(cell["source"]).rstrip().endswith((".plot()", "\nfigure"))]
     assert drawing
     assert all(any("image/png" in output.get("data", {}) for output in cell["outputs"]) for cell in drawing)
-    assert not any(place in path.read_text("utf-8") for place in ("/tmp/", "/home/", "/work/", "/Users/"))
+    assert not re.search(r"/(tmp|home|root|work|Users)/", path.read_text("utf-8"))
     assert path.stat().st_size < LARGEST
 
 
