@@ -122,7 +122,8 @@ def save(figure: "Figure", path: str | Path) -> None:
 def link_points(mechanism: Mechanism, at: forward_kinematics.Pose, body: int) -> Floats:
     """Points of a link worth joining: its joint, its children's joints, where loops close, (k, 3, n) [m].
 
-    In the order of their angles about their middle in the plane x-y at the first sample.
+    In the order of their angles about their middle in the plane x-y at the first sample, from one of them on that is
+    the same at every sample.
     """
     joint = mechanism.tree.bodies[body]
     points = [at.position[child] for child, j in enumerate(mechanism.tree.joints) if j.parent == joint]
@@ -135,4 +136,5 @@ def link_points(mechanism: Mechanism, at: forward_kinematics.Pose, body: int) ->
         points += [at.point(joint, site.position) for site in sites]
     found = np.array([dense(point, at.count) for point in points or [at.position[joint]]])
     off = found[:, :2, 0] - found[:, :2, 0].mean(axis=0)
-    return found[np.argsort(np.arctan2(off[:, 1], off[:, 0]))]
+    order = np.argsort(np.arctan2(off[:, 1], off[:, 0]))
+    return found[np.roll(order, -int(np.argmin(order)))]

@@ -24,16 +24,18 @@ window.live = ({ data, at, made, asked }) => ({
     };
     /* Asks anew until what was asked for last is shown. */
     const latest = (name, words, shown) => {
-      let wanted = false, busy = false;
-      return async () => {
-        wanted = true;
-        if (busy) return;
-        busy = true;
+      let wanted = false, busy = null;
+      const ask = async () => {
         while (wanted) {
           wanted = false;
           await asked(name, words()).then((found) => { said(null); shown(found); }, said);
         }
-        busy = false;
+        busy = null;
+      };
+      return () => {
+        wanted = true;
+        busy = busy || ask();
+        return busy;
       };
     };
     const from = () => ({ azimuth: `${angles.azimuth} deg`, elevation: `${angles.elevation} deg` });
@@ -70,15 +72,81 @@ window.live = ({ data, at, made, asked }) => ({
       const words = { motion: choice.value, ...(stroke.disabled ? {} : { stroke: stroke.value, peak: peak.value }), ...from() };
       return sized ? words : { ...words, ...mounted() };
     }, answered);
-    const posed = ({ moving, at: values, centre_m: centre, beyond }) => {
-      pictured(at("hand-panels"), moving)(0);
+    const hand = at("hand-panels");
+    let drawn = data.pose.moving, drag = null;
+    const posed = ({ moving, at: values, centre_m: centre, at_rest: torques, beyond }) => {
+      drawn = moving;
+      pictured(hand, moving)(0);
       coordinates.forEach((one, i) => one.set(values[i]));
       const place = centre.map((x, i) => `${"xyz"[i]} = ${+(1000 * x).toFixed(2)} mm`).join(", ");
-      at("hand-now").textContent = [`Centre of mass: ${place}.`, ...beyond].join(" ");
+      const drives = torques.map(([name, unit, value]) => `${name} ${digits(value)} ${unit}`).join(", ");
+      at("hand-now").textContent = [`Centre of mass: ${place}.`, drives && `Held by: ${drives}.`, ...beyond].join(" ");
     };
     const pose = latest("pose", () => ({
-      ...Object.fromEntries(coordinates.map((one, i) => [`at${i}`, one.text()])), ...mounted(), ...from(),
+      ...Object.fromEntries(coordinates.map((one, i) => [`at${i}`, one.text()])), ...mounted(), ...from(), ...pulled(),
     }), posed);
+
+    /* The drawing is dragged: a counter-mass to another mass, any other part to where the mechanism can bring it. */
+    const NEAR = 40;
+    const pointed = ({ clientX, clientY }) => new DOMPoint(clientX, clientY).matrixTransform(hand.querySelector("svg").getScreenCTM().inverse());
+    const away = (a, b) => Math.hypot(a.x - b.x, a.y - b.y);
+    const corners = (k) => {
+      const one = hand.querySelector("svg").children[k];
+      return one.points ? [...one.points] : [{ x: one.cx.baseVal.value, y: one.cy.baseVal.value }];
+    };
+    const between = ({ k, i, j, share }) => {
+      const a = corners(k)[i], b = corners(k)[j];
+      return { x: a.x + share * (b.x - a.x), y: a.y + share * (b.y - a.y) };
+    };
+    const gripped = (pointer) => {
+      let grip = null, best = NEAR;
+      drawn.panels[0].shapes.forEach(({ kind }, k) => {
+        if (!["link", "payload", "pivot"].includes(kind)) return;
+        corners(k).forEach((a, i, all) => {
+          const j = (i + 1) % all.length, b = all[j], square = away(a, b) ** 2;
+          const along = square ? ((pointer.x - a.x) * (b.x - a.x) + (pointer.y - a.y) * (b.y - a.y)) / square : 0;
+          const one = { k, i, j, share: Math.min(1, Math.max(0, along)) }, distance = away(pointer, between(one));
+          if (distance < best) [grip, best] = [one, distance];
+        });
+      });
+      return grip;
+    };
+    const pulled = () => {
+      if (!drag || !drag.grip) return {};
+      const { k, i, j, share } = drag.grip, points = drawn.panels[0].shapes[k].points;
+      const here = between(drag.grip), to = pointed(drag), metre = drawn.scale_bar_m / drawn.scale_bar;
+      const [right, up] = [(to.x - drag.lead.x - here.x) * metre, (here.y - to.y + drag.lead.y) * metre];
+      return { grip0: points[i], grip1: points[j], share, right: `${right} m`, up: `${up} m` };
+    };
+    hand.addEventListener("pointerdown", (event) => {
+      const { target, clientX, clientY, pointerId } = event, pointer = pointed(event);
+      if (event.button) return;
+      drag = { clientX, clientY };
+      if (target.classList.contains("counter")) {
+        drag.site = [...hand.querySelectorAll(".counter")].indexOf(target);
+        drag.at = { x: target.cx.baseVal.value, y: target.cy.baseVal.value };
+        drag.radius = Math.sqrt(Math.max(0, parseFloat(target.textContent)) / data.disc_kg_per_m2);
+        drag.far = away(pointer, drag.at);
+      } else {
+        drag.grip = gripped(pointer);
+        const here = drag.grip && between(drag.grip);
+        drag = drag.grip && { ...drag, lead: { x: pointer.x - here.x, y: pointer.y - here.y } };
+      }
+      if (drag) hand.setPointerCapture(pointerId);
+    });
+    hand.addEventListener("pointermove", ({ clientX, clientY }) => {
+      if (!drag) return;
+      Object.assign(drag, { clientX, clientY });
+      if (drag.grip) return void pose();
+      const metre = drawn.scale_bar_m / drawn.scale_bar, radius = drag.radius + (away(pointed(drag), drag.at) - drag.far) * metre;
+      const mass = data.disc_kg_per_m2 * Math.max(0, radius) ** 2;
+      masses[drag.site].set(+Math.min(mass, data.masses[drag.site].high).toPrecision(3));
+      both();
+    });
+    hand.addEventListener("lostpointercapture", () => {
+      const mine = drag;
+      if (mine) pose().then(() => { if (drag === mine) drag = null; });
+    });
     const both = () => { sized = false; respond(); pose(); };
     const masses = data.masses.map((one) => quantity(at("view-masses"), one, both));
     const coordinates = data.coordinates.map((one) => quantity(at("view-coordinates"), one, pose));

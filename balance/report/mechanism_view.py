@@ -1,4 +1,4 @@
-"""A mechanism in the browser: moved by hand or in a motion, with masses at its sites, and what it does to its base.
+"""A mechanism in the browser: dragged by hand or in a motion, with masses at its sites, and what it does to its base.
 
 Shaking force, moment and torque are linear in the masses at the sites: what a kilogram at each does is computed once a
 motion, and each wish of the page is a product of that.
@@ -14,6 +14,7 @@ from threading import Lock
 from typing import Any
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from ..arrays import Floats
 from ..balancing.objective import workspace_states
@@ -24,13 +25,14 @@ from ..dynamics.inverse_dynamics import Response, simulate
 from ..dynamics.regressor import first_moment
 from ..errors import ClosureError, CounterpoiseError, DataError
 from ..figures.balancing import titled
+from ..figures.mechanism import STEEL_KG_PER_M2
 from ..mechanism.mechanism import Mechanism
 from ..motion import DEFAULT_RATE_HZ, Motion, Samples
 from ..motion.motion_files import load_motion
 from ..units import parse
 from .design_page import ZERO, plotted_response
 from .loopback import Loopback
-from .moving import OBLIQUE, moving
+from .moving import OBLIQUE, drawn_points, moving
 from .page import Page, document_of
 
 SIDES = ("without counter-masses", "as sized by balance size", "as mounted here")
@@ -40,6 +42,8 @@ SPANS = 800
 """Of a time series."""
 _RANGE, _STROKE, _PEAK, _RAMP = np.pi, 0.35, 5.0, 0.25
 """Reach of a coordinate by hand, stroke and peak acceleration of a move [rad, lengths of the mechanism]; its ramp."""
+_SMALL, _STIFF = 1e-6, 1e-3
+"""Step of a difference, and how much coordinates that need not move resist being dragged [rad, lengths]."""
 SECTIONS = (
     ("masses", "Counter-masses"), ("motion", "The mechanism"), ("series", "Time series"), ("hand", "By hand"),
 )  # fmt: skip
@@ -97,10 +101,11 @@ class MechanismView:
             if self.sites:
                 raise
             self.unmounted = str(error)
-        self.joints = [self.mechanism.coordinates[i] for i in self.closure.free_coordinates()]
-        self.scales = [1.0 if self._turns(joint) else self.closure.length for joint in self.joints]
+        self._free = self.closure.free_coordinates()
+        self.joints = [self.mechanism.coordinates[i] for i in self._free]
+        self.scales = np.array([1.0 if self._turns(joint) else self.closure.length for joint in self.joints])
         self.stroke = _STROKE
-        self.start = self.closure.home[[self.mechanism.coordinate_index(joint) for joint in self.joints]]
+        self.start = self.closure.home[self._free]
         if not self.joints:
             raise DataError(f"{self.mechanism.name}: no joint can move: there is nothing to view")
         for part in () if self.motions else (1.0, -1.0, 0.3, -0.3, 0.1, -0.1):  # as far as there is room
@@ -133,7 +138,7 @@ class MechanismView:
         data = {
             "runs": first["runs"], "motions": [first["moving"]], "response": first, "pose": pose, "masses": masses,
             "coordinates": coordinates, "choices": [*({"name": name} for name in self.motions), *moves],
-            "together": True,
+            "together": True, "disc_kg_per_m2": np.pi * STEEL_KG_PER_M2,
         }  # fmt: skip
         here, document = Path(__file__), document_of({"mechanism": self.mechanism.name, "unmounted": self.unmounted})
         about = {"version": version("counterpoise"), "sections": SECTIONS}
@@ -146,7 +151,7 @@ class MechanismView:
     @property
     def _reach(self) -> Floats:
         """Least and largest value of each coordinate by hand: limits of the file, or half a turn, (dof, 2) [rad, m]."""
-        limits = self.mechanism.limits[[self.mechanism.coordinate_index(joint) for joint in self.joints]]
+        limits = self.mechanism.limits[self._free]
         about = self.start[:, None] + np.outer(self.scales, [-_RANGE, _RANGE])
         return np.where(np.isfinite(limits), limits, about)
 
@@ -238,22 +243,67 @@ class MechanismView:
     def _workspace(self) -> Floats:
         return workspace_states(self.mechanism, self.closure)
 
+    def _at_rest(self, at: Floats) -> Trajectory:
+        """With its driven coordinates (dof,) [rad, m], as one sample. Raises ClosureError where it does not close."""
+        still = np.zeros((1, len(at)))
+        return self.closure.follow(Samples(np.zeros(1), at[None], still, still, tuple(self.joints)))
+
+    def _dragged(self, first: Trajectory, words: Mapping[str, str], points: Callable[[Floats], Floats]) -> Trajectory:
+        """At rest where a place of the drawing is nearest to where it is wanted; of equals the one that moves least.
+
+        ``grip0``, ``grip1`` and ``share`` name the place, between two of ``points``; ``right`` and ``up`` how far it
+        is to go.
+        """
+        ends, share = [int(words[name]) for name in ("grip0", "grip1")], float(words["share"])
+        start, stiffness = first.q[0, self._free], _STIFF * self.closure.length / self.scales
+
+        def place(q: Floats) -> Floats:
+            return points(np.concatenate([first.q, q]))[1:, ends].transpose(0, 2, 1) @ [1.0 - share, share]
+
+        wanted = place(first.q)[0] + [parse(words[name], "length") for name in ("right", "up")]
+
+        def gap(at: Floats) -> Floats:
+            try:
+                here = place(self._at_rest(at).q)[0]
+            except ClosureError:
+                here = np.full(2, np.inf)  # a shorter step is taken
+            return np.concatenate([here - wanted, stiffness * (at - start)])
+
+        def rates(at: Floats) -> Floats:
+            here = self._at_rest(at)
+            moved = place(np.concatenate([here.q, here.q + _SMALL * here.per_drive[0].T]))
+            return np.vstack([(moved[1:] - moved[0]).T / _SMALL, np.diag(stiffness)])
+
+        low, high = self._reach.T
+        found = least_squares(
+            gap, np.clip(start, low, high), rates, (low, high), x_scale=self.scales, xtol=_SMALL, max_nfev=30
+        )
+        return self._at_rest(found.x)
+
     def pose(self, words: Mapping[str, str]) -> dict[str, Any]:
-        """The mechanism at rest with its coordinates as the page states them, and its centre of mass."""
+        """The mechanism at rest with its coordinates as the page states them, or dragged from there.
+
+        Its centre of mass, and what its drives hold it with, weight and payload included.
+        """
         stated = [words.get(f"at{i}", "") for i in range(len(self.joints))]
         kinds = ["angle" if self._turns(joint) else "length" for joint in self.joints]
         at = [
             parse(text, kind) if text else float(home)
             for text, kind, home in zip(stated, kinds, self.start, strict=True)
         ]
-        still = np.zeros((1, len(at)))
-        with self._lock:
-            samples = Samples(np.zeros(1), np.array([at]), still, still, tuple(self.joints))
-            found, around = self.closure.follow(samples), self._workspace
         masses = self._masses(words, (0.0,) * len(self.sites))
-        mounted = self.mechanism.with_counter_mass(masses)
+        mounted, seen_from = self.mechanism.with_counter_mass(masses), self._seen_from(words)
+        with self._lock:
+            found, around = self._at_rest(np.array(at)), self._workspace
+            if "share" in words:
+                found = self._dragged(found, words, drawn_points(mounted, masses, seen_from, around))
         centre = first_moment(mounted, found.q)[0] / mounted.total_mass
-        designs = {"by hand": (mounted, {site: mass for site, mass in masses.items() if mass > 0.0})}
-        drawn = moving("by hand", found, designs, {"by hand": np.zeros((1, 3))}, self._seen_from(words), around)
-        beyond = self.mechanism.limits_exceeded(found.q)
-        return document_of({"moving": drawn, "at": at, "centre_m": centre, "beyond": beyond})
+        drawn = moving(
+            "by hand", found, {"by hand": (mounted, masses)}, {"by hand": np.zeros((1, 3))}, seen_from, around
+        )
+        drives = {name: values[0] for name, values in simulate(mounted, found).columns().items() if name[0] not in "FM"}
+        return document_of({
+            "moving": drawn, "at": found.q[0, self._free], "centre_m": centre,
+            "at_rest": [[*titled(name), value] for name, value in drives.items()],
+            "beyond": self.mechanism.limits_exceeded(found.q),
+        })  # fmt: skip

@@ -5,7 +5,7 @@ only lengths across the line of sight are to scale.
 """
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -110,6 +110,17 @@ def moving(
         "panels": panels, "scale_bar_m": float(metre), "scale_bar": float(metre * scale),
         "view": "seen along z" if flat else _VIEW.format(*np.degrees(seen_from)), "arrow_N": largest, "flat": flat,
     }  # fmt: skip
+
+
+def drawn_points(
+    mechanism: Mechanism, masses: Mapping[str, float], seen_from: tuple[float, float], around: Floats
+) -> Callable[[Floats], Floats]:
+    """From configurations (n, nv) [rad, m] to the points of :func:`moving` across the view, (n, k, 2) [m].
+
+    They are numbered as in the first configuration.
+    """
+    view, _ = _view(mechanism, around, seen_from)
+    return lambda q: _picture(mechanism, masses, q, view).points
 
 
 def pictures(panel: Mapping[str, Any]) -> Floats:

@@ -14,6 +14,7 @@ from balance.cli import main
 from balance.errors import CounterpoiseError
 from balance.mechanism.mjcf_parser import load_mechanism
 from balance.report.mechanism_view import SIDES, MechanismView
+from balance.report.moving import pictures
 
 from ...commands import call
 
@@ -69,6 +70,47 @@ def test_the_centre_of_mass_rests_where_it_is_balanced(view):
         words = {f"mass{i}": text for i, text in enumerate(masses)}
         places = [view.pose({"at0": f"{angle} deg", **words})["centre_m"] for angle in (60, 90, 150)]
         assert (np.ptp(places, axis=0).max() > 1e-9) == moves
+
+
+HANDLE = """one => {
+  const [a, b] = one.points || [], [x, y, r] = a ? [] : [one.cx, one.cy, one.r].map((length) => length.baseVal.value);
+  const place = a ? new DOMPoint((a.x + b.x) / 2, (a.y + b.y) / 2) : new DOMPoint(x, y + 0.9 * r);
+  const on = place.matrixTransform(one.ownerSVGElement.getScreenCTM());
+  return [on.x, on.y];
+}"""
+"""Of a link's first edge, or within the rim of a disc, on the screen."""
+
+
+def gripped(found, share):
+    """A place along the last link of a pose: how it is named, and where it is, right and up [m]."""
+    moving = found["moving"]
+    first, second = [one for one in moving["panels"][0]["shapes"] if one["kind"] == "link"][-1]["points"][:2]
+    a, b = pictures(moving["panels"][0])[0][[first, second]]
+    metre = moving["scale_bar_m"] / moving["scale_bar"]
+    words = {"grip0": str(first), "grip1": str(second), "share": str(share)}
+    return words, ((1.0 - share) * a + share * b) * [metre, -metre], 0.1 * metre
+
+
+@pytest.mark.parametrize(
+    ("name", "right", "up"), [("five-bar", 0.02, -0.01), ("delta", 0.03, 0.02), ("four-bar", 0.0, 0.3)]
+)
+def test_dragged_the_mechanism_comes_as_near_as_it_can(name, right, up):
+    """With two freedoms or more to the place itself; with one to where no angle nearby brings it nearer."""
+    view = MechanismView(load_mechanism(name))
+    here = view.pose({})
+    words, start, unit = gripped(here, 0.3)
+    found = view.pose({**words, "right": f"{right} m", "up": f"{up} m"})
+    wanted = start + [right, up]
+    assert view.pose({f"at{i}": f"{x!r} {u}" for i, (x, u) in enumerate(zip(found["at"], view._units, strict=True))})[
+        "centre_m"
+    ] == pytest.approx(found["centre_m"])
+    missed = np.linalg.norm(gripped(found, 0.3)[1] - wanted)
+    if len(view.joints) > 1:
+        assert missed < 2.0 * unit  # drawn to a tenth of a unit
+    else:
+        near = [view.pose({"at0": f"{found['at'][0] + off} rad"}) for off in (-0.1, -0.02, 0.02, 0.1)]
+        assert missed < min(np.linalg.norm(gripped(one, 0.3)[1] - wanted) for one in near)
+        assert abs(found["at"][0] - here["at"][0]) > 0.1
 
 
 @pytest.mark.parametrize(
@@ -148,6 +190,20 @@ def test_in_a_browser(browser, serious, served):
     }
     expected = server.answers["GET"]["response"](words)["responses"]
     assert values == [[*row["rms"], *row["peak"]] for row in expected]
+    for part, value in (("#hand-panels .link >> nth=1", "#view-coordinates input >> nth=1"),
+                        ("#hand-panels .counter >> nth=0", "#view-masses input >> nth=1")):  # fmt: skip
+        page.locator(part).scroll_into_view_if_needed()
+        x, y = page.eval_on_selector(part, HANDLE)
+        page.mouse.move(x, y)
+        page.mouse.down()
+        before = page.input_value(value)
+        page.mouse.move(x + 30, y - 20, steps=3)
+        page.wait_for_function(
+            "([where, old]) => document.querySelectorAll(where)[1].value != old",
+            arg=[value.partition(" >>")[0], before],
+        )
+        page.mouse.up()
+    page.wait_for_function("() => document.getElementById('hand-now').textContent.includes('Held by')")
     page.fill("#view-masses input >> nth=1", "much")
     page.keyboard.press("Enter")
     page.wait_for_function("() => document.getElementById('view-error').textContent.includes('expected a number')")
