@@ -80,10 +80,14 @@ def drive(
         metavar="N",
     ),
     reading: str | None = option("Whether the gearbox multiplies the torque.", click.Choice(["geared", "ungeared"])),
-    flywheel_for: tuple[float, ...] = option("Flywheel for this fluctuation.", Share(), metavar="SHARE"),
-    flywheel_side: str = option("Its shaft.", click.Choice(["crank", "motor"]), default="crank", show_default=False),
-    start_up: int | None = option("Also start from standstill.", click.IntRange(1, 200), metavar="TURNS"),
-    convergence: bool = option("Also the answer of looser and tighter solvers."),
+    flywheel_for: tuple[float, ...] = option(
+        "Size a flywheel for this coefficient of speed fluctuation, such as 0.05.", Share(), metavar="SHARE"
+    ),
+    flywheel_side: str = option(
+        "The shaft that the flywheel turns with.", click.Choice(["crank", "motor"]), default="crank", show_default=False
+    ),
+    start_up: int | None = option("Also the first turns from standstill.", click.IntRange(1, 200), metavar="TURNS"),
+    convergence: bool = option("Also the answers of the solver with looser and tighter tolerances."),
     figure: str | None = options.FIGURE,
 ) -> Answer:
     """Steady rotation of a machine of one degree of freedom, and how much its speed fluctuates over a turn.

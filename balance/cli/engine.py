@@ -51,7 +51,7 @@ def single(
     engine: str = argument("ENGINE"),
     speed: float | None = SPEED,
     fractions: tuple[float, ...] = option(
-        "Balance also this fraction of the reciprocating.", click.FloatRange(-1e3, 1e3), "--fraction"
+        "Balance this fraction of the reciprocating mass too.", click.FloatRange(-1e3, 1e3), "--fraction"
     ),
     radius: float | None = option("Choose r_b: the mass follows.", Quantity("length", positive=True), metavar="R"),
     mass: float | None = option("Choose m_b: the radius follows.", Quantity("mass", positive=True), metavar="M"),
@@ -162,11 +162,13 @@ An engine file (TOML); angles in the sense of rotation, banks from upright:
 def free(
     engine: str = argument("ENGINE"),
     speed: float | None = SPEED,
-    ratio: float | None = option("r / l of an engine without sizes [default: 0.25]."),
+    ratio: float | None = option("Crank radius over rod length, of an engine without sizes [default: 0.25]."),
     orders: int = option("Highest order of the exact motion.", click.IntRange(1, 64), default=8),
-    second_order: bool = option("The usual approximation by first and second order."),
+    second_order: bool = option("By the usual approximation, of first and second order alone."),
     about: float | None = option(
-        "Moments about here, 1 m for a spacing without sizes [default: the middle].", Quantity("length"), metavar="Z"
+        "Place along the crankshaft that moments are about; without sizes 1 m is a spacing [default: the middle].",
+        Quantity("length"),
+        metavar="Z",
     ),
     figure: str | None = options.FIGURE,
 ) -> Answer:
@@ -276,7 +278,7 @@ Examples:
 )
 def table(
     engines: tuple[str, ...] = argument("[ENGINE]..."),
-    ratio: float = option("r / l of all engines.", default=0.25),
+    ratio: float = option("Crank radius over rod length, of all engines.", default=0.25),
 ) -> Answer:
     """The common engines side by side: first and second order forces and moments, and the residual with counterweights.
 

@@ -110,7 +110,12 @@ def files_command(program: str, kinds: Mapping[str, tuple[str, str]], example: s
             "Copy this file; KIND/NAME where several have the name.", None, "--copy", metavar="NAME"
         ),
         folder: Path = option(
-            "The folder to copy into; here.", None, "-o", "--output", default=".", show_default=False
+            "The folder to copy into; the present one unless given.",
+            None,
+            "-o",
+            "--output",
+            default=".",
+            show_default=False,
         ),
         as_json: bool = JSON,
     ) -> None:
@@ -149,9 +154,10 @@ _LONGEST_DEFAULT = 40
 _HEAD = (
     "# Input files",
     "",
-    "Every key of every file that the commands read: TOML unless its text says otherwise. `testbench schema KIND`",
-    "prints the JSON schema, by which editors complete and check; `testbench files` lists the shipped files and copies",
-    "them. Mechanisms are MJCF, URDF or SDF: [mechanism files](mechanisms.md). This page is written by",
+    "Every key of every file that the commands read: TOML unless its text says otherwise. What is not required may be",
+    "left out. A table is headed `[key]`, each table of a list `[[key]]`. `testbench schema KIND` prints the JSON",
+    "schema, by which editors complete and check; `testbench files` lists the shipped files and copies them.",
+    "Mechanisms are MJCF, URDF or SDF: [mechanism files](mechanisms.md). This page is written by",
     "`testbench schema --text > docs/files.md`.",
     "",
 )
@@ -204,9 +210,10 @@ def reference(kind: str, schema: Mapping[str, Any]) -> Iterable[str]:
         yield from ("| key | meaning | written as | default |", "|---|---|---|---|")
         for key, one in part.get("properties", {}).items():
             default = "required" if key in part.get("required", ()) else _default(one.get("default"))
-            yield f"| `{key}` | {_cell(one['description'])} | {_cell(_form(one))} | {default} |"
+            yield f"| `{key}` | {_cell(one['description'])} | {_cell(_form(one, kind))} | {default} |"
         for pattern, one in part.get("patternProperties", {}).items():
-            yield f"| `{pattern.strip('^$').replace('.+', 'NAME')}` | {_cell(one['description'])} | {_form(one)} | |"
+            key = pattern.strip("^$").replace(".+", "NAME")
+            yield f"| `{key}` | {_cell(one['description'])} | {_form(one, kind)} | |"
         yield ""
 
 
@@ -221,26 +228,27 @@ def _cell(text: str) -> str:
 
 
 def _default(value: object) -> str:
-    text = "" if value in (None, "", [], {}) else json.dumps(value, ensure_ascii=False)
+    text = "" if value in (None, "", []) or isinstance(value, dict) else json.dumps(value, ensure_ascii=False)
     return f"`{text}`" if 0 < len(text) <= _LONGEST_DEFAULT else ""
 
 
-def _form(one: Mapping[str, Any]) -> str:
-    """How a value is written: a text with a unit, one of some words, a number, a list, a table."""
+def _form(one: Mapping[str, Any], kind: str) -> str:
+    """How a value is written: a text with a unit, one of some words, a number, a list, a table of the same page."""
     if "$ref" in one:
-        return f"table: {_title(one['$ref'].rpartition('/')[2])}"
+        title = _title(one["$ref"].rpartition("/")[2])
+        return f"table [{title}](#{kind}-{title.replace(' ', '-')})"
     if "const" in one or "enum" in one:
         return " or ".join(f"`{word}`" for word in one.get("enum", [one.get("const")]))
     if several := [part for key in ("anyOf", "oneOf") for part in one.get(key, ()) if part.get("type") != "null"]:
-        return " or ".join(dict.fromkeys(map(_form, several)))
+        return " or ".join(dict.fromkeys(_form(part, kind) for part in several))
     if "unit" in one:
         return f"text with a unit, [{one['unit']}], such as `{one['examples'][0]}`"
     if one.get("type") == "array":
         items = [one["items"]] if isinstance(one.get("items"), dict) else one.get("prefixItems", [])
-        return "list" + (f" of {' or '.join(dict.fromkeys(map(_form, items)))}" if items else "")
+        return "list" + (f" of {' or '.join(dict.fromkeys(_form(item, kind) for item in items))}" if items else "")
     if one.get("type") == "object":
         inner = one.get("additionalProperties")
-        return "table" + (f" by name, each {_form(inner)}" if isinstance(inner, dict) else "")
+        return "table" + (f" by name, each {_form(inner, kind)}" if isinstance(inner, dict) else "")
     words = {"number": "number", "integer": "whole number", "boolean": "true or false"}
     example = "".join(f", such as `{text}`" for text in one.get("examples", [])[:1])
     return words.get(one.get("type", ""), "text") + example

@@ -226,7 +226,7 @@ def conditions(
     payload: options.Masses = options.PAYLOADS,
     counter: options.Masses = options.COUNTERS,
     momentum: str | None = option(
-        "Which momentum stays zero: linear; with the angular one about z; with all three angular ones.  "
+        "Which momentum stays zero: linear; planar: the angular one about z too; all: all three angular ones too.  "
         "[default: linear]",
         click.Choice(["linear", "planar", "all"]),
     ),

@@ -37,10 +37,10 @@ def methods(
     wheel_ratio: float = option(
         "Counter-inertias turn so many times as fast.", click.FloatRange(1e-6, 1e6), default=1.0
     ),
-    wheel_radius: float = option("Of counter-inertias, as discs.", _LENGTH, default="100mm", metavar="LENGTH"),
-    stroke: float = option("Of active masses, from end to end.", _LENGTH, default="100mm", metavar="LENGTH"),
+    wheel_radius: float = option("Radius of counter-inertias, as discs.", _LENGTH, default="100mm", metavar="LENGTH"),
+    stroke: float = option("Stroke of active masses, from end to end.", _LENGTH, default="100mm", metavar="LENGTH"),
     turn: float = option(
-        "Of the active disc, from end to end.", Quantity("angle", positive=True), default="360deg", metavar="ANGLE"
+        "Turn of the active disc, from end to end.", Quantity("angle", positive=True), default="360deg", metavar="ANGLE"
     ),
     figure: str | None = options.FIGURE,
 ) -> Answer:

@@ -156,17 +156,17 @@ COUNTERS = option(
     NamedQuantity("SITE", "mass", "5kg"), "--counter", "-c", metavar="SITE=M",
 )  # fmt: skip
 SITES = option("A site that may carry a counter-mass [default: those named counter...].", metavar="SITE")
-MOTION = option("A motion file, or a shipped one: x, y, triangle.", required=True, metavar="TOML")
+MOTION = option("A motion file, or a shipped one, such as x or four-bar.", required=True, metavar="TOML")
 LIMITS = option("Largest counter-mass at a site.", NamedQuantity("SITE", "mass", "5kg"), metavar="SITE=M")
 SPEED = option("Speed, such as 3000rpm.", Quantity("angular velocity", positive=True), metavar="SPEED")
 SCHEDULER = option(
     "Compute on Dask: local for processes of this machine, or an address such as tcp://host:8786.", metavar="ADDRESS"
 )
-PORT = option("Of this machine; a free one unless given.", click.IntRange(0, 65535), default=0, show_default=False)
+PORT = option("Port of this machine; a free one unless given.", click.IntRange(0, 65535), default=0, show_default=False)
 BROWSER = option(
     "Open the browser, or print the address alone.", None, "--browser/--no-browser", default=True, show_default=False
 )
-IDLE = option("End when nothing is asked for so long.", click.FloatRange(min=0.0), metavar="S")
+IDLE = option("End after so long without a request [s].", click.FloatRange(min=0.0), metavar="S")
 
 
 def _drawable(_context: click.Context, _parameter: click.Parameter, path: str | None) -> str | None:

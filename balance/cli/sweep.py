@@ -207,7 +207,7 @@ def tolerance(
     payload: options.Masses = options.PAYLOADS,
     counter: options.Masses = options.COUNTERS,
     draws: int = option("Mechanisms that are drawn.", click.IntRange(1000, 1_000_000), default=20_000),
-    seed: int = option("Of the draws.", default=1),
+    seed: int = option("Seed of the draws.", default=1),
     scheduler: str | None = options.SCHEDULER,
 ) -> Answer:
     """What errors of masses, radii and lengths cost: the shaking force that mechanisms made within tolerances keep."""

@@ -36,23 +36,35 @@ Exit codes: 0 done, 3 done but for runs that are damaged, 1 refused (nothing rec
 not lead to what it measures, every run damaged."""
 )
 @click.argument("words", metavar="CAMPAIGN|RUN... SENSOR", nargs=-1, required=True)
-@click.option("--sensitivity", multiple=True, metavar="[AXIS=]TEXT", help="Such as '10.2 mV/g' or 'Fx=3.9 pC/N'.")
-@click.option("--amplifier", multiple=True, metavar="[AXIS=]TEXT", help="Behind the sensor: '10 mV/pC' or '100 pC/V'.")
-@click.option("--offset", multiple=True, metavar="[AXIS=]TEXT", help="What it shows at zero: '2.5 V' or '-0.6 N'.")
+@click.option("--sensitivity", multiple=True, metavar="TEXT|AXIS=TEXT", help="Such as '10.2 mV/g' or 'Fx=3.9 pC/N'.")
+@click.option(
+    "--amplifier",
+    multiple=True,
+    metavar="TEXT|AXIS=TEXT",
+    help="Amplifier behind the sensor: '10 mV/pC' or '100 pC/V'.",
+)
+@click.option("--offset", multiple=True, metavar="TEXT|AXIS=TEXT", help="What it shows at zero: '2.5 V' or '-0.6 N'.")
 @click.option("--polynomial", metavar="C0,C1,...", help="Coefficients from --raw to --physical, the constant first.")
 @click.option(
     "--matrix", type=click.Path(path_type=Path), metavar="FILE", help="CSV: a row a component, a column a channel."
 )
 @click.option("--raw", metavar="UNIT", help="The unit that a polynomial or matrix takes.")
-@click.option("--physical", multiple=True, metavar="[AXIS=]UNIT", help="The unit that it gives.")
+@click.option("--physical", multiple=True, metavar="UNIT|AXIS=UNIT", help="The unit that a polynomial or matrix gives.")
 @click.option(
-    "--certificate", multiple=True, metavar="[AXIS=]FILE", help="A digital calibration certificate (DCC, XML)."
+    "--certificate", multiple=True, metavar="FILE|AXIS=FILE", help="A digital calibration certificate (DCC, XML)."
 )
-@click.option("--quantity", multiple=True, metavar="[AXIS=]TEXT", help="In the name of the certificate's sensitivity.")
-@click.option("--frequency", type=float, metavar="HZ", help="Of a certificate with several: that of the vibration.")
-@click.option("--uncertainty", multiple=True, metavar="[AXIS=]TEXT", help="Of the sensitivity: '1 %' or '0.1 mV/g'.")
-@click.option("--coverage-factor", type=float, metavar="K", help="Of --uncertainty, as certificates state it: 2.")
-@click.option("--unit", metavar="UNIT", help="In which the logger wrote, where neither log nor rig states it.")
+@click.option(
+    "--quantity",
+    multiple=True,
+    metavar="TEXT|AXIS=TEXT",
+    help="Part of the name that a certificate gives the sensitivity, if it has several.",
+)
+@click.option("--frequency", type=float, metavar="HZ", help="Which to take of a certificate with several frequencies.")
+@click.option("--uncertainty", multiple=True, metavar="TEXT|AXIS=TEXT", help="Of the sensitivity: '1 %' or '0.1 mV/g'.")
+@click.option(
+    "--coverage-factor", type=float, metavar="K", help="Of --uncertainty, as certificates state it, such as 2."
+)
+@click.option("--unit", metavar="UNIT", help="Unit in which the logger wrote, where neither log nor rig states it.")
 @click.option("--date", metavar="YYYY-MM-DD", help="When the sensor was calibrated.")
 @click.option("--reference", metavar="TEXT", default="", help="Certificate, laboratory.")
 @click.option("--reason", metavar="TEXT", help="Why it is corrected; it must be given.")

@@ -100,9 +100,9 @@ Examples:
   testbench archive campaign -o archive
   testbench archive campaign/r001.h5 campaign/r002.h5 -o archive --json
 \b
-A command of its own and no option of ingest: a run is small enough to keep once the tests are over, and is then read
-a little more slowly. The archive is a campaign like any other: verify, list, analyze, export read it as it is. An
-archived run names the SHA-256 of the run that it was made of; the originals are left where they are.
+For tests that are over: such runs take less room, and are read a little more slowly. The archive is a campaign like
+any other: verify, list, analyze, export read it as it is. An archived run names the SHA-256 of the run that it was
+made of; the originals are left where they are.
 Exit codes: 0 done, 1 some run was refused (the others are archived)."""
 )
 def archive(

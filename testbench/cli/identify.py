@@ -173,7 +173,7 @@ Exit codes: 0 done, 3 done with findings (gaps left out) or doubts, which are li
 def identify(
     words: tuple[str, ...] = options.MECHANISM_AND_RUNS,
     by: "By | None" = option(
-        "What tells: motor torques, force sensors, or both, weighted by their noise.  [default: torque, if any]",
+        "Found from motor torques, force sensors, or both, weighted by their noise.  [default: torque, if any]",
         click.Choice(["torque", "wrench", "both"]),
     ),
     method: "Method | None" = option(

@@ -59,7 +59,7 @@ def contradiction_codes(_context: click.Context, _parameter: click.Parameter, in
 
 
 ACCEPT = option(
-    "A contradiction that a person accepts: its numbers are given, marked. Several times.",
+    "Code of a contradiction that a person accepts: its numbers are given, marked. Give it again for more.",
     metavar="CODE", shell_complete=contradiction_codes,
 )  # fmt: skip
 BY = option("Who accepts it, for the ledger; with --reason.", metavar="NAME")

@@ -34,7 +34,9 @@ def new(
     mechanism: str | None = option(
         "A mechanism file or a shipped one; parallelogram-6bar unless given.", None, "--from", metavar="MECH"
     ),
-    loggers: int = option("Of the accelerometer and the drives: one, or one each.", click.IntRange(1, 2), default=2),
+    loggers: int = option(
+        "1: one logger for accelerometer and drives; 2: one for each.", click.IntRange(1, 2), default=2
+    ),
 ) -> None:
     """Write a FOLDER with all that a test needs: mechanism, motion, rig, plan, run table, and what to do next.
 
@@ -55,7 +57,7 @@ Examples:
 Exit codes: 0 nothing is missing, 3 something is, 1 no such folder."""
 )
 def check(folder: Path = argument(), as_json: bool = JSON) -> int:
-    """Say all that is missing in FOLDER, or contradicts: rig.toml, plan.toml, runs.csv, mechanism and motions."""
+    """List all that is missing or contradicts in FOLDER: rig.toml, plan.toml, runs.csv, mechanism and motions."""
     from ..project import Problem, project_problems
 
     problems = project_problems(folder)
@@ -99,7 +101,7 @@ def next_run(
     motion: tuple[str, ...] = option(
         "Reductions of these alone; of first moments candidates besides the motions made."
     ),
-    peak: tuple[str, ...] = option("The same of peak accelerations: '2 g0', '60 rad/s^2'.", metavar="TEXT"),
+    peak: tuple[str, ...] = option("These peak accelerations alone, such as '2 g0' or '60 rad/s^2'.", metavar="TEXT"),
     axis: tuple[str, ...] = option("Reductions along these axes alone.", click.Choice(["x", "y", "z"])),
     metric: "Metric" = METRIC,
     band: "Band | None" = BAND,

@@ -171,8 +171,8 @@ Examples:
   testbench report campaign -o report.html --published kiper2019
   testbench report campaign/r001.h5 --at 0m,-0.1m,0m --band 1..100 --json
 \b
-Exit codes: 0 done, 3 done with findings (a clipped or dead sensor, a motion or torque not the sheet's), 1 some
-run was refused (the others are reported)."""
+Exit codes: 0 done, 3 done with findings (a clipped or dead sensor, a motion or torque not the run table's), 1
+some run was refused (the others are reported)."""
 )
 def report(
     runs: tuple[Path, ...] = argument("RUN|CAMPAIGN...", required=True),

@@ -41,7 +41,7 @@ def simulate(
         "A rig file, or a shipped one: parallelogram-6bar, parallelogram-6bar-deep.", required=True, metavar="RIG"
     ),
     folder: Path = option("A new or empty folder.", None, "-o", "--output", required=True),
-    seed: int | None = option("Of all that is drawn; the plan's own unless given.", click.IntRange(min=0)),
+    seed: int | None = option("Seed of all that is drawn; the plan's own unless given.", click.IntRange(min=0)),
     scheduler: str | None = SCHEDULER,
 ) -> None:
     """Make the logs that a test bench would write, each marked as simulated, and the run table.

@@ -38,13 +38,21 @@ amplitude), as the comment above each table says; planes stand at its head: bala
 Exit codes: 0 done, 3 done with findings, 1 refused."""
 )
 @click.argument("run_file", metavar="RUN", type=click.Path(path_type=Path))
-@click.option("--tacho", default="tacho", show_default=True, metavar="CHANNEL", help="One pulse a turn.")
+@click.option("--tacho", default="tacho", show_default=True, metavar="CHANNEL", help="Channel with one pulse a turn.")
 @click.option("--level", type=float, metavar="V", help="Level of a pulse, in the channel's unit [default: half swing].")
 @click.option("--falling", is_flag=True, help="Pulses begin where the signal falls.")
 @click.option("--sensor", multiple=True, metavar="CHANNEL", help="Vibration sensor [default: all with the tacho].")
 @click.option("--order", type=click.IntRange(1, 100), default=1, show_default=True, help="Multiple of the speed.")
-@click.option("--phase", type=click.Choice(["lead", "lag"]), default="lead", show_default=True, help="What it counts.")
-@click.option("--amplitude", type=click.Choice(METRIC_NAMES), default="peak", show_default=True, help="Metric.")
+@click.option(
+    "--phase",
+    type=click.Choice(["lead", "lag"]),
+    default="lead",
+    show_default=True,
+    help="Whether a phase is a lead or a lag.",
+)
+@click.option(
+    "--amplitude", type=click.Choice(METRIC_NAMES), default="peak", show_default=True, help="Metric of an amplitude."
+)
 @click.option(
     "--steady-within",
     type=click.FloatRange(0.0, 50.0, min_open=True),

@@ -193,7 +193,7 @@ class Identification(Shown, rows="values", figure="testbench.identification.figu
     contradictions: tuple[Finding, ...] = ()
     """What the runs' sensors contradict in the run table or in each other."""
     by: str = ""
-    """What tells: ``torque``, ``wrench`` or ``both``."""
+    """What it is found from: ``torque``, ``wrench`` or ``both``."""
     notes: tuple[str, ...] = ()
     """What was left out of the runs, and why."""
     validation: "Validation | None" = None

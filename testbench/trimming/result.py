@@ -118,7 +118,7 @@ class Trim(Shown, rows="missing", figure="testbench.trimming.figure:draw"):
 
     @property
     def source(self) -> str:
-        """What tells: ``wrench``, ``torque``, ``vibration``, ``trials``, several joined by ``+``."""
+        """What it is found from: ``wrench``, ``torque``, ``vibration``, ``trials``, several joined by ``+``."""
         return "+".join(share.source for share in self.shares)
 
     @property
