@@ -6,7 +6,6 @@ With the mechanism locked to the base and w its shaking wrench about the same or
     (M_base + M_mechanism) x'' + C x' + K x = w
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Annotated
@@ -14,7 +13,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from ..arrays import Floats, Mask
+from ..arrays import Floats
 from ..closure import Trajectory
 from ..errors import DataError
 from ..input_files import OneForAll, Quantity, Table
@@ -26,8 +25,6 @@ from ..mechanism.tape import Program, Tape
 
 BLOCK = 128
 """Samples a block: about the square root of the samples of a run."""
-_SINGLY = 16
-"""Samples that are stepped one by one before many at once are tried again."""
 _ROWS = 1024
 """Rows in one product, so few that BLAS stays on one thread: more threads cost more here than they bring."""
 
@@ -222,41 +219,10 @@ def linear_response(a: Floats, b: Floats, driven: Floats, step: float) -> Floats
     A (k, k), B (k, m); ``driven`` is w, (n, ..., m), sampled every ``step`` [s].
     y[i+1] = P y[i] + Q0 w[i] + Q1 w[i+1], from the exponential of the system with w and its slope appended.
     """
-    phi, now, after = _propagator(a.tobytes(), b.tobytes(), len(a), step)
+    phi, now, after = propagator(a, b, step)
     state = np.zeros((*driven.shape[:-1], len(a)))
     state[1:] = times(now, driven[:-1]) + times(after, driven[1:])
     return _accumulated(phi, state)
-
-
-def stepped_response(
-    a: Floats, b: Floats, driven: Floats, step: float, start: Floats, more: Callable[[Floats, bool], Floats],
-    same: Callable[[Floats], Mask],
-) -> tuple[Floats, Floats]:  # fmt: skip
-    """States (n, k), in SI, of y' = A y + B (w + f(y)) from ``start`` (k,), sample by sample, and f (n, m) in them.
-
-    ``more`` is f, (m,), of a state (k,) and of whether that is kept: each is forecast first. ``same`` says of states
-    (j, k), the first of them the one kept last, in which f is as it is there: these are found many at once.
-    """
-    phi, now, after = _propagator(a.tobytes(), b.tobytes(), len(a), step)
-    pushes = times(now, driven[:-1]) + times(after, driven[1:])
-    states, added = np.empty((len(driven), len(a))), np.empty_like(driven)
-    states[0], added[0] = start, more(start, True)
-    last, tried = 0, np.empty((BLOCK + 1, len(a)))
-    while last < len(pushes):
-        count = BLOCK + 1
-        while count > BLOCK and last < len(pushes):
-            held, tried[0] = pushes[last : last + BLOCK] + (now + after) @ added[last], states[last]
-            for i, push in enumerate(held):
-                np.add(np.dot(phi, tried[i]), push, out=tried[i + 1])
-            count = int(np.argmin(np.append(same(tried[: len(held) + 1]), False)))
-            states[last + 1 : last + count], added[last + 1 : last + count] = tried[1:count], added[last]
-            last += max(count - 1, 0)
-        for i in range(last, min(last + _SINGLY, len(pushes))):
-            known = phi @ states[i] + pushes[i] + now @ added[i]
-            states[i + 1] = known + after @ more(known + after @ added[i], False)
-            added[i + 1] = more(states[i + 1], True)
-            last = i + 1
-    return states, added
 
 
 def times(matrix: Floats, vectors: Floats) -> Floats:
@@ -286,6 +252,11 @@ def _accumulated(phi: Floats, pushes: Floats) -> Floats:
     return states.reshape(-1, *pushes.shape[1:])[: len(pushes)]
 
 
+def propagator(a: Floats, b: Floats, step: float) -> tuple[Floats, Floats, Floats]:
+    """P (k, k), Q0 and Q1 (k, m), in SI, with y[i+1] = P y[i] + Q0 w[i] + Q1 w[i+1], as in ``linear_response``."""
+    return _propagator(a.tobytes(), b.tobytes(), len(a), step)
+
+
 @lru_cache(maxsize=64)
 def _propagator(a_bytes: bytes, b_bytes: bytes, size: int, step: float) -> tuple[Floats, Floats, Floats]:
     """P, Q0 and Q1 of A (size, size) and B (size, m), given as bytes so that repeated systems are cached."""
@@ -298,7 +269,7 @@ def _propagator(a_bytes: bytes, b_bytes: bytes, size: int, step: float) -> tuple
     system[size : size + inputs, size + inputs :] = np.eye(inputs)
     full = expm(system)
     slope = full[:size, size + inputs :]
-    return full[:size, :size], full[:size, size : size + inputs] - slope, slope
+    return np.ascontiguousarray(full[:size, :size]), full[:size, size : size + inputs] - slope, slope
 
 
 def gravity_in_tilted_axes(gravity: Floats, rotation_vector: Floats) -> Floats:

@@ -11,13 +11,12 @@ first with every fourth sample, then with all. Play and feet that lift or slide 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeVar
 
 import numpy as np
 
-from balance.arrays import Floats, Mask
+from balance.arrays import Floats
 from balance.closure import Closure, Trajectory
 from balance.dynamics.inverse_dynamics import Response, simulate
 from balance.dynamics.moving_base import (
@@ -27,7 +26,7 @@ from balance.dynamics.moving_base import (
     apparent_gravity,
     displacement_at,
     linear_response,
-    stepped_response,
+    propagator,
     times,
 )
 from balance.mechanism.mechanism import Mechanism
@@ -35,7 +34,7 @@ from balance.mechanism.mechanism import Mechanism
 from ..errors import RigError
 from ..rig.bench import Rotor
 from .added_bodies import rotor_momentum
-from .drive_trains import Deviation, DriveTrains, every
+from .drive_trains import Deviation, DriveTrains, Spring, every
 from .moving_base_coupling import Coupling, base_motion_loads, weight_wrench_change
 
 ROUNDS = 150
@@ -63,8 +62,6 @@ class Contact:
     upright: int
     """Axis along which they press."""
     friction: float
-    slipped: Floats = field(default_factory=lambda: np.zeros((0, 3)))
-    """How far each foot has slid, (feet, 3) [m]."""
 
     @classmethod
     def of(cls, mounts: Sequence[Mount], base: ElasticBase, gravity: Floats, friction: float) -> "Contact":
@@ -86,37 +83,17 @@ class Contact:
                 "pressure on each; move the mounts apart, or the centre of mass between them"
             )
         damping = np.array([mount.damping for mount in mounts])
-        return cls(at, stiffness, damping, preload, upright, friction, np.zeros_like(stiffness))
+        return cls(at, stiffness, damping, preload, upright, friction)
 
-    def wrench(self, position: Floats, velocity: Floats, kept: bool) -> Floats:
-        """Wrench beyond that of fixed mounts, (6,) [N, N m], at a base's position and velocity (6,)."""
-        moved, rate = self.at @ position, self.at @ velocity
-        fixed = -self.stiffness * moved - self.damping * rate
-        force = fixed + self.stiffness * self.slipped
-        upright = self.upright
-        pressure = np.maximum(self.preload + fixed[:, upright], 0.0)
-        force[:, upright] = 0.0
-        dragged = np.sqrt((force**2).sum(axis=1))
-        force *= np.minimum(1.0, self.friction * pressure / np.maximum(dragged, 1e-300))[:, None]
-        if kept:
-            self.slipped[:] = (force - fixed) / self.stiffness
-        force[:, upright] = pressure - self.preload
-        return np.einsum("fij,fi->j", self.at, force - fixed)
+    @property
+    def pressed(self) -> tuple[Floats, int, float]:
+        """Pressure at rest (feet,) [N], along which axis, and the coefficient of friction [-]."""
+        return self.preload, self.upright, self.friction
 
-    def sticks(self, position: Floats, velocity: Floats) -> Mask:
-        """Whether every foot presses and none slides on, (n,), at a base's positions and velocities (n, 6)."""
-        rows = (-1, *self.stiffness.shape)
-        force = -self.stiffness * times(self._across, position).reshape(rows)
-        force -= self.damping * times(self._across, velocity).reshape(rows)
-        pressure = self.preload + force[:, :, self.upright]
-        force += self.stiffness * self.slipped
-        force[:, :, self.upright] = 0.0
-        dragged = np.sqrt((force**2).sum(axis=2))
-        return ((pressure > 0.0) & (dragged <= self.friction * pressure)).all(axis=1)
-
-    @cached_property
-    def _across(self) -> Floats:
-        return self.at.reshape(-1, 6)
+    @property
+    def bonded(self) -> Floats:
+        """Force on each foot per displacement, then velocity, were it bonded, (3 feet, 12) [N/m, N s/m]."""
+        return -np.hstack([(k[:, :, None] * self.at).reshape(-1, 6) for k in (self.stiffness, self.damping)])
 
 
 @dataclass(frozen=True)
@@ -146,9 +123,9 @@ class _Core:
         n = 6 + len(own)
         mass, force = np.block([[base.mass, shared], [shared.T, own]]), np.zeros((n, 2 * n))
         force[:6, :6], force[:6, n : n + 6] = -base.stiffness, -base.damping
-        for along, spring in drives.transmissions if drives else ():
-            force[6:, 6:n] -= spring.stiffness * np.outer(along, along)
-            force[6:, n + 6 :] -= spring.damping * np.outer(along, along)
+        for spring in drives.springs if drives else ():
+            force[6:, 6:n] -= spring.stiffness * spring.along.T @ spring.along
+            force[6:, n + 6 :] -= spring.damping * spring.along.T @ spring.along
         controls = drives.controls if drives else []
         size = 2 * n + sum((c.integral_time is not None) + (c.bandwidth is not None) for _, c, _ in controls)
         loops = [torque * c.feedforward for _, c, torque in controls if c.bandwidth is not None]
@@ -173,47 +150,52 @@ class _Core:
         a[n : 2 * n], b[n : 2 * n, :n] = np.linalg.solve(mass, force), np.linalg.inv(mass)
         return cls(a, b, n, mass, np.array(loops).reshape(len(loops), count).T, at_once, drives, contact)
 
-    def respond(self, push: Floats, step: float) -> tuple[BaseMotion, Deviation]:
-        """From equilibrium under ``push`` (n, 6 + nf) [N, N m] in steps of ``step`` [s]; the base's from rest."""
+    def respond(self, push: Floats, step: float) -> Floats:
+        """From equilibrium under ``push`` (n, 6 + nf) [N, N m] in steps of ``step`` [s]; the base's from rest.
+
+        Displacements, velocities and accelerations of base and deviations, (3, n, 6 + nf).
+        """
         n, driven = self.positions, np.hstack([push + self.at_once, self.ahead])
         rest = np.linalg.solve(-self.a, self.b @ driven[0])
-        slack = self._slack
-        if slack or self.contact:
-            rest = np.linalg.solve(-self.a, self.b @ (driven[0] + self._freed(1e12 * rest)))
-            contact = None if self.contact is None else replace(self.contact, slipped=0.0 * self.contact.slipped)
-
-            def more(state: Floats, kept: bool) -> Floats:
-                found = self._freed(state)
-                if contact is not None:
-                    found[:6] += contact.wrench(state[:6], state[n : n + 6], kept)
-                return found
-
-            def same(states: Floats) -> Mask:
-                turned = [np.clip(times(along[None], states[:, 6:n])[:, 0], -half, half) for along, _, half in slack]
-                found = np.all([one == one[0] for one in turned] or [np.ones(len(states), bool)], axis=0)
-                return found & contact.sticks(states[:, :6], states[:, n : n + 6]) if contact else found
-
-            state, added = stepped_response(self.a, self.b, driven, step, rest, more, same)
-            driven += added
+        if self.contact or self._loose:
+            state, released = self._stepped(driven, step, rest)
+            driven += released
         else:
             state = rest + linear_response(self.a, self.b, driven - driven[0], step)
         rates = times(self.a[n : 2 * n], state) + times(self.b[n : 2 * n], driven)
-        parts = state[:, :n], state[:, n : 2 * n], rates
-        return BaseMotion(*(x[:, :6] for x in parts)), Deviation(*(x[:, 6:] for x in parts))
+        return np.stack([state[:, :n], state[:, n : 2 * n], rates])
 
-    @cached_property
-    def _slack(self) -> list[tuple[Floats, float, float]]:
-        """Of each spring with play: its turn per free coordinate, its stiffness [N m/rad], half the play [rad]."""
-        found = self.drives.transmissions if self.drives else []
-        return [(along, spring.stiffness, spring.backlash / 2.0) for along, spring in found if spring.backlash]
+    @property
+    def _loose(self) -> list[Spring]:
+        return [spring for spring in self.drives.springs if spring.play] if self.drives else []
 
-    def _freed(self, state: Floats) -> Floats:
-        """Torque that springs do not carry for their play, as inputs w (k,) [N m], in a state."""
-        found = np.zeros(self.b.shape[1])
-        for along, stiffness, half in self._slack:
-            turned = min(max(float(along @ state[6 : self.positions]), -half), half)
-            found[6 : self.positions] += stiffness * turned * along
-        return found
+    def _stepped(self, driven: Floats, step: float, rest: Floats) -> tuple[Floats, Floats]:
+        """States (n, k), and what play and feet add to ``driven``, from rest at the stops that springs lie at there.
+
+        ``rest`` (k,) is where they would be without play.
+        """
+        from .stepping import step_through
+
+        n, springs, contact = self.positions, self._loose, self.contact
+        turns, feet = 2 * len(springs), 0 if contact is None else 3 * len(contact.at)
+        read, into = np.zeros((turns + feet, len(rest))), np.zeros((driven.shape[1], turns + feet))
+        for k, spring in enumerate(springs):
+            rows = slice(2 * k, 2 * k + len(spring.along))
+            read[rows, 6:n], into[6:n, rows] = spring.along, spring.stiffness * spring.along.T
+        if contact is not None:
+            read[turns:, :6], read[turns:, n : n + 6] = np.hsplit(contact.bonded, 2)
+            into[:6, turns:] = contact.at.reshape(-1, 6).T
+        play = np.array([spring.play for spring in springs])
+        turned = (read[:turns] @ rest).reshape(-1, 2)
+        towards = turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-300)
+        lacking = into[:, :turns] @ (play[:, None] * towards).ravel()
+        phi, now, after = propagator(self.a, self.b, step)
+        states, found = np.empty((len(driven), len(rest))), np.empty((len(driven), turns + feet))
+        states[0] = np.linalg.solve(-self.a, self.b @ (driven[0] + lacking))
+        pushes = times(now, driven[:-1]) + times(after, driven[1:])
+        preload, *pressed = (np.zeros(0), 0, 0.0) if contact is None else contact.pressed
+        step_through(phi, now @ into, after @ into, read, pushes, play, preload, *pressed, states, found)
+        return states, times(into, found)
 
 
 @dataclass(frozen=True)
@@ -247,30 +229,24 @@ class BenchDynamics:
     """Of the command; None for a mechanism that is locked to its base."""
     contact: Contact | None
 
-    def solved(self, start: Solution | None = None, tolerance: float = TOLERANCE) -> Solution:
-        """The motion, sought from ``start``. Raises RigError if the rounds do not converge."""
-        if start is None and len(self.command.time) > _COARSE_FROM:
-            found = self._thinned(COARSE).solved(tolerance=_COARSE_TOLERANCE)
-            fine = self.command.time
-            start = replace(
-                found, trajectory=self.command, motion=_resampled(found.motion, found.trajectory.time, fine),
-                deviation=_resampled(found.deviation, found.trajectory.time, fine),
-            )  # fmt: skip
-        n, free = len(self.command.time), self._core.positions - 6
-        motion = start.motion if start else BaseMotion(*np.zeros((3, n, 6)))
-        deviation = start.deviation if start else Deviation(*np.zeros((3, n, free)))
-        step, trajectory = float(self.command.time[1] - self.command.time[0]), self.command
+    def solved(self, sought: Floats | None = None, tolerance: float = TOLERANCE) -> Solution:
+        """The motion, ``sought`` from one as ``_Core.respond`` gives it. Raises RigError if rounds do not converge."""
+        time = self.command.time
+        if sought is None:
+            seldom = len(time) <= _COARSE_FROM
+            sought = np.zeros((3, len(time), self._core.positions)) if seldom else self._sought_coarsely()
+        trajectory, largest = self.command, np.full(self._core.positions, self.drives.size if self.drives else 1.0)
         for _ in range(ROUNDS):
+            motion, deviation = _parted(sought)
             trajectory = self.drives.follow(deviation, trajectory, self._closure) if self.drives else trajectory
             response = shaking(self.mechanism, trajectory, self.rotors)
             coupling, push = self._push(response, motion, deviation)
-            after, further = self._core.respond(push, step)
-            change = _change(after.acceleration, motion.acceleration)
-            if self.drives:
-                change = max(change, np.abs(further.acceleration - deviation.acceleration).max() / self.drives.size)
-            motion, deviation = after, further
+            found = self._core.respond(push, float(time[1] - time[0]))
+            largest[:6] = max(np.abs(found[2, :, :6]).max(), 1e-12)
+            change = float((np.abs(found[2] - sought[2]) / largest).max())
             if change <= tolerance:
-                return Solution(trajectory, response, coupling, motion, deviation)
+                return Solution(trajectory, response, coupling, *_parted(found))
+            sought = found
         raise RigError(
             f"bench.coupling, bench.drives: base and drives still change by {change:.2g} of their acceleration "
             f"after {ROUNDS} rounds: the base is too light for what moves on it, or a drive too soft; "
@@ -318,6 +294,13 @@ class BenchDynamics:
             inertia = self.drives.inertia, shared
         return _Core.of(self.base, self.drives, inertia, len(self.command.time), self.contact)
 
+    def _sought_coarsely(self) -> Floats:
+        from scipy.interpolate import CubicSpline
+
+        found = self._thinned(COARSE).solved(tolerance=_COARSE_TOLERANCE)
+        whole = np.concatenate([[*vars(found.motion).values()], [*vars(found.deviation).values()]], axis=2)
+        return np.asarray(CubicSpline(found.trajectory.time, whole, axis=1)(self.command.time))
+
     def _thinned(self, stride: int) -> "BenchDynamics":
         """With every ``stride``-th sample."""
         command = every(self.command, stride)
@@ -334,16 +317,5 @@ def shaking(mechanism: Mechanism, trajectory: Trajectory, rotors: Mapping[str, R
     return replace(response, moment=response.moment - rotor_momentum(mechanism, rotors, trajectory.a))
 
 
-M = TypeVar("M", BaseMotion, Deviation)
-
-
-def _resampled(motion: M, time: Floats, fine: Floats) -> M:
-    """A motion at ``time`` (n,) [s] at the instants ``fine``, by cubic splines."""
-    from scipy.interpolate import CubicSpline
-
-    return type(motion)(*(CubicSpline(time, part, axis=0)(fine) for part in vars(motion).values()))
-
-
-def _change(after: Floats, before: Floats) -> float:
-    """Largest difference over the largest value."""
-    return float(np.abs(after - before).max() / max(np.abs(after).max(), 1e-12))
+def _parted(found: Floats) -> tuple[BaseMotion, Deviation]:
+    return BaseMotion(*found[:, :, :6]), Deviation(*found[:, :, 6:])

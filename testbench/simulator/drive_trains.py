@@ -24,7 +24,7 @@ from balance.motion import Samples
 from ..errors import RigError
 
 if TYPE_CHECKING:
-    from ..rig.bench import Control, DriveTrain, Transmission
+    from ..rig.bench import Control, DriveTrain
 
 
 _MOTOR_SIDE = " motor side"
@@ -96,6 +96,20 @@ def _with_motor_side(mechanism: Mechanism, joint: str, own: Joint, mounted: tupl
 def _with_branch(tree: Tree, joint: int) -> Tree:
     """The tree with a joint and its body twice; the same for the same tree, since it keeps programs written for it."""
     return Tree((*tree.joints, tree.joints[joint]), (*tree.bodies, tree.size))
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A spring with a damper; what its deflection has within a radius of ``play`` the spring does not feel."""
+
+    along: Floats
+    """Deflection per free coordinate, (1, nf); across the axis of a joint (2, nf)."""
+    stiffness: float
+    """[N m/rad, N/m]"""
+    damping: float
+    """[N m s/rad, N s/m]"""
+    play: float
+    """From the middle to a stop [rad, m]."""
 
 
 @dataclass(frozen=True)
@@ -182,14 +196,15 @@ class DriveTrains:
         ]
 
     @cached_property
-    def transmissions(self) -> list[tuple[Floats, "Transmission"]]:
-        """Of each transmission: its turn per free coordinate, (nf,), and itself."""
+    def springs(self) -> "list[Spring]":
+        """Of each transmission."""
         found = []
         for joint, drive in self.drives.items():
-            if drive.transmission is not None:
+            if (spring := drive.transmission) is not None:
                 own, motor = _places(self.drives)[joint]
-                along = np.eye(self.free.shape[1])[own]
-                found.append((along if motor is None else along - np.eye(len(along))[motor], drive.transmission))
+                along = np.eye(self.free.shape[1])[[own]]
+                along -= 0.0 if motor is None else np.eye(along.shape[1])[[motor]]
+                found.append(Spring(along, spring.stiffness, spring.damping, spring.backlash / 2.0))
         return found
 
     def ripple(self, deviation: "Deviation") -> Floats:

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from balance.closure import Closure
-from balance.dynamics.moving_base import MountedBase, rigid_body
+from balance.dynamics.moving_base import BaseMotion, MountedBase, rigid_body
 from balance.motion import Samples
 from testbench.campaign_plan import PlannedRun
 from testbench.errors import RigError
@@ -187,7 +187,7 @@ def pushed(force, friction=0.5, mass="100 kg", count=6000, step=2.5e-5):
     core = bench_dynamics._Core.of(base, None, (np.zeros((0, 0)), np.zeros((6, 0))), count, contact)
     time = np.arange(count) * step
     wrench = np.hstack([np.stack([np.broadcast_to(f(time), time.shape) for f in force], axis=1), np.zeros((count, 3))])
-    return time, core.respond(wrench, step)[0]
+    return time, BaseMotion(*core.respond(wrench, step))
 
 
 def zero(time):

@@ -1,0 +1,77 @@
+"""Springs with play and feet on the floor, stepped from sample to sample; compiled where numba is installed.
+
+It imports numba, and is imported only where there is something to step.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+try:
+    from numba import njit
+except ImportError:  # without the extra ``compiled``: the same, twenty times slower
+
+    def njit(*_: object, **__: object) -> Callable[[Any], Any]:
+        """The function as it is."""
+        return lambda function: function
+
+
+@njit("void(f8[::1], f8[::1], f8[::1], i8, f8, f8[::1], b1, f8[::1])", cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def released(
+    seen: NDArray[Any], play: NDArray[Any], preload: NDArray[Any], upright: int, friction: float,
+    relieved: NDArray[Any], keeps: bool, out: NDArray[Any],
+) -> None:  # fmt: skip
+    """What springs and feet carry otherwise than without play and bonded to the floor, ``out`` (2 s + 3 f,).
+
+    ``seen`` has two deflections of each spring [rad, m]: of these it lacks what lies within a radius ``play`` (s,).
+    Then the force on each bonded foot (f, 3) [N]. A foot presses with ``preload`` (f,) [N] and that force along
+    ``upright`` or not at all; across, it is dragged by no more than ``friction`` times this. ``relieved`` (3 f,) [N] is
+    what its sliding so far took off; ``keeps`` says whether it slides on now.
+    """
+    for s in range(len(play)):
+        x, y = seen[2 * s], seen[2 * s + 1]
+        far = (x * x + y * y) ** 0.5
+        share = play[s] / far if far > play[s] else 1.0
+        out[2 * s], out[2 * s + 1] = share * x, share * y
+    for foot in range(len(preload)):
+        at = 2 * len(play) + 3 * foot
+        pressure, dragged = max(preload[foot] + seen[at + upright], 0.0), 0.0
+        for k in range(3):
+            if k != upright:
+                dragged += (seen[at + k] + relieved[3 * foot + k]) ** 2
+        dragged = dragged**0.5
+        share = friction * pressure / dragged if dragged > friction * pressure else 1.0
+        for k in range(3):
+            if k == upright:
+                out[at + k] = pressure - preload[foot] - seen[at + k]
+            else:
+                out[at + k] = share * (seen[at + k] + relieved[3 * foot + k]) - seen[at + k]
+                if keeps:
+                    relieved[3 * foot + k] = out[at + k]
+
+
+@njit(
+    "void(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[::1], f8[::1], i8, f8, f8[:,::1], f8[:,::1])",
+    cache=True,
+    nogil=True,
+)  # type: ignore[untyped-decorator]
+def step_through(
+    phi: NDArray[Any], now: NDArray[Any], after: NDArray[Any], read: NDArray[Any], pushes: NDArray[Any],
+    play: NDArray[Any], preload: NDArray[Any], upright: int, friction: float,
+    states: NDArray[Any], found: NDArray[Any],
+) -> None:  # fmt: skip
+    """Fill ``states`` (n, k) from the first on: y[i+1] = phi y[i] + push[i] + now g[i] + after g[i+1], in SI.
+
+    g = ``released`` of ``read`` y, which ``found`` (n, r) holds in the end; g[i+1] is forecast from g[i] first.
+    """
+    relieved = np.zeros(3 * len(preload))
+    released(np.dot(read, states[0]), play, preload, upright, friction, relieved, True, found[0])
+    forecast = np.zeros(len(read))
+    for i in range(len(pushes)):
+        known = np.dot(phi, states[i]) + np.dot(now, found[i]) + pushes[i]
+        seen = np.dot(read, known + np.dot(after, found[i]))
+        released(seen, play, preload, upright, friction, relieved, False, forecast)
+        states[i + 1] = known + np.dot(after, forecast)
+        released(np.dot(read, states[i + 1]), play, preload, upright, friction, relieved, True, found[i + 1])
