@@ -5,6 +5,7 @@ The outcome of each file says what became of it: stored, stored already, refused
 
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -245,14 +246,18 @@ class Ingest:
         check = RecordingCheck(source.recording, rig_checks.range_findings(self.rig))
         source.findings += source.recording.findings
         done, groups = 0, len(check.groups)
-        for block in source.recording.blocks(source.findings.append):
-            check.update(block)
-            if len(check.groups) > groups:
-                groups = len(check.groups)
-                refuse_too_many(source, [known.group for known in check.groups.values()])
-            writer.group(block.group).append(block.columns)
-            self.progress(block.bytes_read - done)
-            done = block.bytes_read
+        with ThreadPoolExecutor(1) as pool:  # one block is written while the next one is checked
+            writing = pool.submit(lambda: None)
+            for block in source.recording.blocks(source.findings.append):
+                check.update(block)
+                if len(check.groups) > groups:
+                    groups = len(check.groups)
+                    refuse_too_many(source, [known.group for known in check.groups.values()])
+                writing.result()
+                writing = pool.submit(writer.group(block.group).append, block.columns)
+                self.progress(block.bytes_read - done)
+                done = block.bytes_read
+            writing.result()
         source.findings += rig_checks.without_commanded(self.rig, source.recording, check.findings())
         source.findings += rig_checks.rate_findings(self.rig, check.groups.values())
         if not any(group.samples for group in check.groups.values()):

@@ -122,11 +122,12 @@ def _weights(count: int) -> NDArray[np.float64]:
 def fletcher32(samples: Samples) -> int:
     """HDF5's checksum of the bytes of ``samples``, (n,) as recorded [-], at most 2**17.
 
-    The sums are of whole numbers below 2**53, so that float64 has them all. They are of words whose bytes are swapped,
-    which modulo 65535 is a factor of 256; end-around carries leave 65535, not 0, unless there was nothing.
+    The sums are of whole numbers below 2**53, so that float64 has them all, and not by BLAS, whose threads wait for one
+    another longer than this takes. They are of words whose bytes are swapped, which modulo 65535 is a factor of 256;
+    end-around carries leave 65535, not 0, unless there was nothing.
     """
     words = samples.view("<u2").astype(np.float64)
-    sums = int(words.sum()), int(words @ _weights(len(words)))
+    sums = int(np.einsum("i->", words)), int(np.einsum("i,i", words, _weights(len(words))))
     low, high = ((value % _MODULUS * _BYTE + _MODULUS - 1) % _MODULUS + 1 for value in sums)
     return high << _WORD | low if sums[0] else 0
 

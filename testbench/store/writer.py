@@ -115,28 +115,37 @@ class GroupWriter:
                 _dataset(self.node, k, self._chunk, f) for k, f in zip(self.keys, self.forms, strict=True)
             ]
         pieces: list[Sequence[Piece]] = []
-        for i, (dataset, form, waiting) in enumerate(zip(self._datasets, self.forms, self._waiting, strict=True)):
-            samples = waiting[0] if len(waiting) == 1 else np.concatenate([np.empty(0), *waiting])
-            waiting[:] = [samples[count:]]
+        for i, (dataset, form) in enumerate(zip(self._datasets, self.forms, strict=True)):
             dataset.resize((self._written + count,))
             if form is PLAIN:
-                pieces.append(self._write_chunks(i, samples[:count]))
+                pieces.append(self._write_chunks(i, count))
                 continue
-            dataset[self._written : self._written + count] = form.stored(samples[:count])
+            samples = self._taken(i, count)
+            dataset[self._written : self._written + count] = form.stored(samples)
             if isinstance(form, Decimals) and form.negative_zeros:
-                self._minus[i].append(minus_bits(samples[:count]))
+                self._minus[i].append(minus_bits(samples))
             for begin in range(0, count, CHUNK):
-                self._note_digest(i, self._written + begin, samples[begin : min(begin + CHUNK, count)])
+                self._note_digest(i, self._written + begin, samples[begin : begin + CHUNK])
         self._out.check()
         if pieces:
             self._acknowledge(pieces)
         self._written += count
 
-    def _write_chunks(self, index: int, samples: Samples) -> list[Piece]:
+    def _taken(self, index: int, count: int) -> Samples:
+        """The first ``count`` of the waiting samples of a channel, (count,), which wait no longer."""
+        waiting, parts = self._waiting[index], [np.empty(0)]
+        while count:
+            parts.append(waiting[0][:count])
+            count -= len(parts[-1])
+            waiting[:1] = [waiting[0][len(parts[-1]) :]] if len(parts[-1]) < len(waiting[0]) else []
+        return parts[1] if len(parts) == 2 else np.concatenate(parts)
+
+    def _write_chunks(self, index: int, count: int) -> list[Piece]:
         """Write chunks past HDF5's filter; where they went is seen below HDF5, which would look through all."""
         dataset, chunk, pieces = self._datasets[index], chunk_io.Chunk(self._chunk), []
-        for begin in range(0, len(samples), self._chunk):
-            block, first = np.ascontiguousarray(samples[begin : begin + self._chunk], "<f8"), self._written + begin
+        for first in range(self._written, self._written + count, self._chunk):
+            block = self._taken(index, min(self._chunk, self._written + count - first))
+            block = np.ascontiguousarray(block, "<f8")
             size = chunk.write(dataset, first, block)
             at, seen = self._out.last
             if seen != size:
