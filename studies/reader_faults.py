@@ -69,7 +69,7 @@ def open_here(path: Path, module: str, function: str = "open_library") -> Record
 
     def blocks(report: Report) -> Iterator[Block]:
         with failing():
-            yield from recording.blocks(report)
+            yield from recording.read(report)
 
     return replace(recording, read=blocks)
 

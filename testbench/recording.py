@@ -417,6 +417,14 @@ class Block:
         return f"sample {self.start + i}" if self.lines is None else f"line {self.lines[i]}"
 
 
+def shown(token: str) -> str:
+    """A cell's text for a message: short, without control characters."""
+    if not token:
+        return "an empty cell"
+    plain = "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in token[:40])
+    return f"'{plain}{'...' if len(token) > 40 else ''}'"
+
+
 _MOST_TEXT = 1 << 20
 """Letters of text beside the numbers that are kept of one log, which are held in memory."""
 
@@ -429,6 +437,15 @@ class TextSeries:
     channel: Annotated[str, Key()]
     samples: Annotated[list[int], Key()] = field(default_factory=list)
     texts: Annotated[list[str], Key()] = field(default_factory=list)
+
+    @property
+    def finding(self) -> Finding:
+        """That it is kept, with the first of its texts and the sample at which they begin."""
+        said = [text for text in dict.fromkeys(self.texts) if text]
+        first = self.samples[self.texts.index(said[0])] if said else 0
+        listed = ", ".join(map(shown, said[:3] or [""])) + (", ..." if len(said) > 3 else "")
+        message = f"holds text ({listed}), not numbers; it is kept as it is, by the samples where it changes"
+        return Finding("text_kept", self.channel, f"sample {first}", message, self.group)
 
 
 @dataclass
@@ -471,11 +488,17 @@ class TextLog:
                 return
             last = text
 
+    def clear(self) -> None:
+        """Forget what was read: it is read anew."""
+        self.series.clear()
+        self.given_up.clear()
+        self._letters = 0
+
     def findings(self) -> list[Finding]:
-        """The channels that are not kept, once."""
-        given_up, self.given_up = sorted(self.given_up), set()
+        """The channels that are kept, and those that are not."""
         message = f"holds texts that change too often to be kept: more than {_MOST_TEXT} letters; it is not kept"
-        return [Finding("text_channel", channel, None, message, group) for group, channel in given_up]
+        given_up = [Finding("text_channel", channel, None, message, group) for group, channel in sorted(self.given_up)]
+        return [series.finding for series in self.kept] + given_up
 
 
 @dataclass(frozen=True)
@@ -507,6 +530,7 @@ class Recording:
 
     def blocks(self, report: Report) -> Iterator[Block]:
         """The data in blocks of bounded size; findings on the way go to ``report``."""
+        self.texts.clear()
         yield from self.read(report)
         for finding in self.texts.findings():
             report(finding)

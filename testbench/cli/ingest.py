@@ -127,8 +127,8 @@ def _print(outcomes: "Sequence[Outcome]") -> None:
     counts = Counter(outcome.status for outcome in outcomes)
     title = f"Logs: {', '.join(f'{count} {status}' for status, count in counts.items()) or 'none'}"
     emit_table(title, *table(Outcome, outcomes, "source", "file", "origin", "status", "findings"))
-    for outcome in outcomes:
-        options.print_reading_findings(outcome.source, (f for f in outcome.findings if f.severity > 0))
+    found = [(outcome.source, f) for outcome in outcomes for f in outcome.findings if f.severity > 0]
+    options.print_reading_findings("Findings", found)
 
 
 @command(
@@ -260,6 +260,6 @@ def _say(outcomes: "Iterable[Outcome]", quiet: bool) -> "list[Outcome]":
             name = plain_text(outcome.source)
             click.echo(f"{name}: {outcome.status.replace('_', ' ')} as {plain_text(outcome.file or '-')}")
             options.print_reading_findings(
-                name, (f for f in outcome.findings if f.severity > 0 and f.code != "already_stored")
+                name, (("", f) for f in outcome.findings if f.severity > 0 and f.code != "already_stored")
             )
     return reported

@@ -113,7 +113,7 @@ def print_description(found: "Description", stats: bool) -> None:
     for series in recording.texts.kept[:SHOWN_GROUPS]:
         several = f", group {series.group}" if len(found.groups) > 1 else ""
         click.echo(plain_text(f"{series.channel}{several}: text, begins or changes at {len(series.texts)} samples"))
-    options.print_reading_findings("Findings", found.findings)
+    options.print_reading_findings("Findings", (("", finding) for finding in found.findings))
 
 
 def _say_more(number: int, of: str) -> None:

@@ -235,17 +235,20 @@ def exit_code(findings: Iterable["Finding"], accepted: Iterable[str] = ()) -> in
     return EXIT_WITH_FINDINGS if worst_severity(findings) > Severity.NOTE else 0
 
 
-def print_reading_findings(title: str, findings: Iterable["Finding"]) -> None:
-    """Print findings about a log below a title, the gravest first, with their place."""
+def print_reading_findings(title: str, findings: Iterable[tuple[str, "Finding"]]) -> None:
+    """Print findings below a title, the gravest first, with their place; once what several logs, by name, share."""
 
     def text(finding: "Finding") -> str:
         group = finding.group and f"group {finding.group}"
         place = ", ".join(filter(None, (finding.channel, group, finding.where)))
         return f"{place}: {finding.message}" if place else finding.message
 
-    if ordered := sorted(findings, key=lambda finding: -finding.severity):
+    logs: dict[tuple[str, str], list[str]] = {}
+    for log, one in sorted(findings, key=lambda found: -found[1].severity):
+        logs.setdefault((f"{one.severity.name.lower():7} {one.code}", text(one)), []).append(log)
+    if logs:
         click.echo(plain_text(title))
-        emit_findings((f"{one.severity.name.lower():7} {one.code}", text(one)) for one in ordered)
+        emit_findings((kind, ": ".join(filter(None, (first_of(of, 3), said)))) for (kind, said), of in logs.items())
 
 
 @dataclass(frozen=True)

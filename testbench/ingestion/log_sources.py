@@ -98,11 +98,11 @@ def _renamed(recording: Recording, front: str) -> Recording:
         return replace(group, name=f"{front} {group.name}")
 
     def read(report: Report) -> Iterator[Block]:
-        for block in recording.blocks(report):
+        for block in recording.read(report):
             yield replace(block, group=renamed(block.group))
 
-    texts = replace(recording.texts, front=front)
-    return replace(recording, groups=tuple(map(renamed, recording.groups)), read=read, texts=texts)
+    recording.texts.front = front
+    return replace(recording, groups=tuple(map(renamed, recording.groups)), read=read)
 
 
 class SiblingLogs:

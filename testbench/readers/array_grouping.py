@@ -36,7 +36,6 @@ from .format_findings import (
     names_listed,
     nothing_to_read,
     rounded_integers,
-    text_kept,
     watch_nonfinite,
 )
 from .header_claims import clock_of_rate
@@ -215,7 +214,7 @@ class Contents:
             read=lambda report: watch_nonfinite(blocks(), report),
             metadata=self.metadata,
             stated_rate_hz=rate,
-            findings=(*self.findings, *(text_kept(text.name) for text in self.texts)),
+            findings=tuple(self.findings),
             texts=log,
         )
 

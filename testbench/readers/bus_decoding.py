@@ -80,7 +80,7 @@ class BusDatabase:
 
         def read(report: Report) -> Iterator[Block]:
             decoders: dict[str, _Decoder | None] = {}
-            for block in recording.blocks(report):
+            for block in recording.read(report):
                 yield block
                 name = block.group.name
                 if name not in decoders:

@@ -56,11 +56,6 @@ def text_channel(channel: str) -> Finding:
     return Finding("text_channel", channel, None, "holds text, not numbers; it is not kept")
 
 
-def text_kept(channel: str, group: str | None = None) -> Finding:
-    """The finding that a channel is one of text, and where it is."""
-    return Finding("text_kept", channel, None, "holds text, kept as it is, by the samples where it changes", group)
-
-
 def names_listed(names: Sequence[str]) -> str:
     """The first ten names, and that there are more."""
     return ", ".join(names[:_MOST_NAMES]) + (" and more" if len(names) > _MOST_NAMES else "")

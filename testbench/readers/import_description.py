@@ -179,7 +179,7 @@ class ImportDescription(Table):
 
         def read(report: Report) -> Iterator[Block]:
             plans: dict[str, _Plan] = {}
-            for block in recording.blocks(report):
+            for block in recording.read(report):
                 plan = plans.get(block.group.name)
                 if plan is None:
                     plan = plans[block.group.name] = _Plan(self, block.group, recording, firsts)

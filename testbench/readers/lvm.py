@@ -30,7 +30,6 @@ from ..recording import (
     UniformClock,
 )
 from . import header_claims
-from .csv.cell_syntax import shown
 from .csv.dialect import Dialect
 from .csv.irregular_rows import CellFilter, RegularRows, RowFilter, last_row
 from .csv.row_parser import RowParser
@@ -266,8 +265,7 @@ class SegmentRows:
     def __post_init__(self) -> None:
         self._rows = RowFilter(self.segment.form, None)
         self._cells = CellFilter(self.segment.form, self.segment.names, self.encoding)
-        self._comments, self._commented = dict[int, str](), 0
-        self._first_comment: tuple[int, str] | None = None
+        self._comments = dict[int, str]()
 
     def blocks(self, text: bytes, first_line: int, bytes_read: int) -> Iterator[Block]:
         """Whole lines of this segment, each with its line feed, as blocks of its groups."""
@@ -311,17 +309,11 @@ class SegmentRows:
             words = self._comments.get(line, "")
             if words or self._comments.get(line - 1):
                 self.texts.take(group, _COMMENT, start + i, words)
-            if words:
-                self._commented += 1
-                self._first_comment = self._first_comment or (line, shown(words))
 
     def report(self, report: Report) -> None:
         """Report what was odd in rows and cells, and in the number of rows against the declared one."""
         self._rows.report(report)
         self._cells.report(report)
-        if self._first_comment:
-            message = f"text behind {self._commented} rows, kept as it is; the first is {self._first_comment[1]}"
-            report(Finding("text_kept", _COMMENT, f"line {self._first_comment[0]}", message))
         declared, found = self.segment.declared, self.rows
         if not declared or found == declared:
             return

@@ -29,7 +29,7 @@ from ..recording import (
 )
 from .byte_source import block_samples
 from .csv.header import is_time_name, named_channels
-from .format_findings import damaged, is_beyond_exact, rounded_integers, text_kept, watch_nonfinite
+from .format_findings import damaged, is_beyond_exact, rounded_integers, watch_nonfinite
 from .header_claims import recorded_time
 
 _UNITS = {"ns": "ns", "us": "µs", "ms": "ms", "s": "s"}
@@ -117,7 +117,6 @@ def _column(file: parquet.ParquetFile, i: int, findings: list[Finding]) -> Colum
     if types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind) or types.is_boolean(kind):
         return Column(name, named_channels([name], [""])[0])
     if _is_text(kind):
-        findings.append(text_kept(name))
         return Column(name, None)
     findings.append(Finding("left_out", name, None, f"holds {kind}, not one number a row"))
     return None

@@ -3,13 +3,12 @@
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 
 from ..recording import Block, Channel, Finding, Group, Recording, Report, Samples, TextLog, TimeColumn, point_in_time
-from .format_findings import nothing_to_read, refusing, rounded_integers, text_kept, watch_nonfinite
+from .format_findings import nothing_to_read, refusing, rounded_integers, watch_nonfinite
 
 MOST_NUMBERS = 4096
 """A message of more numbers is a picture or a cloud of points, and no sample."""
@@ -215,8 +214,6 @@ def topic_recording(
                 yield block
         for topic in met.values():
             yield from topic.remaining_blocks(report)
-        for group, channels in groupby(texts.kept, key=lambda series: series.group):
-            report(text_kept(", ".join(series.channel for series in channels), group))
 
     return Recording(
         path=path,

@@ -196,6 +196,7 @@ def open_in_subprocess(path: Path, module: str, function: str = "open_library") 
                 yield Block(known[name], tuple(data.reshape(count, -1)), start, None, bytes_read)
             elif "texts" in document:
                 texts.series |= {(each["group"], each["channel"]): TextSeries(**each) for each in document["texts"]}
+                texts.given_up |= {(group, channel) for group, channel in document["given_up"]}
 
     lists = {
         "groups": groups,

@@ -77,13 +77,14 @@ def _send_data(out: IO[bytes], recording: Recording) -> None:
     def report(finding: Finding) -> None:
         protocol.write_frame(out, {"finding": finding.as_dict()})
 
-    for block in recording.blocks(report):
+    for block in recording.read(report):
         if block.group.name not in known:
             known.add(block.group.name)
             protocol.write_frame(out, {"group": asdict(block.group)})
         place = (block.group.name, len(block.columns), block.start, block.bytes_read)
         protocol.write_frame(out, {"block": place}, block.columns)
-    protocol.write_frame(out, {"texts": [asdict(series) for series in recording.texts.kept]})
+    texts = recording.texts
+    protocol.write_frame(out, {"texts": [asdict(series) for series in texts.kept], "given_up": sorted(texts.given_up)})
     protocol.write_frame(out, {"end": True})
 
 

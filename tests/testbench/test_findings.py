@@ -62,7 +62,7 @@ def test_two_logs_of_one_run_keep_their_findings_apart(tmp_path, capsys):
     run = open_run(tmp_path / "c" / "r1.h5")
     dead = [f for f in run.findings if f.code == "constant_channel"]
     assert [(f.channel, f.group) for f in dead] == [("AccY (g)", "left"), ("AccY (g)", "right")]
-    print_reading_findings("r1", dead)
+    print_reading_findings("r1", (("", one) for one in dead))
     assert "AccY (g), group left: all 200 samples are 5" in capsys.readouterr().out
     Ingest(tmp_path / "alone").run(PlannedRun("r1", (tmp_path / "left.csv",)))
     assert {f.group for f in open_run(tmp_path / "alone" / "r1.h5").findings} == {None}

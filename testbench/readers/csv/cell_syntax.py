@@ -96,14 +96,6 @@ def is_missing(cell: str) -> bool:
     return not cell or cell in _MISSING or cell.startswith(("1.#", "-1.#"))
 
 
-def shown(token: str) -> str:
-    """A cell's text for a message: short, without control characters."""
-    if not token:
-        return "an empty cell"
-    plain = "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in token[:40])
-    return f"'{plain}{'...' if len(token) > 40 else ''}'"
-
-
 SECOND = 1_000_000_000
 """Nanoseconds in a second."""
 DAY = 86_400 * SECOND

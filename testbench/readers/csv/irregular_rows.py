@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ...recording import Finding, Report, Samples
+from ...recording import Finding, Report, Samples, shown
 from .cell_syntax import (
     decimal_mark,
     is_ambiguous,
@@ -22,7 +22,6 @@ from .cell_syntax import (
     is_number_like,
     is_word,
     may_be_thousands,
-    shown,
 )
 from .dialect import COMMENT_SIGNS
 from .row_parser import RowParser

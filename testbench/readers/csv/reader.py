@@ -8,7 +8,7 @@ from pathlib import Path
 from ...recording import Channel, Clock, Finding, Group, Recording, Refusal, StartTime, TextLog, TimeColumn
 from .. import header_claims
 from ..registry import ReadOptions
-from .cell_syntax import is_missing, is_number_like, shown
+from .cell_syntax import is_missing, is_number_like
 from .dialect import Dialect, UnclearDialect, detect_dialect
 from .header import (
     Header,
@@ -62,7 +62,6 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
         findings=(
             *text.findings,
             *stated.findings,
-            *(text.left_out(i) for i in sorted(text.fields_of_text)),
             *([multiple.finding] if multiple else []),
         ),
         texts=texts,
@@ -203,13 +202,6 @@ class _Text:
         notations = [finding for column in self.notations for finding in column.findings]
         rounded = rounded_numbers([*self.rows, *self.ends], header, self.times.fields)
         return [*found, *self.times.findings, *notations, *rounded]
-
-    def left_out(self, i: int) -> Finding:
-        """That a column of text is no channel of numbers, with the first of its texts."""
-        texts = list(dict.fromkeys(cells[i] for cells in self.rows if len(cells) > i and cells[i]))
-        listed = ", ".join(shown(text) for text in texts[:3]) + (", ..." if len(texts) > 3 else "")
-        message = f"holds text ({listed}), not numbers; it is kept as it is, by the samples where it changes"
-        return Finding("text_kept", self.header.channels[i].name, None, message)
 
 
 def understood(path: Path, options: ReadOptions) -> _Text:

@@ -21,18 +21,19 @@ from ..format_findings import (
     nothing_to_read,
     rounded_integers,
     text_channel,
-    text_kept,
     watch_nonfinite,
 )
 from ..header_claims import recorded_time
 from ..registry import ReadOptions
 from .records import (
     LONGEST_FRAME,
+    LONGEST_TEXT,
     Bytes,
     DataGroup,
     File,
     Member,
     Records,
+    TextMember,
     UnknownIdentifier,
     invalid_samples,
     may_be_rounded,
@@ -178,14 +179,23 @@ def _counted(path: Path, data: DataGroup, file: File, unfinished: bool) -> DataG
 
 
 def _with_frames(records: Records, longest: Mapping[int, int], file: File) -> Records:
-    """Records with a channel for each byte of their frames; frames longer than those of a bus are left out by name."""
+    """Records with a channel for each byte of their frames, or with their text; longer ones are left out by name."""
     if (frames := records.frames) is None:
         return records
-    count, size = longest.get(frames.address, 0), records.size or 0
-    if count > LONGEST_FRAME or frames.address not in longest:
-        file.left_out.append(f"{frames.name} (bytes of records apart, up to {count})")
-    if not 0 < count <= LONGEST_FRAME:
+    count, size, most = (
+        longest.get(frames.address, 0),
+        records.size or 0,
+        LONGEST_TEXT if frames.encoding else LONGEST_FRAME,
+    )
+    if count > most or frames.address not in longest:
+        file.left_out.append(
+            f"{frames.name} ({'text' if frames.encoding else 'bytes'} of records apart, up to {count})"
+        )
+    if not 0 < count <= most:
         return replace(records, frames=None)
+    if frames.encoding:
+        text = TextMember(frames.name, size + 1, count, frames.encoding)
+        return replace(records, texts=(*records.texts, text), frames=replace(frames, longest=count))
     own = [Member(f"{frames.name}[{i}]", None, "u", "<", size + 1 + i, 0, 8, within=(size, i)) for i in range(count)]
     members = (*records.members[: frames.place], *own, *records.members[frames.place :])
     return replace(records, members=members, frames=replace(frames, longest=count))
@@ -299,8 +309,8 @@ def _header_findings(file: File, groups: Mapping[int, Group], sets: Sequence[Col
     if file.converted:
         message = f"raw numbers of {file.converted} channels were made physical by the conversions in the file"
         findings.append(Finding("calibration_applied", None, None, message))
-    findings += map(text_channel, dict.fromkeys(file.texts))
-    findings += [text_kept(text.name) for g in file.groups for r in g.records for text in r.texts]
+    alone = [text.name for g in file.groups for r in g.records if not r.members for text in r.texts]
+    findings += map(text_channel, dict.fromkeys([*file.texts, *alone]))
     if file.left_out:
         findings.append(Finding("left_out", None, None, f"no series of numbers: {names_listed(file.left_out)}"))
     known = groups.keys() | _followers(sets)

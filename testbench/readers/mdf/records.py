@@ -69,20 +69,22 @@ class TextMember:
 class Frames:
     """Frames of varying length, such as those of a bus: channel, place among the members, and their own records.
 
-    Each is joined to its record, behind a byte that says how long it is, filled up to the ``longest``.
+    Each is joined to its record, behind a byte that says how long it is, filled up to the ``longest``. Letters have
+    their ``encoding``, and are a text.
     """
 
     name: str
     place: int
     address: int
     longest: int = 0
+    encoding: str = ""
 
 
 @dataclass(frozen=True)
 class Records:
     """Records of one kind: their size without identifier [bytes], the size of their data, how many are declared.
 
-    ``size`` is None for records of varying length: frames, or texts, which are passed over. ``master`` is the address
+    ``size`` is None for records of varying length: frames, or texts. ``master`` is the address
     of the records that hold their time, 0 if they do themselves.
     """
 
@@ -127,8 +129,8 @@ class File:
     """When the times of all groups are zero."""
 
 
-LONGEST_FRAME = 64
-"""Bytes of the longest frame of a bus (CAN FD)."""
+LONGEST_FRAME, LONGEST_TEXT = 64, 128
+"""Bytes of the longest frame of a bus (CAN FD), and of a text whose records lie among others."""
 _ROUND = (8, 16, 32, 64)
 _BITS_OF_FLOAT = 53
 
@@ -258,7 +260,7 @@ def _by_identifier(group: DataGroup) -> Iterator[tuple[Records, Bytes]]:
 def sorted_records(group: DataGroup) -> Iterator[dict[int, list[bytes]]]:
     """The records of each piece of bytes by identifier, each in its order; what is no whole one at the end is dropped.
 
-    Texts, which are records of varying length that no channel takes for frames, are passed over.
+    Records of varying length that no channel takes for frames or texts are passed over.
     """
     by_identifier = {records.identifier: records for records in group.records}
     frames = {records.frames.address for records in group.records if records.frames is not None}

@@ -158,8 +158,8 @@ def _own_members(
     """The channel of a block; of an array of bytes, such as the data of a bus, one for each byte."""
     raw = block_data(source, block)
     kind, sync, form, bit, byte, bits, flags, invalid = struct.unpack_from("<BBBBIIII", raw)
-    if form == _BYTES and kind == 1 and source.read(block.links[5], 4, "frames") == b"##CG":
-        yield Frames(name, 0, block.links[5])
+    if (form == _BYTES or form in _TEXTS) and kind == 1 and source.read(block.links[5], 4, "frames") == b"##CG":
+        yield Frames(name, 0, block.links[5], encoding=_TEXTS.get(form, ""))
         return
     if form in _TEXTS or form == _TEXT_WITH_MARK or kind == 1:
         text = _text_member(source, block, name, size) if form in _TEXTS else None

@@ -40,7 +40,6 @@ from ..format_findings import (
     nothing_to_read,
     refusing,
     rounded_integers,
-    text_kept,
     watch_nonfinite,
 )
 from ..header_claims import SINCE_1970, clock_of_step, recorded_time
@@ -85,10 +84,10 @@ def open_tdms(path: Path, options: ReadOptions) -> Recording:
         contents = read_contents(source)
         for channel in contents.channels.values():
             _resolve_times(source, channel)
-    findings = [*contents.findings, *_texts(contents)]
+    findings = [*contents.findings]
     gathered = _channel_groups(contents, path.stem)
     if not gathered:
-        raise nothing_to_read(path, findings, "no channel has samples")
+        raise nothing_to_read(path, findings, "no channel of numbers has samples")
     findings += _channel_findings(contents, gathered)
     texts = TextLog()
     return Recording(
@@ -286,14 +285,6 @@ def _channel_findings(contents: Contents, gathered: Sequence[_ChannelGroup]) -> 
         message = f"no sample in {names_listed(empty)}"
         findings.append(Finding("empty_group", None, None, message))
     return findings
-
-
-def _texts(contents: Contents) -> list[Finding]:
-    return [
-        text_kept(channel_title(path))
-        for path, channel in contents.channels.items()
-        if channel.texts and path_names(path)
-    ]
 
 
 def _metadata(contents: Contents) -> dict[str, str]:

@@ -166,7 +166,7 @@ def test_public_recordings_from_hdf5(command, tmp_path, name):
 def test_of_many_findings_alike_the_first_are_shown_and_the_others_counted(capsys):
     """A log with 200 dead channels does not bury what else there is."""
     dead = [Finding("constant_channel", f"ch{i}", None, "dead") for i in range(200)]
-    print_reading_findings("log.c3d", [*dead, Finding("time_gap", "time", None, "torn")])
+    print_reading_findings("log.c3d", [("", one) for one in (*dead, Finding("time_gap", "time", None, "torn"))])
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 1 + 1 + SHOWN_PER_KIND + 1
     assert "time_gap" in "".join(lines[1:])
@@ -175,5 +175,17 @@ def test_of_many_findings_alike_the_first_are_shown_and_the_others_counted(capsy
 
 def test_one_more_than_are_shown_is_shown(capsys):
     """A line that says one more would be as long as the one."""
-    print_reading_findings("log", [Finding("clipping", f"ch{i}", None, "flat") for i in range(SHOWN_PER_KIND + 1)])
+    flat = [("", Finding("clipping", f"ch{i}", None, "flat")) for i in range(SHOWN_PER_KIND + 1)]
+    print_reading_findings("log", flat)
     assert "more like these" not in capsys.readouterr().out
+
+
+def test_what_several_logs_share_is_said_once(capsys):
+    """Twelve logs of one logger have one dead channel, and one of them a gap besides."""
+    logs = [f"run{i}.csv" for i in range(12)]
+    shared = [(log, Finding("constant_channel", "b", None, "dead")) for log in logs]
+    print_reading_findings("Findings", [*shared, (logs[5], Finding("time_gap", "t", "line 9", "torn"))])
+    said = " ".join(capsys.readouterr().out.split())
+    assert said.count("constant_channel") == 1
+    assert "run0.csv, run1.csv, run2.csv and 9 more: b: dead" in said
+    assert "run5.csv: t, line 9: torn" in said

@@ -120,7 +120,7 @@ def test_groups_clocks_and_columns(lvm, name):
         (
             segment([*ROWS[:2], ROWS[2] + "\tLOST COMMUNICATION"]),
             {},
-            "text_kept: text behind 1 rows, kept as it is; the first is 'LOST COMMUNICATION'",
+            "text_kept: holds text ('LOST COMMUNICATION'), not numbers; it is kept as it is",
         ),
         (segment(TIMED), {"x": "One"}, "rate_contradiction: the header states 1000 Hz"),
     ],

@@ -181,11 +181,11 @@ class Written:
         self.raw = self.raw.ljust(address, b"\0") + block(kind, links, data)
         return address
 
-    def channel(self, name, following, byte, form=4, bits=64, kind=0, sync=0, flags=0):
-        """A channel before another one."""
+    def channel(self, name, following, byte, form=4, bits=64, kind=0, sync=0, flags=0, signal=0):
+        """A channel before another one; ``signal`` is where what varies in length lies."""
         title = self.add(b"TX", [], name.encode() + b"\0")
         data = struct.pack("<BBBBIIII", kind, sync, form, 0, byte, bits, flags, 0).ljust(72, b"\0")
-        return self.add(b"CN", [following, 0, title, 0, 0, 0, 0, 0], data)
+        return self.add(b"CN", [following, 0, title, 0, 0, signal, 0, 0], data)
 
     def pair(self, **second):
         """Time, and a channel behind it."""
@@ -313,9 +313,7 @@ def test_frames_of_a_bus_keep_their_bytes(tmp_path, monkeypatch, piece, is_finis
     file = Written(b"MDF     " if is_finished else b"UnFinMF ")
     file.raw[60:62] = b"\0\0" if is_finished else b"\x25\0"
     frames = file.records(0, 0, 2, 8 * is_finished, 0, flags=1)
-    data = struct.pack("<BBBBIIII", 1, 0, 10, 0, 10, 64, 0, 0).ljust(72, b"\0")
-    title = file.add(b"TX", [], b"payload\0")
-    payload = file.add(b"CN", [0, 0, title, 0, 0, frames, 0, 0], data)
+    payload = file.channel("payload", 0, 10, form=10, kind=1, signal=frames)
     fixed = file.channel("id", payload, 8, form=10, bits=16)
     one = file.records(frames, file.channel("t", fixed, 0, kind=2, sync=1), 1, 8 * is_finished, 18)
     empty = file.records(one, file.pair(), 3, 0, 16)
@@ -330,6 +328,31 @@ def test_frames_of_a_bus_keep_their_bytes(tmp_path, monkeypatch, piece, is_finis
     assert (found.column("id[0]").tolist(), set(found.column("id[1]"))) == (list(range(8)), {7.0})
     assert ("not_finalized" in found.codes) != is_finished
     assert not refusing_findings(found.findings)
+
+
+@pytest.mark.parametrize("longest", [128, 4])
+def test_texts_whose_records_lie_among_others(tmp_path, monkeypatch, longest):
+    """As asammdf gives them, whether they come before or behind their record; beyond the limit they are left out."""
+    monkeypatch.setattr("testbench.readers.mdf.reader.LONGEST_TEXT", longest)
+    words, file, raw, place = ["ready", "ready", "", "läuft", "läuft", "ready"], Written(), b"", 0
+    letters = file.records(0, 0, 2, len(words), sum(4 + len(word.encode()) for word in words), flags=1)
+    note = file.channel("note", 0, 8, form=7, kind=1, signal=letters)
+    one = file.records(letters, file.channel("t", note, 0, kind=2, sync=1), 1, len(words), 16)
+    for i, word in enumerate(word.encode() for word in words):
+        pair = [b"\x01" + struct.pack("<dQ", i / 4, place), b"\x02" + struct.pack("<I", len(word)) + word]
+        raw, place = raw + b"".join(pair if i % 3 else pair[::-1]), place + 4 + len(word)
+    file.data_group(one, file.add(b"DT", [], raw), 1)
+    found = reading.read(path := file.write(tmp_path / "made.mf4"))
+    assert found.column("t").tolist() == [i / 4 for i in range(len(words))]
+    if longest == 4:
+        assert "note (text of records apart, up to 6)" in found.message("left_out")
+        assert not found.recording.texts.kept
+        return
+    with MDF(path) as other:
+        assert [cell.decode().strip("\0") for cell in other.get("note", raw=True).samples] == words
+    (kept,) = found.recording.texts.kept
+    assert (kept.samples, kept.texts) == ([0, 2, 3, 5], ["ready", "", "läuft", "ready"])
+    assert found.message("text_kept").startswith("holds text ('ready', 'läuft'), not numbers")
 
 
 COLUMN_TIME = np.arange(1000) / 100

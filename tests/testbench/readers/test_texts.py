@@ -57,6 +57,8 @@ def test_texts_without_end_are_given_up(tmp_path, monkeypatch):
     found = reading.read(path)
     assert [series.channel for series in found.recording.texts.kept] == ["State"]
     assert "more than 3000 letters" in found.message("text_channel")
+    said = {finding.channel: (finding.code, finding.where) for finding in found.findings if "text" in finding.code}
+    assert said == {"Note": ("text_channel", None), "State": ("text_kept", "sample 0")}
     assert len(found.column("F (N)")) == 200
 
 
