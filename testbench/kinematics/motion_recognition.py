@@ -280,9 +280,9 @@ def legs_by_accelerometer(run: "SIRun") -> tuple[str, list[Leg], Floats]:
         time = run.instants(columns[0])
         grid = grid_of(time, f"{run.name}: {name}")
         values = np.zeros((grid.count, 3))
-        for column in columns:
-            even = on_grid(time, run.values(column)[:, None], grid)[:, 0]
-            rest = np.median(even[: max(len(even) // 20, 1)])
-            values[:, "xyz".index(column.component)] = Band(0.0, BANDWIDTH_HZ).filtered(even - rest, grid.rate)
+        even = on_grid(time, run.stacked(columns), grid)
+        even = (even - np.median(even[: max(len(even) // 20, 1)], axis=0)).T
+        axes = ["xyz".index(column.component) for column in columns]
+        values[:, axes] = Band(0.0, BANDWIDTH_HZ).filtered(even, grid.rate).T
         return run.group_of(columns[0]), legs_of_acceleration(grid.time, values, REST_SHARE["acceleration"]), NO_GAP
     raise AnalysisError("the rig has no accelerometer on a body that moves")

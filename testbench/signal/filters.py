@@ -27,8 +27,8 @@ IDENTITY_SECTION = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0])
 """A second-order section that passes its input unchanged."""
 LANES = 4
 """Channels filtered side by side."""
-COMPILED_FROM_SAMPLES = 1 << 18
-"""Samples from which on the compiled loops pay for their import."""
+COMPILED_FROM_SAMPLES = 1 << 17
+"""Samples from which on the compiled loops pay for their import, in a campaign of many runs."""
 THREADED_FROM_SAMPLES = 1 << 22
 """Samples from which on a second thread pays."""
 LARGEST_BUFFER = 1 << 19

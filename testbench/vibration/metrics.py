@@ -71,8 +71,15 @@ class Measure:
         values = without_mean(values)
         if not self.detrends:
             return values
-        along = np.linspace(-1.0, 1.0, len(values))
-        return values - along * (along @ values / (along @ along))
+        along, square = _straight_line(len(values))
+        return values - along * (along @ values / square)
+
+
+@lru_cache(maxsize=4)
+def _straight_line(count: int) -> tuple[Floats, float]:
+    """From -1 to 1, (count,) [-], and the sum of its squares."""
+    along = np.linspace(-1.0, 1.0, count)
+    return along, float(along @ along)
 
 
 @lru_cache(maxsize=16)

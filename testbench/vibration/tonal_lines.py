@@ -1,6 +1,7 @@
 """Hum of the mains and its harmonics: found in the rest, where its phase is known, and extrapolated into the motion."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -118,7 +119,11 @@ def _weights(left: Floats, rate_hz: float, hz: float, orders: Floats) -> Floats:
     from scipy.fft import next_fast_len, rfft, rfftfreq
 
     size = next_fast_len(4 * len(left), real=True)
-    power = np.abs(rfft(left * np.hanning(len(left)), size)) ** 2 / (0.375 * len(left))
+    power = np.abs(rfft(left * _hanning(len(left)), size)) ** 2 / (0.375 * len(left))
     frequency = rfftfreq(size, 1.0 / rate_hz)
-    near = [np.abs(frequency - order * hz) < max(0.4 * hz, 3.0 * rate_hz / len(left)) for order in orders]
-    return np.array([max(float(power[some].mean()), 1e-300) for some in near])
+    reach = max(0.4 * hz, 3.0 * rate_hz / len(left))
+    ends = np.searchsorted(frequency, [orders * hz - reach, orders * hz + reach])
+    return np.array([max(float(power[first:last].mean()), 1e-300) for first, last in ends.T])
+
+
+_hanning = lru_cache(maxsize=4)(np.hanning)
