@@ -158,8 +158,8 @@ class SIRun:
         """A channel (n,) [SI]. Raises AnalysisError for no or two units, no rate, or samples that are no number."""
         self.rate(column)
         values = self.readings(column)
-        odd = np.flatnonzero(~(np.abs(values) < _LARGEST))
-        if odd.size:
+        if values.size and not (values.min() > -_LARGEST and values.max() < _LARGEST):  # of NaN neither is true
+            odd = np.flatnonzero(~(np.abs(values) < _LARGEST))
             what = "no number" if not np.isfinite(values[odd[0]]) else f"{values[odd[0]]:g} SI, which nothing measures,"
             raise AnalysisError(
                 f"{self.name}: channel {column.channel!r} holds {what} at sample {odd[0]}; repair it first"

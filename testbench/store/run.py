@@ -363,8 +363,9 @@ def _group(file: "h5py.File", known: Mapping[str, Any], number: int, digests: An
         whole=layout.whole_numbers(known["channels"]),
         digests=digests_from(digests, number, known["channels"]),
     )
+    node = safe_hdf5.member(file, group.path) if group.keys else file
     for key in group.keys:
-        if (found := safe_hdf5.member(file, f"{group.path}/{key}").shape) != (group.samples,):
+        if (found := safe_hdf5.member(node, key).shape) != (group.samples,):
             raise StoreError(f"{file.filename}: {group.path}/{key} holds {found}, expected {group.samples} samples")
     return group
 

@@ -65,10 +65,11 @@ def member(group: "h5py.Group", path: str) -> Any:  # noqa: ANN401
 
     node = group
     for name in path.split("/"):
-        link = node.get(name, getlink=True)
-        if link is None:
-            raise StoreError(f"{group.file.filename}: holds no {path}; it is not a stored run, or damaged")
-        if not isinstance(link, h5py.HardLink):
+        try:
+            link = node.id.links.get_info(name.encode()).type
+        except KeyError:
+            raise StoreError(f"{group.file.filename}: holds no {path}; it is not a stored run, or damaged") from None
+        if link != h5py.h5l.TYPE_HARD:
             raise StoreError(f"{group.file.filename}: {node.name}/{name} is a link to elsewhere, which is refused")
         node = node[name]
     if isinstance(node, h5py.Dataset):
