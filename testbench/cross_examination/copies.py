@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from balance.arrays import Floats
+
 from .observation import SPANS, ChannelRecord, Observation
 from .statement import Statement
 
@@ -29,7 +31,7 @@ REMAINDER = 0.25
 """Share of the noise that the difference of two records may have to be one: 2 of independent noise, 0 of copies."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Signature:
     """A band of the start of one channel, of one length in all runs."""
 
@@ -37,10 +39,18 @@ class _Signature:
     """Complex spectrum in the band, (k,)."""
     phases: Complexes
     """The same with magnitudes of one, (k,)."""
-    windowed: Complexes
-    """The band of the windowed start, in which lines do not leak, (k,)."""
+    values: Floats
+    """The start, mean removed, (n,) [SI]."""
+    first: int
+    """Of the band, in the spectrum."""
     noise: float
     """Power in a frequency of white noise as large as the record's."""
+
+    @property
+    def windowed(self) -> Complexes:
+        """The band of the windowed start, in which lines do not leak, (k,)."""
+        values, last = self.values, self.first + len(self.band)
+        return np.asarray(np.fft.rfft(values * np.hanning(len(values)))[self.first : last] / len(values))
 
 
 def copies(observations: Sequence[Observation]) -> list[Statement]:
@@ -107,11 +117,10 @@ def _equal(records: list[tuple[int, ChannelRecord]]) -> list[tuple[int, int]]:
 
 def _signature(record: ChannelRecord, seconds: float, first: int, last: int) -> _Signature:
     values = record.start[: round(seconds * record.rate_hz)].astype(float)
-    band = np.fft.rfft(values - values.mean())[first:last] / len(values)
-    size = np.abs(band)
-    windowed = np.fft.rfft((values - values.mean()) * np.hanning(len(values)))[first:last] / len(values)
-    noise = record.noise**2 / len(values)
-    return _Signature(band, (band / np.maximum(size, 1e-300)).astype(np.complex64), windowed, noise)
+    values -= values.mean()
+    band = np.fft.rfft(values)[first:last] / len(values)
+    phases = (band / np.maximum(np.abs(band), 1e-300)).astype(np.complex64)
+    return _Signature(band, phases, values, first, record.noise**2 / len(values))
 
 
 def _difference(first: _Signature, second: _Signature) -> float:

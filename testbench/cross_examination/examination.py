@@ -139,11 +139,18 @@ def examine(
     What a run shows is a task of the ``pool``.
     """
     tasks, known = list(runs), dict[object, Mechanism]()
-    found = dict(pool.results(partial(_observed_or_why, known=known, given=mechanism), tasks))
-    observations = [found[place] for place in range(len(tasks))]
-    heard = hear([one for one in observations if not isinstance(one, str)], accepted).decided(tasks)
-    silent = {run.name: one for run, one in zip(tasks, observations, strict=True) if isinstance(one, str)}
-    return replace(heard, unexamined=silent)
+    found = dict(pool.results(partial(observed_or_why, known=known, given=mechanism), tasks))
+    return examined(tasks, [found[place] for place in range(len(tasks))], accepted)
+
+
+def examined(
+    runs: "Sequence[Run | SIRun]", seen: Sequence[Observation | str], accepted: Iterable[str] = ()
+) -> Examination:
+    """The examination of runs of one campaign by what each shows, or why nothing is known of it."""
+    heard = hear([one for one in seen if not isinstance(one, str)], accepted).decided(runs)
+    return replace(
+        heard, unexamined={run.name: one for run, one in zip(runs, seen, strict=True) if isinstance(one, str)}
+    )
 
 
 def hear(seen: Sequence[Observation], accepted: Iterable[str] = ()) -> Examination:
@@ -165,7 +172,8 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = ()) -> Examinati
     return Examination(tuple(reasons), tuple(statements), reasons, torque, frozenset(accepted))
 
 
-def _observed_or_why(run: "Run | SIRun", known: dict[object, Mechanism], given: Mechanism | None) -> Observation | str:
+def observed_or_why(run: "Run | SIRun", known: dict[object, Mechanism], given: Mechanism | None) -> Observation | str:
+    """:func:`observed`, or why nothing is known of a run."""
     try:
         return observed(run, known, given)
     except CounterpoiseError as error:

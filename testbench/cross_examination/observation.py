@@ -160,17 +160,21 @@ class Observation:
 def observe(run: SIRun, mechanism: Callable[[], Mechanism]) -> Observation:
     """Read a run once; ``mechanism`` is that of its rig, unloaded. A witness that fails leaves its reason."""
     seen = Observation(run.name, run.conditions, run.rig)
-    columns = [column for column in run.rig.columns() if run.holds(column)]
-    recorded = [column for column in columns if _is_recorded(column)]
-    commanded = [column for column in columns if column.commanded]
-    run = run.preloaded(columns if run.rig.columns_of(Encoder) else [*recorded, *commanded])
-    for column in recorded:
+    run = run.preloaded(columns := observed_columns(run))
+    for column in filter(_is_recorded, columns):
         _attempt(seen, column.channel, partial(_keep_record, seen, run, column))
     _attempt(seen, "command", partial(_by_command, seen, run))
     _attempt(seen, "acceleration", partial(_by_acceleration, seen, run))
     _attempt(seen, "paths", partial(_keep_speeds, seen, run))
     _attempt(seen, "encoders", partial(_by_model, seen, run, mechanism))
     return seen
+
+
+def observed_columns(run: SIRun) -> "list[Column]":
+    """The channels that are read: all where there are encoders, else those that are compared and the command."""
+    columns = [column for column in run.rig.columns() if run.holds(column)]
+    every = bool(run.rig.columns_of(Encoder))
+    return [column for column in columns if every or _is_recorded(column) or column.commanded]
 
 
 def _is_recorded(column: "Column") -> bool:

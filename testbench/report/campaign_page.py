@@ -192,8 +192,7 @@ def campaign_report(
     measure = measure or Measure()
     reporting = Reporting(point, band, bandwidth_hz, mechanism, measure)
     examination, reports, unread = reporting.runs(runs, accept, pool, spans_of(runs))
-    named = counted(run.name for run in runs)
-    known = {name: one.amplitudes for name, one in reports.items() if one.amplitudes is not None and named[name] == 1}
+    known = {id(one.run): one.amplitudes for one in reports.values() if one.amplitudes is not None}
     comparison: Comparison | str
     try:
         comparison = compare_campaign(runs, published, measure, mechanism, accept, examination, known)

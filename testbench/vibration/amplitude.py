@@ -271,18 +271,16 @@ class Amplitude:
         """Records of noise in the band, and of what else is not known, seeded by the record."""
         draws = noise_draws(noise, self.measure, len(self.course), self.rate_hz)
         rng, scale = np.random.default_rng(zlib.crc32(self.course.tobytes())), self.averages**-0.5
-        number, most = len(draws.powers), 1.0
-        if self.envelope is not None or self.line_errors is not None:
-            whole = np.concatenate(draws.parts)
-            if self.envelope is not None:
-                whole *= self.envelope[:, None].astype(np.float32)
-                most = float(self.envelope.max())
-            if self.line_errors is not None:
-                shares = rng.standard_normal((len(self.line_errors), number), np.float32)
-                whole += (self.line_errors.T / scale).astype(np.float32) @ shares
-            draws = Draws((whole,), draws.powers)
+        number = len(draws.powers)
+        if self.envelope is not None:
+            draws = replace(draws, envelope=self.envelope.astype(np.float32))
+            draws = draws.applied() if self.statistic.squared else draws
+        if self.line_errors is not None:
+            shares = rng.standard_normal((len(self.line_errors), number), np.float32)
+            errors = (self.line_errors.T / scale).astype(np.float32) @ shares
+            draws = Draws((np.concatenate(draws.applied().parts) + errors,), draws.powers)
         rounding = rng.choice(self.rounding, number) if self.rounding else np.zeros(number)
-        return NoiseRecords(draws, rounding, scale, most)
+        return NoiseRecords(draws, rounding, scale, 1.0 if self.envelope is None else float(self.envelope.max()))
 
     def in_band(self, whole: Floats) -> Floats:
         """Records (..., m) of the same rate in the band, (..., m)."""

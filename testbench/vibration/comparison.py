@@ -226,7 +226,7 @@ def compare_campaign(
     mechanism: str | None = None,
     accept: Iterable[str] = (),
     examination: "Examination | None" = None,
-    known: Mapping[str, AmplitudesOfRun | str] | None = None,
+    known: Mapping[int, AmplitudesOfRun | str] | None = None,
 ) -> Comparison:
     """Compare every reduction of a campaign with its simulation, and with ``published`` where it is given.
 

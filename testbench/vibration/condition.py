@@ -151,7 +151,7 @@ class Condition:
 
     @classmethod
     def of(
-        cls, pair: Pair, measure: Measure, known: Mapping[str, AmplitudesOfRun | str] = MappingProxyType({})
+        cls, pair: Pair, measure: Measure, known: Mapping[int, AmplitudesOfRun | str] = MappingProxyType({})
     ) -> "Condition":
         """From every run of a pair that can be read; what is ``known`` of a run, or why nothing is, is not read again.
 
@@ -324,7 +324,7 @@ class CampaignNoise:
 
 
 def _readable(
-    pair: Pair, measure: Measure, known: Mapping[str, AmplitudesOfRun | str]
+    pair: Pair, measure: Measure, known: Mapping[int, AmplitudesOfRun | str]
 ) -> tuple[Pair, list[AmplitudesOfRun], list[Finding], list[Finding]]:
     """The readable runs as a pair, their amplitudes, findings why others cannot be read, doubts about the readable."""
     records: list[AmplitudesOfRun] = []
@@ -335,7 +335,7 @@ def _readable(
     for side in (pair.balanced, pair.unbalanced):
         read = []
         for run in side:
-            found = known[run.name] if run.name in known else amplitudes_or_reason(run, measure)
+            found = known[id(run)] if id(run) in known else amplitudes_or_reason(run, measure)
             if isinstance(found, str):
                 errors.append(found)
                 unread.append(Finding("not_analyzed", None, run.name, f"{found}; the run is left out"))

@@ -13,12 +13,13 @@ noise is small they are few, and where it is not, few of each draw can become it
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Literal
 from zlib import crc32
 
 import numpy as np
+from numpy.typing import NDArray
 
 from balance.arrays import Floats
 from balance.estimation.estimate import chi_square_tail, f_tail, normal_probability
@@ -70,6 +71,8 @@ class Segment:
     rate_hz: float
     weight: float = 1.0
     """Share of an independent segment: n residuals of n repeats count for n - 1."""
+    _densities: dict[int, Floats] = field(default_factory=dict, init=False, repr=False, compare=False)
+    """By size."""
 
     @property
     def seconds(self) -> float:
@@ -83,17 +86,22 @@ class Segment:
 
     def density(self, size: int) -> Floats:
         """One-sided power spectral density at size // 2 + 1 even frequencies, [unit^2/Hz]."""
-        return 2.0 * np.mean(np.abs(self.spectra(size)) ** 2, axis=0) / self.rate_hz
+        if size not in self._densities:
+            self._densities[size] = 2.0 * np.mean(np.abs(self.spectra(size)) ** 2, axis=0) / self.rate_hz
+        return self._densities[size]
 
     def spectra(self, size: int) -> np.ndarray:
         """Of each taper at size // 2 + 1 even frequencies, straight line removed, (TAPERS, size // 2 + 1) [unit]."""
-        count = len(self.values)
-        along = np.pi * np.arange(1, count + 1) / (count + 1)
-        tapers = np.sin(np.outer(np.arange(1, TAPERS + 1), along)) * np.sqrt(2.0 / (count + 1))
-        line = np.linspace(-1.0, 1.0, count)
+        line = np.linspace(-1.0, 1.0, len(self.values))
         flat = self.values - self.values.mean()
         flat = flat - line * (line @ flat / (line @ line))
-        return np.asarray(np.fft.rfft(flat * tapers, size))
+        return np.asarray(np.fft.rfft(flat * _sine_tapers(len(flat)), size))
+
+
+@lru_cache(maxsize=8)
+def _sine_tapers(count: int) -> Floats:
+    along = np.pi * np.arange(1, count + 1) / (count + 1)
+    return np.asarray(np.sin(np.outer(np.arange(1, TAPERS + 1), along)) * np.sqrt(2.0 / (count + 1)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,23 +247,62 @@ class Draws:
     """(m, draws) each [unit]"""
     powers: Floats
     """Mean square of the noise that each was drawn from: what runs in one noise share, (draws,) [unit^2]."""
+    envelope: Floats | None = None
+    """Factor on every sample, over time, (n,) [-]; None: 1. It is applied where samples are looked at."""
 
     @cached_property
     def mean_squares(self) -> Floats:
         """(draws,) [unit^2]"""
-        total = sum(np.einsum("ij,ij->j", part, part) for part in self.parts)
-        return np.asarray(total / sum(len(part) for part in self.parts), dtype=float)
+        parts = self.applied().parts
+        total = sum(np.einsum("ij,ij->j", part, part) for part in parts)
+        return np.asarray(total / sum(map(len, parts)), dtype=float)
 
     @cached_property
     def ends(self) -> tuple[Floats, Floats]:
         """Largest and smallest values, (draws,) each [unit]."""
-        high, low = ([end(part, axis=0) for part in self.parts] for end in (np.max, np.min))
-        return np.max(high, axis=0).astype(float), np.min(low, axis=0).astype(float)
+        at_once = max(_AT_ONCE // len(self.powers), 1)
+        high, low = np.full((2, len(self.powers)), [[-np.inf], [np.inf]])
+        for piece in self.pieces:
+            for first in range(0, len(piece.values), at_once):
+                block = piece.rows(slice(first, first + at_once))
+                high, low = np.maximum(high, block.max(axis=0)), np.minimum(low, block.min(axis=0))
+        return high, low
 
-    def with_signals(self, signals: Floats) -> list[tuple[Floats, Floats]]:
+    def applied(self) -> "Draws":
+        """The same, the envelope applied to every sample, in one part."""
+        if self.envelope is None:
+            return self
+        return Draws((np.concatenate([piece.rows(slice(None)) for piece in self.pieces]),), self.powers)
+
+    @property
+    def pieces(self) -> "list[Piece]":
+        """The parts with their share of the envelope."""
+        if self.envelope is None:
+            return [Piece(part, None) for part in self.parts]
+        return [Piece(part, factor) for part, factor in zip(self.parts, self._split(self.envelope), strict=True)]
+
+    def with_signals(self, signals: Floats) -> "list[tuple[Piece, Floats]]":
         """Each part with that of signals (k, n)."""
-        cuts = np.cumsum([len(part) for part in self.parts])[:-1]
-        return list(zip(self.parts, np.split(signals, cuts, axis=1), strict=True))
+        return list(zip(self.pieces, self._split(signals), strict=True))
+
+    def _split(self, over_time: Floats) -> list[Floats]:
+        """What belongs to each part, of (..., n)."""
+        return np.split(over_time, np.cumsum([len(part) for part in self.parts])[:-1], axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A part of records of noise."""
+
+    values: Floats
+    """(m, draws) [unit]"""
+    factor: Floats | None
+    """On each sample, (m,) [-]; None: 1."""
+
+    def rows(self, which: "slice | NDArray[np.intp]") -> Floats:
+        """Some samples of all draws, (k, draws) [unit]."""
+        found = self.values[which]
+        return found if self.factor is None else found * self.factor[which, None]
 
 
 @dataclass(frozen=True)
@@ -287,8 +334,8 @@ class NoiseRecords:
 
     def products(self, signal: Floats) -> Floats:
         """Mean of a signal (n,) [-] times each draw, (draws,) [unit]."""
-        parts = self.draws.with_signals(signal[None])
-        return np.asarray(self.scale * sum(some[0].astype(part.dtype) @ part for part, some in parts) / len(signal))
+        parts = self.draws.applied().with_signals(signal[None])
+        return np.asarray(self.scale * sum(some[0].astype(np.float32) @ p.values for p, some in parts) / len(signal))
 
     def highest(self, signals: Floats, sign: Literal[1, -1] = 1) -> Floats:
         """Largest value of signals (k, n) [unit] in each draw times ``sign``, (draws, k) [unit]."""
@@ -296,10 +343,10 @@ class NoiseRecords:
         below = ((signals - tops) / self.scale).astype(np.float32)
         reach = _REACH * self.largest * float(self.draws.powers.max()) ** 0.5
         chosen = []
-        for part, levels in self.draws.with_signals(below):
+        for piece, levels in self.draws.with_signals(below):
             near = np.flatnonzero(levels.max(axis=0) >= -reach)
-            blocks = np.array_split(near, near.size * part.shape[1] // _AT_ONCE + 1)
-            chosen += [(sign * part[rows], levels[:, rows]) for rows in blocks if rows.size]
+            blocks = np.array_split(near, near.size * piece.values.shape[1] // _AT_ONCE + 1)
+            chosen += [(sign * piece.rows(rows), levels[:, rows]) for rows in blocks if rows.size]
         return np.asarray((self.scale * _highest(chosen) + tops).T)
 
 

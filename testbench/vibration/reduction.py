@@ -6,18 +6,23 @@ and from what the repeats differ by beyond that noise.
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
+from balance.errors import CounterpoiseError
 from balance.estimation.estimate import LEVEL
 from balance.results import INLINE, Key, Shown
 from balance.task_pool import HERE, TaskPool
 
-from ..cross_examination import Examination, examine
+from ..cross_examination import Examination, Observation
+from ..cross_examination.examination import examined, observed_or_why
+from ..cross_examination.observation import observed_columns
 from ..cross_examination.statement import WITHHOLDING
 from ..errors import AnalysisError
 from ..published_tables import MANIPULATOR, NO_ORIGINALS
@@ -29,7 +34,7 @@ from .amplitude_uncertainty import SIDES, AmplitudesUncertainty, Interval
 from .condition import CampaignNoise, Condition
 from .metrics import Measure
 from .repeatability import Group, Repeatability
-from .run_amplitudes import AmplitudesOfRun
+from .run_amplitudes import AmplitudesOfRun, amplitudes_or_reason
 from .run_pairs import ConditionKey, Pair, pairs
 
 if TYPE_CHECKING:
@@ -199,17 +204,22 @@ def analyze(
     mechanism: "Mechanism | None" = None,
     pool: TaskPool = HERE,
     examination: Examination | None = None,
-    known: Mapping[str, AmplitudesOfRun | str] | None = None,
+    known: Mapping[int, AmplitudesOfRun | str] | None = None,
 ) -> Analysis:
     """Every reduction of a campaign. Raises AnalysisError, naming what each run lacks, if there is none.
 
     What contradicts the run table or the other runs is a doubt of the numbers that it concerns, and withholds those
     that it spoils, unless its code is among those to ``accept``. ``mechanism`` takes the place of the rig's.
-    To examine a run is a task of the ``pool``; an ``examination`` of the same runs is not made again, nor are
-    amplitudes that are ``known`` by the run's name, or why there are none.
+    Each run is a task of the ``pool``, its channels read once; an ``examination`` of the same runs is not made again,
+    with which amplitudes are ``known`` by the ``id`` of the run, or why there are none.
     """
     runs, accept = list(runs), tuple(accept)
-    examination = examination or examine(runs, accept, mechanism, pool)
+    if examination is None:
+        paired = {id(run) for pair in pairs(runs)[0] for run in pair.runs}
+        work = partial(_observed_and_read, known={}, given=mechanism)
+        made = dict(pool.results(work, [(run, measure if id(run) in paired else None) for run in runs]))
+        examination = examined(runs, [made[place][0] for place in range(len(runs))], accept)
+        known = {id(run): made[place][1] for place, run in enumerate(runs) if id(run) in paired}
     found, findings = pairs(run for run in runs if run.name not in examination.copied)
     findings += examination.findings
     if not found:
@@ -223,6 +233,18 @@ def analyze(
         reductions += _doubted(condition.pair, some, examination)
     found_pairs = tuple(condition.pair for condition in conditions)
     return Analysis(found_pairs, tuple(reductions), tuple(dict.fromkeys(findings)), measure, examination)
+
+
+def _observed_and_read(
+    task: "tuple[Run, Measure | None]", known: dict[object, "Mechanism"], given: "Mechanism | None"
+) -> tuple[Observation | str, AmplitudesOfRun | str]:
+    """What a run shows, and its amplitudes where a measure asks for them, each or why there is none."""
+    run, measure = task
+    bound: Run | SIRun = run
+    with suppress(CounterpoiseError):  # both say below why a channel cannot be read
+        bound = SIRun.of(run)
+        bound = bound.preloaded(observed_columns(bound))
+    return observed_or_why(bound, known, given), "" if measure is None else amplitudes_or_reason(bound, measure)
 
 
 def _doubted(pair: Pair, reductions: Sequence[Reduction], examination: Examination) -> list[Reduction]:
@@ -241,7 +263,7 @@ def _doubted(pair: Pair, reductions: Sequence[Reduction], examination: Examinati
 
 
 def _conditions(
-    found: Sequence[Pair], measure: Measure, findings: list[Finding], known: Mapping[str, AmplitudesOfRun | str]
+    found: Sequence[Pair], measure: Measure, findings: list[Finding], known: Mapping[int, AmplitudesOfRun | str]
 ) -> list[Condition]:
     """The pairs that can be analysed, a finding for each other one. Raises AnalysisError if none can."""
     conditions, lacks = [], []
