@@ -5,6 +5,7 @@ How sure a mean of repeats is follows from the noise of the campaign, rests and 
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
@@ -30,6 +31,8 @@ from .run_pairs import Pair
 if TYPE_CHECKING:
     from ..store import Run
 
+PARALLEL = 2
+"""Sides that are aligned, or conditions that are compared with their noise, at the same time."""
 FAR = 10.0
 """Distance from zero from which the bound at zero has no effect [standard deviations]."""
 _REACH = 5.0
@@ -217,7 +220,8 @@ class CampaignNoise:
         """Pooled over all runs with one setting of the logger."""
         conditions = list(conditions)
         sides = {side.key: side for condition in conditions for side in condition.sides}
-        aligned = {key: Synchronous.of(side.records) for key, side in sides.items()}
+        with ThreadPoolExecutor(PARALLEL) as pool:
+            aligned = dict(zip(sides, pool.map(Synchronous.of, [s.records for s in sides.values()]), strict=True))
         rests: dict[tuple[Place, int], list[Segment]] = {}
         residuals: dict[tuple[Place, int], list[Segment]] = {}
         least: dict[tuple[Place, int], float] = {}
@@ -268,6 +272,15 @@ class CampaignNoise:
     def repeated(self, place: Place) -> bool:
         """Whether repeats of the campaign show the noise."""
         return any(both is not None and place in both.means for both in self.aligned.values())
+
+    def groups_and_means(
+        self, condition: Condition, place: Place
+    ) -> tuple[tuple[Group, Group] | None, tuple[Group | None, Group | None]]:
+        """:meth:`groups` and the :meth:`mean` of each side."""
+        both, (balanced, unbalanced) = self.groups(condition, place), condition.sides
+        if both is None:
+            return None, (None, None)
+        return both, (self.mean(condition, place, balanced), self.mean(condition, place, unbalanced))
 
     def groups(self, condition: Condition, place: Place) -> tuple[Group, Group] | None:
         """Repeats with and without counter-masses; None where the noise is unknown, or nothing was read."""

@@ -6,6 +6,7 @@ and from what the repeats differ by beyond that noise.
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -31,7 +32,7 @@ from ..runs.si_run import SIRun
 from . import ConditionAmplitude, Ratio
 from .amplitude import Place
 from .amplitude_uncertainty import SIDES, AmplitudesUncertainty, Interval
-from .condition import CampaignNoise, Condition
+from .condition import PARALLEL, CampaignNoise, Condition
 from .metrics import Measure
 from .repeatability import Group, Repeatability
 from .run_amplitudes import AmplitudesOfRun, amplitudes_or_reason
@@ -244,7 +245,11 @@ def _observed_and_read(
     with suppress(CounterpoiseError):  # both say below why a channel cannot be read
         bound = SIRun.of(run)
         bound = bound.preloaded(observed_columns(bound))
-    return observed_or_why(bound, known, given), "" if measure is None else amplitudes_or_reason(bound, measure)
+    if measure is None:
+        return observed_or_why(bound, known, given), ""
+    with ThreadPoolExecutor(1) as other:
+        amplitudes = other.submit(amplitudes_or_reason, bound, measure)
+        return observed_or_why(bound, known, given), amplitudes.result()
 
 
 def _doubted(pair: Pair, reductions: Sequence[Reduction], examination: Examination) -> list[Reduction]:
@@ -303,15 +308,12 @@ class CampaignLikelihoods:
         """Runs that are compared with several sets of counter-masses count once; place by place, for its noise."""
         found, repeats = cls(CampaignNoise.of(conditions), {}, {}, {}), {}
         for place in dict.fromkeys(place for condition in conditions for place in condition.places):
-            once: dict[tuple[int, ...], Group] = {}
-            for condition in (one for one in conditions if place in one.places):
-                key = id(condition), place
-                found.groups[key] = both = found.noise.groups(condition, place)
-                with_masses, without = condition.sides
-                found.means[key] = (None, None) if both is None else (
-                    found.noise.mean(condition, place, with_masses), found.noise.mean(condition, place, without)
-                )  # fmt: skip
-                once.update(zip((with_masses.key, without.key), both or (), strict=False))
+            some, once = [one for one in conditions if place in one.places], dict[tuple[int, ...], Group]()
+            with ThreadPoolExecutor(PARALLEL) as pool:
+                made = pool.map(partial(found.noise.groups_and_means, place=place), some)
+            for condition, (both, means) in zip(some, made, strict=True):
+                found.groups[id(condition), place], found.means[id(condition), place] = both, means
+                once.update(zip((side.key for side in condition.sides), both or (), strict=False))
             repeats[place] = Repeatability.of(list(once.values()))
         return replace(found, repeats=repeats)
 
