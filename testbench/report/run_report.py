@@ -1,6 +1,7 @@
 """The report of one run, each part with its definition or the reason why it is unknown, and the figures of a report."""
 
 from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
@@ -103,8 +104,11 @@ def _observed_and_reported(
     seen = None
     try:
         bound = _in_memory(SIRun.of(run))
-        seen = observed(bound, known, given)
-        return seen, _report(bound, how, seen, spans)
+        with ThreadPoolExecutor(1) as other:
+            amplitudes = None if how.measure is None else other.submit(amplitudes_or_reason, bound, how.measure)
+            seen = observed(bound, known, given)
+            report = _report(bound, how, seen, spans)
+            return seen, replace(report, amplitudes=None if amplitudes is None else amplitudes.result())
     except CounterpoiseError as error:
         return seen, str(error)
 
@@ -150,8 +154,7 @@ def _report(run: SIRun, how: Reporting, seen: Observation | None, spans: int | N
         "torque": torque,
     }
     plotted = None if spans is None else plotted_run(run, levels, spans)
-    amplitudes = None if how.measure is None else amplitudes_or_reason(run, how.measure)
-    return RunReport(run.recorded, parts, tuple(findings), plotted, amplitudes)
+    return RunReport(run.recorded, parts, tuple(findings), plotted)
 
 
 def _command(
