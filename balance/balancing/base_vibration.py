@@ -1,9 +1,8 @@
 """Counter-masses of least vibration of the base on the mounts of a rig, as its accelerometers show it.
 
 A mass adds to the wrench on the base and to the inertia that the base carries, the mechanism locked as the motion
-starts. Near given masses the base's acceleration x'' is linear in them: a kilogram at a site, which adds dw to the
-wrench and dM to the inertia, changes x'' by the base's response to dw - dM x''. Least squares of that, repeated around
-what they give, are the method of Gauss and Newton; they start from no masses and from those of least force.
+starts, both linear in the masses, the base's acceleration therefore not. Masses of any size are descended to from none
+and from those of least force; plates are chosen by what is linear near given masses.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -18,19 +17,21 @@ from .. import datasets
 from ..arrays import Floats
 from ..closure import Trajectory
 from ..dynamics.inverse_dynamics import simulate
-from ..dynamics.moving_base import MountedBase, Point, displacement_at, locked_inertia, times
+from ..dynamics.moving_base import MountedBase, Point, displacement_at, locked_inertia
 from ..errors import DataError, SizingError
 from ..input_files import Table, model_from_table, read_toml
 from ..mechanism.mechanism import Mechanism
 from .conditions import Conditions
-from .objective import Objective, motion_objective, scaled
-from .sizing import Sizing, sizing_of_given
+from .objective import Objective, discs, motion_objective, scaled, unit_masses
+from .sizing import Sizing, exact_sizing, site_groups, sizing_of_given, upper_limits
 
 UNIT = "m_per_s2"
-_ROUNDS = 50
-_SAME = 1e-9
-"""Change of the masses, relative to the largest, at which they are found."""
-_HALVINGS = 30
+_STEP = 1e-5
+"""Mass that is added and taken off for slopes, of the base's own."""
+_MOST = 5_000
+"""Evaluations until masses are given up."""
+_TOO_MANY = 1
+"""What scipy answers then."""
 _EVEN = 1e-6
 """Difference between steps of time, relative to one, that is rounding."""
 
@@ -103,27 +104,36 @@ class VibrationObjective(Objective):
 
     def value(self, mechanism: Mechanism) -> float:
         """J of a mechanism of the same kind with other masses, exactly [m2/s4, or 1 with others]."""
-        squares = np.sum((self._base_acceleration(mechanism) @ self.measured.directions.T) ** 2, axis=1)
-        return self.scale * float(np.mean(squares)) + (self.others.value(mechanism) if self.others else 0.0)
+        measured = self._respond(self._carried(mechanism), self._wrench(mechanism)) @ self.measured.directions.T
+        return self.mean_square(measured) + (self.others.value(mechanism) if self.others else 0.0)
+
+    def mean_square(self, measured: Floats) -> float:
+        """Of measured accelerations (n, k) [m/s2]: their share of J."""
+        return self.scale * float(np.mean(np.sum(measured**2, axis=1)))
+
+    def measured_with(self, mechanism: Mechanism, changes: Floats) -> Callable[[Floats], Floats]:
+        """The measured accelerations (n, k) [m/s2] after so much (c,) [kg] of ``changes`` (c, 10 nb) of a mechanism."""
+        wrench, carried = self._wrench(mechanism), self._carried(mechanism)
+        others = [replace(mechanism, parameters=mechanism.parameters + one.reshape(-1, 10)) for one in changes]
+        pushes = np.array([self._wrench(one) - wrench for one in others])
+        inertias = np.array([self._carried(one) - carried for one in others])
+
+        def measured(amounts: Floats) -> Floats:
+            pushed = wrench + np.tensordot(amounts, pushes, 1)
+            return self._respond(carried + np.tensordot(amounts, inertias, 1), pushed) @ self.measured.directions.T
+
+        return measured
 
     def around(self, mechanism: Mechanism, sites: Sequence[str]) -> "VibrationObjective":
-        """With the factor near the masses that ``mechanism`` has, for those at ``sites``."""
-        added = np.array([mechanism.with_counter_mass({name: 1.0}).pi - mechanism.pi for name in sites])
-        moved, carried = self._base_acceleration(mechanism), self._carried(mechanism)
-        wrench, columns = self._wrench(mechanism), []
-        for name in sites:
-            heavier = mechanism.with_counter_mass({name: 1.0})
-            inertia = self._carried(heavier) - carried
-            pushed = self._wrench(heavier) - wrench - times(inertia, moved)
-            columns.append(self._respond(carried, pushed) @ self.measured.directions.T)
-        rows = np.array([one.ravel() for one in [*columns, moved @ self.measured.directions.T]]).T
-        triangle = np.asarray(np.linalg.qr(rows, mode="r")) * np.sqrt(self.scale / len(moved))
-        per_parameter = triangle[:, :-1] @ np.linalg.pinv(added.T)
+        """With the factor near the masses that ``mechanism`` has, for those at ``sites``, and their own inertia."""
+        changes = np.vstack([unit_masses(mechanism, sites), discs(mechanism, sites)])
+        measured, step = self.measured_with(mechanism, changes), _STEP * self.measured.base.mass
+        sides = step * np.eye(len(changes))
+        rows = np.array([*((measured(one) - measured(-one)) / (2.0 * step) for one in sides), measured(0.0 * sides[0])])
+        triangle = np.linalg.qr(rows.reshape(len(rows), -1).T, mode="r") * np.sqrt(self.scale / rows.shape[1])
+        per_parameter = triangle[:, :-1] @ np.linalg.pinv(changes.T)
         factor = np.column_stack([per_parameter, triangle[:, -1] - per_parameter @ mechanism.pi])
         return replace(self, factor=np.vstack([factor, self.others.factor]) if self.others else factor)
-
-    def _base_acceleration(self, mechanism: Mechanism) -> Floats:
-        return self._respond(self._carried(mechanism), self._wrench(mechanism))
 
     def _carried(self, mechanism: Mechanism) -> Floats:
         return locked_inertia(mechanism, self.trajectory.q[0])
@@ -166,18 +176,44 @@ def least_vibration(
     mechanism: Mechanism,
     sites: Sequence[str],
     objective: VibrationObjective,
-    size: Callable[[Objective], Sizing],
+    limits: Mapping[str, float] | None = None,
+    equal: Sequence[Sequence[str]] = (),
 ) -> Sizing:
-    """Masses at ``sites`` of least vibration nearby; ``size`` gives those of least value of an objective it is given.
+    """Masses at ``sites`` of least vibration nearby, with ``limits`` [kg] and ``equal`` as in ``exact_sizing``.
 
     Its objective is the one around them, and it has no bound: the inertia that the base carries changes with the
     masses, so that far from these others might leave less. Raises SizingError where it does not converge.
     """
-    least_force = size(motion_objective(mechanism, objective.trajectory))
-    starts = [np.zeros(len(sites)), np.array([c.mass for c in least_force.counter_masses])]
-    found = [_descended(mechanism, sites, objective, size, start) for start in starts]
-    masses, near, _ = min(found, key=lambda one: one[2])
-    return sizing_of_given(conditions, mechanism, dict(zip(sites, masses.tolist(), strict=True)), None, near)
+    from scipy import optimize  # late: plates are looked through without it
+
+    least_force = exact_sizing(
+        conditions, mechanism, sites, limits, motion_objective(mechanism, objective.trajectory), equal
+    )
+    groups, upper = site_groups(sites, equal), upper_limits(sites, limits)
+    share = np.array([[float(i in group) for group in groups] for i in range(len(sites))])
+    measured = objective.measured_with(mechanism, unit_masses(mechanism, sites))
+    unit, whole = objective.measured.base.mass, objective.value(mechanism)
+    columns, target = (objective.others or Objective(np.zeros((1, mechanism.pi.size + 1)), "1")).system(
+        mechanism, sites
+    )
+
+    def value(parts: Floats) -> float:
+        masses = unit * (share @ parts)
+        return (objective.mean_square(measured(masses)) + float(np.sum((columns @ masses - target) ** 2))) / whole
+
+    starts = [np.zeros(len(groups)), np.array([least_force.counter_masses[group[0]].mass for group in groups]) / unit]
+    bounds = [(0.0, float(upper[group].min()) / unit) for group in groups]
+    options = {"ftol": 1e-14, "gtol": 1e-9, "maxfun": _MOST}
+    found = [
+        optimize.minimize(value, at, jac="3-point", method="L-BFGS-B", bounds=bounds, options=options) for at in starts
+    ]
+    best = min(found, key=lambda one: float(one.fun))
+    if best.status == _TOO_MANY:
+        raise SizingError(f"counter-masses of least vibration did not converge in {_MOST} evaluations: limit them")
+    masses = dict(zip(sites, (unit * (share @ best.x)).tolist(), strict=True))
+    return sizing_of_given(
+        conditions, mechanism, masses, None, objective.around(mechanism.with_counter_mass(masses), sites)
+    )
 
 
 def least_vibration_from_stock(
@@ -195,30 +231,3 @@ def least_vibration_from_stock(
             return [replace(one, bound=None) for one in sets]
         seen.append(masses)
         objective = objective.around(sets[0].after, sites)
-
-
-def _descended(
-    mechanism: Mechanism,
-    sites: Sequence[str],
-    objective: VibrationObjective,
-    size: Callable[[Objective], Sizing],
-    masses: Floats,
-) -> tuple[Floats, VibrationObjective, float]:
-    """Masses (sites,) [kg], the objective around them, and its value, by steps that are halved until it falls."""
-
-    def mounted(masses: Floats) -> Mechanism:
-        return mechanism.with_counter_mass(dict(zip(sites, masses.tolist(), strict=True)))
-
-    value = objective.value(mounted(masses))
-    for _ in range(_ROUNDS):
-        objective = objective.around(mounted(masses), sites)
-        step = np.array([c.mass for c in size(objective).counter_masses]) - masses
-        for _ in range(_HALVINGS):
-            trial = objective.value(mounted(masses + step))
-            if trial <= value or np.abs(step).max() <= _SAME * np.abs(masses).max():
-                break
-            step = 0.5 * step
-        if trial > value or np.abs(step).max() <= _SAME * np.abs(masses).max():
-            return masses, objective, value
-        masses, value = masses + step, trial
-    raise SizingError(f"counter-masses of least vibration did not converge in {_ROUNDS} rounds")

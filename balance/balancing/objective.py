@@ -38,6 +38,8 @@ _DETERMINED = 1e6
 """Condition number from which driven joints do not determine the mechanism at home."""
 _ROUNDING = 1e-12
 """Effect of a mass at a site, relative to the largest on any body, that is rounding: the site does not move."""
+_DISC = np.array([0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.5, 0.0, 0.0, 1.0])
+"""PARAMETERS of a thin disc of 1 kg m2 about its axis, along z, beyond those of its mass at its centre."""
 _MASSLESS = 1e-12
 """Kinetic energy of a direction of motion, relative to the largest, that is rounding."""
 
@@ -57,12 +59,27 @@ class Objective:
 
     def system(self, mechanism: Mechanism, sites: Sequence[str]) -> tuple[Floats, Floats]:
         """Columns (k, sites) [unit / kg] and target (k,) [unit] with J = |columns m - target|^2, m the masses [kg]."""
-        added = np.array([mechanism.with_counter_mass({name: 1.0}).pi - mechanism.pi for name in sites])
+        added = unit_masses(mechanism, sites)
         columns = self.factor[:, :-1] @ added.T
         largest = np.linalg.norm(self.factor[:, :-1], axis=0).reshape(-1, len(PARAMETERS)).max(axis=0)
         reach = np.abs(added) @ np.tile(largest, len(mechanism.bodies))  # of the same on the body that does most
         columns[:, np.linalg.norm(columns, axis=0) <= _ROUNDING * reach] = 0.0
         return columns, -self.factor @ np.append(mechanism.pi, 1.0)
+
+    def turning(self, mechanism: Mechanism, sites: Sequence[str]) -> Floats:
+        """Columns (k, sites) [unit / kg m2] of the inertia of a thin disc at a site, normal to its body's z axis."""
+        return self.factor[:, :-1] @ discs(mechanism, sites).T
+
+
+def unit_masses(mechanism: Mechanism, sites: Sequence[str]) -> Floats:
+    """Changes (sites, 10 nb) [-, m, m2] of the inertial parameters by a counter-mass of 1 kg at each site."""
+    return np.array([mechanism.with_counter_mass({name: 1.0}).pi - mechanism.pi for name in sites])
+
+
+def discs(mechanism: Mechanism, sites: Sequence[str]) -> Floats:
+    """Changes (sites, 10 nb) [-] of the inertial parameters by thin discs of 1 kg m2, beyond those of their masses."""
+    bodies = np.eye(len(mechanism.bodies))[[mechanism.site(name).body for name in sites]]
+    return np.kron(bodies, _DISC)
 
 
 def objective_of(

@@ -15,7 +15,7 @@ from ..mechanism.mechanism import Mechanism, Site
 from ..results import Key, Shown, plain
 from .conditions import Conditions
 from .least_masses import distribute_masses
-from .objective import Objective, workspace_objective
+from .objective import Objective, unit_masses, workspace_objective
 
 if TYPE_CHECKING:
     from .stock_plates import Plate
@@ -206,8 +206,7 @@ def chosen_sites(mechanism: Mechanism, sites: Sequence[str]) -> list[str]:
 
 def site_columns(conditions: Conditions, mechanism: Mechanism, names: Sequence[str]) -> Floats:
     """Change of each condition per kilogram at each site, (rank, sites) [m]."""
-    added = [mechanism.with_counter_mass({name: 1.0}).pi - mechanism.pi for name in names]
-    return np.array([conditions.matrix @ one for one in added]).T
+    return conditions.matrix @ unit_masses(mechanism, names).T
 
 
 def exact_sizing(
@@ -286,11 +285,13 @@ def nested_system(
     Unknown is what each set adds to the one before, load by load, site by site.
     """
     systems = [o.system(m, names) for o, m in zip(objectives, mechanisms, strict=True)]
-    loads = len(systems)
-    blocks = [
-        [columns if j <= k else np.zeros_like(columns) for j in range(loads)] for k, (columns, _) in enumerate(systems)
-    ]
-    return np.block(blocks), np.concatenate([target for _, target in systems])
+    return _growing([columns for columns, _ in systems]), np.concatenate([target for _, target in systems])
+
+
+def _growing(columns: Sequence[Floats]) -> Floats:
+    """Columns of each load (rows, sites) as those of what each set adds to the one before (rows, loads times sites)."""
+    loads = len(columns)
+    return np.block([[one if j <= k else np.zeros_like(one) for j in range(loads)] for k, one in enumerate(columns)])
 
 
 def size_from_stock(
@@ -326,7 +327,8 @@ def best_sets_from_stock(
     columns, target = objective.system(mechanism, names)
     groups = [group for group in site_groups(names, equal) if len(group) > 1]
     masses, quantities = _stock_arrays(plates)
-    found = best_plates(columns, target, masses, quantities, upper_limits(names, limits), groups, best)
+    turning = objective.turning(mechanism, names), _turning_inertia(mechanism, names, plates)
+    found = best_plates(columns, target, masses, quantities, upper_limits(names, limits), groups, best, turning)
     return tuple(
         sizing_of_given(
             conditions,
@@ -357,7 +359,9 @@ def nested_size_from_stock(
     objectives = objectives or [workspace_objective(mechanism) for mechanism in mechanisms]
     columns, target = nested_system(mechanisms, objectives, names)
     masses, quantities = _stock_arrays(plates)
-    found = best_plates(columns, target, masses, quantities)
+    beyond = np.tile(_turning_inertia(mechanisms[0], names, plates), (len(mechanisms), 1))
+    per_turning = _growing([one.turning(m, names) for one, m in zip(objectives, mechanisms, strict=True)])
+    found = best_plates(columns, target, masses, quantities, turning=(per_turning, beyond))
     added = found.selections[0].counts
     counts = np.cumsum(added.reshape(len(mechanisms), len(names), len(plates)), axis=0)
     sets = []
@@ -370,6 +374,14 @@ def nested_size_from_stock(
 
 def _stock_arrays(plates: "Sequence[Plate]") -> tuple[Floats, Indices]:
     return np.array([plate.mass for plate in plates]), np.array([plate.quantity for plate in plates], dtype=np.intp)
+
+
+def _turning_inertia(mechanism: Mechanism, names: Sequence[str], plates: "Sequence[Plate]") -> Floats:
+    """What plates as drawn have beyond their mass at the sites' radii of gyration, (sites, kinds) [kg m2]."""
+    squares = np.array([[mechanism.site(name).radius_of_gyration ** 2] for name in names])
+    drawn = np.array([plate.inertia is not None for plate in plates])
+    inertia, masses = (np.array([getattr(plate, key) or 0.0 for plate in plates]) for key in ("inertia", "mass"))
+    return np.where(drawn, inertia - squares * masses, 0.0)
 
 
 def _piles(names: Sequence[str], counts: Indices, plates: "Sequence[Plate]") -> "dict[str, list[Plate]]":

@@ -18,7 +18,7 @@ from . import objective
 from .conditions import balance_conditions
 from .objective import Objective
 from .remaining_force import Verdict, verdict_of
-from .sizing import CounterMass, Sizing, best_sets_from_stock, exact_sizing, sizing_document
+from .sizing import CounterMass, Sizing, best_sets_from_stock, chosen_sites, exact_sizing, sizing_document
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ def study_sizing(
     """
     weights = weights or {"force": 1.0}
     _refuse_unlike(weights, trajectory, rig, best if stock is None else 1)
-    conditions = balance_conditions(model)
+    conditions, sites = balance_conditions(model), chosen_sites(model, sites)
 
     def sized(target: Objective) -> Sizing:
         return exact_sizing(conditions, model, sites, limits, target, equal)
@@ -199,7 +199,7 @@ def study_sizing(
             )
         left_out = tuple(f"bench.{key}" for key in measured.left_out)
         vibration = base_vibration.vibration_objective(model, trajectory, measured, weights)
-        any_mass = base_vibration.least_vibration(conditions, model, sites, vibration, sized)
+        any_mass = base_vibration.least_vibration(conditions, model, sites, vibration, limits, equal)
     else:
         any_mass = sized(objective.objective_of(model, trajectory, weights))
     sets: Sequence[Sizing] = [any_mass]

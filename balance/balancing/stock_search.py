@@ -15,7 +15,7 @@ are of many kinds, along bits that tell which multiples the first kinds make (Be
 import math
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,8 @@ _ROUNDED_BITS = 30_000_000
 """As many where plates are rounded to such units."""
 _STEPS = 5_000
 """Plates that are tried before it is left open whether some masses can be made together."""
+_CANDIDATES = 20
+"""Sets that are looked at more closely where plates differ in radius of gyration."""
 _FIRST_CAP, _CAPS = 1e-9, 30.0
 """What J may first be above the bound, relative to J without counter-masses, and the factor by which that rises."""
 _TIE = 1e-12
@@ -82,19 +84,25 @@ def best_plates(
     limits: Floats | None = None,
     equal: Sequence[Sequence[int]] = (),
     best: int = 1,
+    turning: tuple[Floats, Floats] | None = None,
 ) -> StockOptimum:
     """Plates at the sites of least |columns m - target|^2; of equals the lightest.
 
     ``columns`` (rows, sites), ``target`` (rows,); kinds of plates have ``masses`` (kinds,) [kg] and ``quantities``
     (kinds,), for all sites together; ``limits`` (sites,) [kg]. Sites whose indices are in one group of ``equal`` carry
-    equal masses. The ``best`` few sets of masses are given.
+    equal masses. The ``best`` few sets of masses are given. ``turning``: columns (rows, sites) [unit / kg m2] of what
+    plates have of inertia beyond their mass times that of the columns, (sites, kinds) [kg m2]; it is added.
     """
     sites = columns.shape[1]
+    if turning is not None and not (np.abs(turning[0]) @ np.abs(turning[1] * quantities)).any():
+        turning = None
     groups = [[i] for i in range(sites) if not any(i in group for group in equal)] + [list(group) for group in equal]
     most = np.full(sites, np.inf) if limits is None else limits
     used = quantities > 0
     if math.prod(math.comb(quantity + sites, sites) for quantity in quantities.tolist()) * sites <= _MOST_SELECTIONS:
-        return _best_of_all(columns, target, masses, quantities, most, groups, best)
+        return _best_of_all(columns, target, masses, quantities, most, groups, best, turning)
+    if turning is not None:
+        return _best_turning(columns, target, masses, quantities, most, equal, best, turning)
     few, steps = np.prod(quantities + 1.0) <= _MOST_PILES, masses[used] / _STEP_KG
     counted = used.any() and np.abs(steps - np.round(steps)).max() <= _STEP_ROUNDING
     kind = _Search if few and not counted else _UnitSearch
@@ -113,19 +121,23 @@ def _best_of_all(
     limits: Floats,
     groups: Sequence[Sequence[int]],
     best: int,
+    turning: tuple[Floats, Floats] | None,
 ) -> StockOptimum:
     """Of all ways to share the plates among the sites."""
     sites, edge = columns.shape[1], _ROUNDING * max(float(plates @ quantities), 1e-12)
+    per_turning, inertia = turning or (np.zeros_like(columns), np.zeros((sites, len(plates))))
     shared = [np.array(list(_shares(quantity, sites)), dtype=np.intp) for quantity in quantities.tolist()]
-    made = np.zeros((1, sites))
-    for counts, plate in zip(shared, plates, strict=True):
+    made = turned = np.zeros((1, sites))
+    for counts, plate, own in zip(shared, plates, inertia.T, strict=True):
         made = (made[:, None] + plate * counts[None]).reshape(-1, sites)
+        turned = (turned[:, None] + own * counts[None]).reshape(-1, sites)
     allowed = (made <= limits + edge).all(axis=1)
     for group in groups:
         allowed &= np.ptp(made[:, list(group)], axis=1) <= edge
     ways = np.flatnonzero(allowed)
-    made, square = made[ways], np.asarray(np.linalg.qr(np.column_stack([columns, target]), mode="r"))
-    values = np.sum((made @ square[:, :-1].T - square[:, -1]) ** 2, axis=1)
+    square = np.asarray(np.linalg.qr(np.column_stack([columns, per_turning, target]), mode="r"))
+    values = np.sum((np.hstack([made, turned])[ways] @ square[:, :-1].T - square[:, -1]) ** 2, axis=1)
+    made = made[ways]
     tie, found = _TIE * (float(target @ target) or 1.0), list[Selection]()
     while len(ways) and len(found) < best:
         equals = np.flatnonzero(values <= values.min() + tie)
@@ -137,6 +149,36 @@ def _best_of_all(
         others = (np.abs(made - made[chosen]) > edge).any(axis=1)
         ways, made, values = ways[others], made[others], values[others]
     return StockOptimum(tuple(found), found[0].value)
+
+
+def _best_turning(
+    columns: Floats,
+    target: Floats,
+    plates: Floats,
+    quantities: Indices,
+    limits: Floats,
+    equal: Sequence[Sequence[int]],
+    best: int,
+    turning: tuple[Floats, Floats],
+) -> StockOptimum:
+    """The best of those that a search finds with one radius of gyration for all plates.
+
+    The bound is of masses of any size, each of any of the plates' radii of gyration.
+    """
+    per_turning, inertia = turning
+    used = quantities > 0
+    squares = inertia[:, used] / plates[used]
+    middle = columns + per_turning * (inertia @ quantities / (plates @ quantities))
+    sought = best_plates(middle, target, plates, quantities, limits, equal, best + _CANDIDATES)
+    made = [columns @ one.masses + per_turning @ (inertia * one.counts).sum(axis=1) for one in sought.selections]
+    found = [
+        replace(one, value=float(np.sum((effect - target) ** 2)))
+        for one, effect in zip(sought.selections, made, strict=True)
+    ]
+    ends = np.hstack([columns + per_turning * square for square in (squares.min(axis=1), squares.max(axis=1))])
+    least = distribute_masses(ends, target, np.tile(limits, 2))
+    bound = float(np.sum((ends @ least.masses - target) ** 2)) - least.gap
+    return StockOptimum(tuple(sorted(found, key=lambda one: one.value)[:best]), max(bound, 0.0))
 
 
 def _shares(quantity: int, sites: int) -> Iterator[tuple[int, ...]]:

@@ -94,7 +94,7 @@ def test_optimality(seed):
     assert found.gap < 1e-20
 
 
-def by_looking_at_all(columns, target, masses, quantities, limits, equal):
+def by_looking_at_all(columns, target, masses, quantities, limits, equal, turning=None):
     """Least square error and mass of all selections of plates."""
     kinds = [list(one) for one in product(*(range(q + 1) for q in quantities))]
     found = []
@@ -103,13 +103,19 @@ def by_looking_at_all(columns, target, masses, quantities, limits, equal):
         made = counts @ masses
         fits = (counts.sum(axis=0) <= quantities).all() and (made <= limits + 1e-9).all()
         if fits and all(np.ptp(made[group]) < 1e-9 for group in equal):
-            found.append((round(float(np.sum((columns @ made - target) ** 2)), 9), round(float(made.sum()), 9)))
+            effect = columns @ made - target
+            if turning is not None:
+                effect += turning[0] @ (counts * turning[1]).sum(axis=1)
+            found.append((round(float(np.sum(effect**2)), 9), round(float(made.sum()), 9)))
     return sorted(set(found))
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", range(32))
 def test_plates_are_the_best_of_all(seed, factor):
-    """Random stocks, limits, equal sites, few rows: none is better, nor as good and lighter; proven."""
+    """Random stocks, limits, equal sites, few rows: none is better, nor as good and lighter; proven.
+
+    From the 24th on plates have inertia of their own, of which a search gives a bound only.
+    """
     rng = np.random.default_rng(seed)
     sites = int(rng.integers(1, 4))
     columns = rng.normal(size=(int(rng.integers(1, 6)), sites))
@@ -118,11 +124,14 @@ def test_plates_are_the_best_of_all(seed, factor):
     masses, quantities = factor * np.round(rng.uniform(0.3, 5.0, kinds), 2), rng.integers(0, 3, kinds)
     limits = np.where(rng.random(sites) < 0.5, rng.uniform(0.0, 6.0, sites), np.inf)
     equal = [[0, 1]] if sites > 1 and seed % 3 == 0 else []
-    found = best_plates(columns, target, masses, quantities, limits, equal)
-    all_of_them = by_looking_at_all(columns, target, masses, quantities, limits, equal)
+    turning = (rng.normal(size=columns.shape), masses * rng.uniform(-0.3, 1.0, (sites, kinds))) if seed >= 24 else None
+    found = best_plates(columns, target, masses, quantities, limits, equal, turning=turning)
+    all_of_them = by_looking_at_all(columns, target, masses, quantities, limits, equal, turning)
     best = found.selections[0]
-    assert (best.value, best.masses.sum()) == pytest.approx(all_of_them[0], abs=1e-8)
-    assert found.gap == 0.0
+    if turning is None or stock_search._MOST_SELECTIONS:
+        assert (best.value, best.masses.sum()) == pytest.approx(all_of_them[0], abs=1e-8)
+        assert found.gap == 0.0
+    assert found.bound - 1e-8 <= all_of_them[0][0] <= best.value + 1e-8
     assert (best.counts.sum(axis=0) <= quantities).all()
 
 

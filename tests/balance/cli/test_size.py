@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from balance import datasets
+from balance import datasets, size
 
 KEYS = {
     "counter_masses", "residual_first_moment_kgm", "residual_percent", "balanced_payload_kg", "added_mass_kg",
@@ -235,6 +235,8 @@ def test_least_vibration_of_a_base(balance, tmp_path):
     document = json.loads(balance(*given, "--rig", str(tmp_path / "r.toml"), "--json").out)
     assert document["rms_m_per_s2"] < 0.5 * document["rms_before_m_per_s2"]
     assert (document["rms_bound_m_per_s2"], document["left_out"]) == (None, ["bench.weight"])
+    at_the_prompt = size("four-bar", str(tmp_path / "m.toml"), objective={"vibration": 1.0}, rig=tmp_path / "r.toml")
+    assert at_the_prompt.verdict.after == document["rms_m_per_s2"]
     weighed = json.loads(balance(*given, "--objective", "force=2", "--rig", str(tmp_path / "r0.toml"), "--json").out)
     assert weighed["objective"]["weights"] == {"vibration": 1.0, "force": 2.0}
     assert weighed["rms"] < weighed["rms_before"] == pytest.approx(3.0**0.5)
