@@ -101,16 +101,21 @@ class Problem:
         places = [(v.name, v.part) for v in variables]
         for variable in variables:
             sites = {name for name, site in self.mechanism.sites.items() if site.body >= 0}
-            known = sites | (set(self.mechanism.own_mass) if variable.part == "mass" else self._placed)
             if variable.part != "mass" and not self._is_mjcf:
                 raise ModelError(
                     f"{variable.name}.{variable.part}: {self.mechanism.name} is a URDF or SDF file; places are varied "
                     "in MJCF files only, masses in all: write the mechanism as MJCF"
                 )
+            known = sites.union(self.mechanism.own_mass) if variable.part == "mass" else self._placed
             if variable.name not in known:
                 what = "site or moving body" if variable.part == "mass" else "site or body with a place"
                 raise ModelError(
                     f"{self.mechanism.name} has no {what} {variable.name!r}: there are {', '.join(sorted(known))}"
+                )
+            if variable.name in sites.intersection(self.mechanism.own_mass):
+                raise ModelError(
+                    f"{variable.name}.{variable.part}: {self.mechanism.name} has a site and a body of that name: give "
+                    "one of them another name"
                 )
             if places.count((variable.name, variable.part)) > 1:
                 raise ModelError(f"{variable.name}.{variable.part} is varied twice: give its values once")
@@ -167,15 +172,16 @@ class Problem:
 
     @cached_property
     def _placed(self) -> set[str]:
-        """Bodies and sites whose place the mechanism's MJCF file states."""
-        return {e.get("name", "") for e in _points(ElementTree.fromstring(self.mechanism.text))} - {""}
+        """Bodies and sites whose place the mechanism's MJCF file states: of sites, not a default or ``fromto``."""
+        points = _points(ElementTree.fromstring(self.mechanism.text))
+        return {e.get("name", "") for e in points if e.tag == "body" or e.get("pos")} - {""}
 
     def moves(self, variable: Variable) -> bool:
         """Whether a variable changes the motion: any place but that of a site where no loop closes, and not driven."""
         if variable.part == "mass":
             return False
         site = self.mechanism.sites.get(variable.name)
-        if site is None or self.samples.point == variable.name:
+        if site is None or site.body < 0 or self.samples.point == variable.name:
             return True
         joint = self.mechanism.tree.bodies[site.body]
         closed = [loop for loop in self.mechanism.loops if isinstance(loop, Loop)]
@@ -198,10 +204,12 @@ class Problem:
             mass = np.full(count, fixed) if varied is None else varied
             unit = np.tile(site.unit_mass(), (count, 1))
             if any((name, axis) in column for axis in AXES):
-                place = [
-                    column.get((name, axis), np.full(count, x)) for axis, x in zip(AXES, site.position, strict=True)
-                ]
-                unit = _unit_masses(np.array(place), site.radius_of_gyration)
+                place = np.tile(site.position[:, None], count)
+                for axis in (axis for axis in AXES if (name, axis) in column):
+                    stated = self.place(name, axis)
+                    moved = self.with_points({(name, axis): stated + 1.0}).mechanism.site(name).position
+                    place += np.outer(moved - site.position, column[name, axis] - stated)
+                unit = _unit_masses(place, site.radius_of_gyration)
                 coefficients += list((mass[:, None] * unit - fixed * site.unit_mass()).T)
                 directions += [_one_body(mechanism, site.body, row) for row in np.eye(unit.shape[1])]
             else:

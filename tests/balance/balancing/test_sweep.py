@@ -1,5 +1,7 @@
 """Sweeps: each design as if it were simulated alone, whatever is varied and wherever it is computed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas
 import pytest
@@ -17,9 +19,26 @@ HERE = TaskPool(None)
 MASS = Variable("counter_A0A", "mass", np.array([0.0, 1.5, 3.0]))
 
 
-def problem(counters=None, peaks=True) -> Problem:
-    """The four-bar on its motion at 500 Hz."""
-    return Problem(load("four-bar"), load_motion("four-bar").sample(500.0), counters or {}, peaks)
+SITE, JOINT = '<site name="counter_A0A" pos="-0.05 0 0"/>', '<joint name="A0" type="hinge" axis="0 0 1"/>'
+
+
+ON_BASE = {
+    '<body name="B0B" pos="0.25 0 0">': '<site name="ground" pos="0.25 0 0"/><body name="B0B" pos="0.25 0 0">'
+    '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><site name="foot" pos="0 0 0"/>',
+    "</equality>": '<connect site1="ground" site2="foot"/></equality>',
+    "-0.5542843118878877 ": "-0.5542843118878877 0 0 ",
+}
+"""The rocker's bearing as a closure."""
+
+
+def problem(counters=None, peaks=True, edit=None) -> Problem:
+    """The four-bar on its motion at 500 Hz; each ``edit`` is made to its file first."""
+    mechanism = load("four-bar")
+    for old, new in (edit or {}).items():
+        assert old in mechanism.text
+        mechanism = replace(mechanism, text=mechanism.text.replace(old, new))
+    mechanism = mechanism_from_text(mechanism.text, "four-bar") if edit else mechanism
+    return Problem(mechanism, load_motion("four-bar").sample(500.0), counters or {}, peaks)
 
 
 def swept(case: Problem, *variables: Variable, folder=None) -> dict[str, np.ndarray]:
@@ -59,16 +78,21 @@ def test_masses_of_sites_and_bodies():
 
 
 @pytest.mark.parametrize(
-    ("variable", "written"),
+    ("name", "values", "edit"),
     [
-        (Variable("counter_A0A", "x", np.array([-0.05, -0.09])), 'name="counter_A0A" pos="{} 0 0"'),
-        (Variable("B_AB", "x", np.array([0.26, 0.27])), 'name="B_AB" pos="{} 0 0"'),
-        (Variable("AB", "x", np.array([0.1, 0.095])), 'name="AB" pos="{} 0 0"'),
+        ("counter_A0A", [-0.05, -0.09], {}),
+        ("counter_A0A", [-0.05, -0.09], {SITE: f'<frame pos="0 0.03 0" euler="0 0 40">{SITE}</frame>'}),
+        ("counter_A0A", [-0.05, -0.09], {SITE: f'<body name="fixed" pos="0 0.03 0" euler="0 0 40">{SITE}</body>'}),
+        ("counter_A0A", [-0.05, -0.09], {JOINT: JOINT.replace("axis", 'pos="0.01 0 0" axis')}),
+        ("B_AB", [0.26, 0.27], {}),
+        ("ground", [0.25, 0.26], ON_BASE),
+        ("AB", [0.1, 0.095], {}),
     ],
 )
-def test_places_are_as_if_written_in_the_file(variable, written):
+def test_places_are_as_if_written_in_the_file(name, values, edit):
     """A counter-mass's radius, the end of a loop, a joint: the file with that number gives the same."""
-    case = problem({"counter_A0A": 2.0})
+    variable, written = Variable(name, "x", np.array(values)), f'name="{name}" pos="{{}} 0 0"'
+    case = problem({"counter_A0A": 2.0}, edit=edit)
     columns = swept(case, variable)
     text = case.mechanism.text
     for row, place in enumerate(variable.values):
@@ -105,17 +129,22 @@ def test_a_sweep_goes_on_where_it_ended(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("variables", "refusal"),
+    ("variables", "refusal", "edit"),
     [
-        ((Variable("nowhere", "mass", np.ones(1)),), r"no site or moving body 'nowhere': there are A0A, AB, B0B, B_A"),
-        ((Variable("rod", "x", np.ones(1)),), r"no site or body with a place 'rod'"),
-        ((MASS, MASS), r"counter_A0A.mass is varied twice"),
+        ((Variable("nowhere", "mass", np.ones(1)),), r"body 'nowhere': there are A0A, AB, B0B, B_A", {}),
+        ((Variable("rod", "x", np.ones(1)),), r"no site or body with a place 'rod'", {}),
+        ((MASS, MASS), r"counter_A0A.mass is varied twice", {}),
+        ((Variable("AB", "x", np.ones(1)),), r"AB.x: four-bar has a site and a body of", {"counter_A0A": "AB"}),
+        (
+            (Variable("counter_A0A", "x", np.ones(1)),), r"place 'counter_A0A'",
+            {SITE: SITE.replace('pos="', 'size="1" type="capsule" fromto="0 1 0 ')},
+        ),
     ],
-)
-def test_what_cannot_be_varied_is_refused(variables, refusal):
+)  # fmt: skip
+def test_what_cannot_be_varied_is_refused(variables, refusal, edit):
     """By name, with what there is."""
     with pytest.raises(ModelError, match=refusal):
-        swept(problem(), *variables)
+        swept(problem(edit=edit), *variables)
 
 
 def test_places_in_a_urdf_are_refused():
