@@ -76,7 +76,15 @@ def simulate(
         | {"beyond_limits": {joint: list(reached) for joint, reached in beyond.items()}}
         | {"left_out": list(left_out)}
         | response_summary(response)
-        | ({"reactions": found.summary(), "redundant_constraint_rows": found.redundant} if found else {})
+        | (
+            {
+                "reactions": found.summary(),
+                "redundant_constraint_rows": found.redundant,
+                "undetermined": list(found.undetermined),
+            }
+            if found
+            else {}
+        )
     )
     return Answer(document, lambda: _print_motion(model, motion, trajectory, response, found), bool(beyond or left_out))
 
@@ -124,10 +132,20 @@ def _print_reactions(found: "Reactions") -> None:
     headings = ["joint or closure", "force RMS [N]", "peak", "moment RMS [N m]", "peak"]
     emit_table("Reactions, weight and motors' torque included", headings, rows)
     if found.redundant:
+        open_ones = dict[str, list[str]]()
+        for name in found.undetermined:
+            joint, _, component = name.removeprefix("reaction_").rpartition("_")[0].rpartition("_")
+            open_ones.setdefault(joint, []).append(component)
+        listed = ", ".join(f"{' '.join(components)} of {joint}" for joint, components in open_ones.items())
         click.echo(
             f"{found.redundant} constraint row{'s' * (found.redundant > 1)} of the closures "
-            f"{'are' if found.redundant > 1 else 'is'} redundant: rigid bodies do not determine the reactions along "
-            "such rows; those of least squares are given."
+            f"{'are' if found.redundant > 1 else 'is'} redundant: rigid bodies do not determine {listed}; those of "
+            "least squares are given."
+        )
+    if found.couplings:
+        click.echo(
+            "Couplings are torques and forces along their coordinates: what teeth press with, and load bearings by, "
+            "depends on where they mesh and is not in these (balance linkage has it)."
         )
 
 

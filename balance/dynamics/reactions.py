@@ -5,7 +5,7 @@ redundant, rigid bodies do not determine all of them: the least-squares ones are
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,8 @@ from .inverse_dynamics import Response, SpatialForce, body_force, body_weight
 
 _RANK = 1e-9
 """Singular value of the loops, relative to the largest, below which a direction counts as redundant."""
+_OPEN = 1e-6
+"""Part of a load on the closures alone that reaches a component, below which that is determined [-, m]."""
 COMPONENTS = ("Fx_N", "Fy_N", "Fz_N", "Mx_Nm", "My_Nm", "Mz_Nm")
 
 
@@ -35,7 +37,9 @@ class Reactions:
     couplings: Mapping[str, Floats]
     """By coupling: torque or force on its first coordinate, (n,) [N m, N]."""
     redundant: int
-    """Constraint rows beyond those that are independent: along them the closures' forces are not determined."""
+    """Constraint rows beyond those that are independent."""
+    undetermined: tuple[str, ...]
+    """Names of ``columns`` that they leave open: rigid bodies do not determine these, least squares are given."""
 
     def columns(self) -> dict[str, Floats]:
         """Components (n,) [N, N m] by name, such as ``reaction_A0_Fx_N``."""
@@ -75,8 +79,15 @@ def find_reactions(mechanism: Mechanism, trajectory: Trajectory, response: Respo
         _reactions_of_block(mechanism, trajectory, response, slice(start, start + BLOCK))
         for start in range(0, len(trajectory.time), BLOCK)
     ]
-    joints, closures, redundant = zip(*blocks, strict=True)
-    wrenches, forces = np.concatenate(joints), np.concatenate(closures)
+    joints, closures, redundant, opens = zip(*blocks, strict=True)
+    found = _named(mechanism, np.concatenate(joints), np.concatenate(closures), max(redundant))
+    left_open = _named(mechanism, *(np.concatenate(one) for one in zip(*opens, strict=True)), 0).columns()
+    undetermined = [name for name, shares in left_open.items() if np.abs(shares).max(initial=0.0) > _OPEN]
+    return replace(found, undetermined=tuple(undetermined))
+
+
+def _named(mechanism: Mechanism, wrenches: Floats, forces: Floats, redundant: int) -> Reactions:
+    """Wrenches of the joints (n, nv, 6) and forces of the constraint rows (n, rows), by name."""
     loops: dict[str, Floats] = {}
     couplings: dict[str, Floats] = {}
     row = 0
@@ -89,13 +100,16 @@ def find_reactions(mechanism: Mechanism, trajectory: Trajectory, response: Respo
             couplings[name] = own[:, 0]
         row += loop.size
     by_joint = dict(zip(mechanism.coordinates, wrenches.transpose(1, 0, 2), strict=True))
-    return Reactions(by_joint, loops, couplings, max(redundant))
+    return Reactions(by_joint, loops, couplings, redundant, ())
 
 
 def _reactions_of_block(
     mechanism: Mechanism, trajectory: Trajectory, response: Response, part: slice
-) -> tuple[Floats, Floats, int]:
-    """Wrenches of the joints (n, nv, 6), forces of the constraint rows (n, rows), and how many rows are redundant."""
+) -> tuple[Floats, Floats, int, tuple[Floats, Floats]]:
+    """Wrenches of the joints (n, nv, 6), forces of the constraint rows (n, rows), how many rows are redundant.
+
+    Last, wrenches and forces of the same shapes, but of two of the samples, that are in equilibrium by themselves.
+    """
     tree = mechanism.tree
     q, v, a = (np.ascontiguousarray(x[part].T) for x in (trajectory.q, trajectory.v, trajectory.a))
     at = forward_kinematics.pose(tree, q)
@@ -113,17 +127,20 @@ def _reactions_of_block(
     rows = loop_constraints.constraint_jacobian(mechanism.loops, tree, at)
     jacobian = dense_rows(rows, tree.size, at.count).transpose(2, 1, 0)
     forces = np.empty((at.count, 0))
-    redundant = 0
+    redundant, picked, open_forces = 0, [0, at.count // 2], np.empty((2, 0))
     if rows:
         u, size, vt = np.linalg.svd(jacobian, full_matrices=False)
         kept = size > _RANK * size[:, :1]
         shares = np.where(kept, np.einsum("nji,jn->ni", u, needed) / np.where(kept, size, 1.0), 0.0)
         forces = np.einsum("nij,ni->nj", vt, shares)
         redundant = len(rows) - int(kept.sum(axis=1).max())
+        ways = [vt[k, kept[k]] for k in picked]
+        open_forces = np.concatenate([np.eye(len(rows)) - one.T @ one for one in ways])
+    poses = forward_kinematics.pose(tree, np.repeat(q[:, picked], max(len(rows), 1), axis=1))
+    open_wrenches = _wrenches(poses, _summed(mechanism, _by_loops(mechanism, poses, open_forces)))
     carried = _summed(mechanism, _by_loops(mechanism, at, forces))
     joints = [load.minus(loop) for load, loop in zip(loads, carried, strict=True)]
-    wrenches = [_about_joint(load, at, i) for i, load in enumerate(joints)]
-    return np.array(wrenches).transpose(2, 0, 1), forces, redundant
+    return _wrenches(at, joints), forces, redundant, (open_wrenches, open_forces)
 
 
 def _summed(mechanism: Mechanism, loads: list[SpatialForce]) -> list[SpatialForce]:
@@ -151,7 +168,10 @@ def _by_loops(mechanism: Mechanism, at: Pose, forces: Floats) -> list[SpatialFor
     return loads
 
 
-def _about_joint(load: SpatialForce, at: Pose, joint: int) -> Floats:
-    """A wrench about a joint's origin, (6, n) [N, N m]."""
-    force, moment, origin = (dense(x, at.count) for x in (load.force, load.moment, at.position[joint]))
-    return np.concatenate([force, moment - np.cross(origin, force, axis=0)])
+def _wrenches(at: Pose, loads: list[SpatialForce]) -> Floats:
+    """Loads of the joints, each about its joint's origin, (n, nv, 6) [N, N m]."""
+    found = np.empty((at.count, len(loads), 6))
+    for i, load in enumerate(loads):
+        force, moment, origin = (dense(x, at.count).T for x in (load.force, load.moment, at.position[i]))
+        found[:, i] = np.hstack([force, moment - np.cross(origin, force)])
+    return found

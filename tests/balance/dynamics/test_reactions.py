@@ -74,6 +74,8 @@ def test_redundant_closures_are_counted() -> None:
     (force,) = found.loops.values()
     assert found.redundant == 1
     assert np.abs(force[:, 2]).max() < 1e-12 * np.abs(force).max()
+    assert {name.rpartition("_")[0][-2:] for name in found.undetermined} == {"Fz", "Mx", "My"}
+    assert {name.split("_")[1] for name in found.undetermined} == {"A0", "A", "B0", "B"}
 
 
 def test_without_motors_they_are_not_determined() -> None:
