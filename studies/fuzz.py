@@ -26,6 +26,8 @@ LONGEST_INPUT = 1 << 10
 """Or as long as the longest seed [bytes]: what is short is read quickly."""
 _MEMORY = Path("/dev/shm")
 """Inputs are files in memory where the system has such."""
+_ELEMENTS = 12 << 10
+"""Of a recording that is read by its first elements [bytes]."""
 STOPS = 20
 """So often is a format gone on with after an input at which libFuzzer stopped."""
 INPUT_FILES = {
@@ -74,6 +76,7 @@ def study(count: int, brief: bool) -> Iterator[Row]:
     corpus = Path(os.environ["COUNTERPOISE_CORPUS"])
     with tempfile.TemporaryDirectory() as temporary:
         kinds = [(name, [_first_lines(content)]) for name, content in _examples(Path(temporary))]
+        kinds += [("run.ide", [seed]) for seed in _of_a_recorder(Path(temporary, "head.ide"))]
         kinds += [(name, _seeds(place)) for name, (_, place) in INPUT_FILES.items()]
     for name, seeds in kinds:
         folder = corpus / name
@@ -86,6 +89,20 @@ def study(count: int, brief: bool) -> Iterator[Row]:
 def _first_lines(content: bytes) -> bytes:
     """Of a text: an input that is short is read quickly."""
     return content if b"\0" in content else b"".join(content.splitlines(keepends=True)[:12])
+
+
+def _of_a_recorder(head: Path) -> list[bytes]:
+    """The first elements of the smallest public recording of enDAQ, of whose format nobody has a writer.
+
+    The process that fuzzes imports the reader anew, instrumented.
+    """
+    recordings = import_module("testbench.public_recordings").folder()
+    reader, source = import_module("testbench.readers.endaq_ide"), import_module("testbench.readers.byte_source")
+    for path in sorted(recordings.rglob("*.[iI][dD][eE]"), key=lambda path: path.stat().st_size)[:1]:
+        head.write_bytes(path.read_bytes()[:_ELEMENTS])
+        with source.ByteSource(head) as opened:
+            return [head.read_bytes()[: reader.whole_elements(opened).end]]
+    return []
 
 
 def _seeds(place: str) -> list[bytes]:
@@ -159,7 +176,9 @@ def main(what: str, name: str, place: str, work: str, *limits: str) -> None:
     import atheris
 
     path = Path(work, name)
-    with atheris.instrument_imports(include=["balance", "testbench", "mcap", "rosbags", "tomllib"]):
+    with atheris.instrument_imports(
+        include=["balance", "testbench", "mcap", "rosbags", "tomllib", "idelib", "ebmlite"]
+    ):
         read = _reading(name)
         registry, faults = import_module("testbench.readers.registry"), import_module("studies.reader_faults")
         registry.open_in_subprocess = faults.open_here  # type: ignore[attr-defined]
