@@ -20,6 +20,8 @@ from typing import Any
 
 PLACE, INTEGER, BYTE = ctypes.c_void_p, ctypes.c_int64, ctypes.c_uint8
 """Types of a loop's arguments: the address of an array, and numbers."""
+_CODE_LIMIT = 20_000_000
+"""Largest machine code of a loop [bytes]."""
 _engines: list[Any] = []  # what holds the machine code that is in use
 _one_compiles = threading.Lock()
 
@@ -45,8 +47,10 @@ class Kernel:
         """
         if sys.platform == "win32" or sys.byteorder != "little":
             return None  # words begin with the lowest byte; LLVM's loader of kept code is not to be had on Windows
+        from .user_cache import cache_folder  # late: short logs are read without compiled code
+
         try:
-            path = folder() / f"{self.entry}-{self._state()}.o"
+            path = cache_folder() / f"{self.entry}-{self._state()}.o"
             if (kept := self.kept(path)) is not None:
                 return kept
             compiling()
@@ -68,13 +72,12 @@ class Kernel:
         """The loop that is kept at ``path``; None if there is none, or if it is damaged."""
         from llvmlite import binding
 
-        if not path.exists():
-            return None
-        content = path.read_bytes()
-        if hashlib.sha256(content[32:]).digest() != content[:32]:
+        from .user_cache import read_cached
+
+        if (code := read_cached(path, _CODE_LIMIT)) is None:
             return None
         engine = binding.create_mcjit_compiler(binding.parse_assembly(""), _machine())
-        engine.add_object_file(binding.ObjectFileRef.from_data(content[32:]))
+        engine.add_object_file(binding.ObjectFileRef.from_data(code))
         engine.finalize_object()
         _engines.append(engine)
         return ctypes.CFUNCTYPE(INTEGER, *self.arguments)(engine.get_function_address(self.entry))
@@ -90,12 +93,6 @@ class Kernel:
 def can_compile() -> bool:
     """Whether numba is installed (the extra ``compiled``); it is not imported."""
     return find_spec("numba") is not None
-
-
-def folder() -> Path:
-    """Where this user's programs keep what they can make again."""
-    stated = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
-    return (Path(stated) if stated else Path.home() / ".cache") / "counterpoise"
 
 
 def _processor() -> tuple[str, str]:
@@ -121,13 +118,12 @@ def keep(path: Path, text: str) -> None:
     """Compile what numba made of a loop to machine code, and keep it with its digest."""
     from llvmlite import binding
 
+    from .user_cache import write_cached
+
     with suppress(AttributeError, OSError):
         os.nice(19)
     machine, module = _machine(), binding.parse_assembly(text)
-    code = machine.emit_object(module)
-    part = path.with_name(f"{path.name}.{os.getpid()}")
-    part.write_bytes(hashlib.sha256(code).digest() + code)
-    part.replace(path)
+    write_cached(path, machine.emit_object(module))
 
 
 if __name__ == "__main__":

@@ -1,9 +1,8 @@
 """Shipped data: in a wheel the folder ``balance/_datasets``, in a checkout ``datasets``."""
 
-from difflib import get_close_matches
 from pathlib import Path
 
-from .errors import DataError
+from .errors import DataError, suggestion
 
 _HERE = Path(__file__).parent
 ROOT = _HERE / "_datasets" if (_HERE / "_datasets").is_dir() else _HERE.parent / "datasets"
@@ -35,7 +34,6 @@ def find_dataset(name: str | Path, folder: str, *suffixes: str) -> Path:
         raise DataError(
             f"{name}: is a folder; expected a file ({kinds}), or a shipped one of {folder} (there are: {known})"
         )
-    near = get_close_matches(str(name), [n for suffix in suffixes for n in dataset_names(folder, suffix)], n=1)
-    meant = f"; did you mean {near[0]!r}?" if near else ""
+    meant = suggestion(str(name), [n for suffix in suffixes for n in dataset_names(folder, suffix)])
     given = str(name) or repr("")
     raise DataError(f"{given}: no such file, and no shipped one of that name in {folder}{meant} (there are: {known})")

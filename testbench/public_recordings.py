@@ -8,7 +8,6 @@ import hashlib
 import http.client
 import io
 import os
-import sys
 import tempfile
 import tomllib
 import urllib.error
@@ -20,7 +19,7 @@ from functools import cache
 from pathlib import Path
 from typing import IO, Annotated
 
-from balance import datasets
+from balance import datasets, user_cache
 from balance.results import Key
 
 from .errors import RecordingError
@@ -108,11 +107,8 @@ def folder() -> Path:
 
 
 def cache_folder() -> Path:
-    """Where fetched recordings are kept, by the custom of the operating system."""
-    home = Path.home()
-    usual = {"win32": home / "AppData" / "Local", "darwin": home / "Library" / "Caches"}
-    chosen = os.environ.get("LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME")
-    return (Path(chosen) if chosen else usual.get(sys.platform, home / ".cache")) / "counterpoise" / "recordings"
+    """Where fetched recordings are kept."""
+    return user_cache.cache_folder() / "recordings"
 
 
 class _OnlyHttps(urllib.request.HTTPRedirectHandler):

@@ -16,7 +16,7 @@ import pytest
 from .source_trees import PACKAGES, ROOT, modules
 
 LAYERS: tuple[str, ...] = (
-    "balance.errors balance.arrays",
+    "balance.errors balance.arrays balance.user_cache",
     "balance.task_pool balance.units balance.datasets balance.results balance.compiled_kernels",
     "balance.input_files balance.table_files",
     "balance.mechanism",

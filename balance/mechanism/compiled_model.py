@@ -1,6 +1,8 @@
 """From MuJoCo's compiled model to a Mechanism: elementary joints, inertial parameters, loops, sites, keyframe."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,42 +22,72 @@ _LOOPS_OFF, _SPRINGS_OFF, _DAMPERS_OFF, _GRAVITY_OFF = 1 << 0 | 1 << 1, 1 << 5, 
 _RADIUS, _LENGTH = ".radius_of_gyration", ".length"
 
 
-def mechanism_of(model: Any, file: str, name: str, text: str) -> Mechanism:  # noqa: ANN401
-    """The Mechanism ``name`` of MuJoCo's ``model``, compiled from ``text``; ``file`` is what messages call it.
+_PARTS = (
+    "qpos0", "key_qpos", "text_adr", "text_size", "numeric_adr", "numeric_data", "numeric_size",
+    "body_parentid", "body_jntadr", "body_jntnum", "body_pos", "body_quat", "body_ipos", "body_iquat", "body_mass",
+    "body_inertia", "body_gravcomp", "jnt_type", "jnt_bodyid", "jnt_qposadr", "jnt_dofadr", "jnt_pos", "jnt_axis",
+    "jnt_limited", "jnt_range", "jnt_stiffness", "jnt_stiffnesspoly", "dof_armature", "dof_damping", "dof_dampingpoly",
+    "dof_frictionloss", "site_bodyid", "site_pos", "site_quat", "eq_type", "eq_objtype", "eq_obj1id", "eq_obj2id",
+    "eq_data", "actuator_trntype", "actuator_trnid", "actuator_gear", "actuator_armature", "actuator_damping",
+    "tendon_stiffness", "tendon_damping", "tendon_frictionloss",
+)  # fmt: skip
+_OPTIONS = ("gravity", "density", "viscosity", "disableflags")
+_NAMED = {"body": "nbody", "joint": "njnt", "site": "nsite", "equality": "neq", "key": "nkey", "actuator": "nactuator",
+          "text": "ntext", "numeric": "nnumeric"}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Compilation:
+    """A mechanism as MuJoCo compiled it."""
+
+    model: Any
+    """The arrays of MuJoCo's model that are read here and, among them, its options, by MuJoCo's names."""
+    names: dict[str, list[str]]
+    """Of bodies, joints and so on in their order, empty where they have none."""
+    text: str
+    """From which it can be compiled again, without other files."""
+    files: Mapping[str, str]
+    """Other files that it took, from the mechanism's folder: SHA-256; nothing where one needs to be there only."""
+
+    @classmethod
+    def of(cls, model: Any, text: str, files: Mapping[str, str]) -> "Compilation":  # noqa: ANN401
+        """From MuJoCo's MjModel."""
+        import mujoco
+
+        parts = {part: np.array(getattr(model, part)) for part in _PARTS}
+        parts["text_data"] = np.frombuffer(model.text_data, np.uint8)
+        parts |= {part: np.array(getattr(model.opt, part)) for part in _OPTIONS}
+        names = {
+            kind: [
+                mujoco.mj_id2name(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), i) or ""
+                for i in range(getattr(model, count))
+            ]
+            for kind, count in _NAMED.items()
+        }
+        return cls(SimpleNamespace(**parts), names, text, files)
+
+
+def mechanism_of(compiled: Compilation, file: str, name: str) -> Mechanism:
+    """The Mechanism ``name`` of what MuJoCo compiled; ``file`` is what messages call it.
 
     A ball joint becomes three hinges about one point, their axes x, y and z of its body as it stands in the keyframe:
     the coordinates NAME_x, NAME_y and NAME_z are zero there, and singular where NAME_y is a quarter turn.
     Raises ModelError, naming the file, where nothing moves or has mass, and where a name means nothing.
     """
-    if not 0 < model.nv <= COORDINATE_LIMIT:
-        what = "no moving body: no joint lets one move" if not model.nv else f"{model.nv} coordinates"
+    if not 0 < (count := len(compiled.model.dof_armature)) <= COORDINATE_LIMIT:
+        what = f"{count} coordinates" if count else "no moving body: no joint lets one move"
         raise ModelError(f"{file}: {what}; expected 1 to {COORDINATE_LIMIT} coordinates")
-    return _Parts(model, file).mechanism(name, text)
+    return _Parts(compiled, file).mechanism(name, compiled.text)
 
 
 class _Parts:
     """The compiled model taken apart, body by body."""
 
-    def __init__(self, model: Any, file: str) -> None:  # noqa: ANN401
-        import mujoco
-
-        self.model, self.file = model, file
-        kinds = mujoco.mjtObj
-        self.names = {
-            kind: [mujoco.mj_id2name(model, value, i) or "" for i in range(count)]
-            for kind, value, count in (
-                ("body", kinds.mjOBJ_BODY, model.nbody),
-                ("joint", kinds.mjOBJ_JOINT, model.njnt),
-                ("site", kinds.mjOBJ_SITE, model.nsite),
-                ("equality", kinds.mjOBJ_EQUALITY, model.neq),
-                ("key", kinds.mjOBJ_KEY, model.nkey),
-                ("actuator", kinds.mjOBJ_ACTUATOR, model.nactuator),
-                ("text", kinds.mjOBJ_TEXT, model.ntext),
-                ("numeric", kinds.mjOBJ_NUMERIC, model.nnumeric),
-            )
-        }
-        self._name_all("body", ["body"] * model.nbody)
-        self._name_all("joint", [f"{self.names['body'][body]}_joint" for body in model.jnt_bodyid])
+    def __init__(self, compiled: Compilation, file: str) -> None:
+        self.model, self.file = compiled.model, file
+        self.names = {kind: list(names) for kind, names in compiled.names.items()}
+        self._name_all("body", ["body"] * len(self.names["body"]))
+        self._name_all("joint", [f"{self.names['body'][body]}_joint" for body in self.model.jnt_bodyid])
         self.qpos, self.branch = self._keyframe()
         self.joints: list[Joint] = []
         self.coordinates: list[str] = []
@@ -65,7 +97,7 @@ class _Parts:
         """The elementary joint that carries each row of the inertial parameters."""
         self.placed, self.row_of = [Anchor(-1, np.eye(3), np.zeros(3))], [-1]
         """Of each of the file's bodies: where it is fixed, and its row."""
-        for body in range(1, model.nbody):
+        for body in range(1, len(self.model.body_mass)):
             self._place(body)
 
     def mechanism(self, name: str, text: str) -> Mechanism:
@@ -102,12 +134,12 @@ class _Parts:
             parameters=frozen(parameters),
             own_mass=own_mass,
             sites=sites,
-            gravity=frozen(np.zeros(3) if model.opt.disableflags & _GRAVITY_OFF else model.opt.gravity.copy()),
+            gravity=frozen(np.zeros(3) if model.disableflags & _GRAVITY_OFF else model.gravity.copy()),
             home=frozen(np.array(self.home)),
             branch=self.branch,
             driven=driven or (() if loops else tuple(self.coordinates)),
             armature=frozen(model.dof_armature + reflected),
-            viscous=frozen(model.dof_damping * (0.0 if model.opt.disableflags & _DAMPERS_OFF else 1.0)),
+            viscous=frozen(model.dof_damping * (0.0 if model.disableflags & _DAMPERS_OFF else 1.0)),
             coulomb=frozen(model.dof_frictionloss.copy()),
             payload_bodies=payload,
             limits=frozen(np.array(self.limits)),
@@ -127,7 +159,7 @@ class _Parts:
     def _keyframe(self) -> tuple[Floats, str]:
         """``home``, or else the first that differs from the configuration in which the file is written."""
         model = self.model
-        moved = [k for k in range(model.nkey) if np.any(model.key_qpos[k] != model.qpos0)]
+        moved = [k for k in range(len(model.key_qpos)) if np.any(model.key_qpos[k] != model.qpos0)]
         named = [k for k, name in enumerate(self.names["key"]) if name == "home"]
         for k in named or moved:
             return model.key_qpos[k], self.names["key"][k] or f"keyframe {k + 1}"
@@ -187,9 +219,9 @@ class _Parts:
     def _loops(self) -> tuple[Constraint, ...]:
         """Connects in the order of the file, then welds, then couplings."""
         model = self.model
-        if model.neq and model.opt.disableflags & _LOOPS_OFF:
+        if len(model.eq_type) and model.disableflags & _LOOPS_OFF:
             raise ModelError(f"{self.file}: <flag> switches <equality> off; remove the flag, or the <equality>")
-        return tuple(self._loop(k) for k in sorted(range(model.neq), key=lambda k: int(model.eq_type[k])))
+        return tuple(self._loop(k) for k in sorted(range(len(model.eq_type)), key=lambda k: int(model.eq_type[k])))
 
     def _loop(self, k: int) -> Constraint:
         model, data, ends = (
@@ -241,7 +273,7 @@ class _Parts:
 
     def _drives(self) -> tuple[tuple[str, ...], Floats, list[str]]:
         """Coordinates that a motor drives, the inertia of its rotor reflected to each, and what is left out."""
-        model, reflected = self.model, np.zeros(self.model.nv)
+        model, reflected = self.model, np.zeros(len(self.coordinates))
         driven: dict[str, None] = {}
         others: list[str] = []
         for k, name in enumerate(self.names["actuator"]):
@@ -258,7 +290,7 @@ class _Parts:
     def _left_out(self) -> list[str]:
         """Forces of the file that no force or torque computed here has."""
         model = self.model
-        springs = not model.opt.disableflags & _SPRINGS_OFF
+        springs = not model.disableflags & _SPRINGS_OFF
         stiff = model.jnt_stiffness.astype(bool) | np.any(model.jnt_stiffnesspoly, axis=1)
         pulled = np.any(model.tendon_stiffness) or np.any(model.tendon_damping) or np.any(model.tendon_frictionloss)
         found = {
@@ -266,7 +298,7 @@ class _Parts:
             "springs, damping and friction of tendons": pulled,
             "damping that grows with speed": np.any(model.dof_dampingpoly),
             "damping of actuators": np.any(model.actuator_damping),
-            "the medium (<option density, viscosity, wind>)": model.opt.density or model.opt.viscosity,
+            "the medium (<option density, viscosity, wind>)": model.density or model.viscosity,
             "weight taken off bodies (gravcomp)": np.any(model.body_gravcomp),
         }
         return [what for what, present in found.items() if present]
@@ -288,17 +320,14 @@ def _moved(at: Anchor, rotation: Floats, position: Floats) -> Anchor:
 
 def _rotation(quaternion: Floats) -> Floats:
     """Rotation matrix (3, 3) of a unit quaternion (4,), scalar first."""
-    import mujoco
-
-    matrix = np.empty(9)
-    mujoco.mju_quat2Mat(matrix, quaternion)
-    return matrix.reshape(3, 3)
+    w, x, y, z = quaternion
+    return np.array([
+        [w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z],
+    ])  # fmt: skip
 
 
 def _turn(axis: Floats, angle: float) -> Floats:
     """Rotation matrix (3, 3) by ``angle`` [rad] about a unit ``axis`` (3,)."""
-    import mujoco
-
-    quaternion = np.empty(4)
-    mujoco.mju_axisAngle2Quat(quaternion, axis, angle)
-    return _rotation(quaternion)
+    return _rotation(np.array([np.cos(0.5 * angle), *(np.sin(0.5 * angle) * axis)]))

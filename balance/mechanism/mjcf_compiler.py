@@ -4,6 +4,7 @@ Included files are put into the text first, from the file's own folder alone. Me
 which no moving body's mass depends are not opened: MuJoCo would only draw them or let them collide.
 """
 
+import hashlib
 import json
 import re
 import warnings
@@ -111,8 +112,10 @@ def parse_mjcf(text: str, name: str) -> Any:  # noqa: ANN401
         return mujoco.MjSpec.from_string(text)
 
 
-def compile_spec(spec: Any, text: str, name: str, folder: Path | None) -> Any:  # noqa: ANN401
+def compile_spec(spec: Any, text: str, name: str, folder: Path | None) -> tuple[Any, dict[str, str]]:  # noqa: ANN401
     """MuJoCo's MjModel of what :func:`parse_mjcf` gave; paths in it are relative to ``folder``, None for no files.
+
+    With it the files that it took, as a Compilation has them.
 
     Raises ModelError, naming the file, the element and the cure, for what would change the motion and is not understood
     here, for what MuJoCo refuses, and for what would cost more than the limits of this module.
@@ -124,7 +127,7 @@ def compile_spec(spec: Any, text: str, name: str, folder: Path | None) -> Any:  
     for key, bound in bounds.items():
         setattr(spec.compiler, key, bound or MASSLESS)
     _take_inertials(mujoco, spec, name)
-    _take_assets(mujoco, spec, name, folder)
+    files = _take_assets(mujoco, spec, name, folder)
     with _bounded(mujoco, text, name):
         model = spec.compile()
     for values, bound in zip((model.body_mass, model.body_inertia), bounds.values(), strict=True):
@@ -135,7 +138,7 @@ def compile_spec(spec: Any, text: str, name: str, folder: Path | None) -> Any:  
     for part, values in numbers.items():
         if not np.isfinite(values).all():
             raise ModelError(f"{name}: a number of {part.replace('_', ' ')} is infinite; expected finite numbers")
-    return model
+    return model, files
 
 
 def with_inertials(text: str, spec: Any, model: Any) -> str:  # noqa: ANN401
@@ -309,10 +312,10 @@ def _refuse_parts(mujoco: Any, spec: Any, name: str) -> None:  # noqa: ANN401
             raise ModelError(f"{name}: {key} is {size}; at most {ELEMENT_LIMIT} are read")
 
 
-def _take_assets(mujoco: Any, spec: Any, name: str, folder: Path | None) -> None:  # noqa: ANN401
+def _take_assets(mujoco: Any, spec: Any, name: str, folder: Path | None) -> dict[str, str]:  # noqa: ANN401
     """Hand over the meshes that masses depend on, and take out all else that is drawn or collides.
 
-    A file that is missing is refused all the same, as MuJoCo does.
+    A file that is missing is refused all the same, as MuJoCo does. Returns the files, as a Compilation has them.
     """
     needed = set()
     for geom in spec.geoms:
@@ -323,28 +326,32 @@ def _take_assets(mujoco: Any, spec: Any, name: str, folder: Path | None) -> None
             geom.type, geom.size, geom.meshname, geom.hfieldname = mujoco.mjtGeom.mjGEOM_SPHERE, [1, 1, 1], "", ""
     mesh_folder, texture_folder = spec.compiler.meshdir, spec.compiler.texturedir
     assets: dict[str, bytes] = {}
+    files: dict[str, str] = {}
     for mesh in list(spec.meshes):
         mesh.name = mesh.name or Path(mesh.file).stem
         if mesh.name not in needed:
-            _refuse_missing(mesh.file, mesh_folder, spec, folder, name)
+            files |= _present(mesh.file, mesh_folder, spec, folder, name)
             spec.delete(mesh)
         elif mesh.file:
-            path = located_file(_stripped(mesh.file, spec), mesh_folder, folder, name)
+            file = _stripped(mesh.file, spec)
+            path = located_file(file, mesh_folder, folder, name)
             mesh.file = f"{len(assets)}{path.suffix}"
             assets[mesh.file] = path.read_bytes() if path.stat().st_size <= ASSET_LIMIT else b""
             if not assets[mesh.file] or sum(map(len, assets.values())) > ASSET_LIMIT:
                 raise ModelError(f"{name}: its meshes have more than {ASSET_LIMIT} bytes; give bodies an <inertial>")
+            files[str(Path(mesh_folder, file))] = hashlib.sha256(assets[mesh.file]).hexdigest()
     for texture in spec.textures:
         for file in (texture.file, *texture.cubefiles):
-            _refuse_missing(file, texture_folder, spec, folder, name)
+            files |= _present(file, texture_folder, spec, folder, name)
         texture.file, texture.cubefiles = "", [""] * len(texture.cubefiles)
         texture.builtin, texture.width, texture.height = mujoco.mjtBuiltin.mjBUILTIN_FLAT, 2, 2
     for field in list(spec.hfields):
-        _refuse_missing(field.file, mesh_folder, spec, folder, name)
+        files |= _present(field.file, mesh_folder, spec, folder, name)
         spec.delete(field)
     for skin in list(spec.skins):
         spec.delete(skin)
     spec.compiler.meshdir, spec.assets = "", assets
+    return files
 
 
 def _weighs(mujoco: Any, spec: Any, body: Any) -> bool:  # noqa: ANN401
@@ -361,9 +368,14 @@ def _stripped(file: str, spec: Any) -> str:  # noqa: ANN401
     return re.split(r"[/\\]", file)[-1] if spec.strippath else file
 
 
-def _refuse_missing(file: str, subfolder: str, spec: Any, folder: Path | None, name: str) -> None:  # noqa: ANN401
-    if file and folder is not None and not (folder / subfolder / _stripped(file, spec)).is_file():
+def _present(file: str, subfolder: str, spec: Any, folder: Path | None, name: str) -> dict[str, str]:  # noqa: ANN401
+    """A file that needs to be there only, as a Compilation has it. Raises ModelError where it is missing."""
+    if not file or folder is None:
+        return {}
+    path = Path(subfolder, _stripped(file, spec))
+    if not (folder / path).is_file():
         raise ModelError(f"{name}: names the file {file!r}, which is not there; put it there, or remove the element")
+    return {str(path): ""}
 
 
 def located_file(file: str, subfolder: str, folder: Path | None, name: str) -> Path:

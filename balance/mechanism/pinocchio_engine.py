@@ -49,6 +49,10 @@ class PinocchioEngine:
             constraint = self._constraint_model(mechanism, loop)
             self._constraints.append(constraint)
             self._constraint_data.append(constraint.createData())
+        self._each = [(*each, loop.weld) for *each, loop in zip(
+            self._constraints, self._constraint_data, mechanism.closed_loops, strict=True
+        )]  # fmt: skip
+        """The elements of both, which are slow to come by, and whether each is a weld."""
 
     def constraint_residual(self, q: Floats) -> Floats:
         """First anchor less the second of all loops: origins [m], of a weld also the rotation vector [rad], (rows,).
@@ -57,10 +61,10 @@ class PinocchioEngine:
         """
         self._place_loops(q)
         parts = [np.empty(0)]
-        for loop, data in zip(self._constraints, self._constraint_data, strict=True):
+        for _, data, weld in self._each:
             first, second = data.oMc1, data.oMc2
             parts.append(first.translation - second.translation)
-            if loop.type == self._pin.ContactType.CONTACT_6D:
+            if weld:
                 parts.append(self._pin.log3(first.rotation @ second.rotation.T))
         return np.concatenate([*parts, [coupling.gap(q) for coupling in self._couplings]])
 
@@ -100,7 +104,7 @@ class PinocchioEngine:
 
     def _place_loops(self, q: Floats) -> None:
         self._pin.computeJointJacobians(self.model, self.data, q)
-        for loop, data in zip(self._constraints, self._constraint_data, strict=True):
+        for loop, data, _ in self._each:
             loop.calc(self.model, self.data, data)
 
     def _in_base(self, by_joint: list[Floats]) -> Floats:

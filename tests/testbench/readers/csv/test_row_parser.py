@@ -13,6 +13,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from balance import compiled_kernels
+from balance.user_cache import cache_folder
 from testbench.readers.csv import row_parser, table, text_blocks
 from testbench.readers.csv.dialect import Dialect
 from testbench.readers.csv.row_parser import ROWS, FastParser, RowParser
@@ -191,7 +192,7 @@ def test_it_is_compiled_once_and_again_where_damaged(tmp_path, monkeypatch):
     """What is kept is taken as it is; a flipped bit is noticed; where nothing can be kept, the usual way is left."""
     own = tmp_path / "counterpoise"
     own.mkdir()
-    for kept in compiled_kernels.folder().glob("rows-*.o"):
+    for kept in cache_folder().glob("rows-*.o"):
         shutil.copy(kept, own)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(compiled_kernels.Kernel, "compiled", lambda self, path: "anew")
