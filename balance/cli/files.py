@@ -17,8 +17,8 @@ import click
 
 from .. import datasets
 from ..errors import DataError, suggestion
-from ..results import Key, document, table
-from .framework import JSON, Word, emit_json, emit_table, json_text, plain_text
+from ..results import Key, table
+from .framework import Answer, Word, emit_table, json_text, plain_text
 from .options import argument, command, option
 
 MECHANICS = {
@@ -61,15 +61,6 @@ class Shipped:
             stated = str(tomllib.loads(text).get("name", "")) if self.kind == "engine" else ""
             found = stated or " ".join(line.lstrip("# ") for line in lines[:first])
         return str(_SENTENCE.split(" ".join(found.split()), maxsplit=1)[1])
-
-
-def shipped_files(kinds: Mapping[str, tuple[str, str]]) -> list[Shipped]:
-    """All shipped files of the kinds, which map to folder and ending."""
-    return [
-        Shipped(kind, name, datasets.ROOT / folder / f"{name}{suffix}")
-        for kind, (folder, suffix) in kinds.items()
-        for name in datasets.dataset_names(folder, suffix)
-    ]
 
 
 def copy_shipped(name: str, files: list[Shipped], folder: Path) -> Path:
@@ -117,19 +108,19 @@ def files_command(program: str, kinds: Mapping[str, tuple[str, str]], example: s
             default=".",
             show_default=False,
         ),
-        as_json: bool = JSON,
-    ) -> None:
-        known = shipped_files(kinds if kind is None else {kind: kinds[kind]})
+    ) -> Answer:
+        known = [
+            Shipped(kind_of, shipped, datasets.ROOT / place / f"{shipped}{suffix}")
+            for kind_of, (place, suffix) in kinds.items()
+            if kind in (None, kind_of)
+            for shipped in datasets.dataset_names(place, suffix)
+        ]
         if name is not None:
             copied = copy_shipped(name, known, folder)
-            if as_json:
-                emit_json({"copied": copied})
-            else:
-                click.echo(f"{plain_text(str(copied))}: a copy to be edited; commands take it by its path.")
-        elif as_json:
-            emit_json({"files": [document(one) for one in known]})
-        else:
-            emit_table(f"Shipped with {program}", *table(Shipped, known), f"copy one: {program} files --copy NAME")
+            text = f"{plain_text(str(copied))}: a copy to be edited; commands take it by its path."
+            return Answer({"copied": copied}, lambda: click.echo(text))
+        cells, remark = table(Shipped, known), f"copy one: {program} files --copy NAME"
+        return Answer({"files": known}, lambda: emit_table(f"Shipped with {program}", *cells, remark))
 
     return files
 

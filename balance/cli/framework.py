@@ -238,6 +238,10 @@ class Answer(NamedTuple):
     has_finding: bool = False
     findings: Sequence[str] = ()
     """Printed for people below it."""
+    refused: Sequence[str] = ()
+    """What was refused, each with the reason, while the rest was done: printed on stderr; exit code 1."""
+    code: int = 0
+    """Exit code, where it is another."""
 
 
 def answering(function: Callable[..., Answer]) -> Callable[..., int]:
@@ -252,9 +256,18 @@ def answering(function: Callable[..., Answer]) -> Callable[..., int]:
         else:
             answer.show()
             emit_findings(("Finding", finding) for finding in answer.findings)
+        complain(*answer.refused)
+        if answer.code or answer.refused:
+            return answer.code or EXIT_REFUSED
         return EXIT_WITH_FINDINGS if answer.has_finding or answer.findings else 0
 
     return answered
+
+
+def complain(*messages: str) -> None:
+    """Print messages to stderr, a line each, after the name of the program."""
+    for message in messages:
+        click.echo(f"{click.get_current_context().find_root().info_name}: {plain_text(message)}", err=True)
 
 
 def emit_further(title: str, header: list[str], rows: list[list[str]], remark: str = "") -> None:

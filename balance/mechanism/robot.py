@@ -184,7 +184,7 @@ class _SpecOfRobot:
         return self._add_site(self.bodies[link], joint.in_child if joint else Placement())
 
     def _add_site(self, body: Any, at: Placement | None = None) -> str:  # noqa: ANN401
-        at, name = at or Placement(), f"loop end {len(self.spec.sites) + 1}"
+        at, name = at or Placement(), f"loop end {len(self.spec.sites) + 1} on {body.name}"
         body.add_site(name=name, pos=at.position, quat=self._quaternion(at.rotation))
         return name
 

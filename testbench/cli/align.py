@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, JSON, emit_findings, emit_json, emit_table
+from balance.cli.framework import EXIT_REFUSED, Answer, emit_findings, emit_table
 from balance.cli.options import argument, command, option
 from balance.results import first_of, table
 
@@ -50,8 +50,7 @@ def align(
     mechanism: str | None = option("A mechanism in place of the one that the rig names.", metavar="MECH"),
     rig: str | None = option("A rig in place of the one stored with the runs."),
     dry_run: bool = option("Print the result only; store no record in the campaign."),
-    as_json: bool = JSON,
-) -> int:
+) -> Answer:
     """Align the clocks of the loggers of each RUN (a stored run, or a campaign): offset and drift, with intervals.
 
     reference time = offset + (1 + drift) own time. Intervals are of 95 %. What the data do not determine is refused.
@@ -75,7 +74,10 @@ def align(
 
     def aligned(run: "Run") -> "RunClocks":
         if pair:
-            return clocks.align_named(run, *_channel_pair(pair), not no_drift, cutoff, METHODS[by])
+            one, equals, other = pair.partition("=")
+            if not equals or not one.strip() or not other.strip():
+                raise click.UsageError(f"--pair {pair!r}: expected REFERENCE=OWN, a channel of each logger")
+            return clocks.align_named(run, one.strip(), other.strip(), not no_drift, cutoff, METHODS[by])
         si = SIRun.of(run, described)
         return clocks.align_run(
             si, lambda: loaded_mechanism(si, mechanism_of(si, mechanism)), reference, not no_drift, cutoff, METHODS[by],
@@ -85,20 +87,20 @@ def align(
     done, refused = _aligned_runs(opened, aligned)
     bound = [SIRun.of(run, described) for run in opened if described or run.rig]
     records, unrecorded = ([], []) if dry_run else _store(done)
-    if as_json:
-        emit_json({
-            "alignments": [row for _, found in done for row in found.rows],
-            "refused": [*(one.message for one in unopened), *refused, *unrecorded],
-            "records": records,
-            "calibrations": options.calibrations(bound),
-        })  # fmt: skip
-    else:
+    applied, messages = options.calibrations(bound), [*(one.message for one in unopened), *unrecorded]
+
+    def show() -> None:
         _print_clocks([found for _, found in done], refused, records)
-        options.print_calibrations(options.calibrations(bound))
-    options.complain(*(one.message for one in unopened), *unrecorded)
-    if unopened or unrecorded or not done:
-        return EXIT_REFUSED
-    return EXIT_WITH_FINDINGS if refused or any(found.findings for _, found in done) else 0
+        options.print_calibrations(applied)
+
+    document = {
+        "alignments": [row for _, found in done for row in found.rows],
+        "refused": [*(one.message for one in unopened), *refused, *unrecorded],
+        "records": records,
+        "calibrations": applied,
+    }
+    doubtful = bool(refused or any(found.findings for _, found in done))
+    return Answer(document, show, doubtful, refused=messages, code=0 if done else EXIT_REFUSED)
 
 
 def _aligned_runs(
@@ -118,13 +120,6 @@ def _aligned_runs(
         if found.aligned:
             done.append((run.path, found))
     return done, refused
-
-
-def _channel_pair(pair: str) -> tuple[str, str]:
-    one, equals, other = pair.partition("=")
-    if not equals or not one.strip() or not other.strip():
-        raise click.UsageError(f"--pair {pair!r}: expected REFERENCE=OWN, a channel of each logger")
-    return one.strip(), other.strip()
 
 
 def _refuse_read_only(campaigns: set[Path]) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import EXIT_WITH_FINDINGS, JSON, Answer, emit_json, emit_table, plain_text
+from balance.cli.framework import Answer, emit_table, plain_text
 from balance.cli.options import FIGURE, SCHEDULER, argument, command, draw, option
 from balance.results import document, first_of, plain, table
 
@@ -54,8 +54,7 @@ def analyze(
     scheduler: str | None = SCHEDULER,
     budget: bool = options.BUDGET,
     figure: str | None = FIGURE,
-    as_json: bool = JSON,
-) -> int:
+) -> Answer:
     """By how much counter-masses reduce the vibration amplitude of the base: runs with them against runs without.
 
     Runs of one payload, motion, acceleration and origin are compared. The noise that the campaign's
@@ -78,19 +77,18 @@ def analyze(
     with task_pool(scheduler) as pool:
         analysis = analyzed(runs, metric, band, accept, pool=pool)
     draw(figure, analysis.plot)
-    if as_json:
-        shown = document(analysis) | options.provenance(runs)
-        if budget:
-            for row, one in zip(shown["reductions"], analysis.reductions, strict=True):
-                row["budget"] = plain(one.uncertainty.budgets if one.uncertainty else [])
-        emit_json(shown)
-    else:
+    shown = document(analysis) | options.provenance(runs)
+    for row, one in zip(shown["reductions"], analysis.reductions if budget else (), strict=budget):
+        row["budget"] = plain(one.uncertainty.budgets if one.uncertainty else [])
+
+    def show() -> None:
         _print_reductions(campaign, analysis)
         for one in analysis.reductions if budget else ():
             of = f"{one.key}, {one.sensor} along {one.axis}"
             options.print_budgets(of, one.uncertainty.budgets if one.uncertainty else ())
         options.print_provenance(runs)
-    return EXIT_WITH_FINDINGS if analysis.findings else 0
+
+    return Answer(shown, show, bool(analysis.findings))
 
 
 def print_reductions(campaign: Path, runs: "Sequence[Run]") -> None:

@@ -5,14 +5,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_json, emit_table, json_option, plain_text
+from balance.cli.framework import EXIT_WITH_FINDINGS, Answer, answering, emit_table, plain_text
 from balance.results import document, table
 
 from . import options
 
 if TYPE_CHECKING:
     from ..calibration.definition import Calibration
-    from ..runs.calibration_history import CalibrationInForce, CalibrationRecord
     from ..store import Run
     from .options import NotOpened
 
@@ -71,17 +70,15 @@ not lead to what it measures, every run damaged."""
 @click.option(
     "--list", "listed", is_flag=True, help="Which calibration is in force for which run, and all that were recorded."
 )
-@json_option
-def calibrate(words: tuple[str, ...], listed: bool, reason: str | None, as_json: bool, **given: Any) -> int:  # noqa: ANN401
+@answering
+def calibrate(words: tuple[str, ...], listed: bool, reason: str | None, **given: Any) -> Answer:  # noqa: ANN401
     """Correct the calibration of SENSOR in stored runs: a record in the campaign, dated, with a reason.
 
     It is in force from now on for those runs, instead of earlier records and the rig; the runs themselves never change.
     SENSOR is the name in the rig.
     """
     if listed:
-        runs, damaged = _runs(words)
-        _list(runs, damaged, as_json)
-        return _exit_code(runs, damaged)
+        return _list(*_runs(words))
     if len(words) < 2:
         raise click.UsageError("expected CAMPAIGN or RUN..., then SENSOR; or --list")
     reason = options.one_line("--reason", reason)
@@ -93,31 +90,30 @@ def calibrate(words: tuple[str, ...], listed: bool, reason: str | None, as_json:
     typed = None if files else _calibration(given)
     runs, damaged = _runs(words[:-1])
     if not runs:
-        _report_damaged(damaged)
-        return EXIT_REFUSED
+        return Answer({"refused": damaged}, lambda: None, refused=_left_out(damaged))
     calibration = typed or _calibration(given | _certified(files, quantity, frequency, runs[0], words[-1]))
     from ..runs.recalibrate import calibrate as correct
     from .options import NotOpened
 
     done = correct(runs, words[-1], calibration, reason)
     damaged += [NotOpened(name, message) for name, message in done.left_out.items()]
-    if as_json:
-        emit_json({
-            "record": str(done.record),
-            "sensor": words[-1],
-            "calibration": calibration.document(),
-            "reason": reason,
-            "runs": list(done.runs),
-            "runs_without_the_sensor": list(done.without),
-            "refused": damaged,
-        })  # fmt: skip
-    else:
+
+    def show() -> None:
         click.echo(f"{words[-1]}: {calibration}, from now on for {', '.join(done.runs)}.")
         if done.without:
             click.echo(f"Runs without this sensor: {', '.join(done.without)}.")
         click.echo(f"Recorded in {plain_text(str(done.record))}.")
-    _report_damaged(damaged)
-    return _exit_code(runs, damaged)
+
+    document = {
+        "record": str(done.record),
+        "sensor": words[-1],
+        "calibration": calibration.document(),
+        "reason": reason,
+        "runs": list(done.runs),
+        "runs_without_the_sensor": list(done.without),
+        "refused": damaged,
+    }
+    return Answer(document, show, refused=_left_out(damaged), code=EXIT_WITH_FINDINGS if damaged else 0)
 
 
 def _runs(words: tuple[str, ...]) -> "tuple[list[Run], list[NotOpened]]":
@@ -136,19 +132,13 @@ def _runs(words: tuple[str, ...]) -> "tuple[list[Run], list[NotOpened]]":
     return options.openable_runs(paths)
 
 
-def _report_damaged(damaged: "list[NotOpened]") -> None:
-    """Print to stderr which runs were skipped, and how to recover them."""
-    for one in damaged:
-        options.complain(
-            f"{one.message}; {one.run} is left out: `testbench verify` tells if it is damaged; then `testbench "
-            "remove` takes it out of the campaign: ingest its logs again, and calibrate it"
-        )
-
-
-def _exit_code(runs: "list[Run]", damaged: "list[NotOpened]") -> int:
-    if not damaged:
-        return 0
-    return EXIT_WITH_FINDINGS if runs else EXIT_REFUSED
+def _left_out(damaged: "list[NotOpened]") -> list[str]:
+    """Which runs were left out, and how to recover them."""
+    return [
+        f"{one.message}; {one.run} is left out: `testbench verify` tells if it is damaged; then `testbench "
+        "remove` takes it out of the campaign: ingest its logs again, and calibrate it"
+        for one in damaged
+    ]
 
 
 def _calibration(given: dict[str, Any]) -> "Calibration":
@@ -232,7 +222,7 @@ def _each(texts: tuple[str, ...], option: str) -> str | dict[str, str] | None:
     return {axis.strip(): text.strip() for axis, _, text in parts}
 
 
-def _list(runs: "list[Run]", damaged: "list[NotOpened]", as_json: bool) -> None:
+def _list(runs: "list[Run]", damaged: "list[NotOpened]") -> Answer:
     from ..runs import calibration_history
     from ..runs.calibration_history import CalibrationInForce, CalibrationRecord
 
@@ -245,26 +235,20 @@ def _list(runs: "list[Run]", damaged: "list[NotOpened]", as_json: bool) -> None:
         for record in calibration_history.read_calibrations(folder)
         if names & record.runs.keys()
     ]
-    if as_json:
-        emit_json({
-            "holds": in_force,
-            "records": [document(r) | {"holds_for": _runs_of(r, in_force)} for r in records],
-            "refused": damaged,
-        })  # fmt: skip
-        _report_damaged(damaged)
-        return
-    columns = ("sensor", "calibration", "since", "reason", "runs")
-    emit_table("Calibrations that hold", *table(CalibrationInForce, in_force, *columns), "" if in_force else _NONE)
-    if records:
-        header, rows = table(CalibrationRecord, records)
-        states = [" ".join(["holds for", *used]) if (used := _runs_of(r, in_force)) else "superseded" for r in records]
-        emit_table("Recorded", [*header, ""], [[*row, state] for row, state in zip(rows, states, strict=True)])
-    _report_damaged(damaged)
+    # The runs for which each record is in force.
+    used = [[run for one in in_force if one.source == record.record for run in one.runs] for record in records]
+
+    def show() -> None:
+        columns = ("sensor", "calibration", "since", "reason", "runs")
+        emit_table("Calibrations that hold", *table(CalibrationInForce, in_force, *columns), "" if in_force else _NONE)
+        if records:
+            header, rows = table(CalibrationRecord, records)
+            states = [" ".join(["holds for", *some]) if some else "superseded" for some in used]
+            emit_table("Recorded", [*header, ""], [[*row, state] for row, state in zip(rows, states, strict=True)])
+
+    recorded = [document(r) | {"holds_for": some} for r, some in zip(records, used, strict=True)]
+    shown = {"holds": in_force, "records": recorded, "refused": damaged}
+    return Answer(shown, show, refused=_left_out(damaged), code=EXIT_WITH_FINDINGS if runs and damaged else 0)
 
 
 _NONE = "none: what the logs hold is taken to be in the physical units that they write"
-
-
-def _runs_of(record: "CalibrationRecord", in_force: "list[CalibrationInForce]") -> list[str]:
-    """Runs for which a record is in force."""
-    return [run for one in in_force if one.source == record.record for run in one.runs]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, JSON, emit_json, emit_table, plain_text
+from balance.cli.framework import EXIT_REFUSED, Answer, emit_table, plain_text
 from balance.cli.options import argument, command, option
 from balance.results import document, table
 
@@ -39,8 +39,7 @@ def export(
     output: Path = option("The folder to write into.", None, "-o", "--output", required=True),
     licence: str | None = option("Licence of the runs, such as CC-BY-4.0: for ro-crate.", metavar="NAME|URL"),
     physical: bool = option("Values in SI, by the calibration that holds, and not as recorded."),
-    as_json: bool = JSON,
-) -> int:
+) -> Answer:
     """Write stored runs in another form: values as recorded, with units, time and provenance. Overwrites nothing."""
     if to == "sep005":
         raise click.UsageError("SEP005 defines no file: use testbench.export.columns(run) in Python")
@@ -51,10 +50,13 @@ def export(
     runs: list[Run]
     refused: list[options.NotOpened] = []
     if to == "ro-crate":  # a crate describes a whole campaign, so that it takes all of it or nothing
+        from ..export import ro_crate
         from ..front_door import runs_of
+        from ..store import Campaign
 
         runs = runs_of(stored)
-        written = _crate(stored, runs, output, licence)
+        folder = stored if stored.is_dir() else stored.parent
+        written = [ro_crate.export_crate(Campaign(folder), list(runs), output, licence)]
     else:
         from ..export import export as write
         from ..runs.si_run import physical as in_si
@@ -71,27 +73,17 @@ def export(
         written, refused = [one for files in each for one in files], [*refused, *failed]
     applied = options.calibrations(runs) if physical else []
     losses = [loss for one in written for loss in one.losses]
-    if as_json:
-        known = {"physical": physical, "calibrations": applied, "ledgers": options.ledgers(runs)}
-        emit_json({"to": to, "files": written, **known, "refused": refused})
-    else:
+
+    def show() -> None:
         for one in written:
             click.echo(plain_text(str(one.file)))
         for loss in losses:
             click.echo(f"  lost: {plain_text(loss)}")
         options.print_calibrations(applied)
-    options.complain(*(one.message for one in refused))
-    if refused:
-        return EXIT_REFUSED
-    return EXIT_WITH_FINDINGS if losses else 0
 
-
-def _crate(stored: Path, runs: "Sequence[Run]", output: Path, licence: str | None) -> "list[Exported]":
-    from ..export import ro_crate
-    from ..store import Campaign
-
-    folder = stored if stored.is_dir() else stored.parent
-    return [ro_crate.export_crate(Campaign(folder), list(runs), output, licence)]
+    known = {"physical": physical, "calibrations": applied, "ledgers": options.ledgers(runs), "refused": refused}
+    messages = [one.message for one in refused]
+    return Answer({"to": to, "files": written, **known}, show, bool(losses), refused=messages)
 
 
 @command(
@@ -108,8 +100,7 @@ Exit codes: 0 done, 1 some run was refused (the others are archived)."""
 def archive(
     stored: tuple[Path, ...] = argument("RUN|CAMPAIGN...", required=True),
     output: Path = option("The folder of the archive.", None, "-o", "--output", required=True),
-    as_json: bool = JSON,
-) -> int:
+) -> Answer:
     """Store runs anew, small, and the same to the bit. Overwrites nothing; needs no HDF5 plugin to be read.
 
     Numbers of fixed decimals are kept as whole numbers, others as they are; both are compressed. Each channel is read
@@ -133,22 +124,11 @@ def archive(
             append_only_records.copy(folder, output)
     if done:
         enter_found(output)
-    if as_json:
-        emit_json({"archive": output.name, "runs": [*done, *refused]})
-    else:
-        emit_table(f"{output.name}: {len(done)} runs", *table(Archived, done, *ARCHIVE_COLUMNS))
-        options.complain(*(one.message for one in refused))
-    return EXIT_REFUSED if refused else 0
-
-
-def _states(campaign: Path, runs: "Sequence[Run]") -> dict[str, str]:
-    """Of each run whether its log has grown since: ``incomplete``, or ``superseded by`` its next version."""
-    from ..store.campaign import CONTINUES
-    from ..store.ledger import read_ledger
-
-    found = {run.path.name: "" for run in runs} | dict.fromkeys(read_ledger(campaign).grown, "incomplete")
-    later = {run.provenance[CONTINUES]: run.name for run in runs if CONTINUES in run.provenance}
-    return found | {file: f"superseded by {name}" for file, name in later.items()}
+    return Answer(
+        {"archive": output.name, "runs": [*done, *refused]},
+        lambda: emit_table(f"{output.name}: {len(done)} runs", *table(Archived, done, *ARCHIVE_COLUMNS)),
+        refused=[one.message for one in refused],
+    )
 
 
 def _run_table(runs: "Sequence[Run]", states: Mapping[str, str]) -> tuple[list[str], list[list[str]]]:
@@ -185,19 +165,23 @@ Examples:
 \b
 Exit codes: 0 done, 1 some run cannot be opened (the others are listed).""",
 )
-def list_runs(campaign: Path = argument(), as_json: bool = JSON) -> int:
+def list_runs(campaign: Path = argument()) -> Answer:
     """The runs of a campaign, with the conditions of each."""
     from ..store import open_campaign
+    from ..store.campaign import CONTINUES
+    from ..store.ledger import read_ledger
 
     runs, refused = options.openable_runs(open_campaign(campaign).run_paths)
-    states = _states(campaign, runs)
-    if as_json:
-        described = [document(run) | ({"log": states[run.path.name]} if states[run.path.name] else {}) for run in runs]
-        emit_json({"campaign": campaign.resolve().name, "runs": [*described, *refused]})
-    else:
-        emit_table(f"{campaign.resolve().name}: {len(runs)} runs", *_run_table(runs, states))
-    options.complain(*(one.message for one in refused))
-    return EXIT_REFUSED if refused else 0
+    # Of each run whether its log has grown since: ``incomplete``, or ``superseded by`` its next version.
+    found = {run.path.name: "" for run in runs} | dict.fromkeys(read_ledger(campaign).grown, "incomplete")
+    later = {run.provenance[CONTINUES]: run.name for run in runs if CONTINUES in run.provenance}
+    states = found | {file: f"superseded by {name}" for file, name in later.items()}
+    described = [document(run) | ({"log": states[run.path.name]} if states[run.path.name] else {}) for run in runs]
+    return Answer(
+        {"campaign": campaign.resolve().name, "runs": [*described, *refused]},
+        lambda: emit_table(f"{campaign.resolve().name}: {len(runs)} runs", *_run_table(runs, states)),
+        refused=[one.message for one in refused],
+    )
 
 
 @command(
@@ -209,7 +193,7 @@ Examples:
 Exit codes: 0 nothing to do, or nothing was lost; 3 recovered, with the losses that are listed;
 1 something could not be saved."""
 )
-def recover(campaign: Path = argument(), as_json: bool = JSON) -> int:
+def recover(campaign: Path = argument()) -> Answer:
     """Save what ingests had acknowledged before they were stopped.
 
     It becomes a run of its own, NAME.recovered, which says what is lost; no stored run is touched. If the log is
@@ -218,18 +202,18 @@ def recover(campaign: Path = argument(), as_json: bool = JSON) -> int:
     from ..ingestion.recovered_runs import recover as save
     from ..store.crash_recovery import Recovery
 
-    found = save(campaign)
-    if as_json:
-        emit_json({"campaign": campaign.resolve().name, "recovered": found})
-    elif found:
-        title = f"{campaign.resolve().name}: {len(found)} left by stopped ingests"
-        emit_table(title, *table(Recovery, found, "run", "status", "file", "message"))
-    else:
-        click.echo(f"{plain_text(campaign.resolve().name)}: no ingest was stopped; nothing to do")
+    found, name = save(campaign), campaign.resolve().name
+
+    def show() -> None:
+        if found:
+            title = f"{name}: {len(found)} left by stopped ingests"
+            emit_table(title, *table(Recovery, found, "run", "status", "file", "message"))
+        else:
+            click.echo(f"{plain_text(name)}: no ingest was stopped; nothing to do")
+
     states = {one.status for one in found}
-    if states & {"failed", "empty"}:
-        return EXIT_REFUSED
-    return EXIT_WITH_FINDINGS if "recovered" in states else 0
+    code = EXIT_REFUSED if states & {"failed", "empty"} else 0
+    return Answer({"campaign": name, "recovered": found}, show, "recovered" in states, code=code)
 
 
 @command(
@@ -241,7 +225,7 @@ Examples:
 Exit codes: 0 every run is intact, 1 a run or record, or the ledger, is damaged or missing, 3 there are files that are
 no runs or not in the ledger."""
 )
-def verify(campaign: Path = argument(), as_json: bool = JSON) -> int:
+def verify(campaign: Path = argument()) -> Answer:
     """Check every stored run, to the bit, against the digest that was written beside it; and the later records.
 
     Against the ledger it finds what is missing, exchanged, or there without having been entered.
@@ -253,16 +237,14 @@ def verify(campaign: Path = argument(), as_json: bool = JSON) -> int:
     opened = Campaign(existing(campaign)) if (campaign / FILE).exists() else open_campaign(campaign)
     with progress("verifying", sum(path.stat().st_size for path in opened.run_paths if path.is_file())) as done:
         files = list({file.name: file for file in (*opened.verify(done), *_records(campaign))}.values())
-    if as_json:
-        emit_json({"campaign": campaign.resolve().name, "files": files})
-    else:
-        counts = Counter(file.status for file in files)
-        click.echo(f"{campaign.resolve().name}: {', '.join(f'{n} files {status}' for status, n in counts.items())}.")
+    name, counts = campaign.resolve().name, Counter(file.status for file in files)
+
+    def show() -> None:
+        click.echo(f"{name}: {', '.join(f'{n} files {status}' for status, n in counts.items())}.")
         emit_table("Files", *table(FileState, files))
-    states = {file.status for file in files}
-    if states & {"damaged", "missing"}:
-        return EXIT_REFUSED
-    return EXIT_WITH_FINDINGS if states - {"intact", "absent"} else 0
+
+    code = EXIT_REFUSED if counts.keys() & {"damaged", "missing"} else 0
+    return Answer({"campaign": name, "files": files}, show, bool(counts.keys() - {"intact", "absent"}), code=code)
 
 
 def _records(campaign: Path) -> "list[FileState]":
@@ -297,20 +279,21 @@ The head is the SHA-256 of the last entry, which holds that of the entry before:
 anything up to it was changed since. It is a plain digest and no signature.
 Exit codes: 0 done, 1 the ledger was changed."""
 )
-def ledger(campaign: Path = argument(), as_json: bool = JSON) -> int:
+def ledger(campaign: Path = argument()) -> Answer:
     """What was entered into a campaign, in this order: runs, records, removals; and the head."""
     from ..store.campaign import existing
     from ..store.ledger import Entry, read_ledger
 
     found = read_ledger(existing(campaign))
     name = campaign.resolve().name
-    if as_json:
-        emit_json({"campaign": name, "head": found.head, "entries": found.entries})
-    elif found.head is None:
-        click.echo(f"{plain_text(name)}: no ledger; the next run or record that is stored begins one")
-    else:
-        emit_table(f"{name}: {len(found.entries)} entries", *table(Entry, found.entries), f"head {found.head}")
-    return 0
+
+    def show() -> None:
+        if found.head is None:
+            click.echo(f"{plain_text(name)}: no ledger; the next run or record that is stored begins one")
+        else:
+            emit_table(f"{name}: {len(found.entries)} entries", *table(Entry, found.entries), f"head {found.head}")
+
+    return Answer({"campaign": name, "head": found.head, "entries": found.entries}, show)
 
 
 @command(
@@ -326,8 +309,7 @@ def remove(
     files: tuple[Path, ...] = argument("RUN|RECORD...", required=True),
     by: str = option("Who removes it.", required=True, metavar="NAME"),
     reason: str = option("Why.", required=True, metavar="TEXT"),
-    as_json: bool = JSON,
-) -> int:
+) -> Answer:
     """Take runs or records out of a campaign. The ledger keeps what they were, by whom and why they were removed."""
     from ..errors import StoreError
     from ..store import append_only_records
@@ -346,10 +328,9 @@ def remove(
             removed.append(take_out(existing(folder), name, by, reason))
         except StoreError as error:
             failed.append(str(error))
-    if as_json:
-        emit_json({"removed": removed, "refused": failed})
-    else:
+
+    def show() -> None:
         for entry in removed:
             click.echo(f"{plain_text(entry.file)}: removed, entry {entry.number} of the ledger")
-    options.complain(*failed)
-    return EXIT_REFUSED if failed else 0
+
+    return Answer({"removed": removed, "refused": failed}, show, refused=failed)

@@ -6,16 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import (
-    EXIT_WITH_FINDINGS,
-    JSON,
-    emit_findings,
-    emit_further,
-    emit_json,
-    emit_table,
-    note,
-    say,
-)
+from balance.cli.framework import Answer, emit_findings, emit_further, emit_table, note, say
 from balance.cli.options import FIGURE, command, draw, option
 from balance.errors import DataError
 from balance.results import first_of, table
@@ -40,7 +31,14 @@ def print_result(result: "Identification") -> None:
     from ..identification.result import CounterMassValue, Value
 
     moments = [value for value in result.first_moments() if value.in_file] or result.first_moments()
-    say(_verdict(result, moments))
+    values = [f"{m.name} = {m.value:.4g} [{m.interval[0]:.4g}, {m.interval[1]:.4g}] {m.unit}" for m in moments]
+    verdict = f"Verdict: {result.verdict}; {first_of(values, 3) or 'no first moment is determined'}."
+    if result.verdict == SCALED:
+        verdict += (
+            " The torques' scale is not checked: ratios of first moments hold, first moments and counter-masses are "
+            "wrong by as much as the torques read wrong; it takes runs that differ by a mass that is known."
+        )
+    say(verdict)
     about = f"{result.mechanism.name} from {', '.join(result.runs)} (origin {result.origin})"
     emit_table(f"Identified: {about}", *table(Value, result.base_values(), *VALUE_COLUMNS))
     terms = "Friction, drives and offsets" if result.joints else "Offsets"
@@ -60,18 +58,6 @@ def print_result(result: "Identification") -> None:
         say("\n".join(_unexplained(result, result.validation, f"in {', '.join(result.validation.runs)}")))
     emit_findings((doubt.code, doubt.text) for doubt in result.all_doubts)
     emit_findings(("time_gap", text) for text in result.lost)
-
-
-def _verdict(result: "Identification", moments: "Sequence[Value]") -> str:
-    """How far it may be relied on, and the first moments with their intervals."""
-    values = [f"{m.name} = {m.value:.4g} [{m.interval[0]:.4g}, {m.interval[1]:.4g}] {m.unit}" for m in moments]
-    verdict = f"Verdict: {result.verdict}; {first_of(values, 3) or 'no first moment is determined'}."
-    if result.verdict == SCALED:
-        verdict += (
-            " The torques' scale is not checked: ratios of first moments hold, first moments and counter-masses are "
-            "wrong by as much as the torques read wrong; it takes runs that differ by a mass that is known."
-        )
-    return verdict
 
 
 def _method(result: "Identification", one: "MethodErrors", moments: "Sequence[Value]") -> list[str]:
@@ -194,8 +180,7 @@ def identify(
     rig: str | None = option("A rig in place of the one stored with the runs."),
     figure: str | None = FIGURE,
     budget: bool = options.BUDGET,
-    as_json: bool = JSON,
-) -> int:
+) -> Answer:
     """Inertial parameters and friction of MECH from the positions, torques and forces of stored runs.
 
     What the runs determine is found before solving, and what they do not is named. MECH is the mechanism stored with
@@ -207,6 +192,7 @@ def identify(
     """
     from ..front_door import bound_runs
     from ..front_door import identify as identified
+    from ..identification.diagnostics import identification_document
     from ..identification.records import DIFFERS
 
     options.refuse_unknown_codes(code for code in accept if code != DIFFERS)
@@ -214,15 +200,13 @@ def identify(
     bound = bound_runs(runs, rig)
     result = identified(mechanism, *bound, by=by, method=method, rig=rig, accept=accept, validate=separate)
     draw(figure, result.plot)
-    if as_json:
-        from ..identification.diagnostics import identification_document
+    applied, budgets = options.calibrations(bound), [value.budget for value in result.first_moments()]
 
-        found = identification_document(result)
-        found |= {"budget": [value.budget for value in result.first_moments()]} if budget else {}
-        emit_json({**found, "calibrations": options.calibrations(bound)})
-    else:
+    def show() -> None:
         print_result(result)
         if budget:
-            options.print_budgets(result.mechanism.name, [value.budget for value in result.first_moments()])
-        options.print_calibrations(options.calibrations(bound))
-    return EXIT_WITH_FINDINGS if result.lost or result.all_doubts else 0
+            options.print_budgets(result.mechanism.name, budgets)
+        options.print_calibrations(applied)
+
+    found = identification_document(result) | ({"budget": budgets} if budget else {}) | {"calibrations": applied}
+    return Answer(found, show, bool(result.lost or result.all_doubts))

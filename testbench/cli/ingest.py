@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, JSON, emit_json, emit_table, plain_text
+from balance.cli.framework import (
+    EXIT_REFUSED,
+    EXIT_WITH_FINDINGS,
+    JSON,
+    Answer,
+    complain,
+    emit_json,
+    emit_table,
+    plain_text,
+)
 from balance.cli.options import SCHEDULER, argument, command, option
 from balance.results import table
 
@@ -18,7 +27,6 @@ from .options import progress
 if TYPE_CHECKING:
     from ..ingestion.ingest import Ingest, Outcome
     from ..ingestion.watch_folder import Watch
-    from ..rig import Rig
 
 
 def _known_codes(context: click.Context, parameter: click.Parameter, codes: tuple[str, ...]) -> tuple[str, ...]:
@@ -63,43 +71,40 @@ def ingest(
     by: str | None = options.BY,
     reason: str | None = options.REASON,
     scheduler: str | None = SCHEDULER,
-    as_json: bool = JSON,
     **text: Any,  # noqa: ANN401
-) -> int:
+) -> Answer:
     """Read logs into HDF5, one file a run. A run is stored whole or not at all, and never changes.
 
     Where logs lie in the campaign's folder, a pattern may name its runs too: they are left alone.
     """
-    from ..ingestion import Ingest
     from ..ingestion.log_sources import own_files
 
     options.refuse_patterns(files)
     own = own_files(files, campaign)
     if own:
-        options.complain(
+        complain(
             f"{campaign}: {len(own)} of the files given are the campaign's own runs and no logs; they are left alone"
         )
     logs = [file for file in files if file not in own]
-    work = Ingest(
-        campaign, _rig(rig), options.read_options(**text), frozenset(accept), options.acceptance(accept, by, reason)
-    )
+    work = _work(campaign, rig, accept, options.acceptance(accept, by, reason), text)
     outcomes = _ingest(logs, work, run_table, scheduler)
-    if as_json:
-        emit_json({"runs": outcomes})
-    else:
-        _print(outcomes)
-    options.complain(*dict.fromkeys(outcome.message for outcome in outcomes if outcome.status == "refused"))
-    if any(outcome.status == "refused" for outcome in outcomes):
-        return EXIT_REFUSED
-    return options.exit_code([f for outcome in outcomes for f in outcome.findings], accept)
+    refused = list(dict.fromkeys(outcome.message for outcome in outcomes if outcome.status == "refused"))
+    code = EXIT_REFUSED if refused else options.exit_code([f for one in outcomes for f in one.findings], accept)
+    return Answer({"runs": outcomes}, lambda: _print(outcomes), refused=refused, code=code)
 
 
-def _rig(name: str | None) -> "Rig | None":
-    if name is None:
-        return None
-    from .. import rig
+def _work(
+    campaign: Path, rig: str | None, accept: Sequence[str], person: dict[str, str] | None, text: dict[str, Any]
+) -> "Ingest":
+    """What reads logs into a campaign, by the options of both commands."""
+    from ..ingestion import Ingest
 
-    return rig.load_rig(name)
+    described = None
+    if rig is not None:
+        from ..rig import load_rig
+
+        described = load_rig(rig)
+    return Ingest(campaign, described, options.read_options(**text), frozenset(accept), person)
 
 
 def _ingest(files: Sequence[Path], work: "Ingest", run_table: Path | None, scheduler: str | None) -> "list[Outcome]":
@@ -165,8 +170,7 @@ def watch(
     from balance.units import parse
 
     from ..errors import RecordingError
-    from ..ingestion import Ingest
-    from ..ingestion.watch_folder import Watch, knows_all_writers
+    from ..ingestion.watch_folder import Watch, WatchedRunTable
 
     if live and once:
         raise click.UsageError("--live follows logs while they grow: leave out --once")
@@ -179,24 +183,34 @@ def watch(
         raise RecordingError(
             f"{folder}: is the campaign's folder too: its runs would arrive as logs; name another (-o)"
         )
-    work = Ingest(
-        campaign, _rig(rig), options.read_options(**text), frozenset(accept), options.acceptance(accept, by, reason)
-    )
+    work = _work(campaign, rig, accept, options.acceptance(accept, by, reason), text)
     watching = Watch(folder, work, parse(settle, "time"))
     watching.store_unnamed = unnamed == "store"
     if run_table is not None:
-        from ..ingestion.watch_folder import WatchedRunTable
-
         watching.run_table = WatchedRunTable(run_table, watching.settle_s)
     if not once:
-        click.echo(f"watching {plain_text(str(folder))}; Ctrl-C ends it", err=True)
-        if not knows_all_writers():
-            click.echo(
-                "whether a process still writes a log is known of this user's alone, if at all: a log is stored once "
-                "it has rested; if it grows later, its run is marked incomplete until its next version is stored",
-                err=True,
-            )
-        _say(watching.forever(_live(watching) if live else lambda: None), quiet=False)
+        _follow(watching, live)
+    return _last_pass(watching, accept, as_json)
+
+
+def _follow(watching: "Watch", live: bool) -> None:
+    """Ingest what arrives until Ctrl-C."""
+    from ..ingestion.watch_folder import knows_all_writers
+
+    click.echo(f"watching {plain_text(str(watching.folder))}; Ctrl-C ends it", err=True)
+    if not knows_all_writers():
+        click.echo(
+            "whether a process still writes a log is known of this user's alone, if at all: a log is stored once "
+            "it has rested; if it grows later, its run is marked incomplete until its next version is stored",
+            err=True,
+        )
+    _say(watching.forever(_live(watching) if live else lambda: None), quiet=False)
+
+
+def _last_pass(watching: "Watch", accept: tuple[str, ...], as_json: bool) -> int:
+    """One pass over what is there, what is left for later, and the exit code."""
+    from ..ingestion.watch_folder import knows_all_writers
+
     outcomes = [o for o in _say(watching.once(), quiet=as_json) if o.status != "waiting"]
     if as_json:
         growing = [path.name for path in watching.growing]
@@ -207,7 +221,7 @@ def watch(
     for path in watching.growing:
         writer = watching.writing.get(path)
         why = "still grows" if writer is None else f"process {writer} has it open for writing"
-        options.complain(f"{path.name}: {why}; left for later")
+        complain(f"{path.name}: {why}; left for later")
     if any(outcome.status == "refused" for outcome in outcomes):
         return EXIT_REFUSED
     kept = [f for o in outcomes if o.status == "stored" for f in o.findings]
@@ -253,9 +267,9 @@ def _say(outcomes: "Iterable[Outcome]", quiet: bool) -> "list[Outcome]":
     for outcome in outcomes:
         reported.append(outcome)
         if outcome.status == "refused":
-            options.complain(outcome.message)
+            complain(outcome.message)
         elif outcome.status == "waiting":
-            options.complain(f"{outcome.source}: {outcome.message}")
+            complain(f"{outcome.source}: {outcome.message}")
         elif not quiet:
             name = plain_text(outcome.source)
             click.echo(f"{name}: {outcome.status.replace('_', ' ')} as {plain_text(outcome.file or '-')}")

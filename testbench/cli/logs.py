@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, JSON, Answer, emit_json, emit_table, plain_text
+from balance.cli.framework import EXIT_REFUSED, JSON, Answer, complain, emit_json, emit_table, plain_text
 from balance.cli.options import argument, command, option
 from balance.results import table
 
@@ -14,7 +14,6 @@ from . import options
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from ..quality.group_checks import GroupCheck
     from ..quality.log_description import Description
 
 STATS = ("n", "not_finite", "min", "max", "mean", "first", "last")
@@ -47,7 +46,7 @@ def info(
     except Refusal as refusal:
         if as_json:
             emit_json({"format": None, "groups": [], "findings": [refusal.finding]})
-            options.complain(str(refusal))
+            complain(str(refusal))
             return EXIT_REFUSED
         raise
     if as_json:
@@ -56,7 +55,7 @@ def info(
         print_description(found, stats)
     if grave := refusing_findings(found.findings):
         codes = ", ".join(dict.fromkeys(finding.code for finding in grave))
-        options.complain(f"{file.name}: would be refused for {codes}; `testbench ingest --accept CODE` stores it")
+        complain(f"{file.name}: would be refused for {codes}; `testbench ingest --accept CODE` stores it")
     return options.exit_code(found.findings)
 
 
@@ -77,8 +76,7 @@ def describe(
 ) -> int:
     """Write how a log is read, as detected: an import description, to be corrected and given with --as."""
     from ..errors import RecordingError
-    from ..quality.log_description import describe_log
-    from ..quality.written_description import written_description
+    from ..quality.log_description import describe_log, written_description
 
     read = options.read_options(**text)
     written = written_description(file, read, describe_log(file, read))
@@ -96,6 +94,7 @@ def describe(
 def print_description(found: "Description", stats: bool) -> None:
     """Print what a log holds, channel by channel, and its findings."""
     from ..quality.group_checks import ChannelStats
+    from ..quality.log_description import clock
     from ..recording import Channel
 
     recording = found.recording
@@ -106,7 +105,9 @@ def print_description(found: "Description", stats: bool) -> None:
         if stats:
             more, numbers = table(ChannelStats, check.stats[:SHOWN_CHANNELS], *STATS)
             header, rows = header + more, [row + cells for row, cells in zip(rows, numbers, strict=True)]
-        click.echo(_title(check))
+        rate = f", {check.rate_hz:.6g} Hz ({check.rate_source})" if check.rate_hz else ", no rate"
+        start = f"\n  started {plain_text(str(check.start_time))}" if check.start_time else ""
+        click.echo(f"{plain_text(check.group.name)}: {check.samples} samples{rate}{_span(clock(check) or {})}{start}")
         emit_table("", header, rows)
         _say_more(len(check.stats) - SHOWN_CHANNELS, "channels")
     _say_more(len(found.groups) - SHOWN_GROUPS, "groups")
@@ -119,14 +120,6 @@ def print_description(found: "Description", stats: bool) -> None:
 def _say_more(number: int, of: str) -> None:
     if number > 0:
         click.echo(f"and {number} more {of}; --json lists all")
-
-
-def _title(check: "GroupCheck") -> str:
-    from ..quality.log_description import clock
-
-    rate = f", {check.rate_hz:.6g} Hz ({check.rate_source})" if check.rate_hz else ", no rate"
-    start = f"\n  started {plain_text(str(check.start_time))}" if check.start_time else ""
-    return f"{plain_text(check.group.name)}: {check.samples} samples{rate}{_span(clock(check) or {})}{start}"
 
 
 def _span(times: "Mapping[str, float | int | None]") -> str:

@@ -294,9 +294,3 @@ def each_run(runs: "Iterable[Run]", work: "Callable[[Run], T]") -> "tuple[list[T
         except CounterpoiseError as error:
             refused.append(NotOpened(run.name, str(error)))
     return done, refused
-
-
-def complain(*messages: str) -> None:
-    """Print messages to stderr, a line each."""
-    for message in messages:
-        click.echo(f"testbench: {plain_text(message)}", err=True)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from balance.cli.framework import JSON, emit_json
+from balance.cli.framework import Answer
 from balance.cli.options import FIGURE, argument, command, draw, option
 
 from ..errors import AnalysisError
@@ -32,8 +32,7 @@ def predict(
     ),
     with_forms: bool = option("Also with some terms of the law left out.", None, "--forms"),
     figure: str | None = FIGURE,
-    as_json: bool = JSON,
-) -> None:
+) -> Answer:
     """Calibrate on the lightest payload of a published table, and predict all other payloads.
 
     Also: the error on the calibration data, each payload left out in turn, and baselines without mechanics.
@@ -60,18 +59,11 @@ def predict(
             raise AnalysisError(f"{rig_file}: exists; name a new file")
         bench = bench_calibration.forecast_bench(table, plan)
         rig_file.write_text(bench_model.rig_text(bench.values), encoding="utf-8")
-        if as_json:
-            emit_json(bench_calibration.bench_document(bench))
-        else:
-            bench_calibration.emit_bench(bench)
-        return
+        return Answer(bench_calibration.bench_document(bench), lambda: bench_calibration.emit_bench(bench))
     made = validation.forecast(table, plan)
     compared = validation.forms(made.known) if with_forms else []
     draw(figure, lambda: results.prediction(made))
-    if as_json:
-        emit_json(results.document(made, compared))
-    else:
-        results.emit_tables(made, compared)
+    return Answer(results.document(made, compared), lambda: results.emit_tables(made, compared))
 
 
 def _plan_of(table: str) -> str:

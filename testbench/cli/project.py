@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import EXIT_WITH_FINDINGS, JSON, Answer, emit_json, emit_table, plain_text
+from balance.cli.framework import Answer, emit_table, plain_text
 from balance.cli.options import argument, command, option
 from balance.results import document, table
 
@@ -56,19 +56,21 @@ Examples:
 \b
 Exit codes: 0 nothing is missing, 3 something is, 1 no such folder."""
 )
-def check(folder: Path = argument(), as_json: bool = JSON) -> int:
+def check(folder: Path = argument()) -> Answer:
     """List all that is missing or contradicts in FOLDER: rig.toml, plan.toml, runs.csv, mechanism and motions."""
     from ..project import Problem, project_problems
 
     problems = project_problems(folder)
-    if as_json:
-        emit_json({"problems": [document(problem) for problem in problems]})
-    elif not problems:
-        click.echo(f"{plain_text(str(folder))}: nothing is missing and nothing contradicts.")
-    else:
-        click.echo(f"{plain_text(str(folder))}: {len(problems)} problem{'s' if len(problems) > 1 else ''}.")
-        emit_table("Problems", *table(Problem, problems))
-    return EXIT_WITH_FINDINGS if problems else 0
+
+    def show() -> None:
+        number = f"{len(problems)} problem{'s' if len(problems) > 1 else ''}"
+        click.echo(
+            f"{plain_text(str(folder))}: {number if problems else 'nothing is missing and nothing contradicts'}."
+        )
+        if problems:
+            emit_table("Problems", *table(Problem, problems))
+
+    return Answer({"problems": problems}, show, bool(problems))
 
 
 @click.group()

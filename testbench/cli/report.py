@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, JSON, emit_json, emit_table, json_text
+from balance.cli.framework import Answer, emit_table, json_text
 from balance.cli.options import SCHEDULER, argument, command, option
 from balance.results import table
 
@@ -198,8 +198,7 @@ def report(
         "-o",
         "--output",
     ),
-    as_json: bool = JSON,
-) -> int:
+) -> Answer:
     """What each RUN tells by itself, every number with its definition, and for what is not known the reason.
 
     Motions found (x, y, triangle; by command, encoders, acceleration); how well the command was reached; vibration of
@@ -223,7 +222,7 @@ def report(
     if output and output.suffix.lower() == ".html":
         given = click.get_current_context().get_parameter_source("band") is not ParameterSource.DEFAULT
         measure = Measure(metric, band) if given else Measure(metric)
-        return _page(runs[0], opened, refused, output, as_json, scheduler, measure=measure, published=published,
+        return _page(runs[0], opened, refused, output, scheduler, measure=measure, published=published,
                      accept=accept, mechanism=mechanism, point=point, band=band, bandwidth_hz=bandwidth)  # fmt: skip
     if published:
         raise click.UsageError("--published is shown on the page: give it with -o report.html")
@@ -240,19 +239,18 @@ def report(
         "refused": refused,
     }
     written = _write(output, opened, document, mechanism, bandwidth) if output and opened else []
-    if as_json:
-        emit_json({**document, "written": [str(path) for path in written]})
-    else:
+
+    def show() -> None:
         for one in found.values():
             print_report(one)
         _print_compared(compared)
         for path in written:
             click.echo(f"Wrote {path}.")
         options.print_provenance(opened)
-    options.complain(*(one.message for one in refused))
-    if refused:
-        return EXIT_REFUSED
-    return EXIT_WITH_FINDINGS if any(one.findings for one in found.values()) else 0
+
+    document["written"] = [str(path) for path in written]
+    messages = [one.message for one in refused]
+    return Answer(document, show, any(one.findings for one in found.values()), refused=messages)
 
 
 def _page(
@@ -260,10 +258,9 @@ def _page(
     opened: "list[Run]",
     refused: "list[options.NotOpened]",
     output: Path,
-    as_json: bool,
     scheduler: str | None,
     **how: Any,  # noqa: ANN401
-) -> int:
+) -> Answer:
     """One page of all runs; on stdout its verdict, or the document that its numbers are from."""
     from balance.report.page import writable
     from balance.task_pool import task_pool
@@ -281,17 +278,16 @@ def _page(
     with task_pool(scheduler) as pool:
         found = campaign_report(name, opened, unopened=unopened, pool=pool, **how)
     path = found.page().write(output)
-    if as_json:
-        emit_json({**found.document, "refused": refused, "written": [str(path)]})
-    else:
+    findings, messages = found.document["findings"], [one.message for one in refused]
+
+    def show() -> None:
         click.echo(f"{name}: {found.document['verdict']}")
-        for finding in found.document["findings"]:
+        for finding in findings:
             click.echo(f"  {finding['code']}: {finding['count']}, {finding['decision']}")
         click.echo(f"Wrote {path}.")
-    options.complain(*(one.message for one in refused))
-    if refused:
-        return EXIT_REFUSED
-    return EXIT_WITH_FINDINGS if found.document["findings"] else 0
+
+    document = {**found.document, "refused": refused, "written": [str(path)]}
+    return Answer(document, show, bool(findings), refused=messages)
 
 
 def _print_compared(compared: list[dict[str, Any]]) -> None:

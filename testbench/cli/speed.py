@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import EXIT_WITH_FINDINGS, emit_findings, emit_json, emit_table, json_option
+from balance.cli.framework import Answer, answering, emit_findings, emit_table
 from balance.cli.options import Quantity, draw, figure_option
 from balance.results import document
 
@@ -56,23 +56,33 @@ Exit codes: 0 done, 3 done with findings, 1 refused."""
 @click.option("--calibrate", type=click.Path(path_type=Path, dir_okay=False), help="Write them, from a free run.")
 @click.option("--csv", type=click.Path(path_type=Path, dir_okay=False), help="Write the speed edge by edge.")
 @figure_option
-@json_option
-def speed(log: Path, **options: Any) -> int:  # noqa: ANN401
+@answering
+def speed(log: Path, **options: Any) -> Answer:  # noqa: ANN401
     """Speed of a crank over a turn, and its fluctuation, from the instants of encoder edges in LOG.
 
     Pulses are timed, never counted in a window. Time over angle is fitted with a few harmonics, so jitter does not
     push the extremes apart; intervals (95 %) contain jitter, errors of the disc, changes from turn to turn, and the
     answers with one and two harmonics more. A slow error of the disc (an eccentric one) needs a calibration.
     """
-    _check(options)
+    for name, least, most in (("ratio", 1e-3, 1e3), ("steady_within", 1e-9, 50.0)):
+        if not least <= options[name] <= most:  # NaN is in no range of click's
+            option = "--" + name.replace("_", "-")
+            raise click.UsageError(f"{option} is {options[name]:g}: expected {least:g} to {most:g}")
+    idle = [name for name in _OF_A_DRIVE if options[name] is not None and not options["drive"]]
+    if idle:
+        raise click.UsageError(f"--{idle[0].replace('_', '-')} goes with --drive")
     from .. import rotating
-    from ..rotating import pitch_error
+    from ..rotating import pitch_error, speed_results
 
     disc = rotating.Disc(options["pulses"], options["ratio"])
     offset = pitch_error.read_pitch_errors(options["pitch"], disc.pulses) if options["pitch"] else None
     edges = rotating.number_edges(log.name, rotating.read_edge_times(log), disc, options["bridge"], offset)
     if options["calibrate"]:
-        return _calibrate(edges, options["calibrate"], options["as_json"])
+        found = pitch_error.pitch_from_free_run(edges)
+        pitch_error.write_pitch_errors(found, options["calibrate"])
+        text = f"Slots are {100 * found.rms:.3g} % of the pitch out of place (rms); written to"
+        known = speed_results.edges_document(edges) | {"pitch": document(found)}
+        return Answer(known, lambda: click.echo(f"{text} {options['calibrate'].name}"))
     result = _study(log, edges, disc, options)
     if options["csv"]:
         import numpy as np
@@ -81,30 +91,7 @@ def speed(log: Path, **options: Any) -> int:  # noqa: ANN401
 
         write_csv_file(options["csv"], {name: np.array(values) for name, values in result["course"].items()})
     draw(options["figure"], "testbench.figures.rotating:draw_speed", result)
-    emit_json(result) if options["as_json"] else _print(result)
-    return EXIT_WITH_FINDINGS if result["findings"] else 0
-
-
-def _check(options: dict[str, Any]) -> None:
-    for name, least, most in (("ratio", 1e-3, 1e3), ("steady_within", 1e-9, 50.0)):
-        if not least <= options[name] <= most:  # NaN is in no range of click's
-            option = "--" + name.replace("_", "-")
-            raise click.UsageError(f"{option} is {options[name]:g}: expected {least:g} to {most:g}")
-    idle = [name for name in _OF_A_DRIVE if options[name] is not None and not options["drive"]]
-    if idle:
-        raise click.UsageError(f"--{idle[0].replace('_', '-')} goes with --drive")
-
-
-def _calibrate(edges: "Edges", path: Path, as_json: bool) -> int:
-    from ..rotating import pitch_error, speed_results
-
-    found = pitch_error.pitch_from_free_run(edges)
-    pitch_error.write_pitch_errors(found, path)
-    if as_json:
-        emit_json(speed_results.edges_document(edges) | {"pitch": document(found)})
-    else:
-        click.echo(f"Slots are {100 * found.rms:.3g} % of the pitch out of place (rms); written to {path.name}")
-    return 0
+    return Answer(result, lambda: _print(result), bool(result["findings"]))
 
 
 def _study(log: Path, edges: "Edges", disc: "Disc", options: dict[str, Any]) -> dict[str, Any]:

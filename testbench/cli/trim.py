@@ -4,16 +4,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import (
-    EXIT_WITH_FINDINGS,
-    JSON,
-    emit_findings,
-    emit_further,
-    emit_json,
-    emit_table,
-    note,
-    say,
-)
+from balance.cli.framework import Answer, emit_findings, emit_further, emit_table, note, say
 from balance.cli.options import FIGURE, command, draw, option
 from balance.results import first_of, table
 
@@ -57,8 +48,7 @@ def trim(
     figure: str | None = FIGURE,
     accept: tuple[str, ...] = options.ACCEPT,
     budget: bool = options.BUDGET,
-    as_json: bool = JSON,
-) -> int:
+) -> Answer:
     """What first moment is missing on which arm of MECH, and which mass to add there, from measured runs.
 
     MECH: that stored with the first run, or shipped under the name in its rig, unless given. RUN: stored runs; payload
@@ -81,15 +71,16 @@ def trim(
     bound = bound_runs(runs, rig)
     result = trimmed(mechanism, *bound, sites=site, stock=stock, by=sources, cutoff_hz=cutoff, accept=accept)
     draw(figure, result.plot)
-    if as_json:
-        shown = {**trim_document(result), "calibrations": options.calibrations(bound)}
-        emit_json(shown | ({"budget": result.budgets} if budget else {}))
-    else:
+    applied = options.calibrations(bound)
+
+    def show() -> None:
         _print(result, stock)
         if budget:
             options.print_budgets(result.mechanism.name, result.budgets)
-        options.print_calibrations(options.calibrations(bound))
-    return EXIT_WITH_FINDINGS if result.accepted or result.findings or result.doubts() else 0
+        options.print_calibrations(applied)
+
+    shown = {**trim_document(result), "calibrations": applied} | ({"budget": result.budgets} if budget else {})
+    return Answer(shown, show, bool(result.accepted or result.findings or result.doubts()))
 
 
 def _print(result: "Trim", stock: str | None) -> None:

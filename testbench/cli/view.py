@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from balance.cli.framework import complain
 from balance.cli.options import BROWSER, IDLE, PORT, argument, command, serve
 
 from . import options
@@ -34,5 +35,5 @@ def view(
     if not opened:
         raise StoreError("; ".join(one.message for one in refused) or f"{runs[0]}: no run")
     name = runs[0].resolve().name if runs[0].is_dir() else ", ".join(run.name for run in opened)
-    options.complain(*(one.message for one in refused))
+    complain(*(one.message for one in refused))
     serve(Viewer(name, opened, {one.run: one.message for one in refused}).server(port), name, browser, idle)

@@ -159,7 +159,9 @@ class GroupCheck:
         if not self.samples:
             return [Finding("no_data", None, None, f"group {self.group.name!r} holds no sample")]
         found = []
-        if _needs_clock(self.group, self.samples):
+        first = self.group.channels[0]
+        hertz = any(same_unit(first.unit, unit) for unit in ("Hz", "kHz"))
+        if self.group.clock is None and self.samples > 1 and not hertz and _OTHER_AXES.fullmatch(first.label) is None:
             message = f"group {self.group.name!r} has neither a time column nor a declared rate: no time"
             found.append(Finding("no_clock", None, None, message))
         if (time := self._time) is not None:
@@ -220,7 +222,9 @@ def header_findings(group: Group, reported: Collection[str | None] = ()) -> list
     without = [
         c.name
         for i, c in enumerate(group.channels)
-        if c.unit is None and c.name not in reported and not _is_time(group, i)
+        if c.unit is None
+        and c.name not in reported
+        and not (isinstance(group.clock, TimeColumn) and group.clock.index == i)
     ]
     if without:
         one = without[0] if len(without) == 1 else None
@@ -236,14 +240,3 @@ def header_findings(group: Group, reported: Collection[str | None] = ()) -> list
 def _is_date(unit: str) -> bool:
     """Whether a unit is time since a date, as netCDF writes it."""
     return " since " in unit and seconds_per(unit.split(" since ")[0]) is not None
-
-
-def _needs_clock(group: Group, samples: int) -> bool:
-    """Whether the samples ought to follow time: not single numbers, nor values over frequency, order or node."""
-    first = group.channels[0]
-    hertz = any(same_unit(first.unit, unit) for unit in ("Hz", "kHz"))
-    return group.clock is None and samples > 1 and not hertz and _OTHER_AXES.fullmatch(first.label) is None
-
-
-def _is_time(group: Group, index: int) -> bool:
-    return isinstance(group.clock, TimeColumn) and group.clock.index == index
