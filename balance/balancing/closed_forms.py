@@ -250,11 +250,6 @@ class BuiltSet:
     """Its first-moment residual [kg m], computed."""
 
 
-def published_increments() -> tuple[float, ...]:
-    """Published increments for the second and third payload [kg]: differences of the computed masses."""
-    return tuple(float(value) for value in published_sizing()["nested_increments_kg"].values())
-
-
 def built_sets(
     conditions: Conditions, mechanisms: Sequence[Mechanism], payloads: Sequence[float]
 ) -> tuple[BuiltSet, ...]:

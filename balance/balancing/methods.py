@@ -122,7 +122,12 @@ def compare_methods(
     """Outcomes of all methods on one motion; first that of the mechanism as it is."""
     settings = settings or MethodSettings()
     plain = Outcome.from_response("as it is", simulate(mechanism, trajectory))
-    _refuse_spatial(mechanism, plain)
+    out = max(float(np.abs(plain.force[:, 2]).max()), float(np.abs(plain.moment[:, :2]).max()))
+    size = max(plain.force_peak, plain.moment_peak)
+    if out > 1e-9 * size:
+        raise ModelError(
+            f"{mechanism.name} shakes out of the plane x-y ({out:.3g} N or N m): the methods are for planar mechanisms"
+        )
     return [
         plain,
         _with_springs(mechanism, trajectory, plain, settings),
@@ -130,16 +135,6 @@ def compare_methods(
         *mirror_outcomes(mechanism, trajectory),
         active_outcome(mechanism, trajectory, settings.stroke, settings.turn),
     ]
-
-
-def _refuse_spatial(mechanism: Mechanism, plain: Outcome) -> None:
-    """Raise ModelError for a mechanism that shakes out of the plane x-y, where no method here acts."""
-    out = max(float(np.abs(plain.force[:, 2]).max()), float(np.abs(plain.moment[:, :2]).max()))
-    size = max(plain.force_peak, plain.moment_peak)
-    if out > 1e-9 * size:
-        raise ModelError(
-            f"{mechanism.name} shakes out of the plane x-y ({out:.3g} N or N m): the methods are for planar mechanisms"
-        )
 
 
 def _with_counter_masses(mechanism: Mechanism, trajectory: Trajectory, settings: MethodSettings) -> list[Outcome]:
@@ -298,7 +293,7 @@ def _active_disc(
 ) -> tuple[dict[str, float], float]:
     """Needs of the disc, and its inertia [kg m2]."""
     angular = momentum(mechanism, trajectory.q, trajectory.v)[:, 5]
-    swept = _integral(trajectory.time, angular)
+    swept = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(trajectory.time) * (angular[1:] + angular[:-1]))])
     swing = float(np.ptp(swept))
     if float(np.abs(angular).max()) < _NEGLIGIBLE or swing == 0.0:
         return {}, 0.0
@@ -312,11 +307,6 @@ def _active_disc(
         "disc_speed_peak_rad_per_s": float(np.abs(speed).max()),
         "disc_power_peak_W": float(np.abs(torque * speed).max()),
     }, inertia
-
-
-def _integral(time: Floats, values: Floats) -> Floats:
-    """Integral from the first instant, by trapezoids."""
-    return np.concatenate([[0.0], np.cumsum(0.5 * np.diff(time) * (values[1:] + values[:-1]))])
 
 
 @dataclass(frozen=True)

@@ -106,7 +106,13 @@ def plate_section(shape: Rectangle | Ring, thickness: float, density: float, hol
 
     Raises DataError for a hole beyond the outline or overlapping another: its area would count twice.
     """
-    _check(shape, holes)
+    for i, hole in enumerate(holes, 1):
+        if shape.clearance(hole) < -_ROUNDING:
+            raise DataError(f"hole {i} is not within the plate: expected holes inside the outline that do not overlap")
+        for j, other in enumerate(holes[: i - 1], 1):
+            distance = math.hypot(hole.x - other.x, hole.y - other.y)
+            if distance < (hole.diameter + other.diameter) / 2 - _ROUNDING:
+                raise DataError(f"holes {j} and {i} overlap: expected holes apart from each other")
     outline = shape.outline()
     areas = [math.pi * hole.diameter**2 / 4.0 for hole in holes]
     area = outline.area - sum(areas)
@@ -115,16 +121,6 @@ def plate_section(shape: Rectangle | Ring, thickness: float, density: float, hol
     removed = sum(a * (hole.diameter**2 / 8.0 + hole.x**2 + hole.y**2) for a, hole in zip(areas, holes, strict=True))
     polar = outline.polar - removed - area * (x**2 + y**2)
     return Section(density * thickness * area, density * thickness * polar, (x, y))
-
-
-def _check(shape: Rectangle | Ring, holes: Sequence[Hole]) -> None:
-    for i, hole in enumerate(holes, 1):
-        if shape.clearance(hole) < -_ROUNDING:
-            raise DataError(f"hole {i} is not within the plate: expected holes inside the outline that do not overlap")
-        for j, other in enumerate(holes[: i - 1], 1):
-            distance = math.hypot(hole.x - other.x, hole.y - other.y)
-            if distance < (hole.diameter + other.diameter) / 2 - _ROUNDING:
-                raise DataError(f"holes {j} and {i} overlap: expected holes apart from each other")
 
 
 _Millimetres = Annotated[float, Field(gt=0.0, lt=1e5, allow_inf_nan=False)] | None

@@ -343,7 +343,10 @@ class Sweep:
             yield part.stop - part.start, read_parquet(self._path(part))
         for place, columns in pool.results(self._part, left):
             if self.folder is not None:
-                write_part(self._path(left[place]), columns)
+                path = self._path(left[place])
+                unfinished = path.with_suffix(".unfinished")
+                write_parquet(unfinished, columns)
+                unfinished.replace(path)
             yield left[place].stop - left[place].start, columns
 
     def _part(self, part: slice) -> dict[str, Floats]:
@@ -380,13 +383,6 @@ class Sweep:
             "variables": {v.column: [float(x) for x in v.values] for v in self.grid.variables},
             "designs_per_part": self.designs_per_part,
         }
-
-
-def write_part(path: Path, columns: Mapping[str, Floats]) -> None:
-    """Write columns (n,) of one part as Parquet; it is there whole or not at all."""
-    unfinished = path.with_suffix(".unfinished")
-    write_parquet(unfinished, columns)
-    unfinished.replace(path)
 
 
 def joined(parts: Sequence[Mapping[str, Floats]]) -> dict[str, Floats]:

@@ -176,6 +176,8 @@ def _fill(
 
 def _print_study(result: dict[str, Any]) -> None:
     """Each steady rotation, the flywheels, the start-up; with --all the inertia, the orbits and the solvers too."""
+    from ..drives.time_integration import Turn
+
     steady = [row for row in result["steady"] if row["reached_from_rest"]] or result["steady"]
     parts = [f"{row['fluctuation']['nominal']:.4f} at {', '.join(_setting(row)[:2])}" for row in steady[:3]]
     more = f" and {len(steady) - 3} more" if len(steady) > 3 else ""
@@ -184,7 +186,11 @@ def _print_study(result: dict[str, Any]) -> None:
     _print_steady(result)
     _print_reduced(result)
     _print_flywheels(result)
-    _print_start_up(result)
+    for run in result["start_up"]:
+        settled = run["settled_in_turn"]
+        remark = f"Steady within 0.1 rpm from turn {settled}." if settled else "Not yet steady within 0.1 rpm."
+        title = f"Start-up, {', '.join(_setting(run)[:2])}, {_setting(run)[2]} counter-masses"
+        emit_table(title, *table(Turn, run["turns"]), remark)
     _print_convergence(result)
 
 
@@ -252,16 +258,6 @@ def _print_flywheels(result: dict[str, Any]) -> None:
         header = [*_SETTING, "wanted", "shaft", "flywheel [kg m2]", "estimate, whole [kg m2]"]
         remark = "The estimate dE / (omega^2 delta) is of the whole inertia, from weight alone, without the motor."
         emit_table("Flywheel for a wanted fluctuation", header, rows, remark)
-
-
-def _print_start_up(result: dict[str, Any]) -> None:
-    from ..drives.time_integration import Turn
-
-    for run in result["start_up"]:
-        settled = run["settled_in_turn"]
-        remark = f"Steady within 0.1 rpm from turn {settled}." if settled else "Not yet steady within 0.1 rpm."
-        title = f"Start-up, {', '.join(_setting(run)[:2])}, {_setting(run)[2]} counter-masses"
-        emit_table(title, *table(Turn, run["turns"]), remark)
 
 
 def _print_convergence(result: dict[str, Any]) -> None:

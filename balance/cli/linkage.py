@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ..linkages.equivalence_method import LinkageBalance
     from ..linkages.linkage import Linkage
     from ..linkages.published_values import Comparison
-    from ..linkages.verification import SimulatedLinkage, Verification
+    from ..linkages.verification import Verification
 
 _STAGE = {"before": "before", "force": "counter-masses", "complete": "counter-masses and gears", "built": "as built"}
 _TORQUES = ("torque_constant_speed", "torque_varying_speed")
@@ -165,6 +165,7 @@ def _write_files(
 ) -> None:
     """Write CSV, MJCF and figure. Raises ModelError where there is nothing simulated to write."""
     from ..errors import ModelError
+    from ..table_files import write_csv_file
 
     if check is None:
         if csv or mjcf or figure:
@@ -178,19 +179,13 @@ def _write_files(
         text = linkage_mjcf(result, "complete" if result.moment else "force", couplings=True)
         Path(mjcf).write_text(text + "\n", encoding="utf-8")
     if csv:
-        _write_csv(check, csv)
+        columns = {}
+        for name, run in (("constant", check.constant), ("varying", check.varying)):
+            columns[f"time_{name}_s"] = run.trajectory.time
+            for stage in run.responses:
+                columns |= {f"{name}_{stage}_{column}": values for column, values in run.series(stage).items()}
+        write_csv_file(csv, columns)
     options.draw(figure, "balance.figures.balancing:draw_stages", check, result.linkage.title)
-
-
-def _write_csv(check: "Verification", path: str) -> None:
-    from ..table_files import write_csv_file
-
-    columns = {}
-    for name, run in (("constant", check.constant), ("varying", check.varying)):
-        columns[f"time_{name}_s"] = run.trajectory.time
-        for stage in run.responses:
-            columns |= {f"{name}_{stage}_{column}": values for column, values in run.series(stage).items()}
-    write_csv_file(path, columns)
 
 
 def _unplaced(linkage: "Linkage") -> str:
@@ -243,7 +238,10 @@ def _print_dynamics(check: "Verification") -> None:
             for stage in run.responses
         ]  # fmt: skip
         header = ["stage", "FX [N]", "FY [N]", "M [N m]", "torque [N m]", "residual force", "residual moment"]
-        emit_further(f"Simulated, {label}: RMS", header, rows, _motion(check, run))
+        what = "cycles of" if check.swings else "at"
+        varied = f" (1 + {check.variation:g} sin wt)" if run is check.varying else ""
+        speed = f"driven joint {run.drive} {what} {check.speed:.5g}{varied} rad/s"
+        emit_further(f"Simulated, {label}: RMS", header, rows, f"{speed}; residual: largest as a share of before")
     _print_bearings(check)
     for stage in list(check.mass)[1:]:
         cost = check.penalty(stage)
@@ -279,14 +277,6 @@ def _print_bearings(check: "Verification") -> None:
             f"{gear}: its teeth's force and the bearing that it loads are not determined: where its counter-gear is "
             "pivoted is not given: counter = { at = [...], on = '...' }."
         )
-
-
-def _motion(check: "Verification", run: "SimulatedLinkage") -> str:
-    """Motion of the driven joint."""
-    what = "cycles of" if check.swings else "at"
-    varied = f" (1 + {check.variation:g} sin wt)" if run is check.varying else ""
-    speed = f"driven joint {run.drive} {what} {check.speed:.5g}{varied} rad/s"
-    return f"{speed}; residual: largest as a share of before"
 
 
 def _print_comparison(comparison: "Comparison", check: "Verification | None") -> None:

@@ -109,7 +109,12 @@ def _print(found: "SizingStudy", best: int) -> None:
     emit_table(title, *table(CounterMass, found.counter_masses, *of_table[: None if found.stock else -1]))
     if found.responses:
         print_responses(found.responses)
-    _print_sets(found.sets[1:])
+    if len(found.sets) > 1:
+        rows = [
+            [str(k), " / ".join(f"{mass(c.mass)}" for c in one.counter_masses), per_cent_text(one.remaining_percent())]
+            for k, one in enumerate(found.sets[1:], 2)
+        ]
+        emit_table("Next best sets", ["", "masses [kg]", "remain"], rows)
     if len(found.sets) < best:
         say(f"{len(found.sets)} of {best} sets: there are no others, or plates of so many kinds that one is sought.")
     for key in found.left_out:
@@ -159,15 +164,6 @@ def _sites(model: "Mechanism", sites: tuple[str, ...], without: tuple[str, ...])
     if set(names) <= set(without):
         raise click.UsageError("--without leaves no site to be sized")
     return [name for name in names if name not in without]
-
-
-def _print_sets(sets: "Sequence[Sizing]") -> None:
-    if sets:
-        rows = [
-            [str(k), " / ".join(f"{mass(c.mass)}" for c in one.counter_masses), per_cent_text(one.remaining_percent())]
-            for k, one in enumerate(sets, 2)
-        ]
-        emit_table("Next best sets", ["", "masses [kg]", "remain"], rows)
 
 
 def _closed_form(mechanism: str, payload: options.Masses) -> Answer:
@@ -291,7 +287,8 @@ def _published(models: "Sequence[Mechanism]", payloads: Sequence[options.Masses]
         {"payload_kg": s.payload, "plates": list(s.plates), "mass_kg": s.mass, "residual_first_moment_kgm": s.residual}
         for s in found
     ]
-    return {"published": {"sets": sets, "increments_kg": list(closed_forms.published_increments())}} if sets else {}
+    increments = list(closed_forms.published_sizing()["nested_increments_kg"].values())
+    return {"published": {"sets": sets, "increments_kg": increments}} if sets else {}
 
 
 def _print_published(published: dict[str, Any]) -> None:

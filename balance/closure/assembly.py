@@ -104,15 +104,13 @@ def configurations(
             if all(np.abs(_difference(q, other, turning)).max() > _SAME for _, other, _ in found):
                 found.append((float(np.abs(q - home).max()), q, residual))
     found.sort(key=lambda one: one[0])
-    return [Configuration(_letter(k), q, residual, far) for k, (far, q, residual) in enumerate(found)]
+    return [
+        Configuration(chr(ord("A") + k % 26) + (str(k // 26) if k >= 26 else ""), q, residual, far)
+        for k, (far, q, residual) in enumerate(found)
+    ]
 
 
 def _difference(q: Floats, other: Floats, turning: Floats) -> Floats:
     """Of two configurations, whole turns apart (nv,) [rad, m]."""
     apart = q - other
     return np.where(turning, np.remainder(apart + np.pi, 2 * np.pi) - np.pi, apart)
-
-
-def _letter(k: int) -> str:
-    """A to Z, then A1 to Z1, ..."""
-    return chr(ord("A") + k % 26) + (str(k // 26) if k >= 26 else "")

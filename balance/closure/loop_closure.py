@@ -37,11 +37,21 @@ class Closure:
         """
         self.mechanism = mechanism
         self.engine = PinocchioEngine(mechanism)
-        self.length = _length(mechanism)
+        # A length of the mechanism: the largest distance within a body, between joints, sites and centres [m].
+        steps = [np.linalg.norm(joint.position) for joint in mechanism.tree.joints]
+        steps += [np.linalg.norm(site.position) for site in mechanism.sites.values()]
+        self.length = float(max(steps, default=0.0)) or 1.0
         self.home = self._closed_home(search)
         self.rows = independent_rows(self.engine.constraint_jacobian(self.home))
         self.dof = mechanism.tree.size - len(self.rows)
-        self._refuse_singular_home()
+        free = _null_space(self.engine.constraint_jacobian(self.home)[self.rows])
+        near = self._stepped(self.home, 0.02 * free @ np.random.default_rng(0).normal(size=free.shape[1]))
+        if near is not None and len(independent_rows(self.engine.constraint_jacobian(near))) > len(self.rows):
+            name, branch = self.mechanism.name, self.mechanism.branch
+            raise ClosureError(
+                f"{name} is singular at {branch!r}: its branches meet there; give another closed configuration as "
+                "<keyframe><key name='home' qpos='...'/>"
+            )
 
     def follow(self, samples: Samples, drive: Drive | None = None, near: Trajectory | None = None) -> Trajectory:
         """Close the mechanism at every sample of a motion of its driven coordinates.
@@ -57,17 +67,13 @@ class Closure:
                 f"drives {drive.size}: {', '.join(drive.names)}"
             )
         if not self.mechanism.loops and isinstance(drive, JointDrive):
-            return self._direct(samples, drive)
+            order = np.argsort(drive.indices)
+            q, v, a = (
+                np.ascontiguousarray(x[:, order]) for x in (samples.position, samples.velocity, samples.acceleration)
+            )
+            per_drive = np.broadcast_to(np.eye(drive.size)[:, list(drive.indices)], (len(q), drive.size, drive.size))
+            return Trajectory(self.mechanism.name, samples.time, q, v, a, per_drive, 0.0, 1.0, self.mechanism.branch)
         return follow(LoopSystem(self.mechanism, self.engine, self.rows, self.length, drive), self.home, samples, near)
-
-    def _direct(self, samples: Samples, drive: JointDrive) -> Trajectory:
-        """An open chain whose joints are all driven has nothing to close."""
-        order = np.argsort(drive.indices)
-        q, v, a = (
-            np.ascontiguousarray(x[:, order]) for x in (samples.position, samples.velocity, samples.acceleration)
-        )
-        per_drive = np.broadcast_to(np.eye(drive.size)[:, list(drive.indices)], (len(q), drive.size, drive.size))
-        return Trajectory(self.mechanism.name, samples.time, q, v, a, per_drive, 0.0, 1.0, self.mechanism.branch)
 
     def states(self, count: int, seed: int = 0, step: float = 0.15) -> Floats:
         """Closed configurations of the home branch, well apart from singular ones, (count, nv) [rad, m].
@@ -183,17 +189,6 @@ class Closure:
             self.mechanism = replace(model, branch=f"{model.branch}, closed {far:.3g} rad or m from it")
         return home
 
-    def _refuse_singular_home(self) -> None:
-        """Home must have as many independent rows as its neighbours."""
-        free = _null_space(self.engine.constraint_jacobian(self.home)[self.rows])
-        near = self._stepped(self.home, 0.02 * free @ np.random.default_rng(0).normal(size=free.shape[1]))
-        if near is not None and len(independent_rows(self.engine.constraint_jacobian(near))) > len(self.rows):
-            name, branch = self.mechanism.name, self.mechanism.branch
-            raise ClosureError(
-                f"{name} is singular at {branch!r}: its branches meet there; give another closed configuration as "
-                "<keyframe><key name='home' qpos='...'/>"
-            )
-
     def _distance_to_singularity(self, q: Floats) -> float:
         """Smallest singular value of the independent rows; zero at a singular configuration."""
         rows = self.engine.constraint_jacobian(q)[self.rows]
@@ -224,10 +219,3 @@ def _null_space(rows: Floats) -> Floats:
     if not len(rows):
         return np.eye(rows.shape[1])
     return np.linalg.svd(rows)[2][len(rows) :].T
-
-
-def _length(mechanism: Mechanism) -> float:
-    """A length of the mechanism: the largest distance within a body, between joints, sites and centres [m]."""
-    steps = [np.linalg.norm(joint.position) for joint in mechanism.tree.joints]
-    steps += [np.linalg.norm(site.position) for site in mechanism.sites.values()]
-    return float(max(steps, default=0.0)) or 1.0

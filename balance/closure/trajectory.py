@@ -60,7 +60,9 @@ class Continuation:
         """
         rates = self.rates
         left, right = self._around(part)
-        t = self._share(u, left, right)[:, None]
+        chord = self.u[right] - self.u[left]
+        squared = np.maximum((chord**2).sum(axis=1), 1e-300)
+        t = (((u - self.u[left]) * chord).sum(axis=1) / squared).clip(0.0, 1.0)[:, None]
         off = u - (1 - t) * self.u[left] - t * self.u[right]
         middle = 0.5 * (rates[left] + rates[right])
         straight = (1 - t) * self.q[left] + t * self.q[right] + np.einsum("nij,nj->ni", middle, off)
@@ -74,12 +76,6 @@ class Continuation:
         before = np.searchsorted(self.nodes, np.arange(part.start, part.stop), side="right") - 1
         left = before.clip(0, max(last - 1, 0))
         return left, np.minimum(left + 1, last)
-
-    def _share(self, u: Floats, left: Indices, right: Indices) -> Floats:
-        """How far between the coarse samples around it a sample lies, 0 to 1, (n,)."""
-        chord = self.u[right] - self.u[left]
-        squared = np.maximum((chord**2).sum(axis=1), 1e-300)
-        return (((u - self.u[left]) * chord).sum(axis=1) / squared).clip(0.0, 1.0)
 
 
 def _nodes(position: Floats, step: float) -> Indices:
@@ -210,7 +206,12 @@ class _Following:
                 for half, its in zip(parts, halves, strict=True)
             )
         _refuse_open(self.system, self.samples, part, self._gap[0, part])
-        _refuse_other_branch(self.system, self.samples, part, q - guess)
+        far = np.abs(q - guess).max(axis=0)
+        if not far.max() < BRANCH_LIMIT * max(1.0, self.system.length):
+            raise ClosureError(
+                f"{self.system.mechanism.name} leaves the branch of {self.system.mechanism.branch!r} at "
+                f"t = {self.samples.time[part][int(np.argmax(far))]:.6g} s: a singular position is near"
+            )
         return _condition(self.system, self.samples, part, q, int(np.argmax(growth)))
 
     def trajectory(self, condition: float) -> Trajectory:
@@ -237,16 +238,6 @@ class _Following:
                     f"{gap:.3g} m or rad open where they were closed to {self._gap.max():.3g}: the two engines differ, "
                     "so no answer is given; please report the file"
                 )
-
-
-def _refuse_other_branch(system: LoopSystem, samples: Samples, part: slice, moved: Floats) -> None:
-    """Raise ClosureError where Newton's method went far from its guess: another branch, or a singularity near by."""
-    far = np.abs(moved).max(axis=0)
-    if not far.max() < BRANCH_LIMIT * max(1.0, system.length):
-        raise ClosureError(
-            f"{system.mechanism.name} leaves the branch of {system.mechanism.branch!r} at "
-            f"t = {samples.time[part][int(np.argmax(far))]:.6g} s: a singular position is near"
-        )
 
 
 def _refuse_open(system: LoopSystem, samples: Samples, part: slice, gap: Floats) -> None:

@@ -151,12 +151,8 @@ def acceleration_in_body(
     point = dense(at.point(joint, position), at.count).T
     relative = dense(forward_kinematics.point_acceleration(at, moving, joint, position), at.count).T
     absolute = relative + base[:, :3] + np.cross(base[:, 3:], point)
-    return np.einsum("ijn,ni->nj", _rotation(at, joint), absolute)
-
-
-def _rotation(at: Pose, joint: int) -> Floats:
-    """Rotation from a joint's frame to the base, (3, 3, n)."""
-    return np.stack([dense(at.arm(joint, unit), at.count) for unit in np.eye(3)], axis=1)
+    rotation = np.stack([dense(at.arm(joint, unit), at.count) for unit in np.eye(3)], axis=1)
+    return np.einsum("ijn,ni->nj", rotation, absolute)
 
 
 @dataclass(frozen=True)

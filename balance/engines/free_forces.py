@@ -15,7 +15,7 @@ import numpy as np
 from ..arrays import Complexes, Floats
 from ..errors import DataError
 from . import slider_crank
-from .engine import Cylinder, Engine
+from .engine import Engine
 
 Series = Literal["second-order", "exact"]
 
@@ -109,22 +109,18 @@ def _sums(engine: Engine, k: int, kind: Series, about: float) -> tuple[list[comp
     """Forward and backward part of the force, and of the moment."""
     force, moment = np.zeros(2, dtype=complex), np.zeros(2, dtype=complex)
     for cylinder in engine.cylinders:
-        parts = np.array(_parts(cylinder, k, kind))
+        crank, phi, beta = cylinder.crank, cylinder.throw, cylinder.bank
+        coefficients = slider_crank.exact_series(crank, k) if kind == "exact" else slider_crank.second_order(crank)
+        a = crank.reciprocating_mass * crank.radius * coefficients[k]
+        forward = 0.5 * a * np.exp(1j * (k * phi - (k - 1) * beta))
+        if k == 1:
+            forward = forward + crank.rotating_unbalance * np.exp(1j * phi)
+        parts = np.array([forward, 0.5 * a.conjugate() * np.exp(-1j * (k * phi - (k + 1) * beta))])
         force, moment = force + parts, moment + (cylinder.at - about) * parts
     for weight in engine.counterweights if k == 1 else ():
         force[0] += weight.vector
         moment[0] += (weight.at - about) * weight.vector
     return [complex(x) for x in force], [complex(x) for x in moment]
-
-
-def _parts(cylinder: Cylinder, k: int, kind: Series) -> tuple[complex, complex]:
-    crank, phi, beta = cylinder.crank, cylinder.throw, cylinder.bank
-    coefficients = slider_crank.exact_series(crank, k) if kind == "exact" else slider_crank.second_order(crank)
-    a = crank.reciprocating_mass * crank.radius * coefficients[k]
-    forward = 0.5 * a * np.exp(1j * (k * phi - (k - 1) * beta))
-    if k == 1:
-        forward = forward + crank.rotating_unbalance * np.exp(1j * phi)
-    return complex(forward), complex(0.5 * a.conjugate() * np.exp(-1j * (k * phi - (k + 1) * beta)))
 
 
 def _clean(order: int, parts: list[complex], size: float) -> RotatingVector:

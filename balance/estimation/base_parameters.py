@@ -139,15 +139,12 @@ class _Problem:
         self.names, self.file = names, file
         self.bodies = len(mechanism.bodies)
         self.reference = [_definite(row) for row in mechanism.parameters]
-        self.scale = self._scale()
-
-    def _scale(self) -> Floats:
-        """Sizes by which the unknowns are counted, so that the solver sees numbers near one, (p,)."""
+        # Sizes by which the unknowns are counted, so that the solver sees numbers near one, (p,).
         roots = [np.sqrt(np.diag(reference)) for reference in self.reference]
         units = [pseudo_inertia(unit) for unit in np.eye(len(PARAMETERS))]
         sizes = [np.abs(unit / np.outer(root, root)).max() for root in roots for unit in units]
         rest = np.maximum(np.abs(self.file[len(sizes) :]), 0.1)
-        return np.concatenate([1.0 / np.array(sizes), rest])
+        self.scale = np.concatenate([1.0 / np.array(sizes), rest])
 
     def solve(self, rows: Floats, wanted: Floats, weight: float) -> Floats:
         """The optimum, (p,)."""

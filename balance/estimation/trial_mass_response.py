@@ -117,7 +117,10 @@ def _found(problem: "_Problem", near: _Found | None = None) -> _Found:
             f"the runs with trial masses tell too little: after {_STEPS} steps the values still change by "
             f"{np.abs(step[:size]).max():.2g} kg m; {MORE}"
         )
-    problem.refuse_blind(determined)
+    eye = np.eye(determined.shape[1])[: problem.free]
+    outside = np.abs(eye - (eye @ determined.T) @ determined).max(axis=1, initial=0.0)
+    if (outside > _WHOLE).any():
+        raise NotIdentifiable(f"the runs with trial masses do not tell what is missing; {MORE}")
     return _Found(unknown, sides, determined)
 
 
@@ -228,13 +231,6 @@ class _Problem:
         gains = np.stack([self.memory @ response[j * taps : (j + 1) * taps] for j in inputs], axis=1)
         slope = _real(np.einsum("kj,kjp->kp", gains, self.columns))
         return slope - u @ (u.T @ slope), reading - u @ (u.T @ reading), freedom
-
-    def refuse_blind(self, determined: Floats) -> None:
-        """Raise NotIdentifiable where a condition's value lies in what the runs do not determine."""
-        eye = np.eye(determined.shape[1])[: self.free]
-        outside = np.abs(eye - (eye @ determined.T) @ determined).max(axis=1, initial=0.0)
-        if (outside > _WHOLE).any():
-            raise NotIdentifiable(f"the runs with trial masses do not tell what is missing; {MORE}")
 
 
 def mean_covariance(short: Floats, long: Floats, by_short: Floats, by_long: Floats) -> Floats:

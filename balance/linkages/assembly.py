@@ -30,7 +30,12 @@ def assemble(linkage: Linkage, values: Mapping[str, float]) -> Assembly:
     from scipy.optimize import least_squares
 
     pins = {j.name: tuple(_pin(linkage, j, k, values) for k in (0, 1)) for j in linkage.joints.values()}
-    angles, driven = _angles(linkage), _driven_body(linkage)
+    if linkage.drive is None:
+        raise ModelError(f"{linkage.name} has no driven joint: add drive = 'JOINT'")
+    joint = linkage.joint(linkage.drive)
+    if not joint.revolute or not joint.joins(GROUND):
+        raise ModelError(f"{linkage.name}: the driven joint {joint.name} must be a revolute joint on the ground")
+    angles, driven = _angles(linkage), joint.other(GROUND)
 
     def state(x: Floats) -> Assembly:  # of x, y and angle of each body in turn
         parts = dict(zip(linkage.bodies, x.reshape(-1, 3), strict=True))
@@ -68,15 +73,6 @@ def _angles(linkage: Linkage) -> dict[str, float]:
                 raise ModelError(f"{linkage.name}: [start] has no angle of body {body}: add it, approximately")
             angles[body] = 0.0
     return angles
-
-
-def _driven_body(linkage: Linkage) -> str:
-    if linkage.drive is None:
-        raise ModelError(f"{linkage.name} has no driven joint: add drive = 'JOINT'")
-    joint = linkage.joint(linkage.drive)
-    if not joint.revolute or not joint.joins(GROUND):
-        raise ModelError(f"{linkage.name}: the driven joint {joint.name} must be a revolute joint on the ground")
-    return joint.other(GROUND)
 
 
 def _pin(linkage: Linkage, joint: Joint, side: int, values: Mapping[str, float]) -> Floats:

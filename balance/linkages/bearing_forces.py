@@ -156,7 +156,15 @@ class _FreeBodies:
                 f"{self.result.linkage.name}: {equations.shape[2]} bearing and tooth forces, {equations.shape[1]} "
                 "conditions of equilibrium: it is statically indeterminate, forces depend on its stiffness"
             )
-        found: Floats = np.einsum("nij,nj->ni", _inverses(equations), load)
+        # Inverses, (n, k, k); pseudo-inverses of those that are nearly singular, as at a dead position.
+        try:
+            inverses = np.linalg.inv(equations)
+            condition = np.linalg.norm(equations, 1, (1, 2)) * np.linalg.norm(inverses, 1, (1, 2))
+            doubtful = ~(condition < _WELL_CONDITIONED)
+        except np.linalg.LinAlgError:
+            inverses, doubtful = equations.copy(), np.ones(len(equations), dtype=bool)
+        inverses[doubtful] = np.linalg.pinv(equations[doubtful], rcond=1e-12)
+        found: Floats = np.einsum("nij,nj->ni", inverses, load)
         left = np.abs(np.einsum("nij,nj->ni", equations, found) - load).max()
         if not left <= _ACCURACY * max(float(np.abs(load).max()), 1e-300):
             raise ModelError(
@@ -214,15 +222,3 @@ class _FreeBodies:
             column[:, bodies if body == GROUND else self.mechanism.body_index(body)] += share * wrench
         self.columns.append(column.reshape(self.count, -1))
         return len(self.columns) - 1
-
-
-def _inverses(matrices: Floats) -> Floats:
-    """Inverses, (n, k, k); pseudo-inverses of those that are nearly singular, as at a dead position."""
-    try:
-        inverses = np.linalg.inv(matrices)
-        condition = np.linalg.norm(matrices, 1, (1, 2)) * np.linalg.norm(inverses, 1, (1, 2))
-        doubtful = ~(condition < _WELL_CONDITIONED)
-    except np.linalg.LinAlgError:
-        inverses, doubtful = matrices.copy(), np.ones(len(matrices), dtype=bool)
-    inverses[doubtful] = np.linalg.pinv(matrices[doubtful], rcond=1e-12)
-    return inverses

@@ -45,7 +45,11 @@ def _force(result: LinkageBalance, balance: ForceBalance) -> list[Equation]:
         return []
     lines: list[Equation | None]
     if balance.counters[0].place.radius is not None:
-        lines = [_at_radius(balance)]
+        counter = balance.counters[0]
+        assert counter.place.radius is not None
+        loads = " + ".join(f"{load.text} r[{load.source}]" for load in balance.loads if not load.at.is_zero)
+        text = f"{counter.symbol} = |{loads}| / {counter.place.radius.factor_text()}, on the other side"
+        lines = [Equation(balance.body, text, counter.mass)]
     elif balance.body in result.linkage.two_point:
         lines = [_across(result, balance)]
     else:
@@ -76,14 +80,6 @@ def _across(result: LinkageBalance, balance: ForceBalance) -> Equation:
     (counter,) = balance.counters
     loads = " + ".join(f"{load.text} n[{load.source}]" for load in balance.loads if not load.at.is_zero)
     text = f"{counter.symbol} = ({loads}) / -n[{counter.symbol}], n across the line {first} {second}"
-    return Equation(balance.body, text, counter.mass)
-
-
-def _at_radius(balance: ForceBalance) -> Equation:
-    counter = balance.counters[0]
-    assert counter.place.radius is not None
-    loads = " + ".join(f"{load.text} r[{load.source}]" for load in balance.loads if not load.at.is_zero)
-    text = f"{counter.symbol} = |{loads}| / {counter.place.radius.factor_text()}, on the other side"
     return Equation(balance.body, text, counter.mass)
 
 

@@ -212,7 +212,16 @@ class _Writer:
         return next(self._position(body, joint) for body, joint in self.tree.parent.items() if joint.name == name)
 
     def _body(self, element: Element, parent: str, name: str, joint: Joint) -> None:
-        turn = self._turn(name, parent, joint)
+        # Fixed angle of a body's frame in its parent's [rad]; a pin starts aligned. A line of sliding has no
+        # sense: bodies are along it as they were assembled, or the other way round.
+        angle = self.start.angle[name] - self.start.angle[parent]
+        if joint.both:
+            turn = angle
+        elif joint.revolute:
+            turn = 0.0
+        else:
+            along = joint.end(parent).along - joint.end(name).along
+            turn = along + np.pi * float(np.rint((angle - along) / np.pi))
         body = SubElement(element, "body", name=name, pos=_text(*self._own(parent, joint), 0.0))
         if turn:
             body.set("quat", _text(np.cos(turn / 2), 0.0, 0.0, np.sin(turn / 2)))
@@ -256,19 +265,6 @@ class _Writer:
         point = joint.end(body).point
         assert point is not None
         return point.at(self.result.values)
-
-    def _turn(self, body: str, parent: str, joint: Joint) -> float:
-        """Fixed angle of a body's frame in its parent's [rad]; a pin starts aligned.
-
-        A line of sliding has no sense: bodies are along it as they were assembled, or the other way round.
-        """
-        angle = self.start.angle[body] - self.start.angle[parent]
-        if joint.both:
-            return angle
-        if joint.revolute:
-            return 0.0
-        along = joint.end(parent).along - joint.end(body).along
-        return along + np.pi * float(np.rint((angle - along) / np.pi))
 
     def _position(self, body: str, joint: Joint, axis: Floats = Z_AXIS) -> float:
         """Joint coordinate in the start configuration [rad, m]; ``axis`` in the body's frame."""

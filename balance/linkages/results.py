@@ -37,7 +37,11 @@ def linkage_document(
         "residual_first_moment_kgm": result.residual(),
         "counter_masses": _counter_masses(result),
         "gears": list(result.moment.gears.values()) if result.moment else [],
-        "inertias": _inertias(result),
+        "inertias": [
+            {"body": name, "inertia_about_joint_kgm2": body.inertia, "terms": body.terms}
+            for name, body in (result.moment.bodies.items() if result.moment else ())
+            if body.terms
+        ],
         "reshaped_inertia_kgm2": dict(result.moment.reshaped) if result.moment else {},
         "built": {name: text if isinstance(text, str) else list(text) for name, text in built.items()},
         "findings": [*findings],
@@ -108,14 +112,6 @@ def _counter_masses(result: LinkageBalance) -> list[dict[str, Any]]:
             "inertia_kgm2": counter.inertia,
         }
         for k, (body, counter) in enumerate(result.counters())
-    ]
-
-
-def _inertias(result: LinkageBalance) -> list[dict[str, Any]]:
-    return [
-        {"body": name, "inertia_about_joint_kgm2": body.inertia, "terms": body.terms}
-        for name, body in (result.moment.bodies.items() if result.moment else ())
-        if body.terms
     ]
 
 

@@ -133,7 +133,15 @@ def compile_spec(spec: Any, text: str, name: str, folder: Path | None) -> tuple[
     for values, bound in zip((model.body_mass, model.body_inertia), bounds.values(), strict=True):
         if not bound:
             values[values == MASSLESS] = 0.0
-    _refuse_lost_inertia(spec, float(model.body_inertia.max()), name)
+    largest = float(model.body_inertia.max())
+    for body in spec.bodies:
+        stated = np.concatenate([body.inertia, body.fullinertia[:3]])
+        lost = stated[(stated > _NEGLIGIBLE * largest) & (stated < MASSLESS)]
+        if body.explicitinertial and len(lost):
+            raise ModelError(
+                f"{name}: body {body.name!r} has an inertia of {lost.max():g} kg m2, which MuJoCo takes for none; "
+                "scale the file, such as to mm and g"
+            )
     numbers = {part: getattr(model, part) for part in _FINITE} | {"gravity": model.opt.gravity}
     for part, values in numbers.items():
         if not np.isfinite(values).all():
@@ -168,18 +176,6 @@ def _take_inertials(mujoco: Any, spec: Any, name: str) -> None:  # noqa: ANN401
     for body, row in zip(bodies, rows, strict=True):
         body.mass, body.ipos, body.iquat, body.inertia = row[0], row[1:4], row[4:8], row[8:]
         body.fullinertia, body.explicitinertial = np.full(6, np.nan), True
-
-
-def _refuse_lost_inertia(spec: Any, largest: float, name: str) -> None:  # noqa: ANN401
-    """Refuse a mechanism so small that what MuJoCo cannot tell from zero counts beside its ``largest`` [kg m2]."""
-    for body in spec.bodies:
-        stated = np.concatenate([body.inertia, body.fullinertia[:3]])
-        lost = stated[(stated > _NEGLIGIBLE * largest) & (stated < MASSLESS)]
-        if body.explicitinertial and len(lost):
-            raise ModelError(
-                f"{name}: body {body.name!r} has an inertia of {lost.max():g} kg m2, which MuJoCo takes for none; "
-                "scale the file, such as to mm and g"
-            )
 
 
 def tags(text: str) -> Iterator[re.Match[str]]:

@@ -29,7 +29,11 @@ def parsed(text: str, file: str) -> Element:
     """
     # plugins are a simulator's, in both formats: none of them is run
     refuse_tags(text, file, "plugin" if next((tag["tag"] for tag in tags(text)), "") in ("robot", "sdf") else "")
-    text = _without_comments(text).strip()
+    parts, done = [], 0
+    while (at := text.find("<!--", done)) >= 0 and (end := text.find("-->", at)) >= 0:
+        parts.append(text[done:at])
+        done = end + 3
+    text = "".join([*parts, text[done:]]).strip()
     undeclared = {
         prefix
         for prefix in re.findall(r"[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_]", text)
@@ -56,15 +60,6 @@ def refused_loop(element: Element, file: str) -> ModelError:
         "simulator's: state it as a <joint> of SDF, in a YAML file of this name beside a URDF, or as <mimic>, and "
         "remove the element"
     )
-
-
-def _without_comments(text: str) -> str:
-    """Comments of people's files hold two hyphens, which XML does not allow."""
-    parts, done = [], 0
-    while (at := text.find("<!--", done)) >= 0 and (end := text.find("-->", at)) >= 0:
-        parts.append(text[done:at])
-        done = end + 3
-    return "".join([*parts, text[done:]])
 
 
 class Reader:

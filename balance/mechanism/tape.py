@@ -134,12 +134,9 @@ class Tape:
         """A matrix of numbers (rows, columns) [SI] that each run gives anew; those that are zero here are so in all."""
         found: list[list[Operand]] = []
         for row in values:
-            found.append([self._parameter(self.parameters + k) if x else 0.0 for k, x in enumerate(row)])
+            found.append([self._node(Op.CONSTANT, -1 - (self.parameters + k)) if x else 0.0 for k, x in enumerate(row)])
             self.parameters += len(row)
         return found
-
-    def _parameter(self, number: int) -> Node:
-        return self._node(Op.CONSTANT, -1 - number)
 
     def _node(self, op: int, a: int, b: int = -1) -> Node:
         key = (op, a, b)

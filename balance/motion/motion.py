@@ -107,12 +107,6 @@ class Motion:
             return self.recorded
         if not 0 < rate_hz * self.duration < _MAX_SAMPLES:
             raise DataError(f"{rate_hz:g} Hz for {self.duration:g} s: expected fewer than {_MAX_SAMPLES} samples")
-        self._refuse_coarse(rate_hz)
-        time = np.arange(int(np.ceil(self.duration * rate_hz)) + 1) / rate_hz
-        return Samples(time, *self._at(time), self.joints, self.point, self.axes, self.sliding)
-
-    def _refuse_coarse(self, rate_hz: float) -> None:
-        """Raise DataError where samples would step over the ramps, or the pulses, of the acceleration."""
         legs = np.linalg.norm(np.diff(self.waypoints, axis=0), axis=1)
         pulse = float(np.sqrt((legs / self.peak_acceleration).min() / (1.0 - self.ramp)))
         shortest = pulse * (self.ramp or 1.0)
@@ -121,6 +115,8 @@ class Motion:
                 f"{rate_hz:g} Hz is too slow for this motion, whose acceleration changes within {shortest:.3g} s: "
                 f"expected at least {_SAMPLES_IN_RAMP / shortest:.3g} Hz"
             )
+        time = np.arange(int(np.ceil(self.duration * rate_hz)) + 1) / rate_hz
+        return Samples(time, *self._at(time), self.joints, self.point, self.axes, self.sliding)
 
     def _at(self, time: Floats) -> tuple[Floats, Floats, Floats]:
         """Position, velocity, acceleration: p = p0 + v0 t + a0 t2/2 + j t3/6 within each phase of constant jerk."""

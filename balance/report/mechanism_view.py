@@ -19,7 +19,7 @@ from scipy.optimize import least_squares
 from ..arrays import Floats
 from ..balancing.objective import workspace_states
 from ..balancing.sizing import chosen_sites
-from ..balancing.sizing_study import SizingStudy, study_sizing
+from ..balancing.sizing_study import study_sizing
 from ..closure import Closure, Trajectory
 from ..dynamics.inverse_dynamics import Response, simulate
 from ..dynamics.regressor import first_moment
@@ -169,14 +169,11 @@ class MechanismView:
         masses, about = (0.0,) * len(self.sites), self.unmounted
         if self.sites:
             try:
-                found = self._sized(trajectory, name)
+                found = study_sizing(self.mechanism, trajectory, motion=name, sites=self.sites)
                 masses, about = tuple(one.mass for one in found.counter_masses), str(found).splitlines()[0]
             except CounterpoiseError as error:
                 about = f"Nothing is sized: {error}"
         return _Driven(name, trajectory, without, units, masses, about)
-
-    def _sized(self, trajectory: Trajectory, name: str) -> SizingStudy:
-        return study_sizing(self.mechanism, trajectory, motion=name, sites=self.sites)
 
     def _move(self, place: int, stroke: str, peak: str) -> Motion:
         """There and back of one coordinate, the others at rest."""

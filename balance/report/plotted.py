@@ -108,15 +108,11 @@ def plotted(kind: str, name: str, unit: str, time: Floats, values: Floats, spans
     first = np.searchsorted(span, np.arange(spans + 1))
     extremes = np.full((spans, 2), np.nan)
     filled = np.flatnonzero(first[1:] > first[:-1])
-    low, high = (_ends(pick, values, first[:-1][filled]) for pick in (np.fmin, np.fmax))
+    # Least or largest of the samples of each span, (spans,) [unit]; NaN where a span holds none but NaN.
+    low, high = (np.asarray(pick.reduceat(values, first[:-1][filled])) for pick in (np.fmin, np.fmax))
     rising = _place(values, low, span, filled) <= _place(values, high, span, filled)
     extremes[filled] = np.where(rising[:, None], np.column_stack([low, high]), np.column_stack([high, low]))
     return PlottedChannel(kind, name, unit, float(time[0]), 0.5 * width, count, *_rounded(extremes.ravel()))
-
-
-def _ends(pick: np.ufunc, values: Floats, first: NDArray[np.intp]) -> Floats:
-    """Least or largest of the samples of each span, (spans,) [unit]; NaN where a span holds none but NaN."""
-    return np.asarray(pick.reduceat(values, first))
 
 
 def _place(values: Floats, sought: Floats, span: NDArray[np.intp], filled: NDArray[np.intp]) -> NDArray[np.intp]:

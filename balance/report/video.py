@@ -36,7 +36,9 @@ def write_video(path: Path, title: str, motion: Mapping[str, Any]) -> Path:
     import imageio_ffmpeg
 
     part = path.with_name(f".{path.name}.part{path.suffix}")
-    size = _size(motion)
+    # Width and height [pixels].
+    height = _HEADING + _PANEL * motion["height"] / motion["width"]
+    size = _PANEL * len(motion["panels"]), _BLOCK * int(np.ceil(height / _BLOCK))
     writer = imageio_ffmpeg.write_frames(str(part), size, fps=FRAMES_PER_SECOND, macro_block_size=_BLOCK)
     try:
         writer.send(None)
@@ -47,12 +49,6 @@ def write_video(path: Path, title: str, motion: Mapping[str, Any]) -> Path:
     finally:
         part.unlink(missing_ok=True)
     return path
-
-
-def _size(motion: Mapping[str, Any]) -> tuple[int, int]:
-    """Width and height [pixels]."""
-    height = _HEADING + _PANEL * motion["height"] / motion["width"]
-    return _PANEL * len(motion["panels"]), _BLOCK * int(np.ceil(height / _BLOCK))
 
 
 def _rendered(title: str, motion: Mapping[str, Any], size: tuple[int, int]) -> Iterator[bytes]:
