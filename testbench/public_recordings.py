@@ -98,7 +98,12 @@ def fetch(recording: PublicRecording, into: Path | None = None) -> Path:
     own = _own_folder()
     content = _downloaded(recording) if own is None else _copied(recording, own)
     _check(content, recording, recording.url if own is None else str(own / recording.file))
-    return _kept(content, (into or cache_folder()) / recording.file)
+    path = (into or cache_folder()) / recording.file
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as part:
+        part.write(content)
+    Path(part.name).replace(path)
+    return path
 
 
 def folder() -> Path:
@@ -180,12 +185,3 @@ def _check(content: bytes, recording: PublicRecording, where: str) -> None:
             f"{where}: not {recording.file}: {size} bytes with SHA-256 {digest[:12]}..., expected {recording.bytes} "
             f"with {recording.sha256[:12]}... (from {recording.credit})"
         )
-
-
-def _kept(content: bytes, path: Path) -> Path:
-    """Write beside and rename, so that nobody finds half a file."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as part:
-        part.write(content)
-    Path(part.name).replace(path)
-    return path

@@ -153,7 +153,8 @@ def _fitting_masses(
     seen: Observation, stated: TorqueBalance, alternatives: Sequence[Mapping[str, float]]
 ) -> Mapping[str, float]:
     """The stated counter-masses, or those alternative ones with which the torques make sense."""
-    if not _unphysical(stated):
+    wrong = (stated.scale < -REJECTED * stated.scale_deviation).all()
+    if not (wrong and (stated.payload < -REJECTED * stated.deviation).all()):
         return seen.counter_masses
     solved = [(masses, _alone(seen, masses)) for masses in alternatives]
     physical = [(masses, one) for masses, one in solved if (one.scale > 0.0).all() and one.payload[0] > 0.0]
@@ -176,12 +177,6 @@ def _gross_torques(seen: Observation, alone: TorqueBalance) -> list[Statement]:
 def _alone(seen: Observation, masses: Mapping[str, float]) -> TorqueBalance:
     assert seen.torque is not None
     return torque_balance({seen.name: seen.torque}, {seen.name: seen.conditions["payload_kg"]}, {seen.name: masses})
-
-
-def _unphysical(one: TorqueBalance) -> bool:
-    """Whether scales and payload are all negative beyond doubt."""
-    wrong = bool((one.scale < -REJECTED * one.scale_deviation).all())
-    return wrong and bool((one.payload < -REJECTED * one.deviation).all())
 
 
 def _masses(masses: Mapping[str, float]) -> str:

@@ -28,15 +28,15 @@ def encoder_paths(observations: Sequence[Observation]) -> list[Statement]:
         if not seen.encoder_speeds.size:
             continue
         others = [o for o in observations if o is not seen and o.encoder_speeds.size and _command(o) == _command(seen)]
-        told = _told(seen, seen.commanded_speeds)
-        elsewhere = [_told(seen, dict(zip(o.encoders, o.encoder_speeds.T, strict=True))) for o in others]
+        by_motion = _errors(seen, seen.commanded_speeds)
+        by_runs = [_errors(seen, dict(zip(o.encoders, o.encoder_speeds.T, strict=True))) for o in others]
         for channel in seen.encoders:
-            said = [one[channel] for one in elsewhere if channel in one]
-            if channel in told:
-                wrong, witness = told[channel], "the motion that is stored with the run"
-            elif len(said) > 1:
-                wrong, witness = max(set(said), key=said.count), "the other runs of this motion"
-                wrong = wrong if 2 * said.count(wrong) > len(said) else ""
+            votes = [one[channel] for one in by_runs if channel in one]
+            if channel in by_motion:
+                wrong, witness = by_motion[channel], "the motion that is stored with the run"
+            elif len(votes) > 1:
+                wrong, witness = max(set(votes), key=votes.count), "the other runs of this motion"
+                wrong = wrong if 2 * votes.count(wrong) > len(votes) else ""
             else:
                 continue
             code = "encoder_contradiction" if wrong else None
@@ -51,14 +51,14 @@ def _command(seen: Observation) -> dict[str, object]:
     return {key: value for key, value in seen.conditions.items() if key not in apart}
 
 
-def _told(seen: Observation, wanted: dict[str, Floats]) -> dict[str, str]:
+def _errors(seen: Observation, wanted: dict[str, Floats]) -> dict[str, str]:
     """By channel, what is wrong with an encoder that shows a path of ``wanted`` (n,) by channel; empty if nothing."""
     names = [name for name in seen.encoders if name in wanted]
     if not names:
         return {}
     shown = np.column_stack([seen.encoder_speeds[:, seen.encoders.index(name)] for name in names])
     correlation, gain = _compared(shown, np.column_stack([wanted[name] for name in names]))
-    said = {}
+    found = {}
     for name, likeness, factor in zip(names, correlation, gain, strict=True):
         if abs(likeness) < SAME_PATH:
             continue
@@ -67,8 +67,8 @@ def _told(seen: Observation, wanted: dict[str, Floats]) -> dict[str, str]:
                             (1.0 / DEGREES, "the log is in rad where the rig says deg")):  # fmt: skip
             if abs(abs(factor) / ratio - 1.0) < UNIT_SHARE:
                 unit = f"{abs(factor):.3g} times as far: {text}"
-        said[name] = "; ".join(text for text in ("reversed" if likeness < 0.0 else "", unit) if text)
-    return said
+        found[name] = "; ".join(text for text in ("reversed" if likeness < 0.0 else "", unit) if text)
+    return found
 
 
 def _compared(shown: Floats, wanted: Floats) -> tuple[Floats, Floats]:

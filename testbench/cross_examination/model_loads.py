@@ -76,7 +76,9 @@ class ModelledRun:
         columns, group = run.rig.columns_of(Encoder), group_of_encoders(run)
         time = run.instants(columns[0])
         fine, gaps = grid_of(time, f"{run.name}: encoders", bridged=True), encoder_gaps(run)
-        coarse = coarse_grid(fine)
+        # The grid of RATE_HZ, or the finer one where that has fewer samples, over the same time.
+        step = max(1.0 / RATE_HZ, fine.step)
+        coarse = Grid(fine.start, step, int((fine.count - 1) * fine.step / step + 1e-9) + 1)
         if coarse.count < LEAST_SAMPLES:
             raise AnalysisError(f"{run.name}: {coarse.count} samples of {RATE_HZ:g} Hz are too few to compare")
         cutoff = min(POSITION_HZ, HIGHEST_CUTOFF * fine.rate, HIGHEST_CUTOFF * coarse.rate)
@@ -187,12 +189,6 @@ class ModelledRun:
             moved = np.gradient(np.gradient(self.place, self.grid.step, axis=0), self.grid.step, axis=0)
             found.append((commanded, moved[:, [AXES.index(c.component) for c in commanded]]))
         return [(columns, self.smooth(values)) for columns, values in found]
-
-
-def coarse_grid(fine: Grid) -> Grid:
-    """The grid of RATE_HZ, or the finer one where that has fewer samples, over the same time."""
-    step = max(1.0 / RATE_HZ, fine.step)
-    return Grid(fine.start, step, int((fine.count - 1) * fine.step / step + 1e-9) + 1)
 
 
 def _recorded(run: SIRun, columns: "list[Column]", group: str) -> "list[Column]":

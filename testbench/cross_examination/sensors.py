@@ -354,7 +354,11 @@ def _gain_statements(channel: str, by_run: dict[str, tuple[float, float]]) -> li
     found = []
     for run, own in logs.items():
         others = np.array([value for name, value in logs.items() if name != run])
-        centre = _agreed(others)
+        # Median of the others' logarithms of gains and of the model's, zero; of two in the middle the model's
+        # nearest.
+        votes = np.sort(np.append(others, 0.0))
+        middle = votes[(len(votes) - 1) // 2 : len(votes) // 2 + 1]
+        centre = float(middle[np.argmin(np.abs(middle))])
         scatter = 1.4826 * float(np.median(np.abs(others - centre))) if others.size > 2 else 0.0
         error = by_run[run][1] / by_run[run][0]
         wrong = abs(own - centre) > max(np.log(GAIN_FACTOR), GAIN_DEVIATIONS * max(scatter, error))
@@ -365,13 +369,6 @@ def _gain_statements(channel: str, by_run: dict[str, tuple[float, float]]) -> li
                       f"{by_run[run][1]:.2g}", "its readings", "gain_contradiction" if wrong else None)
         )  # fmt: skip
     return found
-
-
-def _agreed(others: Floats) -> float:
-    """Median of the others' logarithms of gains and of the model's, zero; of two in the middle the model's nearest."""
-    votes = np.sort(np.append(others, 0.0))
-    middle = votes[(len(votes) - 1) // 2 : len(votes) // 2 + 1]
-    return float(middle[np.argmin(np.abs(middle))])
 
 
 def _noises(

@@ -31,7 +31,9 @@ def export_crate(campaign: Campaign, runs: Sequence[Run], folder: Path, licence:
     target = folder / NAME
     if target.exists():
         raise StoreError(f"{target}: is there already; nothing is overwritten, name another folder")
-    later = _records(campaign, runs)
+    # The later records about ``runs``: without them, a calibration that was corrected would be wrong again.
+    names = {run.path.name for run in runs}
+    later = [record for record in append_only_records.read_records(campaign.path) if names & record.runs.keys()]
     head = read_ledger(campaign.path).head
     metadata = crate_metadata(campaign.path.resolve().name, runs, licence, later, head)
     text = json.dumps(metadata, indent=1, ensure_ascii=False)
@@ -129,12 +131,6 @@ def _run(run: Run, licence: str | None) -> list[dict[str, Any]]:
     name = atomic_files.digest_file(run.path).name
     beside = {"@id": _uri(name), "@type": "File", "name": name, "encodingFormat": "text/plain"}
     return [node, beside, *logs, *properties]
-
-
-def _records(campaign: Campaign, runs: Sequence[Run]) -> list[append_only_records.Record]:
-    """The later records about ``runs``: without them, a calibration that was corrected would be wrong again."""
-    names = {run.path.name for run in runs}
-    return [record for record in append_only_records.read_records(campaign.path) if names & record.runs.keys()]
 
 
 def _record(record: append_only_records.Record, runs: Sequence[Run]) -> dict[str, Any]:

@@ -49,7 +49,12 @@ def export_uff(run: Run, groups: list[str], target: Path) -> list[str]:
     with target.open("wb") as stream:
         for number, column in enumerate(found, 1):
             _function(stream, run, column, number)
-            losses += _cut(column)
+            parts = (("name", column.channel.name, _WIDTH), ("unit", column.channel.unit or "", _UNIT_WIDTH))
+            losses += [
+                f"{what} {text!r} is cut, or written in ASCII"
+                for what, text, width in parts
+                if len(text) > width or not text.isascii()
+            ]
     return losses
 
 
@@ -79,16 +84,6 @@ def _function(stream: BinaryIO, run: Run, column: Column, number: int) -> None:
 
 def _axis(kind: int, label: str, unit: str) -> str:
     return f"{kind:10}{0:5}{0:5}{0:5} {label:20} {unit:20}"
-
-
-def _cut(column: Column) -> list[str]:
-    """Names and units that do not fit."""
-    parts = (("name", column.channel.name, _WIDTH), ("unit", column.channel.unit or "", _UNIT_WIDTH))
-    return [
-        f"{what} {text!r} is cut, or written in ASCII"
-        for what, text, width in parts
-        if len(text) > width or not text.isascii()
-    ]
 
 
 def _ascii(text: str, width: int) -> str:

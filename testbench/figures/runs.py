@@ -83,7 +83,11 @@ def motor_torques(with_run: "Run", without_run: "Run") -> "Figure":
 def force_sensors(with_run: "Run", without_run: "Run") -> "Figure":
     """Every force and moment between mechanism and base, band-limited. Raises AnalysisError without any."""
     runs = SIRun.of(without_run), SIRun.of(with_run)
-    rows = _rows([list(sensor.columns(name)) for name, sensor in runs[1].rig.supports.items()])
+    # Channels by row of panels: three components of a sensor, then sensors with one axis.
+    sensors = [list(sensor.columns(name)) for name, sensor in runs[1].rig.supports.items()]
+    several = [s for s in sensors if len(s) > 1]
+    single = [column for s in sensors if len(s) == 1 for column in s]
+    rows = [list(s[i : i + _COLUMNS]) for s in [*several, single] for i in range(0, len(s), _COLUMNS)]
     if not rows:
         raise AnalysisError(f"{with_run.name}: its rig has no force sensor between mechanism and base")
     with style.styled():
@@ -115,13 +119,6 @@ def _limit(bottom: "Sequence[Axes]", columns: Sequence[Column], run: SIRun) -> N
     bottom[0].set_xlim(time[0], time[-1])
     for axes in bottom:
         axes.set_xlabel("time of the logger [s]")
-
-
-def _rows(sensors: Sequence[Sequence[Column]]) -> list[list[Column]]:
-    """Channels by row of panels: three components of a sensor, then sensors with one axis."""
-    several = [s for s in sensors if len(s) > 1]
-    single = [column for s in sensors if len(s) == 1 for column in s]
-    return [list(s[i : i + _COLUMNS]) for s in [*several, single] for i in range(0, len(s), _COLUMNS)]
 
 
 def command_performance(run: "Run", mechanism: Mechanism | None = None, bandwidth_hz: float = BANDWIDTH_HZ) -> "Figure":

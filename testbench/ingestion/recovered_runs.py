@@ -5,7 +5,6 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from itertools import count, takewhile
 from pathlib import Path
-from typing import Any
 
 from ..errors import StoreError
 from ..quality.group_checks import RecordingCheck
@@ -48,7 +47,10 @@ def save(leftover: Leftover, known: Journal) -> Recovery:
     if not known.groups:
         return Recovery(leftover.run, "empty", "the unfinished file is gone, and nothing of it; ingest the log again")
     name = next(n for n in _names(leftover) if not leftover.part.with_name(f"{n}.h5").exists())
-    findings = [_interrupted(intent, known)]
+    whole = ", ".join(f"the first {kept.samples} samples of {kept.group.name!r}" for kept in known.groups)
+    logs = ", ".join(source["name"] for source in intent.get("sources", ())) or "the log"
+    message = f"the ingest was stopped: {whole} are here; what {logs} had after them is lost unless the log is at hand"
+    findings = [Finding("interrupted", None, None, message)]
     with RunWriter(leftover.part.parent, name, {**intent, "run": name}) as writer:
         groups = tuple(kept.group for kept in known.groups)
         recording = Recording(leftover.part, "unfinished run", "recover", groups, lambda _: _blocks(leftover, known))
@@ -61,11 +63,18 @@ def save(leftover: Leftover, known: Journal) -> Recovery:
                 writer.group(group.group).finish(group.rate_hz, group.rate_source, group.start_time)
         findings += [f for f in check.findings() if f.code != "no_data"]
         findings = findings_by_group(findings, groups, len(groups) > 1)
+        # That of the stopped ingest: its sources without a digest, for the run does not hold all of them.
         writer.describe(
             intent["origin"],
             intent["conditions"],
             findings,
-            _provenance(leftover, intent),
+            {
+                "software": {name: version(name) for name in ("counterpoise", "h5py", "numpy")},
+                "written": datetime.now(UTC).isoformat(timespec="seconds"),
+                "accepted_findings": [],
+                _FROM: leftover.part.name,
+                "sources": [{**source, "sha256": ""} for source in intent.get("sources", ())],
+            },
             intent["rig"],
             intent.get("inputs", {}),
         )
@@ -93,22 +102,3 @@ def _blocks(leftover: Leftover, known: Journal) -> Iterator[Block]:
         for columns in crash_recovery.blocks(leftover, kept):
             yield Block(kept.group, columns, start)
             start += len(columns[0])
-
-
-def _interrupted(intent: dict[str, Any], known: Journal) -> Finding:
-    """What is here and what is not, as far as anyone can know."""
-    whole = ", ".join(f"the first {kept.samples} samples of {kept.group.name!r}" for kept in known.groups)
-    logs = ", ".join(source["name"] for source in intent.get("sources", ())) or "the log"
-    message = f"the ingest was stopped: {whole} are here; what {logs} had after them is lost unless the log is at hand"
-    return Finding("interrupted", None, None, message)
-
-
-def _provenance(leftover: Leftover, intent: dict[str, Any]) -> dict[str, Any]:
-    """That of the stopped ingest: its sources without a digest, for the run does not hold all of them."""
-    return {
-        "software": {name: version(name) for name in ("counterpoise", "h5py", "numpy")},
-        "written": datetime.now(UTC).isoformat(timespec="seconds"),
-        "accepted_findings": [],
-        _FROM: leftover.part.name,
-        "sources": [{**source, "sha256": ""} for source in intent.get("sources", ())],
-    }

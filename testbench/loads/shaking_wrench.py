@@ -108,14 +108,6 @@ def shaking_wrench(
     return MeasuredWrench(group, time, rate, point, values, reasons, tuple(findings), tare, clipped)
 
 
-def refuse_saturation(run: SIRun, wrench: MeasuredWrench) -> None:
-    """Raise AnalysisError where a force sensor or an accelerometer on the base is at the end of its range."""
-    for finding in wrench.findings:
-        if finding.code != "constant_channel":
-            raise AnalysisError(f"{finding.message}: a clipped force determines nothing here; use gentler runs")
-    refuse_clipped_base(run)
-
-
 def refuse_clipped_base(run: SIRun) -> None:
     """Raise AnalysisError where an accelerometer on the base is at the end of its range."""
     for column in run.rig.base_columns:
@@ -270,7 +262,10 @@ def measured_loads(run: AlignedRun, regressor: Floats, bandwidth_hz: float) -> t
     sensor is at the end of its range, or clocks cannot be aligned.
     """
     wrench = shaking_wrench(run.run)
-    refuse_saturation(run.run, wrench)
+    for finding in wrench.findings:
+        if finding.code != "constant_channel":
+            raise AnalysisError(f"{finding.message}: a clipped force determines nothing here; use gentler runs")
+    refuse_clipped_base(run.run)
     size = np.abs(regressor).max(axis=(0, 2))
     possible = COMPONENTS[: len(size) if run.base is None else 3]
     shaking = [name for name, one in zip(possible, size, strict=False) if one > NOTHING * size.max()]

@@ -320,13 +320,20 @@ def open_c3d(path: Path, options: ReadOptions) -> Recording:
             spoken |= ((words != 0) & (words != -1)).any(axis=1)
     members = list(_members(path.stem, head, tuple(map(int, np.flatnonzero(spoken)))))
     points = next((member.group for member in members if member.columns is _seen), None)
+    known = ("LABELS", "UNITS", "DESCRIPTIONS", "SCALE", "OFFSET", "GAIN")
+    metadata = {}
+    for name, value in head.parameters.values.items():
+        if not name.rpartition(":")[2].rstrip("0123456789").startswith(known):
+            text = "; ".join(value if isinstance(value, tuple) else (f"{number:.9g}" for number in value))
+            if text.strip("; "):
+                metadata[name] = text[:_LONGEST_TEXT]
     return Recording(
         path=path,
         format="C3D",
         reader="testbench.readers.c3d",
         groups=tuple(member.group for member in members),
         read=lambda report: watch_nonfinite(_blocks(path, head, members, report), report, but=points),
-        metadata=_metadata(head),
+        metadata=metadata,
         findings=head.findings,
     )
 
@@ -383,15 +390,3 @@ def _seen(piece: Frames) -> tuple[Samples, ...]:
     """Coordinates of all points; NaN for one that was not seen, whose fourth word is negative."""
     points, unseen = piece.points, piece.points[:, 3] < 0
     return tuple(np.where(unseen[:, None], np.nan, points[:, :3]).reshape(3 * len(points), -1))
-
-
-def _metadata(head: Header) -> dict[str, str]:
-    """All parameters but those that name and scale the channels."""
-    known = ("LABELS", "UNITS", "DESCRIPTIONS", "SCALE", "OFFSET", "GAIN")
-    metadata = {}
-    for name, value in head.parameters.values.items():
-        if not name.rpartition(":")[2].rstrip("0123456789").startswith(known):
-            text = "; ".join(value if isinstance(value, tuple) else (f"{number:.9g}" for number in value))
-            if text.strip("; "):
-                metadata[name] = text[:_LONGEST_TEXT]
-    return metadata

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow
-from numpy.typing import NDArray
 from pyarrow import compute, parquet, types
 
 from ..recording import (
@@ -106,7 +105,9 @@ def _column(file: parquet.ParquetFile, i: int, findings: list[Finding]) -> Colum
     """How the ``i``-th column is read; None if it holds neither numbers nor texts, which is a finding."""
     name, kind = file.schema_arrow.field(i).name, file.schema_arrow.field(i).type
     if types.is_timestamp(kind):
-        first = _first_times(file, i)
+        # The first points in time of a column (n,) [its unit since 1970].
+        batches = (batch.column(0).cast(pyarrow.int64()).drop_null() for batch in _batches(file, [i], 1 << 12))
+        first = next((np.asarray(times) for times in batches if len(times)), np.empty(0, np.int64))
         zero = int(first[0]) if kind.unit == "ns" and len(first) else 0
         return Column(
             name, Channel(name, _UNITS[kind.unit]), True, bool((np.diff(first) > 0).all()), zero, kind.tz is not None
@@ -128,12 +129,6 @@ def _is_text(kind: Any) -> bool:  # noqa: ANN401
         or types.is_large_string(kind)
         or (types.is_dictionary(kind) and _is_text(kind.value_type))
     )
-
-
-def _first_times(file: parquet.ParquetFile, i: int) -> NDArray[np.int64]:
-    """The first points in time of a column (n,) [its unit since 1970]."""
-    batches = (batch.column(0).cast(pyarrow.int64()).drop_null() for batch in _batches(file, [i], 1 << 12))
-    return next((np.asarray(times) for times in batches if len(times)), np.empty(0, np.int64))
 
 
 def clock(channels: list[Channel], is_point: list[bool]) -> TimeColumn | None:

@@ -148,18 +148,14 @@ class Topic:
                     "neither numbers nor texts" if is_empty else f"messages of more than {_MOST_SHAPES} shapes"
                 )
                 return None
-            self.shapes[key] = self._new(message)
+            units = [_NANOSECOND if i in message.times else None for i in range(len(message.names))]
+            channels = [Channel(LOGGED, _NANOSECOND)]
+            channels += [Channel(name, unit) for name, unit in zip(message.names, units, strict=True)]
+            number = len(self.shapes) + 1
+            name = self.name if number == 1 else f"{self.name} part {number}"
+            group = self._group(name, tuple(channels), _stamp_index(message) if self.is_stamped else None)
+            self.shapes[key] = Shape(group, list(message.names), list(message.times))
         return self.shapes[key]
-
-    def _new(self, message: Message) -> Shape:
-        """Channels of a message."""
-        units = [_NANOSECOND if i in message.times else None for i in range(len(message.names))]
-        channels = [Channel(LOGGED, _NANOSECOND)]
-        channels += [Channel(name, unit) for name, unit in zip(message.names, units, strict=True)]
-        number = len(self.shapes) + 1
-        name = self.name if number == 1 else f"{self.name} part {number}"
-        group = self._group(name, tuple(channels), _stamp_index(message) if self.is_stamped else None)
-        return Shape(group, list(message.names), list(message.times))
 
     def _group(self, name: str, channels: tuple[Channel, ...], stamp: int | None) -> Group:
         """The group of messages; their own stamp is the clock if it is set and rises, else the time of logging."""

@@ -199,7 +199,12 @@ def campaign_report(
     except AnalysisError as error:
         comparison = str(error)
     unread = {**(unopened or {}), **unread}
-    trims = tuple(_trims(runs, given, examination))
+    # What is missing in each mounting with counter-masses, from its runs of the largest peak accelerations.
+    mountings: dict[tuple[Any, ...], list[Run]] = {}
+    for pair in pairs(runs)[0]:
+        key = (pair.key.payload_kg, pair.key.origin, tuple(pair.counter_masses.items()))
+        mountings.setdefault(key, []).extend(run for run in pair.balanced)
+    trims = tuple([_trim(key[0], dict(key[2]), some, given, examination) for key, some in mountings.items()])
     return CampaignReport(name, runs, comparison, examination, accept, reports, unread, trims, mechanism)
 
 
@@ -283,15 +288,6 @@ def torques_compared(runs: "Sequence[Run]", reports: dict[str, RunReport]) -> li
             "torques": torque_changes(sides[0], sides[1]),
         })  # fmt: skip
     return found
-
-
-def _trims(runs: "Sequence[Run]", given: Mechanism | None, examination: Examination) -> list[dict[str, Any]]:
-    """What is missing in each mounting with counter-masses, from its runs of the largest peak accelerations."""
-    mountings: dict[tuple[Any, ...], list[Run]] = {}
-    for pair in pairs(runs)[0]:
-        key = (pair.key.payload_kg, pair.key.origin, tuple(pair.counter_masses.items()))
-        mountings.setdefault(key, []).extend(run for run in pair.balanced)
-    return [_trim(key[0], dict(key[2]), some, given, examination) for key, some in mountings.items()]
 
 
 def _trim(

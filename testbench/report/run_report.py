@@ -29,7 +29,7 @@ from ..runs.si_run import SIRun
 from ..vibration.channel_levels import ChannelLevels, channel_levels
 from ..vibration.metrics import DEFAULT_BAND, Measure
 from ..vibration.run_amplitudes import AmplitudesOfRun, amplitudes_or_reason
-from ..vibration.run_pairs import Pair, pairs
+from ..vibration.run_pairs import pairs
 from . import sections
 from .page_contents import plotted_run
 from .sections import Part, attempt_part, base_response
@@ -37,7 +37,6 @@ from .sections import Part, attempt_part, base_response
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ..kinematics.motion_recognition import RecognizedMotion
     from ..signal.filters import Band
     from ..store import Run
 
@@ -145,7 +144,11 @@ def _report(run: SIRun, how: Reporting, seen: Observation | None, spans: int | N
     torque = attempt_part(lambda: sections.torque_part(aligned(), bandwidth_hz))
     findings += _gaps(run, bandwidth_hz)
     parts = {
-        "motions": _motions(found, reasons),
+        "motions": {
+            "found": [one for some in found.values() for one in some],
+            "reasons": dict(reasons),
+            "definition": "from leaving a place at rest to coming back to it, by legs from rest to rest",
+        },
         "command": of_command,
         "vibration": attempt_part(vibration),
         "modes": attempt_part(lambda: sections.base_modes(run, sections.motion_on_base_clock(run, found, shown))),
@@ -185,17 +188,6 @@ def _gaps(run: "SIRun", bandwidth_hz: float) -> Sequence[Finding]:
     return gaps.findings(run.name, gap_reach(bandwidth_hz))
 
 
-def _motions(
-    found: "dict[motion_recognition.Source, list[RecognizedMotion]]", reasons: "dict[motion_recognition.Source, str]"
-) -> Part:
-    """The motions by each source."""
-    return {
-        "found": [one for some in found.values() for one in some],
-        "reasons": dict(reasons),
-        "definition": "from leaving a place at rest to coming back to it, by legs from rest to rest",
-    }
-
-
 def draw(runs: "Sequence[Run]", folder: Path, mechanism: str | None, bandwidth_hz: float) -> list[Path]:
     """Write figures as SVG; what cannot be drawn is left out, since the report has the reason."""
     written = []
@@ -203,19 +195,15 @@ def draw(runs: "Sequence[Run]", folder: Path, mechanism: str | None, bandwidth_h
         written += _saved(folder / f"{run.name}-command.svg", partial(_draw_command, run, mechanism, bandwidth_hz))
         written += _saved(folder / f"{run.name}-spectrum.svg", partial(figures.base_spectrum, run))
     for pair in pairs(runs)[0]:
-        for name, path in _names(pair, folder).items():
+        both = f"{pair.balanced[0].name}-{pair.unbalanced[0].name}"
+        ends = {"base_acceleration": "base", "motor_torques": "torques", "force_sensors": "forces"}
+        for name, path in {name: folder / f"{both}-{end}.svg" for name, end in ends.items()}.items():
             written += _saved(path, partial(getattr(figures, name), pair.balanced[0], pair.unbalanced[0]))
     return written
 
 
 def _draw_command(run: "Run", mechanism: str | None, bandwidth_hz: float) -> "Figure":
     return figures.command_performance(run, mechanism_of(SIRun.of(run), mechanism), bandwidth_hz)
-
-
-def _names(pair: Pair, folder: Path) -> dict[str, Path]:
-    both = f"{pair.balanced[0].name}-{pair.unbalanced[0].name}"
-    ends = {"base_acceleration": "base", "motor_torques": "torques", "force_sensors": "forces"}
-    return {name: folder / f"{both}-{end}.svg" for name, end in ends.items()}
 
 
 def _saved(path: Path, work: "Callable[[], Figure]") -> list[Path]:

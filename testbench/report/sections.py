@@ -120,7 +120,13 @@ def motion_on_base_clock(
 
 def base_response(run: "SIRun", wrench: "MeasuredWrench", highest_hz: float = HIGHEST_HZ) -> Part:
     """Acceleration of the base along each axis per shaking force along it, where the coherence is significant."""
-    forces = _significant_components(wrench)
+    # The components that are determined throughout and exceed their noise, (n,) [N, N m].
+    forces = {}
+    for name, values in wrench.values.items():
+        if values is not None and not np.isnan(values).any():
+            quiet = min(float(part.std()) for part in np.array_split(values, 20))
+            if values.std() > PROMINENCE * quiet:
+                forces[name] = values
     columns = [column for column in base_columns(run) if f"F{column.component}" in forces]
     rows: list[Part] = []
     if columns:
@@ -138,17 +144,6 @@ def base_response(run: "SIRun", wrench: "MeasuredWrench", highest_hz: float = HI
         "point_m": list(wrench.point),
         "of_the_force_alone": not any(row["also_follows"] for row in rows),
     }
-
-
-def _significant_components(wrench: "MeasuredWrench") -> dict[str, Floats]:
-    """The components that are determined throughout and exceed their noise, (n,) [N, N m]."""
-    found = {}
-    for name, values in wrench.values.items():
-        if values is not None and not np.isnan(values).any():
-            quiet = min(float(part.std()) for part in np.array_split(values, 20))
-            if values.std() > PROMINENCE * quiet:
-                found[name] = values
-    return found
 
 
 def _rows(column: "Column", forces: list[str], spectra: Spectra, place: int) -> list[Part]:

@@ -63,7 +63,7 @@ class _ForceAndMoment(Table):
 
     def of(self, component: str) -> float | None:
         """The value of ``Fx`` ... ``Mz`` [N, N m]."""
-        return _at(self.F if component[0] == "F" else self.M, AXES.index(_axis(component)))
+        return _at(self.F if component[0] == "F" else self.M, "xyz".index(component[1]))
 
 
 class _Support(LoggedSensor):
@@ -323,7 +323,3 @@ def _refuse_other_kind(unit: str, kinds: tuple[str, str], **levels: Measured[flo
 
 def _at(values: tuple[float, float, float] | None, i: int) -> float | None:
     return None if values is None else values[i]
-
-
-def _axis(component: str) -> Axis:
-    return AXES["xyz".index(component[1])]

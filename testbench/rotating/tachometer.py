@@ -44,16 +44,12 @@ def common_timing_error(before: Floats, after: Floats, found: Floats) -> tuple[f
     if scatter > DITHERED:
         return 0.0, 0.0
     off = motion - motion.mean() + found.mean()
-    low, high = _likely(_shapes(number), (before - off) / step, (after - off) / step)
+    # Polynomials of the motion with mean zero, (n, degree) [-].
+    shapes = np.polynomial.legendre.legvander(number, _DEGREE)[:, 1:]
+    low, high = _likely(shapes - shapes.mean(axis=0), (before - off) / step, (after - off) / step)
     own = coverage_factor() * scatter / np.sqrt(len(found))
     half = float(np.sqrt(max(0.0, (0.5 * (high - low)) ** 2 - own**2)))
     return 0.5 * (low + high) * step, half * step
-
-
-def _shapes(number: Floats) -> Floats:
-    """Polynomials of the motion with mean zero, (n, degree) [-]."""
-    shapes = np.polynomial.legendre.legvander(number, _DEGREE)[:, 1:]
-    return shapes - shapes.mean(axis=0)
 
 
 def _likely(shapes: Floats, low: Floats, high: Floats) -> tuple[float, float]:

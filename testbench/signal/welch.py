@@ -104,7 +104,13 @@ class _PartialSum:
         for part in parts:
             spectra = [self._transformed(values, part) for values in self.channels]
             for i, spectrum in enumerate(spectra):
-                self._add(spectrum, self.power[i])
+                power = self.power[i]
+                if self.compiled:
+                    from .compiled_loops import add_power
+
+                    add_power(spectrum, power)
+                else:
+                    power += (spectrum.real**2 + spectrum.imag**2).sum(axis=0)
                 for j in range(i):
                     self.cross[i, j] += np.einsum("ij,ij->j", spectrum.conj(), spectra[j])
         return self._matrix()
@@ -122,14 +128,6 @@ class _PartialSum:
             np.subtract(segments, segments.mean(axis=1, keepdims=True), out=block)
             block *= self.window
         return np.asarray(rfft(block, axis=1))
-
-    def _add(self, spectrum: NDArray[Any], power: Floats) -> None:
-        if self.compiled:
-            from .compiled_loops import add_power
-
-            add_power(spectrum, power)
-        else:
-            power += (spectrum.real**2 + spectrum.imag**2).sum(axis=0)
 
     def _matrix(self) -> CrossDensities:
         k, m = len(self.channels), len(self.window) // 2 + 1

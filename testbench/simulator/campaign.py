@@ -162,13 +162,9 @@ def _write_run(
 ) -> tuple[list[str], dict[str, Any]]:
     """Simulate one run and write it; names of its logs, and what is true of it."""
     run = bench.simulated(numbered)
-    return _write_logs(folder, bench.rig, run), write_run_truth(folder / TRUTH_FOLDER, bench.rig, run, balance)
-
-
-def _write_logs(folder: Path, rig: Rig, run: SimulatedRun) -> list[str]:
     names = []
     for name, log in run.logs.items():
         names.append(f"{run.planned.name}_{name}.csv")
-        about = {"rig": rig.name or rig.mechanism, "run": run.planned.name, "logger": name}
-        write_log(folder / names[-1], rig.loggers[name], list(rig.columns(name)), log, about)
-    return names
+        about = {"rig": bench.rig.name or bench.rig.mechanism, "run": run.planned.name, "logger": name}
+        write_log(folder / names[-1], bench.rig.loggers[name], list(bench.rig.columns(name)), log, about)
+    return names, write_run_truth(folder / TRUTH_FOLDER, bench.rig, run, balance)

@@ -74,7 +74,13 @@ def draw_samples(logger: Logger, end: float, rng: np.random.Generator) -> Sampli
         return Sampling(own, true)
     scatter = np.clip(rng.normal(0.0, logger.jitter, len(own)), -0.45 / logger.rate, 0.45 / logger.rate)
     scatter[0] = 0.0  # time is counted from the first sample
-    kept = _kept(logger, len(own), rng)
+    # Which samples are kept, (n,); the first always is.
+    count = len(own)
+    kept = rng.random(count) >= logger.lost
+    blocks = rng.poisson(logger.dropouts_per_minute / 60.0 * count / logger.rate)
+    for begin in rng.integers(0, count, blocks):
+        kept[begin : begin + max(1, round(logger.dropout * logger.rate))] = False
+    kept[0] = True
     if logger.clock == "uniform":
         own = own[: int(kept.sum())]
     else:
@@ -85,16 +91,6 @@ def draw_samples(logger: Logger, end: float, rng: np.random.Generator) -> Sampli
 def is_irregular(logger: Logger) -> bool:
     """Whether its samples are jittered or incomplete."""
     return bool(logger.jitter or logger.lost or logger.dropouts_per_minute)
-
-
-def _kept(logger: Logger, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Which samples are kept, (n,); the first always is."""
-    kept = rng.random(count) >= logger.lost
-    blocks = rng.poisson(logger.dropouts_per_minute / 60.0 * count / logger.rate)
-    for begin in rng.integers(0, count, blocks):
-        kept[begin : begin + max(1, round(logger.dropout * logger.rate))] = False
-    kept[0] = True
-    return kept
 
 
 _CLOCK_STREAM = 1_000_003

@@ -273,7 +273,12 @@ def disturbed(run: BenchRun, rig: Rig, seed: tuple[int, int]) -> BenchRun:
 
 def _loaded(mechanism: Mechanism, bench: Bench, planned: PlannedRun) -> Mechanism:
     """The mechanism on the bench: planes, motor sides, rotors, tilt, payload, counter-masses."""
-    sided = with_motor_sides(with_planes(mechanism, _planes(bench, planned.counter_masses)), bench.drives)
+    # Planes of bodies and sites [m]; a stack's centre is half its thickness farther out, away from the bodies.
+    found = dict(bench.planes)
+    for site, density in bench.stacks.items():
+        face = found.get(site, 0.0)
+        found[site] = face + math.copysign(0.5 * planned.counter_masses.get(site, 0.0) / density, face)
+    sided = with_motor_sides(with_planes(mechanism, found), bench.drives)
     placed = added_bodies.with_rotors(sided, _rotors(bench))
     if any(bench.tilt):
         placed = replace(placed, gravity=gravity_in_tilted_axes(mechanism.gravity, np.array(bench.tilt)))
@@ -283,15 +288,6 @@ def _loaded(mechanism: Mechanism, bench: Bench, planned: PlannedRun) -> Mechanis
             raise RigError(f"bench.unstated_mass: {mechanism.name} has no body {body!r}: {', '.join(loaded.own_mass)}")
         loaded = loaded.with_payload({body: loaded.mass(body) + mass})
     return loaded.with_counter_mass(planned.counter_masses)
-
-
-def _planes(bench: Bench, masses: Mapping[str, float]) -> dict[str, float]:
-    """Planes of bodies and sites [m]; a stack's centre is half its thickness farther out, away from the bodies."""
-    found = dict(bench.planes)
-    for site, density in bench.stacks.items():
-        face = found.get(site, 0.0)
-        found[site] = face + math.copysign(0.5 * masses.get(site, 0.0) / density, face)
-    return found
 
 
 def _modal_acceleration(rig: Rig, transmitted: Floats, step: float) -> dict[Point, Floats]:

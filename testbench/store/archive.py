@@ -64,7 +64,9 @@ def archive(run: Run, folder: Path, progress: Progress = lambda count: None) -> 
     """Store ``run`` in ``folder`` as an archive. Raises StoreError if it is damaged, or an archive already."""
     if ARCHIVED_FROM in run.provenance:
         raise StoreError(f"{run.path.name}: is an archive already, of {run.provenance[ARCHIVED_FROM]['file']}")
-    original = _intact(run)
+    original = atomic_files.recorded_digest(run.path)
+    if atomic_files.sha256_of(run.path) != original:
+        raise StoreError(f"{run.path.name}: is not what was stored, see `testbench verify`; it was not archived")
     there = folder / run.path.name
     if there.exists() and original in identities(there):
         if there.samefile(run.path):
@@ -96,14 +98,6 @@ def _measured(run: Run, original: str, status: str) -> Archived:
     values = sum(8 * group.samples for group, _ in channels)
     whole = sum(group.whole[i] is not None for group, i in channels)
     return Archived(run.path, status, original, values, size, run.path.stat().st_size, len(channels), whole)
-
-
-def _intact(run: Run) -> str:
-    """The digest of a run, which must be right."""
-    recorded = atomic_files.recorded_digest(run.path)
-    if atomic_files.sha256_of(run.path) != recorded:
-        raise StoreError(f"{run.path.name}: is not what was stored, see `testbench verify`; it was not archived")
-    return recorded
 
 
 def _searched(file: "h5py.File", group: StoredGroup, index: int, progress: Progress) -> tuple[encodings.Form, str]:

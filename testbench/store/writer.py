@@ -89,7 +89,9 @@ class GroupWriter:
         self.key = node.name.rpartition("/")[2]
         taken = {layout.TIME, layout.SAMPLE}
         self.keys = [
-            layout.TIME if _is_time(group, i) else layout.safe_name(channel.label, taken)
+            layout.TIME
+            if isinstance(group.clock, TimeColumn) and group.clock.index == i
+            else layout.safe_name(channel.label, taken)
             for i, channel in enumerate(group.channels)
         ]
         self._waiting: list[list[Samples]] = [[] for _ in group.channels]
@@ -186,11 +188,7 @@ class GroupWriter:
         for dataset, channel, form in zip(self._datasets, self.group.channels, self.forms, strict=True):
             _name(dataset, channel)
             dataset.attrs.update(form.attributes)
-        self._write_minus()
-        self._attach(self._dimension(clock))
-
-    def _write_minus(self) -> None:
-        """Write what whole numbers do not hold; each dataset is its own dimension, for netCDF readers."""
+        # Write what whole numbers do not hold; each dataset is its own dimension, for netCDF readers.
         for key, bits in zip(self.keys, self._minus, strict=True):
             if bits:
                 node = self.node.file
@@ -199,6 +197,7 @@ class GroupWriter:
                     node.attrs.setdefault("NX_class", "NXcollection")
                 content = np.concatenate(bits)
                 node.create_dataset(key, data=content, fletcher32=True, **COMPRESSED.options).make_scale(key)
+        self._attach(self._dimension(clock))
 
     def _dimension(self, clock: UniformClock | TimeColumn | None) -> "h5py.Dataset":
         """The scale of the samples: recorded time, time by index and rate, or a length without values."""
@@ -229,10 +228,6 @@ class GroupWriter:
         if signals or not others:  # NeXus viewers apply no scale: of whole numbers they would plot other values
             self.node.attrs["signal"] = signals[0] if signals else layout.TIME
             self.node.attrs["axes"] = [layout.TIME if scale.name.endswith(layout.TIME) and others else "."]
-
-
-def _is_time(group: Group, index: int) -> bool:
-    return isinstance(group.clock, TimeColumn) and group.clock.index == index
 
 
 def _dataset(node: "h5py.Group", key: str, chunk: int, form: Form) -> "h5py.Dataset":

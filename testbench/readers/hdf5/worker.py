@@ -88,7 +88,13 @@ def _take(file: h5py.File, path: str, dataset: h5py.Dataset, found: _File) -> No
             if reference and isinstance(node := file[reference], h5py.Dataset):
                 _take(file, f"{path}{{{i}}}", node, found)
     elif dataset.size == 1:
-        _take_scalar(dotted, dataset, found)
+        # A single number or text is metadata; a number may state a rate.
+        if dataset.dtype.kind in "iufb":
+            value = float(np.asarray(dataset[()]).ravel()[0])
+            found.metadata[dotted], found.scalars[dotted] = repr(value), value
+        elif h5py.check_string_dtype(dataset.dtype) is not None and dataset.id.get_storage_size() <= 1 << 16:
+            element = np.asarray(dataset[()]).ravel()[0]
+            found.metadata[dotted] = plain(element)[:2000].strip("\0") if isinstance(element, bytes | str) else ""
     elif (series := _series(name, parent.strip("/"), dataset, stated, found)) is not None:
         _keep(path, dataset, stated, series, found)
     elif h5py.check_string_dtype(dataset.dtype) is not None and len(dataset.shape) == 1:
@@ -142,13 +148,3 @@ def _keep(path: str, dataset: h5py.Dataset, stated: Mapping[str, AttributeValue]
             if isinstance(value, int | float):
                 found.scalars[f"{path.strip('/')}.{key}"] = float(value)
     found.keep(series, dataset.dtype, channel, path)
-
-
-def _take_scalar(name: str, dataset: h5py.Dataset, found: _File) -> None:
-    """A single number or text is metadata; a number may state a rate."""
-    if dataset.dtype.kind in "iufb":
-        value = float(np.asarray(dataset[()]).ravel()[0])
-        found.metadata[name], found.scalars[name] = repr(value), value
-    elif h5py.check_string_dtype(dataset.dtype) is not None and dataset.id.get_storage_size() <= 1 << 16:
-        element = np.asarray(dataset[()]).ravel()[0]
-        found.metadata[name] = plain(element)[:2000].strip("\0") if isinstance(element, bytes | str) else ""

@@ -96,7 +96,13 @@ def open_tdms(path: Path, options: ReadOptions) -> Recording:
         reader="testbench.readers.tdms",
         groups=tuple(each.group for each in gathered),
         read=lambda report: watch_nonfinite(_blocks(path, contents, gathered, texts, report), report),
-        metadata=_metadata(contents),
+        metadata={
+            ": ".join(filter(None, ["/".join(path_names(path)), name])): repr(value)
+            if isinstance(value, float)
+            else str(value)
+            for path, properties in contents.properties.items()
+            for name, value in properties.items()
+        },
         findings=tuple(findings),
         texts=texts,
     )
@@ -285,17 +291,6 @@ def _channel_findings(contents: Contents, gathered: Sequence[_ChannelGroup]) -> 
         message = f"no sample in {names_listed(empty)}"
         findings.append(Finding("empty_group", None, None, message))
     return findings
-
-
-def _metadata(contents: Contents) -> dict[str, str]:
-    """Properties by path and name, with ``wf_start_time`` in seconds since 1970."""
-    return {
-        ": ".join(filter(None, ["/".join(path_names(path)), name])): repr(value)
-        if isinstance(value, float)
-        else str(value)
-        for path, properties in contents.properties.items()
-        for name, value in properties.items()
-    }
 
 
 class Scaling:
