@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, JSON, Answer, complain, emit_json, emit_table, plain_text
+from balance.cli.framework import Answer, emit_table, plain_text
 from balance.cli.options import argument, command, option
 from balance.results import table
 
@@ -34,9 +34,8 @@ Exit codes: 0 nothing odd, 3 findings, 1 would be refused or cannot be read."""
 def info(
     file: Path = argument(),
     stats: bool = option("Also count, min, max, mean, first and last of each channel."),
-    as_json: bool = JSON,
     **text: Any,  # noqa: ANN401
-) -> int:
+) -> Answer:
     """What a log file holds, and what is odd in it. Reads the whole file, keeps nothing."""
     from ..quality.log_description import describe_log
     from ..recording import Refusal, refusing_findings
@@ -44,19 +43,13 @@ def info(
     try:
         found = describe_log(file, options.read_options(**text))
     except Refusal as refusal:
-        if as_json:
-            emit_json({"format": None, "groups": [], "findings": [refusal.finding]})
-            complain(str(refusal))
-            return EXIT_REFUSED
-        raise
-    if as_json:
-        emit_json(found.document(stats))
-    else:
-        print_description(found, stats)
-    if grave := refusing_findings(found.findings):
-        codes = ", ".join(dict.fromkeys(finding.code for finding in grave))
-        complain(f"{file.name}: would be refused for {codes}; `testbench ingest --accept CODE` stores it")
-    return options.exit_code(found.findings)
+        unread = {"format": None, "groups": [], "findings": [refusal.finding]}
+        return Answer(unread, lambda: None, refused=[str(refusal)])
+    refused = []
+    if codes := dict.fromkeys(finding.code for finding in refusing_findings(found.findings)):
+        refused = [f"{file.name}: would be refused for {', '.join(codes)}; `testbench ingest --accept CODE` stores it"]
+    code = options.exit_code(found.findings)
+    return Answer(found.document(stats), lambda: print_description(found, stats), refused=refused, code=code)
 
 
 @command(

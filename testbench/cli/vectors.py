@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import EXIT_WITH_FINDINGS, emit_findings, emit_json, emit_table, json_option
+from balance.cli.framework import Answer, answering, emit_findings, emit_table
 from balance.cli.options import draw, figure_option
 
 from ..signal import METRIC_NAMES
@@ -66,8 +66,8 @@ Exit codes: 0 done, 3 done with findings, 1 refused."""
 @click.option("--weight", multiple=True, metavar="PLANE=W@A", help='Trial weight of this run, "fan end=10 g @ 0 deg".')
 @click.option("--stayed-on/--came-off", default=None, help="Whether the trial weight stayed on after this run.")
 @figure_option
-@json_option
-def vectors(run_file: Path, **options: Any) -> int:  # noqa: ANN401
+@answering
+def vectors(run_file: Path, **options: Any) -> Answer:  # noqa: ANN401
     """Amplitude and phase of each vibration sensor of RUN, a stored run, at an order of its speed.
 
     The tachometer's pulses cut the record into turns, over which it is averaged; intervals (95 %) come from the noise
@@ -86,17 +86,18 @@ def vectors(run_file: Path, **options: Any) -> int:  # noqa: ANN401
         _agrees(run, found, options["speed"], within)
     document = _document(run, found, options["phase"], options["amplitude"])
     draw(options["figure"], "testbench.figures.rotating:draw_vectors", document)
-    if options["toml"]:
-        click.echo(_toml(run, found, options))
-    elif options["as_json"]:
-        emit_json(document)
-    else:
-        _print(run, found, options["phase"], options["amplitude"])
-    return EXIT_WITH_FINDINGS if found.findings() else 0
+
+    def show() -> None:
+        if options["toml"]:
+            click.echo(_toml(run, found, options))
+        else:
+            _print(run, found, options["phase"], options["amplitude"])
+
+    return Answer(document, show, bool(found.findings()))
 
 
 def _check(options: dict[str, Any]) -> None:
-    if options["toml"] and options["as_json"]:
+    if options["toml"] and click.get_current_context().params["as_json"]:
         raise click.UsageError("give either --toml or --json")
     if not 0.0 < options["steady_within"] <= 50.0:
         raise click.UsageError(f"--steady-within is {options['steady_within']:g}: expected more than 0, at most 50 %")
