@@ -1,6 +1,7 @@
 """Run every step, each in a process of its own; pictures and data go to ``demo-output``."""
 
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -49,4 +50,8 @@ def show(running: "subprocess.Popen[str]") -> None:
 
 
 if __name__ == "__main__":
-    main()
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        main()
+    except KeyboardInterrupt:
+        sys.exit("Interrupted: what is done so far is in demo-output.")
