@@ -172,7 +172,7 @@ def _write(target: Path, text: str) -> None:
     """Write under a hidden name, sync, then give it its own, over nothing."""
     part = target.with_name(f".{target.name}.part")
     try:
-        with part.open("x", encoding="utf-8") as stream:
+        with part.open("x", encoding="utf-8", newline="\n") as stream:
             stream.write(text)
             stream.flush()
             os.fsync(stream.fileno())

@@ -202,6 +202,19 @@ def is_locked(path: Path) -> bool:
         return True
 
 
+@contextmanager
+def taken(path: Path) -> Iterator[bool]:
+    """Hold a file as the only process that does; False where another one that is alive holds it.
+
+    Raises FileNotFoundError if it is gone. On Windows it is not opened for this: nobody could remove it then.
+    """
+    if fcntl is None:
+        yield not is_locked(path)
+        return
+    with path.open("rb") as stream:
+        yield hold_lock(stream)
+
+
 LOCK = ".lock"
 """Of a campaign: the file by which its writers wait for each other. It stays, and holds nothing."""
 

@@ -50,10 +50,8 @@ def finish(leftover: Leftover, save: Save) -> Recovery | None:
     itself lost what was noted.
     """
     try:
-        with leftover.journal.open("rb") as stream:
-            if not atomic_files.hold_lock(stream) or (
-                atomic_files.fcntl is None and atomic_files.is_locked(leftover.journal)
-            ):
+        with atomic_files.taken(leftover.journal) as is_ours:
+            if not is_ours:
                 return Recovery(leftover.run, "running", "an ingest is writing it at this moment; left alone")
             found = _recovered(leftover, save)
             leftover.part.unlink(missing_ok=True)
