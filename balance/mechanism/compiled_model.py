@@ -12,7 +12,7 @@ from ..errors import ModelError
 from .forward_kinematics import Joint, Tree
 from .loop_constraints import Anchor, Constraint, Coupling, Loop
 from .mechanism import Mechanism, Site
-from .mjcf_compiler import COORDINATE_LIMIT
+from .mjcf_compiler import COORDINATE_LIMIT, LOOP_END
 
 _BALL, _SLIDE = 1, 2
 _CONNECT, _WELD = 0, 1
@@ -118,7 +118,7 @@ class _Parts:
         sites = {
             name: Site(name, self.row_of[model.site_bodyid[i]], frozen(self._site(i).position), radii.get(name, 0.0))
             for i, name in enumerate(self.names["site"])
-            if name
+            if name and not name.startswith(LOOP_END)
         }
         self._refuse_unknown("<text name='payload'> names body", payload, own_mass)
         self._refuse_unknown(f"<numeric name='...{_RADIUS}'> names site", radii, sites)

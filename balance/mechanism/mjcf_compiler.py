@@ -29,6 +29,8 @@ COORDINATE_LIMIT = 600
 """Most coordinates of a mechanism, and most joints."""
 MEMORY_LIMIT = 1_500_000_000
 """Memory that compiling may take beyond what is in use [bytes]."""
+LOOP_END = "loop end"
+"""Beginning of the names of sites that a robot's loops are tied at: nobody's but the compiler's."""
 MASSLESS = 2e-15
 """What a body without mass is given for MuJoCo, which takes none below 1e-15, and rid of after [kg, kg m2]."""
 _NEGLIGIBLE = 1e-9

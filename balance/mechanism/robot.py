@@ -13,7 +13,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import ModelError
-from .mjcf_compiler import MASSLESS, import_mujoco
+from .mjcf_compiler import LOOP_END, MASSLESS, import_mujoco
 
 JOINT_LIMIT = 900
 """Most joints of a robot, fixed ones included: MuJoCo takes about a thousand bodies on each other."""
@@ -184,7 +184,7 @@ class _SpecOfRobot:
         return self._add_site(self.bodies[link], joint.in_child if joint else Placement())
 
     def _add_site(self, body: Any, at: Placement | None = None) -> str:  # noqa: ANN401
-        at, name = at or Placement(), f"loop end {len(self.spec.sites) + 1} on {body.name}"
+        at, name = at or Placement(), f"{LOOP_END} {len(self.spec.sites) + 1} on {body.name}"
         body.add_site(name=name, pos=at.position, quat=self._quaternion(at.rotation))
         return name
 

@@ -160,6 +160,7 @@ def test_a_loop_of_six_rows_holds_a_planar_linkage_still(tmp_path: Path) -> None
     """6d, or no type: the axes coincide too, so that the last hinge is rigid."""
     robot = loaded(tmp_path, FOUR_BAR, "closed_loop: [['end_A', 'end_B']]\n")
     assert [loop.size for loop in robot.loops] == [6]
+    assert list(robot.sites) == ["ground", "end_A", "end_B"]  # and none that the loop is tied at
 
 
 @pytest.mark.parametrize(
