@@ -6,6 +6,7 @@ when pi is orthogonal to it. The conditions are that space's reduced row echelon
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -28,6 +29,8 @@ GAP = 1e6
 """Least ratio between the smallest kept and the largest dropped singular value that decides a rank."""
 STATES = 64
 """Closed states from which a rank is found first."""
+_ROUNDING = 1e-13
+"""Singular values above this, relative to the largest, are no rounding of the computation, but may be of the file."""
 _ZERO = 1e-9
 """Coefficients below this are rounding of the elimination [m, or none]."""
 
@@ -144,6 +147,10 @@ class Conditions:
     """What decided the rank: these, or ``elimination in extended precision`` where these leave it in doubt."""
     closure_residual: float = 0.0
     """Largest residual of the loops in the closed configuration that is the home of all others [m, rad]."""
+    in_doubt: bool = False
+    """Whether singular values were dropped as rounding of the file's numbers that are none of the computation."""
+    rank_to_the_letter: int | None = None
+    """Where it is in doubt, the number of conditions of the file's numbers as they are; None where it is undecided."""
 
     @property
     def rank(self) -> int:
@@ -233,20 +240,28 @@ def balance_conditions(mechanism: Mechanism, momentum: str = "linear") -> Condit
     if momentum not in MOMENTA:
         raise ModelError(f"momentum is {momentum!r}: expected one of {', '.join(MOMENTA)}")
     closure = Closure(mechanism)
-    decided_by = "singular values"
+    decided_by, in_doubt, exact = "singular values", False, None
     try:
-        basis, gap = _momentum_space(closure, MOMENTA[momentum])
+        basis, gap, in_doubt = _momentum_space(closure, MOMENTA[momentum])
     except UndecidedRank:
         basis, gap = _extended_momentum_space(closure, MOMENTA[momentum])
         decided_by = "elimination in extended precision"
+    if in_doubt:
+        with suppress(UndecidedRank):
+            exact = len(_extended_momentum_space(closure, MOMENTA[momentum])[0])
+        in_doubt = exact != len(basis)
     residual = float(closure.residual(closure.home[None])[0])
     return Conditions(
-        closure.mechanism, closure.dof, reduced_row_echelon(basis, pivot_order(mechanism)), gap, decided_by, residual
-    )
+        closure.mechanism, closure.dof, reduced_row_echelon(basis, pivot_order(mechanism)), gap, decided_by, residual,
+        in_doubt, exact if in_doubt else None,
+    )  # fmt: skip
 
 
-def _momentum_space(closure: Closure, rows: list[int]) -> tuple[Floats, tuple[float, float]]:
-    """The row space of a momentum's ``rows`` over so many closed states that a third more of them add nothing."""
+def _momentum_space(closure: Closure, rows: list[int]) -> tuple[Floats, tuple[float, float], bool]:
+    """The row space of a momentum's ``rows`` over so many closed states that a third more of them add nothing.
+
+    With it whether singular values that are no rounding were dropped.
+    """
     count = STATES
     while True:
         q = closure.states(count)
@@ -255,7 +270,7 @@ def _momentum_space(closure: Closure, rows: list[int]) -> tuple[Floats, tuple[fl
         found, others = (part.reshape(-1, by_state.shape[2]) for part in np.split(by_state, [3 * count // 4]))
         basis, gap = row_space(found, closure.mechanism.name)
         if np.abs(others - (others @ basis.T) @ basis).max() <= _ZERO * np.abs(others).max():
-            return basis, gap
+            return basis, gap, gap[1] > _ROUNDING * float(np.linalg.norm(found)) / len(found) ** 0.5
         count *= 2
 
 

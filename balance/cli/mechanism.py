@@ -275,6 +275,8 @@ def conditions(
         "residual_m": found.closure_residual,
         "rank": found.rank,
         "rank_by": found.rank_by,
+        "rank_in_doubt": found.in_doubt,
+        "rank_to_the_letter": found.rank_to_the_letter,
         "singular_value_gap": list(found.singular_values),
         "conditions": found.document(),
         "balanced": found.is_balanced(BALANCED_KGM),
@@ -296,6 +298,14 @@ def _print_conditions(found: "Conditions", momentum: str, possible: "Feasibility
     named = f"With {', '.join(f'{name} = {length:.6g} m' for name, length in model.lengths.items())}"
     emit_table(f"Conditions of {model.name}", ["condition", "now", "unit"], rows, named if model.lengths else "")
     kept, dropped = found.singular_values
+    if found.in_doubt:
+        exact = found.rank_to_the_letter
+        say(
+            f"Rank in doubt: singular values up to {dropped:.3g} were taken for rounding of the file's numbers, beside "
+            f"{kept:.3g}. To the letter the file has "
+            + (f"{exact} conditions." if exact else "more conditions, how many cannot be decided.")
+            + " Write equal lengths and angles with the same digits, all sixteen of them; others further apart."
+        )
     note(
         f"{found.dof} degree{'s' * (found.dof != 1)} of freedom, {model.total_mass:.6g} kg move; "
         f"{len(model.loops)} loop{'s' * (len(model.loops) != 1)}, closed to {found.closure_residual:.2g} m or rad from "

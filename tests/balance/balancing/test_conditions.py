@@ -288,6 +288,20 @@ def test_a_rank_in_doubt_is_decided_in_extended_precision(off: float, rank: int,
     assert (found.rank, found.rank_by) == (rank, decided_by)
 
 
+@pytest.mark.parametrize(("off", "in_doubt"), [(3e-11, True), (1e-12, True), (1e-16, False)])
+def test_a_rank_that_rounding_may_explain_is_in_doubt(off: float, in_doubt: bool) -> None:
+    """A parallelogram up to the twelfth decimal is taken for one, and it is said that to the letter it is none."""
+    found = balance_conditions(models.model(models.four_bar(0.3, 0.2, 0.3 + off, 0.2, 1.0)))
+    assert (found.rank, found.in_doubt) == (2, in_doubt)
+    assert found.rank_to_the_letter in ((4, None) if np.finfo(np.longdouble).eps > 1e-18 else (4,)) or not in_doubt
+
+
+def test_small_singular_values_of_the_computation_leave_no_doubt() -> None:
+    """The delta's states are worse conditioned than others: extended precision confirms its rank."""
+    found = balance_conditions(models.load("delta"))
+    assert (found.rank, found.in_doubt) == (13, False)
+
+
 def test_a_long_chain_has_two_conditions_a_link() -> None:
     """Forty hinges: states are added until they add nothing to the rank."""
     links = ""
