@@ -203,10 +203,13 @@ def least_vibration(
 
     starts = [np.zeros(len(groups)), np.array([least_force.counter_masses[group[0]].mass for group in groups]) / unit]
     bounds = [(0.0, float(upper[group].min()) / unit) for group in groups]
-    options = {"ftol": 1e-14, "gtol": 1e-9, "maxfun": _MOST}
     found = [
-        optimize.minimize(value, at, jac="3-point", method="L-BFGS-B", bounds=bounds, options=options) for at in starts
-    ]
+        optimize.minimize(
+            value, at, jac="3-point", method="L-BFGS-B", bounds=bounds,
+            options={"ftol": 1e-14, "gtol": 1e-9, "maxfun": _MOST},
+        )
+        for at in starts
+    ]  # fmt: skip
     best = min(found, key=lambda one: float(one.fun))
     if best.status == _TOO_MANY:
         raise SizingError(f"counter-masses of least vibration did not converge in {_MOST} evaluations: limit them")

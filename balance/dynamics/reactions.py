@@ -81,7 +81,8 @@ def find_reactions(mechanism: Mechanism, trajectory: Trajectory, response: Respo
     ]
     joints, closures, redundant, opens = zip(*blocks, strict=True)
     found = _named(mechanism, np.concatenate(joints), np.concatenate(closures), max(redundant))
-    left_open = _named(mechanism, *(np.concatenate(one) for one in zip(*opens, strict=True)), 0).columns()
+    wrenches, forces = (np.concatenate(one) for one in zip(*opens, strict=True))
+    left_open = _named(mechanism, wrenches, forces, 0).columns()
     undetermined = [name for name, shares in left_open.items() if np.abs(shares).max(initial=0.0) > _OPEN]
     return replace(found, undetermined=tuple(undetermined))
 
