@@ -36,11 +36,11 @@ MOST_FALSE, LEAST_TRUE = 1e-3, 0.9
 PLACE = 0.3
 """Of the known mass [m]."""
 LIES = (
-    "law", "hand", "slip", "stall", "sign", "encoder_slip", "lost_counts", "scale_known",
+    "law", "hand", "slip", "stall", "sign", "encoder_slip", "lost_counts", "scale_known", "angle_scale",
 )  # fmt: skip
 """Motor torque that is a law of position and velocity while a hand moves the joint; hands or obstacles at times; a load
 that slips; a joint that is kept from moving; torque of the other sign; an encoder that jumps, or loses counts; a torque
-that reads wrong, with a mass that is known."""
+that reads wrong, with a mass that is known; an encoder that reads its angle by another scale."""
 
 
 @dataclass(frozen=True)
@@ -355,9 +355,17 @@ def _sign(rng: np.random.Generator, joints: Joints, sensors: _Sensors) -> Run:
     return time, torque * signs, shown
 
 
+def _angle_scale(rng: np.random.Generator, joints: Joints, sensors: _Sensors) -> Run:
+    """One encoder reads its angle by another scale."""
+    time, torque, shown = _honest(rng, joints, sensors)
+    scales = np.ones(shown.shape[1])
+    scales[rng.integers(len(scales))] = rng.choice([rng.uniform(0.5, 0.88), rng.uniform(1.12, 2.0)])
+    return time, torque, shown * scales
+
+
 _RUNS: dict[str, Callable[[np.random.Generator, Joints, _Sensors], Run]] = {
     "law": _law, "hand": _hand, "slip": _slip, "stall": _stall, "sign": _sign, "encoder_slip": _encoder_slip,
-    "lost_counts": _lost_counts,
+    "lost_counts": _lost_counts, "angle_scale": _angle_scale,
 }  # fmt: skip
 
 

@@ -8,8 +8,9 @@ explains the torques better, or as well, and alarms falsely in FALSE_ALARM of re
   In as many terms as a third of what the record has of independent readings, each record with an f of its own. s must
   lie nearer to one than to zero with a probability of error of FALSE_ALARM: that bounds the laws that pass for bodies.
 * **A torque from outside** (a hand, an obstacle): one that varies freely in time, piecewise linear.
-* **An encoder or a load that slips**: a deviation of each joint's angle that varies freely in time likewise. Both by
-  Fisher's F, with 2 f T independent readings in T seconds below f.
+* **An encoder or a load that slips**: a deviation of each joint's angle that varies freely in time likewise; **an
+  encoder of another scale**: one that is a share of the angle. All by Fisher's F, with 2 f T independent readings in T
+  seconds below f.
 * **The simulated motion.** What the torque lacks, driven through the joints' dynamics, makes the angles deviate. The
   intervals take what it lacks for independent from block to block; then the deviation has the mean square of the
   blocks' own deviations. Where what lacks adds up instead, the deviation is larger: by random signs of the blocks
@@ -18,7 +19,7 @@ explains the torques better, or as well, and alarms falsely in FALSE_ALARM of re
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Annotated, Literal
 
 import numpy as np
@@ -33,6 +34,8 @@ from balance.results import Key
 from .estimators import Deviation, NotSimulated
 from .regression_equations import RecordEquations, RegressionEquations
 
+Cause = Literal["outside_torque", "slip", "angle_scale"]
+"""What a :class:`FreeTest` looks for."""
 FALSE_ALARM = 1e-3
 """Probability with which a test doubts a record of white noise that has nothing of what the test looks for."""
 NEAREST_LAW = 0.5
@@ -43,8 +46,9 @@ LAW_SHARE = 3.0
 """Independent readings for each term of a law."""
 KNOT_S, KNOT_PERIODS = 0.8, 2.0
 """Between points of what varies freely in time: at least so long, and so many periods of the cut-off."""
-SMOOTHING = 0.01
-"""Part of the torques that smoothed positions may distort: free variations that explain less say nothing."""
+SMOOTHING: dict[Cause, float] = {"outside_torque": 0.01, "slip": 0.01, "angle_scale": 0.002}
+"""Part of the torques that smoothed positions may distort, along what varies freely or along the one column of a scale:
+what explains less says nothing."""
 OVERSAMPLING = 8.0
 """Samples of low-passed equations kept for each period of the cut-off."""
 WINDOW_S, WINDOW_BLOCKS = 1.0, 6
@@ -98,10 +102,10 @@ class LawTest:
 
 @dataclass(frozen=True)
 class FreeTest:
-    """Whether a torque from outside, or an angle that slips, explains what bodies do not."""
+    """Whether a torque from outside, an angle that slips, or one of another scale explains what bodies do not."""
 
     joint: Annotated[str, Key()]
-    code: Annotated[Literal["outside_torque", "slip"], Key()]
+    code: Annotated[Cause, Key()]
     share: Annotated[float, Key("explained_rms_ratio")]
     """What it explains beyond bodies, as a part of the rms of the joint's torque [-]."""
     probability: Annotated[float, Key()]
@@ -113,9 +117,10 @@ class FreeTest:
         what = {
             "outside_torque": "a torque from outside, as of a hand or an obstacle,",
             "slip": "an angle that slips between encoder and body",
+            "angle_scale": "an encoder that reads its angle by another scale",
         }[self.code]
         text = f"{what} explains {self.share:.1%} of its torque that bodies do not (by chance {self.probability:.1g})"
-        passed = self.probability >= FALSE_ALARM or self.share < SMOOTHING
+        passed = self.probability >= FALSE_ALARM or self.share < SMOOTHING[self.code]
         return [] if passed else [Doubt(self.code, f"{self.joint}: {text}")]
 
 
@@ -166,8 +171,9 @@ class ModelTests:
 
     @cached_property
     def free(self) -> list[FreeTest]:
-        """Two of each joint."""
-        return [self._free(k, code) for k in range(len(self.joints)) for code in ("outside_torque", "slip")]
+        """Three of each joint."""
+        tests = partial(self._free, code="outside_torque"), partial(self._free, code="slip"), self._angle_scale
+        return [test(k) for k in range(len(self.joints)) for test in tests]
 
     @cached_property
     def motion(self) -> MotionTest | None:
@@ -311,29 +317,51 @@ class ModelTests:
             records.append(RegressionRecord.of(smooth[:, :, :1], rows, own, smooth[:, :, 1:], used, rows=("torque",)))
         return fit(records, conditions=0).estimate(np.ones(1))
 
-    def _free(self, joint: int, code: Literal["outside_torque", "slip"]) -> FreeTest:
-        """By the squares that columns of a torque, or an angle, of a joint that varies in time take off the rest."""
+    def _free(self, joint: int, code: Cause) -> FreeTest:
+        """By columns of a torque, or an angle, of a joint that varies in time."""
         joints, cutoff, added, first = len(self.joints), self.equations.cutoff, [], 0
-        used = self.equations.moving[:, :joints]
+        rows = len(self.equations.moving)
         for part, model in zip(self.equations.parts, self._models, strict=True):
             count = part.record.grid.count
             points = max(3, int(count * model.step / max(KNOT_S, KNOT_PERIODS / cutoff)))
             away = np.abs(np.linspace(0.0, points - 1.0, count)[:, None] - np.arange(points))
             column = model.stiffness[:, :, joint] if code == "slip" else np.tile(np.eye(joints)[joint], (count, 1))
             free = part.inside(part.low_passed(column[:, :, None] * np.maximum(1.0 - away, 0.0)[:, None]))
-            added.append(np.zeros((len(used), joints, points)))
+            added.append(np.zeros((rows, joints, points)))
             added[-1][first : first + len(free)] = free
             first += len(free)
+        return self._explained(joint, code, self._base[:, :joints, :0], np.concatenate(added, axis=2))
+
+    def _angle_scale(self, joint: int) -> FreeTest:
+        """By the column of an angle that is read a share too large; the encoder's zero is a nuisance parameter.
+
+        A weight's sine has its period in true angles, and a second joint turns by them: no bodies make up for that.
+        """
+        columns = []
+        for part, model in zip(self.equations.parts, self._models, strict=True):
+            slopes = (one[:, :, joint] for one in (model.stiffness, model.damping, model.inertia))
+            path = (one[:, joint, None] for one in (part.motion.q, part.motion.v, part.motion.a))
+            read = sum(slope * along for slope, along in zip(slopes, path, strict=True))
+            both = np.stack([model.stiffness[:, :, joint], read], axis=2)
+            columns.append(part.inside(part.low_passed(both)))
+        zero, scale = np.split(np.concatenate(columns), 2, axis=2)
+        return self._explained(joint, "angle_scale", zero, scale)
+
+    def _explained(self, joint: int, code: Cause, nuisance: Floats, added: Floats) -> FreeTest:
+        """By the squares that ``added`` columns take off what bodies and ``nuisance`` columns leave, (n, joints, k)."""
+        joints, cutoff = len(self.joints), self.equations.cutoff
+        used = self.equations.moving[:, :joints]
         weights = used / np.sqrt(np.maximum(np.mean(self._residual[:, :joints] ** 2, axis=0), np.finfo(float).tiny))
         keep = max(1, int(self.equations.records[0].grid.rate / (OVERSAMPLING * cutoff)))
 
         def stacked(values: Floats) -> Floats:
             return np.asarray((values[:, :joints] * weights[:, :, None])[::keep].reshape(-1, values.shape[2]))
 
-        scaled = [self._known[:, :, None]] if self.scale is not None else []  # a wrong scale has a test of its own
-        columns, rows = stacked(np.concatenate([self._base, *scaled], axis=2)), stacked(self._rows[:, :, None])[:, 0]
+        scaled = [self._known[:, :joints, None]] if self.scale is not None else []  # a wrong scale has its own test
+        columns = stacked(np.concatenate([self._base[:, :joints], *scaled, nuisance], axis=2))
+        rows = stacked(self._rows[:, :, None])[:, 0]
         before, terms = _left(columns, rows)
-        after, more = _left(np.hstack([columns, stacked(np.concatenate(added, axis=2))]), rows)
+        after, more = _left(np.hstack([columns, stacked(added)]), rows)
         freedom = 2.0 * cutoff * float(used.sum()) * self._models[0].step - more
         own = float(np.sum((self._rows[:, joint] * weights[:, joint])[::keep] ** 2))
         share = float(np.sqrt(max(before - after, 0.0) / max(own, np.finfo(float).tiny)))

@@ -33,6 +33,7 @@ def identified(kind: str, seed: int):
         ("encoder_slip", 5, "encoder_jump"),
         ("sign", 3, "torque_sign"),
         ("scale_known", 1, "torque_scale"),
+        ("angle_scale", 0, "angle_scale"),
     ],
 )
 def test_what_deceives_is_named(kind, seed, code):
