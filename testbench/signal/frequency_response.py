@@ -105,5 +105,6 @@ def _residual_power(density: CrossDensities, inputs: "Sequence[int] | NDArray[np
     size[size == 0.0] = 1.0
     among = density[:, rows[:, None], rows] / (size[:, :, None] * size[:, None, :])
     cross = density[:, rows, output] / size
-    explained = np.einsum("mi,mij,mj->m", cross.conj(), np.linalg.pinv(among, rcond=1e-9, hermitian=True), cross)
+    inverse = among if len(rows) == 1 else np.linalg.pinv(among, rcond=1e-9, hermitian=True)  # of one it is 1, or 0
+    explained = np.einsum("mi,mij,mj->m", cross.conj(), inverse, cross)
     return np.maximum(0.0, power - explained.real)
