@@ -30,7 +30,7 @@ from ..kinematics.gaps import GAP_FINDING
 from ..recording import Finding
 from .cross_validation import RULE, CrossValidation, unexplained
 from .estimators import NAMES
-from .model_tests import FALSE_ALARM
+from .model_tests import FALSE_ALARM, FREE_ALARM
 from .regression_equations import RegressionEquations, regression_equations
 from .result import Identification, Validation
 
@@ -249,6 +249,7 @@ def identification_document(result: Identification) -> dict[str, Any]:
         "evidence": {**document(explained), "scale_of_all": scale_document(result.tests.scale)},
         "model_tests": {
             "false_alarm_rate": FALSE_ALARM,
+            "false_alarm_rate_free": FREE_ALARM,
             "laws": result.tests.laws,
             "free": result.tests.free,
             "motion": result.tests.motion,
