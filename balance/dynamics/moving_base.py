@@ -264,7 +264,7 @@ def _propagator(a_bytes: bytes, b_bytes: bytes, size: int, step: float) -> tuple
     system[:size, :size], system[:size, size : size + inputs] = a * step, b * step
     system[size : size + inputs, size + inputs :] = np.eye(inputs)
     full = expm(system)
-    slope = full[:size, size + inputs :]
+    slope = np.ascontiguousarray(full[:size, size + inputs :])
     return np.ascontiguousarray(full[:size, :size]), full[:size, size : size + inputs] - slope, slope
 
 

@@ -99,6 +99,17 @@ class DriveTrain(Table):
         return self
 
 
+class ElasticJoint(Table):
+    """A joint without a motor that yields across its axis: the spring of pin and bearing, and the clearance between."""
+
+    stiffness: key_types.Stiffness
+    """Across the axis, the same in all directions [N/m]."""
+    damping: Annotated[float, Quantity("damping", at_least=0.0)]
+    """[N s/m]"""
+    clearance: Annotated[float, Quantity("length", at_least=0.0)] = 0.0
+    """Radius of the bearing less that of the pin: so far the pin moves before the spring carries anything [m]."""
+
+
 class Roughness(Table):
     """Residual broadband wrench of drives, gears and joints on the base: flat within a band, each axis for itself."""
 
@@ -241,6 +252,8 @@ class Bench(MountedBase):
     """Of the motors, by joint."""
     drives: dict[str, DriveTrain] = Field(default_factory=dict)
     """Transmission and control of the drives, by joint; a joint without follows its command exactly."""
+    joints: dict[str, ElasticJoint] = Field(default_factory=dict)
+    """Joints without a motor that yield across their axis, with clearance, by joint or `connect`."""
     contact: Contact | None = None
     """Between mounts and floor; None: the mounts are fixed to the floor, and pull as well as push."""
     rider: Rider | None = None

@@ -1,7 +1,7 @@
 """Base and drives together: the base on its mounts, joints and motors on their transmissions and controls.
 
 Unknown are the base's motion x and the deviations e of joints and motors from the command. With everything constant
-that is nearly so (inertia at the start, springs, dampers, controls) they are one linear system,
+that is nearly so (an inertia in the middle of all, springs, dampers, controls) they are one linear system,
 
     M0 (x'', e'') + C (x', e') + K (x, e) = p,   p = exact loads - those of M0,
 
@@ -29,6 +29,7 @@ from balance.dynamics.moving_base import (
     propagator,
     times,
 )
+from balance.errors import ClosureError
 from balance.mechanism.mechanism import Mechanism
 
 from ..errors import RigError
@@ -150,26 +151,38 @@ class _Core:
         a[n : 2 * n], b[n : 2 * n, :n] = np.linalg.solve(mass, force), np.linalg.inv(mass)
         return cls(a, b, n, mass, np.array(loops).reshape(len(loops), count).T, at_once, drives, contact)
 
-    def respond(self, push: Floats, step: float) -> Floats:
+    def respond(self, push: Floats, step: float, beyond: Floats | None = None, before: Floats | None = None) -> Floats:
         """From equilibrium under ``push`` (n, 6 + nf) [N, N m] in steps of ``step`` [s]; the base's from rest.
+
+        ``push`` has inertia ``beyond`` the constant one, (n, 6 + nf, 6 + nf) [kg, kg m, kg m2], at the accelerations
+        ``before`` (n, 6 + nf): where something is stepped, that becomes what it is at those found.
 
         Displacements, velocities and accelerations of base and deviations, (3, n, 6 + nf).
         """
         n, driven = self.positions, np.hstack([push + self.at_once, self.ahead])
         rest = np.linalg.solve(-self.a, self.b @ driven[0])
         if self.contact or self._loose:
-            state, released = self._stepped(driven, step, rest)
+            state, released = self._stepped(driven, step, rest, beyond, before)
             driven += released
         else:
             state = rest + linear_response(self.a, self.b, driven - driven[0], step)
         rates = times(self.a[n : 2 * n], state) + times(self.b[n : 2 * n], driven)
         return np.stack([state[:, :n], state[:, n : 2 * n], rates])
 
+    def bounces(self) -> list[tuple[float, Spring]]:
+        """Natural frequency of each pin with clearance on its spring, the rest free [rad/s], and its spring."""
+        inverse = np.linalg.inv(self.mass)[6:, 6:]
+        pins = [spring for spring in self._loose if len(spring.along) > 1]
+        mobility = [np.linalg.norm(spring.along @ inverse @ spring.along.T, 2) for spring in pins]
+        return [(float(np.sqrt(s.stiffness * m)), s) for s, m in zip(pins, mobility, strict=True)]
+
     @property
     def _loose(self) -> list[Spring]:
         return [spring for spring in self.drives.springs if spring.play] if self.drives else []
 
-    def _stepped(self, driven: Floats, step: float, rest: Floats) -> tuple[Floats, Floats]:
+    def _stepped(
+        self, driven: Floats, step: float, rest: Floats, beyond: Floats | None, before: Floats | None
+    ) -> tuple[Floats, Floats]:
         """States (n, k), and what play and feet add to ``driven``, from rest at the stops that springs lie at there.
 
         ``rest`` (k,) is where they would be without play.
@@ -190,12 +203,24 @@ class _Core:
         towards = turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-300)
         lacking = into[:, :turns] @ (play[:, None] * towards).ravel()
         phi, now, after = propagator(self.a, self.b, step)
-        states, found = np.empty((len(driven), len(rest))), np.empty((len(driven), turns + feet))
+        states, added = np.empty((len(driven), len(rest))), np.empty_like(driven)
         states[0] = np.linalg.solve(-self.a, self.b @ (driven[0] + lacking))
         pushes = times(now, driven[:-1]) + times(after, driven[1:])
         preload, *pressed = (np.zeros(0), 0, 0.0) if contact is None else contact.pressed
-        step_through(phi, now @ into, after @ into, read, pushes, play, preload, *pressed, states, found)
-        return states, times(into, found)
+        rates, m = np.zeros((driven.shape[1], len(rest))), driven.shape[1]
+        rates[:n] = self.a[n : 2 * n]
+        more, solved, known = np.zeros((0, m, m)), np.zeros((0, m, m)), np.zeros((0, m))
+        if beyond is not None and before is not None:
+            more, at_once = np.zeros((len(driven), m, m)), np.zeros((m, m))
+            more[:, :n, :n], at_once[:n] = beyond, self.b[n : 2 * n]
+            solved = np.asarray(np.linalg.inv(np.eye(m) + more @ (rates @ after + at_once)), dtype=np.float64)
+            known = np.zeros_like(driven)
+            known[:, :n] = before - times(self.b[n : 2 * n], driven)
+            known = np.einsum("nij,nj->ni", more, known)
+        step_through(
+            phi, now, after, read, into, rates, pushes, more, solved, known, play, preload, *pressed, states, added
+        )
+        return states, added
 
 
 @dataclass(frozen=True)
@@ -232,25 +257,34 @@ class BenchDynamics:
     def solved(self, sought: Floats | None = None, tolerance: float = TOLERANCE) -> Solution:
         """The motion, ``sought`` from one as ``_Core.respond`` gives it. Raises RigError if rounds do not converge."""
         time = self.command.time
+        resolved = self._resolved(float(time[1] - time[0]))
         if sought is None:
-            seldom = len(time) <= _COARSE_FROM
-            sought = np.zeros((3, len(time), self._core.positions)) if seldom else self._sought_coarsely()
-        trajectory, largest = self.command, np.full(self._core.positions, self.drives.size if self.drives else 1.0)
+            direct = len(time) <= _COARSE_FROM or resolved < COARSE
+            sought = np.zeros((3, len(time), self._core.positions)) if direct else self._sought_coarsely()
+        trajectory, largest = self.command, np.ones(self._core.positions)
+        if self.drives:
+            largest[6:] = self.drives.sizes
         for _ in range(ROUNDS):
             motion, deviation = _parted(sought)
-            trajectory = self.drives.follow(deviation, trajectory, self._closure) if self.drives else trajectory
+            try:
+                trajectory = self.drives.follow(deviation, trajectory, self._closure) if self.drives else trajectory
+            except ClosureError as error:
+                raise RigError(
+                    f"bench.drives, bench.joints: what yields takes the mechanism apart ({error}): state more "
+                    "stiffness or damping, or less clearance"
+                ) from error
             response = shaking(self.mechanism, trajectory, self.rotors)
             coupling, push = self._push(response, motion, deviation)
-            found = self._core.respond(push, float(time[1] - time[0]))
+            found = self._core.respond(push, float(time[1] - time[0]), self._beyond, sought[2])
             largest[:6] = max(np.abs(found[2, :, :6]).max(), 1e-12)
             change = float((np.abs(found[2] - sought[2]) / largest).max())
             if change <= tolerance:
                 return Solution(trajectory, response, coupling, *_parted(found))
             sought = found
         raise RigError(
-            f"bench.coupling, bench.drives: base and drives still change by {change:.2g} of their acceleration "
-            f"after {ROUNDS} rounds: the base is too light for what moves on it, or a drive too soft; "
-            "state another mass, stiffness or damping"
+            f"bench.coupling, bench.drives, bench.joints: accelerations still change by {change:.2g} of the largest "
+            f"after {ROUNDS} rounds: the base is too light for what moves on it, or a drive or joint too "
+            "soft; state another mass, stiffness or damping"
         )
 
     def _push(self, response: Response, motion: BaseMotion, deviation: Deviation) -> tuple[Coupling | None, Floats]:
@@ -283,6 +317,19 @@ class BenchDynamics:
         return base_motion_loads(self.mechanism, self.command, self.rotors, rates)
 
     @cached_property
+    def _beyond(self) -> Floats | None:
+        """Inertia along the command less the constant one, (n, 6 + nf, 6 + nf), where pins bounce in their bearings."""
+        if self.drives is None or not self._core.bounces():
+            return None
+        found = np.zeros((len(self.command.time), *self._core.mass.shape))
+        found[:, 6:, 6:] = self.drives.inertias - self._core.mass[6:, 6:]
+        if self.coupling is not None:
+            found[:, :6, :6] = self.coupling.inertia - self.carried
+            found[:, 6:, :6] = self._base_loads[0] - self._core.mass[6:, :6]
+            found[:, :6, 6:] = found[:, 6:, :6].transpose(0, 2, 1)
+        return found
+
+    @cached_property
     def _closure(self) -> Closure:
         return Closure(self.mechanism)
 
@@ -293,6 +340,17 @@ class BenchDynamics:
             shared = self._base_loads[0][0].T if self.coupling is not None else np.zeros((6, self.drives.free.shape[1]))
             inertia = self.drives.inertia, shared
         return _Core.of(self.base, self.drives, inertia, len(self.command.time), self.contact)
+
+    def _resolved(self, step: float) -> float:
+        """How many times ``step`` [s] resolves the fastest pin in its bearing. Raises RigError for less than once."""
+        for frequency, spring in self._core.bounces():
+            if (share := frequency * step) > 1.0:
+                raise RigError(
+                    f"{spring.name}: with clearance its pin bounces at {frequency / 2.0 / np.pi:.0f} Hz, too fast for "
+                    f"steps of {step:.3g} s: state a stiffness of at most "
+                    f"{spring.stiffness / share**2 / 1e6:.2g} MN/m, or no clearance"
+                )
+        return 1.0 / max((frequency * step for frequency, _ in self._core.bounces()), default=1e-9)
 
     def _sought_coarsely(self) -> Floats:
         from scipy.interpolate import CubicSpline

@@ -1,5 +1,7 @@
 """Drives that yield: transmissions with spring, damper and play, and control that follows the command with an error.
 
+Joints without a motor that yield (``elastic_joints``) are coordinates as the drives are.
+
 A transmission gives the mechanism one coordinate more a drive, the motor side: a body on the joint's own axis that
 carries the rotor and the counter-masses of the hub. Its loads, momentum and weight are then those of any mechanism.
 With z the angles of joints and motor sides, z_c commanded, their deviations e = z - z_c are found with the base's
@@ -10,24 +12,33 @@ projected on z.
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from balance.arrays import Floats
 from balance.closure import Closure, Trajectory
-from balance.dynamics.inverse_dynamics import Response, driven_rates, simulate
+from balance.dynamics.inverse_dynamics import Response, simulate
 from balance.mechanism.forward_kinematics import Joint, Tree
 from balance.mechanism.mechanism import Mechanism
 from balance.motion import Samples
 
 from ..errors import RigError
+from .elastic_joints import across, is_across
 
 if TYPE_CHECKING:
-    from ..rig.bench import Control, DriveTrain
+    from ..rig.bench import Control, DriveTrain, ElasticJoint
 
 
 _MOTOR_SIDE = " motor side"
+_INERTIAS = 64
+"""Samples of a command at which the inertia is looked at."""
+
+
+def _is_added(coordinate: str) -> bool:
+    """Whether the mechanism's file does not have a coordinate."""
+    return coordinate.endswith(_MOTOR_SIDE) or is_across(coordinate)
 
 
 def motor_side(joint: str) -> str:
@@ -58,8 +69,9 @@ def parameters_on_links(mechanism: Mechanism, of: Mechanism) -> Mechanism:
     count, bodies = len(of.bodies), mechanism.tree.bodies
     parameters = mechanism.parameters[:count].copy()
     for row in range(count, len(mechanism.bodies)):  # a motor side has the joint of its link, and its frame
-        joint = mechanism.coordinate_index(mechanism.bodies[row].removesuffix(_MOTOR_SIDE))
-        parameters[bodies.index(joint)] += mechanism.parameters[row]
+        if mechanism.bodies[row].endswith(_MOTOR_SIDE):
+            joint = mechanism.coordinate_index(mechanism.bodies[row].removesuffix(_MOTOR_SIDE))
+            parameters[bodies.index(joint)] += mechanism.parameters[row]
     return replace(of, parameters=parameters)
 
 
@@ -102,6 +114,8 @@ def _with_branch(tree: Tree, joint: int) -> Tree:
 class Spring:
     """A spring with a damper; what its deflection has within a radius of ``play`` the spring does not feel."""
 
+    name: str
+    """Table of the rig that states it."""
     along: Floats
     """Deflection per free coordinate, (1, nf); across the axis of a joint (2, nf)."""
     stiffness: float
@@ -122,25 +136,39 @@ class DriveTrains:
 
     mechanism: Mechanism
     drives: "Mapping[str, DriveTrain]"
+    joints: "Mapping[str, ElasticJoint]"
     command: Trajectory
-    """As commanded, motor sides like their joints."""
+    """As commanded, motor sides like their joints, pins in the middle of their bearings."""
     rigid: Response
     """Of the command followed exactly."""
 
     @classmethod
-    def of(cls, mechanism: Mechanism, drives: "Mapping[str, DriveTrain]", rigid: Trajectory) -> "DriveTrains":
-        """For ``mechanism`` with motor sides, along the trajectory of the mechanism without them."""
-        joints = mechanism.driven[: len(mechanism.driven) - sum(d.transmission is not None for d in drives.values())]
-        behind = [mechanism.coordinate_index(joint) for joint in joints if motor_side(joint) in mechanism.driven]
-        per_joint = driven_rates(mechanism, rigid.per_drive, joints)
-        size, own = len(mechanism.driven), per_joint.shape[1]
-        per_drive = np.zeros((len(rigid.time), own + len(behind), size))
-        per_drive[:, :own, : len(joints)] = per_joint
-        per_drive[:, own:, len(joints) :] = np.eye(len(behind))
-        q, v, a = (np.hstack([x, x[:, behind]]) for x in (rigid.q, rigid.v, rigid.a))
-        command = replace(rigid, q=q, v=v, a=a, per_drive=per_drive)
+    def of(
+        cls, mechanism: Mechanism, drives: "Mapping[str, DriveTrain]", rigid: Trajectory,
+        joints: "Mapping[str, ElasticJoint]" = MappingProxyType({}),
+    ) -> "DriveTrains":  # fmt: skip
+        """For ``mechanism`` with motor sides and pins, along the trajectory of the mechanism without them.
+
+        Raises RigError for a rotor without inertia, and for joints that cannot yield by themselves.
+        """
         _refuse_without_inertia(mechanism, drives)
-        return cls(mechanism, drives, command, simulate(mechanism, command))
+        closure, own = Closure(mechanism), [x for x in mechanism.coordinates if not _is_added(x)]
+        if closure.dof != len(mechanism.driven):
+            raise RigError(
+                f"bench.joints: with {', '.join(joints)} {mechanism.name} has {closure.dof} degrees of freedom for "
+                f"{len(mechanism.driven)} coordinates: its loops hold some of them; leave out joints of redundant links"
+            )
+
+        def whole(x: Floats) -> Floats:
+            columns = dict(zip(own, x.T, strict=True))
+            added = (columns.get(c.removesuffix(_MOTOR_SIDE), np.zeros(len(x))) for c in mechanism.coordinates)
+            return np.column_stack(list(added))
+
+        near = replace(rigid, q=whole(rigid.q), v=whole(rigid.v), a=whole(rigid.a))
+        at = [mechanism.coordinate_index(name) for name in mechanism.driven]
+        samples = Samples(rigid.time, near.q[:, at], near.v[:, at], near.a[:, at], joints=mechanism.driven)
+        command = closure.follow(samples, near=near)
+        return cls(mechanism, drives, joints, command, simulate(mechanism, command))
 
     @cached_property
     def _indices(self) -> list[int]:
@@ -154,18 +182,34 @@ class DriveTrains:
             moved[own] = {joint}
             if motor is not None and motor != own:
                 moved[motor] = {motor_side(joint)}
+        for name in filter(is_across, self.mechanism.driven):
+            moved[len(moved)] = {name}
         return np.array([[float(name in moved[k]) for k in sorted(moved)] for name in self.mechanism.driven])
+
+    @cached_property
+    def inertias(self) -> Floats:
+        """Generalised inertia of the free coordinates along the command, (n, nf, nf) [kg m2, kg]."""
+        start = self.command
+        moved = [replace(start, a=start.a + start.per_drive @ along) for along in self.free.T]
+        still = self.projected(self.rigid.torque)
+        return np.stack([self._loads(one) - still for one in moved], axis=2)
 
     @property
     def inertia(self) -> Floats:
-        """Generalised inertia of the free coordinates at the start, (nf, nf) [kg m2]."""
-        start = every(self.command, len(self.command.time))
-        moved = [replace(start, a=start.a + start.per_drive[0] @ along) for along in self.free.T]
-        return np.stack([self._loads(one)[0] - self._loads(start)[0] for one in moved], axis=1)
+        """The same in the middle, (nf, nf) [kg m2, kg].
+
+        Whatever it is on the way is less than twice of this in every direction, so that rounds from it converge.
+        """
+        some = every(self.command, max(1, len(self.command.time) // _INERTIAS))
+        found = self.along(some).inertias
+        mean = found.mean(axis=0)
+        whitened = np.linalg.inv(np.linalg.cholesky(mean))
+        shares = np.linalg.eigvalsh(whitened @ found @ whitened.T)
+        return np.asarray(0.5 * (shares.min() + shares.max()) * mean)
 
     def along(self, command: Trajectory) -> "DriveTrains":
         """The same drives along another command."""
-        return DriveTrains(self.mechanism, self.drives, command, simulate(self.mechanism, command))
+        return replace(self, command=command, rigid=simulate(self.mechanism, command))
 
     def _loads(self, trajectory: Trajectory) -> Floats:
         return self.projected(simulate(self.mechanism, trajectory).torque)
@@ -181,9 +225,13 @@ class DriveTrains:
         return closure.follow(Samples(near.time, q, v, a, joints=self.mechanism.driven), near=near)
 
     @property
-    def size(self) -> float:
-        """Largest acceleration commanded [rad/s2]."""
-        return max(float(np.abs(self.command.a[:, self._indices]).max()), 1e-9)
+    def sizes(self) -> Floats:
+        """Accelerations that are large for the free coordinates, (nf,) [rad/s2, m/s2]: the largest commanded.
+
+        Of pins, that at 0.1 m from an axis.
+        """
+        largest = max(float(np.abs(self.command.a[:, self._indices]).max()), 1e-9)
+        return largest * np.array([0.1 if is_across(name) else 1.0 for name in self.mechanism.driven]) @ self.free
 
     @cached_property
     def controls(self) -> list[tuple[int, "Control", Floats]]:
@@ -197,14 +245,21 @@ class DriveTrains:
 
     @cached_property
     def springs(self) -> "list[Spring]":
-        """Of each transmission."""
+        """Of each transmission, and of each joint that yields."""
         found = []
-        for joint, drive in self.drives.items():
+        for name, drive in self.drives.items():
             if (spring := drive.transmission) is not None:
-                own, motor = _places(self.drives)[joint]
+                own, motor = _places(self.drives)[name]
                 along = np.eye(self.free.shape[1])[[own]]
                 along -= 0.0 if motor is None else np.eye(along.shape[1])[[motor]]
-                found.append(Spring(along, spring.stiffness, spring.damping, spring.backlash / 2.0))
+                found.append(
+                    Spring(f"bench.drives.{name}", along, spring.stiffness, spring.damping, spring.backlash / 2.0)
+                )
+        for name, joint in self.joints.items():
+            rows = [self.mechanism.driven.index(coordinate) for coordinate in across(name)]
+            found.append(
+                Spring(f"bench.joints.{name}", self.free[rows], joint.stiffness, joint.damping, joint.clearance)
+            )
         return found
 
     def ripple(self, deviation: "Deviation") -> Floats:
@@ -222,7 +277,7 @@ class DriveTrains:
         return {
             joint: values + torque.get(motor_side(joint), 0.0)
             for joint, values in torque.items()
-            if not joint.endswith(motor_side(""))
+            if not _is_added(joint)
         }
 
 

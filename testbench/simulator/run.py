@@ -1,8 +1,8 @@
 """One run of the bench: the mechanism moves, its shaking wrench moves the base.
 
 ``simulate_run`` makes it without anything random, ``disturbed`` adds floor and roughness. Effects that the rig's
-``[bench]`` does not state are neglected (see ``Bench``), and in any case flexible links, play of joints without a
-motor, and second order in the base's motion.
+``[bench]`` does not state are neglected (see ``Bench``), and in any case flexible links and second order in the base's
+motion.
 
 Elastic modes of the frame are lightly damped oscillators m (e'' + 2 z w e' + w^2 e) = psi W, W the mechanism's wrench
 on the base and psi the mode's shape where it acts; a sensor where the shape is s has the additional acceleration s e''.
@@ -42,6 +42,7 @@ from . import added_bodies, disturbances, moving_base_coupling
 from .added_bodies import with_planes
 from .bench_dynamics import BenchDynamics, Contact, shaking
 from .drive_trains import DriveTrains, motor_side, with_motor_sides
+from .elastic_joints import with_elastic_joints
 from .moving_base_coupling import Coupling, base_motion_torque
 
 RATE_HZ = 10_000.0
@@ -200,7 +201,8 @@ def simulate_run(
 def _moved(bench: Bench, loaded: Mechanism, command: Samples, rigid: Trajectory, level: Floats) -> BenchRun:
     """The bench along the trajectory of a mechanism that follows its command; ``level``: gravity on a level base."""
     rotors, gravity = _rotors(bench), loaded.gravity if bench.weight else np.zeros(3)
-    drives = DriveTrains.of(loaded, bench.drives, rigid) if bench.drives else None
+    yields = bench.drives or bench.joints
+    drives = DriveTrains.of(loaded, bench.drives, rigid, bench.joints) if yields else None
     trajectory = drives.command if drives else rigid
     response = shaking(loaded, trajectory, rotors)
     carried = locked_inertia(loaded, trajectory.q[0])
@@ -278,7 +280,8 @@ def _loaded(mechanism: Mechanism, bench: Bench, planned: PlannedRun) -> Mechanis
     for site, density in bench.stacks.items():
         face = found.get(site, 0.0)
         found[site] = face + math.copysign(0.5 * planned.counter_masses.get(site, 0.0) / density, face)
-    sided = with_motor_sides(with_planes(mechanism, found), bench.drives)
+    yielding = with_elastic_joints(with_planes(mechanism, found), bench.joints)
+    sided = with_motor_sides(yielding, bench.drives)
     placed = added_bodies.with_rotors(sided, _rotors(bench))
     if any(bench.tilt):
         placed = replace(placed, gravity=gravity_in_tilted_axes(mechanism.gravity, np.array(bench.tilt)))

@@ -53,25 +53,31 @@ def released(
 
 
 @njit(
-    "void(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[::1], f8[::1], i8, f8, f8[:,::1], f8[:,::1])",
+    "void(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,:,::1],"
+    "f8[:,::1], f8[::1], f8[::1], i8, f8, f8[:,::1], f8[:,::1])",
     cache=True,
     nogil=True,
 )  # type: ignore[untyped-decorator]
 def step_through(
-    phi: NDArray[Any], now: NDArray[Any], after: NDArray[Any], read: NDArray[Any], pushes: NDArray[Any],
+    phi: NDArray[Any], now: NDArray[Any], after: NDArray[Any], read: NDArray[Any], into: NDArray[Any],
+    rates: NDArray[Any], pushes: NDArray[Any], beyond: NDArray[Any], solved: NDArray[Any], known: NDArray[Any],
     play: NDArray[Any], preload: NDArray[Any], upright: int, friction: float,
-    states: NDArray[Any], found: NDArray[Any],
+    states: NDArray[Any], added: NDArray[Any],
 ) -> None:  # fmt: skip
-    """Fill ``states`` (n, k) from the first on: y[i+1] = phi y[i] + push[i] + now g[i] + after g[i+1], in SI.
+    """Fill ``states`` (n, k) from the first on: y[i+1] = phi y[i] + push[i] + now v[i] + after v[i+1], in SI.
 
-    g = ``released`` of ``read`` y, which ``found`` (n, r) holds in the end; g[i+1] is forecast from g[i] first.
+    v, ``added`` (n, m), is into g, g = ``released`` of ``read`` y, forecast from that before. Where there is an inertia
+    ``beyond`` D (n, m, m) the constant one, v[i] = solved[i] (into g + known[i] - D[i] rates y), y without v[i].
     """
-    relieved = np.zeros(3 * len(preload))
-    released(np.dot(read, states[0]), play, preload, upright, friction, relieved, True, found[0])
-    forecast = np.zeros(len(read))
+    relieved, g = np.zeros(3 * len(preload)), np.zeros(len(read))
+    released(np.dot(read, states[0]), play, preload, upright, friction, relieved, True, g)
+    added[0] = np.dot(into, g)
     for i in range(len(pushes)):
-        known = np.dot(phi, states[i]) + np.dot(now, found[i]) + pushes[i]
-        seen = np.dot(read, known + np.dot(after, found[i]))
-        released(seen, play, preload, upright, friction, relieved, False, forecast)
-        states[i + 1] = known + np.dot(after, forecast)
-        released(np.dot(read, states[i + 1]), play, preload, upright, friction, relieved, True, found[i + 1])
+        still = np.dot(phi, states[i]) + np.dot(now, added[i]) + pushes[i]
+        lag = known[i + 1] - np.dot(beyond[i + 1], np.dot(rates, still)) if len(beyond) else added[0]
+        for passes in range(3):  # from g before, from its forecast, and what is added where the state is
+            v = np.dot(into, g)
+            added[i + 1] = np.dot(solved[i + 1], v + lag) if len(beyond) else v
+            if passes < 2:
+                states[i + 1] = still + np.dot(after, added[i + 1])
+                released(np.dot(read, states[i + 1]), play, preload, upright, friction, relieved, passes == 1, g)

@@ -16,6 +16,7 @@ from testbench.rig.bench import Bench
 from testbench.simulator import bench_dynamics
 from testbench.simulator.bench_dynamics import BenchDynamics, Contact
 from testbench.simulator.drive_trains import DriveTrains, parameters_on_links, with_motor_sides
+from testbench.simulator.elastic_joints import across, is_across, with_elastic_joints
 from testbench.simulator.run import simulate_run
 from testbench.simulator.sensors import true_signals
 
@@ -47,11 +48,11 @@ def moved(settings, masses, duration=0.08, rest=0.02, rate=RATE):
     samples = Samples(
         time, start + np.outer(shape, way), np.outer(speed, way) / duration, np.outer(push, way) / duration**2
     )
-    sided = with_motor_sides(MECHANISM, bench.drives)
-    armature = sided.armature.copy()
-    armature[[sided.coordinate_index(name) for name in sided.driven[2:] or sided.driven]] += ROTOR
+    sided = with_motor_sides(with_elastic_joints(MECHANISM, bench.joints), bench.drives)
+    armature, turning = sided.armature.copy(), [name for name in sided.driven if not is_across(name)]
+    armature[[sided.coordinate_index(name) for name in turning[2:] or turning]] += ROTOR
     loaded = replace(sided, armature=armature).with_payload({"platform": PAYLOAD}).with_counter_mass(masses)
-    found = DriveTrains.of(loaded, bench.drives, Closure(MECHANISM).follow(samples))
+    found = DriveTrains.of(loaded, bench.drives, Closure(MECHANISM).follow(samples), bench.joints)
     base, locked = MountedBase().elastic(), np.zeros((6, 6))
     return BenchDynamics(loaded, found.command, {}, base, locked, np.zeros(3), found, None, None).solved(), found
 
@@ -171,6 +172,155 @@ def test_counter_mass_on_the_arm_balances_whatever_the_drive_does():
     hub, arm = (run(benched(**drives(hub=hub)), BUILT) for hub in (True, False))
     assert np.abs(arm.response.force).max() < 0.01 * np.abs(hub.response.force).max()
     assert np.abs(hub.response.force).max() > 1.0
+
+
+def pinned(joint, **more):
+    """A joint without a motor that yields: of an arm and a link (A), or of that link and the platform (C)."""
+    return {"joints": {joint: {"stiffness": "2 MN/m", "damping": "200 N s/m", **more}}}
+
+
+def links_written_out(settings, found):
+    """Rates and energy of links and platform as free bodies (Newton, Euler), pinned but for the joint that yields.
+
+    Positions are centre and angle of each link, then the platform, (8,), followed by their rates.
+    """
+    (yields, spring), *_ = Bench.model_validate(settings).joints.items()
+    m, p, inertia = 0.58909, 0.0187, 0.0006
+    mass, weight = np.diag([m, m, inertia, m, m, inertia, PAYLOAD, PAYLOAD]), np.zeros(8)
+    weight[[1, 4, 7]] = -G * np.array([m, m, PAYLOAD])
+    time, columns = found.command.time, [found.mechanism.coordinate_index(x) for x in ("A0", "B0")]
+    angle, rate, faster = (CubicSpline(time, getattr(found.command, x)[:, columns]) for x in "qva")
+
+    def on(place, speed, angles, s, column=None):
+        """A point at s along a body: place, velocity, acceleration per accelerations and at none; turn of the body."""
+        (phi, omega, alpha), rows = angles, np.zeros((2, 8))
+        e, n = np.array([np.cos(phi), np.sin(phi)]), np.array([-np.sin(phi), np.cos(phi)])
+        if column is not None:
+            rows[:, column : column + 2], rows[:, column + 2] = np.eye(2), s * n
+        return place + s * e, speed + s * omega * n, rows, s * (alpha * n - omega**2 * e), omega, column
+
+    def joints(t, y):
+        """Bearing and pin of each joint."""
+        q, v, around = y[:8], y[8:], {}
+        for k, (first, last, x) in enumerate((("A", "C", -0.12), ("B", "D", 0.12))):
+            arm = on(np.array([x, 0.0]), np.zeros(2), (angle(t)[k], rate(t)[k], faster(t)[k]), R)
+            body, own = 3 * k, (q[3 * k + 2], v[3 * k + 2], 0.0)
+            ends = [on(q[body : body + 2], v[body : body + 2], own, s, body) for s in (-p, R - p)]
+            corner = (q[6:] + np.array([x, 0.0]), v[6:], np.eye(8)[6:], np.zeros(2), 0.0, None)
+            around |= {first: (arm, ends[0]), last: (ends[1], corner)}
+        return around
+
+    def force(bearing, pin):
+        """Of the spring on the pin, from where it lies in the bearing, which turns."""
+        off = pin[0] - bearing[0]
+        slips, far = pin[1] - bearing[1] - bearing[4] * np.array([-off[1], off[0]]), np.linalg.norm(off)
+        return off, -spring.stiffness * max(1.0 - spring.clearance / far, 0.0) * off - spring.damping * slips
+
+    def rates(t, y):
+        around = joints(t, y)
+        bearing, pin = around.pop(yields)
+        off, push = force(bearing, pin)
+        loads = weight + (pin[2] - bearing[2]).T @ push
+        if bearing[5] is not None:  # the bearing's body is pushed where the pin is
+            loads[bearing[5] + 2] -= off[0] * push[1] - off[1] * push[0]
+        rows = np.vstack([pin[2] - bearing[2] for bearing, pin in around.values()])
+        bias = np.concatenate([bearing[3] - pin[3] for bearing, pin in around.values()])
+        whole = np.block([[mass, rows.T], [rows, np.zeros((6, 6))]])
+        return np.concatenate([y[8:], np.linalg.solve(whole, np.concatenate([loads, bias]))[:8]])
+
+    def energy(t, y):
+        bearing, pin = joints(t, y)[yields]
+        beyond = max(np.linalg.norm(pin[0] - bearing[0]) - spring.clearance, 0.0)
+        kinetic = 0.5 * y[8:] @ mass @ y[8:]
+        return kinetic, kinetic + 0.5 * spring.stiffness * beyond**2 - weight @ y[:8]
+
+    return rates, energy, p
+
+
+def as_bodies(solution, found, p):
+    """A solution as ``links_written_out`` has its positions and rates, (n, 16)."""
+    at = found.mechanism.coordinate_index
+    q, v = solution.trajectory.q, solution.trajectory.v
+    whole = np.zeros((len(q), 2, 8))
+    for k, (x, corner) in enumerate((("A", -0.12), ("B", 0.12))):
+        (arm, link), own = (at(f"{x}0"), at(x)), across(x)
+        turned, omega = q[:, arm], v[:, arm]
+        e, n = np.array([np.cos(turned), np.sin(turned)]), np.array([-np.sin(turned), np.cos(turned)])
+        pin, slip = np.array([[R], [0.0]]) * np.ones(len(q)), np.zeros((2, len(q)))
+        if own[0] in found.mechanism.coordinates:
+            pin, slip = pin + q[:, [at(c) for c in own]].T, v[:, [at(c) for c in own]].T
+        place = pin[0] * e + pin[1] * n
+        speed = omega * (pin[0] * n - pin[1] * e) + slip[0] * e + slip[1] * n
+        phi, spin = turned + q[:, link], omega + v[:, link]
+        d, dn = np.array([np.cos(phi), np.sin(phi)]), np.array([-np.sin(phi), np.cos(phi)])
+        whole[:, 0, 3 * k : 3 * k + 3] = np.vstack([place + p * d + np.array([[corner], [0.0]]), phi]).T
+        whole[:, 1, 3 * k : 3 * k + 3] = np.vstack([speed + p * spin * dn, spin]).T
+    platform = [at("platform_x"), at("platform_y")]
+    whole[:, 0, 6:], whole[:, 1, 6:] = q[:, platform], v[:, platform]
+    return whole.reshape(len(q), 16)
+
+
+@pytest.mark.parametrize(
+    ("joint", "more"), [("A", {}), ("C", {}), ("A", {"stiffness": "1 MN/m", "clearance": "0.02 mm"})]
+)
+def test_joint_that_yields_against_equations_written_out(joint, more):
+    """Links and platform are where scipy's integrator finds them, to 1e-6 of their travel; with clearance, and none."""
+    settings = pinned(joint, **more)
+    solution, found = moved(settings, {}, duration=0.06 if more else 0.04, rest=0.0, rate=2 * RATE)
+    rates, _, p = links_written_out(settings, found)
+    seen, time = as_bodies(solution, found, p), found.command.time
+    expected = solve_ivp(rates, (0.0, time[-1]), seen[0], "DOP853", time[::50], rtol=1e-9, atol=1e-12, max_step=1e-3)
+    travel = np.array([0.02, 0.02, np.ptp(seen[:, 2]), 0.02, 0.02, np.ptp(seen[:, 5]), 0.02, 0.02])
+    assert np.abs(solution.deviation.position).max() > 3e-5
+    assert (np.abs(seen[::50, :8] - expected.y[:8].T).max(axis=0) < 1e-6 * travel).all()
+
+
+def test_joint_without_losses_keeps_energy():
+    """Without damping nothing is lost as a pin bounces in its bearing: to 3e-6 of what is exchanged."""
+    settings = pinned("A", stiffness="200 kN/m", damping="0 N s/m", clearance="0.05 mm")
+    solution, found = moved(settings, {}, duration=0.06, rate=4 * RATE)
+    _, energy, p = links_written_out(settings, found)
+    late = found.command.time > 0.0601
+    time, states = found.command.time[late][::20], as_bodies(solution, found, p)[late][::20]
+    kinetic, whole = np.array([energy(t, y) for t, y in zip(time, states, strict=True)]).T
+    assert np.ptp(kinetic) > 0.1
+    assert np.ptp(whole) < 3e-6 * np.ptp(kinetic)
+
+
+def test_clearance_at_rest_and_stiff_joints():
+    """A pin lies where its load over the stiffness, and the clearance, let it; the stiffer, the more rigid it is."""
+    for clearance in (0.0, 0.1):
+        solution, _ = moved(pinned("A", clearance=f"{clearance} mm"), {}, duration=0.04, rest=0.0)
+        load = np.array([solution.response.torque[name][0] for name in across("A")])
+        far = 1e-3 * clearance + np.linalg.norm(load) / 2e6
+        np.testing.assert_allclose(solution.deviation.position[0], -load / np.linalg.norm(load) * far, rtol=1e-6)
+    stiff = [pinned("C", stiffness=f"{k} MN/m", damping=f"{20 * k} N s/m") for k in (100, 1000)]
+    off = [np.abs(moved(settings, {})[0].deviation.position).max() for settings in stiff]
+    assert off[1] == pytest.approx(off[0] / 10.0, rel=0.05)
+
+
+def test_joint_that_yields_in_a_run():
+    """The shaking force of a run changes by what clearance lets through; encoders and conditions of balance do not."""
+    rigid, loose = run(RIG), run(benched(**pinned("C", stiffness="1 MN/m", clearance="0.01 mm")))
+    assert 1.0 < np.abs(loose.response.force - rigid.response.force).max() < 100.0
+    assert set(loose.torque) == {"A0", "B0"}
+    np.testing.assert_allclose(loose.shown("A0"), rigid.shown("A0"), atol=1e-12)
+    on_links = parameters_on_links(loose.mechanism, MECHANISM).parameters
+    np.testing.assert_allclose(on_links, rigid.mechanism.parameters, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("joint", "more", "message"),
+    [
+        ("A0", {}, "there are A, B, C, D"),
+        ("platform_x", {}, "this one slides"),
+        ("C", {"stiffness": "20 MN/m", "clearance": "0.01 mm"}, r"joints\.C: .* at most \d.* MN/m, or no clearance"),
+    ],
+)
+def test_wrong_joints(joint, more, message):
+    """A joint that has a motor or slides, or bounces too fast, is refused with what may yield, and how much."""
+    with pytest.raises(RigError, match=message):
+        run(benched(**pinned(joint, **more)))
 
 
 def pushed(force, friction=0.5, mass="100 kg", count=6000, step=2.5e-5):
