@@ -34,6 +34,7 @@ def find_dataset(name: str | Path, folder: str, *suffixes: str) -> Path:
         raise DataError(
             f"{name}: is a folder; expected a file ({kinds}), or a shipped one of {folder} (there are: {known})"
         )
-    meant = suggestion(str(name), [n for suffix in suffixes for n in dataset_names(folder, suffix)])
+    beside = [str(one) for suffix in suffixes for one in path.parent.glob(f"*{suffix}")]
+    meant = suggestion(str(name), [*beside, *(n for suffix in suffixes for n in dataset_names(folder, suffix))])
     given = str(name) or repr("")
     raise DataError(f"{given}: no such file, and no shipped one of that name in {folder}{meant} (there are: {known})")

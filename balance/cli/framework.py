@@ -166,7 +166,7 @@ def run(group: click.Group, name: str) -> NoReturn:
         width = max(min(columns() or 80, 80) - 2, 50)  # of help, as click has it, which would import shutil
         code = group.main(prog_name=name, standalone_mode=False, terminal_width=width)
     except click.ClickException as error:
-        error.show()
+        _show(error, name)
         code = _refused(error, error.format_message(), error.exit_code)
     except click.Abort:
         click.echo(f"{name}: interrupted", err=True)
@@ -181,6 +181,16 @@ def run(group: click.Group, name: str) -> NoReturn:
     finally:
         sys.stdout = stdout
     sys.exit(code or 0)
+
+
+def _show(error: click.ClickException, name: str) -> None:
+    """What is wrong with a command line, and where its help is."""
+    if isinstance(error, click.exceptions.NoArgsIsHelpError):
+        error.show()
+        return
+    click.echo(f"{name}: {error.format_message()}", err=True)
+    if isinstance(error, click.UsageError):
+        click.echo(f"Try '{error.ctx.command_path if error.ctx else name} --help'.", err=True)
 
 
 def _message(error: Exception) -> str:

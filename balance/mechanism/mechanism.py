@@ -182,7 +182,7 @@ class Mechanism:
         """A site by name. Raises ModelError, listing the sites on moving bodies, if there is none."""
         if name not in self.sites:
             known = ", ".join(n for n, site in self.sites.items() if site.body >= 0) or "none"
-            raise ModelError(f"{self.name} has no site {name!r}{suggestion(name, self.sites)}: there are {known}")
+            raise ModelError(f"{self.name} has no site {name!r}: there are {known}{suggestion(name, self.sites)}")
         return self.sites[name]
 
     def lever_arm(self, site: str) -> float:

@@ -122,8 +122,8 @@ def _runs(words: tuple[str, ...]) -> "tuple[list[Run], list[NotOpened]]":
     from ..store import open_campaign
     from . import options
 
-    paths = [Path(word) for word in words]
-    paths = [p if p.exists() else p.with_name(f"{p.name}.h5") for p in paths]
+    given = [Path(word) for word in words]
+    paths = [next((one for one in (p, p.with_name(f"{p.name}.h5")) if one.exists()), p) for p in given]
     for path in paths:
         if path.is_dir():
             open_campaign(path)  # says what is there instead of runs

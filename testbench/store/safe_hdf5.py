@@ -39,7 +39,7 @@ def open_for_reading(path: Path) -> Iterator["h5py.File"]:
         raise StoreError(f"{path}: is a folder; expected one stored run (.h5), such as a campaign holds")
     if not path.is_file():
         what = "is no file but a device or a broken link" if path.exists() or path.is_symlink() else "no such file"
-        raise StoreError(f"{path}: {what}; expected a stored run (.h5)")
+        raise StoreError(f"{path}: {what}; expected a stored run (.h5), or a campaign's folder")
     if not os.access(path, os.R_OK):
         raise StoreError(f"{path}: cannot be read: no permission; ask its owner, or make it readable")
     if not h5py.is_hdf5(path):
