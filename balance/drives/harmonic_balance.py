@@ -96,7 +96,8 @@ class SteadyRotation:
 
     def turns_to(self, share: float) -> float:
         """Turns after which a small disturbance has shrunk to ``share``; infinite where it grows."""
-        return float(np.log(share) / np.log(self.floquet)) if 0.0 < self.floquet < 1.0 else np.inf
+        shrinks = max(self.floquet, float(np.finfo(float).tiny))  # what shrinks to nothing in a turn underflows
+        return float(np.log(share) / np.log(shrinks)) if shrinks < 1.0 else np.inf
 
     def fluctuation(self, definition: str = "nominal") -> float:
         """Coefficient of speed fluctuation, one of DEFINITIONS."""

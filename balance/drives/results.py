@@ -97,12 +97,14 @@ def reach_findings(
         return [
             f"{where}: a start from standstill ends below the steady {missed} rpm of the motor, which it only keeps"
         ]
+    settles = machine.ratio * reached.mean_speed / RPM
     if missed:
-        settles = machine.ratio * reached.mean_speed / RPM
         return [
             f"{where}: a start from standstill ends at {settles:.5g} rpm of the motor; it keeps {missed} rpm too, once "
             "brought there: above the unstable speed between them"
         ]
+    if not machine.nominal / FAR < machine.ratio * reached.mean_speed < FAR * machine.nominal:
+        return [f"{where}: the motor turns at {settles:.5g} rpm; the fluctuation is a share of the nominal speed"]
     return []
 
 
