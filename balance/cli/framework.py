@@ -153,9 +153,8 @@ def run(group: click.Group, name: str) -> NoReturn:
 
     Linear algebra runs in one thread unless the environment sets OPENBLAS_NUM_THREADS: on small matrices a second
     thread costs up to forty times what it saves. MuJoCo is asked for no pictures: its renderer takes long to import.
-    Most objects stay to the end: cycles among them are sought seldom, and then not at all.
+    At its end no garbage is sought: that took a tenth of a small command.
     """
-    gc.set_threshold(50_000, 20, 20)
     atexit.register(gc.freeze)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("MUJOCO_GL", "disable")
