@@ -25,6 +25,7 @@ from balance.arrays import Floats
 from ..signal import Metric
 from .metrics import METRICS, Measure, gain_of_record
 from .noise_floor import Draws, Noise, NoiseRecords, Segment, noise_draws
+from .noise_over_time import NoiseOverTime
 from .tonal_lines import Lines
 
 Place = tuple[str, str]
@@ -180,9 +181,11 @@ class Amplitude:
     averages: int = 1
     """Records that it is the mean of."""
     envelope: Floats | None = None
-    """Standard deviation of the noise over time, (n,) [-]; None where it is the same in rest and motion. Of a mean it
-    is larger where some of its records do not reach.
+    """Factor on the noise over time, (n,) [-]; None where it is one. Of a mean it is larger where some of its records
+    do not reach, of noise in motion it is smaller at rest.
     """
+    over_time: NoiseOverTime | None = None
+    """How noise in motion goes over time; None where there is none."""
     step: float = 0.0
     """Of the channel [unit]; zero where none is known."""
     logger_hz: float = np.inf
@@ -275,6 +278,10 @@ class Amplitude:
         if self.envelope is not None:
             draws = replace(draws, envelope=self.envelope.astype(np.float32))
             draws = draws.applied() if self.statistic.squared else draws
+        if self.over_time is not None:
+            levels = self.over_time.draws(number)
+            loudest = draws.powers * levels.max(axis=0).astype(float) ** 2
+            draws = Draws((np.concatenate(draws.applied().parts) * levels,), loudest)
         if self.line_errors is not None:
             shares = rng.standard_normal((len(self.line_errors), number), np.float32)
             errors = (self.line_errors.T / scale).astype(np.float32) @ shares

@@ -24,7 +24,8 @@ from .amplitude_likelihood import AmplitudeLikelihood
 from .metrics import Measure
 from .noise_floor import Noise, Segment
 from .noise_in_motion import LOUDER, exceeds_rest, noise_in_motion
-from .repeatability import Group, Repeatability, Synchronous
+from .noise_over_time import NoiseOverTime
+from .repeatability import Group, Repeatability, Synchronous, gain_error
 from .run_amplitudes import AmplitudesOfRun, amplitudes_of_run, amplitudes_or_reason
 from .run_pairs import Pair
 
@@ -206,9 +207,9 @@ class CampaignNoise:
     """Whether what does not repeat shows more noise in motion than the rests do."""
     aligned: dict[tuple[int, ...], Synchronous | None]
     """By the side's key."""
-    unrepeated: dict[tuple[int, Place], Noise | None] = field(default_factory=dict)
-    """Louder noise in motion by condition and place, of channels of which nothing is repeated; None where no run can
-    tell whether there is any.
+    unrepeated: dict[tuple[int, Place], tuple[Noise, NoiseOverTime] | None] = field(default_factory=dict)
+    """Louder noise in motion by condition and place, and how it goes over the time of the run with counter-masses, of
+    channels of which nothing is repeated; None where no run can tell whether there is any.
     """
     unfelt: set[tuple[int, Place]] = field(default_factory=set)
     """Conditions and places where it is not known when the side with counter-masses moves, nothing is repeated, and it
@@ -256,14 +257,16 @@ class CampaignNoise:
                     continue
                 moving = noise_in_motion(at_rest, one, others)
                 band = one.measure.band
-                if moving is None or moving.power(band)[0] > LOUDER * at_rest.power(band)[0]:
+                if moving is None or moving[0].power(band)[0] > LOUDER * at_rest.power(band)[0]:
                     found.unrepeated[id(condition), place] = moving
         return found
 
     def noise(self, condition: Condition, one: Amplitude, place: Place) -> Noise | None:
         """Of a channel in a run, by what was recorded, else as the rig states; None where neither is."""
-        at_rest = self.noises[place, round(one.rate_hz)]
-        return self.unrepeated.get((id(condition), place), at_rest) or one.stated
+        key = id(condition), place
+        if key in self.unrepeated:
+            return louder[0] if (louder := self.unrepeated[key]) else one.stated
+        return self.noises[place, round(one.rate_hz)] or one.stated
 
     def is_stated(self, condition: Condition, place: Place) -> bool:
         """Whether the noise of a run is known from the rig alone."""
@@ -294,7 +297,10 @@ class CampaignNoise:
             if condition.dead(place) or any(noise is None or one.reading <= 0.0 for one, noise in some):
                 return None
             likelihoods = tuple(AmplitudeLikelihood.of(one, noise) for one, noise in some if noise)
-            gains = (both.gains[place], both.gain_error(place, some[0][1])) if both and some[0][1] else ()
+            noise, gains = some[0][1], ()
+            if both and noise:
+                mean = self.in_envelope(condition, place, both.means[place])
+                gains = both.gains[place], gain_error(mean, noise)
             found.append(Group(likelihoods, side.names, *gains))
         return found[0], found[1]
 
@@ -315,25 +321,27 @@ class CampaignNoise:
         """
         louder = self.unrepeated.get((id(condition), place))
         if louder and one.moving:
-            at_rest, band = self.noises[place, round(one.rate_hz)] or louder, one.measure.band
-            over_time = np.full(len(one.course), (at_rest.power(band)[0] / louder.power(band)[0]) ** 0.5)
-            over_time[one.moving] = 1.0
-            return replace(one, envelope=over_time * (1.0 if one.envelope is None else one.envelope))
+            noise, over_time = louder
+            at_rest, band = self.noises[place, round(one.rate_hz)] or noise, one.measure.band
+            envelope = np.full(len(one.course), (at_rest.power(band)[0] / noise.power(band)[0]) ** 0.5)
+            envelope[one.moving] = 1.0
+            later = float(one.moving.start - over_time.moving.start)
+            over_time = NoiseOverTime.pooled([(over_time, later)], len(one.course), one.moving)
+            return replace(one, envelope=envelope, over_time=over_time)
         if not self.in_motion[place]:
             return one
-        sides = sorted(condition.sides, key=lambda side: not any(one is run[place] for run in side.records))
-        for side in sides:
-            both = self.aligned[side.key]
+        shown: list[tuple[NoiseOverTime, float]] = []
+        for side in condition.sides:
+            both, first = self.aligned[side.key], side.records[0][place]
             if both is None:
                 continue
-            over_time, first = both.envelopes[place], side.records[0][place]
             own = one is both.means[place] or any(one is run[place] for run in side.records)
-            if not own and one.moving and first.moving:
-                lag = float(one.moving.start - first.moving.start)
-            at = np.arange(len(one.course)) - lag
-            over_time = np.interp(at, np.arange(len(over_time)), over_time)
-            return replace(one, envelope=over_time * (1.0 if one.envelope is None else one.envelope))
-        return one
+            if own:
+                shown.append((both.over_time[place], lag))
+            elif one.moving and first.moving:
+                shown.append((both.over_time[place], float(one.moving.start - first.moving.start)))
+        moving = one.moving or slice(0, len(one.course))
+        return replace(one, over_time=NoiseOverTime.pooled(shown, len(one.course), moving)) if shown else one
 
 
 def _readable(

@@ -95,11 +95,12 @@ class Segment:
         line = np.linspace(-1.0, 1.0, len(self.values))
         flat = self.values - self.values.mean()
         flat = flat - line * (line @ flat / (line @ line))
-        return np.asarray(np.fft.rfft(flat * _sine_tapers(len(flat)), size))
+        return np.asarray(np.fft.rfft(flat * tapers(len(flat)), size))
 
 
 @lru_cache(maxsize=8)
-def _sine_tapers(count: int) -> Floats:
+def tapers(count: int) -> Floats:
+    """Sines of whole half periods, each of power one, (TAPERS, count) [-]."""
     along = np.pi * np.arange(1, count + 1) / (count + 1)
     return np.asarray(np.sin(np.outer(np.arange(1, TAPERS + 1), along)) * np.sqrt(2.0 / (count + 1)))
 
@@ -246,7 +247,8 @@ class Draws:
     parts: tuple[Floats, ...]
     """(m, draws) each [unit]"""
     powers: Floats
-    """Mean square of the noise that each was drawn from: what runs in one noise share, (draws,) [unit^2]."""
+    """Mean square of the noise that each was drawn from, when it is loudest: what runs in one noise share, (draws,)
+    [unit^2]."""
     envelope: Floats | None = None
     """Factor on every sample, over time, (n,) [-]; None: 1. It is applied where samples are looked at."""
 
@@ -314,7 +316,7 @@ class NoiseRecords:
     """What a step that is not dithered adds to a reading, (draws,) [unit, or its square]."""
     scale: float = 1.0
     largest: float = 1.0
-    """Of the noise's standard deviation over time [-]."""
+    """Of the envelope [-]."""
 
     @property
     def powers(self) -> Floats:

@@ -15,7 +15,8 @@ import numpy as np
 from balance.arrays import Floats
 
 from .amplitude import Amplitude
-from .noise_floor import TAPERS, Noise, Segment
+from .noise_floor import TAPERS, Noise, Segment, tapers
+from .noise_over_time import NoiseOverTime
 
 WIDTH_HZ = 30.0
 """Of a band; the next begins a third later."""
@@ -36,8 +37,9 @@ _SCATTER = 0.4
 """Standard deviation of the logarithm of the power so found (Monte Carlo: 0.5 to 1.4 of what it is)."""
 
 
-def noise_in_motion(at_rest: Noise, side: Amplitude, others: Sequence[Amplitude]) -> Noise | None:
-    """At least the noise at rest, and what one side's motion shows beyond it and beyond all axes of the other side.
+def noise_in_motion(at_rest: Noise, side: Amplitude, others: Sequence[Amplitude]) -> tuple[Noise, NoiseOverTime] | None:
+    """At least the noise at rest, and what one side's motion shows beyond it and beyond all axes of the other side;
+    and how that goes over time.
 
     None where the sides cannot be compared.
     """
@@ -45,11 +47,15 @@ def noise_in_motion(at_rest: Noise, side: Amplitude, others: Sequence[Amplitude]
     segments = [Segment(values[: min(map(len, moved))], side.rate_hz) for values in moved]
     if not segments[0].usable or max(abs(other.rate_hz / side.rate_hz - 1.0) for other in others) > 1e-4:
         return None
-    centres, densities = _left(segments[0], segments[1:])
+    centres, densities, left = _left(segments[0], segments[1:])
     firsts = np.clip(np.arange(len(centres)) - _NEAR // 2, 0, max(len(centres) - _NEAR, 0))
     calm = [np.exp(np.quantile(np.log(densities[i : i + _NEAR]), _QUARTILE)) / _SEEN for i in firsts]
     density = np.maximum(at_rest.density, np.interp(at_rest.frequency, centres, calm))
-    return replace(at_rest, density=density, scatter=max(at_rest.scatter, _SCATTER))
+    moving, count = side.moving or slice(0, len(side.whole)), len(segments[0].values)
+    known = slice(moving.start, moving.start + count)
+    evened = _over_time(left * np.minimum(np.array(calm) / densities, 1.0)[:, None, None] ** 0.5, count)
+    over_time = NoiseOverTime.of(side.in_band(evened)[None], 1.0, known, moving, len(side.course), side.rate_hz)
+    return replace(at_rest, density=density, scatter=max(at_rest.scatter, _SCATTER)), over_time
 
 
 def exceeds_rest(at_rest: Noise, side: Amplitude, length: int) -> bool:
@@ -60,13 +66,14 @@ def exceeds_rest(at_rest: Noise, side: Amplitude, length: int) -> bool:
     return any(one is not None and one.exceeds(at_rest, side.measure.band) for one in parts)
 
 
-def _left(one: Segment, others: Sequence[Segment]) -> tuple[Floats, Floats]:
-    """Centres (k,) [Hz] of bands, and the density in them [unit^2/Hz] of what of a segment is no smooth multiple of
-    others of its length.
+def _left(one: Segment, others: Sequence[Segment]) -> tuple[Floats, Floats, np.ndarray]:
+    """Centres (k,) [Hz] of bands, the density in them [unit^2/Hz] of what of a segment is no smooth multiple of others
+    of its length, and the spectra of that in the middle third of each band, by taper, (k, TAPERS, third).
     """
     count, terms = len(one.values), _TERMS * len(others)
     wide = max(round(WIDTH_HZ * one.seconds), terms + 4)
-    bands = np.arange(FIRST, count // 2 + 1 - wide, max(wide // 3, 1))[:, None] + np.arange(wide)
+    third = max(wide // 3, 1)
+    bands = np.arange(FIRST, count // 2 + 1 - wide, third)[:, None] + np.arange(wide)
     slopes = np.linspace(-1.0, 1.0, wide)[:, None] ** np.arange(_TERMS)
     given = [other.spectra(count)[:, bands].transpose(1, 0, 2)[..., None] * slopes for other in others]
     rows = len(bands), TAPERS * wide
@@ -74,4 +81,15 @@ def _left(one: Segment, others: Sequence[Segment]) -> tuple[Floats, Floats]:
     wanted = one.spectra(count)[:, bands].transpose(1, 0, 2).reshape(*rows, 1)
     left = wanted - basis @ (basis.conj().swapaxes(1, 2) @ wanted)
     freedom = rows[1] * (1.0 - terms / wide)
-    return bands.mean(axis=1) / one.seconds, 2.0 * (np.abs(left) ** 2).sum(axis=(1, 2)) / freedom / one.rate_hz
+    densities = 2.0 * (np.abs(left) ** 2).sum(axis=(1, 2)) / freedom / one.rate_hz
+    return bands.mean(axis=1) / one.seconds, densities, left.reshape(len(bands), TAPERS, wide)[..., third : 2 * third]
+
+
+def _over_time(left: np.ndarray, count: int) -> Floats:
+    """Of spectra in thirds of bands that follow each other (k, TAPERS, third), the course without tapers, (count,)."""
+    spectra = np.zeros((TAPERS, count // 2 + 1), dtype=complex)
+    joined, third = left.transpose(1, 0, 2).reshape(TAPERS, -1), left.shape[2]
+    spectra[:, FIRST + third : FIRST + third + joined.shape[1]] = joined
+    given = tapers(count)
+    weight = (given**2).sum(axis=0)
+    return np.asarray((np.fft.irfft(spectra, count) * given).sum(axis=0) / np.maximum(weight, 0.1 * weight.max()))

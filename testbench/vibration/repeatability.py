@@ -19,6 +19,7 @@ from balance.estimation.estimate import chi_square_tail, coverage_factor, f_tail
 from .amplitude import Amplitude, Place, shifted
 from .amplitude_likelihood import AmplitudeLikelihood
 from .noise_floor import Noise, Segment
+from .noise_over_time import NoiseOverTime
 
 DIFFER = 0.01
 """Level at which repeats differ beyond noise, over a campaign."""
@@ -35,12 +36,8 @@ SAME_RATE = 1e-4
 """Of rates of repeats: over two seconds they part by a fifth of a millisecond."""
 EDGE = 8
 """Samples next to an end of another repeat's record, which shifting it spoils."""
-SMOOTHED_S = 0.04
-"""Over which the power of noise in motion is averaged [s]."""
 KNOWN = 1.0
 """Of an amplitude, from which its repeats' interval, where they differ beyond noise, reaches zero and says nothing."""
-LEAST_LEVEL = 0.05
-"""Of an envelope [-]."""
 REVERSED = 0.9
 """Correlation of a channel with its own reversed in another run, from which, if none is larger, one is reversed."""
 CERTAIN = 0.9
@@ -224,20 +221,12 @@ class Synchronous:
     means: dict[Place, Amplitude]
     residuals: dict[Place, tuple[Segment, ...]]
     """In motion, each divided by its envelope, of the power in the band that they have there."""
-    envelopes: dict[Place, Floats]
-    """Standard deviation of what does not repeat over time, 1 on average in motion, (n,) [-]."""
+    over_time: dict[Place, NoiseOverTime]
+    """How what does not repeat goes over the time of the first run."""
     lags: tuple[float, ...]
     """By how much later each run shows what the first shows [samples]."""
     gains: dict[Place, Floats]
     """By what share of it each run shows more of the mean than the mean itself, where all of them reach, (k,) [-]."""
-
-    def gain_error(self, place: Place, noise: Noise) -> float:
-        """Standard deviation of the gain of one run by its noise [-]."""
-        mean = self.means[place]
-        spectrum = np.fft.rfft(mean.course)
-        density = noise.at(np.arange(len(spectrum)) * mean.rate_hz / len(mean.course))
-        power = float(np.sum(density * np.abs(spectrum) ** 2)) * mean.rate_hz / len(mean.course)
-        return power**0.5 / max(float(np.sum(mean.course**2)), 1e-300)
 
     @classmethod
     def of(cls, runs: Sequence[dict[Place, Amplitude]]) -> "Synchronous | None":
@@ -250,7 +239,7 @@ class Synchronous:
         lags = _lags(runs, places, count)
         if lags is None:
             return None
-        means, residuals, envelopes, gains = {}, {}, {}, {}
+        means, residuals, courses, gains = {}, {}, {}, {}
         first, at = runs[0], np.arange(count) + np.array(lags)[:, None]
         lengths = np.array([[len(run[places[0]].course)] for run in runs])
         held = (at >= 0.0) & (at <= lengths - 1.0)
@@ -274,31 +263,22 @@ class Synchronous:
             rate, moving = first[place].rate_hz, first[place].moving or slice(0, count)
             part = slice(max(moving.start - common.start, 0), max(moving.stop - common.start, 0))
             shown = scale * first[place].in_band(left)
-            over_time = _envelope(shown, part, rate)
+            courses[place] = NoiseOverTime.of(shown, len(runs) - 1.0, common, moving, count, rate)
+            over_time = courses[place].power[common] ** 0.5
             evened = float(np.mean((shown / over_time)[:, part] ** 2))  # less: the envelope follows the noise itself
             level = scale * np.sqrt(np.mean(shown[:, part] ** 2) / max(evened, 1e-300))
-            envelopes[place] = _beyond(over_time, common, moving, count)
             residuals[place] = tuple(Segment((level * one / over_time)[part], rate, 1.0 / scale**2) for one in left)
             means[place] = replace(first[place].mean_of([run[place] for run in runs], lags, mean), envelope=fewer)
-        return cls(means, residuals, envelopes, tuple(lags), gains)
+        return cls(means, residuals, courses, tuple(lags), gains)
 
 
-def _envelope(residuals: Floats, part: slice, rate_hz: float) -> Floats:
-    """Standard deviation over time of residuals (k, n), smoothed, of mean square 1 in a part, (n,) [-]."""
-    from scipy.ndimage import gaussian_filter1d
-
-    power = gaussian_filter1d(np.mean(residuals**2, axis=0), SMOOTHED_S * rate_hz, mode="nearest")
-    return np.asarray(np.sqrt(np.maximum(power / max(float(power[part].mean()), 1e-300), LEAST_LEVEL**2)))
-
-
-def _beyond(envelope: Floats, common: slice, moving: slice, count: int) -> Floats:
-    """An envelope of what repeats have in common, over all samples (count,): no motion is calmer than on average."""
-    found = np.pad(envelope, (common.start, count - common.stop), "edge")
-    outside = np.ones(count, dtype=bool)
-    outside[common] = False
-    inside = np.zeros(count, dtype=bool)
-    inside[moving] = True
-    return np.where(outside & inside, np.maximum(found, 1.0), found)
+def gain_error(mean: Amplitude, noise: Noise) -> float:
+    """Standard deviation of how much more of a mean of repeats one run shows, by its noise [-]."""
+    shown = mean.course if mean.over_time is None else mean.course * mean.over_time.power**0.5
+    spectrum = np.fft.rfft(shown)
+    density = noise.at(np.arange(len(spectrum)) * mean.rate_hz / len(shown))
+    power = float(np.sum(density * np.abs(spectrum) ** 2)) * mean.rate_hz / len(shown)
+    return power**0.5 / max(float(np.sum(mean.course**2)), 1e-300)
 
 
 def _lags(runs: Sequence[dict[Place, Amplitude]], places: Sequence[Place], count: int) -> list[float] | None:
