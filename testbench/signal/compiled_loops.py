@@ -1,7 +1,7 @@
 """Loops over samples, compiled: filters of four channels side by side, segments of a spectrum, their power.
 
 It imports numba, and is imported only where there is enough to do. LLVM is let join the four channels' operations into
-one each (superword-level parallelism, which numba leaves off): that makes the filter three times as fast.
+one each (superword-level parallelism, which numba leaves off): that makes the recursion three times as fast.
 """
 
 from typing import Any
