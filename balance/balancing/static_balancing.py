@@ -14,11 +14,10 @@ from scipy.optimize import linprog
 
 from ..arrays import Floats
 from ..closure import Closure
-from ..dynamics.inverse_dynamics import driven_rates, simulate
+from ..closure.assembly import RANK_LIMIT
 from ..dynamics.regressor import potential, potential_regressor
 from ..errors import ModelError, SizingError
 from ..mechanism.mechanism import Mechanism
-from ..motion import Samples
 from . import Sizing
 from .conditions import Conditions, pivot_order, reduced_row_echelon, row_space
 from .objective import Objective, triangle, with_constant, workspace_states
@@ -212,17 +211,22 @@ _HOLDING = ("holding_torque_peak_Nm", "holding_force_peak_N")
 
 
 def _holding(mechanism: Mechanism, q: Floats, springs: Springs | None) -> dict[str, dict[str, float]]:
-    """Largest torque or force of each motor that holds the mechanism still; none where they do not determine it."""
+    """Largest torque or force of each motor that holds the mechanism still; none where they do not determine it.
+
+    Over the configurations where they move it at least a fifth as well as at home: near a singular position of the
+    motors it has no bound.
+    """
     closure, motors = Closure(mechanism), mechanism.driven or mechanism.coordinates
+    rows, tangents = [mechanism.coordinate_index(joint) for joint in motors], closure.tangents(q)
     if len(motors) != closure.dof:
         return mechanism.drives_by_unit({}, *_HOLDING)
-    position = q[:, [mechanism.coordinate_index(joint) for joint in motors]]
-    rest = np.zeros_like(position)
-    at = closure.follow(Samples(np.arange(float(len(q))), position, rest, rest, joints=motors))
-    torque = dict(simulate(mechanism, at).torque)
+    at_home = np.linalg.svd(closure.tangents(closure.home[None])[:, rows], compute_uv=False).min()
+    good = np.linalg.svd(tangents[:, rows], compute_uv=False).min(axis=1) >= max(0.2 * at_home, RANK_LIMIT)
+    q, rates = q[good], tangents[good] @ np.linalg.inv(tangents[good][:, rows])
+    still = np.zeros(q.shape[1])
+    joint_torque = np.array([closure.engine.torque_regressor(state, still, still) @ mechanism.pi for state in q])
     if springs is not None:
-        needed = joint_torques(mechanism, springs.springs, at.q)
-        extra = np.einsum("nij,ni->nj", driven_rates(mechanism, at.per_drive, motors), needed)
-        torque = {joint: torque[joint] + extra[:, k] for k, joint in enumerate(motors)}
-    largest = {joint: float(np.abs(values).max()) for joint, values in torque.items()}
+        joint_torque += joint_torques(mechanism, springs.springs, q)
+    torque = np.einsum("nij,ni->nj", rates, joint_torque)
+    largest = {joint: float(np.abs(torque[:, k]).max()) for k, joint in enumerate(motors) if len(q)}
     return mechanism.drives_by_unit(largest, *_HOLDING)

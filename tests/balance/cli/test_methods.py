@@ -47,17 +47,19 @@ def test_settings_of_methods():
     assert masses[1] == pytest.approx(2 * masses[0])
 
 
-def test_static_balance(tmp_path):
-    """Swing of the potential energy: all of it, and none to 1e-12 either way."""
+@pytest.mark.parametrize("name", ["serial-2r", "five-bar"])  # ways of the second pass singular positions of its motors
+def test_static_balance(tmp_path, name):
+    """Swing of the potential energy: all of it, and none to 1e-12 either way; then motors hold nothing."""
     figure = tmp_path / "energy.svg"
-    document = json_of("static", "serial-2r", "--figure", figure)
+    document = json_of("static", name, "--figure", figure)
     assert document["as_it_is"]["potential_swing_J"] > 1.0
+    assert min(document["as_it_is"]["holding_torque_peak_Nm"].values()) > 0.1
     for way in ("counter_masses", "springs"):
         assert document[way]["share_of_unbalanced"] < 1e-12
         assert max(document[way]["holding_torque_peak_Nm"].values()) < 1e-10
     assert len(document["workspace"]["weight_J"]) == document["configurations"]
     assert "potential energy" in figure.read_text(encoding="utf-8").lower() or figure.stat().st_size > 1000
-    assert "Springs of zero free length" in call("static", "serial-2r").out
+    assert "Springs of zero free length" in call("static", name).out
 
 
 def test_static_places(tmp_path):
