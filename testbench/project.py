@@ -65,6 +65,8 @@ class Problem:
 
     file: Annotated[str, Key("", "file")]
     message: Annotated[str, Key("", "what, and what to do")]
+    is_note: bool = False
+    """Whether logs are ingested and analysed without it: it is for simulated ones."""
 
 
 def new_project(folder: Path, mechanism: str | None, loggers: int = 2) -> list[str]:
@@ -248,7 +250,7 @@ def _rig_text(file: str, model: Mechanism, loggers: int) -> str:
 
 
 def project_problems(folder: Path) -> list[Problem]:
-    """All that is missing in a project's folder, or contradicts, at once."""
+    """All that is missing in a project's folder, or contradicts, at once, and what is to be known before simulating."""
     if not folder.is_dir():
         raise RigError(f"{folder}: no such folder; `testbench new {folder}` writes one")
     return list(_problems(folder))
@@ -264,7 +266,7 @@ def _problems(folder: Path) -> Iterator[Problem]:
                 raise RigError("is a folder: expected a file")
             read[file] = reader(folder / file)
         except (CounterpoiseError, OSError) as error:
-            yield from _rows(folder, file, error)
+            yield from _rows(folder, file, error, file == PLAN and not (folder / PLAN).exists())
     rig, plan, model = read.get(RIG), read.get(PLAN), None
     if (named := rig or plan) is not None:
         try:
@@ -291,7 +293,7 @@ def _problems(folder: Path) -> Iterator[Problem]:
         yield Problem(RUNS, f"names {', '.join(missing)}, not in the folder: add the logs, or remove their rows")
     said = set()
     motions: dict[tuple[object, ...], list[Problem]] = {}
-    for file, where, run in stated:
+    for file, where, run in stated:  # a plan is simulated, and so what it needs is no note: it comes first
         moved = (run.motion, run.peak_acceleration, run.turning)
         if moved not in motions:
             motions[moved] = list(_motion_problems(folder, rig, model, run)) if run.motion else []
@@ -300,15 +302,16 @@ def _problems(folder: Path) -> Iterator[Problem]:
             found = (problem.file or file, problem.message)
             if found not in said:
                 said.add(found)
-                yield Problem(found[0], problem.message if problem.file else f"{where}{problem.message}")
+                message = problem.message if problem.file else f"{where}{problem.message}"
+                yield Problem(found[0], message, problem.is_note and file == RUNS)
 
 
-def _rows(folder: Path, file: str, error: Exception) -> Iterator[Problem]:
+def _rows(folder: Path, file: str, error: Exception, is_note: bool = False) -> Iterator[Problem]:
     """A problem for each line of an error, without the file's name, which stands beside it."""
     for line in str(error).splitlines():
         for start in (f"{folder / file}: ", f"{file}: ", f"{file}, "):
             line = line.removeprefix(start)
-        yield Problem(file, line.replace("``", "'"))
+        yield Problem(file, line.replace("``", "'"), is_note)
 
 
 def _run(row: RunTableRow) -> PlannedRun:
@@ -352,14 +355,14 @@ def _motion_problems(folder: Path, rig: Rig | None, model: Mechanism | None, run
         else:
             shipped = ", ".join(datasets.dataset_names("motions", ".toml"))
             to_simulate = f"to simulate them too, write {own} in this folder, or name a shipped motion ({shipped})"
-            yield Problem(own, f"not there: its runs are analysed, and not simulated; {to_simulate}")
+            yield Problem(own, f"not there: its runs are analysed, and not simulated; {to_simulate}", True)
         return
     if rig is None or model is None:
         return
     try:
         for exceeded in model.limits_exceeded(Closure(model).follow(planned_samples(rig, run, motion)).q):
-            yield Problem("", f"motion {run.motion!r}: {exceeded}")
+            yield Problem("", f"motion {run.motion!r}: {exceeded}", True)
     except DataError as error:
-        yield Problem("", f"motion {run.motion!r}: {error}")
+        yield Problem("", f"motion {run.motion!r}: {error}", True)
     except CounterpoiseError as error:
-        yield Problem("", f"motion {run.motion!r}: {model.name} cannot follow it: {error}")
+        yield Problem("", f"motion {run.motion!r}: {model.name} cannot follow it: {error}", True)

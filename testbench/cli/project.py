@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import Answer, emit_table, plain_text
+from balance.cli.framework import Answer, Word, emit_table, plain_text
 from balance.cli.options import argument, command, option
 from balance.results import document, table
 
@@ -60,17 +60,19 @@ def check(folder: Path = argument()) -> Answer:
     """List all that is missing or contradicts in FOLDER: rig.toml, plan.toml, runs.csv, mechanism and motions."""
     from ..project import Problem, project_problems
 
-    problems = project_problems(folder)
+    found = project_problems(folder)
+    problems, notes = ([one for one in found if one.is_note is wanted] for wanted in (False, True))
 
     def show() -> None:
         number = f"{len(problems)} problem{'s' if len(problems) > 1 else ''}"
         click.echo(
             f"{plain_text(str(folder))}: {number if problems else 'nothing is missing and nothing contradicts'}."
         )
-        if problems:
-            emit_table("Problems", *table(Problem, problems))
+        for title, rows in (("Problems", problems), ("Notes: for simulated logs alone", notes)):
+            if rows:
+                emit_table(title, *table(Problem, rows))
 
-    return Answer({"problems": problems}, show, bool(problems))
+    return Answer({"problems": problems, "notes": notes}, show, bool(problems))
 
 
 @click.group()
@@ -94,7 +96,7 @@ def next_run(
     campaign: Path = argument(),
     question: "Question" = option(
         "What is to become surer: reductions, or the first moment or the mass that is missing at sites.",
-        click.Choice(["reduction", "first-moment", "counter-mass"]),
+        Word(["reduction", "first-moment", "counter-mass"]),
         "--for",
         default="reduction",
     ),
@@ -104,7 +106,7 @@ def next_run(
         "Reductions of these alone; of first moments candidates besides the motions made."
     ),
     peak: tuple[str, ...] = option("These peak accelerations alone, such as '2 g0' or '60 rad/s^2'.", metavar="TEXT"),
-    axis: tuple[str, ...] = option("Reductions along these axes alone.", click.Choice(["x", "y", "z"])),
+    axis: tuple[str, ...] = option("Reductions along these axes alone.", Word(["x", "y", "z"])),
     metric: "Metric" = METRIC,
     band: "Band | None" = BAND,
     accept: tuple[str, ...] = options.ACCEPT,

@@ -153,7 +153,10 @@ REFUSED = {
     "a rate that nothing has": ("rig.toml", 'rate = "2 kHz"', 'rate = "1e12 Hz"',
                                 ("plan.toml", r"r001: motion 'motion': 2e\+12 Hz .*: expected fewer than")),
     "a motion that is not there": ("runs.csv", ",motion,1", ",swing,1",
-                                   ("swing.toml", "not there: its runs are analysed, and not simulated; .* write sw")),
+                                   ("swing.toml", "not there: its runs are analysed, and not .* write sw", "a note")),
+    "a peak in the run table": ("runs.csv", ",repeat", ",peak_acceleration_g",
+                                ("runs.csv", "line 2: motion 'motion': moves joints that turn: expected", "a note")),
+    "no plan": ("plan.toml", None, None, ("plan.toml", "not there: `testbench new` writes one", "a note")),
     "two keys": ("rig.toml", 'kind = "encoder"', 'kind = "coder"',
                  ("rig.toml", r"sensors\.encoder_\w+\.kind: [^\n]*$")),
     "a cell": ("runs.csv", "measured", "gemessen", ("runs.csv", "line 2: origin: 'gemessen'")),
@@ -165,7 +168,7 @@ REFUSED = {
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_the_simulator_refuses_is_said(tmp_path, case):
     """Each row begins with what is wrong, its file beside it; a motion is named once."""
-    file, old, new, (named, said) = REFUSED[case]
+    file, old, new, (named, said, *note) = REFUSED[case]
     folder = tmp_path / "test"
     new_project(folder, "four-bar")
     if old is None:
@@ -180,6 +183,7 @@ def test_what_the_simulator_refuses_is_said(tmp_path, case):
     found = [problem for problem in problems if problem.file == named]
     assert found, problems
     assert re.match(said, found[0].message), problems
+    assert found[0].is_note is bool(note)  # what logs are ingested without
     assert len({(p.file, p.message) for p in problems}) == len(problems)
 
 
