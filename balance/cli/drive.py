@@ -7,7 +7,7 @@ import click
 
 from ..results import NO_VALUE, table
 from . import options
-from .framework import Answer, Detail, emit_further, emit_table, note, say
+from .framework import Answer, Detail, Word, emit_further, emit_table, note, say
 from .options import Quantity, argument, command, option
 
 if TYPE_CHECKING:
@@ -79,12 +79,12 @@ def drive(
         "--speed",
         metavar="N",
     ),
-    reading: str | None = option("Whether the gearbox multiplies the torque.", click.Choice(["geared", "ungeared"])),
+    reading: str | None = option("Whether the gearbox multiplies the torque.", Word(["geared", "ungeared"])),
     flywheel_for: tuple[float, ...] = option(
         "Size a flywheel for this coefficient of speed fluctuation, such as 0.05.", Share(), metavar="SHARE"
     ),
     flywheel_side: str = option(
-        "The shaft that the flywheel turns with.", click.Choice(["crank", "motor"]), default="crank", show_default=False
+        "The shaft that the flywheel turns with.", Word(["crank", "motor"]), default="crank", show_default=False
     ),
     start_up: int | None = option("Also the first turns from standstill.", click.IntRange(1, 200), metavar="TURNS"),
     convergence: bool = option("Also the answers of the solver with looser and tighter tolerances."),

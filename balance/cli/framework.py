@@ -41,9 +41,6 @@ JSON: Any = json_option
 class Word(click.Choice[str]):
     """One of some words; the nearest is suggested for another."""
 
-    def __init__(self, words: Sequence[str]) -> None:
-        super().__init__(list(words))
-
     def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """The word. Fails with the nearest one."""
         if value not in self.choices:

@@ -11,6 +11,7 @@ from . import options
 from .framework import (
     Answer,
     Detail,
+    Word,
     emit_findings,
     emit_table,
     first_moment,
@@ -246,7 +247,7 @@ def conditions(
     momentum: str | None = option(
         "Which momentum stays zero: linear; planar: the angular one about z too; all: all three angular ones too.  "
         "[default: linear]",
-        click.Choice(["linear", "planar", "all"]),
+        Word(["linear", "planar", "all"]),
     ),
     moment: bool = option("Force and moment together (all momenta), and whether positive masses can meet both."),
 ) -> Answer:

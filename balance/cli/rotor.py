@@ -6,7 +6,7 @@ import click
 
 from ..results import document as document_of
 from . import options
-from .framework import Answer, emit_further, emit_table, note, say
+from .framework import Answer, Word, emit_further, emit_table, note, say
 from .options import SPEED, NamedQuantity, Quantity, argument, command, option
 from .rotor_splitting import split
 
@@ -279,7 +279,7 @@ def influence(
     runs: str = argument("RUNS"),
     method: str = option(
         "Make small the sum of squares, the sum, or the largest of the readings.",
-        click.Choice(["least-squares", "robust", "min-max"]),
+        Word(["least-squares", "robust", "min-max"]),
         default="least-squares",
     ),
     figure: str | None = options.FIGURE,

@@ -11,7 +11,7 @@ import click
 
 from ..results import document, table
 from . import options
-from .framework import Answer, Detail, emit_findings, emit_table
+from .framework import Answer, Detail, Word, emit_findings, emit_table
 from .options import Quantity, command, option
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def sweep(
         "Sampling of the motion, such as 1kHz [default: 10 kHz].", Quantity("frequency", positive=True), metavar="HZ"
     ),
     quantities: tuple[str, ...] = option(
-        "Only this, several times for more [default: all].", click.Choice(["force", "moment", "torque"]), "--quantity"
+        "Only this, several times for more [default: all].", Word(["force", "moment", "torque"]), "--quantity"
     ),
     rms_only: bool = option("No peak values: some hundred times quicker on long motions."),
     ranked_by: str = option("Column by which designs are ranked.", None, "--best", default="rms_F_N", metavar="COLUMN"),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, Answer, emit_findings, emit_table
+from balance.cli.framework import EXIT_REFUSED, Answer, Word, emit_findings, emit_table
 from balance.cli.options import argument, command, option
 from balance.results import first_of, table
 
@@ -38,7 +38,7 @@ def align(
     runs: tuple[Path, ...] = argument("RUN...", required=True),
     by: str = option(
         "By common signals, by taps on what both are fixed to, or by the edges of a trigger that both recorded.",
-        click.Choice(["correlation", "tap", "trigger"]),
+        Word(["correlation", "tap", "trigger"]),
         default="correlation",
     ),
     pair: str | None = option(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import Answer, emit_table, plain_text
+from balance.cli.framework import Answer, Word, emit_table, plain_text
 from balance.cli.options import FIGURE, SCHEDULER, argument, command, draw, option
 from balance.results import document, first_of, plain, table
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ..vibration.reduction import Analysis, Reduction
 
 
-METRIC = option("What an amplitude is.", click.Choice(METRIC_NAMES), default="peak_to_peak")
+METRIC = option("What an amplitude is.", Word(METRIC_NAMES), default="peak_to_peak")
 BAND = option(
     "Frequencies that count [Hz], zero-phase Butterworth; none: all. Above a lower end of zero, an offset and "
     "a ramp are removed first: they are no vibration.",

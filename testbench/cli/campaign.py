@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, Answer, emit_table, plain_text
+from balance.cli.framework import EXIT_REFUSED, Answer, Word, emit_table, plain_text
 from balance.cli.options import argument, command, option
 from balance.results import document, table
 
@@ -35,7 +35,7 @@ Exit codes: 0 done, 3 done with losses, which are listed, 1 some run was refused
 )
 def export(
     stored: Path = argument("RUN|CAMPAIGN"),
-    to: str = option("The form to write.", click.Choice(TARGETS), required=True),
+    to: str = option("The form to write.", Word(TARGETS), required=True),
     output: Path = option("The folder to write into.", None, "-o", "--output", required=True),
     licence: str | None = option("Licence of the runs, such as CC-BY-4.0: for ro-crate.", metavar="NAME|URL"),
     physical: bool = option("Values in SI, by the calibration that holds, and not as recorded."),
@@ -126,7 +126,9 @@ def archive(
         enter_found(output)
     return Answer(
         {"archive": output.name, "runs": [*done, *refused]},
-        lambda: emit_table(f"{output.name}: {len(done)} runs", *table(Archived, done, *ARCHIVE_COLUMNS)),
+        lambda: (
+            emit_table(f"{output.name}: {len(done)} runs", *table(Archived, done, *ARCHIVE_COLUMNS)) if done else None
+        ),
         refused=[one.message for one in refused],
     )
 

@@ -4,9 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
-from balance.cli.framework import Answer, emit_findings, emit_further, emit_table, note, say
+from balance.cli.framework import Answer, Word, emit_findings, emit_further, emit_table, note, say
 from balance.cli.options import FIGURE, command, draw, option
 from balance.errors import DataError
 from balance.results import first_of, table
@@ -160,11 +158,11 @@ def identify(
     words: tuple[str, ...] = options.MECHANISM_AND_RUNS,
     by: "By | None" = option(
         "Found from motor torques, force sensors, or both, weighted by their noise.  [default: torque, if any]",
-        click.Choice(["torque", "wrench", "both"]),
+        Word(["torque", "wrench", "both"]),
     ),
     method: "Method | None" = option(
         "Least squares, instrumental variables, output error.  [default: iv; ls by force sensors alone]",
-        click.Choice(["ls", "iv", "oe"]),
+        Word(["ls", "iv", "oe"]),
     ),
     separate: tuple[Path, ...] = option(
         "A run, or a campaign, that has no part in it, to hold the result against; give it again for more.",

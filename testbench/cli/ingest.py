@@ -13,6 +13,7 @@ from balance.cli.framework import (
     EXIT_WITH_FINDINGS,
     JSON,
     Answer,
+    Word,
     complain,
     emit_json,
     emit_table,
@@ -155,7 +156,7 @@ def watch(
     rig: str | None = _RIG,
     run_table: Path | None = option("The run table; it may change.", None, "--runs"),
     unnamed: str = option(
-        "What becomes of files that the run table does not name.", click.Choice(["wait", "store"]), default="wait"
+        "What becomes of files that the run table does not name.", Word(["wait", "store"]), default="wait"
     ),
     accept: tuple[str, ...] = _ACCEPT,
     by: str | None = options.BY,

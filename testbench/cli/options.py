@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, emit_findings, emit_table, plain_text
+from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, Word, emit_findings, emit_table, plain_text
 from balance.cli.options import argument, option
 from balance.results import first_of
 
@@ -179,10 +179,10 @@ def text_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options of text logs that replace detection."""
     for one in reversed((
         click.option("--encoding", metavar="NAME", help="Encoding of texts, such as cp1254; else detected."),
-        click.option("--delimiter", type=click.Choice(_DELIMITERS), help="Delimiter of texts; else detected."),
-        click.option("--decimal", type=click.Choice([*_DECIMALS]), help="Decimal mark of texts; else detected."),
+        click.option("--delimiter", type=Word(_DELIMITERS), help="Delimiter of texts; else detected."),
+        click.option("--decimal", type=Word([*_DECIMALS]), help="Decimal mark of texts; else detected."),
         click.option("--header/--no-header", default=None, help="Whether texts begin with names; else detected."),
-        click.option("--date-order", type=click.Choice([*_ORDERS]),
+        click.option("--date-order", type=Word([*_ORDERS]),
                      help="Order in dates such as 03/04/2024 or 24/03/04; else as a number above 12 shows."),
         click.option("--as", "described", metavar="DESCRIPTION",
                      help="An import description, or a shipped one by name; `testbench describe FILE` writes one."),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from balance.cli.framework import Answer, emit_table, json_text
+from balance.cli.framework import Answer, Word, emit_table, json_text
 from balance.cli.options import SCHEDULER, argument, command, option
 from balance.results import table
 
@@ -187,7 +187,7 @@ def report(
     published: str | None = option("On the page: published reductions, kiper2019 or a file.", metavar="NAME"),
     metric: "Metric" = option(
         "On the page: what an amplitude is whose reduction is shown.",
-        click.Choice(METRIC_NAMES),
+        Word(METRIC_NAMES),
         default="peak_to_peak",
     ),
     accept: tuple[str, ...] = options.ACCEPT,

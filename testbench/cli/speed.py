@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import Answer, answering, emit_findings, emit_table
+from balance.cli.framework import Answer, Word, answering, emit_findings, emit_table
 from balance.cli.options import Quantity, draw, figure_option
 from balance.results import document
 
@@ -38,7 +38,7 @@ Exit codes: 0 done, 3 done with findings, 1 refused."""
 @click.option("--ratio", type=click.FloatRange(1e-3, 1e3), default=1.0, help="Turns of the disc per turn of the crank.")
 @click.option("--nominal", type=_SPEED, metavar="N", help="Nominal speed of the crank, for the fluctuation.")
 @click.option("--drive", metavar="DRIVE", help="Compare it with this drive file, such as inverted-slider-crank.")
-@click.option("--reading", type=click.Choice(["geared", "ungeared"]), help="How the gearbox's torque is read.")
+@click.option("--reading", type=Word(["geared", "ungeared"]), help="How the gearbox's torque is read.")
 @click.option("--motor-speed", type=_SPEED, metavar="N", help="Nominal speed of the drive's motor [default: nearest].")
 @click.option(
     "--first-edge-at",

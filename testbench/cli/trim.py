@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import Answer, emit_findings, emit_further, emit_table, note, say
+from balance.cli.framework import Answer, Word, emit_findings, emit_further, emit_table, note, say
 from balance.cli.options import FIGURE, command, draw, option
 from balance.results import first_of, table
 
@@ -36,7 +36,7 @@ def trim(
     sources: "tuple[Source, ...]" = option(
         "By force sensors, motor torques, the base's vibration with the base that the rig states, or runs with trial "
         "masses; give it again for several.  [default: what the rig has]",
-        click.Choice(["wrench", "torque", "vibration", "trials"]),
+        Word(["wrench", "torque", "vibration", "trials"]),
         "--from",
         "--by",
         multiple=True,

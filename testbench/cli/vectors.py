@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import Answer, answering, emit_findings, emit_table
+from balance.cli.framework import Answer, Word, answering, emit_findings, emit_table
 from balance.cli.options import draw, figure_option
 
 from ..signal import METRIC_NAMES
@@ -45,14 +45,12 @@ Exit codes: 0 done, 3 done with findings, 1 refused."""
 @click.option("--order", type=click.IntRange(1, 100), default=1, show_default=True, help="Multiple of the speed.")
 @click.option(
     "--phase",
-    type=click.Choice(["lead", "lag"]),
+    type=Word(["lead", "lag"]),
     default="lead",
     show_default=True,
     help="Whether a phase is a lead or a lag.",
 )
-@click.option(
-    "--amplitude", type=click.Choice(METRIC_NAMES), default="peak", show_default=True, help="Metric of an amplitude."
-)
+@click.option("--amplitude", type=Word(METRIC_NAMES), default="peak", show_default=True, help="Metric of an amplitude.")
 @click.option(
     "--steady-within",
     type=click.FloatRange(0.0, 50.0, min_open=True),

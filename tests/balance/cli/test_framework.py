@@ -105,6 +105,7 @@ WRONG = {
     "balence": "No such command 'balence'",
     "sise": "did you mean 'size'",
     "conditions parallelogram-6bar --momentum spin": "spin",
+    "sweep four-bar --quantity forse": "'forse': expected force, moment, torque; did you mean 'force'?",
     "simulate parallelogram-6bar": "--motion",
     "methods serial-1r --stroke 5": "'5' has no unit",
     "methods serial-1r --stroke -1mm": "--stroke",

@@ -11,7 +11,7 @@ WRONG = [
     ("ingest *.csv -o c", 1, r"^testbench: \*\.csv: no file matches; expected a log file\n$"),
     ("info log --encoding klingon", 1, r"'klingon' is no encoding"),
     ("info log --encoding base64", 1, r"'base64' is no encoding"),
-    ("info log --decimal dot", 2, r"^testbench: Invalid .* 'dot' is not one of .*\nTry 'testbench info --help'"),
+    ("info log --decimal dot", 2, r"^testbench: Invalid .* 'dot': expected .*\nTry 'testbench info --help'"),
     ("info EMPTY", 2, r"an empty argument"),
     ("ingest log -o EMPTY", 2, r"an empty argument"),
     ("list BLANK", 2, r"an empty argument"),
