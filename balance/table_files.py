@@ -60,7 +60,7 @@ def write_parquet(path: str | Path, columns: Mapping[str, Column], metadata: Map
 
     table = pyarrow.table(dict(columns)).replace_schema_metadata(dict(metadata or {}))
     with Path(path).open("wb") as stream:
-        parquet.write_table(table, stream)
+        parquet.write_table(table, stream, use_dictionary=False)  # measured values hardly repeat
 
 
 def read_parquet(path: str | Path) -> dict[str, Column]:

@@ -1,11 +1,13 @@
 """Independent tasks in other processes: on this machine or on a Dask cluster (extra ``distributed``).
 
 A worker that dies loses nothing: its tasks run again elsewhere, up to ATTEMPTS times. Results come as they are ready,
-each with the place of its task, so that what is written to disk can be resumed. Whoever reaches a scheduler runs code
-on its workers: name only one of your own network.
+each with the place of its task, so that what is written to disk can be resumed. What works on tasks travels once, and
+each thread of a worker keeps its own copy: what that finds for one task it still has for the next. Whoever reaches a
+scheduler runs code on its workers: name only one of your own network.
 """
 
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -24,6 +26,8 @@ ATTEMPTS = 3
 LOCAL = "local"
 """As a scheduler's address: processes of this machine."""
 _CONNECT_S = 10.0
+_own = threading.local()
+"""What this thread of a worker works with, and the bytes that it came as."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +43,11 @@ class TaskPool:
             yield from ((place, work(task)) for place, task in enumerate(tasks))
             return
         from distributed import as_completed
+        from distributed.protocol.pickle import dumps
 
         self._refuse_workers_without(getattr(work, "__self__", work))
-        futures = self.client.map(work, tasks, pure=False)
+        packed = self.client.submit(bytes, dumps(work), pure=False)  # as a task's result: had anew if its worker dies
+        futures = self.client.map(_worked, tasks, packed=packed, pure=False)
         places = {future.key: place for place, future in enumerate(futures)}
         for future in as_completed(futures):
             yield places[future.key], future.result()
@@ -71,6 +77,15 @@ class TaskPool:
     def workers(self) -> int:
         """Processes that work on tasks at this moment, at least 1."""
         return 1 if self.client is None else max(1, len(self.client.scheduler_info()["workers"]))
+
+
+def _worked(task: Task, packed: bytes) -> object:
+    """In a worker: what ``packed`` makes of a task."""
+    from distributed.protocol.pickle import loads
+
+    if getattr(_own, "packed", None) is not packed:
+        _own.packed, _own.work = packed, loads(packed)
+    return _own.work(task)
 
 
 HERE = TaskPool(None)

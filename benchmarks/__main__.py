@@ -9,6 +9,7 @@ BENCHMARKS = {
                  "--peer-samples", "500", "--rounds", "3"]),
     "designs": ("many designs on one motion against MuJoCo's inverse dynamics", ["--rounds", "3",
                 "--peer-designs", "5"]),
+    "workers": ("many designs on two Dask workers against one", ["--designs", "100000", "--rounds", "1"]),
     "drive": ("steady state of a motor-driven machine against integrating to it from standstill", ["--rounds", "3"]),
     "store": ("one channel read back against np.copy", ["--samples", "2000000", "--rounds", "3"]),
     "ingest": ("CSV into HDF5 against pandas and h5py", ["--mb", "60", "--rounds", "1"]),

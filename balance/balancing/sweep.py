@@ -8,9 +8,9 @@ motion: designs of one geometry share their responses.
 import hashlib
 import json
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -166,6 +166,11 @@ class Problem:
         """The closed motion."""
         return Closure(self.mechanism).follow(self.samples)
 
+    @cached_property
+    def _responses(self) -> "dict[bytes, Responses]":
+        """By their directions: parts of a sweep that change the same parameters share them."""
+        return {}
+
     @property
     def _is_mjcf(self) -> bool:
         return next(tags(self.mechanism.text))["tag"] == "mujoco"
@@ -224,7 +229,8 @@ class Problem:
     def _on_one_motion(self, variables: Sequence[Variable], designs: Floats) -> dict[str, Floats]:
         coefficients, directions = self._directions(variables, designs)
         mounted = self.mechanism.with_counter_mass(self.counter_masses)
-        responses = Responses.along(mounted, self.trajectory, directions)
+        if (responses := self._responses.get(key := directions.tobytes())) is None:
+            responses = self._responses[key] = Responses.along(mounted, self.trajectory, directions)
         varied = {v.name: designs[:, i] for i, v in enumerate(variables) if v.part == "mass"}
         fixed = sum(mass for name, mass in self.counter_masses.items() if name not in varied)
         added = sum((mass for name, mass in varied.items() if name in mounted.sites), np.full(len(designs), fixed))
@@ -256,19 +262,27 @@ class Responses:
     def levels(self, coefficients: Floats, peaks: bool, quantities: Collection[str]) -> dict[str, Floats]:
         """RMS and, with ``peaks``, peak of each component and of the vectors F and M, of designs (n, k)."""
         designs = np.column_stack([np.ones(len(coefficients)), coefficients])
-        groups = {"F_N": [0, 1, 2], "M_Nm": [3, 4, 5]} | {name: [i] for i, name in enumerate(self.names)}
         groups = {
-            name: members for name, members in groups.items() if QUANTITIES[min(members[0] // 3, 2)] in quantities
+            name: members for name, members in self._groups.items() if QUANTITIES[min(members[0] // 3, 2)] in quantities
         }
-        found: dict[str, Floats] = {}
-        for name, members in groups.items():
-            factor: Floats = np.linalg.qr(self.values[members].reshape(-1, designs.shape[1])).R
-            found[f"rms_{name}"] = np.linalg.norm(designs @ factor.T, axis=1) / np.sqrt(self.values.shape[1])
+        found = {f"rms_{name}": np.linalg.norm(designs @ self._factors[name].T, axis=1) for name in groups}
         if peaks:
             vectors = [members for members in groups.values() if len(members) > 1 or members[0] >= 6]
             largest = {key: peak for members in vectors for key, peak in self._peaks(designs, members).items()}
             found |= {f"peak_{name}": largest[tuple(members)] for name, members in groups.items()}
         return found
+
+    @cached_property
+    def _groups(self) -> dict[str, list[int]]:
+        """Components of the vectors F and M, and each component alone."""
+        return {"F_N": [0, 1, 2], "M_Nm": [3, 4, 5]} | {name: [i] for i, name in enumerate(self.names)}
+
+    @cached_property
+    def _factors(self) -> dict[str, Floats]:
+        """Of each group a triangle whose product with a design has the RMS value as its norm, (1 + k, 1 + k)."""
+        samples, size = self.values.shape[1:]
+        flat = {name: self.values[members].reshape(-1, size) for name, members in self._groups.items()}
+        return {name: np.linalg.qr(values).R / np.sqrt(samples) for name, values in flat.items()}
 
     def _peaks(self, designs: Floats, members: list[int]) -> dict[tuple[int, ...], Floats]:
         """Largest absolute value over the samples of each of some components, and largest norm of all, (n,) each."""
@@ -306,6 +320,10 @@ def _points(root: ElementTree.Element) -> Iterator[ElementTree.Element]:
     return (element for tag in ("body", "site") for element in root.iter(tag))
 
 
+def _all(columns: dict[str, Floats]) -> dict[str, Floats]:
+    return columns
+
+
 @dataclass(frozen=True)
 class Sweep:
     """All designs of a grid, their results in memory or in a folder, a file a part."""
@@ -314,6 +332,8 @@ class Sweep:
     variables: tuple[Variable, ...]
     folder: Path | None = None
     """Where results are kept; a sweep that was interrupted goes on there."""
+    chosen: Callable[[dict[str, Floats]], dict[str, Floats]] = _all
+    """What of a part's columns is handed on, such as its best designs; called where the part is computed."""
 
     @cached_property
     def grid(self) -> Grid:
@@ -331,28 +351,44 @@ class Sweep:
         return of_one_geometry * max(1, GEOMETRIES // of_one_geometry)
 
     def run(self, pool: TaskPool) -> Iterator[tuple[int, dict[str, Floats]]]:
-        """Compute each part that is not yet in the folder; its number of designs and its columns, as they are ready.
+        """Compute each part that is not yet in the folder; its number of designs and what is chosen, as they are ready.
 
-        Raises DataError where the folder holds another sweep.
+        A worker that sees the folder writes its parts there; else they are written here. Raises DataError where the
+        folder holds another sweep.
         """
         self.problem.check(self.variables)
         size, step = self.grid.size, self.designs_per_part
         parts = [slice(start, min(start + step, size)) for start in range(0, size, step)]
         left = parts if self.folder is None else self._left(parts)
         for part in (part for part in parts if part not in left):
-            yield part.stop - part.start, read_parquet(self._path(part))
-        for place, columns in pool.results(self._part, left):
-            if self.folder is not None:
-                path = self._path(left[place])
-                unfinished = path.with_suffix(".unfinished")
-                write_parquet(unfinished, columns)
-                unfinished.replace(path)
-            yield left[place].stop - left[place].start, columns
+            yield part.stop - part.start, self.chosen(read_parquet(self._path(part)))
+        for place, (is_whole, columns) in pool.results(partial(self._part, self._stamp), left):
+            if is_whole:
+                self._write(left[place], columns)
+            yield left[place].stop - left[place].start, self.chosen(columns) if is_whole else columns
 
-    def _part(self, part: slice) -> dict[str, Floats]:
+    def _part(self, stamp: int | None, part: slice) -> tuple[bool, dict[str, Floats]]:
+        """Whether all columns are handed on, to be written; else what is chosen of them."""
         designs = self.grid.designs(part)
         varied = {variable.column: designs[:, i] for i, variable in enumerate(self.grid.variables)}
-        return varied | self.problem.results(self.grid.variables, designs)
+        columns = varied | self.problem.results(self.grid.variables, designs)
+        if self._stamp != stamp:
+            return True, columns
+        if self.folder is not None:
+            self._write(part, columns)
+        return False, self.chosen(columns)
+
+    @property
+    def _stamp(self) -> int | None:
+        """When this run wrote the folder's manifest [ns]: where another is seen, it is another folder."""
+        manifest = None if self.folder is None else self.folder / MANIFEST
+        return manifest.stat().st_mtime_ns if manifest and manifest.is_file() else None
+
+    def _write(self, part: slice, columns: Mapping[str, Floats]) -> None:
+        path = self._path(part)
+        unfinished = path.with_suffix(".unfinished")
+        write_parquet(unfinished, columns)
+        unfinished.replace(path)
 
     def _path(self, part: slice) -> Path:
         assert self.folder is not None

@@ -3,6 +3,7 @@
 import re
 import sys
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, NoReturn, TypeVar
@@ -150,10 +151,11 @@ def sweep(
     bar = Progress(console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True)
     with task_pool(scheduler) as pool, bar:
         task = bar.add_task("designs", total=grid.size)
-        for count, columns in Sweep(problem, variables, output).run(pool):
+        chosen = partial(_best, ranked_by=ranked_by, top=None if figure else top)
+        for count, columns in Sweep(problem, variables, output and output.absolute(), chosen).run(pool):
             if ranked_by not in columns:
                 raise click.UsageError(f"--best {ranked_by}: no such column; there are {', '.join(columns)}")
-            found.append(columns if figure else _best(columns, ranked_by, top))
+            found.append(columns)
             bar.advance(task, count)
     designs = Designs(joined(found), tuple(v.column for v in variables), ranked_by)
     best = _best(designs.columns, ranked_by, top)
@@ -174,10 +176,12 @@ def sweep(
 _SHOWN = ("rms_F_N", "peak_F_N", "rms_M_Nm", "peak_M_Nm", "added_mass_kg")
 
 
-def _best(columns: "Mapping[str, Floats]", ranked_by: str, top: int) -> "dict[str, Floats]":
-    """The ``top`` rows of least ``ranked_by``, the lightest of equals first."""
+def _best(columns: "Mapping[str, Floats]", ranked_by: str, top: int | None) -> "dict[str, Floats]":
+    """The ``top`` rows of least ``ranked_by``, the lightest of equals first; as they are where there is none such."""
     import numpy as np
 
+    if ranked_by not in columns:
+        return dict(columns)
     order = np.lexsort([columns["added_mass_kg"], columns[ranked_by]])[:top]
     return {name: values[order] for name, values in columns.items()}
 

@@ -49,6 +49,22 @@ def test_one_process_and_two_give_the_same(scheduler):
     assert len({process for _, process in shared.values()}) == 2
 
 
+def test_what_works_on_tasks_travels_once(scheduler):
+    """Each of both workers counts its own calls: what works there for one task is there for the next."""
+    seen = []
+
+    def count(_: int) -> int:
+        seen.append(None)
+        return len(seen)
+
+    with task_pool(scheduler) as pool:
+        for _ in range(2):  # and a second round starts anew
+            counts = sorted(count for _, count in pool.results(count, range(12)))
+            assert counts.count(1) <= 2
+            assert sum(counts.count(first + 1) <= counts.count(first) for first in range(1, 12)) == 11
+    assert not seen
+
+
 def test_a_worker_that_dies_loses_no_task(scheduler):
     """One of both workers is killed after the first result: all forty results come, each once."""
     with task_pool(scheduler) as pool:

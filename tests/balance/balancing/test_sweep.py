@@ -1,6 +1,9 @@
 """Sweeps: each design as if it were simulated alone, whatever is varied and wherever it is computed."""
 
+import contextlib
+import tempfile
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas
@@ -14,6 +17,7 @@ from balance.mechanism.mjcf_parser import mechanism_from_text
 from balance.motion.motion_files import load_motion
 from balance.task_pool import TaskPool
 from tests.balance.models import load
+from tests.other_process import OtherProcess
 
 HERE = TaskPool(None)
 MASS = Variable("counter_A0A", "mass", np.array([0.0, 1.5, 3.0]))
@@ -110,10 +114,26 @@ def test_rms_alone_is_the_same():
         np.testing.assert_array_equal(brief[name], whole[name])
 
 
-def test_a_sweep_goes_on_where_it_ended(tmp_path, monkeypatch):
+class Elsewhere(OtherProcess):
+    """Workers of another machine, where that folder is not."""
+
+    def results(self, work, tasks):
+        """As every pool."""
+        with tempfile.TemporaryDirectory() as other, contextlib.chdir(other):
+            found = list(super().results(work, tasks))
+        yield from found
+
+
+@pytest.mark.parametrize("pool", [HERE, OtherProcess(None), Elsewhere(None)])
+def test_a_sweep_goes_on_where_it_ended(tmp_path, monkeypatch, pool):
     """Parts that are there are read, not computed; another sweep does not go into that folder."""
     monkeypatch.setattr("balance.balancing.sweep.PART", 2)
+    monkeypatch.chdir(tmp_path)
+    expected = swept(problem(), MASS)
+    chosen = dict(Sweep(problem(), (MASS,), Path(), lambda columns: {"least": columns["rms_F_N"].min()}).run(pool))
+    assert chosen == {2: {"least": expected["rms_F_N"][:2].min()}, 1: {"least": expected["rms_F_N"][2]}}
     whole = swept(problem(), MASS, folder=tmp_path)
+    np.testing.assert_array_equal(whole["rms_F_N"], expected["rms_F_N"])
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "_sweep.json",
         "part-00000.parquet",
