@@ -196,6 +196,12 @@ def load_mechanism_option(mechanism: str, payload: Masses) -> "Mechanism":
             "zero or above the two others together): used as stated; moments and torques depend on it, forces do not",
             err=True,
         )
+    if model.loose_base:
+        click.echo(
+            f"{model.name}: no joint of the SDF file holds link {model.loose_base!r} to the world: taken as a fixed "
+            "base; write a fixed joint with the parent world where it is one",
+            err=True,
+        )
     return model
 
 

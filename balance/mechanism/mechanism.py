@@ -89,6 +89,8 @@ class Mechanism:
     """Lengths that the file names [m], for people to read conditions in."""
     left_out: tuple[str, ...] = ()
     """Forces that the file has and no torque computed from it, such as springs; balance does not depend on them."""
+    loose_base: str = ""
+    """The link that is taken as the base, fixed to the world, though the SDF file leaves it free to move."""
 
     def beyond_limits(self, q: Floats) -> dict[str, tuple[float, float]]:
         """For each joint beyond its limits at the configurations ``q`` (n, nv): its least and largest [rad, m]."""

@@ -9,6 +9,7 @@ import json
 import os
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
@@ -42,11 +43,12 @@ def mechanism_from_text(text: str, name: str) -> Mechanism:
 
 
 def _mechanism(text: str, name: str, file: str, path: Path | None) -> Mechanism:
-    folder = None if path is None else path.parent
-    if next((tag["tag"] for tag in tags(text)), "") in ("robot", "sdf"):
+    folder, loose_base = None if path is None else path.parent, ""
+    if (kind := next((tag["tag"] for tag in tags(text)), "")) in ("robot", "sdf"):
         from .robot_files import read_robot  # late: most mechanisms are MJCF
 
         robot, text = read_robot(text, file, path)
+        loose_base = "".join(robot.roots) if kind == "sdf" else ""  # of two roots the spec is refused
 
         def compiled() -> Compilation:
             model, files = compile_spec(robot.spec(), text, file, folder)
@@ -61,7 +63,8 @@ def _mechanism(text: str, name: str, file: str, path: Path | None) -> Mechanism:
             model, files = compile_spec(spec, text, file, folder)
             return Compilation.of(model, with_inertials(text, spec, model), files)
 
-    return mechanism_of(compiled() if folder is None else _compiled_once(text, folder, compiled), file, name)
+    found = mechanism_of(compiled() if folder is None else _compiled_once(text, folder, compiled), file, name)
+    return replace(found, loose_base=loose_base)
 
 
 def _compiled_once(text: str, folder: Path, compiled: Callable[[], Compilation]) -> Compilation:

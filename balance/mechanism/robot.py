@@ -82,6 +82,12 @@ class Robot:
     of_no_body: dict[str, Floats] = field(default_factory=dict)
     """Principal moments (3,) [kg m2] that MuJoCo refuses, being too small or of no body: others stand in the spec."""
 
+    @property
+    def roots(self) -> list[str]:
+        """Links that no joint carries."""
+        carried = {joint.child for joint in self.joints.values()}
+        return [name for name in self.links if name not in carried and name != "world"]
+
     def restore(self, model: Any) -> None:  # noqa: ANN401
         """Put the principal moments of the file into MuJoCo's ``model`` of the spec."""
         for name, size in self.of_no_body.items():
@@ -125,8 +131,7 @@ class _SpecOfRobot:
                     raise ModelError(f"{file}: joint {name!r} joins link {link!r}: there are {', '.join(links)}")
             if joint.parent == joint.child:
                 raise ModelError(f"{file}: joint {name!r} joins link {joint.child!r} to itself: expected two links")
-        carried = {joint.child for joint in joints.values()}
-        roots = [name for name in links if name not in carried and name != "world"]
+        roots = self.robot.roots
         if len(roots) > (1 if "world" not in {j.parent for j in joints.values()} else 0):
             raise ModelError(f"{file}: links {', '.join(roots)} are joined to nothing; join all but the base by joints")
         for root in roots:

@@ -285,3 +285,16 @@ def test_springs_of_a_file_are_said_to_be_left_out_of_torques(balance, tmp_path)
     assert balance("conditions", str(tmp_path / "sprung.xml"))[0] == 0
     code, out, _ = balance("simulate", str(tmp_path / "sprung.xml"), "--motion", str(tmp_path / "m.toml"), "--json")
     assert (code, json.loads(out)["left_out"]) == (3, ["springs of joints A0"])
+
+
+def test_a_base_that_an_sdf_does_not_fix_is_named(balance, tmp_path):
+    """Whatever is asked of it; not where a joint fixes the base."""
+    arm = "<link name='{}'><inertial><mass>1</mass></inertial></link>"
+    joint = "<joint name='to {1}' type='{2}'><parent>{0}</parent><child>{1}</child>{3}</joint>"
+    loose = arm.format("stand") + arm.format("arm") + joint.format("stand", "arm", "revolute", "<axis/>")
+    for name, links in {"loose": loose, "fixed": loose + joint.format("world", "stand", "fixed", "")}.items():
+        text = f"<sdf version='1.7'><model name='m'>{links}</model></sdf>"
+        (tmp_path / f"{name}.sdf").write_text(text, encoding="utf-8")
+        code, out, notes = balance("conditions", str(tmp_path / f"{name}.sdf"))
+        assert (code, "largest residual" in out) == (0, True)
+        assert ("no joint of the SDF file holds link 'stand' to the world" in notes) == (name == "loose")
