@@ -30,6 +30,8 @@ LEAST_SHARE = 0.02
 LEAST_PERIODS = 2.0
 """Of a mode within the decay, below which it cannot be distinguished from a drift."""
 LEAST_SAMPLES = 40
+BLOCK = 40
+"""Samples of a damped sine that are computed; the others are these, turned [at most LEAST_SAMPLES]."""
 
 
 @dataclass(frozen=True)
@@ -101,50 +103,58 @@ class _Fit:
 
     def basis(self, pairs: Floats) -> Floats:
         """Columns of the linear part, (n, 1 + 2 modes)."""
-        columns = [np.ones_like(self.time)]
-        for frequency, damping in pairs:
-            omega = 2.0 * np.pi * frequency
-            ring, fall = omega * np.sqrt(1.0 - damping**2) * self.time, np.exp(-damping * omega * self.time)
-            columns += [fall * np.cos(ring), fall * np.sin(ring)]
-        return np.column_stack(columns)
+        frequency, damping = pairs.T
+        pole = 2.0 * np.pi * frequency * (-damping + 1j * np.sqrt(1.0 - damping**2))
+        # Instants are equally spaced: of each block the first, times those of the first block.
+        first, others = (np.exp(np.outer(some, pole)) for some in (self.time[::BLOCK], self.time[:BLOCK]))
+        rings = (first[:, None] * others).reshape(len(first) * BLOCK, len(pairs))[: len(self.time)]
+        return np.column_stack([np.ones_like(self.time), rings.view(np.float64)])
 
-    def _solved(self, pairs: tuple[float, ...]) -> tuple[Floats, Floats, Floats]:
-        """Basis (n, 1 + 2 modes), an orthonormal one of its columns, and the linear part (1 + 2 modes, k)."""
+    def _solved(self, pairs: tuple[float, ...]) -> tuple[Floats, Floats, Floats, Floats]:
+        """Basis (n, 1 + 2 modes), an orthonormal one of its columns, linear part (1 + 2 modes, k), residual (n, k)."""
         basis = self.basis(np.array(pairs).reshape(-1, 2))
-        along, sizes, turned = np.linalg.svd(basis, full_matrices=False)
+        along, triangle = np.linalg.qr(basis)
+        rotated, sizes, turned = np.linalg.svd(triangle)
         used = sizes > 1e-10 * sizes[0]
-        along, turned = along[:, used], turned[used]
-        return basis, along, turned.T @ ((along.T @ self.values) / sizes[used, None])
+        along, turned = along @ rotated[:, used], turned[used]
+        linear = turned.T @ ((along.T @ self.values) / sizes[used, None])
+        return basis, along, linear, self.values - basis @ linear
 
     def residual(self, pairs: Floats) -> Floats:
         """Readings less modes and offsets, (n, k)."""
-        basis, _, linear = self.solved(tuple(pairs.ravel()))
-        return self.values - basis @ linear
+        return self.solved(tuple(pairs.ravel()))[3]
 
     def slopes(self, pairs: Floats) -> Floats:
-        """Derivatives of the residual but for a part that is orthogonal to it, (n k, 2 modes).
+        """Derivatives of the residual but for a part that is orthogonal to it, (1 + 2 modes, 2 modes).
 
-        L. Kaufman, BIT 15, 49 (1975): the gradient of the sum of squares is exact, and so is its minimum.
+        In axes of which the residual lies along the first. L. Kaufman, BIT 15, 49 (1975): the gradient of the sum of
+        squares is exact, and so is its minimum.
         """
-        basis, orthonormal, linear = self.solved(tuple(pairs.ravel()))
-        linear = linear[1:].reshape(len(pairs), 2, -1)
-        turn, root = 2.0 * np.pi * self.time, np.sqrt(1.0 - pairs[:, 1] ** 2)
-        found = []
-        for i, (frequency, damping) in enumerate(pairs):
-            along = basis[:, 1 + 2 * i : 3 + 2 * i] @ linear[i]
-            across = basis[:, 1 + 2 * i : 3 + 2 * i] @ (linear[i, ::-1] * np.array([[1.0], [-1.0]]))
-            for fall, ring in ((damping, root[i]), (frequency, -frequency * damping / root[i])):
-                found.append(turn[:, None] * (ring * across - fall * along))
-        stacked = np.column_stack(found)
-        apart = stacked - orthonormal @ (orthonormal.T @ stacked)
-        return -apart.reshape(len(self.time), 2 * len(pairs), -1).transpose(0, 2, 1).reshape(-1, 2 * len(pairs))
+        basis, orthonormal, linear, residual = self.solved(tuple(pairs.ravel()))
+        rates = self.time[:, None] * basis[:, 1:]
+        axes, triangle = np.linalg.qr(rates - orthonormal @ (orthonormal.T @ rates))
+        # What a mode is by its complex amplitude, and its pole's derivatives by frequency and damping.
+        complex_amplitudes = linear[1::2] - 1j * linear[2::2]
+        frequency, damping = pairs.T
+        root = np.sqrt(1.0 - damping**2)
+        turns = 2.0 * np.pi * np.stack([-damping + 1j * root, frequency * (-1.0 - 1j * damping / root)])
+        turned = turns[:, :, None] * complex_amplitudes
+        shapes = np.stack([-turned.real, turned.imag], axis=-1)
+        found = np.einsum("rmc,pmkc->krmp", triangle.reshape(-1, len(pairs), 2), shapes)
+        inside = axes.T @ residual
+        outside = np.linalg.norm(residual - axes @ inside)
+        both = np.column_stack([inside.T.ravel(), found.reshape(-1, 2 * len(pairs))])
+        small = np.linalg.qr(np.vstack([both, np.eye(1, both.shape[1]) * outside]), "r")
+        return np.asarray(small[:, 1:] * (np.sign(small[0, 0]) or 1.0))
 
     def next(self, pairs: Floats, highest: float) -> Floats:
         """Frequency at which the residual has most power, with a damping to start from, (1, 2)."""
+        from scipy.fft import rfft
+
         residual = self.residual(pairs)
         count = 8 * len(residual)
         frequency = np.fft.rfftfreq(count, float(self.time[1]))
-        power = (np.abs(np.fft.rfft(residual, count, axis=0)) ** 2).sum(axis=1)
+        power = (np.abs(rfft(residual.T, count)) ** 2).sum(axis=0)
         power[(frequency < 1.0 / float(self.time[-1])) | (frequency > highest)] = 0.0
         return np.array([[float(frequency[power.argmax()]), 0.05]])
 
@@ -152,12 +162,13 @@ class _Fit:
         """The least squares near ``pairs``; frequency and damping bounded."""
         from scipy.optimize import least_squares
 
+        first = np.eye(1, 1 + 2 * len(pairs))[0]
         low = np.tile([0.3 / float(self.time[-1]), 1e-4], len(pairs))
         high = np.tile([1.2 * highest, 0.7], len(pairs))
         start = np.clip(pairs.ravel(), 1.001 * low, 0.999 * high)
 
         def residual(x: Floats) -> Floats:
-            return self.residual(x.reshape(-1, 2)).ravel()
+            return first * np.linalg.norm(self.residual(x.reshape(-1, 2)))
 
         def slopes(x: Floats) -> Floats:
             return self.slopes(x.reshape(-1, 2))
