@@ -22,13 +22,12 @@ def moving_interval(values: Floats, rate_hz: float, margin_s: float = 0.05) -> s
     resting = np.concatenate([values[:edge], values[-edge:]])
     level = float(np.median(resting))
     scatter = _SIGMA_PER_MAD * float(np.median(np.abs(resting - level)))
-    away = np.flatnonzero(
-        np.abs(values - level) > MOVING_DEVIATIONS * scatter + 1e-3 * float(np.abs(values - level).max(initial=0.0))
-    )
-    if not away.size:
+    away = np.abs(values - level)
+    moved = np.flatnonzero(away > MOVING_DEVIATIONS * scatter + 1e-3 * float(away.max(initial=0.0)))
+    if not moved.size:
         return slice(0, len(values))
     margin = round(margin_s * rate_hz)
-    return slice(max(int(away[0]) - margin, 0), min(int(away[-1]) + margin + 1, len(values)))
+    return slice(max(int(moved[0]) - margin, 0), min(int(moved[-1]) + margin + 1, len(values)))
 
 
 def rest_before(signals: Sequence[Floats], rate_hz: float, margin_s: float = 0.02) -> slice | None:

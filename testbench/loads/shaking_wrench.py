@@ -96,7 +96,7 @@ def shaking_wrench(
         loads[name] = readings if has_matrix else _uncrossed(support, readings)
     tare = "nothing is taken off: what the sensors show at rest is in it"
     if not preload:
-        still = _at_rest(np.hstack(list(loads.values())), rate)
+        still = _at_rest(np.vstack([readings.T for readings in loads.values()]), rate)
         loads, tare = {name: without_preload(values, still) for name, values in loads.items()}, _tare(still, rate)
     loads = {name: np.where(full[name], np.nan, values) for name, values in loads.items()}
     values, reasons = _total(supports, loads, np.array(point), dead)
@@ -173,13 +173,13 @@ def _uncrossed(support: "Support", readings: Floats) -> Floats:
     return np.asarray(np.linalg.solve(np.array(support.crosstalk), readings.T).T)
 
 
-def _at_rest(values: Floats, rate: float) -> "tuple[slice, slice]":
-    """Samples before the first and after the last movement of channels that rest at both ends; empty if none does.
+def _at_rest(channels: Floats, rate: float) -> "tuple[slice, slice]":
+    """Samples before the first and after the last movement of channels (k, n) that rest at both ends; else empty.
 
     A channel that drifts seems to move all the time: the others show when it rests.
     """
-    count, least = len(values), int(np.ceil(LEAST_REST_S * rate))
-    spans = [s for s in (moving_interval(v, rate) for v in values.T) if s.start >= least and count - s.stop >= least]
+    count, least = channels.shape[1], int(np.ceil(LEAST_REST_S * rate))
+    spans = [s for s in (moving_interval(v, rate) for v in channels) if s.start >= least and count - s.stop >= least]
     if not spans:
         return slice(0, 0), slice(count, count)
     return slice(0, min(s.start for s in spans)), slice(max(s.stop for s in spans), count)

@@ -7,7 +7,6 @@ property of the base.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -77,7 +76,7 @@ def base_modes(run: "SIRun", moved: tuple[float, float]) -> Part:
     columns = [c for c in columns if run.group_of(c) == group]
     time, rate = run.instants(columns[0]), run.rate(columns[0])
     band = Band(0.0, min(HIGHEST_HZ, 0.2 * rate))
-    values = np.column_stack([band.filtered(*run.signal(c)) for c in columns])
+    values = band.filtered(run.stacked(columns).T, rate).T
     after = time > end + SETTLED_S
     found = free_decay_modes(values[after], rate, band.high_hz, ambient=values[time < start - SETTLED_S])
     return {
@@ -131,9 +130,8 @@ def base_response(run: "SIRun", wrench: "MeasuredWrench", highest_hz: float = HI
     rows: list[Part] = []
     if columns:
         answers = [_at_force_instants(run, wrench, column) for column in columns]
-        found = welch([*forces.values(), *answers], wrench.rate, 2 * round(0.5 * SEGMENT_S * wrench.rate))
-        shown = found.frequency <= highest_hz
-        found = replace(found, frequency=found.frequency[shown], density=found.density[..., shown])
+        segment = 2 * round(0.5 * SEGMENT_S * wrench.rate)
+        found = welch([*forces.values(), *answers], wrench.rate, segment, highest_hz)
         for place, column in enumerate(columns, len(forces)):
             rows += _rows(column, list(forces), found, place)
     return {
@@ -187,20 +185,17 @@ def _at_force_instants(run: "SIRun", wrench: "MeasuredWrench", column: "Column")
 
 def wrench_part(wrench: "MeasuredWrench", band: Band | None) -> Part:
     """Every metric of every component; null with a reason where the sensors do not determine it."""
-    components: dict[str, dict[str, float] | None] = {}
+    components: dict[str, dict[str, float] | None] = dict.fromkeys(wrench.values)
     reasons = dict(wrench.reasons)
-    for name, values in wrench.values.items():
-        if values is None:
-            components[name] = None
-        elif spans := wrench.clipped.get(name):
-            components[name] = None
-            where = ", ".join(f"{a:.4f}..{b:.4f} s" for a, b in spans[:5]) + (" ..." if len(spans) > 5 else "")
-            reasons[name] = f"a sensor that it needs is at the end of its range in {where}"
-        else:
-            shape = values - values.mean()
-            shape = band.filtered(shape, wrench.rate) if band else shape
-            unit = "N" if name[0] == "F" else "Nm"
-            components[name] = {f"{metric}_{unit}": measure(shape) for metric, (_, measure) in METRICS.items()}
+    for name, spans in wrench.clipped.items():
+        where = ", ".join(f"{a:.4f}..{b:.4f} s" for a, b in spans[:5]) + (" ..." if len(spans) > 5 else "")
+        reasons[name] = f"a sensor that it needs is at the end of its range in {where}"
+    known = {name: v - v.mean() for name, v in wrench.values.items() if v is not None and name not in wrench.clipped}
+    if known and band:
+        known = dict(zip(known, band.filtered(np.array(list(known.values())), wrench.rate, in_place=True), strict=True))
+    for name, shape in known.items():
+        unit = "N" if name[0] == "F" else "Nm"
+        components[name] = {f"{metric}_{unit}": measure(shape) for metric, (_, measure) in METRICS.items()}
     return {
         "point_m": list(wrench.point),
         "components": components,

@@ -55,8 +55,12 @@ class Spectra:
         return self.segments / (1.0 + (self.segments - 1.0) / (18.0 * self.segments))
 
 
-def welch(channels: Sequence[Floats], rate_hz: float, segment: int = SEGMENT) -> Spectra:
+def welch(
+    channels: Sequence[Floats], rate_hz: float, segment: int = SEGMENT, highest_hz: float | None = None
+) -> Spectra:
     """Densities of channels sampled together, (n,) each [any unit]; ``segment`` in samples, even.
+
+    Of lines up to ``highest_hz`` alone, where that is given.
 
     Raises AnalysisError where the channels differ in length or are shorter than a segment.
     """
@@ -69,35 +73,36 @@ def welch(channels: Sequence[Floats], rate_hz: float, segment: int = SEGMENT) ->
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(segment) / segment)
     values = [np.ascontiguousarray(v, dtype=np.float64) for v in channels]
     count = (lengths[0] - segment) // (segment // 2) + 1
-    total = _summed(values, window, count)
-    scale = np.full(segment // 2 + 1, 2.0 / (rate_hz * float(window @ window) * count))
+    frequency = np.fft.rfftfreq(segment, 1.0 / rate_hz)
+    lines = len(frequency) if highest_hz is None else int(np.searchsorted(frequency, highest_hz, "right"))
+    scale = np.full(len(frequency), 2.0 / (rate_hz * float(window @ window) * count))
     scale[[0, -1]] /= 2.0
-    return Spectra(np.fft.rfftfreq(segment, 1.0 / rate_hz), total * scale, count)
+    return Spectra(frequency[:lines], _summed(values, window, count, lines) * scale[:lines], count)
 
 
-def _summed(channels: Sequence[Floats], window: Floats, count: int) -> CrossDensities:
-    """Sum over ``count`` segments of conj(X_i) X_j, (k, k, m)."""
+def _summed(channels: Sequence[Floats], window: Floats, count: int, lines: int) -> CrossDensities:
+    """Sum over ``count`` segments of conj(X_i) X_j in the first ``lines``, (k, k, m)."""
     step = max(1, BLOCK // len(window))
     parts = [range(i, min(i + step, count)) for i in range(0, count, step)]
     size = count * len(window) * len(channels)
     compiled = can_compile()
     if size < THREADED_FROM_SAMPLES:
-        return _PartialSum(channels, window, step, compiled and size >= COMPILED_FROM_SAMPLES).add_blocks(parts)
+        compiled = compiled and size >= COMPILED_FROM_SAMPLES
+        return _PartialSum(channels, window, step, compiled, lines).add_blocks(parts)
     with ThreadPoolExecutor(2) as pool:
-        shares = [pool.submit(_PartialSum(channels, window, step, compiled).add_blocks, parts[i::2]) for i in range(2)]
+        sums = [_PartialSum(channels, window, step, compiled, lines) for _ in range(2)]
+        shares = [pool.submit(one.add_blocks, parts[i::2]) for i, one in enumerate(sums)]
         return np.asarray(shares[0].result() + shares[1].result())
 
 
 class _PartialSum:
     """Sums over the segments of one thread, in buffers of its own."""
 
-    def __init__(self, channels: Sequence[Floats], window: Floats, step: int, compiled: bool) -> None:
+    def __init__(self, channels: Sequence[Floats], window: Floats, step: int, compiled: bool, lines: int) -> None:
         self.channels, self.window, self.compiled = channels, window, compiled
         self.blocks = np.empty((step, len(window)))
-        self.power = np.zeros((len(channels), len(window) // 2 + 1))
-        self.cross = {
-            (i, j): np.zeros(len(window) // 2 + 1, np.complex128) for i in range(len(channels)) for j in range(i)
-        }
+        self.power = np.zeros((len(channels), lines))
+        self.cross = {(i, j): np.zeros(lines, np.complex128) for i in range(len(channels)) for j in range(i)}
 
     def add_blocks(self, parts: Sequence[range]) -> CrossDensities:
         """Sums of conj(X_i) X_j over blocks of segments, (k, k, m) [unit unit]."""
@@ -127,10 +132,10 @@ class _PartialSum:
             segments = sliding_window_view(values[part.start * half :], 2 * half)[::half][: len(part)]
             np.subtract(segments, segments.mean(axis=1, keepdims=True), out=block)
             block *= self.window
-        return np.asarray(rfft(block, axis=1))
+        return np.ascontiguousarray(rfft(block, axis=1)[:, : self.power.shape[1]])
 
     def _matrix(self) -> CrossDensities:
-        k, m = len(self.channels), len(self.window) // 2 + 1
+        k, m = self.power.shape
         found = np.zeros((k, k, m), np.complex128)
         for i in range(k):
             found[i, i] = self.power[i]
