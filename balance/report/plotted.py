@@ -96,7 +96,8 @@ def plotted(kind: str, name: str, unit: str, time: Floats, values: Floats, spans
     spaced, else reduced to ``spans`` spans.
     """
     known = np.isfinite(time)
-    time, values = time[known], values[known]
+    if not known.all():
+        time, values = time[known], values[known]
     count = len(values)
     step = float(time[-1] - time[0]) / (count - 1) if count > 1 else 1.0
     even = count < 3 or bool(np.abs(np.diff(time) - step).max() <= 0.5 * step)
@@ -104,25 +105,19 @@ def plotted(kind: str, name: str, unit: str, time: Floats, values: Floats, spans
         return PlottedChannel(kind, name, unit, float(time[0]), step, count, *_rounded(values))
     spans = spans if even else min(spans, max(count // 4, 1))  # so that a span without a sample is a gap
     width = float(time[-1] - time[0]) / spans
-    span = np.minimum(((time - time[0]) / width).astype(np.intp), spans - 1)
-    first = np.searchsorted(span, np.arange(spans + 1))
-    extremes = np.full((spans, 2), np.nan)
-    filled = np.flatnonzero(first[1:] > first[:-1])
+    begins = np.searchsorted(time, time[0] + width * np.arange(spans))
+    counts = np.diff(begins, append=count)
+    filled = counts > 0
+    begins, counts = begins[filled], counts[filled]
     # Least or largest of the samples of each span, (spans,) [unit]; NaN where a span holds none but NaN.
-    low, high = (np.asarray(pick.reduceat(values, first[:-1][filled])) for pick in (np.fmin, np.fmax))
-    rising = _place(values, low, span, filled) <= _place(values, high, span, filled)
-    extremes[filled] = np.where(rising[:, None], np.column_stack([low, high]), np.column_stack([high, low]))
+    found = [np.asarray(pick.reduceat(values, begins)) for pick in (np.fmin, np.fmax)]
+    places = []
+    for sought in found:
+        hits = np.append(np.flatnonzero(values == np.repeat(sought, counts)), count)
+        places.append(hits[np.searchsorted(hits, begins)])
+    extremes = np.full((spans, 2), np.nan)
+    extremes[filled] = np.where(places[0] <= places[1], found, found[::-1]).T
     return PlottedChannel(kind, name, unit, float(time[0]), 0.5 * width, count, *_rounded(extremes.ravel()))
-
-
-def _place(values: Floats, sought: Floats, span: NDArray[np.intp], filled: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Index of the first sample of each span that has the value sought, (spans,)."""
-    of = np.full(int(span[-1]) + 1, np.nan)
-    of[filled] = sought
-    hits = np.flatnonzero(values == of[span])
-    places = np.full(int(span[-1]) + 1, len(values), dtype=np.intp)
-    places[span[hits][::-1]] = hits[::-1]
-    return places[filled]
 
 
 def _rounded(values: Floats) -> tuple[NDArray[np.int16], tuple[float, float]]:
