@@ -120,7 +120,9 @@ def files_command(program: str, kinds: Mapping[str, tuple[str, str]], example: s
             text = f"{plain_text(str(copied))}: a copy to be edited; commands take it by its path."
             return Answer({"copied": copied}, lambda: click.echo(text))
         cells, remark = table(Shipped, known), f"copy one: {program} files --copy NAME"
-        return Answer({"files": known}, lambda: emit_table(f"Shipped with {program}", *cells, remark))
+        return Answer(
+            {"files": known}, lambda: emit_table(f"Shipped with {program}: {len(known)} files", *cells, remark)
+        )
 
     return files
 

@@ -152,9 +152,11 @@ def _print_clocks(found: "list[RunClocks]", refused: list[str], records: list[Pa
     from ..synchronization.run_alignment import GroupClock
 
     references = sorted({clocks.reference for clocks in found})
+    rows = [row for clocks in found for row in clocks.rows]
+    if found or refused:
+        click.echo(f"Clocks: {len(rows)} aligned, {len(refused)} not.")
     if found:
         title = f"Clocks against {', '.join(references[:3])}{' ...' if len(references) > 3 else ''}"
-        rows = [row for clocks in found for row in clocks.rows]
         emit_table(title, *table(GroupClock, rows, *COLUMNS), "reference time = offset + (1 + drift) own time")
         origins = sorted({clocks.origin for clocks in found})
         click.echo(f"Origin of the runs: {', '.join(origins)}.")

@@ -30,7 +30,7 @@ Examples:
   testbench export campaign --to parquet -o tables --physical
   testbench export campaign --to ro-crate --licence CC-BY-4.0 -o crate
 \b
-SEP005 defines objects in memory and no file: testbench.export.columns(testbench.open_run("r001.h5"))
+SEP005 defines objects in memory and no file: testbench.export.sep005(testbench.open_run("r001.h5"))
 Exit codes: 0 done, 3 done with losses, which are listed, 1 some run was refused (the others are exported)."""
 )
 def export(
@@ -42,7 +42,7 @@ def export(
 ) -> Answer:
     """Write stored runs in another form: values as recorded, with units, time and provenance. Overwrites nothing."""
     if to == "sep005":
-        raise click.UsageError("SEP005 defines no file: use testbench.export.columns(run) in Python")
+        raise click.UsageError("SEP005 defines no file: use testbench.export.sep005(run) in Python")
     if licence and to != "ro-crate":
         raise click.UsageError("--licence is for --to ro-crate")
     if physical and to == "ro-crate":
@@ -75,6 +75,7 @@ def export(
     losses = [loss for one in written for loss in one.losses]
 
     def show() -> None:
+        click.echo(f"{len(written)} files in {plain_text(str(output))}, {len(losses)} losses.")
         for one in written:
             click.echo(plain_text(str(one.file)))
         for loss in losses:

@@ -92,7 +92,9 @@ def print_description(found: "Description", stats: bool) -> None:
 
     recording = found.recording
     marked = " - SIMULATED" if recording.origin == "simulated" else ""
-    click.echo(f"{plain_text(recording.path.name)}: {recording.format}{marked}")
+    channels, odd = sum(len(check.stats) for check in found.groups), sum(one.severity > 0 for one in found.findings)
+    name = plain_text(recording.path.name)
+    click.echo(f"{name}: {recording.format}{marked}, {channels} channels, {odd} findings")
     for check in found.groups[:SHOWN_GROUPS]:
         header, rows = table(Channel, check.group.channels[:SHOWN_CHANNELS])
         if stats:
@@ -137,4 +139,6 @@ def formats() -> Answer:
     known = readers()
     rows = [[r.name, " ".join(r.extensions), r.needs or "nothing more"] for r in known]
     document = [{"name": r.name, "extensions": list(r.extensions), "needs": r.needs or None} for r in known]
-    return Answer({"formats": document}, lambda: emit_table("Formats", ["format", "extensions", "needs"], rows))
+    return Answer(
+        {"formats": document}, lambda: emit_table(f"Formats: {len(rows)}", ["format", "extensions", "needs"], rows)
+    )

@@ -23,7 +23,10 @@ def recordings() -> None:
 def list_recordings() -> Answer:
     """List them: file, content, size, licence and source."""
     known = list(public.recordings_by_file().values())
-    return Answer({"recordings": known}, lambda: emit_table("Public recordings", *table(public.PublicRecording, known)))
+    return Answer(
+        {"recordings": known},
+        lambda: emit_table(f"Public recordings: {len(known)}", *table(public.PublicRecording, known)),
+    )
 
 
 @command(

@@ -211,6 +211,7 @@ def report(
     """
     from balance.task_pool import task_pool
 
+    from ..figures.style import origin_of
     from ..report import Reporting
     from ..report.campaign_page import torques_compared
     from ..vibration.metrics import Measure
@@ -241,6 +242,9 @@ def report(
     written = _write(output, opened, document, mechanism, bandwidth) if output and opened else []
 
     def show() -> None:
+        if len(found) > 1:
+            number = sum(len(one.findings) for one in found.values())
+            click.echo(f"{origin_of([one.run for one in found.values()])}{len(found)} runs, {number} findings.\n")
         for one in found.values():
             print_report(one)
         _print_compared(compared)

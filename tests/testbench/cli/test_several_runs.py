@@ -80,6 +80,8 @@ def test_align(campaign, capsys):
     code, found, _ = call(capsys, align, campaign / "nope.h5", campaign / "r001.h5", "--dry-run")
     assert code == 1
     assert found["alignments"]
+    align.main([str(campaign / "r001.h5"), "--dry-run"], standalone_mode=False)
+    assert capsys.readouterr().out.startswith("Clocks: 2 aligned, 0 not.")
     assert "no such file" in found["refused"][0]
 
 

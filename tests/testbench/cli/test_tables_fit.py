@@ -44,6 +44,7 @@ LINES = [
     "testbench list campaign",
     "testbench verify campaign",
     "testbench ledger campaign",
+    "testbench archive campaign -o arch",
     "testbench align campaign/r002.h5",
     "testbench analyze campaign --budget",
     "testbench compare campaign --published kiper2019",
@@ -56,7 +57,7 @@ LINES = [
 ]
 OTHERS = {
     "balance": {"report", "animate", "view", "schema"},
-    "testbench": {"new", "check", "simulate", "describe", "watch", "remove", "archive", "recover", "calibrate",
+    "testbench": {"new", "check", "simulate", "describe", "watch", "remove", "recover", "calibrate",
                   "export", "doctor", "schema", "vectors", "view", "predict"},
 }  # fmt: skip
 """They print sentences, write files, or (``vectors``, ``predict``) take long and print tables of these kinds."""
@@ -94,6 +95,7 @@ def test_tables_fit(line, monkeypatch):
     done = call({"balance": balance, "testbench": testbench}[name].main, name, *words, "--all")
     assert done.code in {0, 3}, done.err
     assert tables
+    assert re.search(r"\d", done.out.lstrip().splitlines()[0]), "the first line, which -q prints alone, is the answer"
 
 
 @pytest.mark.parametrize("width", [40, 80, 200])
