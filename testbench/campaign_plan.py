@@ -55,18 +55,18 @@ _ONE_OR_MORE = (OneOrMore, Field(min_length=1))
 
 
 class Condition(Table):
-    """Runs in every combination of what is listed, each also without counter-masses unless the plan says no."""
+    """Runs in every combination of what is listed, each also without counter-masses (see ``also_without``)."""
 
     payload: Annotated[list[key_types.Mass], *_ONE_OR_MORE] | None = None
-    """Everything that the platform carries, itself included; one or several [kg]. None: the mechanism as it is."""
+    """All that the payload's body carries, itself included, one or a list [kg]; left out: the mechanism as it is."""
     payloads: dict[str, key_types.Mass] = Field(default_factory=dict)
-    """By body: everything that it carries, itself included; by site: a mass added there [kg]."""
+    """By body all that it carries, itself included; by site a mass added there [kg]."""
     counter_masses: dict[str, key_types.Mass] = Field(default_factory=dict)
     """Counter-masses by site [kg]."""
     motion: Annotated[list[str], *_ONE_OR_MORE]
-    """Names of motions, or files; one or several."""
+    """Name or file of a motion, one or a list."""
     peak_acceleration: Annotated[list[key_types.PeakAcceleration], *_ONE_OR_MORE] | None = None
-    """Peak acceleration of the motion, one or several [m/s2 or rad/s2]; None: that of the motion's file."""
+    """Peak acceleration of the motion, one or a list [m/s2 or rad/s2]; left out: that of the motion's file."""
     also_without: bool = True
     """Whether every run is made without counter-masses too."""
 
@@ -87,11 +87,11 @@ class Plan(Table):
     mechanism: str
     """A shipped mechanism by name, or a file."""
     payload_body: str | None = None
-    """The body whose mass is the payload, for a reader: it must be the one that the mechanism's file names."""
+    """The body whose mass is the payload: checked against the mechanism's file, which names it."""
     repeats: int = Field(default=1, ge=1, le=1000)
     """How often every run is made."""
     seed: int = Field(default=0, ge=0)
-    """Of the noise in simulated logs."""
+    """Seed of the noise in simulated logs: the same seed, the same logs."""
     conditions: list[Condition] = Field(min_length=1)
     """Conditions of the runs."""
 

@@ -132,7 +132,7 @@ class StockRow(Table):
     name: Text
     """Name of the plate, used once."""
     mass_kg: Annotated[float, Field(gt=0.0, lt=1e6, allow_inf_nan=False)] | None = None
-    """Of one plate, weighed [kg]."""
+    """Mass of one plate, weighed [kg]."""
     quantity: Annotated[int, Field(ge=0, lt=10_000)]
     """How many there are, for all sites together."""
     shape: Literal["rectangle", "disc", "ring"] | None = None
@@ -142,13 +142,13 @@ class StockRow(Table):
     thickness_mm: _Millimetres = None
     """Thickness of the plate [mm]."""
     length_mm: _Millimetres = None
-    """Of a rectangle [mm]."""
+    """Length of a rectangle [mm]."""
     width_mm: _Millimetres = None
-    """Of a rectangle [mm]."""
+    """Width of a rectangle [mm]."""
     diameter_mm: _Millimetres = None
-    """Of a disc or ring [mm]."""
+    """Diameter of a disc or ring [mm]."""
     bore_mm: _Millimetres = None
-    """Of a ring [mm]."""
+    """Bore of a ring [mm]."""
     holes_mm: str = ""
     """Round holes ``x y diameter; x y diameter``, from the centre of the outline [mm]."""
 

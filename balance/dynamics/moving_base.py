@@ -313,11 +313,11 @@ class MountedBase(Table):
     """The base as a rigid body on mounts, without the mechanism; the defaults are a steel frame on four feet."""
 
     mass: Mass = 150.0
-    """[kg]"""
+    """Mass of the base [kg]."""
     centre: Point = (0.03, -0.2, -0.12)
     """Centre of mass in the base frame [m]: below and behind the mechanism, its cabinet to one side."""
     inertia: Annotated[tuple[Inertia, Inertia, Inertia], _EACH_AXIS] = (13.0, 11.0, 18.0)
-    """About the centre of mass, principal axes along the base frame's [kg m2]: a box of 0.8 x 0.9 x 0.5 m."""
+    """Inertia about the centre of mass, principal axes along the base frame's [kg m2]: a box of 0.8 x 0.9 x 0.5 m."""
     mounts: tuple[Mount, ...] = Field(default_factory=_feet, min_length=1)
     """What the base stands on."""
 

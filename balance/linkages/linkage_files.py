@@ -84,7 +84,7 @@ Teeth = tuple[Annotated[Count, Field(gt=0)], Annotated[Count, Field(gt=0)]]
 
 
 class PlaceTable(Table):
-    """Where a counter-mass may go: at a point, or at a radius on the side of the joint that is needed."""
+    """Where a counter-mass may go: at a point, or at a radius from the body's joint, on the side that needs it."""
 
     name: Name | None = None
     """Name of the counter-mass; that of its link where it is left out."""
@@ -93,11 +93,11 @@ class PlaceTable(Table):
     radius: Size | None = None
     """Distance from the body's joint, in place of a point [m]."""
     bar: Size | None = None
-    """Length of the homogeneous bar that it is made as [m]."""
+    """Its length, where it is made as a homogeneous bar [m]."""
     radius_of_gyration: SizeOrZero | None = None
-    """About its own centre of mass [m]."""
+    """Its radius of gyration about its own centre of mass [m]."""
     inertia: StatedInertia | None = None
-    """About its own centre of mass, whatever its mass [kg m2]."""
+    """Its inertia about its own centre of mass, whatever its mass [kg m2]."""
 
     def _check(self) -> None:
         if (self.at is None) == (self.radius is None):
@@ -113,11 +113,11 @@ class LinkTable(Table):
     mass: Annotated[Symbol, _Stated("mass", above=0.0)]
     """Mass of the link [kg]."""
     inertia: StatedInertia | None = None
-    """About its own centre of mass; a link that only translates needs none [kg m2]."""
+    """Inertia about its own centre of mass; a link that only translates needs none [kg m2]."""
     centre: PlanePoint
     """Centre of mass in the link's frame, [x, y] [m]."""
     counter_mass: Annotated[tuple[PlaceTable, ...], OneOrMore] = ()
-    """Places for counter-masses against its own and received masses."""
+    """Places for counter-masses against its own mass and those that it receives."""
     gear_counter_mass: Annotated[tuple[PlaceTable, ...], OneOrMore] = ()
     """Places for counter-masses against the masses of gears."""
     fixed_to: Name | None = None
@@ -172,7 +172,7 @@ class RevoluteTable(_JointTable):
 
 
 class PrismaticTable(_JointTable):
-    """A prismatic joint: under the name of each of its two links a line of sliding."""
+    """A prismatic joint: under the name of each of its two links a line of sliding (linkage: slide)."""
 
     kind: Literal["prismatic"]
     """``revolute`` or ``prismatic``."""
@@ -242,7 +242,7 @@ class LinkageTable(Table):
     gravity: tuple[Acceleration, Acceleration] = (0.0, 0.0)
     """Gravity along x and y [m/s2]."""
     lengths: Lengths = Field(default_factory=dict)
-    """Named lengths, of which others may be made up [m]."""
+    """Named lengths [m], for use in others such as ``L2/2 + 10 mm``."""
     links: Annotated[dict[str, LinkTable], Field(min_length=1), BeforeValidator(_not_reserved)]
     """Links by name."""
     joints: Annotated[dict[str, JointTable], Field(min_length=1)]
@@ -250,9 +250,9 @@ class LinkageTable(Table):
     gears: dict[str, GearTable] = Field(default_factory=dict)
     """Gear pairs by name."""
     reduction: dict[str, Name] = Field(default_factory=dict)
-    """Reduction joint of bodies, by one of their links."""
+    """Reduction joint of a body, under the name of one of its links."""
     two_point: dict[str, TwoPoint] = Field(default_factory=dict)
-    """Bodies that two point masses replace, by one of their links."""
+    """Bodies that two point masses replace, each under the name of one of its links."""
     turns_with: tuple[tuple[Name, Name], ...] = ()
     """Pairs of links that always turn together without a prismatic joint, as in a parallelogram."""
     start: dict[str, Angle] = Field(default_factory=dict)

@@ -32,7 +32,7 @@ class RobotLoops(Table):
     closed_loop: list[list[str]] = Field(default_factory=list)
     """Pairs of names of links, or of joints, which stand for their child links."""
     type: list[str] = Field(default_factory=list)
-    """Of each loop: 3d, the points coincide; 6d, the default: the axes too."""
+    """Of each loop: ``3d`` where its points coincide; ``6d``, the default, where the axes do too."""
     joint_name: list[str] = Field(default_factory=list)
     """Joints of another type than in the URDF; those that it does not have are passed over."""
     joint_type: list[str] = Field(default_factory=list)

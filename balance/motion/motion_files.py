@@ -37,7 +37,7 @@ class MoveTable(Table):
     joint: Text | None = None
     """Driven joint that moves."""
     to: Annotated[list[Place], Field(min_length=1)]
-    """Ends of the legs, from the start of the motion [m or rad]."""
+    """Where each leg ends, counted from the start of the motion [m or rad]."""
 
 
 class TriangleTable(Table):
@@ -61,7 +61,7 @@ class PolygonTable(Table):
     """Corners in turn about the start."""
 
     polygon: Annotated[list[tuple[Place, Place]], Field(min_length=3)]
-    """Corners [x, y], from the start of the motion; closed, and back to the start [m or rad]."""
+    """Corners [x, y], counted from the start; the motion goes round them and back to the start [m or rad]."""
 
     @property
     def corners(self) -> list[tuple[Measured[float], Measured[float]]]:
@@ -95,9 +95,9 @@ class MotionTable(Table):
         ]
         | None
     ) = None
-    """Along each leg, or one for each driven coordinate [m/s2 or rad/s2]."""
+    """Peak acceleration of every leg, or a list: one for each driven coordinate [m/s2 or rad/s2]."""
     ramp: Annotated[float, Field(strict=True, ge=0.0, le=0.5)] | None = None
-    """Share of each acceleration pulse spent in each of its two ramps; by default 0.25."""
+    """Share of an acceleration pulse that its rise takes, and its fall; by default 0.25."""
     rest: Annotated[float, Quantity("time", at_least=0.0)] | None = None
     """Rest before the first leg and after each [s]."""
     moves: (
@@ -116,7 +116,7 @@ class MotionTable(Table):
     ) = None
     """Moves in turn."""
     samples: Text | None = None
-    """Instead of start and moves: a CSV in this folder, ``time (s)`` and ``x (m)``, ``A0 (rad)`` or ``slide (m)``."""
+    """In place of start and moves a CSV in this folder: ``time (s)``, then columns as ``x (m)`` or ``A0 (rad)``."""
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -52,9 +52,9 @@ class PlaneTable(Table):
     at: Length
     """Place along the axis [m]."""
     radius: PositiveLength | None = None
-    """Radius of the correction mass, where that is chosen [m]."""
+    """Radius of the correction mass, where it is given: the mass follows [m]."""
     mass: PositiveMass | None = None
-    """Correction mass, where that is chosen [kg]."""
+    """Correction mass, where it is given: its radius follows [kg]."""
 
     def _check(self) -> None:
         if self.radius is not None and self.mass is not None:

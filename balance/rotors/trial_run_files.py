@@ -111,7 +111,7 @@ class SensorTable(Table):
     weight: Positive | None = None
     """Weight of the squares of its readings."""
     within: Scale | None = None
-    """Half the 95 % interval of its readings, in every direction."""
+    """Half the 95 % interval of its readings as vectors, the same in every direction."""
 
 
 class RunTable(Table):
@@ -145,11 +145,11 @@ class TrialRunsTable(Table):
     source: str = ""
     """Where it is from."""
     note: str = ""
-    """Shown with the results."""
+    """A note that is shown with the results."""
     phase: Literal["lead", "lag"]
-    """What the phases of readings count."""
+    """Whether phases of readings count as lead or lag."""
     angles: Literal["with rotation", "against rotation"]
-    """How angles of weights count."""
+    """Whether angles of weights count with the rotation or against it."""
     amplitude: Literal["peak", "peak_to_peak", "rms"] | None = None
     """What the amplitude of a reading is."""
     planes: Annotated[list[TrialPlaneTable], Field(min_length=1), Distinct]
@@ -157,7 +157,7 @@ class TrialRunsTable(Table):
     sensors: Annotated[list[SensorTable], Distinct] = Field(default_factory=list)
     """Weights, scales and intervals of sensors."""
     runs: Annotated[list[RunTable], Distinct] = Field(default_factory=list)
-    """Runs in their order, the first as found."""
+    """Runs in their order, the first as found: without trial weights."""
     initial: Readings | None = None
     """Without runs: readings as found, by speed and sensor."""
     coefficients: dict[str, dict[str, list[Annotated[Measured[complex], Vector(*READING)]]]] | None = None
@@ -165,7 +165,7 @@ class TrialRunsTable(Table):
     per: Text | None = None
     """Unit of weight that the coefficients are for, such as ``g mm``."""
     least_effect: Positive = LEAST_EFFECT
-    """Least change of a reading by a trial weight, as a share of it."""
+    """Least change, as a share of the reading, that trial weights must cause to be of use."""
     speed_weights: dict[str, Positive] = Field(default_factory=dict)
     """Weight of the squares of the readings at a speed."""
     published: dict[str, Weight] = Field(default_factory=dict)

@@ -68,7 +68,7 @@ class Matrix(Table):
 
 
 class Uncertainty(Table):
-    """Of the sensitivity, or of the whole law: relative (``0.5 %``) or in the unit of the sensitivity (``0.05 mV/g``).
+    """Uncertainty of the sensitivity, polynomial or matrix: relative (``0.5 %``) or in its unit (``0.05 mV/g``).
 
     One error for all readings since the calibration: it does not average out, and cancels in ratios.
     """
@@ -78,9 +78,9 @@ class Uncertainty(Table):
     expanded: PerComponent | None = None
     """Expanded uncertainty, as certificates state it; with its coverage factor."""
     coverage_factor: float | None = Field(default=None, gt=0.0, allow_inf_nan=False)
-    """k: expanded = k x standard."""
+    """Coverage factor k: expanded = k x standard."""
     degrees_of_freedom: float | None = Field(default=None, ge=1.0)
-    """Of the standard uncertainty; none: it is taken as known."""
+    """Degrees of freedom of the standard uncertainty; left out: it is taken as known."""
 
     @model_validator(mode="after")
     def _one_form(self) -> "Uncertainty":
@@ -104,19 +104,19 @@ class Calibration(Table):
     """
 
     sensitivity: PerComponent | None = None
-    """Such as ``10.2 mV/g`` or ``3.9 pC/N``; negative where the sensor is mounted or wired the other way round."""
+    """Reading per unit, ``10.2 mV/g`` or ``3.9 pC/N``; negative where it is mounted or wired the other way round."""
     amplifier: PerComponent | None = None
-    """Behind the sensor: ``10 mV/pC``, or the other way, ``100 pC/V``, as makers of charge amplifiers print it."""
+    """Amplifier behind the sensor, as its maker prints it: ``10 mV/pC`` or ``100 pC/V``."""
     offset: PerComponent | None = None
     """Reading at zero, in the kind of unit of the log (``2.5 V``) or of the quantity (``-0.6 N``)."""
     polynomial: Polynomial | dict[str, Polynomial] | None = None
-    """In place of a sensitivity, for all channels or for each."""
+    """A polynomial in place of a sensitivity, for all channels or for each."""
     matrix: Matrix | None = None
-    """In place of a sensitivity, for all channels together."""
+    """A matrix in place of a sensitivity, for all channels together."""
     unit: str | None = None
-    """In which the logger writes, where neither the log nor the sensor's ``unit`` states it."""
+    """Unit in which the logger writes, where neither the log nor the sensor's ``unit`` states it."""
     uncertainty: Uncertainty | None = None
-    """Of the sensitivity, amplifier included."""
+    """Uncertainty of the sensitivity, amplifier included."""
     date: Day | None = None
     """When it was calibrated."""
     reference: str = ""
@@ -315,7 +315,7 @@ class Teds(Table):
     serial: str | None = None
     """Serial number."""
     sensitivity: PerComponent | None = None
-    """As on the data sheet, such as ``10.2 mV/g``."""
+    """Sensitivity on the data sheet, such as ``10.2 mV/g``."""
     calibration_date: Day | None = None
     """Day of the calibration."""
     calibration_initials: str | None = Field(default=None, max_length=3)

@@ -55,7 +55,7 @@ BySite = Annotated[dict[str, NotNegative], BeforeValidator(_by_site, json_schema
 
 
 class RunRow(Table):
-    """A log file, or all logs of a run, and what the run was made with."""
+    """A row: a log file, or all logs of a run, and what the run was made with."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -67,8 +67,8 @@ class RunRow(Table):
                 "^payload_.+_kg$": {
                     "type": "number",
                     "minimum": 0,
-                    "description": "payload_NAME_kg: all that the body NAME carries, itself included, or what is added "
-                    "at the site NAME [kg].",
+                    "description": "All that the body NAME carries, itself included, or what is added at the site "
+                    "NAME [kg].",
                 },
             }
         }

@@ -63,7 +63,7 @@ DECIMALS = {"point": ".", "comma": ","}
 
 
 class ImportDescription(Table):
-    """How the logs of one logger are read, as far as that is not to be detected."""
+    """How the logs of one logger are read; what is left out is detected."""
 
     name: str = ""
     """Name of the logger."""

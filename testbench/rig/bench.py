@@ -25,11 +25,11 @@ class Rotor(Table):
     """The rotor of a motor on the base, and the gear between it and its joint."""
 
     inertia: key_types.Inertia
-    """About its own axis, brake and first gear stage included [kg m2]."""
+    """Inertia about its own axis, brake and first gear stage included [kg m2]."""
     ratio: float = Field(default=1.0, allow_inf_nan=False)
     """Turns of the rotor per turn of the joint; negative where the gear reverses."""
     axis: Direction = (0.0, 0.0, 1.0)
-    """Of the rotor in the base frame, of any length; with a positive ratio it turns with the joint about it."""
+    """Direction of its axis in the base frame; with a positive ratio it turns about it as the joint turns."""
 
     @model_validator(mode="after")
     def _has_direction(self) -> "Rotor":
@@ -49,9 +49,9 @@ class Transmission(Table):
     """
 
     stiffness: key_types.TurningStiffness
-    """[N m/rad]"""
+    """Stiffness, referred to the joint [N m/rad]."""
     damping: Damping
-    """[N m s/rad]"""
+    """Damping, referred to the joint [N m s/rad]."""
     backlash: Annotated[float, Quantity("angle", at_least=0.0)] = 0.0
     """Play of the joint against the motor, from stop to stop: within it the spring carries nothing [rad]."""
     motor_side: tuple[str, ...] = ()
@@ -62,35 +62,35 @@ class Ripple(Table):
     """Torque that repeats as the motor turns: cogging, poles, teeth. It is T sin(order q) at the joint's angle q."""
 
     torque: key_types.Moment
-    """T [N m]."""
+    """Its amplitude T [N m]."""
     order: float = Field(gt=0.0, allow_inf_nan=False)
     """Periods in a turn of the joint."""
 
 
 class Control(Table):
-    """Position control of the motor: torque of a spring and a damper to the command, its integral, a feedforward."""
+    """Position control of the motor: proportional, derivative and integral feedback, and a feedforward."""
 
     stiffness: key_types.TurningStiffness
     """Proportional gain [N m/rad]."""
     damping: Damping
     """Derivative gain [N m s/rad]."""
     integral_time: key_types.Duration | None = None
-    """Of the integral part, whose gain is the stiffness over this time [s]; None: no integral part."""
+    """Integral gain = ``stiffness`` over this time [s]; left out: no integral part."""
     feedforward: float = Field(default=1.0, ge=0.0, le=1.0)
     """Share of the rigid mechanism's torque that is commanded in advance, gravity included."""
     bandwidth: key_types.Frequency | None = None
-    """Of the current loop, first order [Hz]; None: torque follows at once."""
+    """Bandwidth of the current loop, first order [Hz]; left out: the torque follows at once."""
     ripple: Ripple | None = None
-    """Cogging of the motor; None: none."""
+    """Cogging of the motor; left out: none."""
 
 
 class DriveTrain(Table):
     """The drive of one joint that turns."""
 
     transmission: Transmission | None = None
-    """None: rigid."""
+    """Transmission; left out: rigid."""
     control: Control | None = None
-    """None: the motor follows the command exactly."""
+    """Position control; left out: the motor follows the command exactly."""
 
     @model_validator(mode="after")
     def _states_something(self) -> "DriveTrain":
@@ -103,9 +103,9 @@ class ElasticJoint(Table):
     """A joint without a motor that yields across its axis: the spring of pin and bearing, and the clearance between."""
 
     stiffness: key_types.Stiffness
-    """Across the axis, the same in all directions [N/m]."""
+    """Stiffness across the axis, the same in all directions [N/m]."""
     damping: Annotated[float, Quantity("damping", at_least=0.0)]
-    """[N s/m]"""
+    """Damping across the axis [N s/m]."""
     clearance: Annotated[float, Quantity("length", at_least=0.0)] = 0.0
     """Radius of the bearing less that of the pin: so far the pin moves before the spring carries anything [m]."""
 
@@ -114,11 +114,11 @@ class Roughness(Table):
     """Residual broadband wrench of drives, gears and joints on the base: flat within a band, each axis for itself."""
 
     force: key_types.Forces | None = None
-    """Root mean square [N]."""
+    """Root mean square of the force along each axis [N]."""
     moment: key_types.Moments | None = None
-    """Root mean square, about the origin of the base frame [N m]."""
+    """Root mean square of the moment about the origin of the base frame [N m]."""
     band: tuple[key_types.Frequency, key_types.Frequency] = (20.0, 500.0)
-    """[Hz]"""
+    """Lower and upper end of the band [Hz]."""
 
     @model_validator(mode="after")
     def _rises(self) -> "Roughness":
@@ -137,13 +137,13 @@ class Mode(Table):
     damping: float = Field(gt=0.0, lt=1.0)
     """Share of critical damping."""
     mass: key_types.Mass
-    """Modal mass, for the shape as it is written here [kg]."""
+    """Modal mass that belongs to the shape as scaled here [kg]."""
     translation: Direction = (0.0, 0.0, 0.0)
-    """Shape where the mechanism stands, at the origin of the base frame."""
+    """The shape's displacement where the mechanism stands, at the origin of the base frame."""
     rotation: Direction = (0.0, 0.0, 0.0)
-    """Its rotation there [rad/m]."""
+    """The shape's rotation there [rad/m]."""
     at: dict[str, Direction]
-    """Shape at accelerometers on the base, by sensor."""
+    """The shape's displacement at accelerometers on the base, by sensor."""
 
 
 class Contact(Table):
@@ -160,26 +160,26 @@ class Rider(Table):
     """The part of the base that rides on the force sensors, above them: they carry the force that accelerates it."""
 
     mass: key_types.Mass
-    """Contained in the base's [kg]."""
+    """Its mass, which is part of the base's [kg]."""
     centre: key_types.Point = (0.0, 0.0, 0.0)
-    """In the base frame [m]."""
+    """Its centre of mass in the base frame [m]."""
     inertia: Annotated[tuple[key_types.Inertia, key_types.Inertia, key_types.Inertia], key_types.EACH_AXIS]
-    """About its centre, along the axes of the base [kg m2]."""
+    """Its inertia about that centre, along the axes of the base [kg m2]."""
 
 
 class SensorErrors(Table):
-    """How far a sensor is from its data sheet: standard deviations, from which one value a campaign is drawn."""
+    """How far a sensor is off its data sheet: standard deviations, of which one value is drawn for a campaign."""
 
     sensitivity: Share = 0.0
-    """Of the calibration factor of each channel: true, and unknown to the analysis."""
+    """Relative error of each channel's sensitivity; the analysis does not know it."""
     cross: Share = 0.0
-    """Cross-talk from each other channel of its sensor; between different units as a share of the ranges."""
+    """Cross-talk from each other channel of its sensor; where units differ, as a share of the ranges."""
     offset: Share = 0.0
     """Preload or zero offset, as a share of the range."""
     drift_per_minute: float = Field(default=0.0, ge=0.0, allow_inf_nan=False)
-    """Of the zero, as a share of the range, from the reset when the loggers start: a charge amplifier's."""
+    """Drift of the zero, as a share of the range, from the loggers' start on: that of a charge amplifier."""
     high_pass: key_types.Frequency | None = None
-    """Corner of an AC-coupled sensor, first order [Hz]; None: it responds down to zero frequency."""
+    """Lower corner of an AC-coupled sensor, first order [Hz]; left out: it responds down to zero."""
 
 
 DEFAULT_RATE_HZ = 2000.0
@@ -210,13 +210,13 @@ class Logger(Table):
     lost: Share = 0.0
     """Share of samples lost one by one: a gap in a recorded time, on a uniform clock a shift of all that follows."""
     dropouts_per_minute: float = Field(default=0.0, ge=0.0, le=6e4)
-    """How often a whole block is lost."""
+    """How many times a minute a whole block is lost."""
     dropout: key_types.Duration = 0.02
     """Length of such a block [s]."""
     low_pass: key_types.Frequency | None = None
-    """Corner of the anti-alias filter, Butterworth of fourth order [Hz]; None: no filter."""
+    """Corner of the anti-alias filter, Butterworth of fourth order [Hz]; left out: no filter."""
     delimiter: Literal[",", ";", "\t"] = ","
-    """Between the cells of its text."""
+    """What stands between the cells of its text."""
     decimal: Literal[".", ","] = "."
     """Decimal mark of its text."""
     decimals: int = Field(default=6, ge=0, le=15)
@@ -239,25 +239,25 @@ class Bench(MountedBase):
     weight: bool = False
     """Whether the weight's moment wanders with the platform, and sensors and loads turn in gravity with the base."""
     tilt: tuple[key_types.Turn, key_types.Turn, key_types.Turn] = (0.0, 0.0, 0.0)
-    """Of the base at rest, a rotation vector in its own axes [rad]: it turns gravity; sensors were zeroed level."""
+    """Tilt of the base at rest, a rotation vector in its own axes [rad]; sensors were zeroed level."""
     planes: dict[str, key_types.Length] = Field(default_factory=dict)
-    """How far out along its own z axis a body or the counter-mass of a site lies, beyond what the file says [m]."""
+    """By body or site: how much farther along its own z axis it, or its counter-mass, lies than the file says [m]."""
     stacks: dict[str, key_types.MassPerLength] = Field(default_factory=dict)
-    """Of the plates of a counter-mass, by site: mass per length along the z axis of its body, outwards from its plane,
-    so that a heavier counter-mass lies farther out [kg/m]."""
+    """By site: mass per length of its counter-mass, plates stacked along the z axis of its body from its plane on, so
+    that the centre of a heavier one lies farther out [kg/m]."""
     unstated_mass: dict[str, key_types.MassOfEitherSign] = Field(default_factory=dict)
-    """What moves with a body beyond what the mechanism's file says, by body: cables, fixtures; less than zero where the
-    file says too much. Placed and spread as the body's own mass [kg]."""
+    """By body: mass of cables and fixtures that move with it and are not in the mechanism's file, spread as the body's
+    own; less than zero where the file says too much [kg]."""
     rotors: dict[str, Rotor] = Field(default_factory=dict)
-    """Of the motors, by joint."""
+    """Rotors of the motors, by joint."""
     drives: dict[str, DriveTrain] = Field(default_factory=dict)
-    """Transmission and control of the drives, by joint; a joint without follows its command exactly."""
+    """Transmission and control of the drives, by joint; a joint that is left out follows its command exactly."""
     joints: dict[str, ElasticJoint] = Field(default_factory=dict)
-    """Joints without a motor that yield across their axis, with clearance, by joint or `connect`."""
+    """Joints without a motor that yield across their axis, with clearance, by the name of the joint or ``connect``."""
     contact: Contact | None = None
-    """Between mounts and floor; None: the mounts are fixed to the floor, and pull as well as push."""
+    """Feet that only stand on the floor; left out: the mounts are fixed to it, and pull as well as push."""
     rider: Rider | None = None
-    """What of the base rides on the force sensors; None: nothing."""
+    """Part of the base that rides on the force sensors; left out: none."""
     floor: FloorLevel | None = None
     """Vibration of the floor: as much as a curve of the generic vibration criteria allows in each band, 4 to 80 Hz."""
     roughness: Roughness | None = None
@@ -265,4 +265,4 @@ class Bench(MountedBase):
     modes: tuple[Mode, ...] = ()
     """Elastic modes of the frame."""
     errors: dict[str, SensorErrors] = Field(default_factory=dict)
-    """Of the sensors, by name."""
+    """Errors of the sensors, by name."""

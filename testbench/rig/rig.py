@@ -107,7 +107,7 @@ S = TypeVar("S", bound=Table)
 
 
 class Rig(Table):
-    """A test bench. Lengths in the base frame; everything in SI; ``text`` is the file as written.
+    """A test bench: its loggers, its sensors and, for simulated logs, the base; places are in the base frame.
 
     >>> import testbench
     >>> list(testbench.load_rig("parallelogram-6bar").base_accelerometers)

@@ -38,11 +38,11 @@ class Accelerometer(LoggedSensor):
     resolution: key_types.Accelerations | None = None
     """Least step of its readings, each axis [m/s2]."""
     position: key_types.Point
-    """In the frame of the body [m]."""
+    """Its place in the frame of that body [m]."""
     attached_to: str = "base"
     """Body that it is mounted on, or ``base``."""
     high_pass: key_types.Frequency | None = None
-    """Lower corner of an AC-coupled sensor, first order, by its data sheet [Hz]; None: it responds down to zero."""
+    """Lower corner of an AC-coupled sensor, first order, by its data sheet [Hz]; left out: it responds down to zero."""
 
     def _channels(self, name: str) -> Iterator[Column]:
         """One channel an axis."""
@@ -54,12 +54,12 @@ class Accelerometer(LoggedSensor):
 
 
 class _ForceAndMoment(Table):
-    """A level of the forces and one of the moments."""
+    """One value for the forces, and one for the moments."""
 
     F: key_types.Forces | None = None
-    """Of the forces along x, y, z [N]."""
+    """Of forces, the same or one each along x, y, z [N]."""
     M: key_types.Moments | None = None
-    """Of the moments about x, y, z [N m]."""
+    """Of moments, the same or one each about x, y, z [N m]."""
 
     def of(self, component: str) -> float | None:
         """The value of ``Fx`` ... ``Mz`` [N, N m]."""
@@ -72,7 +72,7 @@ class _Support(LoggedSensor):
     unloaded: tuple[WrenchAxis, ...] | Literal["rest"] = ()
     """Components that the support does not carry; ``rest``: all that it does not measure."""
     crosstalk: tuple[tuple[float, ...], ...] | None = None
-    """Readings = crosstalk @ loads, in SI, rows and columns in the order of the channels; None: each its own."""
+    """Readings = crosstalk @ loads, in SI, rows and columns in the order of the channels; left out: no cross-talk."""
 
     @property
     def measured(self) -> tuple[str, ...]:
@@ -128,13 +128,13 @@ class Wrench(_Support):
     resolution: _ForceAndMoment = _ForceAndMoment()
     """Least steps of the readings [N, N m]."""
     position: key_types.Point
-    """Of its origin in the base frame [m]."""
+    """Its origin in the base frame [m]."""
     between: tuple[str, str] = ("mechanism", "base")
     """What it is between: the wrench is that of the first on the second."""
     stiffness: key_types.Stiffness = STIFFNESS
-    """Of the support along each measured axis [N/m]."""
+    """Stiffness of the support along each measured axis [N/m]."""
     turning_stiffness: key_types.TurningStiffness = TURNING_STIFFNESS
-    """Of the support about each measured axis [N m/rad]."""
+    """Stiffness of the support about each measured axis [N m/rad]."""
 
     @model_validator(mode="after")
     def _whole(self) -> "Wrench":
@@ -178,11 +178,11 @@ class ForceSensor(_Support):
     resolution: key_types.Forces | None = None
     """Least step of its readings, each axis [N]."""
     position: key_types.Point
-    """Of its point in the base frame [m]."""
+    """Its place in the base frame [m]."""
     between: tuple[str, str] = ("mechanism", "base")
     """What it is between: the force is that of the first on the second."""
     stiffness: key_types.Stiffness = STIFFNESS
-    """Of the support along each measured axis [N/m]."""
+    """Stiffness of the support along each measured axis [N/m]."""
 
     @model_validator(mode="after")
     def _one_or_several(self) -> "ForceSensor":
