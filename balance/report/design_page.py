@@ -44,7 +44,7 @@ def design_page(sizing: Sizing, verdict: Verdict, trajectory: Trajectory, motion
         "motions": [moving(f"motion {motion}", trajectory, designs, forces)],
     }
     figure = inline_svg(draw_responses(responses, shown), "Forces, moments and torques with and without counter-masses")
-    about = {"version": version("counterpoise"), "sections": SECTIONS, "motion": motion, "figure": figure}
+    about = {"sections": SECTIONS, "motion": motion, "figure": figure}
     return Page(Path(__file__).with_name("design.html"), document, data, about)
 
 

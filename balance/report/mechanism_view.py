@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from importlib.metadata import version
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -141,8 +140,8 @@ class MechanismView:
             "together": True, "disc_kg_per_m2": np.pi * STEEL_KG_PER_M2,
         }  # fmt: skip
         here, document = Path(__file__), document_of({"mechanism": self.mechanism.name, "unmounted": self.unmounted})
-        about = {"version": version("counterpoise"), "sections": SECTIONS}
-        return Page(here.with_name("mechanism_view.html"), document, data, about, here.with_name("mechanism_view.js"))
+        page, script = here.with_name("mechanism_view.html"), here.with_name("mechanism_view.js")
+        return Page(page, document, data, {"sections": SECTIONS}, script)
 
     @property
     def _units(self) -> list[str]:

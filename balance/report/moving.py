@@ -7,7 +7,6 @@ only lengths across the line of sight are to scale.
 import base64
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -177,5 +176,5 @@ def animation_page(name: str, motion: str, trajectory: Trajectory, designs: Desi
     """A page of a moving mechanism alone; ``designs`` as :func:`moving` takes them."""
     drawn = moving(f"motion {motion}", trajectory, designs)
     document = {"mechanism": name, "motion": motion}
-    about = {"version": version("counterpoise"), "sections": (), "motion": motion}
+    about = {"sections": (), "motion": motion}
     return Page(Path(__file__).with_name("animation.html"), document, {"motions": [drawn]}, about)

@@ -12,6 +12,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -79,6 +80,7 @@ class Page:
             script_hashes=_hashes(scripts),
             style_hashes=_hashes(styles),
             live=self.live is not None,
+            version=version("counterpoise"),
             **self.about,
         )
 

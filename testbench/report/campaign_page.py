@@ -128,7 +128,6 @@ class CampaignReport:
             "time": "time of the logger [s]",
         }
         about = {
-            "version": version("counterpoise"),
             "sections": SECTIONS,
             "figure": None if isinstance(found, str) else reductions_svg(found),
             "pictures": [] if isinstance(found, str) else strongest_condition(found, self.runs),

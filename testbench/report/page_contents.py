@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from balance.errors import CounterpoiseError
-from balance.mechanism.mechanism import Mechanism
-from balance.report.moving import moving
+from balance.report.moving import designs_of, moving
 from balance.report.page import inline_svg
 from balance.report.plotted import PlottedChannel, PlottedRun, plotted, spans_for, spectrum
 from balance.units import SI_UNITS
@@ -16,7 +15,7 @@ from .. import figures
 from ..errors import AnalysisError
 from ..figures.runs import HIGHEST, LOWEST
 from ..figures.style import condition_of
-from ..kinematics.encoder_motion import loaded_mechanism, mechanism_of
+from ..kinematics.encoder_motion import mechanism_of
 from ..loads.command_tracking import BANDWIDTH_HZ
 from ..rig.sensors import Accelerometer, Encoder, Target, Torque
 from ..runs.aligned_run import AlignedRun
@@ -133,17 +132,12 @@ def motions_of(runs: "Sequence[Run]", given: str | None) -> list[dict[str, Any]]
 
 
 def _motion(run: SIRun, condition: str, given: str | None) -> dict[str, Any]:
-    bare = mechanism_of(run, given)
-    mounted = loaded_mechanism(run, bare)
-    masses = {site: mass for site, mass in run.conditions.get("counter_masses", {}).items() if mass > 0.0}
+    bare, stated = mechanism_of(run, given), run.conditions
+    masses = {site: mass for site, mass in stated.get("counter_masses", {}).items() if mass > 0.0}
     trajectory = AlignedRun(run, bare).trajectory(BANDWIDTH_HZ)
     if not np.ptp(trajectory.q, axis=0).any():
         raise AnalysisError(f"{run.name}: nothing moves")
-    payload = run.conditions.get("payload_kg")
-    without = bare if payload is None else bare.with_payload({bare.payload_bodies[0]: payload})
-    designs: dict[str, tuple[Mechanism, dict[str, float]]] = {"without counter-masses": (without, {})}
-    if masses:
-        designs["with counter-masses"] = mounted, masses
+    designs = designs_of(bare.with_payload(stated.get("payloads", {}), stated.get("payload_kg")), masses)
     return moving(f"{condition}, encoders of {run.name}", trajectory, designs)
 
 

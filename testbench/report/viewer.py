@@ -7,7 +7,6 @@ another on the clock of the first, later by what :func:`testbench.report.traces.
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from importlib.metadata import version
 from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Any
@@ -80,9 +79,8 @@ class Viewer:
             "conditions": conditions_of(self.runs, names),
             "time": "time of the first run's logger [s]",
         }
-        about = {"version": version("counterpoise"), "sections": SECTIONS}
         here = Path(__file__)
-        return Page(here.with_name("view.html"), document, data, about, here.with_name("view.js"))
+        return Page(here.with_name("view.html"), document, data, {"sections": SECTIONS}, here.with_name("view.js"))
 
     def _listed(self, run: "Run") -> dict[str, Any]:
         """A run in the lists of the page."""

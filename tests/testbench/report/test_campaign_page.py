@@ -84,7 +84,7 @@ def hostile(made):
 
     from testbench.report import campaign_page as module
 
-    about = {"version": "0", "sections": module.SECTIONS, "figure": "", "pictures": [], "calibrations": [HOSTILE]}
+    about = {"sections": module.SECTIONS, "figure": "", "pictures": [], "calibrations": [HOSTILE]}
     template = Path(module.__file__).with_name("campaign.html")
     return Page(template, renamed(document) | {"campaign": HOSTILE}, renamed(data), about).write(
         path.with_name("hostile.html")
