@@ -301,7 +301,8 @@ def _refuse_undetermined(mechanism: Mechanism, per_drive: Floats, driven: tuple[
     if len(driven) != per_drive.shape[2]:
         raise ModelError(
             f"{mechanism.name} has {per_drive.shape[2]} degrees of freedom and {len(driven)} driven joints "
-            f"({', '.join(driven)}): their torques are not determined"
+            f"({', '.join(driven)}): their torques are not determined; name others in <actuator>, or leave it out: "
+            "force and moment do not depend on it"
         )
 
 

@@ -73,7 +73,8 @@ def shapes(mechanism: Mechanism, masses: Mapping[str, float], q: Floats) -> Iter
     for body, name in enumerate(mechanism.bodies):
         yield Shape("payload" if name in mechanism.payload_bodies else "link", link_points(mechanism, at, body), name)
     for i, joint in enumerate(tree.joints):
-        if joint.revolute:
+        same_place = joint.parent >= 0 and tree.joints[joint.parent].revolute and np.allclose(joint.position, 0.0)
+        if joint.revolute and not same_place:  # of a ball joint's hinges the first
             yield Shape("ground" if joint.parent < 0 else "pivot", dense(at.position[i], count)[None])
     for loop in mechanism.closed_loops:
         yield Shape("pivot", dense(at.point(loop.first.joint, loop.first.position), count)[None])
@@ -122,6 +123,8 @@ def save(figure: "Figure", path: str | Path) -> None:
 def link_points(mechanism: Mechanism, at: forward_kinematics.Pose, body: int) -> Floats:
     """Points of a link worth joining: its joint, its children's joints, where loops close, (k, 3, n) [m].
 
+    Where there are no two of them its sites too, else its centre of mass.
+
     In the order of their angles about their middle in the plane x-y at the first sample, from one of them on that is
     the same at every sample.
     """
@@ -134,6 +137,9 @@ def link_points(mechanism: Mechanism, at: forward_kinematics.Pose, body: int) ->
     if len(points) < 2:
         sites = [site for site in mechanism.sites.values() if site.body == body and not site.name.startswith("counter")]
         points += [at.point(joint, site.position) for site in sites]
+    mass, *first = mechanism.parameters[body, :4]
+    if len(points) < 2 and mass > 0.0:
+        points.append(at.point(joint, np.array(first) / mass))
     found = np.array([dense(point, at.count) for point in points or [at.position[joint]]])
     off = found[:, :2, 0] - found[:, :2, 0].mean(axis=0)
     order = np.argsort(np.arctan2(off[:, 1], off[:, 0]))

@@ -22,6 +22,17 @@ def test_pivots_are_where_the_mechanism_has_them():
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "y [m]")
 
 
+def test_a_ball_joint_is_one_pivot_and_its_link_goes_to_its_centre():
+    """On the base, as three hinges in one place; the link has neither a second joint nor a site."""
+    arm = "<body name='arm' pos='0.1 0.2 0'><joint name='k' type='ball'/>{}</body>"
+    inertial = "<inertial pos='0.3 0 0' mass='2' diaginertia='0.01 0.02 0.02'/>"
+    text = f"<mujoco><worldbody>{arm.format(inertial)}</worldbody></mujoco>"
+    link, pivot = draw_mechanism(models.model(text)).axes[0].lines
+    assert pivot.get_marker() == "^"
+    np.testing.assert_allclose(pivot.get_xydata(), [[0.1, 0.2]], atol=1e-12)
+    np.testing.assert_allclose(sorted(map(tuple, link.get_xydata()[:2])), [(0.1, 0.2), (0.4, 0.2)], atol=1e-12)
+
+
 def test_discs_have_the_area_of_their_mass():
     """A counter-mass of 24.28 kg is a disc of that mass at its site; twice the mass, twice the area."""
     mechanism = models.load("parallelogram-6bar")
