@@ -59,7 +59,7 @@ class TimeCheck:
     def rate_hz(self) -> float | None:
         """1 / median step [Hz], where the steps are those of a sampled signal in a unit of time.
 
-        Where the times are rounded so that the median is none of a sample, 1 / mean step.
+        Where the times are rounded so that the median is none of a sample, or tremble, 1 / mean step.
         """
         found, factor = self.sampling, self.column.seconds_per_unit
         return None if found is None or factor is None else 1.0 / (found.step * factor)

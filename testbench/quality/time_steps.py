@@ -335,7 +335,9 @@ class Sampling:
     longest: float
     """Longer steps are gaps."""
     source: str
-    """``median_step``, or ``mean_step`` where the times are rounded so that the median is the step of no sample."""
+    """``median_step``, or ``mean_step`` where the times are rounded so that the median is the step of no sample, or
+    tremble: the median of such steps is off by their scatter, their mean by next to nothing.
+    """
     spread: float
     """Spread of the middle half of the steps, as a share of their median; 0 where their scatter is all of rounding."""
     grid: Grid | None = None
@@ -343,16 +345,13 @@ class Sampling:
     evenness: Evenness | None = None
     settled: bool = True
     """Whether rounded times and samples lost as evenly can be told apart, where there are two kinds of steps."""
+    rounded: bool = False
+    """Whether the step is the mean of rounded ones."""
 
     @property
     def is_steady(self) -> bool:
         """Whether the steps are those of a sampled signal."""
         return self.step > 0 and self.spread <= IRREGULAR
-
-    @property
-    def rounded(self) -> bool:
-        """Whether the step is the mean of rounded ones."""
-        return self.source == "mean_step"
 
 
 def sampling_of_times(clock: ClockStats, stated_step: float | None = None) -> Sampling:
@@ -369,7 +368,7 @@ def sampling_of_times(clock: ClockStats, stated_step: float | None = None) -> Sa
     longest = max(GAP * steps.mean, (steps.short + 1.5) * steps.place)
     mean = even.mean if even.uneven else clock.steps.mean(0.0, longest)
     settled = steps.short > 1 or steps.longer_share > 0.5 or _near(stated_step, mean)
-    return Sampling(mean, longest, "mean_step", 0.0, steps, even, settled)
+    return Sampling(mean, longest, "mean_step", 0.0, steps, even, settled, rounded=True)
 
 
 def _may_be_lost(steps: Grid, even: Evenness, stated_step: float | None) -> bool:
@@ -389,7 +388,8 @@ def _by_median(
     even: Evenness | None = None,
     settled: bool = True,
 ) -> Sampling:
-    """By the median step; by the mean of those about it where they lie in so few places that times were rounded.
+    """By the median step; by the mean of those about it where they lie in so few places that times were rounded, or in
+    so many that the clock trembles.
 
     2048 samples a second with times in four decimals have steps of 0.0004 and 0.0005: their median is that of 2000.
     """
@@ -400,9 +400,11 @@ def _by_median(
     known = known_to(clock, median)
     longest = GAP * median + known
     found = clock.steps.places(median / 2.0 - known, longest, known)
-    if found is None or found[0] > _PLACES or abs(found[1] / median - 1.0) <= _MATTERS:
+    if found is None or found[0] > _PLACES:
+        return Sampling(clock.steps.mean(median / 2.0, longest), longest, "mean_step", spread, steps, even, settled)
+    if abs(found[1] / median - 1.0) <= _MATTERS:
         return Sampling(median, longest, "median_step", spread, steps, even, settled)
-    return Sampling(found[1], longest, "mean_step", spread, steps, even, settled)
+    return Sampling(found[1], longest, "mean_step", spread, steps, even, settled, rounded=True)
 
 
 _FEW = 10

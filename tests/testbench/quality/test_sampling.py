@@ -69,6 +69,15 @@ def test_a_clock_that_trembles_a_little(rate):
     assert "time_gap" not in checked(np.floor(times), column=MS)[1]
 
 
+def test_logs_of_one_clock_that_trembles_have_one_rate():
+    """Times of 1 kHz that scatter by a twentieth of a step: from the first to the last sample, not by the median."""
+    for seed in range(3):
+        column = np.round(np.arange(2000) + np.random.default_rng(seed).uniform(-0.05, 0.05, 2000), 3)
+        group, findings = checked(column, column=MS)
+        assert group.rate_hz == pytest.approx(1000.0, rel=0.1 / column[-1])
+        assert findings.keys() & {"time_jitter", "rate_rounded", "rate_doubtful"} == {"time_jitter"}
+
+
 def test_a_short_log():
     """A second of it is enough; a dozen samples are not, and have the answer of the median or none."""
     assert checked(rounded(700, 3, 700))[0].rate_hz == pytest.approx(700, rel=2e-3)
