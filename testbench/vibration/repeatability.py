@@ -83,16 +83,14 @@ class Group:
         """What shows whether runs differ: deviations (n,) from their mean and the variance of what makes no repeat
         differ, in variances of the noise of one of them, and the amplitude in standard deviations of it.
 
-        The readings, or what share of its signal each run shows: whichever shows more, beside the noise.
+        What share of its signal each run shows where all of them reach; the readings, which also differ by where a
+        record begins and ends and what slope is taken off it, where noise leaves nothing of that.
         """
+        if self.gains is not None and self.gain_error < SURE:
+            return self.gains / self.gain_error, 1.0 + (GAIN_SHARE / self.gain_error) ** 2, 1.0 / self.gain_error
         away = self.deviations(np.array([self.amplitude]))[:, 0]
         sure = SAMPLING_SHARE[self.runs[0].statistic.squared] * self.signal_to_noise
-        found = [(away - away.mean(), max(1.0 - self.common, 0.05) + sure**2, self.signal_to_noise)]
-        if self.gains is not None and self.gain_error < SURE:
-            found.append(
-                (self.gains / self.gain_error, 1.0 + (GAIN_SHARE / self.gain_error) ** 2, 1.0 / self.gain_error)
-            )
-        return max(found, key=lambda one: float((one[0] ** 2).sum()) / one[1])
+        return away - away.mean(), max(1.0 - self.common, 0.05) + sure**2, self.signal_to_noise
 
     @cached_property
     def scatter(self) -> float:
@@ -236,9 +234,10 @@ class Synchronous:
         if len(runs) < 2 or max(rates) - min(rates) > SAME_RATE * max(rates):
             return None
         count = min(len(run[places[0]].course) for run in runs)
-        lags = _lags(runs, places, count)
-        if lags is None:
+        aligned = _lags(runs, places, count)
+        if aligned is None:
             return None
+        lags, signs = aligned
         means, residuals, courses, gains = {}, {}, {}, {}
         first, at = runs[0], np.arange(count) + np.array(lags)[:, None]
         lengths = np.array([[len(run[places[0]].course)] for run in runs])
@@ -248,8 +247,10 @@ class Synchronous:
         if len(shared) <= 2 * EDGE:
             return None
         common = slice(int(shared[0]) + EDGE * (shared[0] > 0), int(shared[-1]) + 1 - EDGE * (shared[-1] < count - 1))
-        for place in places:
-            whole = np.array([shifted(run[place].whole, lag, count) for run, lag in zip(runs, lags, strict=True)])
+        for place, turned in zip(places, signs.T, strict=True):
+            whole = turned[:, None] * [
+                shifted(run[place].whole, lag, count) for run, lag in zip(runs, lags, strict=True)
+            ]
             mean = (whole * held).sum(axis=0) / held.sum(axis=0)
             shape = first[place].in_band(mean)
             turn = 2j * np.pi * np.fft.rfftfreq(2 * count)
@@ -281,8 +282,11 @@ def gain_error(mean: Amplitude, noise: Noise) -> float:
     return power**0.5 / max(float(np.sum(mean.course**2)), 1e-300)
 
 
-def _lags(runs: Sequence[dict[Place, Amplitude]], places: Sequence[Place], count: int) -> list[float] | None:
-    """By how many samples each run shows later what the first shows, a channel that one has reversed set right.
+def _lags(
+    runs: Sequence[dict[Place, Amplitude]], places: Sequence[Place], count: int
+) -> tuple[list[float], Floats] | None:
+    """By how many samples each run shows later what the first shows, and the sign with which it shows that of each
+    place, (runs, places): a channel may be reversed.
 
     None where it is not known of one: it is little like the first, and when its motion begins is not known. To shift
     it until noise is most like noise would call noise what repeats.
@@ -296,12 +300,12 @@ def _lags(runs: Sequence[dict[Place, Amplitude]], places: Sequence[Place], count
     firsts = [run[places[0]] for run in runs]
     begins = [None if one.moving is None else one.moving.start for one in firsts]
     near = round(BEGINS_S[all(one.timed for one in firsts)] * firsts[0].rate_hz) + 1
-    lags = [0.0]
-    for spectrum, own, begin in zip(spectra[1:], energies[1:], begins[1:], strict=True):
+    lags, signs = [0.0], np.ones((len(runs), len(places)))
+    for turned, spectrum, own, begin in zip(signs[1:], spectra[1:], energies[1:], begins[1:], strict=True):
         each = np.fft.irfft(spectrum * np.conj(spectra[0]), size)
         least = -each.min(axis=1)
-        each[(least > each.max(axis=1)) & (least > REVERSED * np.sqrt(own * energies[0]))] *= -1.0
-        both, energy = each.sum(axis=0), np.sqrt(own.sum() * energies[0].sum())
+        turned[(least > each.max(axis=1)) & (least > REVERSED * np.sqrt(own * energies[0]))] = -1.0
+        both, energy = turned @ each, np.sqrt(own.sum() * energies[0].sum())
         best = int(np.argmax(both))
         if both[best] < CERTAIN * energy:
             if begin is None or begins[0] is None:
@@ -315,4 +319,4 @@ def _lags(runs: Sequence[dict[Place, Amplitude]], places: Sequence[Place], count
         before, top, after = both[best - 1], both[best], both[(best + 1) % size]
         lag = best + 0.5 * np.clip((before - after) / min(before - 2.0 * top + after, -1e-300), -1.0, 1.0)
         lags.append(lag - size if lag > count else lag)
-    return lags
+    return lags, signs
