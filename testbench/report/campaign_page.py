@@ -4,6 +4,7 @@
 ``testbench report CAMPAIGN -o report.html --json`` prints, and the page shows no number that is not in it.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,7 +21,7 @@ from balance.task_pool import HERE, TaskPool
 
 from ..cross_examination import SUBJECTS, Examination
 from ..cross_examination.decisions import decisions
-from ..errors import AnalysisError
+from ..errors import AnalysisError, StoreError
 from ..kinematics.encoder_motion import mechanism_of
 from ..loads import command_tracking
 from ..published_tables import MANIPULATOR, ORIGINAL_LOGS, Published
@@ -79,7 +80,7 @@ class CampaignReport:
         return document_of({
             "campaign": self.name,
             "software": {"name": "counterpoise", "version": version("counterpoise")},
-            "origins": counted(str(run.origin) for run in self.runs),
+            "origins": Counter(str(run.origin) for run in self.runs),
             "verdict": verdict(compared),
             "comparison": {"reason": compared} if isinstance(compared, str) else _comparison(compared),
             "examination": self.examination.document(self.examination.runs),
@@ -232,12 +233,6 @@ def _comparison(found: Comparison) -> dict[str, Any]:
     return shown
 
 
-def counted(words: Iterable[str]) -> dict[str, int]:
-    """How often each word comes."""
-    found = list(words)
-    return {word: found.count(word) for word in dict.fromkeys(found)}
-
-
 def grouped(findings: Iterable[Finding], decisions: Mapping[str, str]) -> list[dict[str, Any]]:
     """Findings by code, each with its meaning, number and decision; the open ones first."""
     found: dict[str, list[str]] = {}
@@ -255,16 +250,20 @@ def grouped(findings: Iterable[Finding], decisions: Mapping[str, str]) -> list[d
     ]
 
 
+def digest_of(run: "Run") -> str | None:
+    """That which was written with a run; None where it cannot be read."""
+    try:
+        return recorded_digest(run.path)
+    except StoreError:
+        return None
+
+
 def _provenance(run: "Run") -> dict[str, Any]:
     """Where a run is from: its digest, the logs' digests, what wrote it."""
-    try:
-        digest = recorded_digest(run.path)
-    except CounterpoiseError:
-        digest = None
     return {
         "run": run.name,
         "origin": str(run.origin),
-        "sha256": digest,
+        "sha256": digest_of(run),
         "written": run.provenance.get("written"),
         "software": run.provenance.get("software", {}),
         "sources": [

@@ -4,6 +4,7 @@ The page is the report's, its script too; the runs hold no samples, which are as
 another on the clock of the first, later by what :func:`testbench.report.traces.lag` finds, with their difference.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -24,8 +25,7 @@ from ..errors import AnalysisError, StoreError
 from ..recording import Severity
 from ..runs.si_run import SIRun
 from ..signal.welch import SEGMENT, welch
-from ..store.atomic_files import recorded_digest
-from .campaign_page import campaign_report, counted, grouped, recorded_decisions
+from .campaign_page import campaign_report, digest_of, grouped, recorded_decisions
 from .page_contents import COMMAND, POSITIONS, columns_of, conditions_of, run_label, unit_of
 from .traces import LOOKED_AT, Difference, Lag, Trace, channel_trace, difference, lag, motion_begins, recorded_trace
 
@@ -52,7 +52,7 @@ class Viewer:
         self._one_at_a_time, self._comparing = Lock(), Lock()
         self._unbound: dict[str, str] = {}
         self._by_name = {run.name: run for run in self.runs}
-        self._digests = {run.name: _digest(run) for run in self.runs}
+        self._digests = {run.name: digest_of(run) for run in self.runs}
         if len(self._by_name) < len(self.runs):
             twice = next(name for name in self._by_name if sum(run.name == name for run in self.runs) > 1)
             raise AnalysisError(f"{twice}: of several campaigns, or given twice: expected runs of different names")
@@ -70,7 +70,7 @@ class Viewer:
         runs = [self._listed(run) for run in self.runs]
         shown = [one for one in runs if one["channels"]]
         document = document_of({
-            "campaign": self.name, "origins": counted(str(run.origin) for run in self.runs),
+            "campaign": self.name, "origins": Counter(str(run.origin) for run in self.runs),
             "runs": list(self._by_name), "unread": {**self.unopened, **self._unbound},
         })  # fmt: skip
         names = [one["name"] for one in shown]
@@ -160,7 +160,7 @@ class Viewer:
     def _refuse_changed(self, runs: "Iterable[Run]") -> None:
         """Raise StoreError for a run that is not that which was opened: what is known of it is of another."""
         for run in runs:
-            if _digest(run) != self._digests[run.name]:
+            if digest_of(run) != self._digests[run.name]:
                 raise StoreError(f"{run.name}: was changed since it was opened; end testbench view and start it again")
 
     def samples(self, words: Mapping[str, str]) -> dict[str, Any]:
@@ -226,14 +226,6 @@ class Viewer:
         """The page of `testbench report`, made anew."""
         with self._one_at_a_time:
             return campaign_report(self.name, self.runs, unopened=self.unopened).page().html()
-
-
-def _digest(run: "Run") -> str | None:
-    """That which was written with the run; None where it cannot be read."""
-    try:
-        return recorded_digest(run.path)
-    except StoreError:
-        return None
 
 
 def _spans(words: Mapping[str, str]) -> int:
