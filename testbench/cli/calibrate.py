@@ -239,8 +239,8 @@ def _list(runs: "list[Run]", damaged: "list[NotOpened]") -> Answer:
     used = [[run for one in in_force if one.source == record.record for run in one.runs] for record in records]
 
     def show() -> None:
-        columns = ("sensor", "calibration", "since", "reason", "runs")
-        emit_table("Calibrations that hold", *table(CalibrationInForce, in_force, *columns), "" if in_force else _NONE)
+        cells = table(CalibrationInForce, in_force, "sensor", "calibration", "since", "reason", "runs")
+        emit_table(f"Calibrations that hold: {len(in_force)}", *cells, "" if in_force else _NONE)
         if records:
             header, rows = table(CalibrationRecord, records)
             states = [" ".join(["holds for", *some]) if some else "superseded" for some in used]

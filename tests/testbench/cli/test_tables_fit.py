@@ -44,6 +44,8 @@ LINES = [
     "testbench list campaign",
     "testbench verify campaign",
     "testbench ledger campaign",
+    "testbench check campaign",
+    "testbench calibrate campaign --list",
     "testbench archive campaign -o arch",
     "testbench align campaign/r002.h5",
     "testbench analyze campaign --budget",
@@ -57,7 +59,7 @@ LINES = [
 ]
 OTHERS = {
     "balance": {"report", "animate", "view", "schema"},
-    "testbench": {"new", "check", "simulate", "describe", "watch", "remove", "recover", "calibrate",
+    "testbench": {"new", "simulate", "describe", "watch", "remove", "recover",
                   "export", "doctor", "schema", "vectors", "view", "predict"},
 }  # fmt: skip
 """They print sentences, write files, or (``vectors``, ``predict``) take long and print tables of these kinds."""
