@@ -164,12 +164,4 @@ def inline_svg(figure: "Figure", name: str) -> "Markup":
 
 def document_of(parts: Mapping[str, Any]) -> dict[str, Any]:
     """Results as the plain document of a page; numbers that are not finite become null, as a page cannot show them."""
-    return dict(_finite(plain(parts)))
-
-
-def _finite(value: Any) -> Any:  # noqa: ANN401
-    if isinstance(value, dict):
-        return {name: _finite(one) for name, one in value.items()}
-    if isinstance(value, list):
-        return [_finite(one) for one in value]
-    return None if isinstance(value, float) and value - value != 0.0 else value
+    return dict(json.loads(json.dumps(plain(parts)), parse_constant=lambda _: None))
