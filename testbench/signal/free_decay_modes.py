@@ -144,7 +144,7 @@ class _Fit:
         inside = axes.T @ residual
         outside = np.linalg.norm(residual - axes @ inside)
         both = np.column_stack([inside.T.ravel(), found.reshape(-1, 2 * len(pairs))])
-        small = np.linalg.qr(np.vstack([both, np.eye(1, both.shape[1]) * outside]), "r")
+        _, small = np.linalg.qr(np.vstack([both, np.eye(1, both.shape[1]) * outside]))
         return np.asarray(small[:, 1:] * (np.sign(small[0, 0]) or 1.0))
 
     def next(self, pairs: Floats, highest: float) -> Floats:
