@@ -1,9 +1,12 @@
-"""Files that this user's programs keep to be quicker the next time: whole, or else not read; all can be made again."""
+"""Files that this user's programs keep to be quicker the next time: whole, or else not read; all can be made again.
+
+Machine code is among them: what another user could have written is not read.
+"""
 
 import hashlib
 import os
 import sys
-import threading
+import tempfile
 from contextlib import suppress
 from pathlib import Path
 
@@ -11,17 +14,25 @@ _DIGEST = 32
 
 
 def cache_folder() -> Path:
-    """Where they are, by the custom of the operating system."""
-    home = Path.home()
+    """Where they are, by the custom of the operating system. Raises OSError for a user without a home."""
+    chosen = os.environ.get("LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME", "")
+    if os.path.isabs(chosen):  # another is to be passed over, says the XDG Base Directory Specification
+        return Path(chosen, "counterpoise")
+    try:
+        home = Path.home()
+    except RuntimeError as error:
+        raise OSError("there is no home folder to keep files in; XDG_CACHE_HOME can name a folder") from error
     usual = {"win32": home / "AppData" / "Local", "darwin": home / "Library" / "Caches"}
-    chosen = os.environ.get("LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME")
-    return (Path(chosen) if chosen else usual.get(sys.platform, home / ".cache")) / "counterpoise"
+    return usual.get(sys.platform, home / ".cache") / "counterpoise"
 
 
 def read_cached(path: Path, limit: int) -> bytes | None:
-    """What :func:`write_cached` wrote at ``path``; None where there is none, or other bytes, or more than ``limit``."""
+    """What :func:`write_cached` wrote at ``path`` for this user; None where there is none, or more than ``limit``."""
     try:
         with path.open("rb") as file:
+            state = os.fstat(file.fileno())
+            if sys.platform != "win32" and (state.st_uid != os.geteuid() or state.st_mode & 0o022):
+                return None
             content = file.read(limit + _DIGEST + 1)
     except OSError:
         return None
@@ -32,9 +43,14 @@ def read_cached(path: Path, limit: int) -> bytes | None:
 def write_cached(path: Path, content: bytes) -> None:
     """Keep ``content`` at ``path`` with its digest, at once or not at all. Raises OSError where it cannot be."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f"{path.name}.{os.getpid()}.{threading.get_ident()}")
-    part.write_bytes(hashlib.sha256(content).digest() + content)
-    part.replace(path)
+    handle, part = tempfile.mkstemp(dir=path.parent, prefix=f"{path.name}.")  # for this user's eyes
+    try:
+        with open(handle, "wb") as file:
+            file.write(hashlib.sha256(content).digest() + content)
+        Path(part).replace(path)
+    except BaseException:
+        Path(part).unlink()
+        raise
 
 
 def forget_oldest(pattern: str, count: int) -> None:

@@ -20,7 +20,7 @@ from .. import datasets
 from ..errors import ModelError
 from .compiled_model import Compilation, mechanism_of
 from .mechanism import Mechanism
-from .mjcf_compiler import compile_spec, parse_mjcf, read_text, tags, with_includes, with_inertials
+from .mjcf_compiler import ASSET_LIMIT, compile_spec, parse_mjcf, read_text, tags, with_includes, with_inertials
 
 _LIMIT, _COUNT = 2_000_000, 100
 """Largest entry of the cache [bytes], and most entries."""
@@ -79,7 +79,10 @@ def _compiled_once(text: str, folder: Path, compiled: Callable[[], Compilation])
     if package is None or os.environ.get("COUNTERPOISE_CACHE") == "off":
         return compiled()
     key = _key(text, [*(package.submodule_search_locations or ()), str(Path(__file__).parent)])
-    path = cache_folder() / f"mechanism-{key}.json"
+    try:
+        path = cache_folder() / f"mechanism-{key}.json"
+    except OSError:
+        return compiled()
     found = _decoded(read_cached(path, _LIMIT), key)
     if found is None or not all(_is_as_it_was(folder, *file) for file in found.files.items()):
         found = compiled()
@@ -107,7 +110,8 @@ def _is_as_it_was(folder: Path, file: str, digest: str) -> bool:
     if not digest:
         return path.is_file()
     inside = path.resolve().is_relative_to(folder.resolve())
-    return inside and path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == digest
+    short = inside and path.is_file() and path.stat().st_size <= ASSET_LIMIT
+    return short and hashlib.sha256(path.read_bytes()).hexdigest() == digest
 
 
 def _encoded(found: Compilation, key: str) -> bytes:

@@ -4,6 +4,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -99,6 +100,7 @@ DAMAGE: dict[str, Callable[[Path], object]] = {
     "other bytes": lambda entry: entry.write_bytes(bytes(100)),
     "without end": lambda entry: entry.write_bytes(entry.read_bytes() + b" " * 3_000_000),
     "of another text": of_another_text,
+    "that others may write": lambda entry: entry.chmod(0o666),
 }
 
 
@@ -171,5 +173,11 @@ def test_few_entries_are_kept(compiled: list[str], tmp_path: Path, monkeypatch: 
     monkeypatch.undo()
     monkeypatch.setenv("COUNTERPOISE_CACHE", "on")
     (tmp_path / "file").write_text("")
-    cache_in(tmp_path / "file", monkeypatch)
-    assert load_mechanism("four-bar").name == "four-bar"
+    for variable in (tmp_path / "file", tmp_path / "full", Path("relative"), Path()):
+        cache_in(variable, monkeypatch)
+        with monkeypatch.context() as without:
+            without.setattr(Path, "home", Mock(side_effect=RuntimeError("no home")))
+            without.setattr(Path, "replace", Mock(side_effect=OSError("disk full")))
+            assert load_mechanism("four-bar").name == "four-bar"
+    assert not list((tmp_path / "full/counterpoise").iterdir())
+    assert not Path("relative").exists()
