@@ -131,8 +131,9 @@ def place_with_digest(part: Path, target: Path, line: str) -> None:
         try:
             sync(target.parent)  # no loss of power leaves the run without its digest
             take_name(part, target)
-        except OSError:
-            digest.unlink()
+        except BaseException:  # an interrupt too: a digest without its run would be in the way of the next ingest
+            if part.exists() and not (target.exists() and target.samefile(part)):
+                digest.unlink()
             raise
     except FileExistsError as error:
         taken = error.filename2 or error.filename

@@ -8,7 +8,7 @@ import pytest
 
 from testbench.errors import StoreError
 from testbench.recording import Channel, Group, TimeColumn
-from testbench.store import open_campaign, open_run, writer
+from testbench.store import atomic_files, open_campaign, open_run, writer
 from testbench.store.writer import RunWriter
 
 RANDOM = np.random.default_rng(11)
@@ -100,12 +100,21 @@ def test_h5py_and_nexus_find_their_way(tmp_path):
         assert unchecked == []
 
 
-def test_nothing_is_left_of_a_run_that_is_not_committed(tmp_path):
-    """Neither the run nor a part of it, nor a folder that was not there."""
+def test_nothing_is_left_of_a_run_that_is_not_committed(tmp_path, monkeypatch):
+    """Neither the run nor a part of it, nor a folder that was not there; interrupted before its name, no digest."""
     group = Group("log", (Channel("AccX (g)", "g"),))
     with RunWriter(tmp_path / "new", "r") as writer:
         writer.group(group).append([np.ones(200_000)])
     assert list(tmp_path.iterdir()) == []
+
+    def sync(_):
+        if (tmp_path / "r001.h5.sha256").exists():
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(atomic_files, "sync", sync)
+    with pytest.raises(KeyboardInterrupt):
+        store(tmp_path, group, [np.ones(3)])
+    assert names_in(tmp_path) == []
 
 
 def test_a_stored_run_is_never_replaced(tmp_path):
