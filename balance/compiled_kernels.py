@@ -95,6 +95,20 @@ def can_compile() -> bool:
     return find_spec("numba") is not None
 
 
+def compiled_by(njit: Any, signature: str, **options: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:  # noqa: ANN401
+    """A decorator: the loop as numba's ``njit`` compiles it, kept where that can be; None leaves it as it is."""
+
+    def compiled(function: Callable[..., None]) -> Callable[..., None]:
+        if njit is None:
+            return function
+        try:
+            return njit(signature, nogil=True, cache=True, **options)(function)  # type: ignore[no-any-return]
+        except (RuntimeError, OSError):  # an installation that cannot be written and no home, or a full disk
+            return njit(signature, nogil=True, **options)(function)  # type: ignore[no-any-return]
+
+    return compiled
+
+
 def _processor() -> tuple[str, str]:
     """Name and features of this machine's processor, as LLVM calls them."""
     from llvmlite import binding

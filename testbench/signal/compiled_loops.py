@@ -9,13 +9,15 @@ from typing import Any
 from numba import config, njit
 from numpy.typing import NDArray
 
+from balance.compiled_kernels import compiled_by
+
 _usual, config.SLP_VECTORIZE = config.SLP_VECTORIZE, 1
 
 _BLOCK = 2048
 """Samples that one section after the other passes over while they are in the processor's cache."""
 
 
-@njit("void(f8[:,::1], f8[:,:,::1], f8[:,::1], b1)", cache=True, nogil=True, fastmath={"contract"})  # type: ignore[untyped-decorator]
+@compiled_by(njit, "void(f8[:,::1], f8[:,:,::1], f8[:,::1], b1)", fastmath={"contract"})
 def recursion(sections: NDArray[Any], state: NDArray[Any], x: NDArray[Any], backwards: bool) -> None:
     """Filter ``x`` (n, 4) [any unit] in place, direct form II transposed: y = b0 x + p, p = b1 x - a1 y + q,
     q = b2 x - a2 y.
@@ -53,7 +55,7 @@ def recursion(sections: NDArray[Any], state: NDArray[Any], x: NDArray[Any], back
             state[s + 1, 1, 0], state[s + 1, 1, 1], state[s + 1, 1, 2], state[s + 1, 1, 3] = t0, t1, t2, t3
 
 
-@njit("void(f8[::1], i8, f8[::1], f8[:,::1])", cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})  # type: ignore[untyped-decorator]
+@compiled_by(njit, "void(f8[::1], i8, f8[::1], f8[:,::1])", fastmath={"contract", "reassoc", "nsz"})
 def windowed(values: NDArray[Any], first: int, window: NDArray[Any], block: NDArray[Any]) -> None:
     """Fill ``block`` (k, n) [unit of values] with segments of ``values`` (m,) from sample ``first`` on.
 
@@ -70,7 +72,7 @@ def windowed(values: NDArray[Any], first: int, window: NDArray[Any], block: NDAr
             block[row, i] = (segment[i] - mean) * window[i]
 
 
-@njit("void(c16[:,::1], f8[::1])", cache=True, nogil=True, fastmath={"contract"})  # type: ignore[untyped-decorator]
+@compiled_by(njit, "void(c16[:,::1], f8[::1])", fastmath={"contract"})
 def add_power(spectra: NDArray[Any], power: NDArray[Any]) -> None:
     """Add |X|^2 of every row of ``spectra`` (k, m) [unit] to ``power`` (m,) [unit^2]."""
     for row in range(len(spectra)):

@@ -3,22 +3,20 @@
 It imports numba, and is imported only where there is something to step.
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from balance.compiled_kernels import compiled_by
+
 try:
     from numba import njit
 except ImportError:  # without the extra ``compiled``: the same, twenty times slower
-
-    def njit(*_: object, **__: object) -> Callable[[Any], Any]:
-        """The function as it is."""
-        return lambda function: function
+    njit = None
 
 
-@njit("void(f8[::1], f8[::1], f8[::1], i8, f8, f8[::1], b1, f8[::1])", cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled_by(njit, "void(f8[::1], f8[::1], f8[::1], i8, f8, f8[::1], b1, f8[::1])")
 def released(
     seen: NDArray[Any], play: NDArray[Any], preload: NDArray[Any], upright: int, friction: float,
     relieved: NDArray[Any], keeps: bool, out: NDArray[Any],
@@ -52,12 +50,11 @@ def released(
                     relieved[3 * foot + k] = out[at + k]
 
 
-@njit(
+@compiled_by(
+    njit,
     "void(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,:,::1],"
     "f8[:,::1], f8[::1], f8[::1], i8, f8, f8[:,::1], f8[:,::1])",
-    cache=True,
-    nogil=True,
-)  # type: ignore[untyped-decorator]
+)
 def step_through(
     phi: NDArray[Any], now: NDArray[Any], after: NDArray[Any], read: NDArray[Any], into: NDArray[Any],
     rates: NDArray[Any], pushes: NDArray[Any], beyond: NDArray[Any], solved: NDArray[Any], known: NDArray[Any],

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 import time
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -233,6 +234,14 @@ def test_logs_that_are_read_at_once_start_one_compiler(monkeypatch):
     for thread in threads:
         thread.join()
     assert made == [len]
+
+
+@pytest.mark.parametrize("nowhere", [RuntimeError("no locator"), OSError("disk full")])
+def test_loops_that_cannot_be_kept(nowhere):
+    """They are compiled for this process."""
+    njit = Mock(side_effect=[nowhere, lambda loop: (loop, "compiled")])
+    assert compiled_kernels.compiled_by(njit, "void()")(print) == (print, "compiled")
+    assert [call.kwargs for call in njit.call_args_list] == [{"nogil": True, "cache": True}, {"nogil": True}]
 
 
 def test_reading_imports_no_compiler():
