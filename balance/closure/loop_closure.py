@@ -126,7 +126,7 @@ class Closure:
         q, found = np.tile(self.home, (len(headings), 1)), list[Floats]()
         for length in [0.5 * step, *[step] * (round(travel / step) - 1)]:
             tangents = self.tangents(q)
-            headings = np.einsum("nid,njd,nj->ni", tangents, tangents, headings)
+            headings = np.einsum("nid,nd->ni", tangents, np.einsum("njd,nj->nd", tangents, headings))
             fastest = np.abs(headings / scale).max(axis=1)
             q, headings, fastest = (x[fastest > RANK_LIMIT] for x in (q, headings, fastest))
             near = [nearest_closed(self.engine, one, self.length) for one in q + length * headings / fastest[:, None]]
