@@ -101,10 +101,12 @@ def compiled_by(njit: Any, signature: str, **options: Any) -> Callable[[Callable
     def compiled(function: Callable[..., None]) -> Callable[..., None]:
         if njit is None:
             return function
+        loop: Callable[..., None]
         try:
-            return njit(signature, nogil=True, cache=True, **options)(function)  # type: ignore[no-any-return]
+            loop = njit(signature, nogil=True, cache=True, **options)(function)
         except (RuntimeError, OSError):  # an installation that cannot be written and no home, or a full disk
-            return njit(signature, nogil=True, **options)(function)  # type: ignore[no-any-return]
+            loop = njit(signature, nogil=True, **options)(function)
+        return loop
 
     return compiled
 
