@@ -161,7 +161,7 @@ class _Core:
         """
         n, driven = self.positions, np.hstack([push + self.at_once, self.ahead])
         rest = np.linalg.solve(-self.a, self.b @ driven[0])
-        if self.contact or self._loose:
+        if self.contact or self._from_step_to_step:
             state, released = self._stepped(driven, step, rest, beyond, before)
             driven += released
         else:
@@ -170,15 +170,16 @@ class _Core:
         return np.stack([state[:, :n], state[:, n : 2 * n], rates])
 
     def bounces(self) -> list[tuple[float, Spring]]:
-        """Natural frequency of each pin with clearance on its spring, the rest free [rad/s], and its spring."""
+        """Natural frequency of each pin on its spring, the rest free [rad/s], and its spring."""
         inverse = np.linalg.inv(self.mass)[6:, 6:]
-        pins = [spring for spring in self._loose if len(spring.along) > 1]
+        pins = [spring for spring in self._from_step_to_step if len(spring.along) > 1]
         mobility = [np.linalg.norm(spring.along @ inverse @ spring.along.T, 2) for spring in pins]
         return [(float(np.sqrt(s.stiffness * m)), s) for s, m in zip(pins, mobility, strict=True)]
 
     @property
-    def _loose(self) -> list[Spring]:
-        return [spring for spring in self.drives.springs if spring.play] if self.drives else []
+    def _from_step_to_step(self) -> list[Spring]:
+        """Springs with play, and pins: they bounce too fast for rounds from a constant inertia."""
+        return [s for s in self.drives.springs if s.play or len(s.along) > 1] if self.drives else []
 
     def _stepped(
         self, driven: Floats, step: float, rest: Floats, beyond: Floats | None, before: Floats | None
@@ -189,7 +190,7 @@ class _Core:
         """
         from .stepping import step_through
 
-        n, springs, contact = self.positions, self._loose, self.contact
+        n, springs, contact = self.positions, self._from_step_to_step, self.contact
         turns, feet = 2 * len(springs), 0 if contact is None else 3 * len(contact.at)
         read, into = np.zeros((turns + feet, len(rest))), np.zeros((driven.shape[1], turns + feet))
         for k, spring in enumerate(springs):
@@ -342,15 +343,16 @@ class BenchDynamics:
         return _Core.of(self.base, self.drives, inertia, len(self.command.time), self.contact)
 
     def _resolved(self, step: float) -> float:
-        """How many times ``step`` [s] resolves the fastest pin in its bearing. Raises RigError for less than once."""
-        for frequency, spring in self._core.bounces():
+        """How many times ``step`` [s] resolves the fastest pin with clearance. Raises RigError for less than once."""
+        loose = [(frequency, spring) for frequency, spring in self._core.bounces() if spring.play]
+        for frequency, spring in loose:
             if (share := frequency * step) > 1.0:
                 raise RigError(
                     f"{spring.name}: with clearance its pin bounces at {frequency / 2.0 / np.pi:.0f} Hz, too fast for "
                     f"steps of {step:.3g} s: state a stiffness of at most "
                     f"{spring.stiffness / share**2 / 1e6:.2g} MN/m, or no clearance"
                 )
-        return 1.0 / max((frequency * step for frequency, _ in self._core.bounces()), default=1e-9)
+        return 1.0 / max((frequency * step for frequency, _ in loose), default=1e-9)
 
     def _sought_coarsely(self) -> Floats:
         from scipy.interpolate import CubicSpline
