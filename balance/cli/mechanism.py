@@ -180,7 +180,8 @@ def assemble(mechanism: str = options.MECHANISM) -> Answer:
     """Close the loops of MECH, and list the ways in which it can be put together.
 
     Branch A is found from the file's keyframe, or else from its zero configuration; the others have the same driven
-    coordinates, and are sought from random starts. A keyframe named home with one of them chooses it.
+    coordinates, and are sought from random starts. A keyframe named home with one of them chooses it, of a URDF the key
+    home of the YAML file beside it.
     """
     from ..closure import Closure
     from ..closure.assembly import CLOSED_LIMIT
@@ -220,12 +221,21 @@ def _print_configurations(closure: "Closure", found: "list[Configuration]", tole
         rows.append(["largest residual", "m, rad", *(f"{one.residual:.2g}" for one in part)])
         title = f"Closed configurations of {model.name}"
         emit_table(title, ["joint", "unit", *(one.branch for one in part)], rows)
+    urdf = "<robot" in model.text
     say(
         f"Closed means a residual of at most {tolerance:.2g} m or rad.\n"
-        "A keyframe chooses one; without ball joints its qpos has the coordinates in this order:"
+        + (
+            "The key home of the YAML file beside the URDF chooses one:"
+            if urdf
+            else "A keyframe chooses one; without ball joints its qpos has the coordinates in this order:"
+        )
     )
     for one in found:
-        click.echo(f"  {one.branch}: <key name='home' qpos='{' '.join(f'{value:.12g}' for value in one.q)}'/>")
+        values = [f"{value:.12g}" for value in one.q]
+        named = ", ".join(f"{name}: {value}" for name, value in zip(model.coordinates, values, strict=True))
+        click.echo(
+            f"  {one.branch}: " + (f"home: {{{named}}}" if urdf else f"<key name='home' qpos='{' '.join(values)}'/>")
+        )
 
 
 BALANCED_KGM = 1e-6

@@ -50,7 +50,7 @@ class Closure:
             name, branch = self.mechanism.name, self.mechanism.branch
             raise ClosureError(
                 f"{name} is singular at {branch!r}: its branches meet there; give another closed configuration as "
-                "<keyframe><key name='home' qpos='...'/>"
+                "<keyframe><key name='home' qpos='...'/>, of a URDF as home in its YAML file"
             )
 
     def follow(self, samples: Samples, drive: Drive | None = None, near: Trajectory | None = None) -> Trajectory:

@@ -106,7 +106,7 @@ def _refuse_singular_between(system: LoopSystem, q: Floats, start: Floats, end: 
         raise ClosureError(
             f"{system.mechanism.name} passes a singular position at {at}, shortly before t = {time:.6g} s: the driven "
             "coordinates do not determine on which branch it continues; begin elsewhere (a keyframe "
-            "'home'; of a URDF turn a joint's origin), or drive the joints"
+            "'home'; of a URDF home in its YAML file), or drive the joints"
         )
 
 

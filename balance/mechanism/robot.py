@@ -79,6 +79,8 @@ class Robot:
     loops: tuple[tuple[str, str, bool], ...] = ()
     """Two links or joints whose frames coincide, and whether their axes do."""
     motors: tuple[str, ...] = ()
+    home: Mapping[str, float] = field(default_factory=dict)
+    """Of joints that do not start at zero, [rad, m]."""
     of_no_body: dict[str, Floats] = field(default_factory=dict)
     """Principal moments (3,) [kg m2] that MuJoCo refuses, being too small or of no body: others stand in the spec."""
 
@@ -89,9 +91,17 @@ class Robot:
         return [name for name in self.links if name not in carried and name != "world"]
 
     def restore(self, model: Any) -> None:  # noqa: ANN401
-        """Put the principal moments of the file into MuJoCo's ``model`` of the spec."""
+        """Put the principal moments and ``home`` into MuJoCo's ``model``. Raises ModelError for a joint of ``home``."""
         for name, size in self.of_no_body.items():
             model.body(name).inertia[:] = size
+        known = {f"{name}{axis}" for name, joint in self.joints.items() for axis in joint.axes}
+        for name, value in self.home.items():
+            if name not in known:
+                there = ", ".join(sorted(known))
+                raise ModelError(
+                    f"{self.file}: home in its YAML file names {name!r}: expected joints that turn or slide: {there}"
+                )
+            model.key_qpos[0, model.joint(name).qposadr] = value
 
     def spec(self) -> Any:  # noqa: ANN401
         """As MuJoCo's MjSpec. Raises ModelError for a link that is joined to nothing, and for unknown names."""
@@ -121,6 +131,8 @@ class _SpecOfRobot:
         for name in robot.motors:
             if len(robot.joints[name].axes) == 1:
                 self.spec.add_actuator(name=name, target=name, trntype=self.mujoco.mjtTrn.mjTRN_JOINT)
+        if robot.home:
+            self.spec.add_key(name="home")
 
     def _place_all(self) -> None:
         """Bodies from the base outwards; a joint whose child is placed already closes a loop."""

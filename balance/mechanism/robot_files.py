@@ -9,7 +9,7 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -27,7 +27,7 @@ _LOOPS_COMMENT = re.compile(r"<!-- counterpoise loops: (.*?) -->", re.S)
 
 
 class RobotLoops(Table):
-    """Loops and motors of a URDF, in a YAML file of its name beside it, as Gepetto/example-parallel-robots has them."""
+    """Loops, motors and start of a URDF, in a YAML file of its name, as Gepetto/example-parallel-robots has them."""
 
     closed_loop: list[list[str]] = Field(default_factory=list)
     """Pairs of names of links, or of joints, which stand for their child links."""
@@ -39,6 +39,8 @@ class RobotLoops(Table):
     """Of each of them: SPHERICAL, FIXED, or UJOINT_ZY with two axes."""
     name_mot: list[str] = Field(default_factory=list)
     """Joints with a motor."""
+    home: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(default_factory=dict)
+    """Of joints that do not start at zero, where [rad, m]: from there loops are closed, and a motion begins."""
 
 
 _SIDECAR_KEYS = tuple(RobotLoops.model_fields)
@@ -49,7 +51,8 @@ def read_robot(text: str, file: str, path: Path | None) -> tuple[Robot, str]:
 
     The YAML beside a URDF has its name and the form of Gepetto/example-parallel-robots: ``closed_loop``, pairs of names
     of links or joints; ``type`` of each, 3d or else 6d; ``joint_name`` and ``joint_type`` of joints that are SPHERICAL,
-    FIXED or UJOINT_ZY (two letters); ``name_mot``, the motors. Joints that are absent are passed over, as there.
+    FIXED or UJOINT_ZY (two letters); ``name_mot``, the motors; joints that are absent are passed over, as there. What
+    joints start at, ``home``, is this project's.
     """
     root = parsed(text, file)
     if root.tag == "sdf" and put_included(root, file, None if path is None else path.parent):
@@ -119,7 +122,7 @@ def _with_loops(robot: Robot, stated: Mapping[str, Any]) -> Robot:
     kinds = [*kinds, *["6d"] * (len(pairs) - len(kinds))]
     loops = tuple((*pair, kind.lower() != "3d") for pair, kind in zip(pairs, kinds, strict=False))
     motors = tuple(name for name in stated.get("name_mot") or () if name in joints)
-    return replace(robot, joints=joints, loops=loops, motors=motors)
+    return replace(robot, joints=joints, loops=loops, motors=motors, home=stated.get("home") or {})
 
 
 def _urdf(root: Element, file: str) -> Robot:

@@ -156,6 +156,19 @@ def test_loops_beside_a_urdf(tmp_path: Path, sidecar: str, dof: int) -> None:
     assert robot.driven == again.driven == (("j1",) if "name_mot" in sidecar else ())
 
 
+def test_home_chooses_how_a_urdf_is_put_together(tmp_path: Path) -> None:
+    """Each branch of the four-bar, with the same crank, is where loops close from its joints as ``home``."""
+    loops = "closed_loop: [[end_A, end_B]]\ntype: [3d]\nname_mot: [j1]\n"
+    first, second = Closure(loaded(tmp_path, FOUR_BAR, loops)).configurations()[:2]
+    for one in (first, second):
+        home = ", ".join(f"{name}: {value}" for name, value in zip(("j1", "j2", "j3"), one.q, strict=True))
+        robot = loaded(tmp_path, FOUR_BAR, f"{loops}home: {{{home}}}\n")
+        for again in (robot, mechanism_from_text(robot.text, "robot")):
+            assert again.branch == "home"
+            np.testing.assert_allclose(Closure(again).home, one.q, atol=1e-9)
+    assert np.abs(first.q - second.q).max() > 0.1
+
+
 def test_a_loop_of_six_rows_holds_a_planar_linkage_still(tmp_path: Path) -> None:
     """6d, or no type: the axes coincide too, so that the last hinge is rigid."""
     robot = loaded(tmp_path, FOUR_BAR, "closed_loop: [['end_A', 'end_B']]\n")
@@ -178,6 +191,12 @@ def test_a_loop_of_six_rows_holds_a_planar_linkage_still(tmp_path: Path) -> None
             r"other\.urdf: the YAML file robot\.yaml states loops; name it other\.yaml",
         ),
         ("closed_loop: []\njoint_name: [j1]\njoint_type: [SCREW]\n", "robot", "'SCREW' of 'j1'"),
+        (
+            "home: {j7: 1.0}\n",
+            "robot",
+            "home in its YAML file names 'j7': expected joints that turn or slide: j1, j2, j3",
+        ),
+        ("home: {j1: .inf}\n", "robot", "home.j1: "),
     ],
 )
 def test_loops_that_are_not_understood(tmp_path: Path, sidecar: str, name: str, message: str) -> None:
