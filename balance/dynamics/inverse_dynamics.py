@@ -265,10 +265,11 @@ def _drive_torque(mechanism: Mechanism, trajectory: Trajectory, joint_torque: Fl
         return {joint: joint_torque[:, mechanism.coordinate_index(joint)] for joint in driven}
     _refuse_undetermined(mechanism, trajectory.per_drive, driven)
     rows = [mechanism.coordinate_index(joint) for joint in driven]
-    _refuse_dead_centre(mechanism, trajectory, driven, rows)
-    by_drive = np.einsum("jin,in->jn", trajectory.per_drive.T, joint_torque.T)
+    torque = np.einsum("jin,in->jn", trajectory.per_drive.T, joint_torque.T).T
     per_motor = trajectory.per_drive[:, rows].transpose(0, 2, 1)
-    torque = np.linalg.solve(per_motor, by_drive.T[:, :, None])[:, :, 0]
+    if (per_motor != np.eye(len(rows))).any():  # else the motors are what the motion drives
+        _refuse_dead_centre(mechanism, trajectory, driven, rows)
+        torque = np.linalg.solve(per_motor, torque[:, :, None])[:, :, 0]
     return {joint: torque[:, i] for i, joint in enumerate(driven)}
 
 

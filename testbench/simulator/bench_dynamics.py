@@ -151,10 +151,12 @@ class _Core:
         a[n : 2 * n], b[n : 2 * n, :n] = np.linalg.solve(mass, force), np.linalg.inv(mass)
         return cls(a, b, n, mass, np.array(loops).reshape(len(loops), count).T, at_once, drives, contact)
 
-    def respond(self, push: Floats, step: float, beyond: Floats | None = None, before: Floats | None = None) -> Floats:
+    def respond(
+        self, push: Floats, step: float, beyond: tuple[Floats, Floats] | None = None, before: Floats | None = None
+    ) -> Floats:
         """From equilibrium under ``push`` (n, 6 + nf) [N, N m] in steps of ``step`` [s]; the base's from rest.
 
-        ``push`` has inertia ``beyond`` the constant one, (n, 6 + nf, 6 + nf) [kg, kg m, kg m2], at the accelerations
+        ``push`` has inertia ``beyond`` the constant one, as ``stepped_inertia`` gives it, at the accelerations
         ``before`` (n, 6 + nf): where something is stepped, that becomes what it is at those found.
 
         Displacements, velocities and accelerations of base and deviations, (3, n, 6 + nf).
@@ -163,11 +165,20 @@ class _Core:
         rest = np.linalg.solve(-self.a, self.b @ driven[0])
         if self.contact or self._from_step_to_step:
             state, released = self._stepped(driven, step, rest, beyond, before)
-            driven += released
+            driven[:, :n] += released
         else:
             state = rest + linear_response(self.a, self.b, driven - driven[0], step)
         rates = times(self.a[n : 2 * n], state) + times(self.b[n : 2 * n], driven)
         return np.stack([state[:, :n], state[:, n : 2 * n], rates])
+
+    def stepped_inertia(self, beyond: Floats, step: float) -> tuple[Floats, Floats]:
+        """Inertia ``beyond`` D the constant one, (n, 6 + nf, 6 + nf) [kg, kg m, kg m2], and what it divides loads by.
+
+        That is the inverse of 1 + D times the accelerations per load at the end of a ``step`` [s].
+        """
+        n, (_, _, after) = self.positions, propagator(self.a, self.b, step)
+        per_load = self.a[n : 2 * n] @ after[:, :n] + self.b[n : 2 * n, :n]
+        return beyond, np.asarray(np.linalg.inv(np.eye(n) + beyond @ per_load), dtype=np.float64)
 
     def bounces(self) -> list[tuple[float, Spring]]:
         """Natural frequency of each pin on its spring, the rest free [rad/s], and its spring."""
@@ -182,9 +193,9 @@ class _Core:
         return [s for s in self.drives.springs if s.play or len(s.along) > 1] if self.drives else []
 
     def _stepped(
-        self, driven: Floats, step: float, rest: Floats, beyond: Floats | None, before: Floats | None
+        self, driven: Floats, step: float, rest: Floats, beyond: tuple[Floats, Floats] | None, before: Floats | None
     ) -> tuple[Floats, Floats]:
-        """States (n, k), and what play and feet add to ``driven``, from rest at the stops that springs lie at there.
+        """States (n, k), and what play and feet add to the loads (n, 6 + nf), from rest at the stops of the springs.
 
         ``rest`` (k,) is where they would be without play.
         """
@@ -192,10 +203,10 @@ class _Core:
 
         n, springs, contact = self.positions, self._from_step_to_step, self.contact
         turns, feet = 2 * len(springs), 0 if contact is None else 3 * len(contact.at)
-        read, into = np.zeros((turns + feet, len(rest))), np.zeros((driven.shape[1], turns + feet))
+        read, into = np.zeros((turns + feet, len(rest))), np.zeros((n, turns + feet))
         for k, spring in enumerate(springs):
             rows = slice(2 * k, 2 * k + len(spring.along))
-            read[rows, 6:n], into[6:n, rows] = spring.along, spring.stiffness * spring.along.T
+            read[rows, 6:n], into[6:, rows] = spring.along, spring.stiffness * spring.along.T
         if contact is not None:
             read[turns:, :6], read[turns:, n : n + 6] = np.hsplit(contact.bonded, 2)
             into[:6, turns:] = contact.at.reshape(-1, 6).T
@@ -204,23 +215,18 @@ class _Core:
         towards = turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-300)
         lacking = into[:, :turns] @ (play[:, None] * towards).ravel()
         phi, now, after = propagator(self.a, self.b, step)
-        states, added = np.empty((len(driven), len(rest))), np.empty_like(driven)
-        states[0] = np.linalg.solve(-self.a, self.b @ (driven[0] + lacking))
+        states, added = np.empty((len(driven), len(rest))), np.empty((len(driven), n))
+        states[0] = rest + np.linalg.solve(-self.a, self.b[:, :n] @ lacking)
         pushes = times(now, driven[:-1]) + times(after, driven[1:])
         preload, *pressed = (np.zeros(0), 0, 0.0) if contact is None else contact.pressed
-        rates, m = np.zeros((driven.shape[1], len(rest))), driven.shape[1]
-        rates[:n] = self.a[n : 2 * n]
-        more, solved, known = np.zeros((0, m, m)), np.zeros((0, m, m)), np.zeros((0, m))
+        more, solved, known = np.zeros((0, n, n)), np.zeros((0, n, n)), np.zeros((0, n))
         if beyond is not None and before is not None:
-            more, at_once = np.zeros((len(driven), m, m)), np.zeros((m, m))
-            more[:, :n, :n], at_once[:n] = beyond, self.b[n : 2 * n]
-            solved = np.asarray(np.linalg.inv(np.eye(m) + more @ (rates @ after + at_once)), dtype=np.float64)
-            known = np.zeros_like(driven)
-            known[:, :n] = before - times(self.b[n : 2 * n], driven)
-            known = np.einsum("nij,nj->ni", more, known)
+            more, solved = beyond
+            known = np.einsum("nij,nj->ni", more, before - times(self.b[n : 2 * n], driven))
         step_through(
-            phi, now, after, read, into, rates, pushes, more, solved, known, play, preload, *pressed, states, added
-        )
+            phi, np.ascontiguousarray(now[:, :n]), np.ascontiguousarray(after[:, :n]), read, into, self.a[n : 2 * n],
+            pushes, more, solved, known, play, preload, *pressed, states, added,
+        )  # fmt: skip
         return states, added
 
 
@@ -318,8 +324,8 @@ class BenchDynamics:
         return base_motion_loads(self.mechanism, self.command, self.rotors, rates)
 
     @cached_property
-    def _beyond(self) -> Floats | None:
-        """Inertia along the command less the constant one, (n, 6 + nf, 6 + nf), where pins bounce in their bearings."""
+    def _beyond(self) -> tuple[Floats, Floats] | None:
+        """Inertia along the command less the constant one, where pins bounce in their bearings; the same each round."""
         if self.drives is None or not self._core.bounces():
             return None
         found = np.zeros((len(self.command.time), *self._core.mass.shape))
@@ -328,7 +334,7 @@ class BenchDynamics:
             found[:, :6, :6] = self.coupling.inertia - self.carried
             found[:, 6:, :6] = self._base_loads[0] - self._core.mass[6:, :6]
             found[:, :6, 6:] = found[:, 6:, :6].transpose(0, 2, 1)
-        return found
+        return self._core.stepped_inertia(found, float(self.command.time[1] - self.command.time[0]))
 
     @cached_property
     def _closure(self) -> Closure:
