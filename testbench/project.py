@@ -123,19 +123,22 @@ def _motion_text(model: Mechanism) -> str:
             f"YAML file of a URDF (joints: {', '.join(model.coordinates)})"
         )
     slides = [not model.tree.joints[model.coordinate_index(joint)].revolute for joint in joints]
-    beyond = ""
+    beyond, reason = "", ""
     for share in (0.5**halvings for halvings in range(_HALVINGS)):
         text = _moves_text(model, slides, share)
         try:
             q = Closure(model).follow(motion_from_text(text).sample(_RATE_HZ)).q
-        except CounterpoiseError:
+        except CounterpoiseError as error:
+            reason = str(error)
             continue
         if not model.beyond_limits(q):
             return text
         beyond = beyond or text
     if beyond:  # where its home is beyond them already: `check` says so
         return beyond
-    raise RigError(f"{model.name}: its driven joints {', '.join(joints)} cannot move from its home configuration")
+    raise RigError(
+        f"{model.name}: its driven joints {', '.join(joints)} cannot move from its home configuration: {reason}"
+    )
 
 
 def _moves_text(model: Mechanism, slides: list[bool], share: float) -> str:
