@@ -45,7 +45,8 @@ class TaskPool:
         from distributed import as_completed
         from distributed.protocol.pickle import dumps
 
-        self._refuse_workers_without(getattr(work, "__self__", work))
+        function = getattr(work, "func", work)  # of a partial
+        self._refuse_workers_without(getattr(function, "__self__", function))
         packed = self.client.submit(bytes, dumps(work), pure=False)  # as a task's result: had anew if its worker dies
         futures = self.client.map(_worked, tasks, packed=packed, pure=False)
         places = {future.key: place for place, future in enumerate(futures)}
@@ -109,6 +110,7 @@ def task_pool(scheduler: str | None, processes: int | None = None) -> Iterator[T
             "tasks in other processes need Dask: pip install 'counterpoise[distributed]', or leave out --scheduler"
         ) from None
     settings = {"distributed.scheduler.allowed-failures": ATTEMPTS, "distributed.worker.daemon": True}
+    settings["distributed.admin.large-graph-warning-threshold"] = "1 GB"  # a long motion is sent once
     with dask.config.set(settings):
         if scheduler == LOCAL:
             local = {"processes": True, "threads_per_worker": 1, "dashboard_address": None, "host": "127.0.0.1"}

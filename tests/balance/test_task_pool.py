@@ -4,6 +4,7 @@ import os
 import signal
 import sys
 import time
+from functools import partial
 from types import FunctionType, ModuleType
 
 import distributed
@@ -93,8 +94,9 @@ def test_a_worker_without_a_module_is_named(scheduler, monkeypatch):
     monkeypatch.setitem(sys.modules, "only_here", module)
     with task_pool(scheduler) as pool:
         before = pool.client.run(os.getpid)
-        with pytest.raises(CounterpoiseError, match="has no module only_here"):
-            list(pool.results(module.work, [1]))
+        for work in (module.work, partial(module.work)):
+            with pytest.raises(CounterpoiseError, match="has no module only_here"):
+                list(pool.results(work, [1]))
         assert pool.client.run(os.getpid) == before
         assert len(before) == 2
 
