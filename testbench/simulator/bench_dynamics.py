@@ -219,9 +219,8 @@ class _Core:
         states[0] = rest + np.linalg.solve(-self.a, self.b[:, :n] @ lacking)
         pushes = times(now, driven[:-1]) + times(after, driven[1:])
         preload, *pressed = (np.zeros(0), 0, 0.0) if contact is None else contact.pressed
-        more, solved, known = np.zeros((0, n, n)), np.zeros((0, n, n)), np.zeros((0, n))
-        if beyond is not None and before is not None:
-            more, solved = beyond
+        (more, solved), known = beyond or (np.zeros((0, n, n)), np.zeros((0, n, n))), np.zeros((0, n))
+        if beyond and before is not None:
             known = np.einsum("nij,nj->ni", more, before - times(self.b[n : 2 * n], driven))
         step_through(
             phi, np.ascontiguousarray(now[:, :n]), np.ascontiguousarray(after[:, :n]), read, into, self.a[n : 2 * n],
