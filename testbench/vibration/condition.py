@@ -255,10 +255,9 @@ class CampaignNoise:
                     if exceeds_rest(at_rest, one, others[0].moving.stop - others[0].moving.start):
                         found.unfelt.add((id(condition), place))
                     continue
-                moving = noise_in_motion(at_rest, one, others)
-                band = one.measure.band
-                if moving is None or moving[0].power(band)[0] > LOUDER * at_rest.power(band)[0]:
-                    found.unrepeated[id(condition), place] = moving
+                beyond, band = noise_in_motion(at_rest, one, others), one.measure.band
+                if beyond is None or beyond[0].power(band)[0] > LOUDER * at_rest.power(band)[0]:
+                    found.unrepeated[id(condition), place] = beyond
         return found
 
     def noise(self, condition: Condition, one: Amplitude, place: Place) -> Noise | None:
@@ -297,11 +296,11 @@ class CampaignNoise:
             if condition.dead(place) or any(noise is None or one.reading <= 0.0 for one, noise in some):
                 return None
             likelihoods = tuple(AmplitudeLikelihood.of(one, noise) for one, noise in some if noise)
-            noise, gains = some[0][1], ()
-            if both and noise:
+            one = Group(likelihoods, side.names)
+            if both and (noise := some[0][1]):
                 mean = self.in_envelope(condition, place, both.means[place])
-                gains = both.gains[place], gain_error(mean, noise)
-            found.append(Group(likelihoods, side.names, *gains))
+                one = replace(one, gains=both.gains[place], gain_error=gain_error(mean, noise))
+            found.append(one)
         return found[0], found[1]
 
     def mean(self, condition: Condition, place: Place, side: Side) -> Group | None:
