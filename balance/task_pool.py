@@ -109,7 +109,10 @@ def task_pool(scheduler: str | None, processes: int | None = None) -> Iterator[T
         raise CounterpoiseError(
             "tasks in other processes need Dask: pip install 'counterpoise[distributed]', or leave out --scheduler"
         ) from None
-    settings = {"distributed.scheduler.allowed-failures": ATTEMPTS, "distributed.worker.daemon": True}
+    settings: dict[str, object] = {
+        "distributed.scheduler.allowed-failures": ATTEMPTS,
+        "distributed.worker.daemon": True,
+    }
     settings["distributed.admin.large-graph-warning-threshold"] = "1 GB"  # a long motion is sent once
     with dask.config.set(settings):
         if scheduler == LOCAL:
