@@ -189,7 +189,7 @@ WRONG = {
     "ramp too long": ({"ramp": 0.6}, "ramp: 0.6: expected 0.5 or less"),
     "rest negative": ({"rest": "-1 s"}, "rest: '-1 s': expected zero or more"),
     "moves empty": ({"moves": []}, "moves: has 0 values: expected at least 1"),
-    "move without end": ({"moves": [{"axis": "x"}]}, r"moves\[0\]\.to: missing: expected ends"),
+    "move without end": ({"moves": [{"axis": "x"}]}, r"moves\[0\]\.to: missing: expected where each leg ends"),
     "move along z": ({"moves": [{"axis": "z", "to": ["1 mm"]}]}, r"moves\[0\]: axis: 'z': expected one of x, y"),
     "move nowhere": ({"moves": [{"axis": "x", "to": ["0 mm"]}]}, "nothing moves"),
     "polygon of a name": ({"moves": [{"polygon": "hexagon"}]}, r"moves\[0\]\.polygon: 'hexagon': expected 'triangle'"),
