@@ -116,7 +116,8 @@ def task_pool(scheduler: str | None, processes: int | None = None) -> Iterator[T
     settings["distributed.admin.large-graph-warning-threshold"] = "1 GB"  # a long motion is sent once
     with dask.config.set(settings):
         if scheduler == LOCAL:
-            local = {"processes": True, "threads_per_worker": 1, "dashboard_address": None, "host": "127.0.0.1"}
+            quiet = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}  # else a second cluster warns of a port
+            local = {"processes": True, "threads_per_worker": 1, "host": "127.0.0.1", "scheduler_kwargs": quiet}
             with LocalCluster(n_workers=processes, **local) as cluster, Client(cluster) as client:
                 yield TaskPool(client)
             return

@@ -11,7 +11,7 @@ import distributed
 import pytest
 
 from balance.errors import CounterpoiseError, DataError
-from balance.task_pool import task_pool
+from balance.task_pool import LOCAL, task_pool
 
 
 def squaring():
@@ -107,3 +107,9 @@ def test_an_address_without_a_scheduler_is_refused(monkeypatch):
     refusal = pytest.raises(CounterpoiseError, match=r"no Dask scheduler answers at tcp://127.0.0.1:9")
     with refusal, task_pool("tcp://127.0.0.1:9"):
         pass
+
+
+def test_two_local_clusters_say_nothing_of_ports():
+    """Dask warns where its usual port is taken; warnings are errors here."""
+    with task_pool(LOCAL, processes=1) as first, task_pool(LOCAL, processes=1) as second:
+        assert dict(first.results(str, [1])) == dict(second.results(str, [1])) == {0: "1"}
