@@ -107,7 +107,7 @@ def assemble(mechanism: Mechanism | str | Path) -> list[Configuration]:
     >>> [one.branch for one in balance.assemble("four-bar")]
     ['A', 'B']
     """
-    return Closure(_mechanism(mechanism), search=True).configurations()
+    return Closure(_mechanism(mechanism), search=True).without_idle().configurations()
 
 
 def conditions(mechanism: Mechanism | str | Path, momentum: str = "linear") -> Conditions:

@@ -151,6 +151,8 @@ class Conditions:
     """Whether singular values were dropped as rounding of the file's numbers that are none of the computation."""
     rank_to_the_letter: int | None = None
     """Where it is in doubt, the number of conditions of the file's numbers as they are; None where it is undecided."""
+    idle: tuple[str, ...] = ()
+    """Coordinates of the idle freedoms among ``dof``: see ``Closure.idle``."""
 
     @property
     def rank(self) -> int:
@@ -253,7 +255,7 @@ def balance_conditions(mechanism: Mechanism, momentum: str = "linear") -> Condit
     residual = float(closure.residual(closure.home[None])[0])
     return Conditions(
         closure.mechanism, closure.dof, reduced_row_echelon(basis, pivot_order(mechanism)), gap, decided_by, residual,
-        in_doubt, exact if in_doubt else None,
+        in_doubt, exact if in_doubt else None, closure.idle,
     )  # fmt: skip
 
 

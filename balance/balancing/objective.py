@@ -182,7 +182,7 @@ def workspace_momentum(mechanism: Mechanism) -> Floats:
     At each of the ``workspace_states``, along as many directions of motion as there are degrees of freedom, which
     share no kinetic energy. Raises ModelError where a direction has none.
     """
-    closure = Closure(mechanism)
+    closure = Closure(mechanism).without_idle()
     q, dof = workspace_states(mechanism, closure), closure.dof
     tangents = closure.tangents(q)
     states = np.repeat(q, dof, axis=0)

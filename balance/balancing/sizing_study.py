@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Floats
-from ..closure import Trajectory
+from ..closure import Closure, Trajectory
 from ..dynamics.inverse_dynamics import Response, simulate
 from ..errors import SizingError
 from ..mechanism.mechanism import Mechanism
@@ -183,6 +183,11 @@ def study_sizing(
     weights = weights or {"force": 1.0}
     _refuse_unlike(weights, trajectory, rig, best if stock is None else 1)
     conditions, sites = balance_conditions(model), chosen_sites(model, sites)
+    if conditions.idle and Closure(model.with_counter_mass(dict.fromkeys(sites, 1.0))).idle != conditions.idle:
+        raise SizingError(
+            f"{model.name}: with masses at {', '.join(sites)}, bodies that turn idly ({', '.join(conditions.idle)}) "
+            "would swing, which no motor determines: leave those sites out, or put them on the line they turn about"
+        )
 
     def sized(target: Objective) -> Sizing:
         return exact_sizing(conditions, model, sites, limits, target, equal)

@@ -146,7 +146,7 @@ def static_conditions(mechanism: Mechanism) -> Conditions:
 
 def potential_objective(mechanism: Mechanism) -> Objective:
     """Variance of the potential energy of weight over the workspace [J2]: zero where weight does no work."""
-    closure = Closure(mechanism)
+    closure = Closure(mechanism).without_idle()
     rows = potential_regressor(mechanism, workspace_states(mechanism, closure))
     return Objective(triangle(iter([with_constant((rows - rows.mean(axis=0))[:, None])])), "J")
 
@@ -216,7 +216,7 @@ def _holding(mechanism: Mechanism, q: Floats, springs: Springs | None) -> dict[s
     Over the configurations where they move it at least a fifth as well as at home: near a singular position of the
     motors it has no bound.
     """
-    closure, motors = Closure(mechanism), mechanism.driven or mechanism.coordinates
+    closure, motors = Closure(mechanism).without_idle(), mechanism.driven or mechanism.coordinates
     rows, tangents = [mechanism.coordinate_index(joint) for joint in motors], closure.tangents(q)
     if len(motors) != closure.dof:
         return mechanism.drives_by_unit({}, *_HOLDING)

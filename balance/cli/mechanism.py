@@ -75,7 +75,7 @@ def simulate(
     document = (
         {"mechanism": model.name, "motion": motion, "samples": len(trajectory.time), "closure": closure}
         | {"beyond_limits": {joint: list(reached) for joint, reached in beyond.items()}}
-        | {"left_out": list(left_out)}
+        | {"idle": list(trajectory.idle), "left_out": list(left_out)}
         | response_summary(response)
         | (
             {
@@ -110,6 +110,7 @@ def _print_motion(
     )
     if found:
         _print_reactions(found)
+    options.tell_idle(trajectory.idle)
     if not response.torque:
         say("No drive torque: the file has no <actuator> that names the driven joints.")
     emit_findings(
@@ -187,11 +188,12 @@ def assemble(mechanism: str = options.MECHANISM) -> Answer:
     from ..closure.assembly import CLOSED_LIMIT
 
     closure = Closure(options.load_mechanism_option(mechanism, ()), search=True)
-    model, found = closure.mechanism, closure.configurations()
+    model, found = closure.mechanism, closure.without_idle().configurations()
     tolerance = CLOSED_LIMIT * closure.length
     document = {
         "mechanism": model.name,
         "dof": closure.dof,
+        "idle": list(closure.idle),
         "loops": len(model.loops),
         "start": model.branch,
         "tolerance_m": tolerance,
@@ -222,6 +224,7 @@ def _print_configurations(closure: "Closure", found: "list[Configuration]", tole
         title = f"Closed configurations of {model.name}"
         emit_table(title, ["joint", "unit", *(one.branch for one in part)], rows)
     urdf = "<robot" in model.text
+    options.tell_idle(closure.idle)
     say(
         f"Closed means a residual of at most {tolerance:.2g} m or rad.\n"
         + (
@@ -282,6 +285,7 @@ def conditions(
         "momentum": momentum,
         "dof": found.dof,
         "moving_mass_kg": model.total_mass,
+        "idle": list(found.idle),
         "loops": len(model.loops),
         "residual_m": found.closure_residual,
         "rank": found.rank,
@@ -308,6 +312,7 @@ def _print_conditions(found: "Conditions", momentum: str, possible: "Feasibility
     rows = _condition_rows(found, model)
     named = f"With {', '.join(f'{name} = {length:.6g} m' for name, length in model.lengths.items())}"
     emit_table(f"Conditions of {model.name}", ["condition", "now", "unit"], rows, named if model.lengths else "")
+    options.tell_idle(found.idle)
     kept, dropped = found.singular_values
     if found.in_doubt:
         exact = found.rank_to_the_letter

@@ -6,7 +6,7 @@ Options and arguments are the defaults of a command's parameters, declared once 
     def size(mechanism: str = MECHANISM, best: int = option("Sets to list.", default=1)) -> None:
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, get_args, get_origin
 import click
 
 from ..errors import UnitError
-from .framework import Answer, answering, emit_table, plain_text
+from .framework import Answer, answering, emit_table, plain_text, say
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -273,6 +273,15 @@ def print_responses(responses: "dict[str, Response]") -> None:
             values = [before.rms()[name], after.rms()[name], peak, after.peak()[name]]
             rows.append([component_label(name), *(f"{value:.4g}" for value in values)])
     emit_table("Simulated motion", ["component", "RMS before", "RMS after", "peak before", "peak after"], rows)
+
+
+def tell_idle(names: Sequence[str]) -> None:
+    """What idle freedoms there are, and what is made of them."""
+    if names:
+        say(
+            f"Idle: {', '.join(names)}: bodies turn about a line through their centres of mass while the motors stand "
+            "still. The shaking force does not depend on it; motions leave these coordinates as they are at home."
+        )
 
 
 def serve(server: "Loopback", name: str, browser: bool, idle: float | None) -> None:

@@ -120,6 +120,7 @@ def _print(found: "SizingStudy", best: int) -> None:
     for key in found.left_out:
         say(f"The vibration of the base is without {key}, which the rig has.")
     result = found.best
+    options.tell_idle(result.conditions.idle)
     if found.verdict.attainable:
         note(
             f"First-moment residual: {first_moment(result.residual())} ({per_cent_text(result.residual_percent())} of "

@@ -3,12 +3,15 @@
 Loops of planar and parallelogram mechanisms are redundant: a fixed set of independent rows is solved, all are checked.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
 from ..arrays import Floats, Indices
 from ..errors import ClosureError
+from ..mechanism.loop_constraints import Coupling
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.pinocchio_engine import PinocchioEngine
 from ..motion import Samples
@@ -36,6 +39,7 @@ class Closure:
         With ``search``, what closes only from other starts than the file's configuration is closed from one of them.
         """
         self.mechanism = mechanism
+        self._fixed: dict[tuple[str, ...], Closure] = {}
         self.engine = PinocchioEngine(mechanism)
         # A length of the mechanism: the largest distance within a body, between joints, sites and centres [m].
         steps = [np.linalg.norm(joint.position) for joint in mechanism.tree.joints]
@@ -44,14 +48,26 @@ class Closure:
         self.home = self._closed_home(search)
         self.rows = independent_rows(self.engine.constraint_jacobian(self.home))
         self.dof = mechanism.tree.size - len(self.rows)
-        free = _null_space(self.engine.constraint_jacobian(self.home)[self.rows])
-        near = self._stepped(self.home, 0.02 * free @ np.random.default_rng(0).normal(size=free.shape[1]))
+        near = self._near_home()
         if near is not None and len(independent_rows(self.engine.constraint_jacobian(near))) > len(self.rows):
             name, branch = self.mechanism.name, self.mechanism.branch
             raise ClosureError(
                 f"{name} is singular at {branch!r}: its branches meet there; give another closed configuration as "
                 "<keyframe><key name='home' qpos='...'/>, of a URDF as home in its YAML file"
             )
+
+    @cached_property
+    def idle(self) -> tuple[str, ...]:
+        """Coordinates of the idle freedoms, one each: those that move no centre of mass while the motors stand still.
+
+        Such as a rod that spins about the line through its two ball joints. None where every freedom would be one.
+        """
+        found = self._idle(JointDrive.from_names(self.mechanism, self.mechanism.driven))
+        return found if len(found) < self.dof else ()
+
+    def without_idle(self) -> "Closure":
+        """The same with its idle freedoms fixed as at home; itself where there are none."""
+        return self._with_fixed(self.idle)
 
     def follow(self, samples: Samples, drive: Drive | None = None, near: Trajectory | None = None) -> Trajectory:
         """Close the mechanism at every sample of a motion of its driven coordinates.
@@ -62,9 +78,14 @@ class Closure:
         samples.check()
         drive = drive or samples.drive(self.mechanism)
         if drive.size != self.dof:
+            idle = self._idle(drive)
+            if drive.size + len(idle) == self.dof:
+                return replace(self._with_fixed(idle).follow(samples, drive, near), idle=idle)
+            free = [name for name in self._free(drive) if name not in idle]
             raise ClosureError(
-                f"{self.mechanism.name} has {self.dof} degree{'s' * (self.dof != 1)} of freedom, but the motion "
-                f"drives {drive.size}: {', '.join(drive.names)}"
+                f"{self.mechanism.name} has {self.dof} degree{'s' * (self.dof != 1)} of freedom"
+                f"{', idle ' + ', '.join(idle) if idle else ''}, but the motion drives {drive.size}: "
+                f"{', '.join(drive.names)}{'; nothing moves ' + ', '.join(free) if free else ''}"
             )
         if not self.mechanism.loops and isinstance(drive, JointDrive):
             order = np.argsort(drive.indices)
@@ -96,6 +117,11 @@ class Closure:
             q = trial
             found.append(q)
         raise ClosureError(f"{self.mechanism.name} has no room to move about {self.mechanism.branch!r}")
+
+    def _near_home(self) -> Floats | None:
+        """A closed configuration in general position near home, (nv,) [rad, m]; None where there is none."""
+        free = _null_space(self.engine.constraint_jacobian(self.home)[self.rows])
+        return self._stepped(self.home, 0.02 * free @ np.random.default_rng(0).normal(size=free.shape[1]))
 
     def _stepped(self, q: Floats, step: Floats) -> Floats | None:
         trial, residual = nearest_closed(self.engine, q + step, self.length)
@@ -149,6 +175,42 @@ class Closure:
         """Of the loops, (n, rows, nv), at configurations (n, nv)."""
         rows = len(self.engine.constraint_jacobian(self.home))
         return np.array([self.engine.constraint_jacobian(state) for state in q]).reshape(len(q), rows, q.shape[1])
+
+    def _idle(self, drive: Drive) -> tuple[str, ...]:
+        """Coordinates of the freedoms that move neither ``drive``, nor a centre of mass, nor a counter-mass's site."""
+        model, bodies = self.mechanism, self.mechanism.tree.bodies
+        places = [(joint, row[1:4] / row[0]) for joint, row in zip(bodies, model.parameters, strict=True) if row[0] > 0]
+        places += [
+            (bodies[site.body], site.position) for site in map(model.site, model.counter_sites) if site.body >= 0
+        ]
+        return self._free(drive, places)
+
+    def _free(self, drive: Drive, places: Sequence[tuple[int, Floats]] = ()) -> tuple[str, ...]:
+        """Coordinates that can move while ``drive`` and ``places``, points of joints' frames [m], stand still.
+
+        One for each freedom that is there at home and near it too.
+        """
+        if drive.size >= self.dof:
+            return ()
+
+        def directions(q: Floats) -> Floats:
+            fixed = [self.engine.point(q, *place)[1] / self.length for place in places]
+            rows = [self.engine.constraint_jacobian(q)[self.rows], drive.rates(self.engine, q), *fixed]
+            _, sizes, turned = np.linalg.svd(np.concatenate(rows))
+            return turned[int((sizes > RANK_LIMIT * sizes.max(initial=0.0)).sum()) :].T
+
+        found, near = directions(self.home), self._near_home()
+        if not found.shape[1] or near is None or directions(near).shape != found.shape:
+            return ()
+        return tuple(self.mechanism.coordinates[k] for k in independent_rows(found))
+
+    def _with_fixed(self, names: tuple[str, ...]) -> "Closure":
+        """The same with some coordinates fixed as at home."""
+        if names and names not in self._fixed:
+            at = {name: self.mechanism.coordinate_index(name) for name in names}
+            ties = [Coupling(name, k, None, np.zeros(5), (float(self.home[k]), 0.0)) for name, k in at.items()]
+            self._fixed[names] = Closure(replace(self.mechanism, home=self.home, loops=(*self.mechanism.loops, *ties)))
+        return self._fixed[names] if names else self
 
     def residual(self, q: Floats) -> Floats:
         """Largest loop residual over all rows, (n,) [m, rad], at the configurations ``q`` (n, nv) [rad, m]."""

@@ -5,7 +5,7 @@ that are not small, the one that fills in least (H. M. Markowitz, 1957). What is
 nothing then. Rows beyond the number of columns depend on the others: they are not used.
 """
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,7 +15,7 @@ from ..arrays import Floats, Indices
 from ..errors import ClosureError
 from ..mechanism import forward_kinematics, loop_constraints
 from ..mechanism.forward_kinematics import Pose, Tree
-from ..mechanism.loop_constraints import Constraint
+from ..mechanism.loop_constraints import Constraint, Coupling
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.pinocchio_engine import PinocchioEngine
 from ..mechanism.sparse_components import Entry, Rows, largest, mul, sub
@@ -150,7 +150,7 @@ class LoopProgram:
 
     def step(self, order: Order) -> Program:
         """From configurations and driven coordinates to better ones, and the largest change."""
-        return self.tree.program(("step", order, self.drive.key), lambda: self._step(order))
+        return self.tree.program(("step", order, self._key), lambda: self._step(order))
 
     def rates(self, order: Order) -> Program:
         """From configurations, driven coordinates and their two rates to what a motion has.
@@ -158,7 +158,13 @@ class LoopProgram:
         In turn: velocities, accelerations, rates of all coordinates per driven one (dof by nv), largest residual, and
         how near a pivot is to zero, as its inverse.
         """
-        return self.tree.program(("rates", order, self.drive.key), lambda: self._rates(order))
+        return self.tree.program(("rates", order, self._key), lambda: self._rates(order))
+
+    @cached_property
+    def _key(self) -> Hashable:
+        """What tells it from others of the same tree: the drive, and coordinates that were fixed."""
+        ties = (loop for loop in self.loops if isinstance(loop, Coupling) and loop.second is None)
+        return self.drive.key, tuple((tie.first, tie.zero) for tie in ties)
 
     @cached_property
     def _equations_count(self) -> int:
@@ -171,7 +177,7 @@ class LoopProgram:
             at = forward_kinematics.pose(self.tree, tape.rows(self.tree.size))
             return tape.program([entry for row in self._jacobian(at) for entry in row])
 
-        return self.tree.program(("equations", self.drive.key), write)
+        return self.tree.program(("equations", self._key), write)
 
     def _step(self, order: Order) -> Program:
         tape = Tape()

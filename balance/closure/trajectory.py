@@ -146,6 +146,8 @@ class Trajectory:
     """Condition number of loops and driven coordinates where elimination did worst, the largest of all blocks."""
     branch: str
     """The configuration whose assembly branch every sample is on."""
+    idle: tuple[str, ...] = ()
+    """Coordinates of idle freedoms, which nothing drives: they stay as at home (``Closure.idle``)."""
 
     def is_closed(self, tol: float = RESIDUAL_LIMIT) -> bool:
         """Whether no residual exceeds ``tol`` [m, rad]."""

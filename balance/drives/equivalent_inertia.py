@@ -93,7 +93,7 @@ def reduced_to_crank(mechanism: Mechanism, crank: str | None = None, direction: 
     model = replace(mechanism, driven=(name,), viscous=0.0 * mechanism.viscous, coulomb=0.0 * mechanism.coulomb)
     if not model.tree.joints[model.coordinate_index(name)].revolute:
         raise ModelError(f"{model.name}: joint {name!r} slides: a drive needs a crank that turns")
-    closure = Closure(model)
+    closure = Closure(model).without_idle()
     if closure.dof != 1:
         raise ModelError(f"{model.name} has {closure.dof} degrees of freedom: a drive is reduced to one crank")
     count = _FIRST

@@ -312,7 +312,7 @@ def shaking_force_per_acceleration(mechanism: Mechanism, body: str) -> float | N
 
     None where the position of that body does not determine the mechanism, so that there is no such number.
     """
-    closure = Closure(mechanism)
+    closure = Closure(mechanism).without_idle()
     drive = PointDrive.from_place(mechanism, body, ("x", "y"))
     if drive.size != closure.dof:
         return None

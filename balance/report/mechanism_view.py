@@ -93,7 +93,7 @@ class MechanismView:
     """Why nothing can be mounted, where nothing can."""
 
     def __post_init__(self) -> None:
-        self._lock, self.closure = Lock(), Closure(self.mechanism)
+        self._lock, self.closure = Lock(), Closure(self.mechanism).without_idle()
         try:
             self.sites = chosen_sites(self.mechanism, self.sites)
         except CounterpoiseError as error:

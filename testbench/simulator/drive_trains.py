@@ -152,7 +152,7 @@ class DriveTrains:
         Raises RigError for a rotor without inertia, and for joints that cannot yield by themselves.
         """
         _refuse_without_inertia(mechanism, drives)
-        closure, own = Closure(mechanism), [x for x in mechanism.coordinates if not _is_added(x)]
+        closure, own = Closure(mechanism).without_idle(), [x for x in mechanism.coordinates if not _is_added(x)]
         if closure.dof != len(mechanism.driven):
             raise RigError(
                 f"bench.joints: with {', '.join(joints)} {mechanism.name} has {closure.dof} degrees of freedom for "

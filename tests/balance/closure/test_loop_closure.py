@@ -1,12 +1,17 @@
 """Closed configurations, degrees of freedom, walks over the loops; what cannot close is refused."""
 
+import re
+
 import numpy as np
 import pytest
 
+from balance.balancing.objective import workspace_objective
 from balance.closure import Closure, independent_rows
+from balance.dynamics.inverse_dynamics import simulate
 from balance.errors import ClosureError, DataError
 from balance.mechanism import forward_kinematics, loop_constraints
 from balance.motion import Samples
+from balance.motion.motion_files import load_motion
 
 from .. import models, referees
 
@@ -148,3 +153,41 @@ def test_a_motion_that_is_none_is_refused(name):
         samples = Samples(time, position, still[: len(time)], still[: len(time)], joints)
         with pytest.raises(DataError, match=text):
             closure.follow(samples)
+
+
+DELTA = models.load("delta")
+HOME = [f"{q} 0" if joint[0] == "S" else f"{q}" for q, joint in zip(DELTA.home, DELTA.coordinates, strict=True)]
+SPIN = re.sub(
+    r'(<joint name="S(\w+)" type="hinge" axis="0 0 1"/>)', r'\1<joint name="spin_\2" axis="1 0 0"/>', DELTA.text
+)
+ROD_SPINS = re.sub(r'qpos="[^"]*"', f'qpos="{" ".join(HOME)}"', SPIN)
+"""The delta with ball joints at both ends of its rods: each may spin about its own axis."""
+
+
+def test_rods_that_spin_idly_change_nothing() -> None:
+    """Force, moment, torque and the workspace's objective of the delta are those without the six idle freedoms."""
+    free, fixed = models.model(ROD_SPINS), DELTA
+    closure = Closure(free)
+    assert (closure.dof, closure.idle) == (9, tuple(f"spin_{k}{side}" for k in (1, 2, 3) for side in "ab"))
+    samples = load_motion("delta").sample(200.0)
+    one, other = (simulate(model, Closure(model).follow(samples)) for model in (free, fixed))
+    assert Closure(free).follow(samples).idle == closure.idle
+    np.testing.assert_allclose(one.force, other.force, atol=1e-9)
+    np.testing.assert_allclose(one.moment, other.moment, atol=1e-9)
+    np.testing.assert_allclose(list(one.torque.values()), list(other.torque.values()), atol=1e-9)
+    value = workspace_objective(fixed).value(fixed)
+    assert workspace_objective(free).value(free) == pytest.approx(value, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('pos="0.16 0 0" mass="0.05"', 'pos="0.16 0.01 0" mass="0.05"'),
+        ('<site name="C1a"', '<site name="counter_rod" pos="0.1 0.01 0"/><site name="C1a"'),
+    ],
+)
+def test_a_rod_that_would_swing_is_not_idle(old: str, new: str) -> None:
+    """A centre of mass, or a place for a counter-mass, off the line it spins about: refused, its coordinate named."""
+    model = models.model(ROD_SPINS.replace(old, new, 1))
+    with pytest.raises(ClosureError, match=r"9 degrees of freedom, idle spin_1b, .*; nothing moves spin_1a"):
+        Closure(model).follow(load_motion("delta").sample(200.0))
