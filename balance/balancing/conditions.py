@@ -151,6 +151,8 @@ class Conditions:
     """Whether singular values were dropped as rounding of the file's numbers that are none of the computation."""
     rank_to_the_letter: int | None = None
     """Where it is in doubt, the number of conditions of the file's numbers as they are; None where it is undecided."""
+    rank_rational: int | None = None
+    """Where singular values leave the rank of an open chain in doubt, its rank in exact arithmetic, to 15 digits."""
     idle: tuple[str, ...] = ()
     """Coordinates of the idle freedoms among ``dof``: see ``Closure.idle``."""
 
@@ -242,21 +244,32 @@ def balance_conditions(mechanism: Mechanism, momentum: str = "linear") -> Condit
     if momentum not in MOMENTA:
         raise ModelError(f"momentum is {momentum!r}: expected one of {', '.join(MOMENTA)}")
     closure = Closure(mechanism)
-    decided_by, in_doubt, exact = "singular values", False, None
+    decided_by, in_doubt, exact, rational = "singular values", False, None, None
     try:
         basis, gap, in_doubt = _momentum_space(closure, MOMENTA[momentum])
     except UndecidedRank:
-        basis, gap = _extended_momentum_space(closure, MOMENTA[momentum])
+        rational = _rational_rank(mechanism, momentum)
+        basis, gap = _extended_momentum_space(closure, MOMENTA[momentum], rational)
         decided_by = "elimination in extended precision"
     if in_doubt:
+        rational = _rational_rank(mechanism, momentum)
         with suppress(UndecidedRank):
             exact = len(_extended_momentum_space(closure, MOMENTA[momentum])[0])
         in_doubt = exact != len(basis)
     residual = float(closure.residual(closure.home[None])[0])
     return Conditions(
         closure.mechanism, closure.dof, reduced_row_echelon(basis, pivot_order(mechanism)), gap, decided_by, residual,
-        in_doubt, exact if in_doubt else None, closure.idle,
+        in_doubt, exact if in_doubt else None, rational, closure.idle,
     )  # fmt: skip
+
+
+def _rational_rank(mechanism: Mechanism, momentum: str) -> int | None:
+    """Rank in exact arithmetic; None where loops are closed, which have no rational configurations in general."""
+    if mechanism.loops:
+        return None
+    from .rational_rank import rational_rank  # late: hardly any rank is in doubt
+
+    return rational_rank(mechanism.tree, MOMENTA[momentum])
 
 
 def _momentum_space(closure: Closure, rows: list[int]) -> tuple[Floats, tuple[float, float], bool]:
@@ -276,9 +289,12 @@ def _momentum_space(closure: Closure, rows: list[int]) -> tuple[Floats, tuple[fl
         count *= 2
 
 
-def _extended_momentum_space(closure: Closure, rows: list[int]) -> tuple[Floats, tuple[float, float]]:
+def _extended_momentum_space(
+    closure: Closure, rows: list[int], rank: int | None = None
+) -> tuple[Floats, tuple[float, float]]:
     """The row space of a momentum's ``rows`` in NumPy's extended precision, 64 bits of mantissa on most processors.
 
+    Where its pivots leave no gap, it has the ``rank`` that is known.
     States are closed to that precision by Newton's method with the inverse in double precision. Raises UndecidedRank.
     """
     tree, loops = closure.mechanism.tree, closure.mechanism.loops
@@ -299,7 +315,7 @@ def _extended_momentum_space(closure: Closure, rows: list[int]) -> tuple[Floats,
             load = body_momentum(unit, at, moving, joint)
             columns.append([(*load.force, *load.moment)[row] for row in rows])
     matrix = _stacked(columns, len(rows), q.shape[1]).transpose(2, 1, 0).reshape(-1, len(columns))
-    return _eliminated(matrix, closure.mechanism.name)
+    return _eliminated(matrix, closure.mechanism.name, rank)
 
 
 def _stacked(rows: Sequence[Sequence[Entry]], columns: int, count: int) -> Floats:
@@ -311,7 +327,7 @@ def _stacked(rows: Sequence[Sequence[Entry]], columns: int, count: int) -> Float
     return found
 
 
-def _eliminated(matrix: Floats, name: str) -> tuple[Floats, tuple[float, float]]:
+def _eliminated(matrix: Floats, name: str, known: int | None = None) -> tuple[Floats, tuple[float, float]]:
     """Orthonormal basis of a row space by Gauss's elimination with complete pivoting, and the pivots at the cut."""
     rest, kept, pivots = matrix / np.abs(matrix).max(), [], []
     for _ in range(min(matrix.shape)):
@@ -324,13 +340,13 @@ def _eliminated(matrix: Floats, name: str) -> tuple[Floats, tuple[float, float]]
         rest[row] = 0.0
     floor = np.maximum(pivots, float(np.finfo(np.longdouble).eps))
     gaps = np.flatnonzero(floor[:-1] / floor[1:] >= GAP)
-    if not len(gaps):
+    if not len(gaps) and known is None:
         raise UndecidedRank(
             f"{name}: the rank of its momentum cannot be decided, not in extended precision either: its pivots fall "
             f"from {pivots[0]:.3g} to {pivots[-1]:.3g} without a gap of {GAP:g}"
         )
-    rank = int(gaps[-1]) + 1
-    return np.linalg.qr(np.array(kept[:rank]).T)[0].T, (pivots[rank - 1], pivots[rank])
+    rank = int(gaps[-1]) + 1 if len(gaps) else min(known or 0, len(kept))
+    return np.linalg.qr(np.array(kept[:rank]).T)[0].T, (pivots[rank - 1], pivots[rank] if rank < len(pivots) else 0.0)
 
 
 def pivot_order(mechanism: Mechanism) -> list[int]:

@@ -292,6 +292,7 @@ def conditions(
         "rank_by": found.rank_by,
         "rank_in_doubt": found.in_doubt,
         "rank_to_the_letter": found.rank_to_the_letter,
+        "rank_rational": found.rank_rational,
         "singular_value_gap": list(found.singular_values),
         "conditions": found.document(),
         "balanced": found.is_balanced(BALANCED_KGM),
@@ -319,7 +320,9 @@ def _print_conditions(found: "Conditions", momentum: str, possible: "Feasibility
         say(
             f"Rank in doubt: singular values up to {dropped:.3g} were taken for rounding of the file's numbers, beside "
             f"{kept:.3g}. To the letter the file has "
-            + (f"{exact} conditions." if exact else "more conditions, how many cannot be decided.")
+            + (f"{exact} conditions" if exact else "more conditions, how many cannot be decided")
+            + (" in extended precision" if model.loops else f", {found.rank_rational} in exact arithmetic")
+            + "."
             + " Write equal lengths and angles with the same digits, all sixteen of them; others further apart."
         )
     note(

@@ -136,7 +136,7 @@ def pose(tree: Tree, q: Entries) -> Pose:
 def _rotated(frame: Matrix, axis: Floats, angle: Entry) -> Matrix:
     """``frame`` turned by ``angle`` (n,) [rad] about its ``axis``. Rodrigues: R + R K sin + R K K (1 - cos)."""
     s, c = sincos(angle)
-    if axis[2] == 1.0:
+    if axis.tolist() == [0.0, 0.0, 1.0]:
         return plus(scale(c, frame[0]), scale(s, frame[1])), minus(scale(c, frame[1]), scale(s, frame[0])), frame[2]
     k = matrix(np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]]))
     first = product(frame, k)

@@ -9,12 +9,14 @@ from scipy.spatial.transform import Rotation
 from balance.balancing import closed_forms
 from balance.balancing.conditions import (
     GAP,
+    MOMENTA,
     Conditions,
     UndecidedRank,
     balance_conditions,
     reduced_row_echelon,
     row_space,
 )
+from balance.balancing.rational_rank import rational_rank
 from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import momentum
 from balance.dynamics.regressor import momentum_regressor
@@ -294,6 +296,24 @@ def test_a_rank_that_rounding_may_explain_is_in_doubt(off: float, in_doubt: bool
     found = balance_conditions(models.model(models.four_bar(0.3, 0.2, 0.3 + off, 0.2, 1.0)))
     assert (found.rank, found.in_doubt) == (2, in_doubt)
     assert found.rank_to_the_letter in ((4, None) if np.finfo(np.longdouble).eps > 1e-18 else (4,)) or not in_doubt
+
+
+@pytest.mark.parametrize("tilt", [1e-3, 1e-7, 2.7e-8, 1e-11])
+def test_a_rank_in_doubt_is_confirmed_in_rational_arithmetic(tilt: float) -> None:
+    """Three hinges of which one is not quite parallel: to the letter 19 conditions, as where the tilt is plain."""
+    third = models.link("", "c", place='pos="0.2 0 0"')
+    second = models.link(third, "b", f'<joint name="b" axis="{tilt} 0 1"/>', 'pos="0.3 0 0"')
+    found = balance_conditions(models.model(models.mjcf(models.link(second, "a"))), "all")
+    assert (found.rank_to_the_letter if found.in_doubt else found.rank) == 19
+    assert found.rank_rational == (None if tilt == 1e-3 else 19)
+
+
+@pytest.mark.parametrize("name", ["serial-3r", "scara-quill", "two-joint-arm-a0"])
+@pytest.mark.parametrize("momentum", MOMENTA)
+def test_rational_arithmetic_finds_the_rank_of_singular_values(name: str, momentum: str) -> None:
+    """Open chains whose rank is plain: hinges, slides, turned frames."""
+    model = models.load(name)
+    assert rational_rank(model.tree, MOMENTA[momentum]) == balance_conditions(model, momentum).rank
 
 
 def test_small_singular_values_of_the_computation_leave_no_doubt() -> None:
