@@ -27,6 +27,10 @@ _TERMS = 2
 _NEAR = 7
 """Bands about a frequency, or next to it at the ends."""
 _QUARTILE = 0.25
+_APART_S = 0.13
+"""By how much ends of two motions may be wrong that a record does not show the beginning of."""
+_STEPS_S = (0.008, 0.001)
+"""In which their lag is sought, then about the best."""
 _SEEN = 0.75
 """Share of noise of 30 to 150 Hz width that is so found, median (Monte Carlo)."""
 LOUDER = 3.0
@@ -43,16 +47,17 @@ def noise_in_motion(at_rest: Noise, side: Amplitude, others: Sequence[Amplitude]
 
     None where the sides cannot be compared.
     """
-    moved = [run.whole[run.moving or slice(None)] for run in (side, *others)]
-    segments = [Segment(values[: min(map(len, moved))], side.rate_hz) for values in moved]
-    if not segments[0].usable or max(abs(other.rate_hz / side.rate_hz - 1.0) for other in others) > 1e-4:
+    if max(abs(other.rate_hz / side.rate_hz - 1.0) for other in others) > 1e-4:
+        return None
+    begin, segments = _together(side, others)
+    if not segments[0].usable:
         return None
     centres, densities, left = _left(segments[0], segments[1:])
     firsts = np.clip(np.arange(len(centres)) - _NEAR // 2, 0, max(len(centres) - _NEAR, 0))
     calm = [np.exp(np.quantile(np.log(densities[i : i + _NEAR]), _QUARTILE)) / _SEEN for i in firsts]
     density = np.maximum(at_rest.density, np.interp(at_rest.frequency, centres, calm))
     moving, count = side.moving or slice(0, len(side.whole)), len(segments[0].values)
-    known = slice(moving.start, moving.start + count)
+    known = slice(begin, begin + count)
     evened = _over_time(left * np.minimum(np.array(calm) / densities, 1.0)[:, None, None] ** 0.5, count)
     over_time = NoiseOverTime.of(side.in_band(evened)[None], 1.0, known, moving, len(side.course), side.rate_hz)
     return replace(at_rest, density=density, scatter=max(at_rest.scatter, _SCATTER)), over_time
@@ -64,6 +69,34 @@ def exceeds_rest(at_rest: Noise, side: Amplitude, length: int) -> bool:
     starts = np.linspace(0, len(side.whole) - length, 2 * len(side.whole) // max(length, 1)).astype(int)
     parts = [Noise.of([Segment(side.whole[at : at + length], side.rate_hz)]) for at in starts]
     return any(one is not None and one.exceeds(at_rest, side.measure.band) for one in parts)
+
+
+def _together(side: Amplitude, others: Sequence[Amplitude]) -> tuple[int, list[Segment]]:
+    """The part of the motion that both sides show, and its first sample in the record of the one side.
+
+    Records that begin in motion are shifted to where least is left, near where their motions end together.
+    """
+    own, other = (run.moving or slice(0, len(run.whole)) for run in (side, others[0]))
+
+    def part(lag: int) -> tuple[int, list[Segment]]:
+        first = max(own.start, other.start + lag)
+        count = max(min(own.stop, other.stop + lag) - first, 0)
+        begins = [first, *(first - lag for _ in others)]
+        runs = zip((side, *others), begins, strict=True)
+        return first, [Segment(run.whole[begin : begin + count], side.rate_hz) for run, begin in runs]
+
+    def left(lag: int) -> float:
+        segments = part(lag)[1]
+        return float(np.log(_left(segments[0], segments[1:])[1]).mean()) if segments[0].usable else np.inf
+
+    if (own.start and other.start) or (side.moving is others[0].moving is None):
+        return part(own.start - other.start)
+    lag, reach = own.stop - other.stop, _APART_S
+    for seconds in _STEPS_S:
+        step = max(round(seconds * side.rate_hz), 1)
+        lag = min(range(lag - round(reach * side.rate_hz), lag + round(reach * side.rate_hz) + 1, step), key=left)
+        reach = seconds
+    return part(lag)
 
 
 def _left(one: Segment, others: Sequence[Segment]) -> tuple[Floats, Floats, np.ndarray]:

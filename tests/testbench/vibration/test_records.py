@@ -91,7 +91,7 @@ def test_rest_of_one_run(metric):
     for reduction in analyze(pair((0.1, -0.25)), Measure(metric)).reductions:
         low, high = reduction.interval
         assert low < reduction.percent < high
-        assert reduction.noise_floor[0] == pytest.approx(reduction.noise_floor[1], rel=0.1)
+        assert reduction.noise_floor[0] == pytest.approx(reduction.noise_floor[1], rel=0.05)
 
 
 @pytest.mark.parametrize("metric", ["rms", "peak"])
