@@ -315,22 +315,14 @@ class CampaignNoise:
         return Group((AmplitudeLikelihood.of(one, noise),), side.names)
 
     def in_envelope(self, condition: Condition, place: Place, one: Amplitude, lag: float = 0.0) -> Amplitude:
-        """A record with the course of its noise over time, where noise acts in motion: that of its own repeats, else
+        """A record with the course of its noise over time, where noise acts in motion: that of its own repeats, and
         that of the condition's other side, from the beginning of the motion on.
         """
+        shown: list[tuple[NoiseOverTime, float]] = []
         louder = self.unrepeated.get((id(condition), place))
         if louder and one.moving:
-            noise, over_time = louder
-            at_rest, band = self.noises[place, round(one.rate_hz)] or noise, one.measure.band
-            envelope = np.full(len(one.course), (at_rest.power(band)[0] / noise.power(band)[0]) ** 0.5)
-            envelope[one.moving] = 1.0
-            later = float(one.moving.start - over_time.moving.start)
-            over_time = NoiseOverTime.pooled([(over_time, later)], len(one.course), one.moving)
-            return replace(one, envelope=envelope, over_time=over_time)
-        if not self.in_motion[place]:
-            return one
-        shown: list[tuple[NoiseOverTime, float]] = []
-        for side in condition.sides:
+            shown.append((louder[1], float(one.moving.start - louder[1].moving.start)))
+        for side in condition.sides if self.in_motion[place] else ():
             both, first = self.aligned[side.key], side.records[0][place]
             if both is None:
                 continue

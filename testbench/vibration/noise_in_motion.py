@@ -59,8 +59,10 @@ def noise_in_motion(at_rest: Noise, side: Amplitude, others: Sequence[Amplitude]
     moving, count = side.moving or slice(0, len(side.whole)), len(segments[0].values)
     known = slice(begin, begin + count)
     evened = _over_time(left * np.minimum(np.array(calm) / densities, 1.0)[:, None, None] ** 0.5, count)
-    over_time = NoiseOverTime.of(side.in_band(evened)[None], 1.0, known, moving, len(side.course), side.rate_hz)
-    return replace(at_rest, density=density, scatter=max(at_rest.scatter, _SCATTER)), over_time
+    louder, band = replace(at_rest, density=density, scatter=max(at_rest.scatter, _SCATTER)), side.measure.band
+    resting = at_rest.power(band)[0] / max(louder.power(band)[0], 1e-300)
+    shown = side.in_band(evened)[None]
+    return louder, NoiseOverTime.of(shown, 1.0, known, moving, len(side.course), side.rate_hz, resting)
 
 
 def exceeds_rest(at_rest: Noise, side: Amplitude, length: int) -> bool:

@@ -3,8 +3,8 @@
 Squares of residuals are smoothed over time. How widely, the data tell: by the least estimated squared error, from which
 what squares share with their neighbours by the correlation of the noise is taken off (as of intensities of events:
 Diggle, Applied Statistics 34, 138, 1985). How wrong the course may be is told by a parametric bootstrap (Efron and
-Tibshirani, An Introduction to the Bootstrap, 1993, ch. 6): the true course is to the estimated one as what is expected
-is to a course estimated anew from squares that the estimated one makes.
+Tibshirani, An Introduction to the Bootstrap, 1993, ch. 6): courses estimated anew from squares that the estimated one
+makes are to it, in bias and spread, as it is to the true one.
 """
 
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ class NoiseOverTime:
     """Squares of what does not repeat, over the time of one record."""
 
     squares: Floats
-    """(n,), 1 on average in motion, and where nothing shows it [-]."""
+    """(n,), 1 on average in motion [-]."""
     freedom: float
     """Degrees of freedom of each."""
     correlation: Floats
@@ -42,15 +42,25 @@ class NoiseOverTime:
 
     @classmethod
     def of(
-        cls, residuals: Floats, freedom: float, known: slice, moving: slice, count: int, rate_hz: float
+        cls,
+        residuals: Floats,
+        freedom: float,
+        known: slice,
+        moving: slice,
+        count: int,
+        rate_hz: float,
+        elsewhere: float = 1.0,
     ) -> "NoiseOverTime":
-        """From residuals (k, m) [unit] in samples ``known`` of ``count``, of so many degrees of freedom a sample."""
+        """From residuals (k, m) [unit] in samples ``known`` of ``count``, of so many degrees of freedom a sample.
+
+        ``elsewhere``: power where they show nothing, 1 on average in motion.
+        """
         inside = slice(max(moving.start - known.start, 0), max(moving.stop - known.start, 0))
         power, size = (residuals**2).sum(axis=0), 2 * residuals.shape[1]
         like = np.zeros(count)
         like[: size // 2] = np.fft.irfft((np.abs(np.fft.rfft(residuals, size)) ** 2).sum(axis=0), size)[: size // 2]
         near = np.maximum(1.0 - np.arange(count) / (_ALIKE * max(moving.stop - moving.start, 1)), 0.0)
-        squares = np.ones(count)
+        squares = np.full(count, elsewhere)
         squares[known] = power / max(float(power[inside].mean()), 1e-300)
         return cls(squares, freedom, near * (like / max(float(like[0]), 1e-300)) ** 2, moving, rate_hz)
 
@@ -92,9 +102,8 @@ class NoiseOverTime:
         cells = (np.add.reduceat(self.power, starts) / np.diff([*starts, count]))[:, None]
         freedom = self.freedom * every / max(2.0 * float(self.correlation.sum()) - 1.0, 1.0)
         rng = np.random.default_rng(crc32(self.squares.tobytes()))
-        shown = cells * rng.chisquare(freedom, (len(cells), number)) / freedom
-        expected, again = (_smoothed(values, self.width / every) for values in (cells, shown))
-        found = cells * expected / np.maximum(again, 1e-300)
+        again = _smoothed(cells * rng.chisquare(freedom, (len(cells), number)) / freedom, self.width / every)
+        found = cells**2 / np.maximum(again, 1e-300)
         found /= found[self.moving.start // every : self.moving.stop // every + 1].mean(axis=0)
         levels = np.sqrt(np.maximum(found, _LEAST)).astype(np.float32)
         at = np.clip((np.arange(count) + 0.5) / every - 0.5, 0.0, len(cells) - 1.001)
