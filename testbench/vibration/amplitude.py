@@ -181,9 +181,7 @@ class Amplitude:
     averages: int = 1
     """Records that it is the mean of."""
     envelope: Floats | None = None
-    """Factor on the noise over time, (n,) [-]; None where it is one. Of a mean it is larger where some of its records
-    do not reach, of noise in motion it is smaller at rest.
-    """
+    """Factor on the noise of a mean over time, larger where some of its records do not reach, (n,) [-]; None: 1."""
     over_time: NoiseOverTime | None = None
     """How noise in motion goes over time; None where there is none."""
     step: float = 0.0
@@ -276,18 +274,15 @@ class Amplitude:
         rng, scale = np.random.default_rng(zlib.crc32(self.course.tobytes())), self.averages**-0.5
         number = len(draws.powers)
         if self.envelope is not None:
-            draws = replace(draws, envelope=self.envelope.astype(np.float32))
-            draws = draws.applied() if self.statistic.squared else draws
+            draws = draws.times(self.envelope.astype(np.float32)[:, None])
         if self.over_time is not None:
-            levels = self.over_time.draws(number)
-            loudest = draws.powers * levels.max(axis=0).astype(float) ** 2
-            draws = Draws((np.concatenate(draws.applied().parts) * levels,), loudest)
+            draws = draws.times(self.over_time.draws(number))
         if self.line_errors is not None:
             shares = rng.standard_normal((len(self.line_errors), number), np.float32)
             errors = (self.line_errors.T / scale).astype(np.float32) @ shares
-            draws = Draws((np.concatenate(draws.applied().parts) + errors,), draws.powers)
+            draws = Draws((np.concatenate(draws.parts) + errors,), draws.powers)
         rounding = rng.choice(self.rounding, number) if self.rounding else np.zeros(number)
-        return NoiseRecords(draws, rounding, scale, 1.0 if self.envelope is None else float(self.envelope.max()))
+        return NoiseRecords(draws, rounding, scale)
 
     def in_band(self, whole: Floats) -> Floats:
         """Records (..., m) of the same rate in the band, (..., m)."""

@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Literal
 from zlib import crc32
 
 import numpy as np
-from numpy.typing import NDArray
 
 from balance.arrays import Floats
 from balance.estimation.estimate import chi_square_tail, f_tail, normal_probability
@@ -249,62 +248,33 @@ class Draws:
     powers: Floats
     """Mean square of the noise that each was drawn from, when it is loudest: what runs in one noise share, (draws,)
     [unit^2]."""
-    envelope: Floats | None = None
-    """Factor on every sample, over time, (n,) [-]; None: 1. It is applied where samples are looked at."""
 
     @cached_property
     def mean_squares(self) -> Floats:
         """(draws,) [unit^2]"""
-        parts = self.applied().parts
-        total = sum(np.einsum("ij,ij->j", part, part) for part in parts)
-        return np.asarray(total / sum(map(len, parts)), dtype=float)
+        total = sum(np.einsum("ij,ij->j", part, part) for part in self.parts)
+        return np.asarray(total / sum(map(len, self.parts)), dtype=float)
 
     @cached_property
     def ends(self) -> tuple[Floats, Floats]:
         """Largest and smallest values, (draws,) each [unit]."""
         at_once = max(_AT_ONCE // len(self.powers), 1)
         high, low = np.full((2, len(self.powers)), [[-np.inf], [np.inf]])
-        for piece in self.pieces:
-            for first in range(0, len(piece.values), at_once):
-                block = piece.rows(slice(first, first + at_once))
+        for part in self.parts:
+            for first in range(0, len(part), at_once):
+                block = part[first : first + at_once]
                 high, low = np.maximum(high, block.max(axis=0)), np.minimum(low, block.min(axis=0))
         return high, low
 
-    def applied(self) -> "Draws":
-        """The same, the envelope applied to every sample, in one part."""
-        if self.envelope is None:
-            return self
-        return Draws((np.concatenate([piece.rows(slice(None)) for piece in self.pieces]),), self.powers)
+    def times(self, levels: Floats) -> "Draws":
+        """The same with every sample times its level, (n, draws) or (n, 1) [-]."""
+        loudest = levels.max(axis=0).astype(float)
+        return Draws((np.concatenate(self.parts) * levels,), self.powers * loudest**2)
 
-    @property
-    def pieces(self) -> "list[Piece]":
-        """The parts with their share of the envelope."""
-        if self.envelope is None:
-            return [Piece(part, None) for part in self.parts]
-        return [Piece(part, factor) for part, factor in zip(self.parts, self._split(self.envelope), strict=True)]
-
-    def with_signals(self, signals: Floats) -> "list[tuple[Piece, Floats]]":
+    def with_signals(self, signals: Floats) -> list[tuple[Floats, Floats]]:
         """Each part with that of signals (k, n)."""
-        return list(zip(self.pieces, self._split(signals), strict=True))
-
-    def _split(self, over_time: Floats) -> list[Floats]:
-        """What belongs to each part, of (..., n)."""
-        return np.split(over_time, np.cumsum([len(part) for part in self.parts])[:-1], axis=-1)
-
-
-@dataclass(frozen=True, eq=False)
-class Piece:
-    """A part of records of noise."""
-
-    values: Floats
-    """(m, draws) [unit]"""
-    factor: Floats | None
-    """On each sample, (m,) [-]; None: 1."""
-
-    def rows(self, which: "slice | NDArray[np.intp]") -> Floats:
-        """Some samples of all draws, (k, draws) [unit]."""
-        found = self.values[which]
-        return found if self.factor is None else found * self.factor[which, None]
+        ends = np.cumsum([len(part) for part in self.parts])[:-1]
+        return list(zip(self.parts, np.split(signals, ends, axis=1), strict=True))
 
 
 @dataclass(frozen=True)
@@ -315,8 +285,6 @@ class NoiseRecords:
     rounding: Floats
     """What a step that is not dithered adds to a reading, (draws,) [unit, or its square]."""
     scale: float = 1.0
-    largest: float = 1.0
-    """Of the envelope [-]."""
 
     @property
     def powers(self) -> Floats:
@@ -336,19 +304,19 @@ class NoiseRecords:
 
     def products(self, signal: Floats) -> Floats:
         """Mean of a signal (n,) [-] times each draw, (draws,) [unit]."""
-        parts = self.draws.applied().with_signals(signal[None])
-        return np.asarray(self.scale * sum(some[0].astype(np.float32) @ p.values for p, some in parts) / len(signal))
+        parts = self.draws.with_signals(signal[None])
+        return np.asarray(self.scale * sum(some[0].astype(np.float32) @ part for part, some in parts) / len(signal))
 
     def highest(self, signals: Floats, sign: Literal[1, -1] = 1) -> Floats:
         """Largest value of signals (k, n) [unit] in each draw times ``sign``, (draws, k) [unit]."""
         tops = signals.max(axis=1, keepdims=True)
         below = ((signals - tops) / self.scale).astype(np.float32)
-        reach = _REACH * self.largest * float(self.draws.powers.max()) ** 0.5
+        reach = _REACH * float(self.draws.powers.max()) ** 0.5
         chosen = []
-        for piece, levels in self.draws.with_signals(below):
+        for part, levels in self.draws.with_signals(below):
             near = np.flatnonzero(levels.max(axis=0) >= -reach)
-            blocks = np.array_split(near, near.size * piece.values.shape[1] // _AT_ONCE + 1)
-            chosen += [(sign * piece.rows(rows), levels[:, rows]) for rows in blocks if rows.size]
+            blocks = np.array_split(near, near.size * part.shape[1] // _AT_ONCE + 1)
+            chosen += [(sign * part[rows], levels[:, rows]) for rows in blocks if rows.size]
         return np.asarray((self.scale * _highest(chosen) + tops).T)
 
 

@@ -345,7 +345,7 @@ class CampaignLikelihoods:
             None if ratio.value is None or ratio.interval is None else _percent(ratio.value),
             _bounded(interval, sides),
             None if interval is None else "repeats" if self.noise.repeated(place) else "propagation",
-            _limit(sides, below),
+            _limit(sides[0].saturated, sides[1].saturated, below),
             below,
             (sides[0].amplitude, sides[1].amplitude),
             (sides[0].floor, sides[1].floor),
@@ -420,7 +420,7 @@ def _reduction_without_noise(condition: Condition, place: Place) -> Reduction:
     fell = None if condition.dead(place) else reduction_percent(read[0], read[1])
     return Reduction(
         pair.key, pair.counter_masses, *place, condition.measure, fell, None, None,
-        _limit_of(saturated[0], saturated[1], False), False, (float(np.mean(read[0])), float(np.mean(read[1]))),
+        _limit(saturated[0], saturated[1], False), False, (float(np.mean(read[0])), float(np.mean(read[1]))),
         (None, None), False, 0.0, (len(read[0]), len(read[1])), tuple(run.name for run in pair.runs),
     )  # fmt: skip
 
@@ -434,11 +434,7 @@ def _bounded(
     return (interval[0], 100.0) if sides[1].saturated else interval
 
 
-def _limit(sides: tuple[ConditionAmplitude, ConditionAmplitude], below_noise: bool) -> Limit | None:
-    return _limit_of(sides[0].saturated, sides[1].saturated, below_noise)
-
-
-def _limit_of(balanced_saturated: bool, unbalanced_saturated: bool, below_noise: bool) -> Limit | None:
+def _limit(balanced_saturated: bool, unbalanced_saturated: bool, below_noise: bool) -> Limit | None:
     if balanced_saturated:
         return None if unbalanced_saturated else "at_most"
     return "at_least" if unbalanced_saturated or below_noise else None
