@@ -266,11 +266,16 @@ def _drive_torque(mechanism: Mechanism, trajectory: Trajectory, joint_torque: Fl
     _refuse_undetermined(mechanism, trajectory.per_drive, driven)
     rows = [mechanism.coordinate_index(joint) for joint in driven]
     torque = np.einsum("jin,in->jn", trajectory.per_drive.T, joint_torque.T).T
-    per_motor = trajectory.per_drive[:, rows].transpose(0, 2, 1)
-    if (per_motor != np.eye(len(rows))).any():  # else the motors are what the motion drives
+    if not _are_driven(trajectory.per_drive, rows):
         _refuse_dead_centre(mechanism, trajectory, driven, rows)
+        per_motor = trajectory.per_drive[:, rows].transpose(0, 2, 1)
         torque = np.linalg.solve(per_motor, torque[:, :, None])[:, :, 0]
     return {joint: torque[:, i] for i, joint in enumerate(driven)}
+
+
+def _are_driven(per_drive: Floats, rows: list[int]) -> bool:
+    """Whether the coordinates in ``rows`` are what the motion drives, in that order."""
+    return bool((per_drive.T[:, rows] == np.eye(len(rows))[:, :, None]).all())
 
 
 def _refuse_dead_centre(mechanism: Mechanism, trajectory: Trajectory, driven: tuple[str, ...], rows: list[int]) -> None:
@@ -295,6 +300,8 @@ def driven_rates(mechanism: Mechanism, per_drive: Floats, driven: tuple[str, ...
     """
     _refuse_undetermined(mechanism, per_drive, driven)
     rows = [mechanism.coordinate_index(joint) for joint in driven]
+    if _are_driven(per_drive, rows):
+        return per_drive
     return np.einsum("nij,njk->nik", per_drive, np.linalg.inv(per_drive[:, rows]))
 
 

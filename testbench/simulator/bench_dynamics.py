@@ -13,6 +13,7 @@ first with every fourth sample, then with all. Play and feet that lift or slide 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,7 +27,6 @@ from balance.dynamics.moving_base import (
     apparent_gravity,
     displacement_at,
     linear_response,
-    propagator,
     times,
 )
 from balance.errors import ClosureError
@@ -36,7 +36,10 @@ from ..errors import RigError
 from ..rig.bench import Rotor
 from .added_bodies import rotor_momentum
 from .drive_trains import Deviation, DriveTrains, Spring, every
-from .moving_base_coupling import Coupling, base_motion_loads, weight_wrench_change
+from .moving_base_coupling import Coupling, base_motion_loads, base_motion_torque, weight_wrench_change
+
+if TYPE_CHECKING:
+    from .stepping import Stepped
 
 ROUNDS = 150
 TOLERANCE = 1e-6
@@ -46,6 +49,8 @@ COARSE = 4
 """Samples of a run per sample in which a solution is sought first."""
 _COARSE_FROM = 3000
 """Samples from which that is worth while."""
+_INERTIA_EVERY = 16
+"""Samples of a run per sample of its inertia: rounds end where that of the loads is, whatever this one is."""
 
 
 @dataclass(frozen=True)
@@ -152,33 +157,24 @@ class _Core:
         return cls(a, b, n, mass, np.array(loops).reshape(len(loops), count).T, at_once, drives, contact)
 
     def respond(
-        self, push: Floats, step: float, beyond: tuple[Floats, Floats] | None = None, before: Floats | None = None
+        self, push: Floats, step: float, stepped: "Stepped | None" = None, before: Floats | None = None
     ) -> Floats:
         """From equilibrium under ``push`` (n, 6 + nf) [N, N m] in steps of ``step`` [s]; the base's from rest.
 
-        ``push`` has inertia ``beyond`` the constant one, as ``stepped_inertia`` gives it, at the accelerations
-        ``before`` (n, 6 + nf): where something is stepped, that becomes what it is at those found.
+        Where something is ``stepped``, ``push`` has its inertia beyond the constant one at the accelerations ``before``
+        (n, 6 + nf), and that becomes what it is at those found.
 
         Displacements, velocities and accelerations of base and deviations, (3, n, 6 + nf).
         """
         n, driven = self.positions, np.hstack([push + self.at_once, self.ahead])
         rest = np.linalg.solve(-self.a, self.b @ driven[0])
-        if self.contact or self._from_step_to_step:
-            state, released = self._stepped(driven, step, rest, beyond, before)
+        if stepped is not None:
+            state, released = stepped.through(driven, rest, np.zeros_like(push) if before is None else before)
             driven[:, :n] += released
         else:
             state = rest + linear_response(self.a, self.b, driven - driven[0], step)
         rates = times(self.a[n : 2 * n], state) + times(self.b[n : 2 * n], driven)
         return np.stack([state[:, :n], state[:, n : 2 * n], rates])
-
-    def stepped_inertia(self, beyond: Floats, step: float) -> tuple[Floats, Floats]:
-        """Inertia ``beyond`` D the constant one, (n, 6 + nf, 6 + nf) [kg, kg m, kg m2], and what it divides loads by.
-
-        That is the inverse of 1 + D times the accelerations per load at the end of a ``step`` [s].
-        """
-        n, (_, _, after) = self.positions, propagator(self.a, self.b, step)
-        per_load = self.a[n : 2 * n] @ after[:, :n] + self.b[n : 2 * n, :n]
-        return beyond, np.asarray(np.linalg.inv(np.eye(n) + beyond @ per_load), dtype=np.float64)
 
     def bounces(self) -> list[tuple[float, Spring]]:
         """Natural frequency of each pin on its spring, the rest free [rad/s], and its spring."""
@@ -192,18 +188,18 @@ class _Core:
         """Springs with play, and pins: they bounce too fast for rounds from a constant inertia."""
         return [s for s in self.drives.springs if s.play or len(s.along) > 1] if self.drives else []
 
-    def _stepped(
-        self, driven: Floats, step: float, rest: Floats, beyond: tuple[Floats, Floats] | None, before: Floats | None
-    ) -> tuple[Floats, Floats]:
-        """States (n, k), and what play and feet add to the loads (n, 6 + nf), from rest at the stops of the springs.
+    @property
+    def is_stepped(self) -> bool:
+        """Whether there is play, a pin in its bearing, or feet that may lift."""
+        return self.contact is not None or bool(self._from_step_to_step)
 
-        ``rest`` (k,) is where they would be without play.
-        """
-        from .stepping import step_through
+    def stepped(self, step: float, beyond: Floats, every: int) -> "Stepped":
+        """In steps of ``step`` [s] with inertia ``beyond`` the constant one, for ``every`` samples each."""
+        from .stepping import Stepped
 
         n, springs, contact = self.positions, self._from_step_to_step, self.contact
         turns, feet = 2 * len(springs), 0 if contact is None else 3 * len(contact.at)
-        read, into = np.zeros((turns + feet, len(rest))), np.zeros((n, turns + feet))
+        read, into = np.zeros((turns + feet, len(self.a))), np.zeros((n, turns + feet))
         for k, spring in enumerate(springs):
             rows = slice(2 * k, 2 * k + len(spring.along))
             read[rows, 6:n], into[6:, rows] = spring.along, spring.stiffness * spring.along.T
@@ -211,22 +207,8 @@ class _Core:
             read[turns:, :6], read[turns:, n : n + 6] = np.hsplit(contact.bonded, 2)
             into[:6, turns:] = contact.at.reshape(-1, 6).T
         play = np.array([spring.play for spring in springs])
-        turned = (read[:turns] @ rest).reshape(-1, 2)
-        towards = turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-300)
-        lacking = into[:, :turns] @ (play[:, None] * towards).ravel()
-        phi, now, after = propagator(self.a, self.b, step)
-        states, added = np.empty((len(driven), len(rest))), np.empty((len(driven), n))
-        states[0] = rest + np.linalg.solve(-self.a, self.b[:, :n] @ lacking)
-        pushes = times(now, driven[:-1]) + times(after, driven[1:])
-        preload, *pressed = (np.zeros(0), 0, 0.0) if contact is None else contact.pressed
-        (more, solved), known = beyond or (np.zeros((0, n, n)), np.zeros((0, n, n))), np.zeros((0, n))
-        if beyond and before is not None:
-            known = np.einsum("nij,nj->ni", more, before - times(self.b[n : 2 * n], driven))
-        step_through(
-            phi, np.ascontiguousarray(now[:, :n]), np.ascontiguousarray(after[:, :n]), read, into, self.a[n : 2 * n],
-            pushes, more, solved, known, play, preload, *pressed, states, added,
-        )  # fmt: skip
-        return states, added
+        pressed = (np.zeros(0), 0, 0.0) if contact is None else contact.pressed
+        return Stepped(self.a, self.b, step, n, read, into, play, pressed, beyond, every)
 
 
 @dataclass(frozen=True)
@@ -236,7 +218,6 @@ class Solution:
     trajectory: Trajectory
     response: Response
     """Rotors included."""
-    coupling: Coupling | None
     motion: BaseMotion
     deviation: Deviation
     """Of joints and motors from the command; nothing where all follow it."""
@@ -280,12 +261,12 @@ class BenchDynamics:
                     "stiffness or damping, or less clearance"
                 ) from error
             response = shaking(self.mechanism, trajectory, self.rotors)
-            coupling, push = self._push(response, motion, deviation)
-            found = self._core.respond(push, float(time[1] - time[0]), self._beyond, sought[2])
+            push = self._push(response, motion, deviation)
+            found = self._core.respond(push, float(time[1] - time[0]), self._stepped, sought[2])
             largest[:6] = max(np.abs(found[2, :, :6]).max(), 1e-12)
             change = float((np.abs(found[2] - sought[2]) / largest).max())
             if change <= tolerance:
-                return Solution(trajectory, response, coupling, *_parted(found))
+                return Solution(trajectory, response, *_parted(found))
             sought = found
         raise RigError(
             f"bench.coupling, bench.drives, bench.joints: accelerations still change by {change:.2g} of the largest "
@@ -293,28 +274,26 @@ class BenchDynamics:
             "soft; state another mass, stiffness or damping"
         )
 
-    def _push(self, response: Response, motion: BaseMotion, deviation: Deviation) -> tuple[Coupling | None, Floats]:
-        """Exact loads less those of the core's inertia, (n, 6 + nf) [N, N m], and the coupling under them."""
+    def _push(self, response: Response, motion: BaseMotion, deviation: Deviation) -> Floats:
+        """Exact loads less those of the core's inertia, (n, 6 + nf) [N, N m]."""
         wrench = np.hstack([response.force, response.moment])
-        push, coupling = wrench.copy(), None
+        push = wrench.copy()
         if np.any(self.gravity):
             push += weight_wrench_change(response.weight_moment)
         if self.coupling is not None:
-            coupling = self.coupling.under(wrench, self.gravity)
-            push -= coupling.reaction(motion) + coupling.yielding(motion) - times(self.carried, motion.acceleration)
+            push += self.coupling.turned(motion, wrench, self.gravity)
+            push -= self.coupling.reaction(motion) - times(self.carried, motion.acceleration)
         if self.drives is None:
-            return coupling, push
+            return push
         loads = self.drives.projected(response.torque)
         if self.coupling is not None:
-            per_rate, swept = self._base_loads
             field = motion.acceleration.copy()
             field[:, :3] += apparent_gravity(self.gravity, motion.displacement)
-            loads = loads + np.einsum("nki,ni->nk", per_rate, field)
-            loads += np.einsum("nki,ni->nk", swept, motion.velocity[:, 3:])
+            loads = loads + base_motion_torque(self._base_loads, field, motion.velocity[:, 3:])
         both = np.hstack([push, self.drives.ripple(deviation) - loads])
         mass = self._core.mass.copy()
         mass[:6, :6] = 0.0
-        return coupling, both + times(mass, np.hstack([motion.acceleration, deviation.acceleration]))
+        return both + times(mass, np.hstack([motion.acceleration, deviation.acceleration]))
 
     @cached_property
     def _base_loads(self) -> tuple[Floats, Floats]:
@@ -323,17 +302,20 @@ class BenchDynamics:
         return base_motion_loads(self.mechanism, self.command, self.rotors, rates)
 
     @cached_property
-    def _beyond(self) -> tuple[Floats, Floats] | None:
-        """Inertia along the command less the constant one, where pins bounce in their bearings; the same each round."""
-        if self.drives is None or not self._core.bounces():
+    def _stepped(self) -> "Stepped | None":
+        """What is stepped, with the inertia along the command less the constant one: the same each round."""
+        if not self._core.is_stepped:
             return None
-        found = np.zeros((len(self.command.time), *self._core.mass.shape))
-        found[:, 6:, 6:] = self.drives.inertias - self._core.mass[6:, 6:]
+        command = every(self.command, _INERTIA_EVERY)
+        found = np.zeros((len(command.time), *self._core.mass.shape))
+        if self.drives is not None:
+            found[:, 6:, 6:] = self.drives.along(command).inertias - self._core.mass[6:, 6:]
         if self.coupling is not None:
-            found[:, :6, :6] = self.coupling.inertia - self.carried
-            found[:, 6:, :6] = self._base_loads[0] - self._core.mass[6:, :6]
+            found[:, :6, :6] = self.coupling.inertia[::_INERTIA_EVERY] - self.carried
+        if self.coupling is not None and self.drives is not None:
+            found[:, 6:, :6] = self._base_loads[0][::_INERTIA_EVERY] - self._core.mass[6:, :6]
             found[:, :6, 6:] = found[:, 6:, :6].transpose(0, 2, 1)
-        return self._core.stepped_inertia(found, float(self.command.time[1] - self.command.time[0]))
+        return self._core.stepped(float(self.command.time[1] - self.command.time[0]), found, _INERTIA_EVERY)
 
     @cached_property
     def _closure(self) -> Closure:

@@ -19,20 +19,19 @@ forces of the mounts act at other places: an inverted pendulum, some 0.2 % of th
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from balance.arrays import Floats
 from balance.closure import Trajectory
-from balance.dynamics.inverse_dynamics import driven_rates, momentum
+from balance.dynamics.inverse_dynamics import momentum
 from balance.dynamics.moving_base import (
     BaseMotion,
     apparent_gravity,
     first_moment,
     inertia_along,
     second_moment,
-    skew,
     skews,
 )
 from balance.mechanism import forward_kinematics
@@ -52,74 +51,38 @@ class Coupling:
     """M, base axes about the base's origin, (n, 6, 6) [kg, kg m, kg m2]."""
     velocity_matrix: Floats
     """G, (n, 6, 6) [N s/m, N s, N m s]."""
-    displacement_matrix: Floats
-    """N with -N x = (phi x F, phi x M + (phi x s) x g), (n, 6, 6) [N, N m]; s: first moment less that at the start."""
 
     @classmethod
-    def of(
-        cls,
-        mechanism: Mechanism,
-        trajectory: Trajectory,
-        wrench: Floats,
-        rotors: Mapping[str, Rotor],
-        gravity: Floats,
-    ) -> "Coupling":
-        """Along a trajectory with shaking wrench (n, 6) [N, N m], rotors included, in ``gravity`` (3,) [m/s2]."""
+    def of(cls, mechanism: Mechanism, trajectory: Trajectory, rotors: Mapping[str, Rotor]) -> "Coupling":
+        """Along a trajectory."""
         inertia = inertia_along(mechanism, trajectory.q)
         moving = momentum(mechanism, trajectory.q, trajectory.v)
-        gyration = np.zeros((len(wrench), 6, 6))
+        gyration = np.zeros_like(inertia)
         gyration[:, :3, 3:] = -2.0 * skews(moving[:, :3])
         rate = np.gradient(inertia[:, 3:, 3:], float(trajectory.time[1] - trajectory.time[0]), axis=0)
         gyration[:, 3:, 3:] = rate - skews(moving[:, 3:] + rotor_momentum(mechanism, rotors, trajectory.v))
-        return cls(inertia, gyration, _displaced(inertia, wrench, gravity))
-
-    def under(self, wrench: Floats, gravity: Floats) -> "Coupling":
-        """With another shaking wrench (n, 6) [N, N m] in ``gravity`` (3,) [m/s2], of a motion next to this one."""
-        return replace(self, displacement_matrix=_displaced(self.inertia, wrench, gravity))
+        return cls(inertia, gyration)
 
     def every(self, stride: int) -> "Coupling":
         """At every ``stride``-th instant."""
-        return Coupling(self.inertia[::stride], self.velocity_matrix[::stride], self.displacement_matrix[::stride])
+        return Coupling(self.inertia[::stride], self.velocity_matrix[::stride])
 
-    def yielding(self, motion: BaseMotion) -> Floats:
-        """N x, base axes, (n, 6) [N, N m]: what the wrench loses as the base is displaced."""
-        return _times(self.displacement_matrix, motion.displacement)
+    def turned(self, motion: BaseMotion, wrench: Floats, gravity: Floats) -> Floats:
+        """What a ``wrench`` (n, 6) [N, N m], and weight that wandered, gain as the base turns, (n, 6) [N, N m].
+
+        Base axes: (phi x F, phi x M + (phi x s) x g), s the first moment less that at the start.
+        """
+        phi, first = motion.displacement[:, 3:], first_moment(self.inertia)
+        weight = np.cross(np.cross(phi, first - first[0]), gravity)
+        return np.hstack([np.cross(phi, wrench[:, :3]), np.cross(phi, wrench[:, 3:]) + weight])
 
     def reaction(self, motion: BaseMotion) -> Floats:
         """M x'' + G x', base axes, (n, 6) [N, N m]."""
         return _times(self.inertia, motion.acceleration) + _times(self.velocity_matrix, motion.velocity)
 
 
-def _displaced(inertia: Floats, wrench: Floats, gravity: Floats) -> Floats:
-    turning = np.zeros((len(wrench), 6, 6))
-    turning[:, :3, 3:], turning[:, 3:, 3:] = skews(wrench[:, :3]), skews(wrench[:, 3:])
-    wandered = first_moment(inertia) - first_moment(inertia[:1])
-    turning[:, 3:, 3:] -= skew(gravity) @ skews(wandered)
-    return turning
-
-
 def _times(matrices: Floats, vectors: Floats) -> Floats:
-    return np.matmul(matrices, vectors[:, :, None])[:, :, 0]
-
-
-def base_motion_torque(
-    mechanism: Mechanism,
-    trajectory: Trajectory,
-    rotors: Mapping[str, Rotor],
-    field: Floats,
-    omega: Floats,
-    driven: tuple[str, ...],
-) -> dict[str, Floats]:
-    """Torque of each driven joint beyond that on a base at rest, (n,) [N m, N].
-
-    ``field`` (n, 6) [m/s2, rad/s2] are the base's accelerations (a, alpha), ``omega`` (n, 3) [rad/s] its angular
-    velocity, base axes.
-    """
-    per_rate, swept = base_motion_loads(
-        mechanism, trajectory, rotors, driven_rates(mechanism, trajectory.per_drive, driven)
-    )
-    more = np.einsum("nki,ni->nk", per_rate, field) + np.einsum("nki,ni->nk", swept, omega)
-    return dict(zip(driven, more.T, strict=True))
+    return np.einsum("nij,nj->ni", matrices, vectors)
 
 
 def base_motion_loads(
@@ -135,6 +98,16 @@ def base_motion_loads(
         per_rate[:, k, 3:] += rotor_momentum(mechanism, rotors, rate)
     swept = [2.0 * velocity_cross_product(mechanism, trajectory.q, trajectory.v, rate) for rate in columns]
     return per_rate, np.stack(swept, axis=1)
+
+
+def base_motion_torque(loads: tuple[Floats, Floats], field: Floats, omega: Floats) -> Floats:
+    """Torques (n, k) [N m, N] beyond those on a base at rest, from its ``base_motion_loads``.
+
+    ``field`` (n, 6) [m/s2, rad/s2] are the base's accelerations (a, alpha), ``omega`` (n, 3) [rad/s] its angular
+    velocity, base axes.
+    """
+    per_rate, swept = loads
+    return np.einsum("nki,ni->nk", per_rate, field) + np.einsum("nki,ni->nk", swept, omega)
 
 
 def velocity_cross_product(mechanism: Mechanism, q: Floats, v: Floats, other: Floats) -> Floats:

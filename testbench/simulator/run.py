@@ -18,7 +18,7 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.closure import Closure, Trajectory
-from balance.dynamics.inverse_dynamics import Response
+from balance.dynamics.inverse_dynamics import Response, driven_rates
 from balance.dynamics.moving_base import (
     BaseMotion,
     ElasticBase,
@@ -42,8 +42,8 @@ from . import added_bodies, disturbances, moving_base_coupling
 from .added_bodies import with_planes
 from .bench_dynamics import BenchDynamics, Contact, shaking
 from .drive_trains import DriveTrains, motor_side, with_motor_sides
-from .elastic_joints import with_elastic_joints
-from .moving_base_coupling import Coupling, base_motion_torque
+from .elastic_joints import is_across, with_elastic_joints
+from .moving_base_coupling import Coupling, base_motion_loads, base_motion_torque
 
 RATE_HZ = 10_000.0
 """Least rate of the simulation; twice that of the fastest logger where that is more: loggers interpolate [Hz]."""
@@ -138,20 +138,16 @@ class BenchRun:
     @cached_property
     def torque(self) -> Mapping[str, Floats]:
         """Torque of each motor at its joint, (n,) [N m, N]; with the base's motion where the rig couples them."""
-        found = self.coordinate_torque
+        found = {name: torque for name, torque in self.response.torque.items() if not is_across(name)}
+        if self.coupling is not None:
+            turning = [k for k, name in enumerate(self.response.torque) if name in found]
+            rates = driven_rates(self.mechanism, self.trajectory.per_drive, tuple(self.response.torque))
+            loads = base_motion_loads(self.mechanism, self.trajectory, self.rotors, rates[:, :, turning])
+            field = self.motion.acceleration.copy()
+            field[:, :3] += apparent_gravity(self.gravity, self.motion.displacement)
+            more = base_motion_torque(loads, field, self.motion.velocity[:, 3:])
+            found = {name: found[name] + more[:, k] for k, name in enumerate(found)}
         return found if self.drives is None else self.drives.motor_torque(found)
-
-    @cached_property
-    def coordinate_torque(self) -> Mapping[str, Floats]:
-        """Torque that each driven coordinate needs to move as it does, motor sides too, (n,) [N m, N]."""
-        still = self.response.torque
-        if self.coupling is None:
-            return still
-        field = self.motion.acceleration.copy()
-        field[:, :3] += apparent_gravity(self.gravity, self.motion.displacement)
-        omega, driven = self.motion.velocity[:, 3:], tuple(still)
-        more = base_motion_torque(self.mechanism, self.trajectory, self.rotors, field, omega, driven)
-        return {joint: torque + more[joint] for joint, torque in still.items()}
 
     def shown(self, joint: str) -> Floats:
         """Angle or travel of a joint as its encoder shows it, which turns with the motor, (n,) [rad, m]."""
@@ -207,14 +203,13 @@ def _moved(bench: Bench, loaded: Mechanism, command: Samples, rigid: Trajectory,
     response = shaking(loaded, trajectory, rotors)
     carried = locked_inertia(loaded, trajectory.q[0])
     base = bench.elastic(carried, gravity)
-    wrench, coupling = np.hstack([response.force, response.moment]), None
-    if bench.coupling == "moving":
-        coupling = Coupling.of(loaded, trajectory, wrench, rotors, gravity)
+    coupling = Coupling.of(loaded, trajectory, rotors) if bench.coupling == "moving" else None
     contact = None if bench.contact is None else Contact.of(bench.mounts, base, level, bench.contact.friction)
     if coupling or drives or contact:
         found = BenchDynamics(loaded, trajectory, rotors, base, carried, gravity, drives, coupling, contact).solved()
-        trajectory, response, motion, coupling = found.trajectory, found.response, found.motion, found.coupling
+        trajectory, response, motion = found.trajectory, found.response, found.motion
     else:
+        wrench = np.hstack([response.force, response.moment])
         push = wrench + moving_base_coupling.weight_wrench_change(response.weight_moment) if bench.weight else wrench
         motion = base.respond(push, float(trajectory.time[1] - trajectory.time[0]))
     return BenchRun(

@@ -342,7 +342,8 @@ def pushed(force, friction=0.5, mass="100 kg", count=6000, step=2.5e-5):
     core = bench_dynamics._Core.of(base, None, (np.zeros((0, 0)), np.zeros((6, 0))), count, contact)
     time = np.arange(count) * step
     wrench = np.hstack([np.stack([np.broadcast_to(f(time), time.shape) for f in force], axis=1), np.zeros((count, 3))])
-    return time, BaseMotion(*core.respond(wrench, step))
+    stepped = None if contact is None else core.stepped(step, np.zeros((1, 6, 6)), count)
+    return time, BaseMotion(*core.respond(wrench, step, stepped))
 
 
 def zero(time):
