@@ -96,7 +96,7 @@ def text_of(coefficients: Mapping[str, float], lengths: Mapping[str, float] | No
     }
     terms: list[str] = []
     for name, value in coefficients.items():
-        size = "" if abs(abs(value) - 1.0) < 1e-12 else f"{abs(value):.6g} "
+        size = "" if abs(abs(value) - 1.0) < _ZERO else f"{abs(value):.6g} "
         known = sizes.get(name.partition("[")[0].rstrip("xyz"), {})
         equal = [text for text, number in known.items() if abs(abs(value) - number) < 1e-9 * number]
         if size and len(equal) == 1:
