@@ -25,6 +25,8 @@ from .least_masses import distribute_masses
 
 TIME_LIMIT_S = 8.0
 """Longest search [s]; then the best that was found is given with its gap."""
+_FIRST = 0.125
+"""Of that time, what the search for the first plates may take; others are placed by a descent besides."""
 _ROUNDING = 1e-9
 """Masses that differ by less, relative to all plates, are one."""
 _MOST_PILES = 2_000_000
@@ -46,6 +48,8 @@ _CANDIDATES = 20
 """Sets that are looked at more closely where plates differ in radius of gyration."""
 _FIRST_CAP, _CAPS = 1e-9, 30.0
 """What J may first be above the bound, relative to J without counter-masses, and the factor by which that rises."""
+_SMALL = 1e-3
+"""Weight of all plates together as a share of the target, where a price of mass is sought."""
 _TIE = 1e-12
 """Difference of J, relative to J without counter-masses, that is rounding: the lighter is better then."""
 
@@ -257,13 +261,15 @@ class _Search:
     def _search(self, distinct: Floats) -> list[Selection]:
         """Search through the ``distinct`` masses that plates make, rising [kg]; no plates are always a selection."""
         self.reachable = [distinct[distinct <= upper + self.edge] for upper in self.upper]
-        self.deadline = time.monotonic() + TIME_LIMIT_S
+        self.deadline = time.monotonic() + _FIRST * TIME_LIMIT_S
         self._offer(np.zeros((len(self.columns[0]), len(self.plates)), dtype=np.intp))
         most = max(self.found[0].value - self.relaxed, self.tie)
         cap = max(_FIRST_CAP * most, _GOOD * self.relaxed)
         self.first = True
         self._descend(len(self.order) - 1, np.zeros(len(self.order)), 0.0)
-        self.first = False
+        self.first = self.late = False
+        self._offer(self._placed())
+        self.deadline = time.monotonic() + (1.0 - _FIRST) * TIME_LIMIT_S
         while not self.late:
             self.cap = cap if cap < most else np.inf
             self._descend(len(self.order) - 1, np.zeros(len(self.order)), 0.0)
@@ -271,6 +277,32 @@ class _Search:
                 break
             cap *= _CAPS
         return self.found
+
+    def _placed(self) -> Indices:
+        """Plates (sites, kinds) that a descent finds: each moved, heavy ones first, as long as that lessens J."""
+        size = np.array([0, *(len(group) for group in self.groups)])  # the stock, then the groups
+        columns = np.column_stack([np.zeros(len(self.target)), self.columns @ self.share])
+        room = np.array([np.inf, *(float(self.limits[list(group)].min()) for group in self.groups)]) + self.edge
+        counts, left, moved = np.zeros((len(size), len(self.plates)), dtype=np.intp), self.quantities.copy(), True
+        while moved:
+            moved = False
+            for kind in np.argsort(-self.plates):
+                mass, short = self.plates[kind], columns @ (counts @ self.plates) - self.target
+                here = (counts[:, kind] > 0) | (size == 0)
+                allowed = here[:, None] & (left[kind] + size[:, None] >= size) & (counts @ self.plates + mass <= room)
+                change = mass * (columns[:, None, :] - columns[:, :, None])
+                values = np.where(allowed, np.sum((short[:, None, None] + change) ** 2, axis=0), np.inf)
+                one, other = np.unravel_index(np.argmin(values), values.shape)
+                if values[one, other] < float(short @ short) - self.tie:
+                    counts[one, kind] -= 1
+                    counts[other, kind] += 1
+                    counts[0] = 0
+                    left[kind] += size[one] - size[other]
+                    moved = True
+        placed = np.zeros((len(self.limits), len(self.plates)), dtype=np.intp)
+        for group, taken in zip(self.groups, counts[1:], strict=True):
+            placed[list(group)] = taken
+        return placed
 
     @property
     def bound(self) -> float:
@@ -479,18 +511,21 @@ def _relaxed(
 ) -> tuple[Floats, float, float]:
     """Masses of any size of least J with ``weight`` @ masses <= ``total`` [kg], the price of that bound, and a gap.
 
-    The price p is its multiplier: J + p (weight @ masses - total) has its least there without that bound.
+    The price p is its multiplier: J + p (weight @ masses - total) has its least there without that bound. A square of
+    ``weight @ masses`` that hardly counts makes p a least-squares problem, also where sites have the same effect; its
+    slope there is part of p.
     """
     best = distribute_masses(columns, target, upper)
-    if weight @ best.masses <= total or np.linalg.matrix_rank(columns) < len(weight):
+    if weight @ best.masses <= total:
         return best.masses, 0.0, best.gap
-    slope = 0.5 * np.linalg.pinv(columns.T) @ weight
+    small = _SMALL * float(np.linalg.norm(target)) / total
+    rows = np.vstack([columns, small * weight])
     low, high = 0.0, float(2.0 * np.abs(columns.T @ target).max() / weight.min())
     for _ in range(60):
         price = 0.5 * (low + high)
-        best = distribute_masses(columns, target - price * slope, upper)
+        best = distribute_masses(rows, np.append(target, -0.5 * price / small), upper)
         low, high = (price, high) if weight @ best.masses > total else (low, price)
-    return best.masses, price, best.gap
+    return best.masses, price + 2.0 * small**2 * float(weight @ best.masses), best.gap
 
 
 def _search_order(columns: Floats) -> list[int]:

@@ -233,6 +233,18 @@ def test_plates_of_any_mass_come_near_the_bound_or_say_how_far_they_are(time_lim
     assert found.selections[0].value <= near
 
 
+def test_scarce_plates_at_many_sites_are_placed_and_bounded(monkeypatch):
+    """Eight sites in four directions want twice what forty plates weigh: the bound counts that, and is near."""
+    monkeypatch.setattr(stock_search, "TIME_LIMIT_S", 0.4)
+    rng = np.random.default_rng(3)
+    columns, masses = rng.normal(size=(4, 8)) ** 2, rng.uniform(0.02, 0.4, 40).round(6)
+    target = columns @ np.full(8, 0.25 * masses.sum())
+    found = best_plates(columns, target, masses, np.ones(40, dtype=int), np.array([1.5, *[np.inf] * 7]))
+    assert 0.5 * found.selections[0].value < found.bound <= found.selections[0].value < 0.3 * float(target @ target)
+    assert found.selections[0].counts.sum(axis=0).max() == 1
+    assert found.selections[0].masses[0] <= 1.5
+
+
 def test_sets_for_several_loads_are_the_best_of_all_that_grow():
     """Two loads, two sites: what the sets add is one selection of plates, so the sum of both errors is least."""
     rng = np.random.default_rng(5)
