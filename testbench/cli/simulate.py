@@ -25,7 +25,7 @@ Examples:
 What a rig may state of the bench, in [bench], and of its loggers:
   coupling, planes, rotors, weight, tilt    mechanics of a base that moves
   unstated_mass                             what moves beyond the mechanism's file
-  drives, joints, contact                   drives and joints that yield, with play; feet that lift
+  drives, joints, links, contact            drives, joints and links that yield, with play; feet that lift
   stacks, rider                             plates of counter-masses, what rides on force sensors
   floor, roughness, modes                   other vibration
   errors                                    sensors that are not what their data sheet says

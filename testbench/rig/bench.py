@@ -110,6 +110,35 @@ class ElasticJoint(Table):
     """Radius of the bearing less that of the pin: so far the pin moves before the spring carries anything [m]."""
 
 
+class ElasticLink(Table):
+    """A body that bends: two parts, a hinge and a spring between; what is mounted farther out is on the part beyond.
+
+    A bar of length L and bending stiffness EI that is clamped at one end and loaded across the other bends like a hinge
+    of 2.25 EI / L at 0.15 L from the clamp (Howell, "Compliant mechanisms", 2001: pseudo-rigid-body model).
+    """
+
+    at: key_types.Point
+    """Place of the hinge in the body's frame, off its joint: farther out is what is so along the way there [m]."""
+    axis: Direction = (0.0, 0.0, 1.0)
+    """Axis of the hinge in the body's frame."""
+    stiffness: key_types.TurningStiffness
+    """Stiffness of the hinge [N m/rad]."""
+    damping: Damping
+    """Damping of the hinge [N m s/rad]."""
+    mass: key_types.Mass
+    """Mass of the part beyond the hinge, of what the mechanism's file gives the body [kg]."""
+    centre: key_types.Point
+    """Its centre of mass in the body's frame, as in the file [m]."""
+    inertia: Annotated[tuple[key_types.Inertia, key_types.Inertia, key_types.Inertia], key_types.EACH_AXIS]
+    """Its inertia about that centre, along the axes of the body [kg m2]."""
+
+    @model_validator(mode="after")
+    def _has_direction(self) -> "ElasticLink":
+        if not any(self.axis):
+            raise ValueError("axis: expected a direction, found 0, 0, 0")
+        return self
+
+
 class Roughness(Table):
     """Residual broadband wrench of drives, gears and joints on the base: flat within a band, each axis for itself."""
 
@@ -254,6 +283,8 @@ class Bench(MountedBase):
     """Transmission and control of the drives, by joint; a joint that is left out follows its command exactly."""
     joints: dict[str, ElasticJoint] = Field(default_factory=dict)
     """Joints without a motor that yield across their axis, with clearance, by the name of the joint or ``connect``."""
+    links: dict[str, ElasticLink] = Field(default_factory=dict)
+    """Bodies that bend, by name."""
     contact: Contact | None = None
     """Feet that only stand on the floor; left out: the mounts are fixed to it, and pull as well as push."""
     rider: Rider | None = None

@@ -43,20 +43,27 @@ def with_planes(mechanism: Mechanism, planes: Mapping[str, float]) -> Mechanism:
 
 def _with_body(mechanism: Mechanism, body: str, z: float) -> Mechanism:
     index, own = mechanism.own_mass[body]
-    moved = shifted(own, z)
+    moved = moved_frame(own, np.array([0.0, 0.0, z]))
     parameters = mechanism.parameters.copy()
     parameters[index] += moved - own
     return replace(mechanism, parameters=parameters, own_mass={**mechanism.own_mass, body: (index, moved)})
 
 
-def shifted(row: Floats, z: float) -> Floats:
-    """Inertial parameters (10,) [kg, kg m, kg m2] of a body after moving it by z [m] along its z axis.
+def moved_frame(row: Floats, by: Floats) -> Floats:
+    """Inertial parameters (10,) [kg, kg m, kg m2] of a body after moving it ``by`` (3,) [m] in its frame.
 
-    mcz' = mcz + m z, Ixx' = Ixx + 2 z mcz + m z^2 and Iyy alike, Ixz' = Ixz - z mcx, Iyz' = Iyz - z mcy.
+    With first moment h: h' = h + m d, and the inertia grows by that of h d' + d h' + m d d'.
     """
-    m, x, y, first = row[:4]
-    steiner = z * (2.0 * first + m * z)
-    return row + np.array([0.0, 0.0, 0.0, m * z, steiner, 0.0, steiner, -z * x, -z * y, 0.0])
+    mixed = np.outer(row[1:4], by)
+    grown = mixed + mixed.T + row[0] * np.outer(by, by)
+    about = np.trace(grown) * np.eye(3) - grown
+    return row + np.array([0.0, *(row[0] * by), *about[np.triu_indices(3)][[0, 1, 3, 2, 4, 5]]])
+
+
+def inertial_parameters(mass: float, centre: Floats, inertia: Floats) -> Floats:
+    """Those of a body, (10,) [kg, kg m, kg m2], of ``inertia`` (3, 3) [kg m2] about its ``centre`` (3,) [m]."""
+    about = inertia[np.triu_indices(3)][[0, 1, 3, 2, 4, 5]]
+    return moved_frame(np.array([mass, 0.0, 0.0, 0.0, *about]), centre)
 
 
 def with_rotors(mechanism: Mechanism, rotors: "Mapping[str, Rotor]") -> Mechanism:

@@ -185,12 +185,13 @@ class _Core:
 
     @property
     def _from_step_to_step(self) -> list[Spring]:
-        """Springs with play, and pins: they bounce too fast for rounds from a constant inertia."""
-        return [s for s in self.drives.springs if s.play or len(s.along) > 1] if self.drives else []
+        """Springs with play, pins and links: they ring too fast for rounds from a constant inertia."""
+        drives = () if self.drives is None else self.drives.springs
+        return [spring for spring in drives if spring.play or not spring.name.startswith("bench.drives.")]
 
     @property
     def is_stepped(self) -> bool:
-        """Whether there is play, a pin in its bearing, or feet that may lift."""
+        """Whether there is play, a joint or link that yields, or feet that may lift."""
         return self.contact is not None or bool(self._from_step_to_step)
 
     def stepped(self, step: float, beyond: Floats, every: int) -> "Stepped":
@@ -257,8 +258,8 @@ class BenchDynamics:
                 trajectory = self.drives.follow(deviation, trajectory, self._closure) if self.drives else trajectory
             except ClosureError as error:
                 raise RigError(
-                    f"bench.drives, bench.joints: what yields takes the mechanism apart ({error}): state more "
-                    "stiffness or damping, or less clearance"
+                    f"bench.drives, bench.joints, bench.links: what yields takes the mechanism apart ({error}): state "
+                    "more stiffness or damping, or less clearance"
                 ) from error
             response = shaking(self.mechanism, trajectory, self.rotors)
             push = self._push(response, motion, deviation)
@@ -269,9 +270,9 @@ class BenchDynamics:
                 return Solution(trajectory, response, *_parted(found))
             sought = found
         raise RigError(
-            f"bench.coupling, bench.drives, bench.joints: accelerations still change by {change:.2g} of the largest "
-            f"after {ROUNDS} rounds: the base is too light for what moves on it, or a drive or joint too "
-            "soft; state another mass, stiffness or damping"
+            f"bench.coupling, bench.drives, bench.joints, bench.links: accelerations still change by {change:.2g} of "
+            f"the largest after {ROUNDS} rounds: the base is too light for what moves on it, or a drive, joint or link "
+            "too soft; state another mass, stiffness or damping"
         )
 
     def _push(self, response: Response, motion: BaseMotion, deviation: Deviation) -> Floats:

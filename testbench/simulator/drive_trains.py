@@ -1,6 +1,6 @@
 """Drives that yield: transmissions with spring, damper and play, and control that follows the command with an error.
 
-Joints without a motor that yield (``elastic_joints``) are coordinates as the drives are.
+Joints and links that yield (``elastic_joints``) are coordinates as the drives are.
 
 A transmission gives the mechanism one coordinate more a drive, the motor side: a body on the joint's own axis that
 carries the rotor and the counter-masses of the hub. Its loads, momentum and weight are then those of any mechanism.
@@ -25,10 +25,11 @@ from balance.mechanism.mechanism import Mechanism
 from balance.motion import Samples
 
 from ..errors import RigError
-from .elastic_joints import across, is_across
+from .added_bodies import moved_frame
+from .elastic_joints import across, beyond_hinge, is_across, is_elastic
 
 if TYPE_CHECKING:
-    from ..rig.bench import Control, DriveTrain, ElasticJoint
+    from ..rig.bench import Control, DriveTrain, ElasticJoint, ElasticLink
 
 
 _MOTOR_SIDE = " motor side"
@@ -38,7 +39,7 @@ _INERTIAS = 64
 
 def _is_added(coordinate: str) -> bool:
     """Whether the mechanism's file does not have a coordinate."""
-    return coordinate.endswith(_MOTOR_SIDE) or is_across(coordinate)
+    return coordinate.endswith(_MOTOR_SIDE) or is_elastic(coordinate)
 
 
 def motor_side(joint: str) -> str:
@@ -65,13 +66,15 @@ def with_motor_sides(mechanism: Mechanism, drives: "Mapping[str, DriveTrain]") -
 
 
 def parameters_on_links(mechanism: Mechanism, of: Mechanism) -> Mechanism:
-    """The mechanism ``of`` with the inertial parameters of ``mechanism``, what is on motor sides put on their links."""
-    count, bodies = len(of.bodies), mechanism.tree.bodies
-    parameters = mechanism.parameters[:count].copy()
-    for row in range(count, len(mechanism.bodies)):  # a motor side has the joint of its link, and its frame
-        if mechanism.bodies[row].endswith(_MOTOR_SIDE):
-            joint = mechanism.coordinate_index(mechanism.bodies[row].removesuffix(_MOTOR_SIDE))
-            parameters[bodies.index(joint)] += mechanism.parameters[row]
+    """The mechanism ``of`` with the inertial parameters of ``mechanism``, motor sides and parts put on their links."""
+    rows = [mechanism.bodies.index(body) for body in of.bodies]
+    places, parameters = [mechanism.tree.bodies[row] for row in rows], mechanism.parameters[rows]
+    for name, joint, own in zip(mechanism.bodies, mechanism.tree.bodies, mechanism.parameters, strict=True):
+        if name.endswith(_MOTOR_SIDE):  # it has the joint of its link, and its frame
+            parameters[places.index(mechanism.coordinate_index(name.removesuffix(_MOTOR_SIDE)))] += own
+        elif is_elastic(name):
+            hinge = mechanism.tree.joints[joint]
+            parameters[places.index(hinge.parent)] += moved_frame(own, hinge.position)
     return replace(of, parameters=parameters)
 
 
@@ -137,6 +140,7 @@ class DriveTrains:
     mechanism: Mechanism
     drives: "Mapping[str, DriveTrain]"
     joints: "Mapping[str, ElasticJoint]"
+    links: "Mapping[str, ElasticLink]"
     command: Trajectory
     """As commanded, motor sides like their joints, pins in the middle of their bearings."""
     rigid: Response
@@ -146,6 +150,7 @@ class DriveTrains:
     def of(
         cls, mechanism: Mechanism, drives: "Mapping[str, DriveTrain]", rigid: Trajectory,
         joints: "Mapping[str, ElasticJoint]" = MappingProxyType({}),
+        links: "Mapping[str, ElasticLink]" = MappingProxyType({}),
     ) -> "DriveTrains":  # fmt: skip
         """For ``mechanism`` with motor sides and pins, along the trajectory of the mechanism without them.
 
@@ -155,8 +160,9 @@ class DriveTrains:
         closure, own = Closure(mechanism).without_idle(), [x for x in mechanism.coordinates if not _is_added(x)]
         if closure.dof != len(mechanism.driven):
             raise RigError(
-                f"bench.joints: with {', '.join(joints)} {mechanism.name} has {closure.dof} degrees of freedom for "
-                f"{len(mechanism.driven)} coordinates: its loops hold some of them; leave out joints of redundant links"
+                f"bench.joints, bench.links: {mechanism.name} has {closure.dof} degrees of freedom for "
+                f"{len(mechanism.driven)} coordinates with {', '.join([*joints, *links])}: its loops hold some of "
+                "them; leave out joints of redundant links"
             )
 
         def whole(x: Floats) -> Floats:
@@ -168,7 +174,7 @@ class DriveTrains:
         at = [mechanism.coordinate_index(name) for name in mechanism.driven]
         samples = Samples(rigid.time, near.q[:, at], near.v[:, at], near.a[:, at], joints=mechanism.driven)
         command = closure.follow(samples, near=near)
-        return cls(mechanism, drives, joints, command, simulate(mechanism, command))
+        return cls(mechanism, drives, joints, links, command, simulate(mechanism, command))
 
     @cached_property
     def _indices(self) -> list[int]:
@@ -182,7 +188,7 @@ class DriveTrains:
             moved[own] = {joint}
             if motor is not None and motor != own:
                 moved[motor] = {motor_side(joint)}
-        for name in filter(is_across, self.mechanism.driven):
+        for name in filter(is_elastic, self.mechanism.driven):
             moved[len(moved)] = {name}
         return np.array([[float(name in moved[k]) for k in sorted(moved)] for name in self.mechanism.driven])
 
@@ -245,7 +251,7 @@ class DriveTrains:
 
     @cached_property
     def springs(self) -> "list[Spring]":
-        """Of each transmission, and of each joint that yields."""
+        """Of each transmission, and of each joint and link that yields."""
         found = []
         for name, drive in self.drives.items():
             if (spring := drive.transmission) is not None:
@@ -260,6 +266,9 @@ class DriveTrains:
             found.append(
                 Spring(f"bench.joints.{name}", self.free[rows], joint.stiffness, joint.damping, joint.clearance)
             )
+        for name, link in self.links.items():
+            rows = [self.mechanism.driven.index(beyond_hinge(name))]
+            found.append(Spring(f"bench.links.{name}", self.free[rows], link.stiffness, link.damping, 0.0))
         return found
 
     def ripple(self, deviation: "Deviation") -> Floats:

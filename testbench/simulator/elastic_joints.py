@@ -1,25 +1,34 @@
-"""Joints without a motor that yield across their axis, with clearance: two coordinates more each.
+"""Joints without a motor that yield across their axis, with clearance, and links that bend: coordinates more.
 
 A pin lies in its bearing at (x, y) across the axis, in the axes of the body that the bearing is on. Of a joint of the
 tree these are two slides before it; of a loop, two after its first anchor, with a massless body. Loads, momentum and
 weight are then those of any mechanism, and what the bearing carries is a spring's force (``drive_trains``).
+
+A link that bends is two bodies with a joint that turns between them, and a spring.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from balance.arrays import Floats
+from balance.estimation.base_parameters import pseudo_inertia
 from balance.mechanism import forward_kinematics
 from balance.mechanism.forward_kinematics import Joint, Tree
 from balance.mechanism.loop_constraints import Anchor, Constraint, Loop
 from balance.mechanism.mechanism import Mechanism
 
 from ..errors import RigError
+from .added_bodies import inertial_parameters, moved_frame
+
+if TYPE_CHECKING:
+    from ..rig.bench import ElasticLink
 
 _ACROSS = (" across, 1", " across, 2")
+_BEYOND = " beyond its hinge"
 
 
 def across(joint: str) -> tuple[str, str]:
@@ -30,6 +39,16 @@ def across(joint: str) -> tuple[str, str]:
 def is_across(coordinate: str) -> bool:
     """Whether a coordinate is one of a pin across its axis."""
     return coordinate.endswith(_ACROSS)
+
+
+def beyond_hinge(body: str) -> str:
+    """Name of the part of a link beyond its hinge, and of the coordinate by which it turns."""
+    return body + _BEYOND
+
+
+def is_elastic(coordinate: str) -> bool:
+    """Whether a coordinate is one of a pin across its axis, or of a link that bends."""
+    return is_across(coordinate) or coordinate.endswith(_BEYOND)
 
 
 def with_elastic_joints(mechanism: Mechanism, joints: Iterable[str]) -> Mechanism:
@@ -66,17 +85,21 @@ def _at_joint(mechanism: Mechanism, name: str) -> Mechanism:
     def moved(joint: int) -> int:
         return joint + 2 if joint >= at else joint
 
-    def anchored(end: Anchor) -> Anchor:
-        return replace(end, joint=moved(end.joint))
+    loops = _tied_anew(mechanism.loops, moved, lambda end: replace(end, joint=moved(end.joint)))
+    return _with_coordinates(replace(mechanism, tree=tree, loops=loops), at, across(name))
 
-    loops: list[Constraint] = []
-    for loop in mechanism.loops:
+
+def _tied_anew(
+    loops: Iterable[Constraint], moved: Callable[[int], int], anchored: Callable[[Anchor], Anchor]
+) -> tuple[Constraint, ...]:
+    found: list[Constraint] = []
+    for loop in loops:
         if isinstance(loop, Loop):
-            loops.append(replace(loop, first=anchored(loop.first), second=anchored(loop.second)))
+            found.append(replace(loop, first=anchored(loop.first), second=anchored(loop.second)))
         else:
             second = None if loop.second is None else moved(loop.second)
-            loops.append(replace(loop, first=moved(loop.first), second=second))
-    return _with_coordinates(replace(mechanism, tree=tree, loops=tuple(loops)), at, name)
+            found.append(replace(loop, first=moved(loop.first), second=second))
+    return tuple(found)
 
 
 @lru_cache(maxsize=64)
@@ -115,7 +138,7 @@ def _at_loop(mechanism: Mechanism, loop: Loop) -> Mechanism:
         parameters=np.vstack([mechanism.parameters, np.zeros(10)]),
         own_mass={**mechanism.own_mass, body: (row, np.zeros(10))},
     )
-    return _with_coordinates(longer_by_pin, tree.size, loop.name)
+    return _with_coordinates(longer_by_pin, tree.size, across(loop.name))
 
 
 @lru_cache(maxsize=64)
@@ -136,21 +159,100 @@ def _normals(axis: Floats) -> Floats:
     return np.array([x, np.cross(axis, x)])
 
 
-def _with_coordinates(mechanism: Mechanism, at: int, name: str) -> Mechanism:
-    """With two coordinates before the one at a place; the tree has them already."""
+def with_elastic_links(
+    mechanism: Mechanism, links: "Mapping[str, ElasticLink]", planes: Mapping[str, float]
+) -> Mechanism:
+    """The mechanism with each of ``links`` in two parts; ``planes`` [m] are those that its bodies were moved by.
+
+    Raises RigError for another body, for a hinge at a joint, and for a part that a body of that mass cannot have.
+    """
+    for body, link in links.items():
+        if body not in mechanism.own_mass:
+            raise RigError(
+                f"bench.links: {mechanism.name} has no body {body!r}: there are {', '.join(mechanism.own_mass)}"
+            )
+        if not any(link.at):
+            raise RigError(f"bench.links.{body}.at: expected a place off the body's joint: that of its hinge")
+        mechanism = _bent(mechanism, body, link, planes.get(body, 0.0))
+    return mechanism
+
+
+def _bent(mechanism: Mechanism, body: str, link: "ElasticLink", plane: float) -> Mechanism:
+    row, own = mechanism.own_mass[body]
+    joint, at = mechanism.tree.bodies[row], np.array(link.at)
+    part = inertial_parameters(link.mass, np.array(link.centre) + [0.0, 0.0, plane], np.diag(link.inertia))
+    if np.linalg.eigvalsh(pseudo_inertia(own - part))[0] < -1e-9 * own[0]:
+        raise RigError(
+            f"bench.links.{body}: no body is left on the joint's side of the hinge: {own[0] - part[0]:.4g} kg of "
+            f"{own[0]:.4g} kg: expected mass, centre and inertia of a part of it; state less mass, or less inertia"
+        )
+    new, beyond = beyond_hinge(body), moved_frame(part, -at)
+    parameters = np.insert(mechanism.parameters, row + 1, beyond, axis=0)  # bodies are in the order of their joints
+    parameters[row] -= part
+
+    def moved(index: int) -> int:
+        return index + 1 if index > joint else index
+
+    def anchored(end: Anchor) -> Anchor:
+        if end.joint == joint and _is_beyond(end.position, at):
+            return replace(end, joint=joint + 1, position=end.position - at)
+        return replace(end, joint=moved(end.joint))
+
+    sites = {
+        name: replace(site, body=row + 1, position=site.position - at)
+        if site.body == row and _is_beyond(site.position, at)
+        else replace(site, body=site.body + (site.body > row))
+        for name, site in mechanism.sites.items()
+    }
+    others = {name: (index + (index > row), mass) for name, (index, mass) in mechanism.own_mass.items()}
+    split = replace(
+        mechanism,
+        tree=_beyond_joint(mechanism.tree, joint, link.at, link.axis),
+        loops=_tied_anew(mechanism.loops, moved, anchored),
+        bodies=(*mechanism.bodies[: row + 1], new, *mechanism.bodies[row + 1 :]),
+        parameters=parameters,
+        own_mass={**others, body: (row, own - part), new: (row + 1, beyond)},
+        sites=sites,
+    )
+    return _with_coordinates(split, joint + 1, (new,))
+
+
+def _is_beyond(place: Floats, at: Floats) -> bool:
+    """Whether a ``place`` (3,) [m] of a body is farther from its joint, along the way to its hinge, than that."""
+    return bool(place @ at > at @ at)
+
+
+@lru_cache(maxsize=64)
+def _beyond_joint(tree: Tree, joint: int, at: tuple[float, ...], axis: tuple[float, ...]) -> Tree:
+    """The tree with a joint that turns after another, and on it what is beyond; the same for the same tree."""
+    place, along = np.array(at), np.array(axis) / np.linalg.norm(axis)
+    after = []
+    for x in tree.joints[joint + 1 :]:
+        if x.parent == joint and _is_beyond(x.position, place):
+            after.append(replace(x, parent=joint + 1, position=x.position - place))
+        else:
+            after.append(replace(x, parent=x.parent + 1 if x.parent > joint else x.parent))
+    hinge = Joint(joint, np.eye(3), place, along, revolute=True)
+    bodies = sorted((*(k + 1 if k > joint else k for k in tree.bodies), joint + 1))
+    return Tree((*tree.joints[: joint + 1], hinge, *after), tuple(bodies))
+
+
+def _with_coordinates(mechanism: Mechanism, at: int, added: tuple[str, ...]) -> Mechanism:
+    """With driven coordinates ``added`` before the one at a place; the tree has them already."""
+    places = [at] * len(added)
 
     def longer(values: Floats) -> Floats:
-        return np.insert(values, [at, at], 0.0)
+        return np.insert(values, places, 0.0)
 
     names = list(mechanism.coordinates)
-    names[at:at] = across(name)
+    names[at:at] = added
     return replace(
         mechanism,
         coordinates=tuple(names),
         home=longer(mechanism.home),
-        driven=(*mechanism.driven, *across(name)),
+        driven=(*mechanism.driven, *added),
         armature=longer(mechanism.armature),
         viscous=longer(mechanism.viscous),
         coulomb=longer(mechanism.coulomb),
-        limits=np.insert(mechanism.limits, [at, at], [-np.inf, np.inf], axis=0),
+        limits=np.insert(mechanism.limits, places, [-np.inf, np.inf], axis=0),
     )

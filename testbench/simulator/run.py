@@ -1,8 +1,7 @@
 """One run of the bench: the mechanism moves, its shaking wrench moves the base.
 
 ``simulate_run`` makes it without anything random, ``disturbed`` adds floor and roughness. Effects that the rig's
-``[bench]`` does not state are neglected (see ``Bench``), and in any case flexible links and second order in the base's
-motion.
+``[bench]`` does not state are neglected (see ``Bench``), and in any case second order in the base's motion.
 
 Elastic modes of the frame are lightly damped oscillators m (e'' + 2 z w e' + w^2 e) = psi W, W the mechanism's wrench
 on the base and psi the mode's shape where it acts; a sensor where the shape is s has the additional acceleration s e''.
@@ -42,7 +41,7 @@ from . import added_bodies, disturbances, moving_base_coupling
 from .added_bodies import with_planes
 from .bench_dynamics import BenchDynamics, Contact, shaking
 from .drive_trains import DriveTrains, motor_side, with_motor_sides
-from .elastic_joints import is_across, with_elastic_joints
+from .elastic_joints import is_elastic, with_elastic_joints, with_elastic_links
 from .moving_base_coupling import Coupling, base_motion_loads, base_motion_torque
 
 RATE_HZ = 10_000.0
@@ -138,7 +137,7 @@ class BenchRun:
     @cached_property
     def torque(self) -> Mapping[str, Floats]:
         """Torque of each motor at its joint, (n,) [N m, N]; with the base's motion where the rig couples them."""
-        found = {name: torque for name, torque in self.response.torque.items() if not is_across(name)}
+        found = {name: torque for name, torque in self.response.torque.items() if not is_elastic(name)}
         if self.coupling is not None:
             turning = [k for k, name in enumerate(self.response.torque) if name in found]
             rates = driven_rates(self.mechanism, self.trajectory.per_drive, tuple(self.response.torque))
@@ -197,8 +196,8 @@ def simulate_run(
 def _moved(bench: Bench, loaded: Mechanism, command: Samples, rigid: Trajectory, level: Floats) -> BenchRun:
     """The bench along the trajectory of a mechanism that follows its command; ``level``: gravity on a level base."""
     rotors, gravity = _rotors(bench), loaded.gravity if bench.weight else np.zeros(3)
-    yields = bench.drives or bench.joints
-    drives = DriveTrains.of(loaded, bench.drives, rigid, bench.joints) if yields else None
+    yields = bench.drives or bench.joints or bench.links
+    drives = DriveTrains.of(loaded, bench.drives, rigid, bench.joints, bench.links) if yields else None
     trajectory = drives.command if drives else rigid
     response = shaking(loaded, trajectory, rotors)
     carried = locked_inertia(loaded, trajectory.q[0])
@@ -275,8 +274,14 @@ def _loaded(mechanism: Mechanism, bench: Bench, planned: PlannedRun) -> Mechanis
     for site, density in bench.stacks.items():
         face = found.get(site, 0.0)
         found[site] = face + math.copysign(0.5 * planned.counter_masses.get(site, 0.0) / density, face)
+    carrying = {*planned.payloads, *bench.unstated_mass, *([] if planned.payload is None else mechanism.payload_bodies)}
+    if both := sorted(carrying & set(bench.links)):
+        raise RigError(
+            f"bench.links.{both[0]}: carries a payload or unstated mass, which might be on either part: expected a "
+            "body without; state what it carries at a site"
+        )
     yielding = with_elastic_joints(with_planes(mechanism, found), bench.joints)
-    sided = with_motor_sides(yielding, bench.drives)
+    sided = with_motor_sides(with_elastic_links(yielding, bench.links, found), bench.drives)
     placed = added_bodies.with_rotors(sided, _rotors(bench))
     if any(bench.tilt):
         placed = replace(placed, gravity=gravity_in_tilted_axes(mechanism.gravity, np.array(bench.tilt)))

@@ -8,7 +8,9 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from balance.closure import Closure
+from balance.dynamics.inverse_dynamics import simulate
 from balance.dynamics.moving_base import BaseMotion, MountedBase, rigid_body
+from balance.mechanism.mjcf_parser import mechanism_from_text
 from balance.motion import Samples
 from testbench.campaign_plan import PlannedRun
 from testbench.errors import RigError
@@ -16,7 +18,7 @@ from testbench.rig.bench import Bench
 from testbench.simulator import bench_dynamics
 from testbench.simulator.bench_dynamics import BenchDynamics, Contact
 from testbench.simulator.drive_trains import DriveTrains, parameters_on_links, with_motor_sides
-from testbench.simulator.elastic_joints import across, is_across, with_elastic_joints
+from testbench.simulator.elastic_joints import across, beyond_hinge, is_across, with_elastic_joints, with_elastic_links
 from testbench.simulator.run import simulate_run
 from testbench.simulator.sensors import true_signals
 
@@ -326,6 +328,116 @@ def test_wrong_joints(joint, more, message):
     """A joint that has a motor or slides, or bounces too fast, is refused with what may yield, and how much."""
     with pytest.raises(RigError, match=message):
         run(benched(**pinned(joint, **more)))
+
+
+ARM = """<mujoco model="arm"><compiler autolimits="true"/><option gravity="0 -9.81 0"/><worldbody>
+<body name="arm"><joint name="J" type="hinge" axis="0 0 1"/><site name="counter_back" pos="-0.1 0 0"/>
+<inertial pos="0.25 0 0" mass="3" diaginertia="0.002 0.08 0.08"/></body></worldbody>
+<actuator><motor joint="J"/></actuator></mujoco>"""
+TIP = {
+    "at": ("0.1 m", "0 m", "0 m"),
+    "mass": "1.8 kg",
+    "centre": ("0.35 m", "0 m", "0 m"),
+    "inertia": ("1e-3 kg m^2", "0.02 kg m^2", "0.02 kg m^2"),
+}
+
+
+def bending(stiffness, damping):
+    """An arm that bends at 0.1 m, swung by 0.6 rad on a base at rest: time, angle and rate of the bend."""
+    arm = mechanism_from_text(ARM, "arm.xml").with_counter_mass({"counter_back": 4.0})
+    bench = Bench.model_validate({"links": {"arm": TIP | {"stiffness": stiffness, "damping": damping}}})
+    time = np.arange(4001) / RATE
+    s = time / time[-1]
+    shape, speed = s**3 * (10 - 15 * s + 6 * s**2), 30 * s**2 * (1 - s) ** 2 / time[-1]
+    samples = Samples(
+        time, 0.6 * shape[:, None], 0.6 * speed[:, None],
+        0.6 * (60 * s * (1 - s) * (1 - 2 * s) / time[-1] ** 2)[:, None], joints=("J",),
+    )  # fmt: skip
+    split = with_elastic_links(arm, bench.links, {})
+    found = DriveTrains.of(split, {}, Closure(arm).follow(samples), links=bench.links)
+    base = MountedBase().elastic()
+    solution = BenchDynamics(split, found.command, {}, base, np.zeros((6, 6)), np.zeros(3), found, None, None).solved()
+    return samples, solution
+
+
+@pytest.mark.parametrize("damping", [0.0, 2.0])
+def test_link_that_bends_against_an_equation_written_out(damping):
+    """The part beyond the hinge is a pendulum on a point that is moved: its equation by scipy, to 1e-6 of its bend."""
+    a, r, m, inertia, k = 0.1, 0.25, 1.8, 0.02, 2000.0
+    samples, solution = bending("2 kN m/rad", f"{damping} N m s/rad")
+    at, speed, push = (
+        CubicSpline(samples.time, x[:, 0]) for x in (samples.position, samples.velocity, samples.acceleration)
+    )
+
+    def rates(t, y):
+        bend, rate = y
+        lever = m * a * r * (push(t) * np.cos(bend) + speed(t) ** 2 * np.sin(bend)) + m * G * r * np.cos(at(t) + bend)
+        return [rate, (-lever - k * bend - damping * rate) / (inertia + m * r**2) - push(t)]
+
+    seen = solution.deviation.position[:, 0]
+    expected = solve_ivp(rates, (0.0, samples.time[-1]), [seen[0], 0.0], "DOP853", samples.time, rtol=1e-11, atol=1e-14)
+    assert seen[0] == pytest.approx(-m * G * r * np.cos(seen[0]) / k, rel=1e-9)
+    assert np.ptp(seen) > 5e-3
+    assert np.abs(seen - expected.y[0]).max() < 1e-6 * np.ptp(seen)
+
+
+def test_stiff_link_is_rigid():
+    """A stiff link bends in proportion to its compliance."""
+    off = [np.abs(bending(f"{k} kN m/rad", f"{k / 100} N m s/rad")[1].deviation.position).max() for k in (1000, 10000)]
+    assert off[1] == pytest.approx(off[0] / 10.0, rel=0.01)
+
+
+def test_link_in_a_loop_is_two_bodies():
+    """Loads with a link in two parts are those of a file that has two bodies there; together they weigh what it did."""
+    part = {
+        "mass": "0.3 kg",
+        "centre": ("0.04 m", "0 m", "0 m"),
+        "inertia": ("2e-6 kg m^2", "5e-5 kg m^2", "5e-5 kg m^2"),
+    }
+    bent = {"at": ("0.02 m", "0 m", "0 m"), "stiffness": "5 kN m/rad", "damping": "1 N m s/rad"} | part
+    split = with_elastic_links(MECHANISM, Bench.model_validate({"links": {"AC": bent}}).links, {})
+    rest, name = 0.58909 - 0.3, beyond_hinge("AC")
+    centre = (0.58909 * 0.0187 - 0.3 * 0.04) / rest
+    about = 0.0006 + 0.58909 * 0.0187**2 - (5e-5 + 0.3 * 0.04**2) - rest * centre**2
+    old = MECHANISM.text[MECHANISM.text.index('<inertial pos="0.0187') : MECHANISM.text.index("</body>")]
+    new = f"""<inertial pos="{centre!r} 0 0" mass="{rest!r}" diaginertia="1e-05 {about!r} {about!r}"/>
+        <body name="{name}" pos="0.02 0 0"><joint name="{name}" type="hinge" axis="0 0 1"/>
+        <inertial pos="0.02 0 0" mass="0.3" diaginertia="2e-6 5e-5 5e-5"/><site name="C_AC" pos="0.13 0 0"/></body>"""
+    text = MECHANISM.text.replace(old, new, 1).replace("</actuator>", f'<motor joint="{name}"/></actuator>')
+    text = text.replace("-1.5707963267948966 0.78", "-1.5707963267948966 0 0.78")
+    written = mechanism_from_text(text, "two.xml")
+    time = np.linspace(0.0, 0.1, 101)
+    q = np.column_stack([f + g * np.sin(h * time) for f, g, h in ((0.0, 0.1, 50), (0.0, 0.2, 30), (0.0, 0.05, 90))])
+    v = np.column_stack([g * h * np.cos(h * time) for g, h in ((0.1, 50), (0.2, 30), (0.05, 90))])
+    a = np.column_stack([-g * h**2 * np.sin(h * time) for g, h in ((0.1, 50), (0.2, 30), (0.05, 90))])
+    found = []
+    for one in (split, written):
+        at = [one.coordinate_index(x) for x in ("A0", "B0", name)]
+        samples = Samples(time, one.home[at] + q, v, a, joints=("A0", "B0", name))
+        found.append(simulate(one, Closure(one).follow(samples)))
+    assert split.total_mass == pytest.approx(MECHANISM.total_mass)
+    np.testing.assert_allclose(parameters_on_links(split, MECHANISM).parameters, MECHANISM.parameters, atol=1e-15)
+    np.testing.assert_allclose(
+        np.hstack([found[0].force, found[0].moment]), np.hstack([found[1].force, found[1].moment]), atol=1e-9
+    )
+    for joint in ("A0", "B0", name):
+        np.testing.assert_allclose(found[0].torque[joint], found[1].torque[joint], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("body", "more", "message"),
+    [
+        ("AB", {}, "no body 'AB': there are A0A, AC"),
+        ("AC", {"at": ("0 m", "0 m", "0 m")}, "expected a place off the body's joint"),
+        ("AC", {"mass": "2 kg"}, r"links\.AC: no body is left .* -1\.411 kg of 0\.5891 kg: expected"),
+        ("platform", {}, "links.platform: carries a payload"),
+    ],
+)
+def test_wrong_links(body, more, message):
+    """A link that is not there, or cannot have such a part, is refused with what is expected."""
+    stated = TIP | {"mass": "0.1 kg", "stiffness": "1 kN m/rad", "damping": "1 N m s/rad"} | more
+    with pytest.raises(RigError, match=message):
+        run(benched(links={body: stated}))
 
 
 def pushed(force, friction=0.5, mass="100 kg", count=6000, step=2.5e-5):
