@@ -202,21 +202,23 @@ class _Others:
     """What the other runs of a campaign show of a channel, against the model."""
 
     def __init__(self, heard: Sequence[tuple[Observation, Gains]]) -> None:
-        self._by_channel: dict[str, dict[str, tuple[float, float]]] = defaultdict(dict)
+        self._by_channel: dict[str, dict[str, tuple[float, float, float]]] = defaultdict(dict)
         self._largest: dict[str, float] = defaultdict(float)
         for seen, one in heard:
             for column, expected in zip(one.columns, one.expected, strict=True):
                 self._largest[column.channel] = max(self._largest[column.channel], float(expected))
             for i in np.flatnonzero(one.witnessed):
-                share = float(one.readings[i] / one.expected[i])
-                self._by_channel[one.columns[i].channel][seen.name] = float(one.correlation[i]), share
+                reading = float(one.readings[i])
+                found = float(one.correlation[i]), reading / float(one.expected[i]), reading
+                self._by_channel[one.columns[i].channel][seen.name] = found
 
-    def _of(self, seen: Observation, one: Gains, i: int) -> list[tuple[float, float]]:
+    def _of(self, seen: Observation, one: Gains, i: int) -> list[tuple[float, float, float]]:
+        """Correlation with the model, share of it, and reading, of the channel in the other runs."""
         return [found for run, found in self._by_channel[one.columns[i].channel].items() if run != seen.name]
 
     def follow(self, seen: Observation, one: Gains, i: int) -> bool:
         """Whether the channel follows the model in other runs, and opposes it in fewer."""
-        correlations = np.array([correlation for correlation, _ in self._of(seen, one, i)])
+        correlations = np.array([correlation for correlation, *_ in self._of(seen, one, i)])
         return int((correlations > PROVEN).sum()) > int((correlations < -PROVEN).sum())
 
     def is_large(self, one: Gains, i: int) -> bool:
@@ -224,14 +226,20 @@ class _Others:
         return bool(one.expected[i] > LARGE * self._largest[one.columns[i].channel])
 
     def is_flat(self, seen: Observation, one: Gains, i: int) -> bool:
-        """Whether a channel far below the model is flat: by the sensor's noise, or as it is not in the other runs."""
-        column = one.columns[i]
+        """Whether a channel far below the model is flat: by the sensor's noise, or as it is not in the other runs.
+
+        Where an accelerometer shows vibration in other runs, the model of the base, which a rig may assume, is no
+        witness unless it is right in one of them.
+        """
+        column, others = one.columns[i], self._of(seen, one, i)
         if column.commanded:
             return False
         if column.dimensions == ACCELERATION:
             noise = float(one.noise.max())
-            return bool(one.readings[i] < ABOVE_NOISE * noise < one.expected[i])
-        return any(correlation > PROVEN and share > 0.5 for correlation, share in self._of(seen, one, i))
+            shown = [correlation for correlation, _, reading in others if reading > ABOVE_NOISE * noise]
+            is_noise = one.readings[i] < ABOVE_NOISE * noise < one.expected[i]
+            return bool(is_noise and (not shown or max(shown) > PROVEN))
+        return any(correlation > PROVEN and share > 0.5 for correlation, share, _ in others)
 
 
 def _noise_in_band(seen: Observation, column: "Column") -> float:

@@ -3,6 +3,7 @@
 import json
 import shutil
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from balance.units import G0
 from studies import lies
 from studies.lies import LIES, LIES_BESIDE_REPEATS, Witnesses
 from studies.simulated_runs import with_values
+from testbench.cross_examination import sensors
 from testbench.cross_examination.conditions import accelerations
 from testbench.cross_examination.examination import Examination
 from testbench.cross_examination.observation import Observation
@@ -147,6 +149,22 @@ def test_exchanged_readings_are_no_flat_channel(campaign):
         runs[two].name,
     }
     assert not any(s.code == "flat_channel" for s in found.contradictions)
+
+
+@pytest.mark.parametrize(("correlation", "flat"), [(-0.2, False), (0.95, True)])
+def test_a_wrong_model_of_the_base_blames_no_sensor(correlation, flat):
+    """Noise alone where the model expects vibration: only where the model is right in a run that the sensor shows."""
+    columns = [SimpleNamespace(channel="AccX", dimensions=("acceleration",), commanded=False)]
+
+    def gains(reading, expected, correlation):
+        values = {"readings": reading, "expected": expected, "correlation": correlation, "noise": 0.0006}
+        return SimpleNamespace(
+            columns=columns, witnessed=np.array([True]), **{k: np.array([v]) for k, v in values.items()}
+        )
+
+    heard = [(SimpleNamespace(name="with"), gains(0.0015, 0.2, -0.2)),
+             (SimpleNamespace(name="without"), gains(0.045, 0.6, correlation))]  # fmt: skip
+    assert sensors._Others(heard).is_flat(*heard[0], 0) is flat
 
 
 @pytest.mark.parametrize(
