@@ -8,6 +8,7 @@ import numpy as np
 from ..dynamics.inverse_dynamics import Response
 from ..linkages.published_values import COLUMNS
 from ..linkages.verification import Verification
+from . import panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,39 +35,33 @@ _STAGE = {
 
 def draw_stages(check: Verification, title: str = "") -> "Figure":
     """Time series of all stages, at constant speed on the left and at varying speed on the right."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.0, 8.4), layout="constrained")
-    panels = figure.subplots(len(COLUMNS), 2, sharey="row", sharex="col")
+    figure, drawn = panels(9.0, 8.4, len(COLUMNS), 2, sharey="row", sharex="col")
     for column, (label, run) in enumerate(zip(check.labels, (check.constant, check.varying), strict=True)):
         for row, quantity in enumerate(COLUMNS):
-            axes = panels[row, column]
             for stage in run.responses:
                 name, colour, line = _STAGE[stage]
-                axes.plot(run.trajectory.time, run.series(stage)[quantity], line, color=colour, label=name, lw=1.4)
-            axes.grid(alpha=0.25)
-        panels[0, column].set_title(label)
-        panels[-1, column].set_xlabel("time [s]")
+                series = run.trajectory.time, run.series(stage)[quantity]
+                drawn[row, column].plot(*series, line, color=colour, label=name, lw=1.4)
+        drawn[0, column].set_title(label)
+        drawn[-1, column].set_xlabel("time [s]")
     for row, quantity in enumerate(COLUMNS):
-        panels[row, 0].set_ylabel(_LABEL[quantity])
-    panels[0, 0].legend(fontsize=8)
+        drawn[row, 0].set_ylabel(_LABEL[quantity])
+    drawn[0, 0].legend(fontsize=8)
     figure.suptitle(f"{title} (simulated)".strip())
     return figure
 
 
 def draw_methods(found: "Methods") -> "Figure":
     """Residual force and moment, largest drive torque, and added mass of each method."""
-    from matplotlib.figure import Figure
-
     rows = found.rows[::-1]
-    panels = {
+    values_of = {
         "shaking force, RMS [N]": [row["force_rms_N"] for row in rows],
         "shaking moment, RMS [N m]": [row["moment_rms_Nm"] for row in rows],
         "largest motor torque, RMS [N m]": [max(row["torque_rms_Nm"].values(), default=0.0) for row in rows],
         "added mass [kg]": [row["added_mass_kg"] for row in rows],
     }
-    figure = Figure(figsize=(12, 0.42 * len(rows) + 1.4), layout="constrained")
-    for axes, (label, values) in zip(figure.subplots(1, 4, sharey=True), panels.items(), strict=True):
+    figure, drawn = panels(12, 0.42 * len(rows) + 1.4, 1, 4, grid=False, sharey=True)
+    for axes, (label, values) in zip(drawn[0], values_of.items(), strict=True):
         bars = axes.barh([row["method"] for row in rows], values, color="#3b6ea5")
         axes.bar_label(bars, [f"{value:.3g}" if value > 1e-9 else "0" for value in values], padding=3, fontsize=8)
         axes.set_title(label, fontsize=10)
@@ -77,8 +72,6 @@ def draw_methods(found: "Methods") -> "Figure":
 
 def draw_energy(document: dict[str, Any]) -> "Figure":
     """Energy of weight, of springs, and their sum, at configurations of the workspace ordered by weight."""
-    from matplotlib.figure import Figure
-
     workspace = {name: np.array(values) for name, values in document["workspace"].items() if values is not None}
     order = np.argsort(workspace["weight_J"])
     curves = {
@@ -88,31 +81,26 @@ def draw_energy(document: dict[str, Any]) -> "Figure":
     }
     if "with_counter_masses_J" in workspace:
         curves["with counter-masses"] = (workspace["with_counter_masses_J"], "#2a9d8f", "--")
-    figure = Figure(figsize=(7.5, 4.2), layout="constrained")
-    axes = figure.subplots()
+    figure, ((axes,),) = panels(7.5, 4.2)
     for label, (values, colour, style) in curves.items():
         axes.plot(np.arange(len(order)), (values - values.mean())[order], style, color=colour, label=label, lw=1.6)
     axes.set(xlabel="configurations of the workspace, by height of weight", ylabel="potential energy less its mean [J]")
     axes.set_title(f"{document['mechanism']}: static balance, computed")
     axes.legend()
-    axes.grid(alpha=0.25)
     return figure
 
 
 def draw_sweep(designs: "Designs") -> "Figure":
     """What the designs of a sweep are ranked by [N, N m], over one variable or as contours over two."""
-    from matplotlib.figure import Figure
-
     columns, variables, shown = designs.columns, designs.varied, designs.ranked_by
-    figure = Figure(figsize=(7.0, 4.5), layout="constrained")
-    axes, x = figure.subplots(), columns[variables[0]]
+    figure, ((axes,),) = panels(7.0, 4.5, grid=len(variables) == 1)
+    x = columns[variables[0]]
     axes.set_xlabel(variables[0])
     if len(variables) == 1:
         order = np.argsort(x)
         axes.plot(x[order], columns[shown][order], color="#3b6ea5")
         axes.set_ylabel(shown)
         axes.set_ylim(bottom=0.0)
-        axes.grid(alpha=0.25)
     else:
         axes.set_ylabel(variables[1])
         figure.colorbar(axes.tricontourf(x, columns[variables[1]], columns[shown], levels=20), label=shown)
@@ -122,18 +110,15 @@ def draw_sweep(designs: "Designs") -> "Figure":
 
 def draw_front(found: "Front") -> "Figure":
     """Moment and torque of the points of a front over their force, coloured by added mass."""
-    from matplotlib.figure import Figure
-
     front = found.points
     force, mass = [one.force for one in front], [one.added_mass for one in front]
-    panels = {"moment RMS [N m]": [one.moment for one in front]}
+    costs = {"moment RMS [N m]": [one.moment for one in front]}
     if front[0].torque is not None:
-        panels["torque RMS [N m]"] = [one.torque or 0.0 for one in front]
-    figure = Figure(figsize=(4.5 * len(panels) + 1.0, 4.2), layout="constrained")
-    for axes, (label, values) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels.items(), strict=True):
+        costs["torque RMS [N m]"] = [one.torque or 0.0 for one in front]
+    figure, drawn = panels(4.5 * len(costs) + 1.0, 4.2, 1, len(costs))
+    for axes, (label, values) in zip(drawn[0], costs.items(), strict=True):
         dots = axes.scatter(force, values, c=mass, s=22)
         axes.set(xlabel="force RMS [N]", ylabel=label)
-        axes.grid(alpha=0.25)
     figure.colorbar(dots, label="added mass [kg]")
     figure.suptitle(f"{found.mechanism}, motion {found.motion}: simulated")
     return figure
@@ -141,11 +126,8 @@ def draw_front(found: "Front") -> "Figure":
 
 def draw_tolerances(found: "ToleranceAnalysis") -> "Figure":
     """Share of each tolerance in the mean square force that errors add."""
-    from matplotlib.figure import Figure
-
     effects = found.effects[::-1]
-    figure = Figure(figsize=(7.0, 0.4 * len(effects) + 1.6), layout="constrained")
-    axes = figure.subplots()
+    figure, ((axes,),) = panels(7.0, 0.4 * len(effects) + 1.6, grid=False)
     axes.barh([one.tolerance.text for one in effects], [100.0 * one.variance_share for one in effects], color="#3b6ea5")
     axes.set(xlabel="share of the mean square force that errors add [%]")
     axes.set_title(f"95 % keep at most {found.percentiles['95']:.4g} N RMS; simulated", fontsize=10)
@@ -167,18 +149,14 @@ _SIDES = {
 
 def draw_responses(responses: Mapping[str, Response], shown: Sequence[str]) -> "Figure":
     """A panel for each component ``shown``, without counter-masses (``before``) and with them (``after``)."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.0, 1.6 * max(len(shown), 1) + 0.8), layout="constrained")
-    panels = figure.subplots(max(len(shown), 1), 1, sharex=True, squeeze=False)[:, 0]
-    for panel, name in zip(panels, shown, strict=False):
+    figure, drawn = panels(9.0, 1.6 * max(len(shown), 1) + 0.8, max(len(shown), 1), sharex=True, grid=bool(shown))
+    for panel, name in zip(drawn[:, 0], shown, strict=False):
         for side, one in responses.items():
             label, colour = _SIDES[side]
             panel.plot(one.time, one.columns()[name], color=colour, label=label, lw=1.2)
         panel.set_ylabel("{} [{}]".format(*titled(name)))
-        panel.grid(alpha=0.25)
-    panels[-1].set_xlabel("time [s]")
-    handles, labels = panels[0].get_legend_handles_labels()
+    drawn[-1, 0].set_xlabel("time [s]")
+    handles, labels = drawn[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=2)
     figure.suptitle("Simulated: what the mechanism exerts on its base, and the drives on it", x=0.01, ha="left")
     return figure

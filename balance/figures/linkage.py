@@ -10,6 +10,7 @@ from ..linkages.equivalence_method import LinkageBalance
 from ..linkages.force_balance import joint_point
 from ..linkages.linkage import GROUND
 from ..linkages.moment_balance import GearResult
+from . import panels
 from .mechanism import COUNTER, LINK, STEEL_KG_PER_M2
 from .mechanism import GROUND as GROUND_COLOUR
 
@@ -25,11 +26,8 @@ def draw_linkage(result: LinkageBalance) -> "Figure":
 
     Raises ModelError or ClosureError where a place or angle is not given, or it cannot be closed.
     """
-    from matplotlib.figure import Figure
-
     linkage, start = result.linkage, result.start
-    figure = Figure(figsize=(7.2, 5.6), layout="constrained")
-    axes = figure.add_subplot()
+    figure, ((axes,),) = panels(7.2, 5.6)
     for name, body in linkage.bodies.items():
         points = [_place(result, start, j.name, name) for j in linkage.joints.values() if j.joins(name) and j.revolute]
         points = points or [start.point(name, np.zeros(2))]
@@ -48,9 +46,7 @@ def draw_linkage(result: LinkageBalance) -> "Figure":
         at_joint = _place(result, start, joint.name, joint.ends[1].body)
         mark = ("^" if joint.joins(GROUND) else "o") if joint.revolute else "s"
         axes.plot(*at_joint, mark, ms=8, mfc="white", mec=GROUND_COLOUR, mew=1.5, zorder=5)
-    axes.set_aspect("equal")
-    axes.set(xlabel="x [m]", ylabel="y [m]", title=linkage.title)
-    axes.grid(alpha=0.25)
+    axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title=linkage.title)
     return figure
 
 
@@ -63,15 +59,8 @@ def _draw_gear(axes: "Axes", result: LinkageBalance, start: Assembly, gear: Gear
     pivot, axis = (start.point(gear.carrier, at) for at in gear.centres(result.linkage, result.tree, result.values))
     distance, teeth = float(np.linalg.norm(pivot - axis)), gear.gear.teeth
     if distance == 0.0:
-        axes.annotate(
-            gear.gear.name,
-            (float(axis[0]), float(axis[1])),
-            (-6, -12),
-            textcoords="offset points",
-            color=GEAR,
-            ha="right",
-            zorder=6,
-        )
+        place = (float(axis[0]), float(axis[1]))
+        axes.annotate(gear.gear.name, place, (-6, -12), textcoords="offset points", color=GEAR, ha="right", zorder=6)
         return
     for at, count, colour, mark in ((axis, teeth[0], GEAR, ""), (pivot, teeth[1], COUNTER_GEAR, "*")):
         _circle(axes, at, distance * count / sum(teeth), colour, f"{gear.gear.name}{mark}")

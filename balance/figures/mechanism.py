@@ -15,6 +15,7 @@ from ..errors import DataError
 from ..mechanism import forward_kinematics
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.sparse_components import dense
+from . import panels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,16 +30,9 @@ def draw_mechanism(
     mechanism: Mechanism, counter_masses: Sequence[CounterMass] = (), q: Floats | None = None, title: str = ""
 ) -> "Figure":
     """Draw a mechanism at ``q`` (nv,) [rad, m], by default home; discs have the area of the counter-masses."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6.4, 4.8), layout="constrained")
-    axes = figure.add_subplot()
+    figure, ((axes,),) = panels(6.4, 4.8)
     draw_on(axes, mechanism, counter_masses, Closure(mechanism).home if q is None else q)
-    axes.set_title(title or mechanism.name)
-    axes.set_aspect("equal")
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
-    axes.grid(alpha=0.25)
+    axes.set(title=title or mechanism.name, aspect="equal", xlabel="x [m]", ylabel="y [m]")
     return figure
 
 

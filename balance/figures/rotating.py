@@ -17,6 +17,7 @@ from ..engines.free_forces import FreeForces, RotatingVector
 from ..engines.slider_crank import SliderCrank
 from ..estimation.estimate import LEVEL_TEXT
 from ..rotors.correction_planes import Correction, Polygon, polygons
+from . import panels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -44,10 +45,7 @@ def draw_readings(
     ``reading`` and ``weight`` are the units in which they are drawn and their factors from SI. With
     ``uncertainty``, shaded regions hold the true vectors with 95 %.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.6, 5.0), layout="constrained")
-    readings, weights = figure.subplots(1, 2, subplot_kw={"projection": "polar"})
+    figure, ((readings, weights),) = panels(9.6, 5.0, 1, 2, grid=False, subplot_kw={"projection": "polar"})
     names = [sensor if speed == "unstated" else f"{sensor}, {speed}" for sensor, speed in runs.rows]
     before, after = runs.in_file_phase(solution.coefficients.initial), runs.in_file_phase(solution.residual)
     total = runs.in_file_sense(solution.weights)
@@ -106,14 +104,11 @@ _DRIVE_COLOURS = (BLUE, ORANGE, "#2a9d8f", "#8a5aa5")
 
 def draw_drive(document: dict[str, Any]) -> "Figure":
     """Panels for what the document of ``balance drive`` holds."""
-    from matplotlib.figure import Figure
-
-    panels = 3 if document.get("start_up") else 2
-    figure = Figure(figsize=(4.4 * panels, 3.9), layout="constrained")
-    axes = figure.subplots(1, panels)
+    count = 3 if document.get("start_up") else 2
+    figure, (axes,) = panels(4.4 * count, 3.9, 1, count)
     draw_inertia(axes[0], document["reduced"])
     draw_speed(axes[1], document["steady"])
-    if panels == 3:
+    if count == 3:
         draw_start_up(axes[2], document["start_up"])
     figure.suptitle(f"{document['mechanism']}: computed")
     return figure
@@ -129,7 +124,6 @@ def draw_inertia(axes: "Axes", reduced: dict[str, Any]) -> None:
         _label_extreme(axes, extreme["angle_deg"], value, extreme["kind"] == "maximum")
     axes.set(xlabel="crank angle [deg]", ylabel="kg m²", title="Equivalent inertia I(φ)", xticks=range(0, 361, 90))
     axes.margins(y=0.15)
-    axes.grid(alpha=0.25)
 
 
 def _label_extreme(axes: "Axes", angle: float, value: float, above: bool) -> None:
@@ -148,7 +142,6 @@ def draw_speed(axes: "Axes", rows: list[dict[str, Any]]) -> None:
         xlabel="crank angle [deg]", ylabel="n / nominal", title="Speed over a turn, steady", xticks=range(0, 361, 90)
     )
     axes.legend(fontsize=7)
-    axes.grid(alpha=0.25)
 
 
 def draw_start_up(axes: "Axes", rows: list[dict[str, Any]]) -> None:
@@ -158,7 +151,6 @@ def draw_start_up(axes: "Axes", rows: list[dict[str, Any]]) -> None:
         axes.plot(course["time_s"], course["speed_rpm"], _dash(rows, row), color=_colour(rows, row), label=_label(row))
     axes.set(xlabel="time [s]", ylabel="rev/min", title="Start-up of the crank")
     axes.legend(fontsize=7, loc="lower right")
-    axes.grid(alpha=0.25)
 
 
 def _dash(rows: list[dict[str, Any]], row: dict[str, Any]) -> str:
@@ -192,19 +184,16 @@ def draw_orders(
 
     Below them, where ``residual`` is given, the residuals of both over a turn.
     """
-    from matplotlib.figure import Figure
-
     rows = 1 if residual is None else 2
     units = (units[0].replace("omega^2", "ω²"), units[1].replace("omega^2", "ω²"))
-    figure = Figure(figsize=(8.4, 3.8 * rows), layout="constrained")
-    panels = figure.subplots(rows, 2, squeeze=False)
-    _bars(panels[0, 0], [f.force for f in free], factor, f"force [{units[0]}]")
-    _bars(panels[0, 1], [f.moment for f in free], factor, f"moment [{units[1]}]")
+    figure, drawn = panels(8.4, 3.8 * rows, rows, 2, grid=False)
+    _bars(drawn[0, 0], [f.force for f in free], factor, f"force [{units[0]}]")
+    _bars(drawn[0, 1], [f.moment for f in free], factor, f"moment [{units[1]}]")
     if residual is not None:
         forces = {stage: each.force for stage, each in residual.stages.items()}
         moments = {stage: each.moment for stage, each in residual.stages.items()}
-        _turn(panels[1, 0], residual, forces, f"size of the force [{units[0]}]")
-        _turn(panels[1, 1], residual, moments, f"size of the moment [{units[1]}]")
+        _turn(drawn[1, 0], residual, forces, f"size of the force [{units[0]}]")
+        _turn(drawn[1, 1], residual, moments, f"size of the moment [{units[1]}]")
     figure.suptitle(title)
     return figure
 
@@ -244,10 +233,7 @@ _WEIGHT_COLOURS = (GREY, "#8d99ae", BLUE, "#2a9d8f", ORANGE, "#b5446e")
 
 def draw_polar(crank: SliderCrank, counterweights: Mapping[str, float], omega: float) -> "Figure":
     """The exact force's tip over a turn for each counterweight m_b r_b [kg m], orders 1 and 2 dotted; omega [rad/s]."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6.4, 5.4), layout="constrained")
-    axes = figure.add_subplot()
+    figure, ((axes,),) = panels(6.4, 5.4)
     theta = np.append(partial_balance.crank_angles(720), 0.0)
     for i, (name, weight) in enumerate(counterweights.items()):
         colour = _WEIGHT_COLOURS[i % len(_WEIGHT_COLOURS)]
@@ -261,7 +247,6 @@ def draw_polar(crank: SliderCrank, counterweights: Mapping[str, float], omega: f
     axes.set_ylabel("along the cylinder, away from the crank [N]")
     axes.set_title("Shaking force over a turn; dotted: orders 1 and 2")
     axes.legend(title="counterweight", fontsize=9)
-    axes.grid(alpha=0.25)
     return figure
 
 
@@ -274,11 +259,9 @@ _UNITS = {"kg m": ("kg mm", 1e3), "kg m2": ("kg mm²", 1e6)}
 
 def draw_polygons(correction: Correction) -> "Figure":
     """Draw the vector polygons side by side; given and closing sides differ in colour, each side is named."""
-    from matplotlib.figure import Figure
-
     drawn = polygons(correction)
-    figure = Figure(figsize=(4.6 * len(drawn), 4.6), layout="constrained")
-    for axes, polygon in zip(figure.subplots(1, len(drawn), squeeze=False)[0], drawn, strict=True):
+    figure, (each,) = panels(4.6 * len(drawn), 4.6, 1, len(drawn))
+    for axes, polygon in zip(each, drawn, strict=True):
         _draw(axes, polygon)
     return figure
 
@@ -306,7 +289,6 @@ def _draw(axes: "Axes", polygon: Polygon) -> None:
     axes.set_ylabel(f"y [{unit}]")
     axes.margins(0.25)
     axes.locator_params(nbins=5)
-    axes.grid(alpha=0.25)
 
 
 def _xy(vector: complex) -> tuple[float, float]:

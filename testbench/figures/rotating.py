@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from balance.estimation.estimate import LEVEL_TEXT
+from balance.figures import panels
 
 from . import style
 
@@ -23,14 +24,12 @@ def draw_vectors(document: dict[str, Any]) -> "Figure":
 
     A shaded field is amplitude and phase within their intervals; a disc is a vector within its scatter.
     """
-    from matplotlib.figure import Figure
-
     rows = document["vectors"]
     kinds = [kind for kind in _UNITS if any(row["reading"] == kind for row in rows)]
     with style.styled():
-        figure = Figure(figsize=(5.2 * len(kinds), 5.4), layout="constrained")
-        panels = figure.subplots(1, len(kinds), squeeze=False, subplot_kw={"projection": "polar"})[0]
-        for axes, kind in zip(panels, kinds, strict=True):
+        polar = {"projection": "polar"}
+        figure, (drawn,) = panels(5.2 * len(kinds), 5.4, 1, len(kinds), grid=False, subplot_kw=polar)
+        for axes, kind in zip(drawn, kinds, strict=True):
             _panel(axes, [row for row in rows if row["reading"] == kind], kind, document)
         style.headline(
             figure, f"{document['run']}: order {document['order']} at {document['speed_rpm']:.5g} rev/min\n"

@@ -5,6 +5,7 @@ from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
 
 from balance.arrays import Floats
+from balance.figures import panels
 
 from ..recording import payload_text, peak_text
 
@@ -44,10 +45,7 @@ def styled() -> "AbstractContextManager[None]":
 
 def light_grid(rows: int, columns: int, height: float, **shared: Any) -> "tuple[Figure, Any]":  # noqa: ANN401
     """A figure and its axes (rows, columns), each row ``height`` inch high."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH * max(1.0, columns / 3), height * rows + 1.0), layout="constrained")
-    return figure, figure.subplots(rows, columns, squeeze=False, **shared)
+    return panels(WIDTH * max(1.0, columns / 3), height * rows + 1.0, rows, columns, grid=False, **shared)
 
 
 def figure_title(figure: "Figure", text: str, runs: "Sequence[Run | SIRun]") -> None:
