@@ -105,6 +105,23 @@ def plain_text(text: str) -> str:
     return "".join(c if unicodedata.category(c)[0] != "C" else f"\\x{ord(c):02x}" for c in text)
 
 
+class Brief:
+    """A dataclass that Python's prompt shows by those of its fields that are short; others are three dots."""
+
+    def __init_subclass__(cls, **named: Any) -> None:  # noqa: ANN401
+        super().__init_subclass__(**named)
+        cls.__repr__ = Brief.__repr__  # type: ignore[method-assign]  # before the dataclass writes one of all its fields
+
+    def __repr__(self) -> str:
+        shown = {f.name: repr(getattr(self, f.name)) for f in dataclasses.fields(self) if f.repr}  # type: ignore[arg-type]
+        short = [f"{name}={text}" for name, text in shown.items() if len(text) <= _SHORT and "\n" not in text]
+        return f"{type(self).__name__}({', '.join(short + ['...'] * (len(short) < len(shown)))})"
+
+
+_SHORT, _LINE = 60, 110
+"""Characters of a value, and of a line of a table, at the prompt."""
+
+
 class Shown:
     """A result with faces: a table, a picture, what a notebook shows.
 
@@ -118,8 +135,7 @@ class Shown:
     def __init_subclass__(cls, *, rows: str = "", figure: str = "") -> None:
         super().__init_subclass__()
         cls._rows, cls._figure = rows or cls._rows, figure or cls._figure
-        if rows:  # before the dataclass writes one of all its fields
-            cls.__repr__ = Shown.__repr__  # type: ignore[method-assign]
+        cls.__repr__ = Shown.__repr__  # type: ignore[method-assign]  # before the dataclass writes one of all its fields
 
     def table(self) -> "pandas.DataFrame":
         """A DataFrame, a row each; the columns are the keys of the JSON document, with the unit at their end."""
@@ -134,10 +150,11 @@ class Shown:
     def __repr__(self) -> str:
         from pandas import DataFrame
 
-        rows = list(getattr(self, self._rows))
+        rows = list(getattr(self, self._rows)) if self._rows else []
         header, cells = table(type(rows[0]), rows) if rows else ([], [])
         shown = DataFrame(cells, columns=header) if header else self.table()
-        return f"{type(self).__name__}\n{shown.to_string(index=False, max_rows=20)}"
+        width = None if self._rows else _LINE
+        return f"{type(self).__name__}\n{shown.to_string(index=bool(shown.index.name), max_rows=20, line_width=width)}"
 
     def _repr_html_(self) -> str:
         return str(self.table().to_html(border=0, na_rep=NO_VALUE))

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from balance.results import Key, document
+from balance.results import Brief, Key, document
 
 from .errors import RecordingError
 
@@ -502,7 +502,7 @@ class TextLog:
 
 
 @dataclass(frozen=True)
-class Recording:
+class Recording(Brief):
     """A log file, its header read and its data not yet.
 
     ``read`` yields the data and reports what it finds on the way; a later block may bring a group that the

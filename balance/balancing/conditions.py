@@ -226,6 +226,9 @@ class Conditions:
         rows = zip(self.values(), self.units, strict=True)
         return frame({"condition": self.text(i), "value": x, "unit": unit} for i, (x, unit) in enumerate(rows))
 
+    def __repr__(self) -> str:
+        return f"Conditions of {self.mechanism.name}\n{self.table().to_string(index=False)}"
+
     def _repr_latex_(self) -> str:
         rows = r" \\ ".join(_latex(self.text(i)) for i in range(self.rank))
         return rf"$$\begin{{aligned}}{rows}\end{{aligned}}$$"

@@ -13,6 +13,7 @@ from ..arrays import Floats, Indices, parallel_blocks
 from ..errors import ClosureError, ModelError
 from ..mechanism.pinocchio_engine import AGREEMENT
 from ..motion import Samples
+from ..results import Brief
 from .newton import RESIDUAL_LIMIT, LoopProgram, LoopSystem, Order
 
 COARSE_STEP = 0.1
@@ -120,7 +121,7 @@ BRANCH_LIMIT = 0.1
 
 
 @dataclass(frozen=True)
-class Trajectory:
+class Trajectory(Brief):
     """Loop-consistent motion of all coordinates.
 
     >>> import balance

@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 
 from ..arrays import Floats
-from ..results import Key, rpm
+from ..results import Brief, Key, rpm
 from . import DriveError
 from .fourier_series import Periodic, differentiation, odd_grid
 from .machine import Machine
@@ -37,7 +37,7 @@ DEFINITIONS = {
 
 
 @dataclass(frozen=True)
-class SteadyRotation:
+class SteadyRotation(Brief):
     """A periodic rotation of a machine."""
 
     machine: Machine

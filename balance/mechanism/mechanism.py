@@ -9,6 +9,7 @@ import numpy as np
 
 from ..arrays import Floats, frozen
 from ..errors import ModelError, suggestion
+from ..results import Brief
 from ..units import si
 from .forward_kinematics import Joint, Tree
 from .loop_constraints import Constraint, Loop
@@ -45,7 +46,7 @@ class Site:
 
 
 @dataclass(frozen=True)
-class Mechanism:
+class Mechanism(Brief):
     """A mechanism as read from a file, with the payload and counter-masses that it carries.
 
     >>> import balance

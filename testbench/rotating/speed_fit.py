@@ -13,6 +13,7 @@ import numpy as np
 
 from balance.arrays import Floats, Indices
 from balance.estimation.estimate import chi_square_tail, coverage_factor, effective_degrees_of_freedom
+from balance.results import Brief
 
 from ..errors import AnalysisError
 from .encoder_edges import Edges, require_stated_turn
@@ -215,7 +216,7 @@ class SpeedEstimate:
 
 
 @dataclass(frozen=True)
-class SteadySpeedFit:
+class SteadySpeedFit(Brief):
     """A steady turn of the crank, estimated from edges."""
 
     edges: Edges

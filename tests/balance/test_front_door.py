@@ -34,3 +34,24 @@ def test_what_cannot_be_meant_is_refused(ask, message) -> None:
     with pytest.raises(CounterpoiseError, match=message) as refused:
         ask()
     assert len(str(refused.value).splitlines()) == 1
+
+
+SHOWN = [
+    lambda: balance.load("four-bar"),
+    lambda: balance.conditions("four-bar"),
+    lambda: balance.follow("four-bar", "four-bar", rate="1 kHz"),
+    lambda: balance.simulate("four-bar", "four-bar", rate="1 kHz"),
+    lambda: balance.size("four-bar"),
+    lambda: balance.rotor("three-masses"),
+    lambda: balance.linkage("two-levels"),
+    lambda: balance.engine("in-line-4", orders=2)[0],
+    lambda: balance.drive("four-bar-dc")[0],
+]
+
+
+@pytest.mark.parametrize("ask", SHOWN)
+def test_a_prompt_shows_what_one_can_read(ask) -> None:
+    """A few lines that fit a window; not a file's text, not all fields."""
+    lines = repr(ask()).splitlines()
+    assert len(lines) <= 50
+    assert max(map(len, lines)) <= 500
