@@ -171,9 +171,7 @@ class Run(Shown, rows="groups", figure="testbench.figures.runs:draw_run"):
             if group.name == name:
                 return group
         wanted = (
-            f"no group {name!r}"
-            if name is not None
-            else "has several groups: name one, or join them: to_pandas(resample='1 kHz')"
+            f"no group {name!r}" if name is not None else "has several groups: name one, or join them: resample='1 kHz'"
         )
         raise StoreError(f"{self.path.name}: {wanted}; there are {_listed(g.name for g in self.groups)}")
 
@@ -258,10 +256,13 @@ class Run(Shown, rows="groups", figure="testbench.figures.runs:draw_run"):
         frame.attrs.update({**self._about(where), "units": units})
         return frame
 
-    def to_xarray(self, group: str | None = None, channels: Sequence[str] | None = None) -> "xarray.Dataset":
+    def to_xarray(
+        self, group: str | None = None, channels: Sequence[str] | None = None, resample: float | str | None = None
+    ) -> "xarray.Dataset":
         """A group as a dataset against time [s], as `open_dataset` gives it: HDF5 names, ``units``, ``long_name``.
 
-        A time column is the axis, in seconds, and no channel too, also where it is asked for.
+        A time column is the axis, in seconds, and no channel too, also where it is asked for. With ``resample`` all
+        groups on one clock, as :meth:`to_pandas` has them.
         """
         try:
             import xarray
@@ -269,6 +270,14 @@ class Run(Shown, rows="groups", figure="testbench.figures.runs:draw_run"):
             raise StoreError(
                 "a dataset needs xarray: pip install 'counterpoise[xarray]'; to_pandas needs nothing"
             ) from error
+        if resample is not None:
+            table, taken = self.to_pandas(None, channels, resample), {layout.TIME}
+            units = table.attrs.pop("units")
+            joined = {
+                layout.safe_name(name, taken): (layout.TIME, table[name], {"units": unit or "", "long_name": name})
+                for name, unit in units.items()
+            }
+            return xarray.Dataset(joined, {layout.TIME: (layout.TIME, table.index, {"units": "s"})}, table.attrs)
         where = self.group(group)
         kind, index = self._index(where)
         found = {

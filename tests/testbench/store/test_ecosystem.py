@@ -81,6 +81,11 @@ def test_two_loggers_in_pandas(tmp_path):
         own = run.to_pandas(name)
         assert table.loc[name][list(own.columns)].equals(own.rename_axis(table.loc[name].index.name))
     assert table.loc["plc"]["AccX (g)"].isna().all()
+    joined, data = run.to_pandas(resample="50 Hz"), run.to_xarray(resample="50 Hz")
+    assert joined.attrs["resampled_to_hz"] == 50.0
+    for name, values in zip(joined.columns, data.data_vars.values(), strict=True):
+        assert (values.attrs["long_name"], values.attrs["units"]) == (name, joined.attrs["units"][name])
+        assert values.to_numpy().tobytes() == joined[name].to_numpy().tobytes()
     twice = Group("daq", (Channel("Fz", "N"), Channel("Fz", "N")), UniformClock(10.0))
     with RunWriter(tmp_path, "clash") as writer:
         for group in (twice, groups[1]):
