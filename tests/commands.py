@@ -3,9 +3,16 @@
 import contextlib
 import io
 import json
+import re
 import sys
 from collections.abc import Callable
 from typing import Any, NamedTuple
+
+import click
+import pytest
+from rich.cells import cell_len
+
+from balance.cli import framework
 
 
 class Outcome(NamedTuple):
@@ -33,3 +40,33 @@ def call(main: Callable[[], None], name: str, *words: object) -> Outcome:
     finally:
         sys.argv = before
     return Outcome(code, out.getvalue(), err.getvalue())
+
+
+def held_to_widths(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """From now on every table that is printed is drawn at 80 and 200 columns too; gives their titles.
+
+    No line is wider, no number broken, nothing cut short. What is printed is as wide as 80 columns.
+    """
+    drawn, titles = framework.table_lines, list[str]()
+
+    def lines_at(title: str, header: list[str], rows: list[list[str]], note: str, width: int | None) -> list[str]:
+        titles.append(title)
+        for wide in (80, 200):
+            lines = list(map(click.unstyle, drawn(title, header, rows, note, wide)))
+            text = "\n".join(lines)
+            assert max(map(cell_len, lines)) <= wide
+            assert "…" not in text
+            numbers = {cell for row in rows for cell in row if re.fullmatch(r"[+-]?[\d.]+(e[+-]?\d+)?", cell)}
+            assert "Too wide" in text or all(number in text for number in numbers)
+        return drawn(title, header, rows, note, width)
+
+    monkeypatch.setattr(framework, "table_lines", lines_at)
+    monkeypatch.setenv("COLUMNS", "80")
+    return titles
+
+
+def assert_fits(printed: str) -> None:
+    """The first line has the answer's number; no line is wider than 80 columns, unless one word alone is."""
+    lines = [line for line in click.unstyle(printed).splitlines() if line]
+    assert re.search(r"\d", lines[0]), "the first line, which -q prints alone, is the answer"
+    assert [line for line in lines if cell_len(line) > 80 and len(line.split()) > 1] == []

@@ -255,7 +255,7 @@ def _print_free(
             f"{factor * ms:+.5g} {length}"
         )
     fired = firing(engine)
-    click.echo(
+    say(
         f"Fires {'-'.join(map(str, fired.order))}, {engine.strokes}-stroke, at intervals of "
         f"{', '.join(f'{i:g}' for i in fired.intervals_deg)} deg: {'even' if fired.even else 'uneven'}."
     )

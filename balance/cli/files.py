@@ -18,7 +18,7 @@ import click
 from .. import datasets
 from ..errors import DataError, suggestion
 from ..results import Key, table
-from .framework import Answer, Word, emit_table, json_text, plain_text
+from .framework import Answer, Word, emit_table, json_text, plain_text, say
 from .options import argument, command, option
 
 MECHANICS = {
@@ -118,7 +118,7 @@ def files_command(program: str, kinds: Mapping[str, tuple[str, str]], example: s
         if name is not None:
             copied = copy_shipped(name, known, folder)
             text = f"{plain_text(str(copied))}: a copy to be edited; commands take it by its path."
-            return Answer({"copied": copied}, lambda: click.echo(text))
+            return Answer({"copied": copied}, lambda: say(text))
         cells, remark = table(Shipped, known), f"copy one: {program} files --copy NAME"
         return Answer(
             {"files": known}, lambda: emit_table(f"Shipped with {program}: {len(known)} files", *cells, remark)
@@ -190,8 +190,9 @@ def schema_command(program: str, models: Mapping[str, str], example: str) -> cli
 
 def reference_page(models: Mapping[str, str], kinds: Iterable[str]) -> str:
     """The keys of kinds of files, in Markdown."""
+    kinds = list(kinds)
     lines = [line for kind in kinds for line in reference(kind, file_schema(models, kind))]
-    return "\n".join([*_HEAD, *lines])
+    return "\n".join([*(_HEAD if len(kinds) > 1 else ()), *lines])
 
 
 def reference(kind: str, schema: Mapping[str, Any]) -> Iterable[str]:

@@ -244,8 +244,8 @@ class Answer(NamedTuple):
     has_finding: bool = False
     findings: Sequence[str] = ()
     """Printed for people below it."""
-    refused: Sequence[str] = ()
-    """What was refused, each with the reason, while the rest was done: printed on stderr; exit code 1."""
+    refused: Sequence[object] = ()
+    """What was refused, as text each with the reason, while the rest was done: printed on stderr; exit code 1."""
     code: int = 0
     """Exit code, where it is another."""
 
@@ -270,10 +270,10 @@ def answering(function: Callable[..., Answer]) -> Callable[..., int]:
     return answered
 
 
-def complain(*messages: str) -> None:
+def complain(*messages: object) -> None:
     """Print messages to stderr, a line each, after the name of the program."""
     for message in messages:
-        click.echo(f"{click.get_current_context().find_root().info_name}: {plain_text(message)}", err=True)
+        click.echo(f"{click.get_current_context().find_root().info_name}: {plain_text(str(message))}", err=True)
 
 
 def emit_further(title: str, header: list[str], rows: list[list[str]], remark: str = "") -> None:
@@ -427,11 +427,16 @@ def note(text: str) -> None:
 
 
 def say(text: str) -> None:
-    """Print sentences in lines of the terminal's width."""
+    """Print sentences in lines of the terminal's width, broken between words alone: paths and digests stay whole."""
     width = columns()
     for line in text.split("\n"):
-        indent = line[: len(line) - len(line.lstrip())]
-        click.echo(line if width is None else click.wrap_text(line.strip(), width, indent, indent + "  "))
+        lines = [line]
+        if width is not None and len(line) > width:
+            from textwrap import wrap
+
+            indent = line[: len(line) - len(line.lstrip())] + "  "
+            lines = wrap(line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+        click.echo("\n".join(lines))
 
 
 def mass(kilograms: float) -> str:

@@ -215,15 +215,13 @@ def _print_balance(document: dict[str, Any], with_equations: bool) -> None:
         title = "Gears: counter-gear I_z and m_z*, real gear on the body m_z and I_m_z"
         emit_table(title, *table(GearResult, document["gears"], *own, *sized, "wheel_inertia"))
     else:
-        click.echo("No gears: the force is balanced, the moment is not.")
+        say("No gears: the force is balanced, the moment is not.")
     for link, inertia in document["reshaped_inertia_kgm2"].items():
-        click.echo(
-            f"Link {link} must be shaped to an inertia of {inertia:.4g} kg m2: then two point masses replace it."
-        )
+        say(f"Link {link} must be shaped to an inertia of {inertia:.4g} kg m2: then two point masses replace it.")
     for equation in document["equations"] if with_equations else ():
         values = [(equation[f"value_{unit}"], text) for unit, text in _MASS_UNITS if f"value_{unit}" in equation]
         value = "".join(f"   = {value:.5g} {text}" for value, text in values)
-        click.echo(f"  [{equation['body']}]  {equation['equation']}{value}")
+        say(f"  [{equation['body']}]  {equation['equation']}{value}")
 
 
 _MASS_UNITS = (("kg", "kg"), ("kgm2", "kg m2"))
@@ -271,9 +269,9 @@ def _print_bearings(check: "Verification") -> None:
         title = f"Largest bearing and tooth forces [N], {check.labels[1]}"
         emit_further(title, ["at", *(_STAGE[stage] for stage in peaks)], rows, remark)
     else:
-        click.echo("Bearing forces are not determined: the linkage is statically indeterminate.")
+        say("Bearing forces are not determined: the linkage is statically indeterminate.")
     for gear in sorted({name for forces in known.values() for name in forces.undetermined}):
-        click.echo(
+        say(
             f"{gear}: its teeth's force and the bearing that it loads are not determined: where its counter-gear is "
             "pivoted is not given: counter = { at = [...], on = '...' }."
         )
@@ -291,12 +289,12 @@ def _print_comparison(comparison: "Comparison", check: "Verification | None") ->
     for row in comparison.rows:
         if row.why and row.explained is not None:
             fits = "as published, within the rounding" if row.is_explained else "not as published either"
-            click.echo(f"{row.name}: published {row.published.value:g}, computed {row.computed:.5g}: {row.why}. "
+            say(f"{row.name}: published {row.published.value:g}, computed {row.computed:.5g}: {row.why}. "
                        f"Computed like that it is {row.explained:.5g}, {fits}.")  # fmt: skip
     names = {row.name for row in comparison.rows if row.explained is not None}
     for entry in comparison.contradictions:
         if entry.about not in names:
-            click.echo(f"{_STAGE.get(entry.about, entry.about)}: {entry.why}.")
+            say(f"{_STAGE.get(entry.about, entry.about)}: {entry.why}.")
     rows = []
     for stage, published in comparison.rms.items():
         rows.append([f"{_STAGE[stage]}, published", *(f"{value:.4g}" for value in published.values())])
@@ -309,4 +307,4 @@ def _print_comparison(comparison: "Comparison", check: "Verification | None") ->
             rows.append(["  simulated / published", *ratios])
     emit_further("RMS at constant speed", ["stage", "FX [N]", "FY [N]", "M [N m]", "torque [N m]"], rows)
     for name, what in comparison.restored.items():
-        click.echo(f"Restored in the published copy, {name}: {what}.")
+        say(f"Restored in the published copy, {name}: {what}.")

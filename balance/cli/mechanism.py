@@ -97,7 +97,7 @@ def _print_motion(
     left_out = model.left_out if response.torque else ()
     peak, rms = response.peak(), response.rms()
     force = float((response.force**2).sum(axis=1).mean() ** 0.5)
-    click.echo(
+    say(
         f"{model.name} shakes its base with {force:.4g} N RMS in motion {motion}, "
         f"{float((response.force**2).sum(axis=1).max() ** 0.5):.4g} N peak (simulated, weight excluded)."
     )
@@ -139,13 +139,13 @@ def _print_reactions(found: "Reactions") -> None:
             joint, _, component = name.removeprefix("reaction_").rpartition("_")[0].rpartition("_")
             open_ones.setdefault(joint, []).append(component)
         listed = ", ".join(f"{' '.join(components)} of {joint}" for joint, components in open_ones.items())
-        click.echo(
+        say(
             f"{found.redundant} constraint row{'s' * (found.redundant > 1)} of the closures "
             f"{'are' if found.redundant > 1 else 'is'} redundant: rigid bodies do not determine {listed}; those of "
             "least squares are given."
         )
     if found.couplings:
-        click.echo(
+        say(
             "Couplings are torques and forces along their coordinates: what teeth press with, and load bearings by, "
             "depends on where they mesh and is not in these (balance linkage has it)."
         )
@@ -210,7 +210,7 @@ def assemble(mechanism: str = options.MECHANISM) -> Answer:
 def _print_configurations(closure: "Closure", found: "list[Configuration]", tolerance: float) -> None:
     """The closed configurations side by side, and the keyframe that chooses each."""
     model = closure.mechanism
-    click.echo(
+    say(
         f"{model.name} can be put together in {len(found)} way{'s' * (len(found) != 1)}: degrees of freedom "
         f"{closure.dof}, loops {len(model.loops)}, A is found from {model.branch!r}."
     )
@@ -306,7 +306,7 @@ def _print_conditions(found: "Conditions", momentum: str, possible: "Feasibility
     """Whether it is balanced, the conditions with their values, whether positive masses can meet them."""
     model = found.mechanism
     largest = ", ".join(f"{found.residual(unit):.4g} {unit}" for unit in sorted({"kg m", *found.units}))
-    click.echo(
+    say(
         f"{'Balanced' if found.is_balanced(BALANCED_KGM) else 'Not balanced'}: largest residual {largest}, of "
         f"{found.rank} condition{'s' * (found.rank != 1)} on {momentum} momentum."
     )
@@ -343,7 +343,7 @@ def _condition_rows(found: "Conditions", model: "Mechanism") -> list[list[str]]:
 
 def _print_feasibility(possible: "Feasibility") -> None:
     """Whether positive masses can meet the conditions, and what forbids it."""
-    click.echo(
+    say(
         {
             "possible": "Positive masses at suitable places of the bodies meet all of them.",
             "undecided": "Whether positive masses can meet all of them was not decided: the solver proves neither.",
@@ -398,7 +398,7 @@ def check(
     }
 
     def show() -> None:
-        click.echo(
+        say(
             "Balanced completely over the workspace."
             if balanced
             else f"Not balanced completely: {per_cent_text(remaining)} of the RMS momentum remains over the workspace."

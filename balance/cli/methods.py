@@ -210,7 +210,7 @@ def _springs(model: "Mechanism", name: str | None, reach: float | None, height: 
 def _print_static(result: dict[str, Any]) -> None:
     """By how much the potential energy swings with each method; with --all the conditions and the springs."""
     if not result["conditions"]:
-        click.echo(f"Nothing to balance: the weight of {result['mechanism']} does no work in any motion.")
+        say(f"Nothing to balance: the weight of {result['mechanism']} does no work in any motion.")
         return
     texts = []
     for method in ("counter_masses", "springs"):

@@ -6,8 +6,9 @@ Options and arguments are the defaults of a command's parameters, declared once 
     def size(mechanism: str = MECHANISM, best: int = option("Sets to list.", default=1)) -> None:
 """
 
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
@@ -286,8 +287,8 @@ def tell_idle(names: Sequence[str]) -> None:
 
 def serve(server: "Loopback", name: str, browser: bool, idle: float | None) -> None:
     """Answer one browser until Ctrl-C."""
-    click.echo(f"{plain_text(name)}: {server.url}")
-    click.echo("This address is for this machine and for you; Ctrl-C ends it.")
+    say(f"{plain_text(name)}: {server.url}")
+    say("This address is for this machine and for you; Ctrl-C ends it.")
     import webbrowser
     from tempfile import TemporaryDirectory
 
@@ -303,6 +304,26 @@ def _way_to(url: str, folder: Path) -> str:
     page.write_text(f'<!DOCTYPE html><title>Opening</title><meta http-equiv="refresh" content="0; url={url}">', "utf-8")
     page.chmod(0o600)
     return page.as_uri()
+
+
+@contextmanager
+def progress(what: str, total: int, *, in_bytes: bool = True) -> Iterator[Callable[[int], None]]:
+    """A bar on stderr, on a terminal only; gives a function that takes what was done since its last call."""
+    if not sys.stderr.isatty() or (in_bytes and total < LEAST_PROGRESS):
+        yield lambda count: None
+        return
+    from rich import progress as parts
+    from rich.console import Console
+
+    counts = (parts.DownloadColumn(), parts.TransferSpeedColumn()) if in_bytes else (parts.MofNCompleteColumn(),)
+    columns = (parts.TextColumn("{task.description}"), parts.BarColumn(), *counts, parts.TimeRemainingColumn())
+    with parts.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda count: bar.advance(task, count)
+
+
+LEAST_PROGRESS = 20 << 20
+"""Work from which a progress bar is shown [bytes]."""
 
 
 def component_label(name: str) -> str:

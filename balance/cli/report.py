@@ -6,7 +6,7 @@ from typing import Any
 import click
 
 from . import options
-from .framework import Answer
+from .framework import Answer, say
 from .options import command, option
 
 
@@ -58,7 +58,7 @@ def report(
     page = design_page(found.best, found.verdict, found.trajectory, motion)
     path = page.write(output)
     text = f"{model.name}: {page.document['verdict']}\nWrote {path}."
-    return Answer({**page.document, "written": str(path)}, lambda: click.echo(text), found.has_finding)
+    return Answer({**page.document, "written": str(path)}, lambda: say(text), found.has_finding)
 
 
 @command(
@@ -89,12 +89,13 @@ def animate(
         video.refuse_without_encoder(output)
     model = options.load_mechanism_option(mechanism, payload)
     designs = designs_of(model, options.distinct(counter, "--counter"))
-    trajectory = follow(model, motion)
+    drawn = moving(f"motion {motion}", follow(model, motion), designs)
     if filmed:
-        video.write_video(output, f"{model.name}, motion {motion}", moving(f"motion {motion}", trajectory, designs))
+        video.write_video(output, f"{model.name}, motion {motion}", drawn)
     else:
-        animation_page(model.name, motion, trajectory, designs).write(output)
-    click.echo(f"Wrote {output}.")
+        animation_page(model.name, motion, drawn).write(output)
+    forces = ", ".join(f"{panel['largest_N']:.4g} N {panel['label']}" for panel in drawn["panels"])
+    say(f"{model.name}, motion {motion}: largest shaking force {forces} (simulated).\nWrote {output}.")
 
 
 @command(

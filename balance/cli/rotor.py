@@ -118,9 +118,9 @@ def _print_correction(document: dict[str, Any], couple_remains: bool) -> None:
         remark = f"at {document['speed_rad_per_s']:g} rad/s; angles turn with the rotor"
         emit_further("Rotating bearing loads", header, rows, remark)
     elif document["bearings_mm"]:
-        click.echo("Bearing loads need a speed: --speed.")
+        say("Bearing loads need a speed: --speed.")
     if weight := document["weight_on_bearings_N"]:
-        click.echo(f"Weight on the bearings at rest: {weight[0]:.4g} N and {weight[1]:.4g} N (g0 = 9.81 m/s2).")
+        say(f"Weight on the bearings at rest: {weight[0]:.4g} N and {weight[1]:.4g} N (g0 = 9.81 m/s2).")
 
 
 @command(
@@ -242,7 +242,7 @@ def trial(
         f"Trial mass {1e3 * found:.4g} g at {1e3 * radius:g} mm ({1e6 * found * radius:.4g} g mm): {share:g} % of the "
         f"weight on its plane at {speed:.5g} rad/s (g0 = {G0} m/s2)."
     )
-    return Answer(document, lambda: click.echo(text))
+    return Answer(document, lambda: say(text))
 
 
 @command(
@@ -327,7 +327,7 @@ def _print_trial_runs(runs: "TrialRuns", document: dict[str, Any]) -> None:
     header = ["sensor", "speed", f"before [{reading}]", f"predicted after [{reading}]"]
     emit_further("Readings", header + ([] if intervals is None else [f"± [{reading}], {intervals['level']}"]), rows)
     if intervals is None:
-        click.echo("No intervals: state those of the readings (170 um ± 2 um @ 112 deg ± 1 deg), or repeat a run.")
+        say("No intervals: state those of the readings (170 um ± 2 um @ 112 deg ± 1 deg), or repeat a run.")
     for run, trial in document["trial_weights"].items():
         effect = trial["largest_effect"]
         change = "a reading that was zero" if effect is None else f"{100 * effect:.3g} % of the reading before"

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .framework import Answer, emit_table
+from .framework import Answer, emit_table, say
 from .options import Quantity, argument, command, option
 
 if TYPE_CHECKING:
@@ -165,7 +165,7 @@ def _print(document: dict[str, Any], weighted: "Split", stocked: bool, purpose: 
     from ..rotors.rotor import polar_form
 
     percent, least = document["residual_percent"], document["least_possible_residual_g"]
-    click.echo(
+    say(
         f"Makes {polar_form(weighted.made, 1e3, unit='g')} of {polar_form(weighted.target, 1e3, unit='g')}; residual "
         f"{document['residual_g']:.4g} g ({'-' if percent is None else f'{percent:.4g} %'}), "
         f"{document['total_weight_g']:.6g} g in all."
@@ -177,6 +177,6 @@ def _print(document: dict[str, Any], weighted: "Split", stocked: bool, purpose: 
     at = "" if document["radius_mm"] is None else f" at radius {document['radius_mm']:g} mm"
     emit_table(f"Weights {purpose}{at}", ["hole", "angle [deg]", "weight [g]", "pieces"], rows)
     if stocked and weighted.bound > weighted.residual() + 1e-6 * abs(weighted.target):
-        click.echo(f"Lightest set with a residual of at most {least:.4g} g: proven.")
+        say(f"Lightest set with a residual of at most {least:.4g} g: proven.")
     elif stocked:
-        click.echo(f"No set of these weights has a residual below {least:.4g} g, none with it is lighter: proven.")
+        say(f"No set of these weights has a residual below {least:.4g} g, none with it is lighter: proven.")

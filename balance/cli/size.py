@@ -196,7 +196,7 @@ def _closed_form(mechanism: str, payload: options.Masses) -> Answer:
         f"{mass(counter)} kg on each arm at {p_cm * 1e3:.2f} mm, by the published closed form "
         "m_cm p_cm = -(m1 p1 + (m2 + m5) r + m2 p2); no model was evaluated."
     )
-    return Answer(document, lambda: click.echo(text))
+    return Answer(document, lambda: say(text))
 
 
 def size_growing(
@@ -226,7 +226,7 @@ def size_growing(
     def show() -> None:
         left = ", ".join(per_cent_text(one["remaining_percent"]) for one in sets)
         what = "momentum" if objective[0] is None else " and ".join(MADE_SMALL[name] for name in objective[1])
-        click.echo(
+        say(
             "Balanced completely with each payload."
             if complete
             else f"Not balanced completely: {left} of the RMS {what} remains with the payloads below."
@@ -293,16 +293,14 @@ def _published(models: "Sequence[Mechanism]", payloads: Sequence[options.Masses]
 
 
 def _print_published(published: dict[str, Any]) -> None:
-    click.echo("Built by the source, and its residual:")
+    say("Built by the source, and its residual:")
     for found in published["sets"]:
         residual = first_moment(found["residual_first_moment_kgm"])
-        click.echo(
+        say(
             f"  {mass(found['payload_kg'])} kg  {' + '.join(found['plates'])} = {mass(found['mass_kg'])} kg  {residual}"
         )
     increments = " and ".join(f"{value:g}" for value in published["increments_kg"])
-    click.echo(
-        f"Its published increments, {increments} kg, are differences of its published counter-masses, not of plates."
-    )
+    say(f"Its published increments, {increments} kg, are differences of its published counter-masses, not of plates.")
 
 
 def _print_nested(name: str, sets: list[dict[str, Any]], stock: str | None) -> None:
@@ -325,9 +323,9 @@ def _print_nested(name: str, sets: list[dict[str, Any]], stock: str | None) -> N
         payload = ", ".join(f"{body} = {mass(value)} kg" for body, value in found["payload_kg"].items())
         if found["attainable_with_any_mass"]:
             residual = first_moment(found["residual_first_moment_kgm"])
-            click.echo(f"Residual at {payload}  {residual}  ({per_cent_text(found['residual_percent'])})")
+            say(f"Residual at {payload}  {residual}  ({per_cent_text(found['residual_percent'])})")
         else:
-            click.echo(f"At {payload}  no masses at these sites balance completely")
+            say(f"At {payload}  no masses at these sites balance completely")
     if stock:
         proof = "proven" if all(one["proven"] for one in sets) else "the best found in the time, not proven"
-        click.echo(f"Least in the sum over the payloads of all sets that only grow: {proof}.")
+        say(f"Least in the sum over the payloads of all sets that only grow: {proof}.")

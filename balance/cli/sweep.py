@@ -1,7 +1,6 @@
 """``balance sweep``, ``tolerance`` and ``tradeoff``: designs, errors and the best compromises, on one motion."""
 
 import re
-import sys
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -12,7 +11,7 @@ import click
 
 from ..results import document, table
 from . import options
-from .framework import Answer, Detail, Word, emit_findings, emit_table
+from .framework import Answer, Detail, Word, emit_findings, emit_table, say
 from .options import Quantity, command, option
 
 if TYPE_CHECKING:
@@ -126,9 +125,6 @@ def sweep(
     figure: str | None = options.FIGURE,
 ) -> Answer:
     """Shaking force, moment and torque of all combinations of masses and places, on one motion."""
-    from rich.console import Console
-    from rich.progress import Progress
-
     from ..balancing.sweep import QUANTITIES, Designs, Grid, Problem, Sweep, joined
     from ..motion import DEFAULT_RATE_HZ
     from ..motion.motion_files import load_motion
@@ -148,15 +144,13 @@ def sweep(
     problem = Problem(model, samples, counters, not rms_only, asked)
     started = perf_counter()
     found: list[dict[str, Floats]] = []
-    bar = Progress(console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True)
-    with task_pool(scheduler) as pool, bar:
-        task = bar.add_task("designs", total=grid.size)
+    with task_pool(scheduler) as pool, options.progress("designs", grid.size, in_bytes=False) as advance:
         chosen = partial(_best, ranked_by=ranked_by, top=None if figure else top)
         for count, columns in Sweep(problem, variables, output and output.absolute(), chosen).run(pool):
             if ranked_by not in columns:
                 raise click.UsageError(f"--best {ranked_by}: no such column; there are {', '.join(columns)}")
             found.append(columns)
-            bar.advance(task, count)
+            advance(count)
     designs = Designs(joined(found), tuple(v.column for v in variables), ranked_by)
     best = _best(designs.columns, ranked_by, top)
     rows = [{name: float(values[i]) for name, values in best.items()} for i in range(len(best[ranked_by]))]
@@ -167,7 +161,7 @@ def sweep(
         shown = list(dict.fromkeys([*(v.column for v in variables), ranked_by, *_SHOWN]))
         shown = [name for name in shown if name in best]
         cells = [[f"{row[name]:.6g}" for name in shown] for row in rows]
-        click.echo(f"Least {ranked_by} of {grid.size} designs: {rows[0][ranked_by]:.4g} ({seconds:.3g} s)")
+        say(f"Least {ranked_by} of {grid.size} designs: {rows[0][ranked_by]:.4g} ({seconds:.3g} s)")
         emit_table(f"{model.name}, motion {motion}", shown, cells)
 
     return Answer({"mechanism": model.name, "designs": grid.size, "ranked_by": ranked_by, "best": rows}, show)
@@ -224,7 +218,7 @@ def tolerance(
         found = toleranced(model, motion, tolerances, options.distinct(counter, "--counter"), draws, seed, pool)
 
     def show() -> None:
-        click.echo(
+        say(
             f"95 % of {model.name} made within these tolerances keep at most {found.percentiles['95']:.4g} N RMS of "
             f"shaking force; without errors {found.nominal:.4g} N."
         )
@@ -280,7 +274,7 @@ def _print_front(found: "Front") -> None:
 
     front = found.points
     lightest = min(front, key=lambda one: one.added_mass)
-    click.echo(
+    say(
         f"From {front[0].force:.4g} N of force with {front[0].added_mass:.4g} kg to {lightest.force:.4g} N with "
         f"{lightest.added_mass:.4g} kg: {len(front)} point{'s' * (len(front) != 1)} of the front."
     )

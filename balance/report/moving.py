@@ -172,9 +172,7 @@ def designs_of(mechanism: Mechanism, masses: dict[str, float]) -> Designs:
     return found | ({"with counter-masses": (mechanism.with_counter_mass(masses), masses)} if masses else {})
 
 
-def animation_page(name: str, motion: str, trajectory: Trajectory, designs: Designs) -> Page:
-    """A page of a moving mechanism alone; ``designs`` as :func:`moving` takes them."""
-    drawn = moving(f"motion {motion}", trajectory, designs)
-    document = {"mechanism": name, "motion": motion}
-    about = {"sections": (), "motion": motion}
+def animation_page(name: str, motion: str, drawn: Mapping[str, Any]) -> Page:
+    """A page of a moving mechanism alone, ``drawn`` by :func:`moving`."""
+    document, about = {"mechanism": name, "motion": motion}, {"sections": (), "motion": motion}
     return Page(Path(__file__).with_name("animation.html"), document, {"motions": [drawn]}, about)

@@ -3,11 +3,10 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import click
 import numpy as np
 
 from balance.arrays import Floats
-from balance.cli.framework import emit_table
+from balance.cli.framework import emit_table, say
 from balance.units import G0
 from testbench.figures import style
 
@@ -134,6 +133,12 @@ def _form(form: Form) -> dict[str, Any]:
 
 def emit_tables(made: Forecast, compared: Sequence[Form]) -> None:
     """Print predictions, parameters, errors, the forms where they were asked for, and notes."""
+    asked = len(made.asked.printed)
+    say(
+        f"Of {asked} reductions predicted, {round(made.covered * asked)} lie within their intervals; mean absolute "
+        f"error {_points(made.scores[0].held_out)} points (nearest acceleration of the lightest payload: "
+        f"{_points(made.scores[-1].held_out)})."
+    )
     _print_predictions(made)
     _print_parameters(made)
     header = ["mean absolute error, percentage points", "calibrated on", "predicted", "each payload left out",
@@ -148,7 +153,7 @@ def emit_tables(made: Forecast, compared: Sequence[Form]) -> None:
     if compared:
         _print_forms(made, compared)
     for note in made.notes:
-        click.echo(click.wrap_text(note, 110))
+        say(note)
 
 
 def _print_predictions(made: Forecast) -> None:

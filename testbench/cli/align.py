@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, Answer, Word, emit_findings, emit_table
+from balance.cli.framework import EXIT_REFUSED, Answer, Word, emit_findings, emit_table, say
 from balance.cli.options import argument, command, option
 from balance.results import first_of, table
 
@@ -87,7 +87,7 @@ def align(
     done, refused = _aligned_runs(opened, aligned)
     bound = [SIRun.of(run, described) for run in opened if described or run.rig]
     records, unrecorded = ([], []) if dry_run else _store(done)
-    applied, messages = options.calibrations(bound), [*(one.message for one in unopened), *unrecorded]
+    applied, messages = options.calibrations(bound), [*map(str, unopened), *unrecorded]
 
     def show() -> None:
         _print_clocks([found for _, found in done], refused, records)
@@ -95,7 +95,7 @@ def align(
 
     document = {
         "alignments": [row for _, found in done for row in found.rows],
-        "refused": [*(one.message for one in unopened), *refused, *unrecorded],
+        "refused": [*map(str, unopened), *refused, *unrecorded],
         "records": records,
         "calibrations": applied,
     }
@@ -154,15 +154,15 @@ def _print_clocks(found: "list[RunClocks]", refused: list[str], records: list[Pa
     references = sorted({clocks.reference for clocks in found})
     rows = [row for clocks in found for row in clocks.rows]
     if found or refused:
-        click.echo(f"Clocks: {len(rows)} aligned, {len(refused)} not.")
+        say(f"Clocks: {len(rows)} aligned, {len(refused)} not.")
     if found:
         title = f"Clocks against {', '.join(references[:3])}{' ...' if len(references) > 3 else ''}"
         emit_table(title, *table(GroupClock, rows, *COLUMNS), "reference time = offset + (1 + drift) own time")
         origins = sorted({clocks.origin for clocks in found})
-        click.echo(f"Origin of the runs: {', '.join(origins)}.")
+        say(f"Origin of the runs: {', '.join(origins)}.")
         _print_filters(found)
     for path in records:
-        click.echo(f"Recorded in {path}.")
+        say(f"Recorded in {path}.")
     emit_findings(("Finding", f"{text}.") for clocks in found for text in clocks.findings)
     for reason in refused:
         click.echo(f"Not aligned: {reason}", err=not found)
@@ -173,6 +173,6 @@ def _print_filters(found: "list[RunClocks]") -> None:
     delays = {group: delay for clocks in found for group, delay in clocks.delays.items()}
     stated = sorted({delay for delay in delays.values() if delay is not None})
     if texts := [f"{1e3 * d:.3f} ms of {first_of([g for g, own in delays.items() if own == d], 3)}" for d in stated]:
-        click.echo(f"Delays of the loggers' filters, taken off: {'; '.join(texts)}.")
+        say(f"Delays of the loggers' filters, taken off: {'; '.join(texts)}.")
     if unstated := [group for group, delay in delays.items() if delay is None]:
-        click.echo(f"The rig states no filter (low_pass) of {first_of(unstated, 3)}: a delay of one is in the offsets.")
+        say(f"The rig states no filter (low_pass) of {first_of(unstated, 3)}: a delay of one is in the offsets.")

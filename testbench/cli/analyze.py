@@ -4,9 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
-from balance.cli.framework import Answer, Word, emit_table, plain_text
+from balance.cli.framework import Answer, Word, emit_table, plain_text, say
 from balance.cli.options import FIGURE, SCHEDULER, argument, command, draw, option
 from balance.results import document, first_of, plain, table
 
@@ -101,14 +99,14 @@ def print_reductions(campaign: Path, runs: "Sequence[Run]") -> None:
 def _print_reductions(campaign: Path, analysis: "Analysis") -> None:
     from ..vibration.reduction import Reduction, verdict
 
-    click.echo(verdict(analysis.reductions))
+    say(verdict(analysis.reductions))
     doubts = ("doubts",) if any(r.doubts for r in analysis.reductions) else ()
     place = _place(analysis.reductions)
     columns = (*place, "text", *doubts, "amplitudes", "noise_floor", "n", "method", "origin", "runs")
     title = f"Reduction of the base's vibration, {campaign.name}"
     emit_table(title, *table(Reduction, analysis.reductions, *columns), analysis.definition)
     for note in (_origins_text(analysis.origins), *analysis.notes):
-        click.echo(note)
+        say(note)
     options.print_findings(analysis.findings)
 
 
@@ -166,7 +164,7 @@ def _print_comparison(campaign: Path, comparison: "Comparison") -> None:
     from ..vibration.comparison import Row
     from ..vibration.reduction import verdict
 
-    click.echo(verdict([row.analyzed for row in comparison.rows]))
+    say(verdict([row.analyzed for row in comparison.rows]))
     place = _place([row.analyzed for row in comparison.rows])
     table_of = comparison.published
     columns = (*place, "analyzed_text", "simulated", *(("published",) if table_of else ()), "shaking_force", "origin")
@@ -178,7 +176,7 @@ def _print_comparison(campaign: Path, comparison: "Comparison") -> None:
         else []
     )
     for note in (_origins_text(comparison.origins), *printed, *comparison.notes):
-        click.echo(click.wrap_text(note, 110))
+        say(note)
     options.print_findings(comparison.findings)
 
 
@@ -231,7 +229,7 @@ def doctor(
     def show() -> None:
         _print_examination(campaign, examination, shown)
         for one in recorded:
-            click.echo(plain_text(f"{one.code}: {one}"))
+            say(plain_text(f"{one.code}: {one}"))
 
     doubtful = not shown or any(examination.about(run) or run in examination.unexamined for run in shown)
     accepted = [plain(vars(one)) for one in recorded]
@@ -241,7 +239,7 @@ def doctor(
 def _print_examination(campaign: Path, examination: "Examination", shown: list[str]) -> None:
     from ..cross_examination import Statement
 
-    click.echo(f"{campaign.name}: {examination.verdict(shown)}")
+    say(f"{campaign.name}: {examination.verdict(shown)}")
     doubtful = [s for run in shown for s in examination.about(run)]
     if doubtful:
         emit_table("Contradictions", *table(Statement, doubtful))
@@ -255,4 +253,4 @@ def _print_examination(campaign: Path, examination: "Examination", shown: list[s
             text = f"nothing witnesses {', '.join(missing)}{f' ({reasons})' if reasons else ''}"
             sharing.setdefault(text, []).append(run)
     for text, runs in sharing.items():
-        click.echo(f"{', '.join(runs)}: {text}")
+        say(f"{', '.join(runs)}: {text}")

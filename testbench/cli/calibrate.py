@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import EXIT_WITH_FINDINGS, Answer, answering, emit_table, plain_text
+from balance.cli.framework import EXIT_WITH_FINDINGS, Answer, answering, emit_table, plain_text, say
 from balance.results import document, table
 
 from . import options
@@ -99,10 +99,10 @@ def calibrate(words: tuple[str, ...], listed: bool, reason: str | None, **given:
     damaged += [NotOpened(name, message) for name, message in done.left_out.items()]
 
     def show() -> None:
-        click.echo(f"{words[-1]}: {calibration}, from now on for {', '.join(done.runs)}.")
+        say(f"{words[-1]}: {calibration}, from now on for {', '.join(done.runs)}.")
         if done.without:
-            click.echo(f"Runs without this sensor: {', '.join(done.without)}.")
-        click.echo(f"Recorded in {plain_text(str(done.record))}.")
+            say(f"Runs without this sensor: {', '.join(done.without)}.")
+        say(f"Recorded in {plain_text(str(done.record))}.")
 
     document = {
         "record": str(done.record),

@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, Answer, Word, emit_table, plain_text
-from balance.cli.options import argument, command, option
+from balance.cli.framework import EXIT_REFUSED, Answer, Word, emit_table, plain_text, say
+from balance.cli.options import argument, command, option, progress
 from balance.results import document, table
 
 from . import options
-from .options import progress
 
 if TYPE_CHECKING:
     from ..export import Exported
@@ -75,16 +74,15 @@ def export(
     losses = [loss for one in written for loss in one.losses]
 
     def show() -> None:
-        click.echo(f"{len(written)} files in {plain_text(str(output))}, {len(losses)} losses.")
+        say(f"{len(written)} files in {plain_text(str(output))}, {len(losses)} losses.")
         for one in written:
-            click.echo(plain_text(str(one.file)))
+            say(plain_text(str(one.file)))
         for loss in losses:
-            click.echo(f"  lost: {plain_text(loss)}")
+            say(f"  lost: {plain_text(loss)}")
         options.print_calibrations(applied)
 
     known = {"physical": physical, "calibrations": applied, "ledgers": options.ledgers(runs), "refused": refused}
-    messages = [one.message for one in refused]
-    return Answer({"to": to, "files": written, **known}, show, bool(losses), refused=messages)
+    return Answer({"to": to, "files": written, **known}, show, bool(losses), refused=refused)
 
 
 @command(
@@ -130,7 +128,7 @@ def archive(
         lambda: (
             emit_table(f"{output.name}: {len(done)} runs", *table(Archived, done, *ARCHIVE_COLUMNS)) if done else None
         ),
-        refused=[one.message for one in refused],
+        refused=refused,
     )
 
 
@@ -183,7 +181,7 @@ def list_runs(campaign: Path = argument()) -> Answer:
     return Answer(
         {"campaign": campaign.resolve().name, "runs": [*described, *refused]},
         lambda: emit_table(f"{campaign.resolve().name}: {len(runs)} runs", *_run_table(runs, states)),
-        refused=[one.message for one in refused],
+        refused=refused,
     )
 
 
@@ -212,7 +210,7 @@ def recover(campaign: Path = argument()) -> Answer:
             title = f"{name}: {len(found)} left by stopped ingests"
             emit_table(title, *table(Recovery, found, "run", "status", "file", "message"))
         else:
-            click.echo(f"{plain_text(name)}: no ingest was stopped; nothing to do")
+            say(f"{plain_text(name)}: 0 ingests were stopped; nothing to do")
 
     states = {one.status for one in found}
     code = EXIT_REFUSED if states & {"failed", "empty"} else 0
@@ -243,7 +241,7 @@ def verify(campaign: Path = argument()) -> Answer:
     name, counts = campaign.resolve().name, Counter(file.status for file in files)
 
     def show() -> None:
-        click.echo(f"{name}: {', '.join(f'{n} files {status}' for status, n in counts.items())}.")
+        say(f"{name}: {', '.join(f'{n} files {status}' for status, n in counts.items())}.")
         emit_table("Files", *table(FileState, files))
 
     code = EXIT_REFUSED if counts.keys() & {"damaged", "missing"} else 0
@@ -292,7 +290,7 @@ def ledger(campaign: Path = argument()) -> Answer:
 
     def show() -> None:
         if found.head is None:
-            click.echo(f"{plain_text(name)}: no ledger; the next run or record that is stored begins one")
+            say(f"{plain_text(name)}: no ledger; the next run or record that is stored begins one")
         else:
             emit_table(f"{name}: {len(found.entries)} entries", *table(Entry, found.entries), f"head {found.head}")
 
@@ -334,6 +332,6 @@ def remove(
 
     def show() -> None:
         for entry in removed:
-            click.echo(f"{plain_text(entry.file)}: removed, entry {entry.number} of the ledger")
+            say(f"{plain_text(entry.file)}: removed, entry {entry.number} of the ledger")
 
     return Answer({"removed": removed, "refused": failed}, show, refused=failed)

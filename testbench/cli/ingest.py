@@ -18,12 +18,12 @@ from balance.cli.framework import (
     emit_json,
     emit_table,
     plain_text,
+    say,
 )
-from balance.cli.options import SCHEDULER, argument, command, option
+from balance.cli.options import SCHEDULER, argument, command, option, progress
 from balance.results import table
 
 from . import options
-from .options import progress
 
 if TYPE_CHECKING:
     from ..ingestion.ingest import Ingest, Outcome
@@ -257,7 +257,7 @@ def _live(watching: "Watch") -> Callable[[], None]:
             try:
                 print_reductions(campaign, open_campaign(campaign).runs)
             except CounterpoiseError as error:
-                click.echo("\n".join(map(plain_text, f"No reduction yet: {error}".splitlines())))
+                say("\n".join(map(plain_text, f"No reduction yet: {error}".splitlines())))
 
     return show
 
@@ -273,7 +273,7 @@ def _say(outcomes: "Iterable[Outcome]", quiet: bool) -> "list[Outcome]":
             complain(f"{outcome.source}: {outcome.message}")
         elif not quiet:
             name = plain_text(outcome.source)
-            click.echo(f"{name}: {outcome.status.replace('_', ' ')} as {plain_text(outcome.file or '-')}")
+            say(f"{name}: {outcome.status.replace('_', ' ')} as {plain_text(outcome.file or '-')}")
             options.print_reading_findings(
                 name, (("", f) for f in outcome.findings if f.severity > 0 and f.code != "already_stored")
             )

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import Answer, emit_table, plain_text
+from balance.cli.framework import Answer, emit_table, plain_text, say
 from balance.cli.options import argument, command, option
 from balance.results import table
 
@@ -94,7 +94,7 @@ def print_description(found: "Description", stats: bool) -> None:
     marked = " - SIMULATED" if recording.origin == "simulated" else ""
     channels, odd = sum(len(check.stats) for check in found.groups), sum(one.severity > 0 for one in found.findings)
     name = plain_text(recording.path.name)
-    click.echo(f"{name}: {recording.format}{marked}, {channels} channels, {odd} findings")
+    say(f"{name}: {recording.format}{marked}, {channels} channels, {odd} findings")
     for check in found.groups[:SHOWN_GROUPS]:
         header, rows = table(Channel, check.group.channels[:SHOWN_CHANNELS])
         if stats:
@@ -102,19 +102,19 @@ def print_description(found: "Description", stats: bool) -> None:
             header, rows = header + more, [row + cells for row, cells in zip(rows, numbers, strict=True)]
         rate = f", {check.rate_hz:.6g} Hz ({check.rate_source})" if check.rate_hz else ", no rate"
         start = f"\n  started {plain_text(str(check.start_time))}" if check.start_time else ""
-        click.echo(f"{plain_text(check.group.name)}: {check.samples} samples{rate}{_span(clock(check) or {})}{start}")
+        say(f"{plain_text(check.group.name)}: {check.samples} samples{rate}{_span(clock(check) or {})}{start}")
         emit_table("", header, rows)
         _say_more(len(check.stats) - SHOWN_CHANNELS, "channels")
     _say_more(len(found.groups) - SHOWN_GROUPS, "groups")
     for series in recording.texts.kept[:SHOWN_GROUPS]:
         several = f", group {series.group}" if len(found.groups) > 1 else ""
-        click.echo(plain_text(f"{series.channel}{several}: text, begins or changes at {len(series.texts)} samples"))
+        say(plain_text(f"{series.channel}{several}: text, begins or changes at {len(series.texts)} samples"))
     options.print_reading_findings("Findings", (("", finding) for finding in found.findings))
 
 
 def _say_more(number: int, of: str) -> None:
     if number > 0:
-        click.echo(f"and {number} more {of}; --json lists all")
+        say(f"and {number} more {of}; --json lists all")
 
 
 def _span(times: "Mapping[str, float | int | None]") -> str:

@@ -1,15 +1,13 @@
 """What commands share: options of amplitudes and of text logs, RUN arguments, findings, calibrations, progress bar."""
 
-import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, Word, emit_findings, emit_table, plain_text
+from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, Word, emit_findings, emit_table, plain_text, say
 from balance.cli.options import argument, option
 from balance.results import first_of
 
@@ -26,8 +24,6 @@ if TYPE_CHECKING:
 LONGEST = 2000
 """Characters of a name or reason in the ledger."""
 T = TypeVar("T")
-LEAST_PROGRESS = 20 << 20
-"""Work from which a progress bar is shown [bytes]."""
 _DELIMITERS = ("comma", "semicolon", "tab", "bar", "blanks")
 _DECIMALS = {"point": ".", "comma": ","}
 _ORDERS = ("dmy", "mdy", "ymd")
@@ -118,7 +114,7 @@ def print_budgets(of: str, budgets: "Iterable[Budget]") -> None:
     for one in every:
         emit_table(f"{of}: {one.quantity}", *budget_rows(one), one.text)
     if not every:
-        click.echo(f"{of}: no budget, for there is no interval, or the amplitudes are within the noise.")
+        say(f"{of}: no budget, for there is no interval, or the amplitudes are within the noise.")
 
 
 def print_findings(findings: Iterable["Finding"]) -> None:
@@ -151,28 +147,13 @@ def print_provenance(runs: "Sequence[Run | SIRun]") -> None:
     print_calibrations(calibrations(runs))
     for one in ledgers(runs):
         if one["head"]:
-            click.echo(f"Ledger of {plain_text(one['campaign'])}: {one['entries']} entries, head {one['head']}.")
+            say(f"Ledger of {plain_text(one['campaign'])}: {one['entries']} entries, head {one['head']}.")
 
 
 def print_calibrations(found: "Sequence[CalibrationInForce]") -> None:
     """Print a line for each calibration, with the runs in which it is in force."""
     for one in found:
-        click.echo(f"Calibrated {one}, in {first_of(one.runs, 4)}.")
-
-
-@contextmanager
-def progress(what: str, total_bytes: int) -> Iterator[Callable[[int], None]]:
-    """A bar on stderr, on a terminal only; gives a function that takes the bytes done since its last call."""
-    if not sys.stderr.isatty() or total_bytes < LEAST_PROGRESS:
-        yield lambda count: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn, TransferSpeedColumn
-
-    parts = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
-    with Progress(*parts, TimeRemainingColumn(), console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=total_bytes)
-        yield lambda count: bar.advance(task, count)
+        say(f"Calibrated {one}, in {first_of(one.runs, 4)}.")
 
 
 def text_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -247,7 +228,7 @@ def print_reading_findings(title: str, findings: Iterable[tuple[str, "Finding"]]
     for log, one in sorted(findings, key=lambda found: -found[1].severity):
         logs.setdefault((f"{one.severity.name.lower():7} {one.code}", text(one)), []).append(log)
     if logs:
-        click.echo(plain_text(title))
+        say(plain_text(title))
         emit_findings((kind, ": ".join(filter(None, (first_of(of, 3), said)))) for (kind, said), of in logs.items())
 
 
@@ -258,6 +239,9 @@ class NotOpened:
     run: str
     message: str
     status: str = "refused"
+
+    def __str__(self) -> str:
+        return self.message
 
 
 def openable_runs(paths: Sequence[Path]) -> "tuple[list[Run], list[NotOpened]]":
@@ -281,6 +265,17 @@ def openable_runs(paths: Sequence[Path]) -> "tuple[list[Run], list[NotOpened]]":
                 refused.append(NotOpened(file.stem, str(error)))
         runs += newest_versions(opened) if path.is_dir() else opened
     return runs, refused
+
+
+def runs_shown(paths: Sequence[Path]) -> "tuple[str, list[Run], list[NotOpened]]":
+    """How what is given is called, its runs, and those that cannot be opened. Raises StoreError where none can."""
+    from ..errors import StoreError
+
+    opened, refused = openable_runs(paths)
+    if not opened:
+        raise StoreError("; ".join(map(str, refused)) or f"{paths[0]}: no run")
+    name = paths[0].resolve().name if paths[0].is_dir() else ", ".join(run.name for run in opened)
+    return name, opened, refused
 
 
 def each_run(runs: "Iterable[Run]", work: "Callable[[Run], T]") -> "tuple[list[T], list[NotOpened]]":

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import Answer, Word, emit_table, plain_text
+from balance.cli.framework import Answer, Word, emit_table, plain_text, say
 from balance.cli.options import argument, command, option
 from balance.results import document, table
 
@@ -45,7 +45,8 @@ def new(
     from ..project import new_project
 
     files = new_project(folder, mechanism, loggers)
-    click.echo(f"{plain_text(str(folder))}: {', '.join(map(plain_text, files))}. README.md says what to do next.")
+    names = ", ".join(map(plain_text, files))
+    say(f"{plain_text(str(folder))}: {len(files)} files, {names}; README.md says what to do next.")
 
 
 @command(
@@ -65,9 +66,7 @@ def check(folder: Path = argument()) -> Answer:
 
     def show() -> None:
         number = f"{len(problems)} problem{'s' if len(problems) > 1 else ''}"
-        click.echo(
-            f"{plain_text(str(folder))}: {number if problems else 'nothing is missing and nothing contradicts'}."
-        )
+        say(f"{plain_text(str(folder))}: {number if problems else 'nothing is missing and nothing contradicts'}.")
         for title, rows in (("Problems", problems), ("Notes: for simulated logs alone", notes)):
             if rows:
                 emit_table(title, *table(Problem, rows))
@@ -133,10 +132,10 @@ def next_run(
         found = next_for_first_moment(runs, question, site, payload, motion, peaks)
 
     def show() -> None:
-        click.echo(plain_text(found.verdict))
+        say(plain_text(found.verdict))
         emit_table(f"Next run, {campaign.name}, half widths in {found.unit}", *table(Proposal, found.proposals))
         for note in found.notes:
-            click.echo(click.wrap_text(note, 110))
+            say(note)
 
     return Answer(document(found), show)
 

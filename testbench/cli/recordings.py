@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, JSON, Answer, emit_json, emit_table
+from balance.cli.framework import EXIT_REFUSED, JSON, Answer, emit_json, emit_table, say
 from balance.cli.options import argument, command, option
 from balance.results import document, table
 
@@ -52,12 +52,12 @@ def fetch(
         status, message = _fetched(recording, folder)
         outcomes.append({**document(recording), "status": status, "message": message})
         if not as_json:
-            click.echo(f"{recording.file}: {status}: {message}")
+            say(f"{recording.file}: {status}: {message}")
     setting = f"{'set' if sys.platform == 'win32' else 'export'} {public.FOLDER_VARIABLE}={shlex.quote(str(folder))}"
     if as_json:
         emit_json({"folder": str(folder), "recordings": outcomes, "to_use_them": setting})
     else:
-        click.echo(f"To use them in tests and the demo: {setting}")
+        say(f"To use them in tests and the demo: {setting}")
     return EXIT_REFUSED if any(outcome["status"] == "refused" for outcome in outcomes) else 0
 
 

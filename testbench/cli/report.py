@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from balance.cli.framework import Answer, Word, emit_table, json_text
+from balance.cli.framework import Answer, Word, emit_table, json_text, say
 from balance.cli.options import SCHEDULER, argument, command, option
 from balance.results import table
 
@@ -24,29 +24,36 @@ Part = dict[str, Any]
 
 
 def print_report(found: "RunReport") -> None:
-    """Print a run's report, part by part."""
+    """Print a run's report: its largest vibration and the number of findings, then part by part."""
     from ..figures.style import condition_of, origin_of
 
-    click.echo(f"{origin_of([found.run])}{found.run.name}: {condition_of(found.run)}")
+    about = dict.fromkeys([found.run.name, condition_of(found.run)])
+    strongest = max(found.parts["vibration"].get("axes", ()), key=lambda a: a["peak_to_peak_m_s2"], default=None)
+    if strongest:
+        largest = f"base {strongest['peak_to_peak_m_s2']:.4g} m/s2 peak to peak along {strongest['component']}"
+    else:
+        largest = "vibration of the base unknown"
+    say(f"{origin_of([found.run])}{': '.join(about)}: {largest}; {len(found.findings)} findings.")
     printers = {
         "motions": _motions, "command": _command, "vibration": _vibration, "modes": _modes, "response": _response,
         "wrench": _wrench, "torque": _torque,
     }  # fmt: skip
     for name, part in found.parts.items():
         if "reason" in part:
-            click.echo(f"No {name}: {part['reason']}")
+            say(f"No {name}: {part['reason']}")
         else:
             printers[name](part)
     options.print_findings(found.findings)
-    click.echo()
+    say("")
 
 
 def _motions(part: Part) -> None:
     from ..kinematics.motion_recognition import RecognizedMotion
 
-    emit_table("Motions", *table(RecognizedMotion, part["found"]), part["definition"])
+    if part["found"]:
+        emit_table("Motions", *table(RecognizedMotion, part["found"]), part["definition"])
     for source, reason in part["reasons"].items():
-        click.echo(f"Nothing by {source}: {reason}")
+        say(f"Nothing by {source}: {reason}")
 
 
 def _command(part: Part) -> None:
@@ -219,16 +226,16 @@ def report(
     options.refuse_unknown_codes(accept)
     if not bandwidth > 0.0:
         raise click.UsageError(f"--bandwidth {bandwidth:g}: expected a positive frequency")
-    opened, refused = options.openable_runs(runs)
     if output and output.suffix.lower() == ".html":
         given = click.get_current_context().get_parameter_source("band") is not ParameterSource.DEFAULT
         measure = Measure(metric, band) if given else Measure(metric)
-        return _page(runs[0], opened, refused, output, scheduler, measure=measure, published=published,
-                     accept=accept, mechanism=mechanism, point=point, band=band, bandwidth_hz=bandwidth)  # fmt: skip
+        return _page(runs, output, scheduler, measure=measure, published=published, accept=accept,
+                     mechanism=mechanism, point=point, band=band, bandwidth_hz=bandwidth)  # fmt: skip
     if published:
         raise click.UsageError("--published is shown on the page: give it with -o report.html")
     if output and output.is_file():
         raise click.UsageError(f"--output {output}: is a file; expected a folder, or a name ending in .html")
+    opened, refused = options.openable_runs(runs)
     with task_pool(scheduler) as pool:
         _, found, unread = Reporting(point, band, bandwidth, mechanism).runs(opened, accept, pool)
     refused += [options.NotOpened(run, message) for run, message in unread.items()]
@@ -244,54 +251,43 @@ def report(
     def show() -> None:
         if len(found) > 1:
             number = sum(len(one.findings) for one in found.values())
-            click.echo(f"{origin_of([one.run for one in found.values()])}{len(found)} runs, {number} findings.\n")
+            say(f"{origin_of([one.run for one in found.values()])}{len(found)} runs, {number} findings.\n")
         for one in found.values():
             print_report(one)
         _print_compared(compared)
         for path in written:
-            click.echo(f"Wrote {path}.")
+            say(f"Wrote {path}.")
         options.print_provenance(opened)
 
     document["written"] = [str(path) for path in written]
-    messages = [one.message for one in refused]
-    return Answer(document, show, any(one.findings for one in found.values()), refused=messages)
+    return Answer(document, show, any(one.findings for one in found.values()), refused=refused)
 
 
-def _page(
-    first: Path,
-    opened: "list[Run]",
-    refused: "list[options.NotOpened]",
-    output: Path,
-    scheduler: str | None,
-    **how: Any,  # noqa: ANN401
-) -> Answer:
+def _page(runs: tuple[Path, ...], output: Path, scheduler: str | None, **how: Any) -> Answer:  # noqa: ANN401
     """One page of all runs; on stdout its verdict, or the document that its numbers are from."""
     from balance.report.page import writable
     from balance.task_pool import task_pool
 
-    from ..errors import StoreError
     from ..published_tables import load_published
     from ..report import campaign_report
 
     writable(output)
-    if not opened:
-        raise StoreError("; ".join(one.message for one in refused) or f"{first}: no run")
+    name, opened, refused = options.runs_shown(runs)
     how["published"] = load_published(how["published"]) if how["published"] else None
-    name = first.resolve().name if first.is_dir() else ", ".join(run.name for run in opened)
     unopened = {one.run: one.message for one in refused}
     with task_pool(scheduler) as pool:
         found = campaign_report(name, opened, unopened=unopened, pool=pool, **how)
     path = found.page().write(output)
-    findings, messages = found.document["findings"], [one.message for one in refused]
+    findings = found.document["findings"]
 
     def show() -> None:
-        click.echo(f"{name}: {found.document['verdict']}")
+        say(f"{name}: {found.document['verdict']}")
         for finding in findings:
-            click.echo(f"  {finding['code']}: {finding['count']}, {finding['decision']}")
-        click.echo(f"Wrote {path}.")
+            say(f"  {finding['code']}: {finding['count']}, {finding['decision']}")
+        say(f"Wrote {path}.")
 
     document = {**found.document, "refused": refused, "written": [str(path)]}
-    return Answer(document, show, bool(findings), refused=messages)
+    return Answer(document, show, bool(findings), refused=refused)
 
 
 def _print_compared(compared: list[dict[str, Any]]) -> None:

@@ -1,14 +1,13 @@
 """``testbench simulate``."""
 
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.options import SCHEDULER, command, option
+from balance.cli.framework import say
+from balance.cli.options import SCHEDULER, command, option, progress
 
 if TYPE_CHECKING:
     from ..rig import Rig
@@ -58,14 +57,12 @@ def simulate(
     planned, bench = plans.load_plan(plan), rigs.load_rig(rig)
     if seed is not None:
         planned = planned.model_copy(update={"seed": seed})
-    with task_pool(scheduler) as pool, _progress(len(planned.runs())) as progress:
-        logs = simulate_campaign(planned, bench, folder, progress, pool)
+    with task_pool(scheduler) as pool, progress("simulating", len(planned.runs()), in_bytes=False) as done:
+        logs = simulate_campaign(planned, bench, folder, done, pool)
     size = sum(path.stat().st_size for path in logs) / 1e6
-    click.echo(
-        f"{len(planned.runs())} simulated runs, {len(logs)} logs, {size:.1f} MB in {folder}; run table {RUN_TABLE}."
-    )
+    say(f"{len(planned.runs())} simulated runs, {len(logs)} logs, {size:.1f} MB in {folder}; run table {RUN_TABLE}.")
     for line in _assumed(bench):
-        click.echo(line)
+        say(line)
 
 
 def _assumed(rig: "Rig") -> Iterator[str]:
@@ -74,18 +71,3 @@ def _assumed(rig: "Rig") -> Iterator[str]:
         yield "The rig has no [bench]: a steel frame of 150 kg on four rubber feet was assumed."
     if silent := [name for name, logger in rig.loggers.items() if "rate" not in logger.model_fields_set]:
         yield f"The rig states no rate for {', '.join(silent)}: {rig.loggers[silent[0]].rate:g} Hz was assumed."
-
-
-@contextmanager
-def _progress(runs: int) -> Iterator[Callable[[int, int], None]]:
-    """A bar on stderr with the remaining time, only on a terminal."""
-    if not sys.stderr.isatty():
-        yield lambda done, total: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
-
-    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("simulating", total=runs)
-        yield lambda done, total: bar.update(task, completed=done)

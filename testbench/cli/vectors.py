@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import Answer, Word, answering, emit_findings, emit_table
-from balance.cli.options import draw, figure_option
+from balance.cli.framework import Answer, Word, emit_findings, emit_table, say
+from balance.cli.options import FIGURE, argument, command, draw, option
 
 from ..signal import METRIC_NAMES
 
@@ -18,9 +18,11 @@ if TYPE_CHECKING:
 
 _ROUNDING = 1e-9
 """Relative change of speed that counts as rounding."""
+_SAID = 4
+"""Sensors of the first sentence."""
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   testbench vectors as-found.h5 --tacho tacho --figure vectors.png
@@ -37,82 +39,67 @@ amplitude), as the comment above each table says; planes stand at its head: bala
 \b
 Exit codes: 0 done, 3 done with findings, 1 refused."""
 )
-@click.argument("run_file", metavar="RUN", type=click.Path(path_type=Path))
-@click.option("--tacho", default="tacho", show_default=True, metavar="CHANNEL", help="Channel with one pulse a turn.")
-@click.option("--level", type=float, metavar="V", help="Level of a pulse, in the channel's unit [default: half swing].")
-@click.option("--falling", is_flag=True, help="Pulses begin where the signal falls.")
-@click.option("--sensor", multiple=True, metavar="CHANNEL", help="Vibration sensor [default: all with the tacho].")
-@click.option("--order", type=click.IntRange(1, 100), default=1, show_default=True, help="Multiple of the speed.")
-@click.option(
-    "--phase",
-    type=Word(["lead", "lag"]),
-    default="lead",
-    show_default=True,
-    help="Whether a phase is a lead or a lag.",
-)
-@click.option("--amplitude", type=Word(METRIC_NAMES), default="peak", show_default=True, help="Metric of an amplitude.")
-@click.option(
-    "--steady-within",
-    type=click.FloatRange(0.0, 50.0, min_open=True),
-    default=1.0,
-    show_default=True,
-    metavar="PERCENT",
-    help="Speed that counts as steady.",
-)
-@click.option("--speed", metavar="N", help="Nominal speed, such as 3000rpm: the run's must agree with it.")
-@click.option("--toml", metavar="NAME", help="Write it as this run of a file of trial runs; needs --speed.")
-@click.option("--weight", multiple=True, metavar="PLANE=W@A", help='Trial weight of this run, "fan end=10 g @ 0 deg".')
-@click.option("--stayed-on/--came-off", default=None, help="Whether the trial weight stayed on after this run.")
-@figure_option
-@answering
-def vectors(run_file: Path, **options: Any) -> Answer:  # noqa: ANN401
+def vectors(
+    run_file: Path = argument("RUN"),
+    tacho: str = option("Channel with one pulse a turn.", default="tacho", metavar="CHANNEL"),
+    level: float | None = option("Level of a pulse, in the channel's unit [default: half swing].", metavar="V"),
+    falling: bool = option("Pulses begin where the signal falls."),
+    sensor: tuple[str, ...] = option("Vibration sensor [default: all with the tacho].", metavar="CHANNEL"),
+    order: int = option("Multiple of the speed.", click.IntRange(1, 100), default=1),
+    phase: str = option("Whether a phase is a lead or a lag.", Word(["lead", "lag"]), default="lead"),
+    amplitude: "Metric" = option("Metric of an amplitude.", Word(METRIC_NAMES), default="peak"),
+    steady_within: float = option(
+        "Speed that counts as steady.", click.FloatRange(0.0, 50.0, min_open=True), default=1.0, metavar="PERCENT"
+    ),
+    speed: str | None = option("Nominal speed, such as 3000rpm: the run's must agree with it.", metavar="N"),
+    toml: str | None = option("Write it as this run of a file of trial runs; needs --speed.", metavar="NAME"),
+    weight: tuple[str, ...] = option('Trial weight of this run, "fan end=10 g @ 0 deg".', metavar="PLANE=W@A"),
+    stayed_on: bool | None = option(
+        "Whether the trial weight stayed on after this run.", None, "--stayed-on/--came-off", default=None
+    ),
+    figure: str | None = FIGURE,
+) -> Answer:
     """Amplitude and phase of each vibration sensor of RUN, a stored run, at an order of its speed.
 
     The tachometer's pulses cut the record into turns, over which it is averaged; intervals (95 %) come from the noise
     near the order, where tones that do not turn with the rotor are fitted and named. Refused: lost or spurious
     pulses, a speed that is not steady, too few turns.
     """
-    _check(options)
+    if toml and click.get_current_context().params["as_json"]:
+        raise click.UsageError("give either --toml or --json")
+    if not 0.0 < steady_within <= 50.0:
+        raise click.UsageError(f"--steady-within is {steady_within:g}: expected more than 0, at most 50 %")
+    if level is not None and not math.isfinite(level):
+        raise click.UsageError(f"--level is {level:g}: expected a number")
+    if twice := [name for i, name in enumerate(sensor) if name in sensor[:i]]:
+        raise click.UsageError(f"--sensor names {twice[0]!r} twice")
+    if toml and not speed:
+        raise click.UsageError("--toml needs --speed: trial runs are matched by their nominal speed")
+    if toml and order != 1:
+        raise click.UsageError("--toml is for order 1: unbalance turns with the rotor")
+    if (weight or stayed_on is not None) and not toml:
+        raise click.UsageError("--weight, --stayed-on and --came-off go with --toml")
+    if bool(weight) != (stayed_on is not None):
+        raise click.UsageError("--weight needs --stayed-on or --came-off, and they need --weight")
+    if wrong := [text for text in weight if "=" not in text or "@" not in text]:
+        raise click.UsageError(f"--weight {wrong[0]!r}: expected 'PLANE=10 g @ 0 deg'")
     from ..rotating.order_tracking import Tachometer, order_vectors
     from ..store import open_run
 
-    run = open_run(run_file)
-    within = options["steady_within"] / 100.0
-    tachometer = Tachometer(options["tacho"], options["level"], options["falling"], within)
-    found = order_vectors(run, tachometer, options["sensor"], options["order"])
-    if options["speed"]:
-        _agrees(run, found, options["speed"], within)
-    document = _document(run, found, options["phase"], options["amplitude"])
-    draw(options["figure"], "testbench.figures.rotating:draw_vectors", document)
+    run, within = open_run(run_file), steady_within / 100.0
+    found = order_vectors(run, Tachometer(tacho, level, falling, within), sensor, order)
+    if speed:
+        _agrees(run, found, speed, within)
+    document = _document(run, found, phase, amplitude)
+    draw(figure, "testbench.figures.rotating:draw_vectors", document)
 
     def show() -> None:
-        if options["toml"]:
-            click.echo(_toml(run, found, options))
+        if toml:
+            click.echo(_toml(run, found, (toml, speed or "", phase, amplitude), weight, stayed_on))
         else:
-            _print(run, found, options["phase"], options["amplitude"])
+            _print(run, found, phase, amplitude)
 
     return Answer(document, show, bool(found.findings()))
-
-
-def _check(options: dict[str, Any]) -> None:
-    if options["toml"] and click.get_current_context().params["as_json"]:
-        raise click.UsageError("give either --toml or --json")
-    if not 0.0 < options["steady_within"] <= 50.0:
-        raise click.UsageError(f"--steady-within is {options['steady_within']:g}: expected more than 0, at most 50 %")
-    if options["level"] is not None and not math.isfinite(options["level"]):
-        raise click.UsageError(f"--level is {options['level']:g}: expected a number")
-    if twice := [name for i, name in enumerate(options["sensor"]) if name in options["sensor"][:i]]:
-        raise click.UsageError(f"--sensor names {twice[0]!r} twice")
-    if options["toml"] and not options["speed"]:
-        raise click.UsageError("--toml needs --speed: trial runs are matched by their nominal speed")
-    if options["toml"] and options["order"] != 1:
-        raise click.UsageError("--toml is for order 1: unbalance turns with the rotor")
-    if (options["weight"] or options["stayed_on"] is not None) and not options["toml"]:
-        raise click.UsageError("--weight, --stayed-on and --came-off go with --toml")
-    if bool(options["weight"]) != (options["stayed_on"] is not None):
-        raise click.UsageError("--weight needs --stayed-on or --came-off, and they need --weight")
-    if wrong := [text for text in options["weight"] if "=" not in text or "@" not in text]:
-        raise click.UsageError(f"--weight {wrong[0]!r}: expected 'PLANE=10 g @ 0 deg'")
 
 
 def _agrees(run: "Run", found: "Vectors", text: str, within: float) -> None:
@@ -141,32 +128,40 @@ def _degrees(vector: "OrderVector", phase: str) -> float:
     return math.degrees(cmath.phase(vector.value)) * (1.0 if phase == "lead" else -1.0)
 
 
-def _toml(run: "Run", found: "Vectors", options: dict[str, Any]) -> str:
+def _toml(
+    run: "Run",
+    found: "Vectors",
+    written: "tuple[str, str, str, Metric]",
+    weights: tuple[str, ...],
+    stayed_on: bool | None,
+) -> str:
+    """A run of a file of trial runs, ``written`` its name, speed, phase and metric."""
+    name, speed, phase, metric = written
     lines = [
-        f'# from {run.name}, {run.origin}: phase = "{options["phase"]}", amplitude = "{options["amplitude"]}"',
+        f'# from {run.name}, {run.origin}: phase = "{phase}", amplitude = "{metric}"',
         *(f"# finding: {finding}" for finding in found.findings()),
         "[[runs]]",
-        f"name = {_quoted(options['toml'])}",
+        f"name = {_quoted(name)}",
     ]
-    if options["weight"]:
-        pairs = [text.partition("=") for text in options["weight"]]
-        weights = ", ".join(f"{_quoted(plane.strip())} = {_quoted(weight.strip())}" for plane, _, weight in pairs)
-        lines += [f"weights = {{ {weights} }}", f"stayed_on = {str(options['stayed_on']).lower()}"]
-    readings = ", ".join(f"{_quoted(v.sensor)} = {_quoted(_reading(v, options))}" for v in found.vectors)
-    lines.append(f"readings.{_quoted(options['speed'])} = {{ {readings} }}")
+    if weights:
+        pairs = [text.partition("=") for text in weights]
+        mounted = ", ".join(f"{_quoted(plane.strip())} = {_quoted(weight.strip())}" for plane, _, weight in pairs)
+        lines += [f"weights = {{ {mounted} }}", f"stayed_on = {str(stayed_on).lower()}"]
+    readings = ", ".join(f"{_quoted(v.sensor)} = {_quoted(_reading(v, phase, metric))}" for v in found.vectors)
+    lines.append(f"readings.{_quoted(speed)} = {{ {readings} }}")
     if found.common_phase_normal_within > _ROUNDING:
         within = math.degrees(found.common_phase_normal_within)
-        lines.append(f'phases_alike.{_quoted(options["speed"])} = "{within:.3g} deg"')
+        lines.append(f'phases_alike.{_quoted(speed)} = "{within:.3g} deg"')
     return "\n".join([*lines, ""])
 
 
-def _reading(vector: "OrderVector", options: dict[str, Any]) -> str:
+def _reading(vector: "OrderVector", phase: str, metric: "Metric") -> str:
     """A reading with its intervals; one within the scatter has no interval of the phase."""
     from ..rotating.order_tracking import UNITS
 
-    (size, within), unit = _amplitude(vector, options["amplitude"]), UNITS[vector.dimension]
+    (size, within), unit = _amplitude(vector, metric), UNITS[vector.dimension]
     about = f" ± {math.degrees(vector.own_phase_within):.3g} deg" if vector.is_significant else ""
-    return f"{size:.9g} {unit} ± {within:.3g} {unit} @ {_degrees(vector, options['phase']):.6f} deg{about}"
+    return f"{size:.9g} {unit} ± {within:.3g} {unit} @ {_degrees(vector, phase):.6f} deg{about}"
 
 
 def _quoted(text: str) -> str:
@@ -209,26 +204,26 @@ def _document(run: "Run", found: "Vectors", phase: str, metric: "Metric") -> dic
 
 
 def _print(run: "Run", found: "Vectors", phase: str, metric: "Metric") -> None:
+    """Speed and vectors in one sentence, then all that is known of each vector."""
     from ..rotating.order_tracking import UNITS
 
-    rows = []
+    rows, said = [], []
     for v in found.vectors:
         size, within = _amplitude(v, metric)
-        angle = (
-            f"{_degrees(v, phase):.2f} ± {math.degrees(v.phase_within):.2g}" if v.is_significant else "in the scatter"
-        )
-        unit = UNITS[v.dimension]
-        rows.append([v.sensor, f"{size:.4g} ± {within:.2g} {unit}", angle, f"{v.coherence:.4f}", f"{v.share:.3f}"])
-    emit_table(
-        f"Order {found.order} of {run.name} ({run.origin}), {metric}, phase as {phase} of the pulse",
-        ["sensor", "amplitude", "phase [deg]", "coherence", "share of power"],
-        rows,
-    )
+        angle = f"{_degrees(v, phase):.2f} ± {math.degrees(v.phase_within):.2g}" if v.is_significant else ""
+        length = f"{size:.4g} ± {within:.2g} {UNITS[v.dimension]}"
+        said.append(f"{v.sensor} {length} {f'at {angle} deg' if angle else 'in the scatter'}")
+        rows.append([v.sensor, length, angle or "in the scatter", f"{v.coherence:.4f}", f"{v.share:.3f}"])
     turns = found.turns
     change = f"{100 * turns.change:.2g}" if turns.change > _ROUNDING else "0"
-    click.echo(f"{turns.count} turns at {60 * turns.speed:.6g} rpm, changing by {change} %.")
+    say(
+        f"{run.name} ({run.origin}), {turns.count} turns at {60 * turns.speed:.6g} rpm, changing by {change} %: order "
+        f"{found.order} {'; '.join(said[:_SAID])}{f' and {len(said) - _SAID} more' if len(said) > _SAID else ''}."
+    )
+    title = f"Order {found.order} of {run.name} ({run.origin}), {metric}, phase as {phase} of the pulse"
+    emit_table(title, ["sensor", "amplitude", "phase [deg]", "coherence", "share of power"], rows)
     for v in found.vectors:
         if v.tones:
             tones = ", ".join(f"{tone:.4g} Hz" for tone in v.tones)
-            click.echo(f"{v.sensor}: near the order {tones}, which does not turn with the rotor; fitted with it.")
+            say(f"{v.sensor}: near the order {tones}, which does not turn with the rotor; fitted with it.")
     emit_findings(("Finding", f"{finding}.") for finding in found.findings())

@@ -28,12 +28,8 @@ def view(
     Any channel of any run over time or frequency; two or more runs over each other, aligned by the command or by what
     they show, with their difference and its interval; findings, to be accepted by name and reason; the whole report.
     """
-    from ..errors import StoreError
     from ..report.viewer import Viewer
 
-    opened, refused = options.openable_runs(runs)
-    if not opened:
-        raise StoreError("; ".join(one.message for one in refused) or f"{runs[0]}: no run")
-    name = runs[0].resolve().name if runs[0].is_dir() else ", ".join(run.name for run in opened)
-    complain(*(one.message for one in refused))
+    name, opened, refused = options.runs_shown(runs)
+    complain(*refused)
     serve(Viewer(name, opened, {one.run: one.message for one in refused}).server(port), name, browser, idle)

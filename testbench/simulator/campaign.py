@@ -121,7 +121,7 @@ RUN_TABLE = "runs.csv"
 
 
 def simulate_campaign(
-    plan: Plan, rig: Rig, folder: Path, progress: Callable[[int, int], None] | None = None, pool: TaskPool = HERE
+    plan: Plan, rig: Rig, folder: Path, progress: Callable[[int], None] | None = None, pool: TaskPool = HERE
 ) -> list[Path]:
     """Simulate all runs of a plan into ``folder``, which must be new or empty; returns the logs.
 
@@ -147,7 +147,7 @@ def simulate_campaign(
         for place, written in pool.results(work, list(enumerate(runs))):
             found[place] = written
             if progress:
-                progress(len(found), len(runs))
+                progress(1)
         write_campaign_truth(made / TRUTH_FOLDER, rig, plan.seed, [found[place][1] for place in range(len(runs))])
         logs = [(name, run) for place, run in enumerate(runs) for name in found[place][0]]
         write_run_table(made / RUN_TABLE, [(name, run.name, "simulated", run.conditions) for name, run in logs])

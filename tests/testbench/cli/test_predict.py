@@ -9,6 +9,7 @@ from click.testing import CliRunner
 from matplotlib.figure import Figure
 
 from balance import datasets
+from balance.cli.framework import json_text
 from balance.errors import DataError
 from studies.kiper2019 import bench_calibration, bench_model
 from testbench.campaign_plan import load_plan
@@ -16,16 +17,15 @@ from testbench.cli.predict import predict
 from testbench.errors import AnalysisError
 from testbench.published_tables import load_published
 
+from ...commands import assert_fits, held_to_widths
+
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """The document and the figure."""
+    """The document, the figure, and what prints it for people."""
     figure = tmp_path_factory.mktemp("figure") / "predicted.png"
-    result = CliRunner().invoke(
-        predict, ["kiper2019", "--json", "--forms", "--figure", str(figure)], standalone_mode=False
-    )
-    assert result.exception is None
-    return json.loads(result.stdout), figure
+    answered = predict.callback.__wrapped__("kiper2019", None, None, True, str(figure))
+    return json.loads(json_text(answered.document)), figure, answered.show
 
 
 def test_error_on_what_was_held_out(made):
@@ -87,6 +87,16 @@ def test_forms_and_figure(made):
     """The terms are compared on the calibrated table; the figure is drawn."""
     assert len(made[0]["forms"]) > 5
     assert made[1].read_bytes()[:4] == b"\x89PNG"
+
+
+def test_tables_fit(made, monkeypatch, capsys):
+    """The verdict has the mean error and how many intervals hold; tables fit 80 and 200 columns."""
+    titles = held_to_widths(monkeypatch)
+    made[2]()
+    out = capsys.readouterr().out
+    assert_fits(out)
+    assert len(titles) == 5
+    assert "mean absolute error" in out.splitlines()[0]
 
 
 def test_an_unknown_table():

@@ -15,6 +15,7 @@ from testbench.figures.rotating import draw_vectors
 from testbench.ingestion import Ingest
 from testbench.ingestion.run_table import PlannedRun
 
+from ...commands import assert_fits, held_to_widths
 from ..rotating.machine import UNBALANCE, Rotor
 
 OWN = 46.137
@@ -64,10 +65,13 @@ def test_json_holds_the_truth_with_intervals(found: str) -> None:
         assert other["amplitude_m_s2"] == pytest.approx(2 * one["amplitude_m_s2"])
 
 
-def test_table(found: str) -> None:
+def test_table(found: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Sensor, amplitude with interval, phase and its sense, speed."""
+    titles = held_to_widths(monkeypatch)
     code, output = run(found, "--sensor", "B")
     assert code == 0
+    assert_fits(output)
+    assert titles
     assert "lead of the pulse" in output
     assert "turns at 2768" in output
 
