@@ -143,7 +143,7 @@ def _print(result: dict[str, Any]) -> None:
         mean, fluctuation = (result["steady"][name] for name in ("mean_rpm", "fluctuation"))
         say(
             f"{result['log']}: {mean['value']:.3f} rpm [{mean['low']:.3f}, {mean['high']:.3f}], the speed fluctuates "
-            f"by {fluctuation['value']:.5f} [{fluctuation['low']:.5f}, {fluctuation['high']:.5f}] over a turn."
+            f"by {fluctuation['value']:z.5f} [{fluctuation['low']:z.5f}, {fluctuation['high']:z.5f}] over a turn."
         )
     step = result["clock_step_us"]
     clock = "finer than 1 ns" if step is None else f"in steps of {step:g} us"
