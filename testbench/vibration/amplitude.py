@@ -55,6 +55,10 @@ class ConstrainedPeaks:
     course: Floats
     """The signal, (n,) [unit]."""
 
+    def with_amplitudes(self, metric: Metric, amplitudes: Floats) -> Floats:
+        """The likeliest signals of so large peaks or peak-to-peak values (k,) [unit], (k, n) [unit]."""
+        return self.with_peaks(amplitudes) if metric == "peak" else self.with_peak_to_peaks(amplitudes)
+
     def with_peaks(self, peaks: Floats) -> Floats:
         """The likeliest signals whose largest absolute values are ``peaks`` (k,) [unit], (k, n) [unit]."""
         return self._times(_factors(peaks, self._heights))
@@ -151,10 +155,25 @@ class MetricStatistic:
                 + 2.0 * np.outer(noises.products(unit), amplitudes)
                 + (noises.mean_squares[:, None] + added)
             )
-        at = {"peak": peaks.with_peaks, "peak_to_peak": peaks.with_peak_to_peaks}[self.metric]
-        signals = at(amplitudes)
+        signals = peaks.with_amplitudes(self.metric, amplitudes)
         high, low = noises.highest(signals), noises.highest(-signals, -1)
         return added + (np.maximum(high, low) if self.metric == "peak" else high + low)
+
+    def excess(
+        self, peaks: ConstrainedPeaks, amplitudes: Floats, noises: NoiseRecords, shown: Floats
+    ) -> tuple[Floats, Floats]:
+        """Sums of the squares by which signals of amplitudes (k,) [unit] in records of noise exceed their own ends,
+        (draws, k), and by which what is ``shown`` (n,) [unit] does, (k,) [unit^2].
+
+        All swings tell that the amplitude is not as small: noise that makes one high makes not all so.
+        """
+        signals = peaks.with_amplitudes(self.metric, amplitudes)
+        one = self.metric == "peak"
+        high, low = (amplitudes, amplitudes) if one else (signals.max(axis=1), -signals.min(axis=1))
+        added = noises.rounding * (1.0 if one else 0.5)
+        drawn = noises.excess(signals, high, added) + noises.excess(-signals, low, added, -1)
+        beyond = np.maximum(np.maximum(shown - high[:, None], -shown - low[:, None]), 0.0)
+        return drawn, np.einsum("ij,ij->i", beyond, beyond)
 
 
 @dataclass(frozen=True)
@@ -283,6 +302,13 @@ class Amplitude:
             draws = Draws((np.concatenate(draws.parts) + errors,), draws.powers)
         rounding = rng.choice(self.rounding, number) if self.rounding else np.zeros(number)
         return NoiseRecords(draws, rounding, scale)
+
+    @property
+    def as_read(self) -> Floats:
+        """The course with its reading at the logger's rate, (n,) [unit]."""
+        return self.course * (
+            self.statistic.amplitude(self.reading) / max(METRICS[self.measure.metric][1](self.course), 1e-300)
+        )
 
     def in_band(self, whole: Floats) -> Floats:
         """Records (..., m) of the same rate in the band, (..., m)."""

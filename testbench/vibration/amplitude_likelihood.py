@@ -1,4 +1,8 @@
-"""By how many standard deviations of the noise a reading lies above what any amplitude would read, tabulated."""
+"""By how many standard deviations of the noise a reading lies above what any amplitude would read, tabulated.
+
+An amplitude is too large if the largest value that was read is too low for it. It is too small if all that exceeds it,
+squared and summed, is too much: the largest value alone could be noise where that is loud, all swings cannot.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -37,7 +41,9 @@ class AmplitudeLikelihood:
     amplitudes: Floats
     """Amplitudes around the reading, rising, (POINTS,) [unit]."""
     deviations: Floats
-    """The reading less what each of ``amplitudes`` reads, falling, (POINTS,) [standard deviations of noise]."""
+    """The reading less what each of ``amplitudes`` reads, falling, (POINTS,) [standard deviations of noise]; where that
+    is above zero, what exceeds the amplitude less what of noise does.
+    """
     rises: Floats
     """What each of ``amplitudes`` reads less what the first reads, (POINTS,) [standard deviations of noise]."""
 
@@ -52,7 +58,13 @@ class AmplitudeLikelihood:
         low, high = (statistic.amplitude(max(v, 0.0)) for v in (net - reach, max(net, 0.0) + extra + reach))
         tried = np.linspace(low, high, POINTS)
         draws = statistic.readings(peaks, tried, noises)
-        table = np.minimum.accumulate([_score(column, run.reading) for column in draws.T]) - _DIGITS * np.arange(POINTS)
+        scores = np.array([_score(column, run.reading) for column in draws.T])
+        above = np.flatnonzero(scores > 0.0)
+        if above.size and not statistic.squared:
+            drawn, shown = statistic.excess(peaks, tried[above], noises, run.as_read)
+            each = zip(np.sqrt(drawn.T), np.sqrt(shown), strict=True)
+            scores[above] = np.maximum([_score(column, one) for column, one in each], 0.0)
+        table = np.minimum.accumulate(scores) - _DIGITS * np.arange(POINTS)
         rising = np.array([_score(draws[:, 0], float(np.median(column))) for column in draws.T])
         common = _common(draws[:, int(np.argmin(np.abs(table)))], noises)
         return cls(statistic, run.reading, floor, run.saturated, common, tried, table, rising)

@@ -12,7 +12,7 @@ Runs of one noise share the records that are drawn. Only samples near the extrem
 noise is small they are few, and where it is not, few of each draw can become its extreme for any of the signals.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Literal
@@ -309,20 +309,34 @@ class NoiseRecords:
 
     def highest(self, signals: Floats, sign: Literal[1, -1] = 1) -> Floats:
         """Largest value of signals (k, n) [unit] in each draw times ``sign``, (draws, k) [unit]."""
-        tops = signals.max(axis=1, keepdims=True)
-        below = ((signals - tops) / self.scale).astype(np.float32)
+        tops = signals.max(axis=1)
+        near = self._near(signals, tops, sign)
+        found = [[(noise + row[:, None]).max(axis=0) for row in levels] for noise, levels in near]
+        return np.asarray(self.scale * np.max(found, axis=0).T + tops)
+
+    def excess(self, signals: Floats, tops: Floats, added: Floats, sign: Literal[1, -1] = 1) -> Floats:
+        """Sum of the squares by which signals (k, n) [unit], in each draw times ``sign`` with what is ``added`` to it
+        (draws,) [unit], exceed ``tops`` (k,) [unit], (draws, k) [unit^2].
+        """
+        found = np.zeros((len(signals), len(added)))
+        for noise, levels in self._near(signals, tops, sign):
+            raised = noise + (added / self.scale).astype(np.float32)
+            for squares, row in zip(found, levels, strict=True):
+                above = np.maximum(raised + row[:, None], 0.0)
+                squares += np.einsum("ij,ij->j", above, above)
+        return np.asarray(self.scale**2 * found.T)
+
+    def _near(self, signals: Floats, tops: Floats, sign: Literal[1, -1]) -> Iterator[tuple[Floats, Floats]]:
+        """Noise times ``sign`` (m, draws) and signals (k, m) less ``tops`` (k,), in multiples of the scale, in blocks
+        of the samples in which any may come near its top.
+        """
+        below = ((signals - tops[:, None]) / self.scale).astype(np.float32)
         reach = _REACH * float(self.draws.powers.max()) ** 0.5
-        chosen = []
         for part, levels in self.draws.with_signals(below):
             near = np.flatnonzero(levels.max(axis=0) >= -reach)
-            blocks = np.array_split(near, near.size * part.shape[1] // _AT_ONCE + 1)
-            chosen += [(sign * part[rows], levels[:, rows]) for rows in blocks if rows.size]
-        return np.asarray((self.scale * _highest(chosen) + tops).T)
-
-
-def _highest(chosen: Sequence[tuple[Floats, Floats]]) -> Floats:
-    """Largest values of levels (k, m) in noise (m, draws), over blocks of both, (k, draws)."""
-    return np.max([[(noise + row[:, None]).max(axis=0) for row in levels] for noise, levels in chosen], axis=0)
+            for rows in np.array_split(near, near.size * part.shape[1] // _AT_ONCE + 1):
+                if rows.size:
+                    yield sign * part[rows], levels[:, rows]
 
 
 @lru_cache(maxsize=2)

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from testbench.vibration.amplitude import ConstrainedPeaks
+from testbench.vibration.amplitude import Amplitude, ConstrainedPeaks
+from testbench.vibration.amplitude_likelihood import AmplitudeLikelihood
+from testbench.vibration.metrics import Measure
+from testbench.vibration.noise_floor import Noise
 
 SWINGS = np.array([0.0, 1.0, 0.0, -3.0, -1.0, -2.0, 0.0, 2.5, 0.5])
 """Heights 1, 3, 2 (behind a saddle at 1) and 2.5."""
@@ -65,3 +68,16 @@ def test_rule(known, count, gap):
         likeliest = ConstrainedPeaks(course).with_peaks(np.array([20.0]))[0][1::2]
         scores[i] = norm.cdf(reading - likeliest).prod()
     assert 0.93 <= np.mean(np.abs(scores - 0.5) <= 0.475) <= 0.985
+
+
+@pytest.mark.parametrize("metric", ["peak", "peak_to_peak"])
+def test_all_swings_tell_that_it_is_no_smaller(metric):
+    """Noise that is loud at times may have made one swing so high, but not twenty where it is calm."""
+    time, noise, found = np.arange(2000) / 1000.0, Noise.stated(1.5, 1000.0), []
+    loud = np.where(time < 0.3, 1.0, 0.1)
+    for cycles in (1, 20):
+        course = 3.0 * np.sin(2 * np.pi * 20.0 * time) * ((time >= 0.5) & (time < 0.5 + cycles / 20.0))
+        read = Measure(metric).amplitude(course, 1000.0)
+        one = Amplitude(Measure(metric), 2.0, read, course, course, envelope=loud)
+        found.append(float(AmplitudeLikelihood.of(one, noise).deviation(np.array([0.6 * read]))[0]))
+    assert abs(found[0]) < 3.0 < found[1]
