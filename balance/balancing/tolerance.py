@@ -64,7 +64,7 @@ class ToleranceAnalysis(Shown, rows="effects", figure="balance.figures.balancing
     percentiles: Annotated[dict[str, float], Key("rms_percentiles_N")]
     """RMS force that so many per cent of the mechanisms do not exceed [N]."""
     effects: Annotated[tuple[ToleranceEffect, ...], Key("tolerances")]
-    """Largest share first."""
+    """That which alone leaves the largest force first."""
 
     @property
     def doubtful(self) -> tuple[ToleranceEffect, ...]:
@@ -107,7 +107,7 @@ def analyze_tolerances(
             f"{level:g}": float(value)
             for level, value in zip(PERCENTILES, np.percentile(whole, PERCENTILES), strict=True)
         },
-        tuple(sorted(effects, key=lambda effect: -effect.variance_share)),
+        tuple(sorted(effects, key=lambda effect: (-effect.rms_95, -effect.variance_share))),
     )
 
 

@@ -86,7 +86,7 @@ def linkage(
     with_equations: bool = option("Also print the equations in symbols.", None, "--equations"),
     csv: str | None = option("Write the time series as CSV.", click.Path(dir_okay=False), metavar="FILE"),
     mjcf: str | None = option(
-        "Write the balanced linkage as MJCF, gears as joint equalities.", click.Path(dir_okay=False), metavar="FILE"
+        "Write it as MJCF, balanced or as built, gears as joint equalities.", click.Path(dir_okay=False), metavar="FILE"
     ),
     built: tuple[str, ...] = option("A mass, inertia or pair of teeth (z3=40:21) as built.", metavar="SYMBOL=VALUE"),
     figure: str | None = options.FIGURE,
@@ -114,7 +114,7 @@ def linkage(
     made = as_built(result, stated) if stated else None
     check = verify_linkage(result, speed, variation, built=made) if described.is_placed else None
     comparison = None if force_only else compare_published(result)
-    _write_files(result, check, csv, mjcf, figure)
+    _write_files(made or result, check, csv, mjcf, figure)
     options.draw(drawing, "balance.figures.linkage:draw_linkage", made or result)
     findings = linkage_findings(made or result)
     document = linkage_document(result, check, comparison, stated, findings)

@@ -224,7 +224,7 @@ def tolerance(
         )
         levels = ", ".join(f"{level} %: {value:.4g} N" for level, value in found.percentiles.items())
         emit_table(
-            "Tolerances, largest share first", *table(ToleranceEffect, found.effects), f"RMS force at most: {levels}"
+            "Tolerances, the costliest first", *table(ToleranceEffect, found.effects), f"RMS force at most: {levels}"
         )
         emit_findings(("not_linear", f"{e.tolerance.text}: {_NOT_LINEAR.format(e.curvature)}") for e in found.doubtful)
 

@@ -41,8 +41,8 @@ def test_as_mechanisms_that_are_made():
     assert np.percentile(made, 95) == pytest.approx(found.percentiles["95"], rel=0.12)
     assert not found.doubtful
     assert sum(effect.variance_share for effect in found.effects) == pytest.approx(1.0)
-    shares = [effect.variance_share for effect in found.effects]
-    assert shares == sorted(shares, reverse=True)
+    costs = [effect.rms_95 for effect in found.effects]
+    assert costs == sorted(costs, reverse=True)
 
 
 def test_one_error_in_closed_form():

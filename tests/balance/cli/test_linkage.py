@@ -69,10 +69,20 @@ def test_speed_and_variation_are_taken():
 
 
 def test_as_built_is_a_stage_of_its_own(tmp_path):
-    """What stock masses and gears leave, by option or in the file; bearing and tooth forces by stage; a drawing."""
-    drawing = tmp_path / "gears.svg"
+    """What stock masses and gears leave, by option or in the file; bearing and tooth forces by stage; drawing, MJCF."""
+    drawing, model = tmp_path / "gears.svg", tmp_path / "built.xml"
     result = call(
-        "linkage", "two-levels", "--built", "m4*=3.5kg", "--built", "z3=40:26", "--drawing", drawing, "--json"
+        "linkage",
+        "two-levels",
+        "--built",
+        "m4*=3.5kg",
+        "--built",
+        "z3=40:26",
+        "--drawing",
+        drawing,
+        "--mjcf",
+        model,
+        "--json",
     )
     assert result.code == 0, result.err
     document = result.json
@@ -81,6 +91,7 @@ def test_as_built_is_a_stage_of_its_own(tmp_path):
     assert varying["share_of_before"]["built"]["force"] > 1e-3
     assert varying["bearing_forces"]["built"]["largest_teeth_N"]["z3"] > 100.0
     assert "z5*" in drawing.read_text(encoding="utf-8")
+    assert not json_of("conditions", model)["balanced"]
     path = tmp_path / "built.toml"
     text = datasets.find_dataset("two-levels", "linkages", ".toml").read_text(encoding="utf-8")
     path.write_text(text + '\n[built]\n"m4*" = "3.5 kg"\nz3 = [40, 26]\n', encoding="utf-8")
