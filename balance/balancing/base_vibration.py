@@ -8,7 +8,7 @@ and from those of least force; plates are chosen by what is linear near given ma
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -25,11 +25,16 @@ from .conditions import Conditions
 from .objective import Objective, discs, motion_objective, scaled, unit_masses
 from .sizing import Sizing, exact_sizing, site_groups, sizing_of_given, upper_limits
 
+if TYPE_CHECKING:
+    from .stock_search import Exact
+
 UNIT = "m_per_s2"
 _STEP = 1e-5
 """Mass that is added and taken off for slopes, of the base's own."""
 _MOST = 5_000
 """Evaluations until masses are given up."""
+_MOST_SAMPLES = 12_000_000
+"""Samples of a motion, times the ways to share plates, of which all are looked at."""
 _TOO_MANY = 1
 """What scipy answers then."""
 _EVEN = 1e-6
@@ -135,6 +140,21 @@ class VibrationObjective(Objective):
         factor = np.column_stack([per_parameter, triangle[:, -1] - per_parameter @ mechanism.pi])
         return replace(self, factor=np.vstack([factor, self.others.factor]) if self.others else factor)
 
+    def exactly(self, mechanism: Mechanism, sites: Sequence[str]) -> "Exact":
+        """J of rows of masses, and of inertia, at sites of a mechanism: see ``stock_search``."""
+        measured = self.measured_with(mechanism, np.vstack([unit_masses(mechanism, sites), discs(mechanism, sites)]))
+        columns = np.zeros((1, 2 * len(sites)))
+        target = np.zeros(1)
+        if self.others:
+            columns, target = self.others.system(mechanism, sites)
+            columns = np.hstack([columns, self.others.turning(mechanism, sites)])
+
+        def values(masses: Floats, inertias: Floats) -> Floats:
+            rows = np.hstack([masses, inertias])
+            return np.array([self.mean_square(measured(row)) + np.sum((columns @ row - target) ** 2) for row in rows])
+
+        return values
+
     def _carried(self, mechanism: Mechanism) -> Floats:
         return locked_inertia(mechanism, self.trajectory.q[0])
 
@@ -220,15 +240,23 @@ def least_vibration(
 
 
 def least_vibration_from_stock(
-    sites: Sequence[str], objective: VibrationObjective, search: Callable[[Objective], Sequence[Sizing]]
+    mechanism: Mechanism,
+    sites: Sequence[str],
+    objective: VibrationObjective,
+    ways: int,
+    search: Callable[[Objective, "Exact | None"], Sequence[Sizing]],
 ) -> list[Sizing]:
-    """Sets of plates, best first: those of ``search`` with the objective around the best that it gave before.
+    """Sets of plates, best first, of so many ``ways`` to share them; all are looked at where these are few.
 
-    Which is best is proven only where the vibration is taken as linear near it: they have no bound.
+    Else those of ``search`` with the objective around the best that it gave before: which is best is proven only where
+    the vibration is taken as linear near it, and they have no bound.
     """
+    if ways * len(objective.trajectory.time) <= _MOST_SAMPLES:
+        sets = search(objective, objective.exactly(mechanism, sites))
+        return [replace(one, objective=objective.around(one.after, sites)) for one in sets]
     seen: list[list[float]] = []
     while True:
-        sets = sorted(search(objective), key=lambda one: one.root_mean_squares()[1])
+        sets = sorted(search(objective, None), key=lambda one: one.root_mean_squares()[1])
         masses = [c.mass for c in sets[0].counter_masses]
         if masses in seen:
             return [replace(one, bound=None) for one in sets]

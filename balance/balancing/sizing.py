@@ -19,6 +19,7 @@ from .objective import Objective, unit_masses, workspace_objective
 
 if TYPE_CHECKING:
     from .stock_plates import Plate
+    from .stock_search import Exact
 
 COMPLETE = 1e-6
 """Share of the root mean square without counter-masses up to which a mechanism counts as balanced completely."""
@@ -315,10 +316,12 @@ def best_sets_from_stock(
     objective: Objective | None = None,
     equal: Sequence[Sequence[str]] = (),
     best: int = 1,
+    exact: "Exact | None" = None,
 ) -> tuple[Sizing, ...]:
     """The ``best`` few choices of plates at the sites, best first, with a bound that no choice is below.
 
-    A plate's quantity is for all sites together; ``limits`` [kg] and ``equal`` as in ``exact_sizing``.
+    A plate's quantity is for all sites together; ``limits`` [kg] and ``equal`` as in ``exact_sizing``; ``exact`` as in
+    ``best_plates``.
     """
     from .stock_search import best_plates  # late: masses of any size are found without it
 
@@ -328,7 +331,7 @@ def best_sets_from_stock(
     groups = [group for group in site_groups(names, equal) if len(group) > 1]
     masses, quantities = _stock_arrays(plates)
     turning = objective.turning(mechanism, names), _turning_inertia(mechanism, names, plates)
-    found = best_plates(columns, target, masses, quantities, upper_limits(names, limits), groups, best, turning)
+    found = best_plates(columns, target, masses, quantities, upper_limits(names, limits), groups, best, turning, exact)
     return tuple(
         sizing_of_given(
             conditions,

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from pathlib import PurePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from .conditions import balance_conditions
 from .objective import Objective
 from .remaining_force import Verdict, verdict_of
 from .sizing import CounterMass, Sizing, best_sets_from_stock, chosen_sites, exact_sizing, sizing_document
+
+if TYPE_CHECKING:
+    from .stock_search import Exact
 
 
 @dataclass(frozen=True)
@@ -210,15 +213,17 @@ def study_sizing(
     sets: Sequence[Sizing] = [any_mass]
     if stock:
         from .stock_plates import load_stock
+        from .stock_search import selections
 
         plates = load_stock(stock)
+        ways = selections(np.array([plate.quantity for plate in plates]), len(sites))
 
-        def from_stock(target: Objective | None) -> Sequence[Sizing]:
-            return best_sets_from_stock(conditions, model, plates, sites, limits, target, equal, best)
+        def from_stock(target: Objective | None, exact: "Exact | None" = None) -> Sequence[Sizing]:
+            return best_sets_from_stock(conditions, model, plates, sites, limits, target, equal, best, exact)
 
         least = any_mass.objective
         if rig and trajectory and isinstance(least, base_vibration.VibrationObjective):
-            sets = base_vibration.least_vibration_from_stock(sites, least, from_stock)
+            sets = base_vibration.least_vibration_from_stock(model, sites, least, ways, from_stock)
         else:
             sets = from_stock(least)
     first = replace(sets[0], payload_bodies=tuple(payload_bodies) or model.payload_bodies)

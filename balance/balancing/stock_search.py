@@ -14,7 +14,7 @@ are of many kinds, along bits that tell which multiples the first kinds make (Be
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -54,6 +54,10 @@ _TIE = 1e-12
 """Difference of J, relative to J without counter-masses, that is rounding: the lighter is better then."""
 
 
+Exact = Callable[[Floats, Floats], Floats]
+"""J (n,) of masses (n, sites) [kg], and of what plates have of inertia beyond that of the sites (n, sites) [kg m2]."""
+
+
 @dataclass(frozen=True)
 class Selection:
     """Plates at sites."""
@@ -80,6 +84,11 @@ class StockOptimum:
         return max(self.selections[0].value - self.bound, 0.0)
 
 
+def selections(quantities: Indices, sites: int) -> int:
+    """How many ways there are to share plates among sites."""
+    return math.prod(math.comb(quantity + sites, sites) for quantity in quantities.tolist())
+
+
 def best_plates(
     columns: Floats,
     target: Floats,
@@ -89,22 +98,24 @@ def best_plates(
     equal: Sequence[Sequence[int]] = (),
     best: int = 1,
     turning: tuple[Floats, Floats] | None = None,
+    exact: Exact | None = None,
 ) -> StockOptimum:
     """Plates at the sites of least |columns m - target|^2; of equals the lightest.
 
     ``columns`` (rows, sites), ``target`` (rows,); kinds of plates have ``masses`` (kinds,) [kg] and ``quantities``
     (kinds,), for all sites together; ``limits`` (sites,) [kg]. Sites whose indices are in one group of ``equal`` carry
     equal masses. The ``best`` few sets of masses are given. ``turning``: columns (rows, sites) [unit / kg m2] of what
-    plates have of inertia beyond their mass times that of the columns, (sites, kinds) [kg m2]; it is added.
+    plates have of inertia beyond their mass times that of the columns, (sites, kinds) [kg m2]; it is added. With
+    ``exact`` all selections are looked at.
     """
     sites = columns.shape[1]
-    if turning is not None and not (np.abs(turning[0]) @ np.abs(turning[1] * quantities)).any():
+    if exact is None and turning is not None and not (np.abs(turning[0]) @ np.abs(turning[1] * quantities)).any():
         turning = None
     groups = [[i] for i in range(sites) if not any(i in group for group in equal)] + [list(group) for group in equal]
     most = np.full(sites, np.inf) if limits is None else limits
     used = quantities > 0
-    if math.prod(math.comb(quantity + sites, sites) for quantity in quantities.tolist()) * sites <= _MOST_SELECTIONS:
-        return _best_of_all(columns, target, masses, quantities, most, groups, best, turning)
+    if exact is not None or selections(quantities, sites) * sites <= _MOST_SELECTIONS:
+        return _best_of_all(columns, target, masses, quantities, most, groups, best, turning, exact)
     if turning is not None:
         return _best_turning(columns, target, masses, quantities, most, equal, best, turning)
     few, steps = np.prod(quantities + 1.0) <= _MOST_PILES, masses[used] / _STEP_KG
@@ -126,6 +137,7 @@ def _best_of_all(
     groups: Sequence[Sequence[int]],
     best: int,
     turning: tuple[Floats, Floats] | None,
+    exact: Exact | None,
 ) -> StockOptimum:
     """Of all ways to share the plates among the sites."""
     sites, edge = columns.shape[1], _ROUNDING * max(float(plates @ quantities), 1e-12)
@@ -140,8 +152,11 @@ def _best_of_all(
         allowed &= np.ptp(made[:, list(group)], axis=1) <= edge
     ways = np.flatnonzero(allowed)
     square = np.asarray(np.linalg.qr(np.column_stack([columns, per_turning, target]), mode="r"))
-    values = np.sum((np.hstack([made, turned])[ways] @ square[:, :-1].T - square[:, -1]) ** 2, axis=1)
-    made = made[ways]
+    made, turned = made[ways], turned[ways]
+    if exact is None:
+        values = np.sum((np.hstack([made, turned]) @ square[:, :-1].T - square[:, -1]) ** 2, axis=1)
+    else:
+        values = exact(made, turned)
     tie, found = _TIE * (float(target @ target) or 1.0), list[Selection]()
     while len(ways) and len(found) < best:
         equals = np.flatnonzero(values <= values.min() + tie)
