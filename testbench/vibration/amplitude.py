@@ -13,23 +13,25 @@ Inference", 2005). With the signal as estimated the interval would be too narrow
 would count as larger in truth.
 """
 
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
-from balance.arrays import Floats
+from balance.arrays import Floats, Indices
 
 from ..signal import Metric
 from .metrics import METRICS, Measure, gain_of_record
-from .noise_floor import Draws, Noise, NoiseRecords, Segment, noise_draws
+from .noise_floor import Draws, Noise, NoiseRecords, Segment, noise_draws, random_numbers
 from .noise_over_time import NoiseOverTime
 from .tonal_lines import Lines
 
 Place = tuple[str, str]
 """Sensor and axis."""
+Sign = Literal[1, -1]
+SIGNS: tuple[Sign, Sign] = (1, -1)
 SAMPLES_PER_PERIOD = 6.0
 """Samples of a simulated record per period of the band's upper edge."""
 _WHOLE = 0.8
@@ -46,6 +48,8 @@ _UNSURE = 1.7
 """Factor on what rounding does to a course: it is known to its own rounding only (Monte Carlo: 0.5 to 1.7)."""
 _DITHERED = 1e-3
 """Share of a step's error below which it is noise alone."""
+_LOOKED_AT = 5000
+"""Samples of a rest that tell whether noise drowns a step."""
 
 
 @dataclass(frozen=True)
@@ -55,24 +59,27 @@ class ConstrainedPeaks:
     course: Floats
     """The signal, (n,) [unit]."""
 
-    def with_amplitudes(self, metric: Metric, amplitudes: Floats) -> Floats:
-        """The likeliest signals of so large peaks or peak-to-peak values (k,) [unit], (k, n) [unit]."""
-        return self.with_peaks(amplitudes) if metric == "peak" else self.with_peak_to_peaks(amplitudes)
+    def with_amplitudes(self, metric: Metric, amplitudes: Floats, sign: Sign, reach: float) -> tuple[Indices, Floats]:
+        """By :meth:`with_peaks` or :meth:`with_peak_to_peaks`."""
+        at = self.with_peaks if metric == "peak" else self.with_peak_to_peaks
+        return at(amplitudes, sign, reach)
 
-    def with_peaks(self, peaks: Floats) -> Floats:
-        """The likeliest signals whose largest absolute values are ``peaks`` (k,) [unit], (k, n) [unit]."""
-        return self._times(_factors(peaks, self._heights))
+    def with_peaks(self, peaks: Floats, sign: Sign = 1, reach: float = np.inf) -> tuple[Indices, Floats]:
+        """``sign`` times the likeliest signals whose largest absolute values are ``peaks`` (k,) [unit]: samples (s,) of
+        the swings that come within ``reach`` [unit] of the highest one, and values there (k, s) [unit].
+        """
+        return self._limited((peaks, peaks), [int(np.argmax(self._heights))], sign, reach)
 
-    def with_peak_to_peaks(self, spans: Floats) -> Floats:
-        """The likeliest signals whose peak-to-peak values are ``spans`` (k,) [unit], (k, n) [unit].
+    def with_peak_to_peaks(self, spans: Floats, sign: Sign = 1, reach: float = np.inf) -> tuple[Indices, Floats]:
+        """Likewise of the likeliest signals whose peak-to-peak values are ``spans`` (k,) [unit].
 
         Both ends take half of the difference from the estimated span; neither passes zero.
         """
-        up, down = self._signed
-        top, bottom = float(up.max()), float(down.max())
+        top, bottom = (max(float(end.max()), 0.0) for end in self._ends)
         shared = np.clip(top + 0.5 * (spans - top - bottom), 0.0, spans)
         high = shared if top > 0.0 and bottom > 0.0 else spans * (top > 0.0)
-        return self._times(_factors(high, up) + _factors(spans - high, down))
+        raised = [int(np.argmax(end)) for end in self._ends if end.max() > 0.0]
+        return self._limited((high, spans - high), raised, sign, reach)
 
     @cached_property
     def highest(self) -> "ConstrainedPeaks":
@@ -80,43 +87,43 @@ class ConstrainedPeaks:
         only = np.arange(len(self._heights)) == int(np.argmax(self._heights))
         return ConstrainedPeaks(self.course * np.repeat(only, self._lengths))
 
-    def _times(self, factors: Floats) -> Floats:
-        """The signal, its swings times factors (k, m), (k, n)."""
-        return self.course * np.repeat(factors, self._lengths, axis=1)
-
     @cached_property
     def _starts(self) -> np.ndarray:
         """First sample of each swing: where the sign changes, and at local minima of the absolute value, (m,)."""
-        size = np.abs(self.course)
-        low = (size[1:-1] <= size[:-2]) & (size[1:-1] < size[2:])
-        turned = np.signbit(self.course[1:]) != np.signbit(self.course[:-1])
-        return np.unique(np.concatenate([[0], np.flatnonzero(low) + 1, np.flatnonzero(turned) + 1]))
+        size, begins = np.abs(self.course), np.zeros(len(self.course), dtype=bool)
+        begins[0] = True
+        begins[1:-1] |= (size[1:-1] <= size[:-2]) & (size[1:-1] < size[2:])
+        begins[1:] |= np.signbit(self.course[1:]) != np.signbit(self.course[:-1])
+        return np.flatnonzero(begins)
 
     @cached_property
     def _lengths(self) -> np.ndarray:
         return np.diff(np.append(self._starts, len(self.course)))
 
     @cached_property
-    def _heights(self) -> Floats:
-        return np.maximum.reduceat(np.abs(self.course), self._starts)
+    def _ends(self) -> tuple[Floats, Floats]:
+        """Largest value of each swing, and of its negative, (m,) each [unit]."""
+        high, low = (ufunc.reduceat(self.course, self._starts) for ufunc in (np.maximum, np.minimum))
+        return high, -low
 
     @cached_property
-    def _signed(self) -> tuple[Floats, Floats]:
-        """Heights of the swings above zero, and depths of those below; zero for the others."""
-        above = np.maximum.reduceat(self.course, self._starts)
-        below = -np.minimum.reduceat(self.course, self._starts)
-        return np.maximum(above, 0.0), np.maximum(below, 0.0)
+    def _heights(self) -> Floats:
+        return np.maximum(*self._ends)
 
-
-def _factors(peaks: Floats, heights: Floats) -> Floats:
-    """On swings of ``heights`` (m,), so that they are limited to each of ``peaks`` (k,) and the highest is set to it,
-    (k, m) [-]; those of height zero vanish.
-    """
-    if not heights.any():
-        return np.zeros((len(peaks), len(heights)))
-    wanted = np.minimum(heights, peaks[:, None])
-    wanted[:, np.argmax(heights)] = peaks
-    return np.divide(wanted, heights, out=np.zeros_like(wanted), where=heights > 0.0)
+    def _limited(
+        self, limits: tuple[Floats, Floats], raised: Sequence[int], sign: Sign, reach: float
+    ) -> tuple[Indices, Floats]:
+        """``sign`` times the signals whose swings are limited to heights above and depths below zero, (k,) [unit] each,
+        those ``raised`` set to them: samples (s,) that come within ``reach`` of the largest, and values there (k, s).
+        """
+        ends, limit = self._ends[sign < 0], limits[sign < 0]
+        near = ends >= min(float(ends.max()), float(limit.min())) - reach
+        near[raised] = True
+        samples, heights = np.flatnonzero(np.repeat(near, self._lengths)), self._heights[near]
+        above, below = (limit[:, None] / np.where(heights > 0.0, heights, np.inf) for limit in limits)
+        factors = np.where(self._ends[0][near] > 0.0, above, below)
+        factors = np.where(np.isin(np.flatnonzero(near), raised), factors, np.minimum(factors, 1.0))
+        return samples, sign * self.course[samples] * np.repeat(factors, self._lengths[near], axis=1)
 
 
 @dataclass(frozen=True)
@@ -155,8 +162,8 @@ class MetricStatistic:
                 + 2.0 * np.outer(noises.products(unit), amplitudes)
                 + (noises.mean_squares[:, None] + added)
             )
-        signals = peaks.with_amplitudes(self.metric, amplitudes)
-        high, low = noises.highest(signals), noises.highest(-signals, -1)
+        signals = (peaks.with_amplitudes(self.metric, amplitudes, sign, noises.reach) for sign in SIGNS)
+        high, low = (noises.highest(*some, sign) for some, sign in zip(signals, SIGNS, strict=True))
         return added + (np.maximum(high, low) if self.metric == "peak" else high + low)
 
     def excess(
@@ -167,13 +174,14 @@ class MetricStatistic:
 
         All swings tell that the amplitude is not as small: noise that makes one high makes not all so.
         """
-        signals = peaks.with_amplitudes(self.metric, amplitudes)
-        one = self.metric == "peak"
-        high, low = (amplitudes, amplitudes) if one else (signals.max(axis=1), -signals.min(axis=1))
-        added = noises.rounding * (1.0 if one else 0.5)
-        drawn = noises.excess(signals, high, added) + noises.excess(-signals, low, added, -1)
-        beyond = np.maximum(np.maximum(shown - high[:, None], -shown - low[:, None]), 0.0)
-        return drawn, np.einsum("ij,ij->i", beyond, beyond)
+        added, drawn, beyond = noises.rounding * (1.0 if self.metric == "peak" else 0.5), [], []
+        for sign in SIGNS:
+            samples, signals = peaks.with_amplitudes(self.metric, amplitudes, sign, noises.reach)
+            tops = amplitudes if self.metric == "peak" else signals.max(axis=1)
+            drawn.append(noises.excess(samples, signals, tops, added, sign))
+            above = np.maximum(sign * shown[sign * shown > tops.min()] - tops[:, None], 0.0)
+            beyond.append(np.einsum("ij,ij->i", above, above))
+        return drawn[0] + drawn[1], beyond[0] + beyond[1]
 
 
 @dataclass(frozen=True)
@@ -290,7 +298,7 @@ class Amplitude:
     def noises(self, noise: Noise) -> NoiseRecords:
         """Records of noise in the band, and of what else is not known, seeded by the record."""
         draws = noise_draws(noise, self.measure, len(self.course), self.rate_hz)
-        rng, scale = np.random.default_rng(zlib.crc32(self.course.tobytes())), self.averages**-0.5
+        rng, scale = random_numbers(self.course), self.averages**-0.5
         number = len(draws.powers)
         if self.envelope is not None:
             draws = draws.times(self.envelope.astype(np.float32)[:, None])
@@ -375,8 +383,11 @@ def undithered_share(resting: Floats, step: float) -> float:
     """
     if step <= 0.0 or not len(resting):
         return 0.0
-    scatter = min(float(np.std(resting)), 1.4826 * float(np.median(np.abs(resting - np.median(resting)))) + 0.5 * step)
-    dither = max(scatter**2 - step**2 / 4.0, 0.0)
+    for some in (resting[:: max(len(resting) // _LOOKED_AT, 1)], resting):
+        median = float(np.median(np.abs(some - np.median(some))))
+        dither = max(min(float(np.std(some)), 1.4826 * median + 0.5 * step) ** 2 - step**2 / 4.0, 0.0)
+        if dither > step**2:  # then it drowns for certain
+            break
     return float(np.exp(-2.0 * np.pi**2 * dither / step**2))
 
 

@@ -58,14 +58,15 @@ class AmplitudeLikelihood:
         low, high = (statistic.amplitude(max(v, 0.0)) for v in (net - reach, max(net, 0.0) + extra + reach))
         tried = np.linspace(low, high, POINTS)
         draws = statistic.readings(peaks, tried, noises)
-        scores = np.array([_score(column, run.reading) for column in draws.T])
+        scores = np.array([_score(*ranked, run.reading) for ranked in _ranked(draws)])
         above = np.flatnonzero(scores > 0.0)
         if above.size and not statistic.squared:
             drawn, shown = statistic.excess(peaks, tried[above], noises, run.as_read)
-            each = zip(np.sqrt(drawn.T), np.sqrt(shown), strict=True)
-            scores[above] = np.maximum([_score(column, one) for column, one in each], 0.0)
+            each = zip(_ranked(np.sqrt(drawn)), np.sqrt(shown), strict=True)
+            scores[above] = np.maximum([_score(*ranked, one) for ranked, one in each], 0.0)
         table = np.minimum.accumulate(scores) - _DIGITS * np.arange(POINTS)
-        rising = np.array([_score(draws[:, 0], float(np.median(column))) for column in draws.T])
+        (lowest,) = _ranked(draws[:, :1])
+        rising = np.array([_score(*lowest, median) for median in np.median(draws, axis=0)])
         common = _common(draws[:, int(np.argmin(np.abs(table)))], noises)
         return cls(statistic, run.reading, floor, run.saturated, common, tried, table, rising)
 
@@ -110,10 +111,16 @@ def _common(draws: Floats, noises: NoiseRecords) -> float:
     return float(np.clip(1.0 - left.var() / max(float(draws.var()), 1e-300), 0.0, 1.0))
 
 
-def _score(draws: Floats, reading: float) -> float:
-    """Rank of a reading among draws (d,) as a standard normal deviate; extrapolated linearly beyond them."""
-    ranked, scores = np.sort(draws), _scores(len(draws))
-    spread = max(float(ranked.std()), _DIGITS * abs(float(ranked[-1])), 1e-300)
+def _ranked(draws: Floats) -> list[tuple[Floats, float]]:
+    """Each column of draws (d, k), rising, (d,), and its standard deviation."""
+    return list(zip(np.sort(draws.T), draws.std(axis=0).tolist(), strict=True))
+
+
+def _score(ranked: Floats, spread: float, reading: float) -> float:
+    """Rank of a reading among draws (d,), rising, as a standard normal deviate; beyond them linear in their standard
+    deviation ``spread``.
+    """
+    scores, spread = _scores(len(ranked)), max(spread, _DIGITS * abs(float(ranked[-1])), 1e-300)
     if reading > ranked[-1]:
         return float(scores[-1] + (reading - ranked[-1]) / spread)
     if reading < ranked[0]:

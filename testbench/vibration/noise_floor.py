@@ -16,11 +16,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Literal
-from zlib import crc32
 
 import numpy as np
 
-from balance.arrays import Floats
+from balance.arrays import Floats, Indices
 from balance.estimation.estimate import chi_square_tail, f_tail, normal_probability
 
 from .metrics import Measure, gain_of_record
@@ -95,6 +94,11 @@ class Segment:
         flat = self.values - self.values.mean()
         flat = flat - line * (line @ flat / (line @ line))
         return np.asarray(np.fft.rfft(flat * tapers(len(flat)), size))
+
+
+def random_numbers(values: Floats) -> np.random.Generator:
+    """Of values (n,) [any unit], seeded by the sum of their squares: the same where they differ by rounding alone."""
+    return np.random.default_rng(int(np.float32(np.log(values @ values + 1e-300)).view(np.uint32)))
 
 
 @lru_cache(maxsize=8)
@@ -307,36 +311,49 @@ class NoiseRecords:
         parts = self.draws.with_signals(signal[None])
         return np.asarray(self.scale * sum(some[0].astype(np.float32) @ part for part, some in parts) / len(signal))
 
-    def highest(self, signals: Floats, sign: Literal[1, -1] = 1) -> Floats:
-        """Largest value of signals (k, n) [unit] in each draw times ``sign``, (draws, k) [unit]."""
+    @property
+    def reach(self) -> float:
+        """How far below the largest value of a signal a sample is never the largest in noise [unit]."""
+        return float(self.scale * _REACH * self.draws.powers.max() ** 0.5)
+
+    def highest(self, samples: Indices, signals: Floats, sign: Literal[1, -1] = 1) -> Floats:
+        """Largest value of signals at rising ``samples`` (s,), (k, s) [unit], in each draw times ``sign``, (draws, k)
+        [unit]; elsewhere they are lower by ``reach``.
+        """
         tops = signals.max(axis=1)
-        near = self._near(signals, tops, sign)
+        near = self._near(samples, signals, tops, sign)
         found = [[(noise + row[:, None]).max(axis=0) for row in levels] for noise, levels in near]
         return np.asarray(self.scale * np.max(found, axis=0).T + tops)
 
-    def excess(self, signals: Floats, tops: Floats, added: Floats, sign: Literal[1, -1] = 1) -> Floats:
-        """Sum of the squares by which signals (k, n) [unit], in each draw times ``sign`` with what is ``added`` to it
-        (draws,) [unit], exceed ``tops`` (k,) [unit], (draws, k) [unit^2].
+    def excess(
+        self, samples: Indices, signals: Floats, tops: Floats, added: Floats, sign: Literal[1, -1] = 1
+    ) -> Floats:
+        """Sum of the squares by which signals at rising ``samples`` (s,), (k, s) [unit], in each draw times ``sign``
+        with what is ``added`` to it (draws,) [unit], exceed ``tops`` (k,) [unit], (draws, k) [unit^2].
         """
         found = np.zeros((len(signals), len(added)))
-        for noise, levels in self._near(signals, tops, sign):
+        for noise, levels in self._near(samples, signals, tops, sign):
             raised = noise + (added / self.scale).astype(np.float32)
             for squares, row in zip(found, levels, strict=True):
                 above = np.maximum(raised + row[:, None], 0.0)
                 squares += np.einsum("ij,ij->j", above, above)
         return np.asarray(self.scale**2 * found.T)
 
-    def _near(self, signals: Floats, tops: Floats, sign: Literal[1, -1]) -> Iterator[tuple[Floats, Floats]]:
+    def _near(
+        self, samples: Indices, signals: Floats, tops: Floats, sign: Literal[1, -1]
+    ) -> Iterator[tuple[Floats, Floats]]:
         """Noise times ``sign`` (m, draws) and signals (k, m) less ``tops`` (k,), in multiples of the scale, in blocks
-        of the samples in which any may come near its top.
+        of those ``samples`` in which any may come near its top.
         """
-        below = ((signals - tops[:, None]) / self.scale).astype(np.float32)
-        reach = _REACH * float(self.draws.powers.max()) ** 0.5
-        for part, levels in self.draws.with_signals(below):
-            near = np.flatnonzero(levels.max(axis=0) >= -reach)
-            for rows in np.array_split(near, near.size * part.shape[1] // _AT_ONCE + 1):
+        near = (signals >= tops[:, None] - self.reach).any(axis=0)
+        samples, below = samples[near], ((signals[:, near] - tops[:, None]) / self.scale).astype(np.float32)
+        first = 0
+        for part in self.draws.parts:
+            inside = np.arange(*np.searchsorted(samples, [first, first + len(part)]))
+            for rows in np.array_split(inside, inside.size * part.shape[1] // _AT_ONCE + 1):
                 if rows.size:
-                    yield sign * part[rows], levels[:, rows]
+                    yield sign * part[samples[rows] - first], below[:, rows]
+            first += len(part)
 
 
 @lru_cache(maxsize=2)
@@ -361,7 +378,7 @@ def _drawn(noise: Noise, measure: Measure, count: int, rate_hz: float) -> tuple[
     from scipy.fft import idct
 
     seconds, number = count / rate_hz, int(np.clip(_MOST // count, FEWEST, DRAWS))
-    rng = np.random.default_rng(crc32(np.ascontiguousarray(noise.density).tobytes()))
+    rng = random_numbers(noise.density)
     gain = gain_of_record(measure, count, seconds)
     used = int(np.flatnonzero(gain > 1e-3)[-1]) + 1
     sizes = noise.draws(np.arange(used) / (2.0 * seconds), gain[:used], number, rng) / np.float32(seconds**0.5)

@@ -10,11 +10,12 @@ makes are to it, in bias and spread, as it is to the true one.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from zlib import crc32
 
 import numpy as np
 
 from balance.arrays import Floats
+
+from .noise_floor import random_numbers
 
 WIDTHS_S = (0.01, 0.014, 0.02, 0.028, 0.04, 0.056, 0.08, 0.16, 0.32)
 """Of the smoothing, standard deviations that are tried [s]."""
@@ -55,10 +56,12 @@ class NoiseOverTime:
 
         ``elsewhere``: power where they show nothing, 1 on average in motion.
         """
+        from scipy.fft import irfft, next_fast_len, rfft
+
         inside = slice(max(moving.start - known.start, 0), max(moving.stop - known.start, 0))
-        power, size = (residuals**2).sum(axis=0), 2 * residuals.shape[1]
-        like = np.zeros(count)
-        like[: size // 2] = np.fft.irfft((np.abs(np.fft.rfft(residuals, size)) ** 2).sum(axis=0), size)[: size // 2]
+        power, shown = (residuals**2).sum(axis=0), residuals.shape[1]
+        like, size = np.zeros(count), next_fast_len(2 * shown, real=True)
+        like[:shown] = irfft((np.abs(rfft(residuals, size)) ** 2).sum(axis=0), size)[:shown]
         near = np.maximum(1.0 - np.arange(count) / (_ALIKE * max(moving.stop - moving.start, 1)), 0.0)
         squares = np.full(count, elsewhere)
         squares[known] = power / max(float(power[inside].mean()), 1e-300)
@@ -78,16 +81,17 @@ class NoiseOverTime:
     @cached_property
     def width(self) -> float:
         """Of the smoothing, as the data want it, standard deviation [samples]."""
-        count, like = len(self.squares), self.correlation
-        power = np.abs(np.fft.rfft(self.squares, 2 * count)) ** 2
-        shared = np.fft.irfft(power)[:count] / (1.0 + 2.0 * like / self.freedom)
-        shared[1:] *= 2.0
-        tried, risks = np.array(WIDTHS_S) * self.rate_hz, []
-        for width in tried:
-            gain = np.exp(-2.0 * (np.pi * width * np.fft.rfftfreq(2 * count)) ** 2)
-            smoothed, kernel = np.fft.irfft([power * gain**2, gain])
-            risks.append(float(smoothed[0] - 2.0 * kernel[:count] @ shared))
-        return float(tried[int(np.argmin(risks))])
+        from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+
+        count, size = len(self.squares), next_fast_len(2 * len(self.squares), real=True)
+        power = np.abs(rfft(self.squares, size)) ** 2
+        shared = irfft(power, size)[:count] / (1.0 + 2.0 * self.correlation / self.freedom)
+        power[1:], shared[1:] = 2.0 * power[1:], 2.0 * shared[1:]
+        cross = rfft(shared, size).real
+        cross[1:] *= 2.0
+        tried = np.array(WIDTHS_S) * self.rate_hz
+        gains = np.exp(-2.0 * (np.pi * np.outer(tried, rfftfreq(size))) ** 2)
+        return float(tried[int(np.argmin(gains**2 @ power - 2.0 * gains @ cross))])
 
     @cached_property
     def power(self) -> Floats:
@@ -101,7 +105,7 @@ class NoiseOverTime:
         starts = np.arange(0, count, every)
         cells = (np.add.reduceat(self.power, starts) / np.diff([*starts, count]))[:, None]
         freedom = self.freedom * every / max(2.0 * float(self.correlation.sum()) - 1.0, 1.0)
-        rng = np.random.default_rng(crc32(self.squares.tobytes()))
+        rng = random_numbers(self.squares)
         again = _smoothed(cells * rng.chisquare(freedom, (len(cells), number)) / freedom, self.width / every)
         found = cells**2 / np.maximum(again, 1e-300)
         found /= found[self.moving.start // every : self.moving.stop // every + 1].mean(axis=0)
@@ -112,6 +116,11 @@ class NoiseOverTime:
 
 
 def _smoothed(values: Floats, width: float) -> Floats:
-    from scipy.ndimage import gaussian_filter1d
+    """Values (n, ...) smoothed by a Gaussian of a standard deviation [samples]; beyond their ends they stay."""
+    from scipy.signal import fftconvolve
 
-    return np.asarray(gaussian_filter1d(values, width, axis=0, mode="nearest"))
+    reach = int(4.0 * width + 0.5)
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(width, 1e-300)) ** 2)
+    kernel = (kernel / kernel.sum()).reshape(-1, *[1] * (values.ndim - 1))
+    spread = np.pad(values, [(reach, reach), *[(0, 0)] * (values.ndim - 1)], "edge")
+    return np.asarray(fftconvolve(spread, kernel, "valid", axes=0))

@@ -243,7 +243,8 @@ class Synchronous:
         lengths = np.array([[len(run[places[0]].course)] for run in runs])
         held = (at >= 0.0) & (at <= lengths - 1.0)
         shared = np.flatnonzero(held.all(axis=0))
-        fewer = None if held.all() else np.sqrt(len(runs) / held.sum(axis=0))
+        nearly = (at > -1.0) & (at < lengths)  # within a sample, of which there is one at each end
+        fewer = None if nearly.all() else np.sqrt(len(runs) / held.sum(axis=0))
         if len(shared) <= 2 * EDGE:
             return None
         common = slice(int(shared[0]) + EDGE * (shared[0] > 0), int(shared[-1]) + 1 - EDGE * (shared[-1] < count - 1))

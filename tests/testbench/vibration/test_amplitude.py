@@ -15,26 +15,26 @@ SWINGS = np.array([0.0, 1.0, 0.0, -3.0, -1.0, -2.0, 0.0, 2.5, 0.5])
 
 def test_as_estimated():
     """With the largest as estimated, the course is as estimated."""
-    assert ConstrainedPeaks(SWINGS).with_peaks(np.array([3.0]))[0] == pytest.approx(SWINGS)
-    assert ConstrainedPeaks(SWINGS).with_peak_to_peaks(np.array([5.5]))[0] == pytest.approx(SWINGS)
+    assert ConstrainedPeaks(SWINGS).with_peaks(np.array([3.0]))[1][0] == pytest.approx(SWINGS)
+    assert ConstrainedPeaks(SWINGS).with_peak_to_peaks(np.array([5.5]))[1][0] == pytest.approx(SWINGS)
 
 
 def test_lower():
     """If the largest is less, all that are higher are just as high as it, and the others stay."""
-    found = np.abs(ConstrainedPeaks(SWINGS).with_peaks(np.array([2.2]))[0])
+    found = np.abs(ConstrainedPeaks(SWINGS).with_peaks(np.array([2.2]))[1][0])
     assert [found[i] for i in (1, 3, 5, 7)] == pytest.approx([1.0, 2.2, 2.0, 2.2])
 
 
 def test_higher():
     """If the largest is more, that one alone is higher."""
-    found = ConstrainedPeaks(SWINGS).with_peaks(np.array([4.0]))[0]
+    found = ConstrainedPeaks(SWINGS).with_peaks(np.array([4.0]))[1][0]
     assert [found[i] for i in (1, 3, 5, 7)] == pytest.approx([1.0, -4.0, -2.0, 2.5])
 
 
 @pytest.mark.parametrize("span", [0.0, 0.4, 3.0, 5.5, 9.0])
 def test_span(span):
     """Both ends share what the span is more or less; neither passes zero."""
-    found = ConstrainedPeaks(SWINGS).with_peak_to_peaks(np.array([span]))[0]
+    found = ConstrainedPeaks(SWINGS).with_peak_to_peaks(np.array([span]))[1][0]
     assert np.ptp(found) == pytest.approx(span)
     assert found.max() >= 0.0 >= found.min()
     if span > 1.0:
@@ -44,9 +44,9 @@ def test_span(span):
 def test_highest_alone():
     """One swing alone takes the whole span; of nothing there is no swing."""
     alone = ConstrainedPeaks(SWINGS).highest
-    assert np.flatnonzero(alone.with_peaks(np.array([1.0]))[0]).tolist() == [3]
-    assert np.ptp(alone.with_peak_to_peaks(np.array([2.0]))[0]) == pytest.approx(2.0)
-    assert not ConstrainedPeaks(np.zeros(9)).with_peaks(np.array([1.0]))[0].any()
+    assert np.flatnonzero(alone.with_peaks(np.array([1.0]))[1][0]).tolist() == [3]
+    assert np.ptp(alone.with_peak_to_peaks(np.array([2.0]))[1][0]) == pytest.approx(2.0)
+    assert not ConstrainedPeaks(np.zeros(9)).with_peaks(np.array([1.0]))[1][0].any()
 
 
 @pytest.mark.parametrize("known", [0.3, 0.6])
@@ -65,7 +65,7 @@ def test_rule(known, count, gap):
     scores = np.empty(len(read))
     for i, (some, reading) in enumerate(zip(estimated, read, strict=True)):
         course[1::2] = some
-        likeliest = ConstrainedPeaks(course).with_peaks(np.array([20.0]))[0][1::2]
+        likeliest = ConstrainedPeaks(course).with_peaks(np.array([20.0]))[1][0][1::2]
         scores[i] = norm.cdf(reading - likeliest).prod()
     assert 0.93 <= np.mean(np.abs(scores - 0.5) <= 0.475) <= 0.985
 
@@ -81,3 +81,18 @@ def test_all_swings_tell_that_it_is_no_smaller(metric):
         one = Amplitude(Measure(metric), 2.0, read, course, course, envelope=loud)
         found.append(float(AmplitudeLikelihood.of(one, noise).deviation(np.array([0.6 * read]))[0]))
     assert abs(found[0]) < 3.0 < found[1]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("reach", [0.0, 0.6, 10.0])
+@pytest.mark.parametrize("metric", ["with_peaks", "with_peak_to_peaks"])
+def test_swings_within_reach(metric, reach, sign):
+    """What is left out lies lower than the largest value by more than the reach; the rest is as it is of all."""
+    course = np.random.default_rng(1).normal(size=400) * np.hanning(400)
+    signals = getattr(ConstrainedPeaks(course), metric)
+    _, whole = signals(sizes := np.array([1.5, 2.0, 4.0]), sign)
+    samples, near = signals(sizes, sign, reach)
+    np.testing.assert_array_equal(near, whole[:, samples])
+    left_out = np.setdiff1d(np.arange(400), samples)
+    assert (whole[:, left_out] <= whole.max(axis=1, keepdims=True) - reach).all()
+    assert len(left_out) > 200 or reach == 10.0

@@ -86,7 +86,7 @@ def test_highest_of_signals_in_noise(size):
     noise = np.concatenate(draws.parts).T
     for sign in (1, -1):
         whole = np.array([(sign * noise + signal).max(axis=1) for signal in signals]).T
-        found = NoiseRecords(draws, np.zeros(len(noise))).highest(signals, sign)
+        found = NoiseRecords(draws, np.zeros(len(noise))).highest(np.arange(900), signals, sign)
         np.testing.assert_allclose(found, whole, atol=1e-5 * max(size, 1.0))  # single precision
 
 
