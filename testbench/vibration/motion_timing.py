@@ -174,7 +174,7 @@ def beginning(signals: Sequence[Floats], rate_hz: float, within: tuple[float, fl
     """
     every = max(int(rate_hz // _RATE_HZ), 1)
     rate, count = rate_hz / every, min(map(len, signals), default=0) // every
-    means = (values[: count * every].reshape(count, every).mean(axis=1) for values in signals)
+    means = (values[: count * every].reshape(count, every) @ np.full(every, 1.0 / every) for values in signals)
     rows = np.array([row for row in means if np.ptp(row) > 0.0])
     known = round(FIRST_S * rate) if within is None else round(within[0] * rate)
     last = count if within is None else min(round(within[1] * rate), count)
@@ -199,12 +199,14 @@ def beginning(signals: Sequence[Floats], rate_hz: float, within: tuple[float, fl
 def _innovations(rows: Floats, known: int) -> Floats:
     """Squares of what is not predicted of rows (k, n), in variances of their first ``known`` samples, (k, n) [-]."""
     order = int(np.clip(known // 5, 2, ORDER))
-    centred = rows - rows[:, :known].mean(axis=1, keepdims=True)
+    centred, found = rows - rows[:, :known].mean(axis=1, keepdims=True), np.zeros(rows.shape)
     past = np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(centred, order, axis=1)[:, :-1])
-    turned, wanted = past[:, : known - order].transpose(0, 2, 1), centred[:, order:known, None]
+    wanted = centred[:, order:, None]
+    turned = past[:, : known - order].transpose(0, 2, 1)
     flat = 1e-12 * np.mean(centred**2, axis=1) + np.finfo(float).tiny
-    ridge = (1e-6 * np.sum(wanted**2, axis=(1, 2)) + flat)[:, None, None] * np.eye(order)
-    weights = np.linalg.solve(turned @ turned.transpose(0, 2, 1) + ridge, turned @ wanted)
-    left = centred[:, order:] - (past @ weights)[:, :, 0]
-    variance = np.sum(left[:, : known - order] ** 2, axis=1, keepdims=True) / max(known - 2 * order, 2)
-    return np.pad(left**2 / np.maximum(variance, 1e-300), [(0, 0), (order, 0)])
+    ridge = (1e-6 * np.sum(wanted[:, : known - order] ** 2, axis=(1, 2)) + flat)[:, None, None] * np.eye(order)
+    weights = np.linalg.solve(turned @ past[:, : known - order] + ridge, turned @ wanted[:, : known - order])
+    squares = (wanted - past @ weights)[:, :, 0] ** 2
+    variance = squares[:, : known - order].sum(axis=1, keepdims=True) / max(known - 2 * order, 2)
+    found[:, order:] = squares / np.maximum(variance, 1e-300)
+    return found

@@ -105,11 +105,15 @@ def _candidate(flat: Floats, power: Floats, rate_hz: float, mains: float) -> tup
     """
     orders = np.arange(1, min(HARMONICS, int(0.38 * rate_hz / mains)) + 1).astype(float)
     tried = mains + np.linspace(-3.0, 3.0, _TRIED) * OFF_HZ
-    powers = np.interp(np.outer(tried, orders), np.linspace(0.0, rate_hz / 2.0, len(power)), power).sum(axis=1)
-    hz = float(tried[np.argmax(powers * np.exp(-0.5 * ((tried - mains) / OFF_HZ) ** 2))])
-    waves = _waves(len(flat), rate_hz, hz, orders)
+    powers = np.interp(np.outer(tried, orders), np.linspace(0.0, rate_hz / 2.0, len(power)), power)
+    best = int(np.argmax(powers.sum(axis=1) * np.exp(-0.5 * ((tried - mains) / OFF_HZ) ** 2)))
+    hz, count = float(tried[best]), len(flat)
+    rough = 2.0 / count * powers[best] / _weights(flat, rate_hz, hz, orders)
+    if count >= rate_hz and rough.max() < 0.5 * _SIGNIFICANT:  # over many periods that is the ratio below, to a third
+        return 0.0, hz, orders[:0]
+    waves = _waves(count, rate_hz, hz, orders)
     shares = _solved(waves, flat)
-    variance = _weights(flat - waves @ shares, rate_hz, hz, orders) * 2.0 / len(flat)
+    variance = _weights(flat - waves @ shares, rate_hz, hz, orders) * 2.0 / count
     ratio = (shares.reshape(-1, 2) ** 2).sum(axis=1) / np.maximum(variance, 1e-300)
     return float(ratio[ratio > _SIGNIFICANT].sum()), hz, orders[ratio > _SIGNIFICANT]
 
