@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from ..store import Run
 
 PARALLEL = 2
-"""Sides that are aligned, or conditions that are compared with their noise, at the same time."""
+"""Runs that are read, sides that are aligned, or conditions that are compared with their noise, at the same time."""
 FAR = 10.0
 """Distance from zero from which the bound at zero has no effect [standard deviations]."""
 _REACH = 5.0

@@ -218,7 +218,9 @@ def analyze(
     if examination is None:
         paired = {id(run) for pair in pairs(runs)[0] for run in pair.runs}
         work = partial(_observed_and_read, known={}, given=mechanism)
-        made = dict(pool.results(work, [(run, measure if id(run) in paired else None) for run in runs]))
+        tasks = [(run, measure if id(run) in paired else None) for run in runs]
+        with ThreadPoolExecutor(PARALLEL) as threads:
+            made = dict(enumerate(threads.map(work, tasks)) if pool is HERE else pool.results(work, tasks))
         examination = examined(runs, [made[place][0] for place in range(len(runs))], accept)
         known = {id(run): made[place][1] for place, run in enumerate(runs) if id(run) in paired}
     found, findings = pairs(run for run in runs if run.name not in examination.copied)
@@ -247,9 +249,7 @@ def _observed_and_read(
         bound = bound.preloaded(observed_columns(bound))
     if measure is None:
         return observed_or_why(bound, known, given), ""
-    with ThreadPoolExecutor(1) as other:
-        amplitudes = other.submit(amplitudes_or_reason, bound, measure)
-        return observed_or_why(bound, known, given), amplitudes.result()
+    return observed_or_why(bound, known, given), amplitudes_or_reason(bound, measure)
 
 
 def _doubted(pair: Pair, reductions: Sequence[Reduction], examination: Examination) -> list[Reduction]:
