@@ -95,6 +95,8 @@ def _noisy(seen: Observation) -> list[ChannelRecord]:
 
 def _equal(records: list[tuple[int, ChannelRecord]]) -> list[tuple[int, int]]:
     """Pairs of runs whose records of one channel are the same."""
+    from scipy.fft import ifft
+
     if len(records) < 2:
         return []
     seconds = min(len(record.start) / record.rate_hz for _, record in records)
@@ -107,7 +109,7 @@ def _equal(records: list[tuple[int, ChannelRecord]]) -> list[tuple[int, int]]:
     phases = np.stack([one.phases for one in signatures])
     pairs = []
     for i in range(len(records) - 1):
-        both = np.fft.ifft(phases[i] * phases[i + 1 :].conj(), 2 * (last - first), axis=1)
+        both = ifft(phases[i] * phases[i + 1 :].conj(), 2 * (last - first), axis=1)
         peaks = 2.0 * np.abs(both).max(axis=1)
         for j, peak in enumerate(peaks, i + 1):
             if peak > SIMILAR and _difference(signatures[i], signatures[j]) < REMAINDER:
