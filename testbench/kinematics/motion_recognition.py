@@ -22,7 +22,7 @@ from ..errors import AnalysisError
 from ..rig.sensors import Accelerometer, Target
 from ..signal.filters import Band
 from .gaps import gap_spans
-from .smoothing_and_derivatives import grid_of, on_grid
+from .smoothing_and_derivatives import Grid, grid_of, on_grid
 
 if TYPE_CHECKING:
     from ..runs.aligned_run import AlignedRun
@@ -87,6 +87,8 @@ def _spans(size: Floats, rest_share: float, time: Floats) -> Iterator[slice]:
 Source = Literal["command", "encoders", "acceleration"]
 BANDWIDTH_HZ = 80.0
 """Bandwidth of the encoders and accelerations from which motions are recognised [Hz]."""
+SAMPLES_PER_PERIOD = 25.0
+"""Of that bandwidth, to which an acceleration is averaged first: its uppermost frequency loses 0.3 % of its size."""
 LARGEST_SHARE = 0.3
 """Largest bandwidth as a share of the encoders' rate."""
 NO_GAP: Floats = np.zeros((0, 2))
@@ -279,10 +281,12 @@ def legs_by_accelerometer(run: "SIRun") -> tuple[str, list[Leg], Floats]:
             continue
         time = run.instants(columns[0])
         grid = grid_of(time, f"{run.name}: {name}")
-        values = np.zeros((grid.count, 3))
-        even = on_grid(time, run.stacked(columns), grid)
+        every = max(int(grid.rate // (SAMPLES_PER_PERIOD * BANDWIDTH_HZ)), 1)
+        coarse = Grid(grid.start + 0.5 * (every - 1) * grid.step, every * grid.step, grid.count // every)
+        even = on_grid(time, run.stacked(columns), grid)[: coarse.count * every]
+        even = np.mean([even[i::every] for i in range(every)], axis=0)
         even = (even - np.median(even[: max(len(even) // 20, 1)], axis=0)).T
-        axes = ["xyz".index(column.component) for column in columns]
-        values[:, axes] = Band(0.0, BANDWIDTH_HZ).filtered(even, grid.rate).T
-        return run.group_of(columns[0]), legs_of_acceleration(grid.time, values, REST_SHARE["acceleration"]), NO_GAP
+        values, axes = np.zeros((coarse.count, 3)), ["xyz".index(column.component) for column in columns]
+        values[:, axes] = Band(0.0, BANDWIDTH_HZ).filtered(even, coarse.rate).T
+        return run.group_of(columns[0]), legs_of_acceleration(coarse.time, values, REST_SHARE["acceleration"]), NO_GAP
     raise AnalysisError("the rig has no accelerometer on a body that moves")
