@@ -19,6 +19,8 @@ from .cell_syntax import (
 COMMENT_SIGNS = ("#", "%", "//")
 DELIMITERS = {"tab": "\t", "semicolon": ";", "bar": "|", "comma": ",", "blanks": " "}
 """By what a person calls them, in the order in which they are tried."""
+_SPECIAL, _LONGEST_CELL = frozenset('"\r\n\0'), 100_000
+"""What a line has that the reader of the standard library treats as more than cells between delimiters; and lengths."""
 _HALF_OF_DECIMAL = re.compile(r"-0|[+-]?0\d+")
 """Whole numbers as written before or behind a decimal comma, and seldom alone."""
 _NAMES = {delimiter: name for name, delimiter in DELIMITERS.items()} | {"": "none (one column)"}
@@ -57,6 +59,8 @@ def split_line(line: str, delimiter: str) -> list[str]:
         return [line.strip().strip('"')]
     if delimiter == " ":
         return line.split()
+    if line and len(line) < _LONGEST_CELL and not _SPECIAL & set(line):
+        return [cell.strip() for cell in line.split(delimiter)]  # as the reader gives it, in half the time
     try:
         cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [""])
     except csv.Error:  # a cell longer than any number or name
