@@ -51,6 +51,8 @@ def test_notebook_shows_its_pictures_where_it_is_stored(path):
     assert [cell["execution_count"] for cell in cells] == list(range(1, len(cells) + 1))
     outputs = [output for cell in cells for output in cell["outputs"]]
     assert not any(output["output_type"] == "error" or output.get("name") == "stderr" for output in outputs)
+    refused = [cell for cell in cells if isinstance(parsed(cell["source"]).body[-1], ast.Try)]
+    assert all(cell["outputs"] for cell in refused), "what is said to be refused is shown to be"
     drawing = [cell for cell in cells if "".join(cell["source"]).rstrip().endswith((".plot()", "\nfigure"))]
     assert drawing
     assert all(any("image/png" in output.get("data", {}) for output in cell["outputs"]) for cell in drawing)
