@@ -143,8 +143,8 @@ class VibrationObjective(Objective):
     def exactly(self, mechanism: Mechanism, sites: Sequence[str]) -> "Exact":
         """J of rows of masses, and of inertia, at sites of a mechanism: see ``stock_search``."""
         measured = self.measured_with(mechanism, np.vstack([unit_masses(mechanism, sites), discs(mechanism, sites)]))
-        columns = np.zeros((1, 2 * len(sites)))
-        target = np.zeros(1)
+        columns: Floats = np.zeros((1, 2 * len(sites)))
+        target: Floats = np.zeros(1)
         if self.others:
             columns, target = self.others.system(mechanism, sites)
             columns = np.hstack([columns, self.others.turning(mechanism, sites)])
