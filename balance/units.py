@@ -6,6 +6,7 @@
 import cmath
 import math
 import re
+from contextlib import suppress
 from functools import cache, lru_cache
 from tokenize import TokenError
 from typing import TYPE_CHECKING
@@ -110,15 +111,14 @@ def example(dimension: str) -> str:
 @lru_cache(maxsize=1024)
 def factor_to_si(unit: str, *dimensions: str) -> float:
     """Factor that turns a value in ``unit`` into the SI unit of the first of ``dimensions`` that it is a unit of."""
-    for dimension in dimensions[:-1]:
-        try:
+    for dimension in dimensions if len(dimensions) > 1 else ():
+        with suppress(UnitError):
             return factor_to_si(unit, dimension)
-        except UnitError:
-            continue
-    dimension = dimensions[-1]
+    dimension, kinds = dimensions[-1], " or ".join(dimensions)
+    such = " or ".join(f"'{SI_UNITS[one]}'" for one in dimensions)
     parsed = parse_unit(_SPELLINGS_OF.get(dimension, {}).get(unit.strip(), unit))
     if parsed is None:
-        raise UnitError(f"{unit!r} is not a known unit: expected {dimension}, such as '{SI_UNITS[dimension]}'")
+        raise UnitError(f"{unit!r} is not a known unit: expected {kinds}, such as {such}")
     registry = _registry()
     expected = registry.parse_units(_spelled(SI_UNITS[dimension]))
     same = parsed.dimensionality == expected.dimensionality
@@ -127,7 +127,7 @@ def factor_to_si(unit: str, *dimensions: str) -> float:
         if not same and dimension == "angular velocity":
             raise UnitError(f"{unit!r} may count turns or radians: write rpm, turn/s or rad/s")
     if not same:
-        raise UnitError(f"{unit!r} is not a unit of {dimension}: expected one such as '{SI_UNITS[dimension]}'")
+        raise UnitError(f"{unit!r} is not a unit of {kinds}: expected one such as {such}")
     return float(registry.Quantity(1.0, parsed).to(expected).magnitude)
 
 

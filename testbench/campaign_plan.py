@@ -4,18 +4,22 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
+from pydantic.json_schema import SkipJsonSchema
 
 from balance import datasets
-from balance.errors import DataError
+from balance.errors import CounterpoiseError, DataError
 from balance.input_files import Measured, OneOrMore, Table, load_model, model_from_table, toml_tables
 from balance.units import G0
 
 from .errors import RigError
 from .recording import Conditions
 from .rig import key_types
+
+if TYPE_CHECKING:
+    from balance.mechanism.mechanism import Mechanism
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,18 @@ class PlannedRun:
         elif self.peak_acceleration is not None:
             found["peak_acceleration_g"] = round(self.peak_acceleration / G0, 12)
         return found
+
+    def contradictions(self, mechanism: "Mechanism") -> Iterator[str]:
+        """What it carries that ``mechanism`` cannot, by key."""
+        for site, mass in self.counter_masses.items():
+            try:
+                mechanism.with_counter_mass({site: mass})
+            except CounterpoiseError as error:
+                yield f"counter_masses: {error}"
+        try:
+            mechanism.with_payload(self.payloads, self.payload)
+        except CounterpoiseError as error:
+            yield f"payload: {error}"
 
 
 _ONE_OR_MORE = (OneOrMore, Field(min_length=1))
@@ -94,6 +110,8 @@ class Plan(Table):
     """Seed of the noise in simulated logs: the same seed, the same logs."""
     conditions: list[Condition] = Field(min_length=1)
     """Conditions of the runs."""
+    source: SkipJsonSchema[str] = Field(default="plan", exclude=True)
+    """What messages call its file."""
 
     def runs(self) -> list[PlannedRun]:
         """All runs in order, named ``r001``, ``r002``, ...; one that several conditions contain is made once."""
@@ -112,7 +130,7 @@ def load_plan(name: str | Path) -> Plan:
         path = datasets.find_dataset(name, "plans", ".toml")
     except DataError as error:
         raise RigError(str(error)) from error
-    return load_model(Plan, path, RigError)
+    return load_model(Plan, path, RigError).model_copy(update={"source": path.name})
 
 
 def plan_from_text(text: str, source: str = "plan") -> Plan:

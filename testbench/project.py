@@ -16,7 +16,7 @@ from balance.balancing import exact_sizing
 from balance.balancing.conditions import balance_conditions
 from balance.balancing.objective import motion_objective
 from balance.closure import Closure
-from balance.errors import CounterpoiseError, DataError
+from balance.errors import CounterpoiseError, DataError, ModelError
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
 from balance.motion import Motion
@@ -29,7 +29,7 @@ from .errors import RigError
 from .ingestion.run_table import RunTableRow, read_run_table, write_run_table
 from .rig import Rig, load_rig
 from .rig.rig import mechanism_file
-from .simulator.run import planned_samples
+from .simulator.run import planned_samples, refuse_bench
 
 RIG, PLAN, RUNS, MOTION = "rig.toml", "plan.toml", "runs.csv", "motion.toml"
 FREQUENCY_HZ, DAMPING = 12.0, 0.05
@@ -300,7 +300,7 @@ def _problems(folder: Path) -> Iterator[Problem]:
         moved = (run.motion, run.peak_acceleration, run.turning)
         if moved not in motions:
             motions[moved] = list(_motion_problems(folder, rig, model, run)) if run.motion else []
-        carried = [] if model is None else [Problem("", message) for message in _contradictions(model, run)]
+        carried = [] if model is None else [Problem("", message) for message in run.contradictions(model)]
         for problem in [*carried, *motions[moved]]:
             found = (problem.file or file, problem.message)
             if found not in said:
@@ -334,19 +334,6 @@ def _run(row: RunTableRow) -> PlannedRun:
     )
 
 
-def _contradictions(model: Mechanism, run: PlannedRun) -> Iterator[str]:
-    """What a run carries that the mechanism cannot."""
-    for site, mass in run.counter_masses.items():
-        try:
-            model.with_counter_mass({site: mass})
-        except CounterpoiseError as error:
-            yield f"counter_masses: {error}"
-    try:
-        model.with_payload(run.payloads, run.payload)
-    except CounterpoiseError as error:
-        yield f"payload: {error}"
-
-
 def _motion_problems(folder: Path, rig: Rig | None, model: Mechanism | None, run: PlannedRun) -> Iterator[Problem]:
     """Why a run's motion cannot be simulated; without a file where the run is to be named."""
     own = run.motion if run.motion.endswith(".toml") else f"{run.motion}.toml"
@@ -363,9 +350,17 @@ def _motion_problems(folder: Path, rig: Rig | None, model: Mechanism | None, run
     if rig is None or model is None:
         return
     try:
-        for exceeded in model.limits_exceeded(Closure(model).follow(planned_samples(rig, run, motion)).q):
+        samples = planned_samples(rig, run, motion)
+        for exceeded in model.limits_exceeded(Closure(model).follow(samples).q):
             yield Problem("", f"motion {run.motion!r}: {exceeded}", True)
     except DataError as error:
         yield Problem("", f"motion {run.motion!r}: {error}", True)
     except CounterpoiseError as error:
         yield Problem("", f"motion {run.motion!r}: {model.name} cannot follow it: {error}", True)
+    else:
+        try:
+            refuse_bench(rig, model, run, samples)
+        except (RigError, DataError) as error:
+            yield from _rows(folder, RIG, error, True)
+        except ModelError:  # of what the run carries: stated with that
+            return

@@ -126,6 +126,8 @@ class Rig(Table):
     """The bench on its mounts, for a simulation."""
     text: SkipJsonSchema[str] = Field(default="", exclude=True)
     """The file as written."""
+    source: SkipJsonSchema[str] = Field(default="rig", exclude=True)
+    """What messages call the file."""
     names: SkipJsonSchema[MechanismNames | None] = Field(default=None, exclude=True)
     """Of the mechanism's parts, where its file was looked for."""
     folder: SkipJsonSchema[Path | None] = Field(default=None, exclude=True)
@@ -186,9 +188,9 @@ def load_rig(path_or_text: str | Path) -> Rig:
 def rig_from_text(text: str, source: str = "rig") -> Rig:
     """Read a rig from its text; ``source`` names it in messages."""
     table = toml_tables(text, source, RigError)
-    if own := {"text", "names", "folder"} & table.keys():
+    if own := {"text", "source", "names", "folder"} & table.keys():
         raise RigError(f"{source}: {min(own)}: unknown key")
-    rig = model_from_table(Rig, table | {"text": text}, source, RigError)
+    rig = model_from_table(Rig, table | {"text": text, "source": source}, source, RigError)
     _check_names(source, rig)
     return rig
 

@@ -245,7 +245,7 @@ class BenchDynamics:
     def solved(self, sought: Floats | None = None, tolerance: float = TOLERANCE) -> Solution:
         """The motion, ``sought`` from one as ``_Core.respond`` gives it. Raises RigError if rounds do not converge."""
         time = self.command.time
-        resolved = self._resolved(float(time[1] - time[0]))
+        resolved = self.resolved(float(time[1] - time[0]))
         if sought is None:
             direct = len(time) <= _COARSE_FROM or resolved < COARSE
             sought = np.zeros((3, len(time), self._core.positions)) if direct else self._sought_coarsely()
@@ -330,7 +330,7 @@ class BenchDynamics:
             inertia = self.drives.inertia, shared
         return _Core.of(self.base, self.drives, inertia, len(self.command.time), self.contact)
 
-    def _resolved(self, step: float) -> float:
+    def resolved(self, step: float) -> float:
         """How many times ``step`` [s] resolves the fastest pin with clearance. Raises RigError for less than once."""
         loose = [(frequency, spring) for frequency, spring in self._core.bounces() if spring.play]
         for frequency, spring in loose:

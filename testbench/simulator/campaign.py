@@ -136,6 +136,9 @@ def simulate_campaign(
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise RigError(f"{folder}: exists and is not empty; name a new folder")
     bench = simulated_logs.SimulatedBench.of(rig, plan.seed)
+    for run in plan.runs():
+        for contradiction in run.contradictions(bench.mechanism):
+            raise RigError(f"{plan.source}: run {run.name}: {contradiction}")
     if plan.payload_body is not None:
         payload_body(bench.mechanism, plan.payload_body)
     folder.parent.mkdir(parents=True, exist_ok=True)

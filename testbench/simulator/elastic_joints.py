@@ -65,9 +65,10 @@ def with_elastic_joints(mechanism: Mechanism, joints: Iterable[str]) -> Mechanis
         else:
             turning = [x for x in mechanism.coordinates if x not in mechanism.driven and _turns(mechanism, x)]
             known = [*turning, *(x.name for x in mechanism.closed_loops if not x.weld)]
+            motor = f"; what a motor drives yields by bench.drives.{name}.transmission" * (name in mechanism.driven)
             raise RigError(
                 f"bench.joints: {mechanism.name} has no joint {name!r} without a motor: "
-                f"there are {', '.join(known) or 'none'}"
+                f"there are {', '.join(known) or 'none'}{motor}"
             )
     return mechanism
 
@@ -183,8 +184,8 @@ def _bent(mechanism: Mechanism, body: str, link: "ElasticLink", plane: float) ->
     part = inertial_parameters(link.mass, np.array(link.centre) + [0.0, 0.0, plane], np.diag(link.inertia))
     if np.linalg.eigvalsh(pseudo_inertia(own - part))[0] < -1e-9 * own[0]:
         raise RigError(
-            f"bench.links.{body}: no body is left on the joint's side of the hinge: {own[0] - part[0]:.4g} kg of "
-            f"{own[0]:.4g} kg: expected mass, centre and inertia of a part of it; state less mass, or less inertia"
+            f"bench.links.{body}: of its {own[0]:.4g} kg no body is left on the joint's side of the hinge: expected "
+            "mass, centre and inertia of a part of it; state less mass, or less inertia"
         )
     new, beyond = beyond_hinge(body), moved_frame(part, -at)
     parameters = np.insert(mechanism.parameters, row + 1, beyond, axis=0)  # bodies are in the order of their joints

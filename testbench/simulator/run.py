@@ -9,7 +9,8 @@ The shapes are those of the free frame, so that the modes do not change its rigi
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -47,6 +48,7 @@ from .moving_base_coupling import Coupling, base_motion_loads, base_motion_torqu
 RATE_HZ = 10_000.0
 """Least rate of the simulation; twice that of the fastest logger where that is more: loggers interpolate [Hz]."""
 Point = tuple[float, float, float]
+_SAMPLED = ("time", "position", "velocity", "acceleration")
 
 
 @dataclass(frozen=True)
@@ -178,43 +180,70 @@ def simulate_run(
     ``rate`` [Hz] is that of the simulation, by default ``rate_hz``. Raises RigError for what cannot be simulated.
     """
     bench = rig.bench
-    loaded = _loaded(mechanism, bench, planned)
+    with _named(rig):
+        loaded = _loaded(mechanism, bench, planned)
     try:
         moved_by = planned_samples(rig, planned, motion or planned_motion(rig, planned.motion), rate)
     except DataError as error:
         raise RigError(f"motion {planned.motion!r} of run {planned.name}: {error}") from error
     command = _settling(moved_by, bench.settling, lead)
     trajectory = Closure(mechanism).follow(command)
-    run = _moved(bench, loaded, command, trajectory, mechanism.gravity)
-    return (
-        replace(run, modal_acceleration=_modal_acceleration(rig, run.transmitted_wrench, run.step))
-        if bench.modes
-        else run
-    )
+    with _named(rig):
+        run = _moved(bench, loaded, command, trajectory, mechanism.gravity)
+        if not bench.modes:
+            return run
+        return replace(run, modal_acceleration=_modal_acceleration(rig, run.transmitted_wrench, run.step))
+
+
+def refuse_bench(rig: Rig, mechanism: Mechanism, planned: PlannedRun, samples: Samples) -> None:
+    """Raise RigError, naming file and key, for a bench that cannot stand under a run where its ``samples`` begin."""
+    start = replace(samples, **{name: getattr(samples, name)[:2] for name in _SAMPLED})
+    with _named(rig):
+        loaded = _loaded(mechanism, rig.bench, planned)
+        dynamics = _dynamics(rig.bench, loaded, Closure(mechanism).follow(start), mechanism.gravity)
+        dynamics.resolved(float(start.time[1] - start.time[0]))
+        _modal_acceleration(rig, np.zeros((2, 6)), 1.0)
+
+
+@contextmanager
+def _named(rig: Rig) -> Iterator[None]:
+    """Put the rig's file before what is wrong with its bench."""
+    try:
+        yield
+    except RigError as error:
+        raise RigError(f"{rig.source}: {error}") from error
 
 
 def _moved(bench: Bench, loaded: Mechanism, command: Samples, rigid: Trajectory, level: Floats) -> BenchRun:
     """The bench along the trajectory of a mechanism that follows its command; ``level``: gravity on a level base."""
+    dynamics = _dynamics(bench, loaded, rigid, level)
+    base, drives, rotors = dynamics.base, dynamics.drives, dynamics.rotors
+    if dynamics.coupling or drives or dynamics.contact:
+        found = dynamics.solved()
+        trajectory, response, motion = found.trajectory, found.response, found.motion
+    else:
+        trajectory, response = rigid, shaking(loaded, rigid, rotors)
+        push = np.hstack([response.force, response.moment])
+        push += moving_base_coupling.weight_wrench_change(response.weight_moment) if bench.weight else 0.0
+        motion = base.respond(push, float(trajectory.time[1] - trajectory.time[0]))
+    return BenchRun(
+        loaded, command, trajectory, response, dynamics.carried, base, motion, dynamics.gravity, level - loaded.gravity,
+        dynamics.coupling, rotors,
+        drives=drives, rider=None if bench.rider is None else added_bodies.rider_inertia(bench.rider),
+    )  # fmt: skip
+
+
+def _dynamics(bench: Bench, loaded: Mechanism, rigid: Trajectory, level: Floats) -> BenchDynamics:
+    """Base and drives along the trajectory of a mechanism that follows its command."""
     rotors, gravity = _rotors(bench), loaded.gravity if bench.weight else np.zeros(3)
     yields = bench.drives or bench.joints or bench.links
     drives = DriveTrains.of(loaded, bench.drives, rigid, bench.joints, bench.links) if yields else None
-    trajectory = drives.command if drives else rigid
-    response = shaking(loaded, trajectory, rotors)
-    carried = locked_inertia(loaded, trajectory.q[0])
+    command = drives.command if drives else rigid
+    carried = locked_inertia(loaded, command.q[0])
     base = bench.elastic(carried, gravity)
-    coupling = Coupling.of(loaded, trajectory, rotors) if bench.coupling == "moving" else None
+    coupling = Coupling.of(loaded, command, rotors) if bench.coupling == "moving" else None
     contact = None if bench.contact is None else Contact.of(bench.mounts, base, level, bench.contact.friction)
-    if coupling or drives or contact:
-        found = BenchDynamics(loaded, trajectory, rotors, base, carried, gravity, drives, coupling, contact).solved()
-        trajectory, response, motion = found.trajectory, found.response, found.motion
-    else:
-        wrench = np.hstack([response.force, response.moment])
-        push = wrench + moving_base_coupling.weight_wrench_change(response.weight_moment) if bench.weight else wrench
-        motion = base.respond(push, float(trajectory.time[1] - trajectory.time[0]))
-    return BenchRun(
-        loaded, command, trajectory, response, carried, base, motion, gravity, level - loaded.gravity, coupling, rotors,
-        drives=drives, rider=None if bench.rider is None else added_bodies.rider_inertia(bench.rider),
-    )  # fmt: skip
+    return BenchDynamics(loaded, command, rotors, base, carried, gravity, drives, coupling, contact)
 
 
 def _rotors(bench: Bench) -> dict[str, Rotor]:
@@ -226,7 +255,13 @@ def _rotors(bench: Bench) -> dict[str, Rotor]:
 def planned_motion(rig: Rig, name: str) -> Motion:
     """A motion of the rig's folder, else a shipped one. Raises DataError for neither."""
     own = [] if rig.folder is None else [rig.folder / name, rig.folder / f"{name}.toml"]
-    return load_motion(next((path for path in own if path.is_file()), name))
+    path = next((path for path in own if path.is_file()), None)
+    try:
+        return load_motion(path or name)
+    except DataError as error:
+        if path or not own:
+            raise
+        raise DataError(f"expected {own[-1].name} in the rig's folder {rig.folder}: {error}") from error
 
 
 def planned_samples(rig: Rig, planned: PlannedRun, motion: Motion, rate: float | None = None) -> Samples:
