@@ -113,6 +113,8 @@ def task_pool(scheduler: str | None, processes: int | None = None) -> Iterator[T
         "distributed.scheduler.allowed-failures": ATTEMPTS,
         "distributed.worker.daemon": True,
     }
+    # without Dask's own MALLOC_TRIM_THRESHOLD_, by which each large array is had from the system anew, and zeroed
+    settings["distributed.nanny.pre-spawn-environ"] = {"OMP_NUM_THREADS": 1, "OPENBLAS_NUM_THREADS": 1}
     settings["distributed.admin.large-graph-warning-threshold"] = "1 GB"  # a long motion is sent once
     with dask.config.set(settings):
         if scheduler == LOCAL:
