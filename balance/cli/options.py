@@ -281,7 +281,7 @@ def tell_idle(names: Sequence[str]) -> None:
     if names:
         say(
             f"Idle: {', '.join(names)}: bodies turn about a line through their centres of mass while the motors stand "
-            "still. The shaking force does not depend on it; motions leave these coordinates as they are at home."
+            "still. The shaking force does not depend on it; moments and torques are as if they were fixed as at home."
         )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..arrays import Floats, Indices
 from ..errors import ClosureError
-from ..mechanism.loop_constraints import Coupling
+from ..mechanism.loop_constraints import Coupling, Loop
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.pinocchio_engine import PinocchioEngine
 from ..motion import Samples
@@ -60,7 +60,7 @@ class Closure:
     def idle(self) -> tuple[str, ...]:
         """Coordinates of the idle freedoms, one each: those that move no centre of mass while the motors stand still.
 
-        Such as a rod that spins about the line through its two ball joints. None where every freedom would be one.
+        Such as a rod that spins about the line through its two ball joints; a wheel on a bearing is none. None where every freedom would be one.
         """
         found = self._idle(JointDrive.from_names(self.mechanism, self.mechanism.driven))
         return found if len(found) < self.dof else ()
@@ -177,16 +177,26 @@ class Closure:
         return np.array([self.engine.constraint_jacobian(state) for state in q]).reshape(len(q), rows, q.shape[1])
 
     def _idle(self, drive: Drive) -> tuple[str, ...]:
-        """Coordinates of the freedoms that move neither ``drive``, nor a centre of mass, nor a counter-mass's site."""
-        model, bodies = self.mechanism, self.mechanism.tree.bodies
+        """Coordinates of the freedoms that move neither ``drive``, nor a centre of mass, nor a counter-mass's site.
+
+        Of what loops hold: a wheel that turns freely about its centre would be turned with what it is mounted on.
+        """
+        model, bodies, joints = self.mechanism, self.mechanism.tree.bodies, self.mechanism.tree.joints
+        ends = [end.joint for loop in model.loops if isinstance(loop, Loop) for end in (loop.first, loop.second)]
+        held = set[int]()
+        while ends := [joint for joint in ends if joint >= 0]:
+            held.update(ends)
+            ends = [joints[joint].parent for joint in ends]
         places = [(joint, row[1:4] / row[0]) for joint, row in zip(bodies, model.parameters, strict=True) if row[0] > 0]
         places += [
             (bodies[site.body], site.position) for site in map(model.site, model.counter_sites) if site.body >= 0
         ]
-        return self._free(drive, places)
+        return self._free(drive, places, [k for k in range(len(joints)) if k not in held])
 
-    def _free(self, drive: Drive, places: Sequence[tuple[int, Floats]] = ()) -> tuple[str, ...]:
-        """Coordinates that can move while ``drive`` and ``places``, points of joints' frames [m], stand still.
+    def _free(
+        self, drive: Drive, places: Sequence[tuple[int, Floats]] = (), still: Sequence[int] = ()
+    ) -> tuple[str, ...]:
+        """Coordinates that can move while ``drive``, ``places``, points of joints' frames [m], and others stand ``still``.
 
         One for each freedom that is there at home and near it too.
         """
@@ -196,6 +206,7 @@ class Closure:
         def directions(q: Floats) -> Floats:
             fixed = [self.engine.point(q, *place)[1] / self.length for place in places]
             rows = [self.engine.constraint_jacobian(q)[self.rows], drive.rates(self.engine, q), *fixed]
+            rows.append(np.eye(len(q))[list(still)])
             _, sizes, turned = np.linalg.svd(np.concatenate(rows))
             return turned[int((sizes > RANK_LIMIT * sizes.max(initial=0.0)).sum()) :].T
 

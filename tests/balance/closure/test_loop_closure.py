@@ -191,3 +191,14 @@ def test_a_rod_that_would_swing_is_not_idle(old: str, new: str) -> None:
     model = models.model(ROD_SPINS.replace(old, new, 1))
     with pytest.raises(ClosureError, match=r"9 degrees of freedom, idle spin_1b, .*; nothing moves spin_1a"):
         Closure(model).follow(load_motion("delta").sample(200.0))
+
+
+@pytest.mark.parametrize("joint", ['type="hinge" axis="0 0 1"', 'type="ball"'])
+def test_a_wheel_that_turns_freely_is_not_idle(joint: str) -> None:
+    """Fixed to what carries it, it would weigh into torques, which a free bearing keeps from it: refused."""
+    wheel = f'<body name="wheel"><joint name="W" {joint}/><inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body>'
+    arm = models.mjcf(models.link(wheel, "arm"))
+    closure = Closure(models.model(arm))
+    time = np.linspace(0.0, 1.0, 11)
+    with pytest.raises(ClosureError, match=r"nothing moves W"):
+        closure.follow(Samples(time, *np.zeros((3, 11, 1)), joints=("arm",)))
