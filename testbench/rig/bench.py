@@ -113,6 +113,8 @@ class ElasticJoint(Table):
 class ElasticLink(Table):
     """A body that bends: two parts, a hinge and a spring between; what is mounted farther out is on the part beyond.
 
+    So is a body that is fixed to it, if its centre of mass is farther out. The frame is that of their joint.
+
     A bar of length L and bending stiffness EI that is clamped at one end and loaded across the other bends like a hinge
     of 2.25 EI / L at 0.15 L from the clamp (Howell, "Compliant mechanisms", 2001: pseudo-rigid-body model).
     """

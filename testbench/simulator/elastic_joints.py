@@ -172,6 +172,10 @@ def with_elastic_links(
             raise RigError(
                 f"bench.links: {mechanism.name} has no body {body!r}: there are {', '.join(mechanism.own_mass)}"
             )
+        if (holder := mechanism.bodies[mechanism.own_mass[body][0]]) != body and is_elastic(holder):
+            raise RigError(
+                f"bench.links.{body}: is fixed to {holder.removesuffix(_BEYOND)}: expected one hinge of both"
+            )
         if not any(link.at):
             raise RigError(f"bench.links.{body}.at: expected a place off the body's joint: that of its hinge")
         mechanism = _bent(mechanism, body, link, planes.get(body, 0.0))
@@ -187,9 +191,15 @@ def _bent(mechanism: Mechanism, body: str, link: "ElasticLink", plane: float) ->
             f"bench.links.{body}: of its {own[0]:.4g} kg no body is left on the joint's side of the hinge: expected "
             "mass, centre and inertia of a part of it; state less mass, or less inertia"
         )
-    new, beyond = beyond_hinge(body), moved_frame(part, -at)
-    parameters = np.insert(mechanism.parameters, row + 1, beyond, axis=0)  # bodies are in the order of their joints
-    parameters[row] -= part
+    new, beyond, farther = beyond_hinge(body), moved_frame(part, -at), part.copy()
+    others = dict[str, tuple[int, Floats]]()
+    for name, (index, mass) in mechanism.own_mass.items():
+        others[name] = index + (index > row), mass
+        if index == row and name != body and mass[0] > 0.0 and _is_beyond(mass[1:4] / mass[0], at):  # fixed to it
+            others[name] = row + 1, moved_frame(mass, -at)
+            farther += mass
+    parameters = np.insert(mechanism.parameters, row + 1, moved_frame(farther, -at), axis=0)  # in order of the joints
+    parameters[row] -= farther
 
     def moved(index: int) -> int:
         return index + 1 if index > joint else index
@@ -205,7 +215,6 @@ def _bent(mechanism: Mechanism, body: str, link: "ElasticLink", plane: float) ->
         else replace(site, body=site.body + (site.body > row))
         for name, site in mechanism.sites.items()
     }
-    others = {name: (index + (index > row), mass) for name, (index, mass) in mechanism.own_mass.items()}
     split = replace(
         mechanism,
         tree=_beyond_joint(mechanism.tree, joint, link.at, link.axis),
@@ -216,6 +225,17 @@ def _bent(mechanism: Mechanism, body: str, link: "ElasticLink", plane: float) ->
         sites=sites,
     )
     return _with_coordinates(split, joint + 1, (new,))
+
+
+def part_at(mechanism: Mechanism, body: str, place: Floats) -> tuple[str, Floats]:
+    """The part of a body on which a ``place`` (3,) [m] in its frame as in the file is, and the place in that's frame."""
+    row = mechanism.body_index(body)
+    holder = mechanism.bodies[row]
+    beyond = holder if holder.endswith(_BEYOND) else beyond_hinge(holder)
+    if beyond not in mechanism.own_mass:
+        return body, place
+    at = mechanism.tree.joints[mechanism.tree.bodies[mechanism.body_index(beyond)]].position
+    return (beyond, place - at) if holder == beyond or _is_beyond(place, at) else (body, place)
 
 
 def _is_beyond(place: Floats, at: Floats) -> bool:

@@ -22,6 +22,7 @@ from ..rig.sensor_channels import sensitivity_scatter, stated_range
 from ..rig.sensors import Accelerometer
 from ..rig.support_loads import support_wrenches
 from .disturbances import random_stream
+from .elastic_joints import part_at
 from .loggers import high_pass
 from .run import BenchRun
 
@@ -158,9 +159,8 @@ def support_signals(rig: Rig, run: BenchRun) -> dict[str, Floats]:
 def _accelerometer(sensor: kinds.Accelerometer, run: BenchRun) -> dict[str, Floats]:
     if sensor.attached_to == "base":
         return base_acceleration(sensor, run)
-    values = acceleration_in_body(
-        run.mechanism, run.trajectory, run.sensed_acceleration, sensor.attached_to, np.array(sensor.position)
-    )
+    body, place = part_at(run.mechanism, sensor.attached_to, np.array(sensor.position))
+    values = acceleration_in_body(run.mechanism, run.trajectory, run.sensed_acceleration, body, place)
     return dict(zip(kinds.AXES, values.T, strict=True))
 
 

@@ -18,7 +18,14 @@ from testbench.rig.bench import Bench
 from testbench.simulator import bench_dynamics
 from testbench.simulator.bench_dynamics import BenchDynamics, Contact
 from testbench.simulator.drive_trains import DriveTrains, parameters_on_links, with_motor_sides
-from testbench.simulator.elastic_joints import across, beyond_hinge, is_across, with_elastic_joints, with_elastic_links
+from testbench.simulator.elastic_joints import (
+    across,
+    beyond_hinge,
+    is_across,
+    part_at,
+    with_elastic_joints,
+    with_elastic_links,
+)
 from testbench.simulator.run import simulate_run
 from testbench.simulator.sensors import true_signals
 
@@ -385,6 +392,39 @@ def test_stiff_link_is_rigid():
     """A stiff link bends in proportion to its compliance."""
     off = [np.abs(bending(f"{k} kN m/rad", f"{k / 100} N m s/rad")[1].deviation.position).max() for k in (1000, 10000)]
     assert off[1] == pytest.approx(off[0] / 10.0, rel=0.01)
+
+
+def test_body_that_is_fixed_farther_out_is_beyond_the_hinge():
+    """A tool fixed to the arm's end is as one that the arm's part beyond its hinge weighs in with."""
+    tool = '<body name="tool" pos="0.5 0 0"><inertial pos="0.05 0 0" mass="1" diaginertia="1e-3 1e-3 1e-3"/></body>'
+    centre, turned = (1.8 * 0.35 + 0.55) / 2.8, 1.8 * 1.0 / 2.8 * 0.2**2
+    whole, about = (3 * 0.25 + 0.55) / 4.0, 3 * 1.0 / 4.0 * 0.3**2
+    own = f'pos="{whole!r} 0 0" mass="4" diaginertia="0.003 {0.081 + about!r} {0.081 + about!r}"'
+    both = ARM.replace('pos="0.25 0 0" mass="3" diaginertia="0.002 0.08 0.08"', own)
+    one = {"mass": "2.8 kg", "centre": (f"{centre!r} m", "0 m", "0 m")}
+    one["inertia"] = ("2e-3 kg m^2", *[f"{0.021 + turned!r} kg m^2"] * 2)
+    found = []
+    carrying, yields = ARM.replace("</body>", tool + "</body>"), {"stiffness": "1 kN m/rad", "damping": "1 N m s/rad"}
+    for text, part in ((carrying, TIP | yields), (both, TIP | yields | one)):
+        links = Bench.model_validate({"links": {"arm": part}}).links
+        found.append(with_elastic_links(mechanism_from_text(text, "arm.xml"), links, {}).parameters)
+    np.testing.assert_allclose(*found, atol=1e-15)
+    links = Bench.model_validate({"links": dict.fromkeys(("arm", "tool"), TIP | yields)}).links
+    with pytest.raises(RigError, match=r"links\.tool: is fixed to arm"):
+        with_elastic_links(mechanism_from_text(carrying, "arm.xml"), links, {})
+
+
+@pytest.mark.parametrize(
+    ("body", "x", "part", "there"),
+    [("arm", 0.05, "arm", 0.05), ("arm", 0.4, "arm beyond its hinge", 0.3), ("tool", 0.5, "arm beyond its hinge", 0.4)],
+)
+def test_sensor_is_on_the_part_where_it_is_mounted(body, x, part, there):
+    """Farther out than the hinge it moves with the part beyond, as with a body that is fixed there."""
+    tool = '<body name="tool" pos="0.5 0 0"><inertial pos="0.05 0 0" mass="1" diaginertia="1e-3 1e-3 1e-3"/></body>'
+    arm = mechanism_from_text(ARM.replace("</body>", tool + "</body>"), "arm.xml")
+    links = Bench.model_validate({"links": {"arm": TIP | {"stiffness": "1 kN m/rad", "damping": "1 N m s/rad"}}}).links
+    found, place = part_at(with_elastic_links(arm, links, {}), body, np.array([x, 0.0, 0.0]))
+    assert (found, place.tolist()) == (part, [pytest.approx(there), 0.0, 0.0])
 
 
 def test_link_in_a_loop_is_two_bodies():
