@@ -60,7 +60,8 @@ class Closure:
     def idle(self) -> tuple[str, ...]:
         """Coordinates of the idle freedoms, one each: those that move no centre of mass while the motors stand still.
 
-        Such as a rod that spins about the line through its two ball joints; a wheel on a bearing is none. None where every freedom would be one.
+        Such as a rod that spins about the line through its two ball joints; a wheel on a bearing is none. None where
+        every freedom would be one.
         """
         found = self._idle(JointDrive.from_names(self.mechanism, self.mechanism.driven))
         return found if len(found) < self.dof else ()
@@ -196,7 +197,7 @@ class Closure:
     def _free(
         self, drive: Drive, places: Sequence[tuple[int, Floats]] = (), still: Sequence[int] = ()
     ) -> tuple[str, ...]:
-        """Coordinates that can move while ``drive``, ``places``, points of joints' frames [m], and others stand ``still``.
+        """Coordinates that can move while ``drive``, ``places``, points of joints' frames [m], and others are ``still``.
 
         One for each freedom that is there at home and near it too.
         """

@@ -228,7 +228,7 @@ def _bent(mechanism: Mechanism, body: str, link: "ElasticLink", plane: float) ->
 
 
 def part_at(mechanism: Mechanism, body: str, place: Floats) -> tuple[str, Floats]:
-    """The part of a body on which a ``place`` (3,) [m] in its frame as in the file is, and the place in that's frame."""
+    """The part of a body that a ``place`` (3,) [m] in the file's frame of it is on, and the place in the part's."""
     row = mechanism.body_index(body)
     holder = mechanism.bodies[row]
     beyond = holder if holder.endswith(_BEYOND) else beyond_hinge(holder)
