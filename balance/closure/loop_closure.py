@@ -197,7 +197,7 @@ class Closure:
     def _free(
         self, drive: Drive, places: Sequence[tuple[int, Floats]] = (), still: Sequence[int] = ()
     ) -> tuple[str, ...]:
-        """Coordinates that can move while ``drive``, ``places``, points of joints' frames [m], and others are ``still``.
+        """Coordinates that can move with ``drive``, ``places``, points of joints' frames [m], and others ``still``.
 
         One for each freedom that is there at home and near it too.
         """
