@@ -267,8 +267,12 @@ def balance_conditions(mechanism: Mechanism, momentum: str = "linear") -> Condit
 
 
 def _rational_rank(mechanism: Mechanism, momentum: str) -> int | None:
-    """Rank in exact arithmetic; None where loops are closed, which have no rational configurations in general."""
-    if mechanism.loops:
+    """Rank in exact arithmetic; None where loops are closed, which have no rational configurations in general.
+
+    And where frames are turned by other than quarter turns: axes that are parallel by them are not so by decimals.
+    """
+    turned = np.array([joint.rotation for joint in mechanism.tree.joints])
+    if mechanism.loops or np.abs(turned - np.round(turned)).max(initial=0.0) > 1e-12:
         return None
     from .rational_rank import rational_rank  # late: hardly any rank is in doubt
 

@@ -63,7 +63,7 @@ def rational_rank(tree: Tree, rows: list[int]) -> int:
     from scipy.spatial.transform import Rotation
 
     columns = len(PARAMETERS) * len(tree.bodies)
-    count = columns // len(rows) + 4
+    count = columns + 4  # a state may add one alone: its forces are seldom new where those of others are known
     rng = np.random.default_rng(0)
     turn, rate = rng.integers(1, _PRIME, (2, tree.size, count))
     places: list[tuple[Residues, ...]] = []

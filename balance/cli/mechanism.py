@@ -321,7 +321,11 @@ def _print_conditions(found: "Conditions", momentum: str, possible: "Feasibility
             f"Rank in doubt: singular values up to {dropped:.3g} were taken for rounding of the file's numbers, beside "
             f"{kept:.3g}. To the letter the file has "
             + (f"{exact} conditions" if exact else "more conditions, how many cannot be decided")
-            + (" in extended precision" if model.loops else f", {found.rank_rational} in exact arithmetic")
+            + (
+                " in extended precision"
+                if found.rank_rational is None
+                else f", {found.rank_rational} in exact arithmetic"
+            )
             + "."
             + " Write equal lengths and angles with the same digits, all sixteen of them; others further apart."
         )

@@ -316,6 +316,23 @@ def test_rational_arithmetic_finds_the_rank_of_singular_values(name: str, moment
     assert rational_rank(model.tree, MOMENTA[momentum]) == balance_conditions(model, momentum).rank
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_rational_arithmetic_looks_at_enough_states(turned: bool) -> None:
+    """Of a wrist each state adds one moment alone; of lengths from 1 mm to 1000 km parallel axes are not made skew."""
+    rolled = models.link("", "d", '<joint name="d" axis="1 0 0"/>')
+    wrist = models.link(rolled, "c", '<joint name="c" axis="0 1 0"/>')
+    model = models.model(models.mjcf(models.link(models.link(wrist, "b", '<joint name="b" axis="1 0 0"/>'), "a")))
+    assert rational_rank(model.tree, MOMENTA["planar"]) == balance_conditions(model, "planar").rank == 23
+    roll = 0.7 * turned
+    third = models.link("", "c", place=f'pos="0.001 0 0" euler="{-roll} 0 0"')
+    hinge = f'<joint name="b" axis="0 {np.sin(roll):.17g} {np.cos(roll):.17g}"/>'
+    far = models.model(
+        models.mjcf(models.link(models.link(third, "b", hinge, f'pos="1e6 0 0" euler="{roll} 0 0"'), "a"))
+    )
+    found = balance_conditions(far, "all")
+    assert (found.rank_by, found.rank_rational) == ("elimination in extended precision", None if turned else 15)
+
+
 def test_small_singular_values_of_the_computation_leave_no_doubt() -> None:
     """The delta's states are worse conditioned than others: extended precision confirms its rank."""
     found = balance_conditions(models.load("delta"))
