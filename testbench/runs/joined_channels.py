@@ -36,6 +36,9 @@ def joined(run: "Run", rate: float | str, channels: Sequence[str] | None = None)
 
     hertz = si(rate, "frequency")
     groups = [group for group in run.groups if group.has_time]
+    known = {group.channels[index].name for group in groups for index in group.measured}
+    if unknown := [name for name in channels or () if name not in known]:
+        raise AnalysisError(f"{run.name}: no channel {unknown[0]!r} in a group with a time: {', '.join(sorted(known))}")
     if not groups or not hertz > 0.0:
         raise AnalysisError(
             f"{run.name}: resampling to {hertz:g} Hz: expected a positive rate, and a group with a time"

@@ -228,6 +228,10 @@ class Run(Shown, rows="groups", figure="testbench.figures.runs:draw_run"):
         import pandas
 
         if resample is not None:
+            if group is not None:
+                raise StoreError(
+                    f"{self.path.name}: resample joins all groups: expected channels, found group {group!r}"
+                )
             of_all = import_module("testbench.runs.joined_channels")  # higher up: it knows the clocks' alignments
             joined: pandas.DataFrame = of_all.joined(self, resample, channels)
             return joined
@@ -271,7 +275,7 @@ class Run(Shown, rows="groups", figure="testbench.figures.runs:draw_run"):
                 "a dataset needs xarray: pip install 'counterpoise[xarray]'; to_pandas needs nothing"
             ) from error
         if resample is not None:
-            table, taken = self.to_pandas(None, channels, resample), {layout.TIME}
+            table, taken = self.to_pandas(group, channels, resample), {layout.TIME}
             units = table.attrs.pop("units")
             joined = {
                 layout.safe_name(name, taken): (layout.TIME, table[name], {"units": unit or "", "long_name": name})

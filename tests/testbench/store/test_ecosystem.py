@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import testbench
+from balance.errors import CounterpoiseError
 from testbench.errors import StoreError
 from testbench.recording import Channel, Group, TimeColumn, UniformClock
 from testbench.store.archive import archive
@@ -86,6 +87,12 @@ def test_two_loggers_in_pandas(tmp_path):
     for name, values in zip(joined.columns, data.data_vars.values(), strict=True):
         assert (values.attrs["long_name"], values.attrs["units"]) == (name, joined.attrs["units"][name])
         assert values.to_numpy().tobytes() == joined[name].to_numpy().tobytes()
+    for asked, message in (
+        ({"group": "daq"}, "resample joins all groups"),
+        ({"channels": ["AccX"]}, "no channel 'AccX'"),
+    ):
+        with pytest.raises(CounterpoiseError, match=message):
+            run.to_xarray(resample="50 Hz", **asked)
     twice = Group("daq", (Channel("Fz", "N"), Channel("Fz", "N")), UniformClock(10.0))
     with RunWriter(tmp_path, "clash") as writer:
         for group in (twice, groups[1]):
