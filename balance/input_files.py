@@ -254,7 +254,7 @@ def toml_tables(text: str, source: str, error: type[CounterpoiseError] = DataErr
     except RecursionError:
         raise error(f"{source}: tables or lists are nested more than {DEEPEST} deep") from None
     except ValueError as wrong:  # also of an integer of more digits than Python reads
-        raise error(f"{source}: not a TOML file: {_SHORT.repr(str(wrong))[1:-1]}") from wrong
+        raise error(f"{source}: not a TOML file: {_short(wrong)}") from wrong
     return tables
 
 
@@ -267,8 +267,13 @@ def json_document(text: str, source: str, error: type[CounterpoiseError] = DataE
     except RecursionError:
         raise error(f"{source}: tables or lists are nested more than {DEEPEST} deep") from None
     except ValueError as wrong:  # also of an integer of more digits than Python reads
-        raise error(f"{source}: not a JSON file: {_SHORT.repr(str(wrong))[1:-1]}") from wrong
+        raise error(f"{source}: not a JSON file: {_short(wrong)}") from wrong
     return document
+
+
+def _short(wrong: ValueError) -> str:
+    """What Python says of a text, without what it says to programmers."""
+    return _SHORT.repr(str(wrong).partition("; use sys.")[0])[1:-1]
 
 
 def _once_each(pairs: list[tuple[str, object]]) -> dict[str, object]:

@@ -18,7 +18,7 @@ from ..recording import Block, Finding, Group, Recording, Refusal, Report
 from ..store import atomic_files, layout
 from ..store.campaign import KEPT, SUFFIX
 
-_AT_ONCE = 16 << 20
+_AT_ONCE = 4 << 20
 """Bytes between two waits for Python's lock, which whoever runs Python holds for milliseconds."""
 
 

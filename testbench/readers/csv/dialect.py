@@ -23,6 +23,8 @@ _SPECIAL, _LONGEST_CELL = frozenset('"\r\n\0'), 100_000
 """What a line has that the reader of the standard library treats as more than cells between delimiters; and lengths."""
 _HALF_OF_DECIMAL = re.compile(r"-0|[+-]?0\d+")
 """Whole numbers as written before or behind a decimal comma, and seldom alone."""
+_BLANKS = re.compile(r"(?<=\w)\s++(?![(\[][^\s()[\]]*[^\W\d][^\s()[\]]*[)\]])|(?<=[^\w\s])\s++")
+"""Blanks between cells, but for those of ``Force (N)``."""
 _NAMES = {delimiter: name for name, delimiter in DELIMITERS.items()} | {"": "none (one column)"}
 
 
@@ -58,7 +60,7 @@ def split_line(line: str, delimiter: str) -> list[str]:
     if delimiter == "":
         return [line.strip().strip('"')]
     if delimiter == " ":
-        return line.split()
+        return _BLANKS.split(line.strip()) if line.strip() else []
     if line and len(line) < _LONGEST_CELL and not _SPECIAL & set(line):
         return [cell.strip() for cell in line.split(delimiter)]  # as the reader gives it, in half the time
     try:

@@ -71,6 +71,8 @@ LOGS = {
     "tab": Log("Time (s)\tF (N)\n", lambda i, v: f"{seconds(i)}\t{v}"),
     "bars": Log("Time (s)|F (N)\n", lambda i, v: f"{seconds(i)}|{v}"),
     "fixed width": Log("Time[s]     F[N]\n", lambda i, v: f"{seconds(i):>8}{v:>9}"),
+    "units behind blanks, as the delimiter": Log("Time (s)  F (N)\n", lambda i, v: f"{seconds(i)} {v}"),
+    "units behind blanks, as NumPy saves": Log("# Time (s) F (N)\n", lambda i, v: f"{seconds(i)} {v}"),
     "quoted decimal commas": Log('"Time (s)","F (N)"\n', lambda i, v: f'"{comma(seconds(i))}","{comma(v)}"'),
     "units in their own row": Log("Time,F\ns,N\n", lambda i, v: f"{seconds(i)},{v}"),
     "units in brackets in their own row": Log("Time,F\n[s],[N]\n", lambda i, v: f"{seconds(i)},{v}"),
