@@ -152,6 +152,13 @@ BUILT_IN = (
     Reader(
         "ROS 1 bag", (".bag",), _begins_with(b"#ROSBAG V2"), _in_subprocess("rosbag_worker", "rosbag"), needs("rosbag")
     ),
+    Reader(
+        "ROS 2 bag",
+        (".db3",),
+        _begins_with(b"SQLite format 3\0"),
+        _in_subprocess("ros2_bag_worker", "rosbag"),
+        needs("rosbag"),
+    ),
     Reader("NI TDMS", (".tdms",), _begins_with(b"TDSm", b"TDSh"), _in_module("tdms.reader", "open_tdms"), _TDMS_NEEDS),
     Reader("UFF", (".uff", ".unv"), _IS_UFF, _in_module("uff", "open_uff")),
     Reader("WAV", (".wav",), _IS_WAV, _in_module("wav", "open_wav")),

@@ -156,6 +156,11 @@ def bag(path):
     robots.bag(path)
 
 
+def ros2_bag(path):
+    """Messages of ROS 2."""
+    robots.ros2_bag(path)
+
+
 IN_PROCESS = {
     "run.csv": csv, "run.forces": forces, "run.lvm": lvm, "run.uff": uff, "run.tdms": tdms, "run.mf4": mdf,
     "run.mdf": mdf3, "packed.mf4": mdf_packed, "run.c3d": c3d, "run.wav": wav, "times.csv": times,
@@ -169,6 +174,7 @@ ISOLATED = {
     "old.mat": mat4,
     "run.mcap": mcap,
     "run.bag": bag,
+    "run.db3": ros2_bag,
 }
 ALL = IN_PROCESS | ISOLATED
 

@@ -5,6 +5,7 @@ import json
 import numpy as np
 from mcap.writer import CompressionType, Writer
 from rosbags.rosbag1 import Writer as BagWriter
+from rosbags.rosbag2 import Writer as Ros2BagWriter
 from rosbags.typesys import Stores, get_typestore
 
 ZERO = 1_795_248_000_123_456_789
@@ -61,6 +62,20 @@ def bag(path, compression=None):
                 connections[topic] = writer.add_connection(topic, kind, typestore=store)
             writer.write(connections[topic], at, store.serialize_ros1(message, kind))
     return path
+
+
+def ros2_bag(path, version=9):
+    """A bag of ROS 2 in SQLite."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    folder = path.with_suffix("")
+    with Ros2BagWriter(folder, version=version) as writer:
+        connections = {}
+        for topic, at, message in messages(store, False):
+            kind = message.__msgtype__
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(connections[topic], at, store.serialize_cdr(message, kind))
+    return (folder / f"{folder.name}.db3").rename(path)
 
 
 def mcap(path, profile="ros2", compression=CompressionType.ZSTD, extra=None):

@@ -41,7 +41,7 @@ def test_every_format_keeps_the_contract(tmp_path, name):
     assert contract.violations(find_reader(path), path) == []
 
 
-@pytest.mark.parametrize("name", ["run.h5", "run.mat", "run.parquet", "run.mcap", "run.bag"])
+@pytest.mark.parametrize("name", ["run.h5", "run.mat", "run.parquet", "run.mcap", "run.bag", "run.db3"])
 def test_a_process_of_its_own_gives_the_same(tmp_path, request, name):
     """Each library reads there as it does here: the same bits, groups, findings and settings."""
     path = examples.make(tmp_path, name)

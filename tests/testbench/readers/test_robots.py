@@ -1,5 +1,8 @@
 """Bags of ROS 1 and MCAP: inertial data, wrenches and joint states, each topic with its own time."""
 
+import sqlite3
+from contextlib import closing
+
 import numpy as np
 import pytest
 from mcap.writer import CompressionType
@@ -38,6 +41,47 @@ def _assert_known(found):
 def test_bags_give_what_was_written(tmp_path, compression):
     """Numbers, names of joints, and times to the nanosecond."""
     _assert_known(reading.read(robots.bag(tmp_path / "run.bag", compression)))
+
+
+@pytest.mark.parametrize("version", [8, 9])
+def test_bags_of_ros_2_give_what_was_written(tmp_path, version):
+    """The same, with and without the descriptions of their types."""
+    path = robots.ros2_bag(tmp_path / "run.db3", version)
+    with closing(sqlite3.connect(path)) as database:
+        database.execute(f"DELETE FROM {'message_definitions' if version == 9 else 'metadata'}")
+        database.commit()
+    _assert_known(reading.read(path))
+
+
+def test_databases_that_are_no_bag_of_ros_2_are_refused(tmp_path):
+    """By what they are; types that nobody describes, other encodings and messages of no topic by name."""
+    other = tmp_path / "other.db3"
+    with closing(sqlite3.connect(other)) as database:
+        database.execute("CREATE TABLE topics (id INTEGER)")
+    with pytest.raises(RecordingError, match="no bag of ROS 2"):
+        reading.read(other)
+    path = robots.ros2_bag(tmp_path / "run.db3")
+    for change, said in (
+        ("type = 'mine/msg/Force'", "neither the bag nor rosbags describes"),
+        ("serialization_format = 'x'", "encoded as 'x'"),
+    ):
+        with closing(sqlite3.connect(path)) as database:
+            database.execute(f"UPDATE topics SET {change} WHERE name = '/ft'")
+            database.commit()
+        found = reading.read(path)
+        assert said in found.message("left_out")
+        assert set(found.groups) == {"/imu", "/joints"}
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("UPDATE messages SET topic_id = 77 WHERE id = 30")
+        database.commit()
+    with pytest.raises(RecordingError, match="a message of topic 77"):
+        reading.read(path)
+    path.with_name("run.db3-wal").write_bytes(b"x")
+    with pytest.raises(RecordingError, match=r"messages of run\.db3-wal"):
+        reading.read(path)
+    path.write_bytes(path.read_bytes()[:-1])
+    with pytest.raises(RecordingError, match="the file ends at byte"):
+        reading.read(path)
 
 
 @pytest.mark.parametrize("profile", ["ros1", "ros2"])
