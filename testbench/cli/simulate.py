@@ -26,7 +26,7 @@ What a rig may state of the bench, in [bench], and of its loggers:
   unstated_mass                             what moves beyond the mechanism's file
   drives, joints, links, contact            drives, joints and links that yield, with play; feet that lift
   stacks, rider                             plates of counter-masses, what rides on force sensors
-  floor, roughness, modes                   other vibration
+  floor, floor_modes, roughness, modes      other vibration
   errors                                    sensors that are not what their data sheet says
   start_scatter, drift_scatter_ppm, jitter, lost, dropouts_per_minute, low_pass    [loggers.NAME]
 parallelogram-6bar states none of these, parallelogram-6bar-deep all, with reasons; docs/bench.md explains each."""

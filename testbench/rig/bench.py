@@ -177,6 +177,40 @@ class Mode(Table):
     """The shape's displacement at accelerometers on the base, by sensor."""
 
 
+class FloorMode(Table):
+    """A mode of the floor under all mounts, which moves as a rigid body: it translates along, or turns about, an axis.
+
+    Noise drives it, of a flat density up to 80 Hz; the bench does not act back on it.
+    """
+
+    frequency: key_types.Frequency
+    """Natural frequency, below 80 Hz [Hz]."""
+    damping: float = Field(gt=0.0, lt=1.0)
+    """Share of critical damping."""
+    acceleration: Annotated[float, Quantity("acceleration", at_least=0.0)] | None = None
+    """Root mean square of the acceleration along ``axis``, for a mode that translates [m/s2]."""
+    angle: Annotated[float, Quantity("angle", at_least=0.0)] | None = None
+    """Root mean square of the angle about ``axis``, for a mode that turns [rad]."""
+    axis: Direction
+    """Direction in the base frame."""
+    centre: key_types.Point = (0.0, 0.0, 0.0)
+    """Point of the base frame about which the floor turns [m]."""
+
+    @model_validator(mode="after")
+    def _is_one_mode(self) -> "FloorMode":
+        if (self.acceleration is None) == (self.angle is None):
+            raise ValueError("expected acceleration, of a mode that translates, or angle, of one that turns; not both")
+        if self.angle is None and any(self.centre):
+            raise ValueError("centre: expected only with angle, for a mode that turns")
+        if not any(self.axis):
+            raise ValueError("axis: expected a direction, found 0, 0, 0")
+        if not self.frequency < 80.0:
+            raise ValueError(
+                f"frequency: expected less than 80 Hz, up to where noise drives it, found {self.frequency:g} Hz"
+            )
+        return self
+
+
 class Contact(Table):
     """Feet that stand on the floor and are not fixed to it: a mount carries pressure only, and slides by dry friction.
 
@@ -293,6 +327,8 @@ class Bench(MountedBase):
     """Part of the base that rides on the force sensors; left out: none."""
     floor: FloorLevel | None = None
     """Vibration of the floor: as much as a curve of the generic vibration criteria allows in each band, 4 to 80 Hz."""
+    floor_modes: tuple[FloorMode, ...] = ()
+    """Modes of the floor, translating or turning, besides that vibration."""
     roughness: Roughness | None = None
     """Residual broadband wrench of the drives on the base."""
     modes: tuple[Mode, ...] = ()

@@ -1,4 +1,4 @@
-"""What shakes the bench besides the motion: the floor through the mounts, and the roughness of drives and joints.
+"""What shakes the bench besides the motion: a rigid floor through the mounts, and the roughness of drives and joints.
 
 Each is one period of a stationary Gaussian process of a given one-sided power spectral density, made on its Fourier
 lines. Every random quantity has a stream of random numbers of its own, so that one does not depend on the others.
@@ -15,7 +15,7 @@ from balance.arrays import Floats
 from balance.dynamics.moving_base import BaseMotion, ElasticBase
 
 if TYPE_CHECKING:
-    from ..rig.bench import Bench
+    from ..rig.bench import Bench, FloorMode
 
 FLOOR_VELOCITY = {
     "workshop": 800e-6, "office": 400e-6, "residential": 200e-6, "operating theatre": 100e-6,
@@ -73,19 +73,20 @@ def draw_disturbance(
 ) -> Disturbance | None:
     """``count`` samples every ``step`` [s] of floor and roughness of the bench; None where it states neither.
 
-    On each Fourier line x = (K - w^2 M + i w C)^-1 (W + (K + i w C) x_floor): stationary from the first sample.
+    On each Fourier line x = (K - w^2 M + i w C)^-1 (W + (Kf + i w C) x_floor): stationary from the first sample.
+    K is the base's, geometric stiffness of weight included; Kf is the mounts' alone, whose lower ends the floor moves.
     """
     if not is_disturbed(bench):
         return None
     frequency = np.fft.rfftfreq(count, step)
     rough = np.stack(list(_roughness(bench, frequency, count, step, seed)), axis=1)
-    ground = np.stack(list(_floor(bench, frequency, count, step, seed)), axis=1)
+    ground = floor_lines(bench, frequency, count, step, seed)
     used = np.any(rough != 0.0, axis=1) | np.any(ground != 0.0, axis=1)
     i_omega = 2j * np.pi * frequency[used, None, None]
-    mounts = base.stiffness + i_omega * base.damping
-    driven = rough[used] + np.matmul(mounts, ground[used, :, None])[:, :, 0]
+    damping = i_omega * base.damping
+    driven = rough[used] + np.matmul(bench.elastic().stiffness + damping, ground[used, :, None])[:, :, 0]
     x = np.zeros_like(rough)
-    x[used] = np.linalg.solve(mounts + i_omega**2 * base.mass, driven[:, :, None])[:, :, 0]
+    x[used] = np.linalg.solve(base.stiffness + damping + i_omega**2 * base.mass, driven[:, :, None])[:, :, 0]
     rate = 2j * np.pi * frequency[:, None]
     moved = BaseMotion(*(np.fft.irfft(spectrum, count, axis=0) for spectrum in (x, rate * x, rate**2 * x)))
     return Disturbance(moved, np.fft.irfft(rough, count, axis=0))
@@ -93,7 +94,7 @@ def draw_disturbance(
 
 def is_disturbed(bench: "Bench") -> bool:
     """Whether anything shakes the bench besides the motion."""
-    return bench.floor is not None or bench.roughness is not None
+    return bench.floor is not None or bench.roughness is not None or bool(bench.floor_modes)
 
 
 def _roughness(bench: "Bench", frequency: Floats, count: int, step: float, seed: tuple[int, int]) -> Iterator[Floats]:
@@ -107,9 +108,30 @@ def _roughness(bench: "Bench", frequency: Floats, count: int, step: float, seed:
         yield fourier_lines(density, random_stream("roughness", *seed, i), count, step)
 
 
-def _floor(bench: "Bench", frequency: Floats, count: int, step: float, seed: tuple[int, int]) -> Iterator[Floats]:
-    """Fourier lines of the floor's displacement, component by component; it does not rotate."""
-    for i in range(6):
-        still = bench.floor is None or i > 2
-        density = np.zeros_like(frequency) if still else floor_density(str(bench.floor), frequency)
-        yield fourier_lines(density, random_stream("floor", *seed, i), count, step)
+def floor_lines(bench: "Bench", frequency: Floats, count: int, step: float, seed: tuple[int, int]) -> np.ndarray:
+    """Fourier lines of the floor's displacement and rotation at the origin of the base frame, (m, 6) [m, rad]."""
+    lines = np.zeros((len(frequency), 6), dtype=complex)
+    for i in range(3 if bench.floor else 0):
+        density = floor_density(str(bench.floor), frequency)
+        lines[:, i] = fourier_lines(density, random_stream("floor", *seed, i), count, step)
+    for i, mode in enumerate(bench.floor_modes):
+        density = floor_mode_density(mode, frequency)
+        axis = np.array(mode.axis) / np.linalg.norm(mode.axis)
+        shape = [axis, np.zeros(3)] if mode.angle is None else [np.cross(mode.centre, axis), axis]
+        drawn = fourier_lines(density, random_stream("floor mode", *seed, i), count, step)
+        lines += drawn[:, None] * np.concatenate(shape)
+    return lines
+
+
+def floor_mode_density(mode: "FloorMode", frequency: Floats) -> Floats:
+    """Density of a mode's displacement or angle at uniform ``frequency`` (m,) [Hz], (m,) [m2/Hz, rad2/Hz].
+
+    That of an oscillator under noise, flat above zero to 80 Hz, scaled to the stated root mean square on these lines.
+    """
+    f, own = frequency, mode.frequency
+    answer = 1.0 / ((own**2 - f**2) ** 2 + (2.0 * mode.damping * own * f) ** 2)
+    density = np.where((f > 0.0) & (f <= FLOOR_BAND[2]), answer, 0.0)
+    rms, stated = (
+        (mode.angle, density) if mode.angle is not None else (mode.acceleration, density * (2.0 * np.pi * f) ** 4)
+    )
+    return density * float(rms or 0.0) ** 2 / (stated.sum() * frequency[1])
