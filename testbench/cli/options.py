@@ -219,14 +219,15 @@ def exit_code(findings: Iterable["Finding"], accepted: Iterable[str] = ()) -> in
 def print_reading_findings(title: str, findings: Iterable[tuple[str, "Finding"]]) -> None:
     """Print findings below a title, the gravest first, with their place; once what several logs, by name, share."""
 
-    def text(finding: "Finding") -> str:
+    def text(log: str, finding: "Finding") -> str:
         group = finding.group and f"group {finding.group}"
         place = ", ".join(filter(None, (finding.channel, group, finding.where)))
-        return f"{place}: {finding.message}" if place else finding.message
+        message = finding.message.removeprefix(f"{log}: ").removeprefix(f"{log}, ")  # the log's name stands before it
+        return f"{place}: {message}" if place else message
 
     logs: dict[tuple[str, str], list[str]] = {}
     for log, one in sorted(findings, key=lambda found: -found[1].severity):
-        logs.setdefault((f"{one.severity.name.lower():7} {one.code}", text(one)), []).append(log)
+        logs.setdefault((f"{one.severity.name.lower():7} {one.code}", text(log, one)), []).append(log)
     if logs:
         say(plain_text(title))
         emit_findings((kind, ": ".join(filter(None, (first_of(of, 3), said)))) for (kind, said), of in logs.items())

@@ -189,3 +189,12 @@ def test_what_several_logs_share_is_said_once(capsys):
     assert said.count("constant_channel") == 1
     assert "run0.csv, run1.csv, run2.csv and 9 more: b: dead" in said
     assert "run5.csv: t, line 9: torn" in said
+
+
+def test_a_log_is_named_once(capsys):
+    """A finding that names its own log is printed with that name once."""
+    said = {"runs.csv": "runs.csv: names no file", "a.csv": "a.csv, line 3: 8 cells", "b.csv": "in b.csv: torn"}
+    print_reading_findings("Findings", [(log, Finding("not_stored", None, None, text)) for log, text in said.items()])
+    out = capsys.readouterr().out
+    for text in ("not_stored: runs.csv: names no file", "not_stored: a.csv: line 3: 8 cells", "b.csv: in b.csv: torn"):
+        assert text in out
