@@ -47,6 +47,8 @@ LEAST_CORRELATION = 0.5
 """From which they are shifted to match about where their motions begin: below it noise is more than what repeats."""
 BEGINS_S = {True: 0.003, False: 0.06}
 """To which it is known when a motion begins, by whether command or encoders tell it on the same clock [s]."""
+_NEIGHBOURS = 15
+"""Frequencies, of records twice as long, whose power is averaged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,7 +302,8 @@ def _lags(
         energies.append((rows**2).sum(axis=1))
     firsts = [run[places[0]] for run in runs]
     begins = [None if one.moving is None else one.moving.start for one in firsts]
-    near = round(BEGINS_S[all(one.timed for one in firsts)] * firsts[0].rate_hz) + 1
+    timed = all(one.timed for one in firsts)
+    near = round(BEGINS_S[timed] * firsts[0].rate_hz) + 1
     lags, signs = [0.0], np.ones((len(runs), len(places)))
     for turned, spectrum, own, begin in zip(signs[1:], spectra[1:], energies[1:], begins[1:], strict=True):
         each = np.fft.irfft(spectrum * np.conj(spectra[0]), size)
@@ -312,12 +315,31 @@ def _lags(
             if begin is None or begins[0] is None:
                 return None
             later = begin - begins[0]
-            about = np.arange(later - near, later + near + 1) % size
-            best = int(about[np.argmax(both[about])])
+            shifts = np.arange(later - near, later + near + 1)
+            best = int(shifts[np.argmax(both[shifts % size])] % size)
             if both[best] < LEAST_CORRELATION * energy:
                 lags.append(float(later))
                 continue
+            if timed:
+                both = _likelihood(turned[:, None] * spectrum, spectra[0], later)
+                both[shifts % size] -= 0.5 * ((shifts - later) / (0.5 * near)) ** 2
+                best = int(shifts[np.argmax(both[shifts % size])] % size)
         before, top, after = both[best - 1], both[best], both[(best + 1) % size]
         lag = best + 0.5 * np.clip((before - after) / min(before - 2.0 * top + after, -1e-300), -1.0, 1.0)
         lags.append(lag - size if lag > count else lag)
     return lags, signs
+
+
+def _likelihood(spectra: np.ndarray, firsts: np.ndarray, about: int) -> Floats:
+    """Logarithm of the likelihood that a run shows ``spectra`` (places, k) of what another shows each number of samples
+    later, but for a constant, (2 (k - 1),) [-]; the noise is what differs if it does so ``about`` as many.
+
+    Frequencies count by what they tell (Knapp and Carter, IEEE Trans. Acoust. Speech Signal Process. 24, 320, 1976): a
+    mode of the floor that is like itself at several shifts tells little.
+    """
+    size = 2 * (spectra.shape[1] - 1)
+    turned = spectra * np.exp(2j * np.pi * about * np.arange(spectra.shape[1]) / size)
+    apart = np.abs(turned - firsts) ** 2
+    smooth = np.array([np.convolve(row, np.full(_NEIGHBOURS, 1.0 / _NEIGHBOURS), "same") for row in apart])
+    weighted = spectra * np.conj(firsts) / np.maximum(smooth, 1e-12 * smooth.max())
+    return np.asarray(0.5 * size * np.fft.irfft(weighted, size).sum(axis=0))
