@@ -238,13 +238,13 @@ class Amplitude:
         quiet: tuple[float, float] | None = None,
     ) -> "list[Amplitude]":
         """From records (k, m) [unit] of one logger; ``rest``, ``moving`` and ``quiet``, in which lines of the mains are
-        sought if not in the rest, are spans of time from their first sample [s].
+        sought, else in the rest, are spans of time from their first sample [s].
         """
         band, statistic = measure.band, MetricStatistic(measure.metric)
         every = max(int(rate_hz // (SAMPLES_PER_PERIOD * band.high_hz)), 1) if band else 1
         count = values.shape[1] // every
         used, seconds = count * every, count * every / rate_hz
-        still, calm = (None if span is None else _samples(span, count, seconds) for span in (rest, rest or quiet))
+        still, calm = (None if span is None else _samples(span, count, seconds) for span in (rest, quiet or rest))
         values = np.array([measure.without_trend(row) for row in values])
         cosines = _cosines(values[:, :used], count)
         wholes = values[:, :used].copy() if every == 1 else _from_cosines(cosines * _taper(count))

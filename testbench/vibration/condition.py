@@ -28,6 +28,7 @@ from .noise_over_time import NoiseOverTime
 from .repeatability import Group, Repeatability, Synchronous, gain_error
 from .run_amplitudes import AmplitudesOfRun, amplitudes_of_run, amplitudes_or_reason
 from .run_pairs import Pair
+from .tonal_lines import SHORTEST_S
 
 if TYPE_CHECKING:
     from ..store import Run
@@ -361,7 +362,8 @@ def _readable(
         raise AnalysisError("; ".join(errors))
     mains = {place for record in records for place, one in record.items() if one.line_errors is not None}
     for i, run in enumerate((*sides[0], *sides[1]) if mains else ()):
-        if any(one.rest is one.moving is None for one in records[i].values()):
+        lacking = [one for place, one in records[i].items() if place in mains and one.line_errors is None]
+        if any(one.resting is None or one.resting.seconds < SHORTEST_S for one in lacking):
             records[i] = amplitudes_of_run(SIRun.of(run), measure, mains)
     return replace(pair, balanced=sides[0], unbalanced=sides[1]), records, unread, doubts
 

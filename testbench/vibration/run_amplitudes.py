@@ -16,6 +16,7 @@ from .amplitude import Amplitude, Place
 from .metrics import Measure, base_accelerations
 from .motion_timing import MotionTiming
 from .noise_floor import Noise
+from .tonal_lines import SHORTEST_S
 
 if TYPE_CHECKING:
     from ..store import Run
@@ -31,8 +32,8 @@ AmplitudesOfRun = dict[Place, Amplitude]
 def amplitudes_of_run(run: SIRun, measure: Measure, mains: Container[Place] = ()) -> AmplitudesOfRun:
     """Each axis of each accelerometer on the base [m/s2].
 
-    ``mains``: places whose rests show the mains in other runs; where nothing tells when this one rests, they are sought
-    in all of it.
+    ``mains``: places whose rests show the mains in other runs; where this one has no rest that could, they are
+    sought in all of it.
     """
     clipped = {f.channel for f in run.doubts(run.rig.base_columns) if f.code in _CLIPPED}
     columns = {(c.sensor, c.component): c for c in run.rig.base_columns}
@@ -46,8 +47,8 @@ def amplitudes_of_run(run: SIRun, measure: Measure, mains: Container[Place] = ()
         timing, rate = MotionTiming.of(run, group), records[some[0]][1]
         values = np.array([records[place][0] for place in some])
         steps = [columns[place].resolution or observed_resolution(row) for place, row in zip(some, values, strict=True)]
-        unknown = timing.rest is None and timing.moving is None and any(place in mains for place in some)
-        quiet = (0.0, values.shape[1] / rate) if unknown else timing.unfelt
+        hidden = (timing.rest is None or timing.rest[1] < SHORTEST_S) and any(place in mains for place in some)
+        quiet = (0.0, values.shape[1] / rate) if hidden else timing.unfelt
         amplitudes = Amplitude.of(values, rate, measure, timing.rest, timing.moving, steps, quiet)
         for place, row, one in zip(some, values, amplitudes, strict=True):
             where, index = run.recorded.find(columns[place].channel)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from testbench.vibration.amplitude import Amplitude
 from testbench.vibration.metrics import METRICS, Measure
 from testbench.vibration.reduction import Reduction
 
@@ -226,3 +227,12 @@ def test_two_runs_that_differ():
         found.append(reduced(*sides, RATE, REST - 0.01, measure)[0])
     assert_holds(sum(one.interval[0] <= truth(measure) <= one.interval[1] for one in found[1:]), 6)
     assert 5.0 * half(found[0]) < np.median([*map(half, found[1:])])
+
+
+def test_hum_that_no_rest_shows():
+    """Where a rest is too short for hum that others show, it is taken out by all of the record: the reading is that of
+    the signal, to the white noise, a tenth of the hum.
+    """
+    rng, span = np.random.default_rng(7), (0.0, TIME[-1] + 1.0 / RATE)
+    (one,) = Amplitude.of((WITH + hum(rng))[None], RATE, MEASURE, (0.0, 0.08), (REST, span[1]), quiet=span)
+    assert one.reading == pytest.approx(MEASURE.amplitude(WITH, RATE), abs=0.1)
