@@ -52,7 +52,7 @@ Everything here is yours to edit. Values marked (guess) are not known from the m
     testbench doctor campaign                                 # do logs, run table and rig agree?
     testbench analyze campaign                                # by how much the vibration is reduced
     testbench compare campaign                                # measured beside simulated
-    testbench report campaign
+    testbench report campaign                                 # all of it on one page
 
 With logs of your own: list them in {runs}, correct the channels and units in {rig}, and ingest them with --runs {runs}.
 `testbench schema rig`, `plan`, `run-table` and `balance schema motion` describe every key.
@@ -86,7 +86,9 @@ def new_project(folder: Path, mechanism: str | None, loggers: int = 2) -> list[s
         MOTION: moved,
         PLAN: _plan_text(file, model, motion_from_text(moved)),
         RIG: _rig_text(file, model, loggers),
-        "README.md": README.format(name=model.name, mechanism=file, motion=MOTION, plan=PLAN, rig=RIG, runs=RUNS),
+        "README.md": _aligned(
+            README.format(name=model.name, mechanism=file, motion=MOTION, plan=PLAN, rig=RIG, runs=RUNS)
+        ),
     }
     mechanism_from_text(model.text, file)  # what is written can be read
     made = not folder.exists()
@@ -105,6 +107,13 @@ def new_project(folder: Path, mechanism: str | None, loggers: int = 2) -> list[s
             shutil.rmtree(folder, ignore_errors=True)
         raise
     return [*texts, RUNS]
+
+
+def _aligned(text: str) -> str:
+    """A text whose commands have what they are for behind them, in one column."""
+    lines = [line.partition("  # ") for line in text.splitlines()]
+    width = max(len(command.rstrip()) for command, found, _ in lines if found)
+    return "".join(f"{c.rstrip():{width}}  # {why.strip()}\n" if found else f"{c}\n" for c, found, why in lines)
 
 
 def motion_from_text(text: str) -> Motion:

@@ -60,7 +60,8 @@ def joined(run: "Run", rate: float | str, channels: Sequence[str] | None = None)
             name = group.channels[index].name
             if channels is not None and name not in channels:
                 continue
-            label = name if name not in found else f"{group.name}: {name}"
+            labels = (name, f"{group.name}: {name}", f"{group.name}: {group.keys[index]}")
+            label = next(label for label in labels if label not in found)
             found[label] = _resampled(run, group, index, times[group.name], grid, hertz)
             units[label] = group.channels[index].unit
     frame = pandas.DataFrame(found, index=pandas.Index(grid, name="time (s)"))

@@ -104,13 +104,13 @@ def test_two_loggers_in_pandas(tmp_path):
         run.to_pandas()
 
 
-def test_two_channels_of_one_name_stay_two(tmp_path):
-    """Neither is lost in pandas, nor in xarray."""
-    twice = Group("daq", (Channel("Fz (N)", "N"), Channel("Fz (N)", "N")), UniformClock(10.0))
-    run = store(tmp_path, twice, COLUMNS[:2])
-    frame = run.to_pandas()
-    assert [frame.iloc[:, i].to_numpy().tobytes() for i in range(2)] == [c.tobytes() for c in COLUMNS[:2]]
-    assert len(run.to_xarray().data_vars) == 2
+def test_channels_of_one_name_stay_as_many(tmp_path):
+    """None is lost in pandas, nor in xarray, nor on one clock."""
+    three = COLUMNS[:3]
+    run = store(tmp_path, Group("daq", (Channel("Fz (N)", "N"),) * 3, UniformClock(10.0)), three)
+    for frame in (run.to_pandas(), run.to_pandas(resample="10 Hz")):
+        assert [frame.iloc[:, i].to_numpy().tobytes() for i in range(3)] == [c.tobytes() for c in three]
+    assert len(run.to_xarray().data_vars) == len(run.to_xarray(resample="10 Hz").data_vars) == 3
 
 
 def test_our_xarray_is_that_of_open_dataset(run):
