@@ -64,7 +64,7 @@ class ToleranceAnalysis(Shown, rows="effects", figure="balance.figures.balancing
     percentiles: Annotated[dict[str, float], Key("rms_percentiles_N")]
     """RMS force that so many per cent of the mechanisms do not exceed [N]."""
     effects: Annotated[tuple[ToleranceEffect, ...], Key("tolerances")]
-    """That which alone leaves the largest force first."""
+    """Effects of the errors one by one, the one that alone leaves the largest force first."""
 
     @property
     def doubtful(self) -> tuple[ToleranceEffect, ...]:

@@ -18,6 +18,7 @@ from .format_findings import cut, damaged, refusing
 from .ros_messages import RosDecoder, message_fields
 from .ros_topics import Decode, Topic, UnknownType, Unreadable, topic_recording
 
+_MAGIC = b"SQLite format 3\0"
 _PAGE_SIZE, _PAGES = slice(16, 18), slice(28, 32)
 """Where the header of SQLite states the size of a page and their number (https://www.sqlite.org/fileformat.html)."""
 _SMALLEST_PAGE = 512  # a size of 1 stands for 65536
@@ -49,6 +50,8 @@ def _refuse_cut(path: Path) -> None:
     """Raise Refusal if a part of the bag is missing: SQLite would read zeros there, or nothing of it."""
     with path.open("rb") as stream:
         head = stream.read(_PAGES.stop)
+    if not head.startswith(_MAGIC):
+        raise damaged(path, "it does not begin as an SQLite database does")
     page = int.from_bytes(head[_PAGE_SIZE], "big")
     stated = (page if page >= _SMALLEST_PAGE else 1 << 16) * int.from_bytes(head[_PAGES], "big")
     if path.stat().st_size < stated:

@@ -120,7 +120,7 @@ class ElasticLink(Table):
     """
 
     at: key_types.Point
-    """Place of the hinge in the body's frame, off its joint: farther out is what is so along the way there [m]."""
+    """Place of the hinge in the body's frame, not at its joint; farther out is beyond it, along the line there [m]."""
     axis: Direction = (0.0, 0.0, 1.0)
     """Axis of the hinge in the body's frame."""
     stiffness: key_types.TurningStiffness

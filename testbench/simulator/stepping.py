@@ -112,7 +112,9 @@ class Stepped:
     """
 
     a: Floats
+    """(k, k), in SI."""
     b: Floats
+    """(k, m), in SI: what a load adds to y' in each coordinate."""
     step: float
     """[s]"""
     positions: int

@@ -331,11 +331,12 @@ def _lags(
 
 
 def _likelihood(spectra: np.ndarray, firsts: np.ndarray, about: int) -> Floats:
-    """Logarithm of the likelihood that a run shows ``spectra`` (places, k) of what another shows each number of samples
-    later, but for a constant, (2 (k - 1),) [-]; the noise is what differs if it does so ``about`` as many.
+    """Logarithm of the likelihood of each lag of a run behind another, but for a constant, (2 (k - 1),) [-].
 
-    Frequencies count by what they tell (Knapp and Carter, IEEE Trans. Acoust. Speech Signal Process. 24, 320, 1976): a
-    mode of the floor that is like itself at several shifts tells little.
+    ``spectra`` and ``firsts`` (places, k) are those of the run and of the other; where the run is shifted back by the
+    lag ``about`` [samples], what still differs is the noise. Frequencies count by what they tell (Knapp and Carter,
+    IEEE Trans. Acoust. Speech Signal Process. 24, 320, 1976): a mode of the floor that is like itself at several shifts
+    tells little.
     """
     size = 2 * (spectra.shape[1] - 1)
     turned = spectra * np.exp(2j * np.pi * about * np.arange(spectra.shape[1]) / size)

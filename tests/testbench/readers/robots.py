@@ -48,6 +48,16 @@ def messages(store, is_ros1):
             )  # fmt: skip
 
 
+def _write(writer, store, is_ros1, serialized):
+    """Every message, with a connection for each topic."""
+    connections = {}
+    for topic, at, message in messages(store, is_ros1):
+        kind = message.__msgtype__
+        if topic not in connections:
+            connections[topic] = writer.add_connection(topic, kind, typestore=store)
+        writer.write(connections[topic], at, serialized(message, kind))
+
+
 def bag(path, compression=None):
     """A bag of ROS 1."""
     store = get_typestore(Stores.ROS1_NOETIC)
@@ -55,12 +65,7 @@ def bag(path, compression=None):
     if compression is not None:
         writer.set_compression(compression)
     with writer:
-        connections = {}
-        for topic, at, message in messages(store, True):
-            kind = message.__msgtype__
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, kind, typestore=store)
-            writer.write(connections[topic], at, store.serialize_ros1(message, kind))
+        _write(writer, store, True, store.serialize_ros1)
     return path
 
 
@@ -69,12 +74,7 @@ def ros2_bag(path, version=9):
     store = get_typestore(Stores.ROS2_HUMBLE)
     folder = path.with_suffix("")
     with Ros2BagWriter(folder, version=version) as writer:
-        connections = {}
-        for topic, at, message in messages(store, False):
-            kind = message.__msgtype__
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, kind, typestore=store)
-            writer.write(connections[topic], at, store.serialize_cdr(message, kind))
+        _write(writer, store, False, store.serialize_cdr)
     return (folder / f"{folder.name}.db3").rename(path)
 
 

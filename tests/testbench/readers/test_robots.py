@@ -82,6 +82,9 @@ def test_databases_that_are_no_bag_of_ros_2_are_refused(tmp_path):
     path.write_bytes(path.read_bytes()[:-1])
     with pytest.raises(RecordingError, match="the file ends at byte"):
         reading.read(path)
+    path.write_bytes(bytes(range(256)) * 8)
+    with pytest.raises(RecordingError, match="does not begin as an SQLite database"):
+        reading.read(path)
 
 
 @pytest.mark.parametrize("profile", ["ros1", "ros2"])
