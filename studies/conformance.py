@@ -19,11 +19,11 @@ from balance.errors import CounterpoiseError
 from testbench.errors import RecordingError
 from testbench.public_recordings import PublicRecording, checked, fetch, folder
 from testbench.quality.group_checks import RecordingCheck
-from testbench.readers import open_recording, registry
+from testbench.readers import open_recording, registry, xlsx
 from testbench.recording import Finding, Group, Recording, Samples, Severity, UniformClock, refusing_findings
 
 from .conformance_libraries import LIBRARIES, Library, Series
-from .reader_faults import open_here
+from .reader_faults import answer_here, open_here
 from .table import Row, all_of
 
 MOST_ACCEPTED = 0.02
@@ -88,7 +88,10 @@ def study(count: int, brief: bool) -> Iterator[Row]:
             away = away or f"{error}"
     yield Row("files at hand", len(there), f"of {len(listed)}", note=away[:200])
     # readers of foreign libraries in this process too: a process for each of thousands of cut files takes hours
-    with patch.object(registry, "open_in_subprocess", open_here):
+    with (
+        patch.object(registry, "open_in_subprocess", open_here),
+        patch.object(xlsx, "answer_in_subprocess", answer_here),
+    ):
         for name, files in groupby(there, key=lambda pair: pair[0].what):
             yield from _of_format(name, list(files), count)
 

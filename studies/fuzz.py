@@ -55,6 +55,15 @@ b.csv,r002,simulated,,,y,2
 """),
     "plan.toml": ("testbench.campaign_plan:load_plan", "datasets/plans/*.toml"),
     "logger.toml": ("testbench.readers.import_description:ImportDescription.load", "datasets/loggers/*.toml"),
+    "sheet.xml": ("studies.reader_faults:read_as_sheet", """
+<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main">
+<cols><col min="2" max="2" hidden="1"/></cols><sheetData>
+<row r="1"><c r="A1" t="s"><v>0</v></c><c r="B1" t="s"><v>1</v></c></row>
+<row r="2"><c r="A2" t="inlineStr"><is><t>t</t></is></c><c r="B2" t="str"><f>A2</f><v>x</v></c><c r="C2"><v>y</v>
+</c></row>
+<row r="3" hidden="1"><c r="A3" s="4"><v>45352.5</v></c><c r="B3" t="e"><v>#N/A</v></c><c r="C3"><f>A3*2</f></c></row>
+<row r="4"><c r="A4" s="4"><v>45352.75</v></c><c r="B4"><v>1E-3</v></c><c r="C4" s="3"><v>0.25</v></c></row>
+</sheetData><mergeCells count="1"><mergeCell ref="B1:C1"/></mergeCells></worksheet>"""),
     "published.json": ("testbench.published_tables:load_published", "datasets/published/*.json"),
     "certificate.xml": ("testbench.calibration.certificate:read_certificate", """
 <?xml version="1.0" encoding="UTF-8"?>
@@ -177,11 +186,12 @@ def main(what: str, name: str, place: str, work: str, *limits: str) -> None:
 
     path = Path(work, name)
     with atheris.instrument_imports(
-        include=["balance", "testbench", "mcap", "rosbags", "tomllib", "idelib", "ebmlite"]
+        include=["balance", "testbench", "mcap", "rosbags", "tomllib", "idelib", "ebmlite", "pyulog", "openpyxl"]
     ):
         read = _reading(name)
         registry, faults = import_module("testbench.readers.registry"), import_module("studies.reader_faults")
         registry.open_in_subprocess = faults.open_here  # type: ignore[attr-defined]
+        import_module("testbench.readers.xlsx").answer_in_subprocess = faults.answer_here  # type: ignore[attr-defined]
         for seed in Path(place).glob("seed-*"):
             read(Path(shutil.copy(seed, path)))  # modules are imported late
     pages = int(Path("/proc/self/statm").read_text().split()[0]) + (MOST_MEMORY_MB << 20) // resource.getpagesize()

@@ -8,11 +8,15 @@ import os
 import sys
 import tempfile
 import warnings
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import cache
 from importlib import import_module
+from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -54,24 +58,55 @@ def read_or_refused(path: Path) -> None:
     assert sum(os.times()[:4]) - began < LONGEST_S
 
 
+def read_as_sheet(path: Path) -> None:
+    """The same with a file that becomes the sheet of a workbook: an archive's own checks refuse damage before."""
+    book = path.with_suffix(".xlsx")
+    with zipfile.ZipFile(book, "w") as archive:
+        for name, content in _parts_of_a_workbook().items():
+            archive.writestr(name, path.read_bytes() if name == "xl/worksheets/sheet1.xml" else content)
+    read_or_refused(book)
+
+
+@cache
+def _parts_of_a_workbook() -> dict[str, bytes]:
+    """Its other parts, with texts that cells share and formats of times."""
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    for column, form in enumerate(("General", "yyyy-mm-dd", "h:mm:ss", "yyyy-mm-dd hh:mm:ss.000", "[h]:mm"), 1):
+        book.active.cell(1, column, f"name {column} (N)").number_format = form
+    book.save(saved := BytesIO())
+    with zipfile.ZipFile(saved) as archive:
+        return {
+            name: archive.read(name) for name in archive.namelist() if not name.startswith(("docProps", "xl/theme"))
+        }
+
+
 def open_here(path: Path, module: str, function: str = "open_library") -> Recording:
     """A recording by a foreign library in this process; what befalls it there is a refusal here too."""
 
-    @contextmanager
-    def failing() -> Iterator[None]:
-        try:
-            yield
-        except Exception as error:
-            subprocess_reader.raise_failure(path, subprocess_worker.failure(error))
-
-    with failing():
+    with _failing(path):
         recording: Recording = getattr(import_module(module), function)(path)
 
     def blocks(report: Report) -> Iterator[Block]:
-        with failing():
+        with _failing(path):
             yield from recording.read(report)
 
     return replace(recording, read=blocks)
+
+
+def answer_here(path: Path, module: str, function: str, *others: str) -> Any:  # noqa: ANN401
+    """What a foreign library makes of a file in this process, likewise."""
+    with _failing(path):
+        return getattr(import_module(module), function)(path, *others)
+
+
+@contextmanager
+def _failing(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except Exception as error:
+        subprocess_reader.raise_failure(path, subprocess_worker.failure(error))
 
 
 def failures(path: Path, whole: bytes, count: int, seed: int) -> list[str]:

@@ -108,6 +108,8 @@ _NOTES = {
     "missing_values": "Samples that are none, by the words and numbers of the import description; NaN.",
     "normal_finding": "A finding that the import description calls normal for its logger.",
     "text_kept": "A channel of text, kept beside the numbers: each text with the sample from which on it stands.",
+    "hidden_cells": "Rows, columns or a worksheet that the spreadsheet hides; they are kept.",
+    "calculated_cells": "Values that the spreadsheet program calculated, as it stored them.",
     "encoding_inferred": "The encoding was inferred from typical letters; it is declared nowhere.",
     "unit_missing": "Channels without a unit.",
     "no_final_newline": "The last line has no end, but every number of it is as long as those above.",

@@ -35,7 +35,7 @@ LAYERS: tuple[str, ...] = (
     "testbench.errors testbench.units testbench.compiled_kernels",
     "testbench.recording testbench.public_recordings",
     "testbench.calibration testbench.readers testbench.store",
-    "testbench.rig",
+    "testbench.rig testbench.export",
     "testbench.campaign_plan testbench.published_tables",
     "testbench.quality",
     "testbench.runs",
@@ -45,7 +45,7 @@ LAYERS: tuple[str, ...] = (
     "testbench.synchronization",
     "testbench.runs.aligned_run",
     "testbench.loads testbench.kinematics.motion_recognition testbench.figures.style testbench.runs.joined_channels",
-    "testbench.cross_examination testbench.export",
+    "testbench.cross_examination",
     "testbench.identification testbench.trimming testbench.vibration.reduction",
     "testbench.simulator",
     "testbench.vibration.comparison testbench.next_run testbench.project",
@@ -59,7 +59,7 @@ LAYERS: tuple[str, ...] = (
 
 The longest name that fits places a module; a package's name alone is its front door.
 """
-FOREIGN = {"h5py", "polars", "pyarrow", "idelib", "mcap", "rosbags", "nptdms", "google", "pandas"}
+FOREIGN = {"h5py", "polars", "pyarrow", "idelib", "mcap", "pyulog", "rosbags", "nptdms", "google", "pandas"}
 """Libraries that read foreign bytes: a damaged file may end their process, which must not be the one that was asked."""
 STORE = "testbench.store"
 """Opens the campaign's own HDF5 files with h5py, after their structure was checked."""

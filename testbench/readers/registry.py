@@ -22,11 +22,13 @@ if TYPE_CHECKING:
 ENTRY_POINTS = "counterpoise.readers"
 HEAD_BYTES = 4096
 EXTRAS = {
+    "excel": ("openpyxl",),
     "tdms": ("nptdms",),
     "ide": ("idelib",),
     "mcap": ("mcap", "rosbags", "google.protobuf"),
     "parquet": ("pyarrow",),
     "rosbag": ("rosbags",),
+    "ulog": ("pyulog",),
 }
 """Modules that a reader imports and that only an extra of the distribution installs."""
 
@@ -68,22 +70,32 @@ def needs(extra: str) -> str:
 Open = Callable[[Path, ReadOptions], Recording]
 
 
-def _in_module(module: str, function: str) -> Open:
-    """A reader's function, its module imported once a file is of its format."""
-    return lambda path, options: getattr(import_module(f"{__package__}.{module}"), function)(path, options)
+def _in_module(module: str, function: str, extra: str = "") -> Open:
+    """A reader's function, its module imported once a file is of its format; what ``extra`` installs must be there."""
+
+    def opened(path: Path, options: ReadOptions) -> Recording:
+        _require(path, extra)
+        recording: Recording = getattr(import_module(f"{__package__}.{module}"), function)(path, options)
+        return recording
+
+    return opened
 
 
 def _in_subprocess(module: str, extra: str = "") -> Open:
     """The ``open_library`` of a module in a process of its own; what ``extra`` installs must be there."""
 
     def opened(path: Path, options: ReadOptions) -> Recording:
-        for name in EXTRAS.get(extra, ()):  # none is imported
-            outer_first = accumulate(name.split("."), "{}.{}".format)
-            if any(find_spec(part) is None for part in outer_first):
-                raise RecordingError(f"{path}: reading it needs {name}: pip install '{needs(extra)}'")
+        _require(path, extra)
         return open_in_subprocess(path, f"{__package__}.{module}")
 
     return opened
+
+
+def _require(path: Path, extra: str) -> None:
+    for name in EXTRAS.get(extra, ()):  # none is imported
+        outer_first = accumulate(name.split("."), "{}.{}".format)
+        if any(find_spec(part) is None for part in outer_first):
+            raise RecordingError(f"{path}: reading it needs {name}: pip install '{needs(extra)}'")
 
 
 def _begins_with(*marks: bytes) -> Callable[[bytes], bool]:
@@ -159,7 +171,21 @@ BUILT_IN = (
         _in_subprocess("ros2_bag_worker", "rosbag"),
         needs("rosbag"),
     ),
+    Reader(
+        "ULog",
+        (".ulg", ".ulog"),
+        _begins_with(b"ULog\x01\x12\x35"),
+        _in_subprocess("ulog_worker", "ulog"),
+        needs("ulog"),
+    ),
     Reader("NI TDMS", (".tdms",), _begins_with(b"TDSm", b"TDSh"), _in_module("tdms.reader", "open_tdms"), _TDMS_NEEDS),
+    Reader(
+        "Excel workbook",
+        (".xlsx", ".xlsm"),
+        lambda head: format_name(head) == "an .xlsx workbook",
+        _in_module("xlsx", "open_workbook", "excel"),
+        needs("excel"),
+    ),
     Reader("UFF", (".uff", ".unv"), _IS_UFF, _in_module("uff", "open_uff")),
     Reader("WAV", (".wav",), _IS_WAV, _in_module("wav", "open_wav")),
     Reader("CSV", (".csv", ".txt", ".tsv", ".dat", ".asc"), _is_text, _in_module("csv.reader", "open_text")),
@@ -264,10 +290,9 @@ _MAGIC = {
 }
 
 
-_WORKBOOK = (b"[Content_Types].xml", b"xl/", b"_rels/.rels")
+_WORKBOOK, _OTHER_OFFICE = (b"[Content_Types].xml", b"xl/", b"_rels/.rels"), (b"word/", b"ppt/")
 _ADVICE: dict[str | None, str] = {
-    "an .xlsx workbook": "save its sheet as CSV",
-    "an old Office document (perhaps an .xls workbook)": "save its sheet as CSV",
+    "an old Office document (perhaps an .xls workbook)": "save it as .xlsx, without a password",
     "netCDF 3": "convert it by `nccopy -k nc4`",
 }
 
@@ -275,7 +300,7 @@ _ADVICE: dict[str | None, str] = {
 def format_name(head: bytes) -> str | None:
     """The name of the format that begins with these bytes, if it is one of the above."""
     if head.startswith(b"PK\x03\x04") and any(part in head for part in _WORKBOOK):
-        return "an .xlsx workbook"
+        return "a document of Office, no workbook" if any(p in head for p in _OTHER_OFFICE) else "an .xlsx workbook"
     for magic, name in _MAGIC.items():
         if head.startswith(magic):
             return name

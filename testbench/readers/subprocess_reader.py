@@ -88,12 +88,12 @@ _BYTES_PER_SECOND = 1 << 20
 class Process:
     """A process that reads one file by ``module.function(path)``; whoever starts it ends it."""
 
-    def __init__(self, path: Path, module: str, function: str) -> None:
+    def __init__(self, path: Path, module: str, function: str, *others: str) -> None:
         worker = f"{__package__}.subprocess_worker"
         threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
         self._path = path
         self._process: Any = subprocess.Popen(
-            [sys.executable, "-P", "-m", worker, module, function, str(path.absolute())],
+            [sys.executable, "-P", "-m", worker, module, function, str(path.absolute()), *others],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -108,6 +108,13 @@ class Process:
             self.end()
             raise
         return document
+
+    def answer(self) -> Any:  # noqa: ANN401
+        """What a function gives that gives no recording, as JSON carries it; the process ends."""
+        try:
+            return self._frame()[0]["answer"]
+        finally:
+            self.end()
 
     def data(self) -> Iterator[tuple[dict[str, Any], Any]]:
         """Blocks, groups and findings, one after the other, after the header; the process ends with the last one."""
@@ -167,6 +174,11 @@ def _end_waiting(process: Process) -> None:
     if process in _WAITING:
         _WAITING.remove(process)
         process.end()
+
+
+def answer_in_subprocess(path: Path, module: str, function: str, *others: str) -> Any:  # noqa: ANN401
+    """What ``module.function(path, *others)`` gives, as JSON carries it, from a process of its own."""
+    return Process(path, module, function, *others).answer()
 
 
 def open_in_subprocess(path: Path, module: str, function: str = "open_library") -> Recording:

@@ -1,4 +1,4 @@
-"""What runs in the process, ``worker MODULE FUNCTION PATH``: it sends a file's header, and its data once asked."""
+"""What runs in the process, ``worker MODULE FUNCTION PATH ...``: it sends a file's header, and its data once asked."""
 
 import os
 import sys
@@ -19,16 +19,22 @@ MOST_MEMORY = 3 << 30
 
 
 def main(arguments: list[str]) -> None:
-    """Open the file and send its header; then, if a line comes and not the end of the pipe, its data."""
-    module, function, path = arguments
+    """Open the file and send its header; then, if a line comes and not the end of the pipe, its data.
+
+    A function that gives no recording is answered for at once.
+    """
+    module, function, path, *others = arguments
     out = _private_output()
     _limit_memory()
     try:
-        opener: Callable[[Path], Recording] = getattr(import_module(module), function)
-        recording = opener(Path(path))
-        protocol.write_frame(out, {"recording": _header(recording)})
-        if sys.stdin.buffer.read(1):
-            _send_data(out, recording)
+        opener: Callable[..., Any] = getattr(import_module(module), function)
+        found = opener(Path(path), *others)
+        if not isinstance(found, Recording):
+            protocol.write_frame(out, {"answer": found})
+        else:
+            protocol.write_frame(out, {"recording": _header(found)})
+            if sys.stdin.buffer.read(1):
+                _send_data(out, found)
     except Exception as error:  # whatever a library makes of a damaged file
         protocol.write_frame(out, failure(error))
     out.flush()

@@ -1,11 +1,13 @@
 """One small file of each format, written by another program where there is one."""
 
 import gc
+import struct
 import warnings
 
 import ezc3d
 import h5py
 import numpy as np
+import openpyxl
 import polars
 import pyuff
 from asammdf import MDF, Signal
@@ -161,6 +163,36 @@ def ros2_bag(path):
     robots.ros2_bag(path)
 
 
+def ulog(path, rows=range(200), formats=("imu:uint64_t timestamp;float[2] a;char[8] state;uint8_t[4] _padding0;",)):
+    """ULog by its published layout: information, a parameter, two instances of a topic, a message, a dropout."""
+
+    def keyed(key, value):
+        return bytes([len(key)]) + key.encode() + value
+
+    def imu(number, i):
+        sample = struct.pack("<Qff8s", 15625 * (i + 64), WAVE[i], -WAVE[i], b"armed" if i > 99 else b"idle")
+        return b"D", struct.pack("<H", number) + sample
+
+    messages = [(b"B", bytes(40)), *((b"F", text.encode()) for text in formats)]
+    messages += [(b"I", keyed("char[5] sys_name", b"bench")), (b"P", keyed("float gain", struct.pack("<f", 0.5)))]
+    messages += [(b"A", struct.pack("<BH", n, n) + b"imu") for n in (0, 1)]
+    messages += [imu(n, i) for i in rows for n in (0, 1)]
+    messages += [(b"L", b"6" + struct.pack("<Q", 9) + b"take-off"), (b"O", struct.pack("<H", 20))]
+    body = b"".join(struct.pack("<Hc", len(text), kind) + text for kind, text in messages)
+    path.write_bytes(b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 1) + body)
+
+
+def xlsx(path):
+    """A sheet of numbers, a text and a formula, and one of notes."""
+    book = openpyxl.Workbook()
+    sheet, book["Sheet"].title = book.create_sheet("Run 1", 0), "Notes"
+    sheet.append(["Time (s)", "F [N]", "State", "Twice"])
+    for i, (t, x) in enumerate(zip(TIME, WAVE, strict=True)):
+        sheet.append([t, x, "moving" if i > 99 else "still", f"=2*B{i + 2}"])
+    book["Notes"]["B2"] = "bench 2"
+    book.save(path)
+
+
 IN_PROCESS = {
     "run.csv": csv, "run.forces": forces, "run.lvm": lvm, "run.uff": uff, "run.tdms": tdms, "run.mf4": mdf,
     "run.mdf": mdf3, "packed.mf4": mdf_packed, "run.c3d": c3d, "run.wav": wav, "times.csv": times,
@@ -175,6 +207,8 @@ ISOLATED = {
     "run.mcap": mcap,
     "run.bag": bag,
     "run.db3": ros2_bag,
+    "run.ulg": ulog,
+    "run.xlsx": xlsx,
 }
 ALL = IN_PROCESS | ISOLATED
 

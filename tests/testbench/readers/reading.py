@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from studies.reader_faults import open_here
+from studies.reader_faults import answer_here, open_here
 from testbench.errors import RecordingError
 from testbench.public_recordings import FOLDER_VARIABLE
 from testbench.quality.group_checks import RecordingCheck
@@ -101,6 +101,7 @@ def said(path, options=None):
 def in_process(monkeypatch):
     """Libraries read in this process, which is faster; what befalls them there is a refusal here too."""
     monkeypatch.setattr("testbench.readers.registry.open_in_subprocess", open_here)
+    monkeypatch.setattr("testbench.readers.xlsx.answer_in_subprocess", answer_here)
 
 
 def real(name) -> Path:

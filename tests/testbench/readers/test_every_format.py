@@ -41,7 +41,9 @@ def test_every_format_keeps_the_contract(tmp_path, name):
     assert contract.violations(find_reader(path), path) == []
 
 
-@pytest.mark.parametrize("name", ["run.h5", "run.mat", "run.parquet", "run.mcap", "run.bag", "run.db3"])
+@pytest.mark.parametrize(
+    "name", ["run.h5", "run.mat", "run.parquet", "run.mcap", "run.bag", "run.db3", "run.ulg", "run.xlsx"]
+)
 def test_a_process_of_its_own_gives_the_same(tmp_path, request, name):
     """Each library reads there as it does here: the same bits, groups, findings and settings."""
     path = examples.make(tmp_path, name)
@@ -186,7 +188,16 @@ def test_another_package_adds_a_format(tmp_path, monkeypatch):
     assert any("ValueError" in text for text in said), "damaged copies of this careless reader fail"
 
 
-@pytest.mark.parametrize(("name", "extra"), [("run.mcap", "mcap"), ("run.bag", "rosbag"), ("run.parquet", "parquet")])
+@pytest.mark.parametrize(
+    ("name", "extra"),
+    [
+        ("run.mcap", "mcap"),
+        ("run.bag", "rosbag"),
+        ("run.parquet", "parquet"),
+        ("run.ulg", "ulog"),
+        ("run.xlsx", "excel"),
+    ],
+)
 def test_a_missing_library_is_said_in_one_line(tmp_path, monkeypatch, name, extra):
     """What to install, as pip takes it."""
     path = examples.make(tmp_path, name)
