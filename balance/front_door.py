@@ -185,12 +185,13 @@ def check(mechanism: Mechanism | str | Path, counter_masses: Mapping[str, float 
 
 
 def simulate(
-    mechanism: Mechanism | str | Path, motion: Motion | str | Path, rate: float | str = DEFAULT_RATE_HZ
+    mechanism: Mechanism | str | Path, motion: Motion | Trajectory | str | Path, rate: float | str = DEFAULT_RATE_HZ
 ) -> Response:
     """Shaking force (n, 3) [N], shaking moment (n, 3) [N m] and drive torques (n,) [N m, N] along a motion.
 
     What the mechanism exerts on its base, weight excluded: F = -d(linear momentum)/dt, M = -d(angular momentum)/dt
-    about the base frame's origin. ``rate`` of sampling [Hz].
+    about the base frame's origin. ``rate`` of sampling [Hz]; a ``Trajectory`` has its own instants: of
+    :func:`follow`, or as encoders recorded it (``testbench.AlignedRun.trajectory``).
 
     >>> import balance
     >>> response = balance.simulate("four-bar", "four-bar", rate="1 kHz")
@@ -198,7 +199,13 @@ def simulate(
     9.07
     """
     model = _mechanism(mechanism)
-    return inverse_dynamics.simulate(model, follow(model, motion, rate))
+    trajectory = motion if isinstance(motion, Trajectory) else follow(model, motion, rate)
+    if len(model.coordinates) != trajectory.q.shape[1]:
+        raise ModelError(
+            f"the trajectory is of {trajectory.mechanism}, with {trajectory.q.shape[1]} coordinates: {model.name} has "
+            f"{len(model.coordinates)}"
+        )
+    return inverse_dynamics.simulate(model, trajectory)
 
 
 def tradeoff(

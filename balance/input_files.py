@@ -321,10 +321,19 @@ def _depth(value: object) -> int:
 # CSV
 
 
+_DECIMALS = re.compile(r"[+-]?\d*([.,])\d+(?:[eE][+-]?\d+)?")
+
+
 def csv_cells(text: str, source: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """Cells of the header, and line and cells of each row that is not blank; ``source`` is what messages call it."""
+    """Cells of the header, and line and cells of each row that is not blank; ``source`` is what messages call it.
+
+    Semicolons or tabs separate them where the header has some; numbers then may have decimal commas, all or none.
+    """
+    text = text.removeprefix("\ufeff")
+    first = text.partition("\n")[0]
+    delimiter = next((mark for mark in ";\t" if mark in first), ",")
     try:
-        lines = csv.reader(StringIO(text.removeprefix("\ufeff"), newline=""), strict=True)
+        lines = csv.reader(StringIO(text, newline=""), delimiter=delimiter, strict=True)
         header = next(lines, [])
         rows = [(lines.line_num, row) for row in lines if any(cell.strip() for cell in row)]
     except csv.Error as wrong:
@@ -335,7 +344,28 @@ def csv_cells(text: str, source: str) -> tuple[list[str], list[tuple[int, list[s
                 f"{source}, line {line}: {len(row)} cells, the header has {len(header)} columns: is there a comma "
                 "in a number?"
             )
-    return header, rows
+    return header, rows if delimiter == "," else _decimal_points(header, rows, source)
+
+
+def _decimal_points(
+    header: Sequence[str], rows: Sequence[tuple[int, list[str]]], source: str
+) -> list[tuple[int, list[str]]]:
+    """Rows whose numbers have points for decimal commas; a column ``name`` has none."""
+    lines: dict[str, int] = {}
+    found = []
+    for line, row in rows:
+        cells = list(row)
+        for i, cell in enumerate(row):
+            if (number := _DECIMALS.fullmatch(cell.strip())) and header[i : i + 1] != ["name"]:
+                lines.setdefault(number[1], line)
+                cells[i] = cell.replace(",", ".")
+        found.append((line, cells))
+    if len(lines) > 1:
+        raise DataError(
+            f"{source}: decimal commas (line {lines[',']}) and decimal points (line {lines['.']}): write all numbers "
+            "with one mark"
+        )
+    return found
 
 
 def csv_rows(model: type[Model], path: Path) -> list[Model]:

@@ -18,6 +18,7 @@ import dataclasses
 import inspect
 import math
 import unicodedata
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, cached_property, reduce
 from importlib import import_module
@@ -88,6 +89,11 @@ def first_of(names: Iterable[str], most: int) -> str:
     """The first names, and how many more there are."""
     every = list(names)
     return ", ".join(every[:most]) + (f" and {len(every) - most} more" if len(every) > most else "")
+
+
+def counted(names: Iterable[str]) -> str:
+    """Names in the order in which they come, with how many there are of each: ``2 large + tiny``; - if none."""
+    return " + ".join(f"{n} {name}" if n > 1 else name for name, n in Counter(names).items()) or "-"
 
 
 def micro(value: Any) -> Any:  # noqa: ANN401

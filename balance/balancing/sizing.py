@@ -12,7 +12,7 @@ import numpy as np
 from ..arrays import Floats, Indices
 from ..errors import SizingError
 from ..mechanism.mechanism import Mechanism, Site
-from ..results import Key, Shown, plain
+from ..results import Key, Shown, counted, plain
 from .conditions import Conditions
 from .least_masses import distribute_masses
 from .objective import Objective, unit_masses, workspace_objective
@@ -42,7 +42,7 @@ class CounterMass:
     """[kg]"""
     position: Annotated[Floats, Key("position_m", "x in body [mm]", lambda at: f"{at[0] * 1e3:.2f}")]
     """Position of the site in its body's frame, (3,) [m]."""
-    plates: Annotated[tuple[str, ...], Key("", "plates", lambda names: " + ".join(names) or "-")] = ()
+    plates: Annotated[tuple[str, ...], Key("", "plates", counted)] = ()
     """Stock plates that it is made of."""
     inertia: float | None = None
     """About the axis through its own centre, normal to its plates, from the plates as drawn [kg m2].

@@ -16,7 +16,7 @@ from pydantic import Field
 
 from .. import datasets
 from ..errors import DataError, suggestion
-from ..input_files import Positive, Table, Text, load_model, model_from_table
+from ..input_files import Positive, Table, Text, csv_cells, load_model, model_from_table, read_text
 
 _ROUNDING = 1e-9
 
@@ -176,40 +176,30 @@ class Plate:
 
 
 def load_stock(name: str | Path) -> list[Plate]:
-    """Load a shipped stock by name, or a CSV file with the columns WEIGHED or DRAWN.
+    """Load a shipped stock by name, or a CSV file with the columns WEIGHED or DRAWN, as spreadsheets write it.
 
     Raises DataError, naming the row, for anything else.
     """
     path = datasets.find_dataset(name, "stock", ".csv")
-    rows = _rows(path)
-    columns = set(rows[0]) - {None} if rows else set()
+    header, rows = csv_cells(read_text(path), path.name)
+    header = [cell.strip() for cell in header]
+    columns = set(header)
     drawn = {"shape", "material", "thickness_mm"} <= columns <= set(DRAWN) and {"name", "quantity"} <= columns
-    if not drawn and columns != set(WEIGHED):
+    if not rows or (not drawn and columns != set(WEIGHED)):
         raise DataError(
-            f"{path.name}: expected the columns {','.join(WEIGHED)} and at least one plate, or of plates as drawn "
-            f"{','.join(DRAWN)}"
+            f"{path.name}: {len(rows)} plates, its columns are {', '.join(header) or 'none'}: expected at least one "
+            f"plate, and the columns {','.join(WEIGHED)}, or of plates as drawn {','.join(DRAWN)}"
         )
     densities: Mapping[str, float] = load_densities() if drawn else {}
-    plates = [_plate(row, f"{path.name}, plate {i}", densities) for i, row in enumerate(rows, 1)]
+    named = [dict(zip(header, cells, strict=False)) for _, cells in rows]
+    plates = [_plate(row, f"{path.name}, plate {i}", densities) for i, row in enumerate(named, 1)]
     if len({plate.name for plate in plates}) < len(plates):
         raise DataError(f"{path.name}: two plates have the same name; give one row with a quantity")
     return plates
 
 
-def _rows(path: Path) -> list[dict[str, str]]:
-    import csv
-
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            return list(csv.DictReader(file, strict=True))
-    except (csv.Error, UnicodeDecodeError) as error:
-        raise DataError(f"{path.name}: not a CSV file in UTF-8: {error}") from error
-
-
 def _plate(row: dict[str, str], where: str, densities: Mapping[str, float]) -> Plate:
-    if None in row:  # the csv module's key of cells beyond the last column
-        raise DataError(f"{where}: more cells than columns: {row}")
-    cells = {key: cell.strip() for key, cell in row.items() if (cell or "").strip()}
+    cells = {key: cell.strip() for key, cell in row.items() if cell.strip()}
     plate = model_from_table(StockRow, cells, where)
     if densities:
         mass, inertia = mass_and_inertia(plate, where, densities)

@@ -77,6 +77,7 @@ def simulate(
         | {"beyond_limits": {joint: list(reached) for joint, reached in beyond.items()}}
         | {"idle": list(trajectory.idle), "left_out": list(left_out)}
         | response_summary(response)
+        | {"drives": response.drives()}
         | (
             {
                 "reactions": found.summary(),
@@ -90,6 +91,19 @@ def simulate(
     return Answer(document, lambda: _print_motion(model, motion, trajectory, response, found), bool(beyond or left_out))
 
 
+_DRIVES = ["joint", "peak torque", "RMS torque", "peak speed", "power [W]", "braking [W]"]
+_DRIVEN = "RMS over the whole motion, rests included; speed and power at the joint, without gear and motor losses."
+
+
+def _drive(load: dict[str, float]) -> list[str]:
+    """Cells of what a motion asks of a driven joint; a key ends in its unit."""
+    units = {"torque_Nm": "N m", "force_N": "N", "rad_per_s": "rad/s", "m_per_s": "m/s"}
+    cells = [
+        f"{value:.4g} {unit}" for key, value in load.items() for end, unit in units.items() if key.endswith("_" + end)
+    ]
+    return [*cells, f"{load['peak_power_W']:.4g}", f"{max(-load['least_power_W'], 0.0):.4g}"]
+
+
 def _print_motion(
     model: "Mechanism", motion: str, trajectory: "Trajectory", response: "Response", found: "Reactions | None"
 ) -> None:
@@ -101,9 +115,17 @@ def _print_motion(
         f"{model.name} shakes its base with {force:.4g} N RMS in motion {motion}, "
         f"{float((response.force**2).sum(axis=1).max() ** 0.5):.4g} N peak (simulated, weight excluded)."
     )
-    shown = {n: value for n, value in rms.items() if Detail.everything or peak[n] > _NOTHING}
+    of_drives = {name for name in rms if name.startswith(("torque_", "drive_force_"))}
+    shown = {n: value for n, value in rms.items() if n not in of_drives and (Detail.everything or peak[n] > _NOTHING)}
     rows = [[options.component_label(name), f"{value:.4g}", f"{peak[name]:.4g}"] for name, value in shown.items()]
-    emit_table("", ["component", "RMS", "peak"], rows, "" if len(shown) == len(rms) else "All others are zero.")
+    emit_table(
+        "",
+        ["component", "RMS", "peak"],
+        rows,
+        "" if len(shown) + len(of_drives) == len(rms) else "All others are zero.",
+    )
+    if response.torque:
+        emit_table("Drives", _DRIVES, [[joint, *_drive(load)] for joint, load in response.drives().items()], _DRIVEN)
     note(
         f"{len(trajectory.time)} samples over {trajectory.time[-1]:.4g} s; loops closed to {trajectory.residual:.2g} m "
         f"on the branch of {trajectory.branch!r}; weight excluded from force and moment."

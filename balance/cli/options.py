@@ -329,4 +329,5 @@ LEAST_PROGRESS = 20 << 20
 def component_label(name: str) -> str:
     """The name of a component with its unit, such as ``Fx [N]`` of ``Fx_N``."""
     stem, _, unit = name.rpartition("_")
-    return f"{stem.replace('_', ' ')} [{unit.replace('Nm', 'N m')}]"
+    kind = next((kind for kind in ("torque_", "drive_force_") if stem.startswith(kind)), "")
+    return f"{kind.replace('_', ' ')}{stem.removeprefix(kind)} [{unit.replace('Nm', 'N m')}]"

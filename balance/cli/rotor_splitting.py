@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..results import counted
 from .framework import Answer, emit_table, say
 from .options import Quantity, argument, command, option
 
@@ -171,7 +172,7 @@ def _print(document: dict[str, Any], weighted: "Split", stocked: bool, purpose: 
         f"{document['total_weight_g']:.6g} g in all."
     )
     rows = [
-        [hole["hole"], f"{hole['angle_deg']:.3f}", f"{hole['weight_g']:.6g}", " + ".join(hole["pieces"]) or "-"]
+        [hole["hole"], f"{hole['angle_deg']:.3f}", f"{hole['weight_g']:.6g}", counted(hole["pieces"])]
         for hole in document["holes"]
     ]
     at = "" if document["radius_mm"] is None else f" at radius {document['radius_mm']:g} mm"

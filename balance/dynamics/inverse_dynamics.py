@@ -6,7 +6,7 @@ of the joint's frame: a unit row gives a column of a regressor, the body's own r
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -138,7 +138,9 @@ class Response(Shown, figure="balance.figures.balancing:draw_response"):
     weight_moment: Floats
     """Moment of the moving weight about the origin of the base frame, (n, 3) [N m]."""
     sliding: frozenset[str] = frozenset()
-    """Driven joints that slide: their entry in ``torque`` is a force [N]."""
+    """Driven joints that slide: their entry in ``torque`` is a force [N], in ``speed`` [m/s]."""
+    speed: Mapping[str, Floats] = field(default_factory=dict)
+    """Speed of each driven joint, (n,) [rad/s, m/s]."""
 
     def rms(self) -> dict[str, float]:
         """Root mean square of each component [N, N m]."""
@@ -157,6 +159,21 @@ class Response(Shown, figure="balance.figures.balancing:draw_response"):
             for joint, values in self.torque.items()
         }
         return wrench | drives
+
+    def drives(self) -> dict[str, dict[str, float]]:
+        """By driven joint what a motor is chosen by: peak and RMS torque [N m], of slides force [N], RMS over the whole
+        motion, rests included; largest speed [rad/s, m/s]; power at the joint [W], largest and least: braking.
+        """
+        found = {}
+        for joint, speed in self.speed.items():
+            load, power = self.torque[joint], self.torque[joint] * speed
+            name, of_speed = ("force_N", "m_per_s") if joint in self.sliding else ("torque_Nm", "rad_per_s")
+            found[joint] = {
+                f"peak_{name}": float(np.abs(load).max()), f"rms_{name}": float(np.sqrt(np.mean(load**2))),
+                f"peak_speed_{of_speed}": float(np.abs(speed).max()),
+                "peak_power_W": float(power.max()), "least_power_W": float(power.min()),
+            }  # fmt: skip
+        return found
 
     def table(self) -> "pandas.DataFrame":
         """The components over time [s]."""
@@ -194,7 +211,8 @@ def simulate(mechanism: Mechanism, trajectory: Trajectory) -> Response:
     torque = _drive_torque(mechanism, trajectory, joint_torque.T)
     joints = mechanism.tree.joints
     sliding = frozenset(name for name in torque if not joints[mechanism.coordinate_index(name)].revolute)
-    return Response(trajectory.time, wrench[:3].T, wrench[3:].T, torque, weight.T, sliding)
+    speed = {joint: trajectory.v[:, mechanism.coordinate_index(joint)] for joint in torque}
+    return Response(trajectory.time, wrench[:3].T, wrench[3:].T, torque, weight.T, sliding, speed)
 
 
 def momentum(mechanism: Mechanism, q: Floats, v: Floats) -> Floats:

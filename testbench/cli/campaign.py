@@ -27,6 +27,7 @@ TARGETS = ("csv", "parquet", "mat", "uff", "sep005", "ro-crate")
 Examples:
   testbench export campaign/r001.h5 --to csv -o tables
   testbench export campaign --to parquet -o tables --physical
+  testbench export campaign --to csv --physical --resample "1 kHz" -o joined   (after testbench align)
   testbench export campaign --to ro-crate --licence CC-BY-4.0 -o crate
 \b
 SEP005 defines objects in memory and no file: testbench.export.sep005(testbench.open_run("r001.h5"))
@@ -38,12 +39,17 @@ def export(
     output: Path = option("The folder to write into.", None, "-o", "--output", required=True),
     licence: str | None = option("Licence of the runs, such as CC-BY-4.0: for ro-crate.", metavar="NAME|URL"),
     physical: bool = option("Values in SI, by the calibration that holds, and not as recorded."),
+    resample: str | None = option(
+        "All loggers of a run in one table on one clock, at this rate: csv or parquet.", metavar="RATE"
+    ),
 ) -> Answer:
     """Write stored runs in another form: values as recorded, with units, time and provenance. Overwrites nothing."""
     if to == "sep005":
         raise click.UsageError("SEP005 defines no file: use testbench.export.sep005(run) in Python")
     if licence and to != "ro-crate":
         raise click.UsageError("--licence is for --to ro-crate")
+    if resample and to not in ("csv", "parquet"):
+        raise click.UsageError("--resample makes one table: --to csv or parquet")
     if physical and to == "ro-crate":
         raise click.UsageError("a crate holds the runs as they are stored: --physical is for the other forms")
     runs: list[Run]
@@ -58,13 +64,15 @@ def export(
         written = [ro_crate.export_crate(Campaign(folder), list(runs), output, licence)]
     else:
         from ..export import export as write
+        from ..export import export_joined
         from ..runs.si_run import physical as in_si
 
         runs, refused = options.openable_runs([stored])
         with progress("exporting", sum(run.path.stat().st_size for run in runs)) as done:
 
             def exported(run: "Run") -> "list[Exported]":
-                files = write(in_si(run) if physical else run, to, output)
+                given = in_si(run) if physical else run
+                files = [export_joined(given, resample, to, output)] if resample else write(given, to, output)
                 done(run.path.stat().st_size)
                 return files
 

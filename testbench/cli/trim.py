@@ -6,7 +6,7 @@ import click
 
 from balance.cli.framework import Answer, Word, emit_findings, emit_further, emit_table, note, say
 from balance.cli.options import FIGURE, command, draw, option
-from balance.results import first_of, table
+from balance.results import counted, first_of, table
 
 from . import options
 
@@ -113,7 +113,7 @@ def _verdict(result: "Trim", stock: str | None) -> str:
     lacking = [m for m in result.missing if m.is_significant and m.first_moment.value > 0.0]
     parts = []
     for c in added:
-        plates = f" = {' + '.join(c.plates)}" if c.plates else ""
+        plates = f" = {counted(c.plates)}" if c.plates else ""
         parts.append(f"Add {c.mass:.3f} kg at {c.site}{plates}.")
     if lacking and not added:
         masses = ", ".join(f"{m.mass.value:.3f} kg at {m.site}" for m in lacking)

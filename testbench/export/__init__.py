@@ -33,10 +33,7 @@ class Exported:
 
 def export(run: Run, to: str, folder: Path) -> list[Exported]:
     """Write a run into ``folder``, one file a run, or a group if the target holds one table a file."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StoreError(f"{folder}: no folder to write into ({error.strerror or error}); name another") from error
+    _make(folder)
     groups = [group.name for group in run.groups]
     if to not in PER_GROUP:
         return [write_export(run, groups, to, folder / f"{run.name}{TARGETS[to]}")]
@@ -49,13 +46,33 @@ def export(run: Run, to: str, folder: Path) -> list[Exported]:
     ]
 
 
+def export_joined(run: Run, rate: str, to: str, folder: Path) -> Exported:
+    """Write all loggers of a run as one table on one clock, at ``rate`` such as ``1 kHz``: csv or parquet."""
+    _make(folder)
+    write = import_module(".tables", __package__).export_joined
+    return _whole(folder / f"{run.name}{TARGETS[to]}", lambda part: write(run, rate, to, part))
+
+
 def write_export(run: Run, groups: list[str], to: str, target: Path) -> Exported:
     """Write groups of a run into one file, under a hidden name first; never over another file."""
+    write = getattr(import_module(".tables", __package__), f"export_{to}")
+    return _whole(target, lambda part: write(run, groups, part))
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StoreError(f"{folder}: no folder to write into ({error.strerror or error}); name another") from error
+
+
+def _whole(target: Path, write: Callable[[Path], list[str]]) -> Exported:
+    """A file that has its name once ``write`` is through, which gives what is lost; never over another file."""
     if target.exists():
         raise _taken(target)
-    part = target.with_name(f".{uuid4().hex[:12]}{TARGETS[to]}")
+    part = target.with_name(f".{uuid4().hex[:12]}{target.suffix}")
     try:
-        losses = getattr(import_module(".tables", __package__), f"export_{to}")(run, groups, part)
+        losses = write(part)
         take_name(part, target)
     except FileExistsError as error:
         raise _taken(target) from error

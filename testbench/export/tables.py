@@ -11,6 +11,7 @@ Parquet: one table a group; units, origin and provenance as JSON in the metadata
 """
 
 import csv
+import re
 from datetime import datetime
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -21,6 +22,7 @@ from balance.table_files import write_csv, write_parquet
 
 from ..errors import StoreError
 from ..recording import UniformClock
+from ..runs.joined_channels import joined_table
 from ..store import Run
 from .columns import Column, columns, json_line, provenance, unique, unlisted_findings
 
@@ -116,6 +118,30 @@ def export_csv(run: Run, groups: list[str], target: Path) -> list[str]:
     if all(map(_is_number, headers)):
         losses.append(f"names of group {group!r} are all numbers: some readers take them for the first sample")
     return losses + unlisted_findings(run, "CSV")
+
+
+def export_joined(run: Run, rate: str, to: str, target: Path) -> list[str]:
+    """Write all groups as one table on one clock at ``rate``, a CSV or Parquet file that says how it was made."""
+    frame, problem = joined_table(run, rate)
+    how = {key: value for key, value in frame.attrs.items() if key not in ("run", "origin", "units")}
+    units = frame.attrs["units"]
+    names = [
+        name if not unit or re.search(rf"[(\[]{re.escape(unit)}[)\]]", name) else f"{name} ({unit})"
+        for name, unit in units.items()
+    ]
+    values = [frame.index.to_numpy(), *(frame[name].to_numpy() for name in units)]
+    table = dict(zip(unique([str(frame.index.name), *names]), values, strict=True))
+    if to == "parquet":
+        write_parquet(target, table, {KEY: json_line({"joined": how, **provenance(run), "units": units})})
+        return [problem] if problem else []
+    about = {"joined": how, **{k: v for k, v in provenance(run).items() if k not in ("origin", "findings")}}
+    with target.open("w", encoding="utf-8", newline="") as text:
+        text.write(f"# origin: {run.origin}\n")
+        text.writelines(f"# {key} = {json_line(value)}\n" for key, value in about.items())
+        csv.writer(text, lineterminator="\n").writerow(" ".join(name.splitlines()) for name in table)
+    with target.open("ab") as stream:
+        write_csv(stream, list(table.values()))
+    return [*([problem] if problem else []), *unlisted_findings(run, "CSV")]
 
 
 def _is_number(header: str) -> bool:

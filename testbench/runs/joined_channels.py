@@ -1,19 +1,17 @@
 """The channels of several loggers in one table: on one clock, at one rate."""
 
 import json
+import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from balance.arrays import Floats
-from balance.errors import CounterpoiseError
 from balance.units import si
 
 from ..errors import AnalysisError
-from ..synchronization.clock_map import ClockMap
-from .aligned_run import recorded_clocks
-from .si_run import SIRun
+from ..synchronization.run_alignment import stored_clock_maps
 
 if TYPE_CHECKING:
     import pandas
@@ -29,9 +27,20 @@ _GAP = 2.5
 def joined(run: "Run", rate: float | str, channels: Sequence[str] | None = None) -> "pandas.DataFrame":
     """All groups with a time, or these ``channels``, over the time that all of them recorded, at ``rate`` [Hz].
 
-    Clocks are mapped by the newest recorded alignment where there is one. Values are interpolated between two samples;
-    faster loggers are low-passed first, without phase. In gaps there is no value. ``attrs`` has what was done.
+    Clocks are mapped by the newest recorded alignment where there is one; a warning names those that have none. Values
+    are interpolated between two samples; faster loggers are low-passed first, without phase. In gaps there is no value.
+    ``attrs`` has what was done.
     """
+    frame, problem = joined_table(run, rate, channels)
+    if problem:
+        warnings.warn(problem, stacklevel=3)
+    return frame
+
+
+def joined_table(
+    run: "Run", rate: float | str, channels: Sequence[str] | None = None
+) -> "tuple[pandas.DataFrame, str]":
+    """The table of ``joined``, and which clocks are not aligned; empty if none."""
     import pandas
 
     hertz = si(rate, "frequency")
@@ -43,7 +52,7 @@ def joined(run: "Run", rate: float | str, channels: Sequence[str] | None = None)
         raise AnalysisError(
             f"{run.name}: resampling to {hertz:g} Hz: expected a positive rate, and a group with a time"
         )
-    clocks = _clocks(run)
+    clocks = stored_clock_maps(run.path) if run.path.parent.is_dir() else {}
     times = {
         g.name: clocks[g.name].to_reference(t) if g.name in clocks else t for g in groups if len(t := run.time(g.name))
     }
@@ -65,22 +74,21 @@ def joined(run: "Run", rate: float | str, channels: Sequence[str] | None = None)
             found[label] = _resampled(run, group, index, times[group.name], grid, hertz)
             units[label] = group.channels[index].unit
     frame = pandas.DataFrame(found, index=pandas.Index(grid, name="time (s)"))
-    how = "recorded alignments" if clocks else "as recorded, not aligned" if len(times) > 1 else "as recorded"
+    unaligned = [name for name in times if name not in clocks] if len(times) > 1 else []
+    how, problem = "as recorded" if len(times) == 1 else "recorded alignments", ""
+    if unaligned:
+        how = f"as recorded, not aligned: {', '.join(unaligned)}"
+        problem = (
+            f"{run.name}: the clocks of {', '.join(unaligned)} are as recorded, not aligned: one instant may have "
+            f"another time in each; align them first: testbench align {run.path.parent.name}"
+        )
     frame.attrs.update({
         "run": run.name, "origin": run.origin, "units": units, "resampled_to_hz": hertz, "clocks": how,
         "interpolation": f"linear; below a logger's own rate low-passed at {_PASSED * hertz:g} Hz first",
     })  # fmt: skip
     if (applied := run.provenance.get("calibrations")) is not None:
         frame.attrs["calibrations"] = json.dumps(applied, ensure_ascii=False)
-    return frame
-
-
-def _clocks(run: "Run") -> dict[str, ClockMap]:
-    """The recorded maps of a run's clocks; none where it has no rig or was never aligned."""
-    try:
-        return recorded_clocks(SIRun.of(run)) if run.rig is not None else {}
-    except CounterpoiseError:
-        return {}
+    return frame, problem
 
 
 def _resampled(run: "Run", group: "StoredGroup", index: int, time: Floats, grid: Floats, rate: float) -> Floats:

@@ -208,11 +208,17 @@ def write_alignments(campaign: Path, runs: "Sequence[tuple[Path, RunClocks]]") -
     return append_only_records.append_record(campaign, KIND, [path for path, _ in runs], {"alignments": rows})
 
 
-def stored_clock_maps(run: Path, reference: str) -> dict[str, ClockMap]:
-    """The newest stored map of each clock of a run onto that of ``reference``; empty where there is none."""
-    found: dict[str, ClockMap] = {}
-    for record in append_only_records.about(run.parent, KIND, run):
-        for row in record.content.get("alignments", []):
-            if row["run"] == run.stem and row["reference"] == reference:
-                found[row["group"]] = ClockMap.from_dict(row)
-    return found | {reference: same_clock((0.0, 0.0))} if found else {}
+def stored_clock_maps(run: Path, reference: str | None = None) -> dict[str, ClockMap]:
+    """The newest stored map of each clock of a run onto that of ``reference``, or of the reference of the newest; empty
+    where there is none."""
+    rows = [
+        row
+        for record in append_only_records.about(run.parent, KIND, run)
+        for row in record.content.get("alignments", [])
+        if row["run"] == run.stem and reference in (None, row["reference"])
+    ]
+    if not rows:
+        return {}
+    onto = rows[-1]["reference"]
+    found = {row["group"]: ClockMap.from_dict(row) for row in rows if row["reference"] == onto}
+    return found | {onto: same_clock((0.0, 0.0))}

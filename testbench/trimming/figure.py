@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from balance.estimation.estimate import LEVEL_TEXT
 from balance.estimation.first_moment_imbalance import MissingMass
-from balance.results import first_of
+from balance.results import counted, first_of
 
 from ..figures import style
 from .result import Trim
@@ -49,7 +49,7 @@ def _site(axes: "Axes", result: Trim, k: int) -> None:
     added = next((c for c in result.addition.counter_masses if c.site == before.site), None)
     plates = f"add {added.mass:.3f} kg" if added is not None and added.mass > 0.0 else "add nothing"
     if added is not None and added.plates:
-        plates += f" ({' + '.join(added.plates)})"
+        plates += f" ({counted(added.plates)})"
     axes.set_title(f"{before.site}: {plates}")
 
 

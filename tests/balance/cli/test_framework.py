@@ -25,7 +25,7 @@ FILES = {
     "motion.toml": 'start = ["0 m", "9 m"]\npeak_acceleration = "1 g0"\nmoves = [ { axis = "x", to = ["1 mm"] } ]\n',
     "samples.toml": 'samples = "."\n',
     "typo.toml": 'drven = "platform"\n',
-    "plates.csv": "name;mass_kg;quantity\nM1;5;2\n",
+    "plates.csv": "name,mass,quantity\nM1,5,2\n",
     "joints.toml": 'driven = "joints"\njoints = ["A9"]\nstart = ["1 rad"]\npeak_acceleration = "1 rad/s^2"\n'
                    'moves = [ { joint = "A9", to = ["1 rad"] } ]\n',
 }  # fmt: skip
@@ -58,7 +58,7 @@ REFUSED = {
     "motion of a chain": (("simulate", "serial-3r", *X), "serial-3r"),
     "too fast": (("simulate", MECH, *X, "--rate", "1e15 Hz"), "expected fewer than"),
     "no stock": (("size", MECH, "--stock", "shelf"), "shelf: no such file"),
-    "wrong stock": (("size", MECH, "--stock", "plates.csv"), "expected the columns name,mass_kg,quantity"),
+    "wrong stock": (("size", MECH, "--stock", "plates.csv"), "its columns are name, mass, quantity: expected at"),
     "no sites": (("size", "serial-1r", "--site", "tip", "--limit", "nowhere=1kg"), "nowhere"),
     "folder that is not there": (("simulate", MECH, *X, "--rate", "500 Hz", "--csv", "no/such/run.csv"), "run.csv"),
     "parquet into nowhere": (("simulate", MECH, *X, "--rate", "500 Hz", "--parquet", "no/such/run.pq"), "run.pq"),

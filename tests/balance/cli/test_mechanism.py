@@ -75,7 +75,18 @@ def test_people_read_a_table(balance):
     """Components with RMS and peak, how well the loops closed, and what is left out."""
     code, out, _ = balance("simulate", "parallelogram-6bar-full", "--motion", "triangle", "--rate", "2000 Hz", "--all")
     assert code == 0
-    for text in ("Fx", "Mz", "torque A0", "RMS", "peak", "branch of 'home'", "weight excluded"):
+    for text in (
+        "Fx",
+        "Mz",
+        "Drives",
+        "\nA0 ",
+        "RMS torque",
+        "power [W]",
+        "RMS",
+        "peak",
+        "branch of 'home'",
+        "weight excluded",
+    ):
         assert text in out
 
 

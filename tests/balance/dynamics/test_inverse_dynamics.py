@@ -193,6 +193,24 @@ def test_summaries_are_those_of_the_series() -> None:
     assert response.rms()["Fx_N"] == 0.0
 
 
+def test_what_the_drives_are_chosen_by() -> None:
+    """Loads and speeds of the driven joints; without losses all power is the rate of the energy, zero in the mean."""
+    mechanism = models.loaded("parallelogram-6bar")
+    trajectory = along_x(mechanism, 2000.0)
+    response = simulate(mechanism, trajectory)
+    drives = response.drives()
+    assert list(drives) == list(mechanism.driven)
+    for joint, load in drives.items():
+        assert load["peak_torque_Nm"] == response.peak()[f"torque_{joint}_Nm"]
+        assert load["rms_torque_Nm"] == response.rms()[f"torque_{joint}_Nm"]
+        at = mechanism.coordinate_index(joint)
+        assert load["peak_speed_rad_per_s"] == np.abs(trajectory.v[:, at]).max()
+        power = response.torque[joint] * trajectory.v[:, at]
+        assert (load["least_power_W"], load["peak_power_W"]) == (power.min(), power.max())
+    power = sum(response.torque[joint] * response.speed[joint] for joint in drives)
+    assert abs(np.trapezoid(power, trajectory.time)) < 1e-4 * np.trapezoid(np.abs(power), trajectory.time)
+
+
 def test_the_drive_torque_does_not_depend_on_what_the_motion_is_given_in() -> None:
     """The manipulator driven by its platform or by its two joints along one path needs the same torques."""
     mechanism = models.loaded("parallelogram-6bar")

@@ -378,6 +378,21 @@ def test_nothing_is_overwritten(run, tmp_path):
     assert [p.read_bytes() for p in (tmp_path / "out").iterdir()] == [before]
 
 
+def test_all_loggers_in_one_table(run, tmp_path, capsys):
+    """One row an instant, as in Python; clocks that were never aligned are said, exit 3."""
+    with pytest.warns(UserWarning, match="daq, forces"):
+        expected = run.to_pandas(resample="4 kHz").reset_index()
+    for to, read in (("csv", lambda path: polars.read_csv(path, comment_prefix="#")), ("parquet", polars.read_parquet)):
+        arguments = [str(run.path), "--to", to, "--resample", "4 kHz", "-o", str(tmp_path / to)]
+        assert command.main(arguments, standalone_mode=False) == 3
+        assert "clocks of daq, forces are as recorded, not aligned" in capsys.readouterr().out
+        written = read(tmp_path / to / f"r001.{to}")
+        np.testing.assert_array_equal(written.to_numpy(), expected.to_numpy())
+        assert written.columns == ["time (s)", "İvme X, ön (m/s²)", "F (N)", "Fz (N)", "forces: Fz (N)"]
+    with pytest.raises(click.UsageError, match="--to csv or parquet"):
+        command.main([str(run.path), "--to", "mat", "--resample", "1 kHz", "-o", "x"], standalone_mode=False)
+
+
 def test_the_command(run, tmp_path, capsys):
     """A campaign or a run; SEP005 has no file; exit 3 where something is lost."""
     assert (

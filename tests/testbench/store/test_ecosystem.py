@@ -15,6 +15,9 @@ from testbench.errors import StoreError
 from testbench.recording import Channel, Group, TimeColumn, UniformClock
 from testbench.store.archive import archive
 from testbench.store.writer import RunWriter
+from testbench.synchronization.clock_map import ClockMap
+from testbench.synchronization.offset_and_drift import AlignedClock
+from testbench.synchronization.run_alignment import RunClocks, write_alignments
 
 from .test_writer import store
 
@@ -82,7 +85,15 @@ def test_two_loggers_in_pandas(tmp_path):
         own = run.to_pandas(name)
         assert table.loc[name][list(own.columns)].equals(own.rename_axis(table.loc[name].index.name))
     assert table.loc["plc"]["AccX (g)"].isna().all()
+    for table_of in (run.to_pandas, run.to_xarray):
+        with pytest.warns(UserWarning, match=r"clocks of daq, plc are as recorded, not aligned: .*testbench align"):
+            table_of(resample="50 Hz")
+    late = AlignedClock(ClockMap(0.0, 0.1, 0.0, np.zeros((2, 2)), 9, (0.0, 0.5)), "trigger", "by hand", None)
+    write_alignments(tmp_path, [(run.path, RunClocks("two", "simulated", "daq", {"plc": late}, {}))])
     joined, data = run.to_pandas(resample="50 Hz"), run.to_xarray(resample="50 Hz")
+    assert joined.attrs["clocks"] == "recorded alignments"
+    assert joined.index[0] == 0.1, "where the later of the two begins, on the clock of the reference"
+    np.testing.assert_allclose(joined["q (rad)"].iloc[1], COLUMNS[0][2], rtol=1e-12)  # 20 ms: two samples of the plc
     assert joined.attrs["resampled_to_hz"] == 50.0
     for name, values in zip(joined.columns, data.data_vars.values(), strict=True):
         assert (values.attrs["long_name"], values.attrs["units"]) == (name, joined.attrs["units"][name])
