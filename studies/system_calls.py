@@ -199,6 +199,7 @@ def _forked(campaign: Path, work: str, kind: str, number: int, lost: Path, seed:
 
         def acknowledged(run: writer.RunWriter, *given: Any) -> None:  # noqa: ANN401
             real(run, *given)
+            run.wait_until_synced()
             (left,) = [one for one in atomic_files.leftovers(campaign) if one.part == run.part]
             tell("synced", sum(kept.samples for kept in atomic_files.read_journal(left.journal).groups))
 

@@ -14,11 +14,12 @@ import json
 import os
 import re
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, astuple, dataclass, field
 from pathlib import Path
+from threading import Lock
 from types import ModuleType
 from typing import IO, Any, NamedTuple
 
@@ -294,6 +295,9 @@ class JournalWriter:
 
     def __init__(self, path: Path, intent: dict[str, Any]) -> None:
         self.path = path
+        self.acknowledged: dict[int, int] = {}
+        """Chunks a channel that are noted, by the number of their group."""
+        self._one_notes = Lock()
         made = path.with_name(f"{path.name}.new")
         self._stream: IO[bytes] = made.open("xb", buffering=0)
         hold_lock(self._stream)  # before it has the name by which `recover` finds it
@@ -313,11 +317,12 @@ class JournalWriter:
 
     def acknowledge(self, number: int, pieces: Sequence[Sequence[Piece]]) -> None:
         """Note chunks of each channel of a group that are written: from now on they survive this process."""
+        self.acknowledged[number] = self.acknowledged.get(number, 0) + len(pieces[0])
         self._note({"group": number, "pieces": [[list(astuple(p)) for p in row] for row in pieces]})
 
-    def sync(self) -> None:
-        """Wait until the journal is on the disk, as all that it acknowledges is; both survive the machine then."""
-        self._note({"synced": True})
+    def sync(self, acknowledged: Mapping[int, int]) -> None:
+        """Note which chunks are on the disk, and wait until the journal is too: they survive the machine then."""
+        self._note({"synced": acknowledged})
         os.fsync(self._stream.fileno())
 
     def seal(self, sha256: str) -> None:
@@ -327,8 +332,9 @@ class JournalWriter:
     def _note(self, what: dict[str, Any]) -> None:
         text = json.dumps(what, ensure_ascii=True).encode("ascii")
         line = b"%08x %s\n" % (zlib.crc32(text), text)
-        while line:  # a disk that is full takes a part, and says why when asked again
-            line = line[self._stream.write(line) :]
+        with self._one_notes:
+            while line:  # a disk that is full takes a part, and says why when asked again
+                line = line[self._stream.write(line) :]
 
     def close(self) -> None:
         """Let go of the journal, which stays."""
@@ -364,8 +370,9 @@ def _take(journal: Journal, line: dict[str, Any]) -> None:
     elif "sealed" in line:
         journal.sealed = line["sealed"]
     elif "synced" in line:
-        for kept in journal.groups:
-            kept.synced = len(kept.pieces[0])
+        for kept in journal.groups:  # journals once said no more than that all was synced
+            known = line["synced"]
+            kept.synced = len(kept.pieces[0]) if known is True else known.get(str(kept.number), 0)
     elif "is" in line:
         group = group_from_dict(line["is"])
         journal.groups.append(Kept(group, line["group"], [[] for _ in group.channels]))

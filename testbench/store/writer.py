@@ -10,7 +10,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from dataclasses import asdict
 from functools import partial
@@ -50,8 +50,11 @@ GATHERED = 4 * CHUNK
 """Samples that are gathered before whole chunks are written."""
 ENTERED = ("accepted_findings", "acceptance", "continues")
 """What the ledger says of a run, out of its provenance."""
-SYNCED_EVERY_S = 1.0
-"""How long chunks that are acknowledged may wait to be synced with the journal [s]: what a loss of power may cost."""
+SYNCED_EVERY_S = 0.5
+"""How long chunks that are acknowledged wait until they begin to be synced with the journal [s].
+
+A loss of power costs twice this, or what was acknowledged in twice the time that the disk takes for it.
+"""
 Acknowledge = Callable[[Sequence[Sequence[Piece]]], None]
 Writing = AbstractContextManager[None]
 _NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable. %10d"
@@ -288,7 +291,9 @@ class RunWriter:
         self._file: h5py.File | None = None
         self._made_folder = self._is_placed = False
         self._details: dict[str, Any] = {}
-        self._synced = time.monotonic()
+        self._pool = ThreadPoolExecutor(1)  # syncs while the next chunks are written
+        self._syncing: Future[None] | None = None
+        self._sync_begun = time.monotonic()
         if self.target.exists():
             raise StoreError(f"{self.target}: there is a run of this name already; stored runs never change")
 
@@ -349,15 +354,27 @@ class RunWriter:
         return self._groups[group.name]
 
     def _acknowledge(self, number: int, pieces: Sequence[Sequence[Piece]]) -> None:
-        """Note chunks in the journal; those of the last second at most are not on the disk yet."""
+        """Note chunks in the journal; from time to time begin to sync all that are in it."""
+        assert self._journal is not None
+        self._journal.acknowledge(number, pieces)
+        if time.monotonic() - self._sync_begun >= SYNCED_EVERY_S:
+            self.wait_until_synced()
+            self._sync_begun = time.monotonic()
+            self._syncing = self._pool.submit(self._sync, dict(self._journal.acknowledged))
+
+    def _sync(self, acknowledged: Mapping[int, int]) -> None:
+        """Wait until so many chunks of each group are on the disk, and the journal that says so."""
         assert self._journal is not None
         assert self._out is not None
-        self._journal.acknowledge(number, pieces)
-        if time.monotonic() - self._synced >= SYNCED_EVERY_S:
-            self._out.sync()
-            self._journal.sync()
-            sync(self.target.parent)
-            self._synced = time.monotonic()
+        self._out.sync()
+        self._journal.sync(acknowledged)
+        sync(self.target.parent)
+
+    def wait_until_synced(self) -> None:
+        """Wait for the sync that has begun, if one has. Raises OSError if it failed."""
+        syncing, self._syncing = self._syncing, None
+        if syncing is not None:
+            syncing.result()
 
     def describe(
         self,
@@ -408,19 +425,22 @@ class RunWriter:
         assert self._journal is not None
         with self._writing():
             self._close()
-            with ThreadPoolExecutor(1) as pool:
-                synced = pool.submit(sync, self._part)  # the disk writes while the digest is computed
-                found = atomic_files.sha256_alone(self._part)
-                synced.result()
+            synced = self._pool.submit(sync, self._part)  # the disk writes while the digest is computed
+            found = atomic_files.sha256_alone(self._part)
+            synced.result()
             self._line = atomic_files.line_for(self.target.name, found)
             self._journal.seal(found)
 
     def _close(self) -> None:
-        if self._file is not None:
-            self._file.close()
-            self._file = None
+        try:
+            self.wait_until_synced()
+        finally:
+            if self._file is not None:
+                self._file.close()
+                self._file = None
+            if self._out is not None:
+                self._out.close()
         if self._out is not None:
-            self._out.close()
             self._out.check()
 
     def commit(self) -> Path:
@@ -442,6 +462,7 @@ class RunWriter:
     ) -> None:
         with contextlib.suppress(OSError, RuntimeError, StoreError):
             self._close()
+        self._pool.shutdown()
         try:
             self._part.unlink(missing_ok=True)
         except OSError:  # a folder that is a file; else the journal stays too, so that `recover` takes both away
