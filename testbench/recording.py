@@ -503,6 +503,14 @@ class TextLog:
         return [series.finding for series in self.kept] + given_up
 
 
+@dataclass
+class ContentDigest:
+    """SHA-256 of a log's bytes, taken as they are read for its blocks; empty until all were, or if nobody wants it."""
+
+    wanted: bool = False
+    sha256: str = ""
+
+
 @dataclass(frozen=True)
 class Recording(Brief):
     """A log file, its header read and its data not yet.
@@ -529,6 +537,8 @@ class Recording(Brief):
     findings: tuple[Finding, ...] = ()
     texts: TextLog = field(default_factory=TextLog)
     """Channels of text, there once the blocks are read."""
+    content: ContentDigest | None = None
+    """Of a reader that reads the whole file once, from its first byte to its last."""
 
     def blocks(self, report: Report) -> Iterator[Block]:
         """The data in blocks of bounded size; findings on the way go to ``report``."""

@@ -1,4 +1,4 @@
-"""The files given to an ingest: each opened, its digest computed in a thread meanwhile, and what is refused at once.
+"""The files given to an ingest: each opened, its digest computed on the way, and what is refused at once.
 
 Where several logs make one run, groups of one name in two files get the name of their file in front. Where each is a
 run of its own, the others are asked for channels that one lacks. Refused are stored runs, channels without end, and the
@@ -23,24 +23,37 @@ _AT_ONCE = 4 << 20
 
 
 class Source:
-    """One log file: its recording opened, the findings so far, and its SHA-256, computed in a thread meanwhile."""
+    """One log file: its recording opened, the findings so far, and its SHA-256.
+
+    That is of the bytes as the reader reads them, where it reads all of them; else it is computed in a thread meanwhile.
+    """
 
     def __init__(self, path: Path, options: ReadOptions | None) -> None:
         if not path.is_file():
             open_recording(path, options)  # says what is there instead
-        self.path, self.sha256 = path, ""
+        self.path, self._sha256 = path, ""
         self.findings: list[Finding] = []
         self._state = _state(path)
         self._failed: OSError | None = None
-        self._thread = threading.Thread(target=self._digest, daemon=True)
-        self._thread.start()  # before the recording is opened, so that no moment of the processors is lost
+        self._thread: threading.Thread | None = None
         self.recording = open_recording(path, options)
+        if self.recording.content is not None:
+            self.recording.content.wanted = True
+        else:
+            self._thread = threading.Thread(target=self._digest, daemon=True)
+            self._thread.start()
 
     def _digest(self) -> None:
         try:
-            self.sha256 = atomic_files.sha256_of(self.path, at_once=_AT_ONCE)
+            self._sha256 = atomic_files.sha256_of(self.path, at_once=_AT_ONCE)
         except OSError as error:
             self._failed = error
+
+    @property
+    def sha256(self) -> str:
+        """The SHA-256 of the file; empty as long as it is not known."""
+        content = self.recording.content
+        return self._sha256 or (content.sha256 if content is not None else "")
 
     @property
     def size(self) -> int:
@@ -49,7 +62,10 @@ class Source:
 
     def digested(self) -> str:
         """The SHA-256 of the file. Raises RecordingError if the file has changed since it was opened."""
-        self._thread.join()
+        if self._thread is not None:
+            self._thread.join()
+        elif not self.sha256:
+            self._digest()
         if self._failed is not None:
             raise self._failed
         if _state(self.path) != self._state:

@@ -8,7 +8,7 @@ import numpy as np
 
 from balance.errors import CounterpoiseError
 
-from ..recording import MEANING, Block, Finding, Group, Recording, TimeColumn
+from ..recording import MEANING, Block, ContentDigest, Finding, Group, Recording, TimeColumn
 from .registry import HEAD_BYTES, Reader, ReadOptions, find_reader
 
 _HEADS = (b"", b"\0" * 64, b"\xff" * HEAD_BYTES, b"a,b\n1,2\n", bytes(range(256)) * 16)
@@ -89,7 +89,12 @@ def _of_finding(finding: Finding) -> Iterator[str]:
 
 
 def _of_blocks(recording: Recording, digest: "hashlib._Hash") -> Iterator[str]:
-    """Blocks that follow one another, of equal columns of float64; findings on the way are known ones."""
+    """Blocks that follow one another, of equal columns of float64; findings on the way are known ones.
+
+    Where the reader gives a digest of all bytes that it read, that is the file's.
+    """
+    content = recording.content or ContentDigest()
+    content.wanted = True
     findings: list[Finding] = []
     done: dict[str, int] = {}
     for block in recording.blocks(findings.append):
@@ -99,6 +104,8 @@ def _of_blocks(recording: Recording, digest: "hashlib._Hash") -> Iterator[str]:
             digest.update(np.ascontiguousarray(column).tobytes())
         if block.group not in recording.groups:
             yield from _of_group(block.group)
+    if recording.content is not None and content.sha256 != hashlib.sha256(recording.path.read_bytes()).hexdigest():
+        yield "the digest of what it read is not that of the file"
     for finding in findings:
         yield from _of_finding(finding)
     for group in recording.groups:

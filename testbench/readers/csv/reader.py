@@ -46,7 +46,8 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
     if options.description is None or not options.description.time:
         multiple = find_multiple_time_columns(group, text.rows, kept, text.clock_of(channels), zero_of)
     texts = TextLog()
-    read = text.across_midnight(text.table(group, kept, texts).blocks, kept)
+    table = text.table(group, kept, texts)
+    read = text.across_midnight(table.blocks, kept)
     return Recording(
         path=path,
         format="CSV",
@@ -65,6 +66,7 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
             *([multiple.finding] if multiple else []),
         ),
         texts=texts,
+        content=table.content,
     )
 
 

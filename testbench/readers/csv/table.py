@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...recording import Block, Clock, Finding, Group, Report, Samples, StartTime, TextLog, TimeColumn
+from ...recording import Block, Clock, ContentDigest, Finding, Group, Report, Samples, StartTime, TextLog, TimeColumn
 from ..byte_source import in_order
 from .cell_syntax import is_missing
 from .header import time_name_base
@@ -50,6 +50,7 @@ class Table:
     texts: tuple[tuple[int, str], ...] = ()
     """Fields of text and their names."""
     log: TextLog = field(default_factory=TextLog)
+    content: ContentDigest = field(default_factory=ContentDigest)
 
     def blocks(self, report: Report) -> Iterator[Block]:
         """The rows in blocks; what is odd in them is reported at the end."""
@@ -94,7 +95,7 @@ class Table:
     def _pieces(self, rows: RowFilter, report: Report) -> Iterator[RegularRows]:
         """Regular rows: as they are where the whole block parses to finite numbers, else made regular."""
         before, line = b"", self.first_data_line
-        blocks = read_blocks(self.path, self.encoding, self.first_data_line, counted=False)
+        blocks = read_blocks(self.path, self.encoding, self.first_data_line, counted=False, content=self.content)
         known = self.parser.separator != " " and self.parser.dialect.decimal in (".", ",")
         is_long = known and self.path.stat().st_size >= LONG_BYTES  # worth the start of the compiled loop
         loop = FastParser(self.parser, self.kept).columns if is_long else lambda plain: None

@@ -1,6 +1,7 @@
 """A text file: its encoding, its first and last lines, and all its lines in blocks of ASCII-compatible bytes."""
 
 import codecs
+import hashlib
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import RecordingError
-from ...recording import Finding, Refusal
+from ...recording import ContentDigest, Finding, Refusal
 from ..registry import format_name
 
 BLOCK_BYTES = 8 << 20
@@ -177,11 +178,19 @@ class TextBlock:
 
 
 def read_blocks(
-    path: Path, encoding: Encoding, first_line: int, block_bytes: int | None = None, counted: bool = True
+    path: Path,
+    encoding: Encoding,
+    first_line: int,
+    block_bytes: int | None = None,
+    counted: bool = True,
+    content: ContentDigest | None = None,
 ) -> Iterator[TextBlock]:
-    """The lines from ``first_line`` (counted from 1) on, in blocks; not ``counted`` where the caller does it."""
+    """The lines from ``first_line`` (counted from 1) on, in blocks; not ``counted`` where the caller does it.
+
+    ``content`` gets the file's digest if that is wanted.
+    """
     line, rest, bytes_read = 1, b"", 0
-    for raw in _chunks(path, encoding, block_bytes or BLOCK_BYTES):
+    for raw in _chunks(path, encoding, block_bytes or BLOCK_BYTES, content or ContentDigest()):
         bytes_read += len(raw)
         if raw.endswith(b"\n") and not rest:
             whole = raw
@@ -212,18 +221,22 @@ def _too_long(path: Path, line: int) -> Refusal:
     return Refusal(path.name, Finding("line_too_long", None, f"line {line}", message))
 
 
-def _chunks(path: Path, encoding: Encoding, size: int) -> Iterator[bytes]:
+def _chunks(path: Path, encoding: Encoding, size: int, content: ContentDigest) -> Iterator[bytes]:
     """The file's content after its mark; other encodings than ASCII's kin as UTF-8, line ends as line feeds."""
     decoder = None if encoding.keeps_ascii else codecs.getincrementaldecoder(encoding.name)("replace")
     returns_only: bool | None = None
+    content.sha256 = ""
     with path.open("rb", buffering=0) as stream:
-        stream.seek(encoding.mark)
+        total = hashlib.sha256(stream.read(encoding.mark))
         while raw := stream.read(_to_line_end(stream, size)):
+            if content.wanted:
+                total.update(raw)
             if decoder is not None:
                 raw = decoder.decode(raw).encode("utf-8", "replace")
             if returns_only is None:
                 returns_only = b"\r" in raw and b"\n" not in raw
             yield raw.replace(b"\r", b"\n") if returns_only else raw
+    content.sha256 = total.hexdigest() if content.wanted else ""
     if decoder is not None and (tail := decoder.decode(b"", final=True)):
         yield tail.encode("utf-8", "replace")
 

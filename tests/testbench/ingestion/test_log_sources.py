@@ -1,15 +1,17 @@
-"""Several logs in one run whose groups are called alike."""
+"""Logs of one run: their digests, and groups that are called alike."""
 
 from pathlib import Path
 
 import numpy as np
+import pytest
 from nptdms import ChannelObject, TdmsWriter
 
 from testbench.ingestion import Ingest
-from testbench.ingestion.log_sources import distinct_groups
+from testbench.ingestion.log_sources import Source, distinct_groups
 from testbench.ingestion.run_table import PlannedRun
+from testbench.readers.csv import text_blocks
 from testbench.recording import Block, Channel, Group, Recording, UniformClock
-from testbench.store import open_run
+from testbench.store import atomic_files, open_run
 
 
 def _recording(path, *names):
@@ -37,6 +39,23 @@ def test_names_that_come_twice_get_their_file():
     assert [group.name for group in one.groups + two.groups] == ["run 1 DAQ", "run 2 DAQ", "run 2 b"]
     assert [block.group.name for block in two.blocks(print)] == ["run 2 DAQ", "run 2 b", "run 2 late"]
     assert [group.name for group in other.groups] == ["c"]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be", "cp1254"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("block", [64, 1 << 20])
+def test_digest_of_what_is_read(tmp_path, monkeypatch, encoding, end, block):
+    """Of each byte, those of a mark and of a last line that has no end too; the file is not read a second time for it."""
+    path = tmp_path / "log.csv"
+    rows = end.join(f"{i / 1000:.3f},{i % 7}" for i in range(40))
+    path.write_bytes(f"# kayıt{end}Time (s),AccX (g){end}{rows}".encode(encoding))
+    monkeypatch.setattr(text_blocks, "BLOCK_BYTES", block)
+    expected = atomic_files.sha256_of(path)
+    monkeypatch.setattr(atomic_files, "sha256_of", lambda *_, **__: pytest.fail("it is read a second time"))
+    source = Source(path, None)
+    assert source.sha256 == ""
+    assert sum(len(found) for found in source.recording.blocks(lambda finding: None)) == 40
+    assert source.digested() == expected
 
 
 def test_two_loggers_of_one_kind_make_one_run(tmp_path):
