@@ -25,7 +25,7 @@ _AT_ONCE = 4 << 20
 class Source:
     """One log file: its recording opened, the findings so far, and its SHA-256.
 
-    That is of the bytes as the reader reads them, where it reads all of them; else it is computed in a thread meanwhile.
+    That is of the bytes as the reader reads them, where it reads all; else it is computed in a thread meanwhile.
     """
 
     def __init__(self, path: Path, options: ReadOptions | None) -> None:

@@ -188,15 +188,12 @@ class ClockStats:
             self.non_increasing += len(falling)
             for i in falling[: max(0, SHOWN - len(self.falls))]:
                 self.falls.append((block.where(int(index[i])), float(steps[i])))
-        if len(self.longest) < SHOWN or largest > self.longest[0][0]:
-            for i in np.argpartition(steps, -min(SHOWN, len(steps)))[-SHOWN:]:
-                self._keep_longest(float(steps[i]), block.where(int(index[i])))
-
-    def _keep_longest(self, step: float, where: str) -> None:
-        if len(self.longest) < SHOWN:
-            heappush(self.longest, (step, where))
-        else:
-            heappushpop(self.longest, (step, where))
+        least = self.longest[0][0] if len(self.longest) == SHOWN else -math.inf
+        if largest > least:
+            longer = np.flatnonzero(steps > least)
+            for i in longer[np.argpartition(steps[longer], -min(SHOWN, len(longer)))[-SHOWN:]]:
+                keep = heappush if len(self.longest) < SHOWN else heappushpop
+                keep(self.longest, (float(steps[i]), block.where(int(index[i]))))
 
 
 _NEIGHBOURS, _SHARE = 8, 2.0**-16

@@ -17,7 +17,7 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, astuple, dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from threading import Lock
 from types import ModuleType
@@ -318,7 +318,7 @@ class JournalWriter:
     def acknowledge(self, number: int, pieces: Sequence[Sequence[Piece]]) -> None:
         """Note chunks of each channel of a group that are written: from now on they survive this process."""
         self.acknowledged[number] = self.acknowledged.get(number, 0) + len(pieces[0])
-        self._note({"group": number, "pieces": [[list(astuple(p)) for p in row] for row in pieces]})
+        self._note({"group": number, "pieces": [[[p.at, p.size, p.count, p.digest] for p in row] for row in pieces]})
 
     def sync(self, acknowledged: Mapping[int, int]) -> None:
         """Note which chunks are on the disk, and wait until the journal is too: they survive the machine then."""

@@ -45,7 +45,7 @@ def test_names_that_come_twice_get_their_file():
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("block", [64, 1 << 20])
 def test_digest_of_what_is_read(tmp_path, monkeypatch, encoding, end, block):
-    """Of each byte, those of a mark and of a last line that has no end too; the file is not read a second time for it."""
+    """Of each byte, those of a mark and of a last line without an end too; the file is not read a second time."""
     path = tmp_path / "log.csv"
     rows = end.join(f"{i / 1000:.3f},{i % 7}" for i in range(40))
     path.write_bytes(f"# kayıt{end}Time (s),AccX (g){end}{rows}".encode(encoding))

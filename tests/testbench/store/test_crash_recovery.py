@@ -5,6 +5,7 @@ import json
 import os
 import random
 import sys
+import threading
 from contextlib import suppress
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from testbench.ingestion import Ingest
 from testbench.ingestion.recovered_runs import recover
 from testbench.ingestion.run_table import plan_runs
 from testbench.recording import Channel, Group, TimeColumn, UniformClock
-from testbench.store import atomic_files, open_campaign, open_run, writer
+from testbench.store import atomic_files, chunk_io, open_campaign, open_run, writer
 from testbench.store.archive import archive
 from testbench.store.atomic_files import JournalWriter
 from testbench.store.writer import RunWriter
@@ -90,6 +91,22 @@ def system(request, monkeypatch):
     monkeypatch.setattr(atomic_files, "fcntl", None)
     for name in ("rename", "replace", "unlink", "link"):
         monkeypatch.setattr(os, name, unless_open(getattr(os, name)))
+
+
+def test_what_is_written_during_a_sync_waits_for_the_next_one(tmp_path, monkeypatch):
+    """The journal says of the chunks alone that they are on the disk that were acknowledged before the sync began."""
+    begun, ended = threading.Event(), threading.Event()
+    monkeypatch.setattr(chunk_io.OutFile, "sync", lambda _: (begun.set(), ended.wait(60.0)))
+    with RunWriter(tmp_path, "r001", INTENT) as run:
+        for every_s in (0.0, 1e9):
+            monkeypatch.setattr(writer, "SYNCED_EVERY_S", every_s)
+            run.group(GROUP).append([column[: writer.GATHERED] for column in COLUMNS])
+            assert begun.wait(60.0)
+        ended.set()
+        run.wait_until_synced()
+        (kept,) = atomic_files.read_journal(run.part.with_suffix(atomic_files.JOURNAL)).groups
+        chunks = writer.GATHERED // writer.CHUNK
+        assert ([len(pieces) for pieces in kept.pieces], kept.synced) == ([2 * chunks] * 2, chunks)
 
 
 @pytest.mark.usefixtures("system")
