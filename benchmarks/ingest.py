@@ -4,7 +4,8 @@
 
 Ours also detects the dialect, checks every channel and the clock, keeps a checksum of each chunk and digests of both
 files, and waits for the disk; the peer does none of it. What all stored is compared first. pandas parses in several
-threads from 3.1 on, and in one before; both are measured, and the quicker one decides.
+threads from 3.1 on, and in one before; both are measured. On a long log ours must be quicker than either, and ``AIM``
+times as quick as the one thread.
 """
 
 import argparse
@@ -20,8 +21,8 @@ CHANNELS = 5
 RATE_HZ = 5000.0
 LONG_MB = 200.0
 """Size from which start-up no longer decides [1e6 bytes]."""
-AIM = 1.5
-"""Times as fast as the peer, on two cores that do nothing else."""
+AIM = 2.0
+"""Times as fast as pandas in one thread, on two cores that do nothing else."""
 _ROWS_WRITTEN = 100_000
 
 
@@ -94,10 +95,9 @@ def main() -> int:
     print(peers[1].line("the same in one thread, as before 3.1"))
     print(ours.line("testbench ingest"))
     threads, one = (f"{peer.seconds / ours.seconds:.2f} ({peer.processor_s / ours.processor_s:.2f})" for peer in peers)
-    print(f"  {threads} times as fast (by processor time); than in one thread {one}; aim: {AIM:g}")
-    peer = min(peers, key=lambda side: side.seconds)
-    slower = given.mb >= LONG_MB and peer.seconds < ours.seconds
-    return int(slower or ours.peak_mb > apart.MEMORY_MB)
+    print(f"  {threads} times as fast (by processor time); aim: 1; than in one thread {one}; aim: {AIM:g}")
+    slower = ours.seconds > min(peers[0].seconds, peers[1].seconds / AIM)
+    return int((given.mb >= LONG_MB and slower) or ours.peak_mb > apart.MEMORY_MB)
 
 
 if __name__ == "__main__":
