@@ -12,7 +12,7 @@ is the factor by which the jackknife finds more variance than white noise would 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from balance.estimation.estimate import Estimate, coverage_factor, effective_deg
 from balance.estimation.first_moment_imbalance import Imbalance, masses_per_value
 from balance.estimation.identifiability import NotIdentifiable
 from balance.estimation.regression import RegressionFit
+from balance.input_files import Measured
 from balance.motion import Motion
 from balance.motion.motion_files import load_motion, motion_from_texts
 from balance.results import INLINE, Key
@@ -36,19 +37,14 @@ from .simulator.loggers import record_log
 from .simulator.memory_run import memory_run, written_values
 from .simulator.run import simulate_run
 from .simulator.sensors import true_signals
+from .store import Run
 from .trimming import trim_runs
 from .trimming.estimators import ESTIMATORS, present_sources
 from .trimming.missing_masses import lacking, trim_problem
 from .trimming.problem import NAMES, Source, TrimProblem
 from .vibration.metrics import Measure
-from .vibration.reduction import analyze
+from .vibration.reduction import Reduction, analyze
 from .vibration.run_pairs import ConditionKey
-
-if TYPE_CHECKING:
-    from balance.input_files import Measured
-
-    from .store import Run
-    from .vibration.reduction import Reduction
 
 Question = Literal["reduction", "first-moment", "counter-mass"]
 _SEED = 0
@@ -121,11 +117,11 @@ def _ranked(question: Question, unit: str, proposals: Sequence[Proposal], notes:
 
 
 def next_for_reduction(
-    runs: "Iterable[Run]",
+    runs: Iterable[Run],
     measure: Measure,
     payload_kg: float | None = None,
     motions: Sequence[str] = (),
-    peaks: "Sequence[Measured[float]]" = (),
+    peaks: Sequence[Measured[float]] = (),
     axes: Sequence[str] = (),
     accept: Sequence[str] = (),
 ) -> Design:
@@ -158,14 +154,14 @@ def next_for_reduction(
     return _ranked("reduction", "points", [_repeat(runs_of_side, rows) for runs_of_side in sides], notes)
 
 
-def _has_peak(key: ConditionKey, peak: "Measured[float]") -> bool:
+def _has_peak(key: ConditionKey, peak: Measured[float]) -> bool:
     """Whether a condition has this peak acceleration."""
     if peak.dimension == "acceleration":
         return key.peak_acceleration_g is not None and bool(np.isclose(key.peak_acceleration_g * G0, peak.value))
     return key.peak_acceleration_rad_s2 is not None and bool(np.isclose(key.peak_acceleration_rad_s2, peak.value))
 
 
-def _repeat(repeated: tuple[str, ...], rows: "Sequence[Reduction]") -> Proposal:
+def _repeat(repeated: tuple[str, ...], rows: Sequence[Reduction]) -> Proposal:
     """One more of the runs of a side of a condition."""
     logs, best = [], None
     for one in rows:
@@ -187,12 +183,12 @@ def _repeat(repeated: tuple[str, ...], rows: "Sequence[Reduction]") -> Proposal:
 
 
 def next_for_first_moment(
-    runs: "Sequence[Run]",
+    runs: Sequence[Run],
     question: Question = "first-moment",
     sites: Sequence[str] = (),
     payload_kg: float | None = None,
     motions: Sequence[str] = (),
-    peaks: "Sequence[Measured[float]]" = (),
+    peaks: Sequence[Measured[float]] = (),
 ) -> Design:
     """The run that tells most of what first moment is missing at the sites [kg m], or which counter-mass [kg].
 
@@ -228,7 +224,7 @@ def _proposal(candidate: Candidate, known: "_Knowledge", number: int, question: 
     return Proposal(candidate, f"{what} at {site}", now, after, share)
 
 
-def _of_one_mounting(runs: "Sequence[Run]", payload_kg: float | None) -> tuple[list[SIRun], list[str]]:
+def _of_one_mounting(runs: Sequence[Run], payload_kg: float | None) -> tuple[list[SIRun], list[str]]:
     """The runs of the mounting with the most, bound to their rigs, and what is left out."""
     groups: dict[tuple[object, ...], list[Run]] = {}
     for run in runs:
@@ -249,7 +245,7 @@ def _of_one_mounting(runs: "Sequence[Run]", payload_kg: float | None) -> tuple[l
 
 
 def _candidates(
-    mounted: Sequence[SIRun], motions: Sequence[str], peaks: "Sequence[Measured[float]]"
+    mounted: Sequence[SIRun], motions: Sequence[str], peaks: Sequence[Measured[float]]
 ) -> Iterator[Candidate]:
     """Repeats of what was made, and every motion with every peak acceleration of its kind."""
     made: dict[ConditionKey, str] = {}

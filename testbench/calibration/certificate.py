@@ -10,20 +10,17 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from balance.arrays import Floats
 from balance.errors import UnitError
 from balance.input_files import read_text, xml_root
 
 from ..errors import RigError
 from .definition import electrical_name, si_unit
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element
-
-    from balance.arrays import Floats
 
 LARGEST_BYTES = 64 << 20
 """Of a certificate, which may hold its printed form."""
@@ -44,11 +41,11 @@ class CertifiedQuantity:
     """One quantity of a certificate, with its values."""
 
     name: str
-    values: "Floats"
+    values: Floats
     """(n,), in ``unit``."""
     unit: str
     """As this product writes units, ``1`` for a pure number; as the certificate has it where it is not known."""
-    standard: "Floats | None"
+    standard: Floats | None
     """Standard uncertainties, (n,), in the same unit; None where none is stated."""
     factor: float | None
     """Coverage factor by which they were stated; None where they were standard ones."""
@@ -158,19 +155,19 @@ def read_certificate(path: Path) -> Certificate:
         raise RigError(f"{path.name}: {error}: expected a digital calibration certificate (DCC, XML)") from error
 
 
-def _serials(root: "Element") -> Iterator[str]:
+def _serials(root: Element) -> Iterator[str]:
     for one in root.iterfind(f"{DCC}administrativeData/{DCC}items//{DCC}identification"):
         said = f"{one.get('refType', '')} {_name(one)}"
         if _SERIAL.search(said) and (value := one.findtext(f"{DCC}value", "").strip()):
             yield value
 
 
-def _name(element: "Element | None") -> str:
+def _name(element: Element | None) -> str:
     """The first text of an element's name."""
     return "" if element is None else element.findtext(f"{DCC}name/{DCC}content", "").strip()
 
 
-def _quantities(root: "Element") -> Iterator[CertifiedQuantity]:
+def _quantities(root: Element) -> Iterator[CertifiedQuantity]:
     for group, result in enumerate(root.iterfind(f".//{DCC}result")):
         for quantity in result.iterfind(f".//{DCC}quantity"):
             name = " ".join(filter(None, (_name(result), _name(quantity), quantity.get("id"), quantity.get("refType"))))
@@ -180,7 +177,7 @@ def _quantities(root: "Element") -> Iterator[CertifiedQuantity]:
                     yield _quantity(one, name, group)
 
 
-def _quantity(one: "Element", name: str, group: int) -> CertifiedQuantity:
+def _quantity(one: Element, name: str, group: int) -> CertifiedQuantity:
     """One value, or a list; uncertainties as D-SI 1 (``expandedUnc``) or D-SI 2 writes them."""
     many = "XMLList" if one.tag.endswith("XMLList") else ""
     values = _numbers(one, f"value{many}", name)
@@ -213,7 +210,7 @@ def _quantity(one: "Element", name: str, group: int) -> CertifiedQuantity:
     return CertifiedQuantity(name, values, unit, standard, factor, group)
 
 
-def _numbers(one: "Element", path: str, name: str) -> "Floats":
+def _numbers(one: Element, path: str, name: str) -> Floats:
     found = np.array([float(word) for word in (one.findtext(f"{SI}{path}") or "").split()])
     if not np.isfinite(found).all():
         raise ValueError(f"{name}: {path.rpartition('}')[2]}: expected finite numbers")

@@ -7,15 +7,11 @@ is taken back as any record is, with name and reason: `testbench remove`.
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..errors import StoreError
-from ..store import append_only_records
+from ..runs.si_run import SIRun
+from ..store import Run, append_only_records
 from ..store.run import identities
-
-if TYPE_CHECKING:
-    from ..runs.si_run import SIRun
-    from ..store import Run
 
 KIND = "accepted"
 
@@ -37,7 +33,7 @@ class Decision:
         return f"accepted by {self.by} on {self.written[:10]} for {runs}: {self.reason}"
 
 
-def accept(campaign: Path, code: str, runs: Sequence["Run"], by: str, reason: str) -> Path:
+def accept(campaign: Path, code: str, runs: Sequence[Run], by: str, reason: str) -> Path:
     """Record that a person accepts a finding in runs that have it. Raises StoreError without a name or a reason."""
     if not runs:
         raise StoreError(f"{code!r}: no finding of these runs; nothing was recorded")
@@ -47,7 +43,7 @@ def accept(campaign: Path, code: str, runs: Sequence["Run"], by: str, reason: st
     return append_only_records.append_record(campaign, KIND, [run.path for run in runs], content)
 
 
-def decisions(runs: "Iterable[Run | SIRun]") -> list[Decision]:
+def decisions(runs: Iterable[Run | SIRun]) -> list[Decision]:
     """What was accepted of runs as they are stored now, the oldest first."""
     known: dict[Path, list[append_only_records.Record]] = {}
     about: dict[tuple[Path, str], tuple[append_only_records.Record, list[str]]] = {}

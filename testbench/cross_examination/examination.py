@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from balance.errors import CounterpoiseError
 from balance.mechanism.mechanism import Mechanism
@@ -15,6 +15,7 @@ from ..kinematics.encoder_motion import mechanism_of
 from ..recording import Finding
 from ..rig.rig import NONE
 from ..runs.si_run import SIRun
+from ..store import Run
 from .conditions import accelerations, motions, mounted, payloads, unlike_repeats
 from .copies import copies
 from .decisions import decisions
@@ -22,10 +23,7 @@ from .encoder_paths import encoder_paths
 from .observation import Observation, observe
 from .sensors import examined_sensors, levels, unclosed
 from .statement import WITHHOLDING, Statement
-
-if TYPE_CHECKING:
-    from ..store import Run
-    from .torque_balance import TorqueBalance
+from .torque_balance import TorqueBalance
 
 CONDITIONS = frozenset({"payload_contradiction", "counter_mass_contradiction"})
 """Contradictions after which a run is no witness of its sensors' gains: the model was that of other masses."""
@@ -46,7 +44,7 @@ class Examination(Shown, rows="statements"):
     statements: tuple[Statement, ...]
     reasons: dict[str, dict[str, str]]
     """By run and witness, why it is silent."""
-    torque: "TorqueBalance | None" = None
+    torque: TorqueBalance | None = None
     """Payloads and scales of the torques that explain all runs together."""
     accepted: frozenset[str] = field(default=frozenset())
     """Codes that a person accepts."""
@@ -93,7 +91,7 @@ class Examination(Shown, rows="statements"):
         heard = {s.subject for s in self.statements if s.run == run}
         return [subject for subject in WITNESSED if subject not in heard and (subject != "copy" or len(self.runs) < 2)]
 
-    def decided(self, runs: "Iterable[Run | SIRun]") -> "Examination":
+    def decided(self, runs: Iterable[Run | SIRun]) -> "Examination":
         """The same with the codes accepted that are recorded as such for all of ``runs`` that contradict by them."""
         recorded = {(run, one.code) for one in decisions(runs) for run in one.runs}
         still_open = {s.code for s in self.statements if (s.run, s.code) not in recorded}
@@ -129,7 +127,7 @@ class Examination(Shown, rows="statements"):
 
 
 def examine(
-    runs: "Iterable[Run | SIRun]",
+    runs: Iterable[Run | SIRun],
     accepted: Iterable[str] = (),
     mechanism: Mechanism | None = None,
     pool: TaskPool = HERE,
@@ -144,7 +142,7 @@ def examine(
 
 
 def examined(
-    runs: "Sequence[Run | SIRun]", seen: Sequence[Observation | str], accepted: Iterable[str] = ()
+    runs: Sequence[Run | SIRun], seen: Sequence[Observation | str], accepted: Iterable[str] = ()
 ) -> Examination:
     """The examination of runs of one campaign by what each shows, or why nothing is known of it."""
     heard = hear([one for one in seen if not isinstance(one, str)], accepted).decided(runs)
@@ -172,7 +170,7 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = ()) -> Examinati
     return Examination(tuple(reasons), tuple(statements), reasons, torque, frozenset(accepted))
 
 
-def observed_or_why(run: "Run | SIRun", known: dict[object, Mechanism], given: Mechanism | None) -> Observation | str:
+def observed_or_why(run: Run | SIRun, known: dict[object, Mechanism], given: Mechanism | None) -> Observation | str:
     """:func:`observed`, or why nothing is known of a run."""
     try:
         return observed(run, known, given)
@@ -180,7 +178,7 @@ def observed_or_why(run: "Run | SIRun", known: dict[object, Mechanism], given: M
         return str(error)
 
 
-def observed(run: "Run | SIRun", known: dict[object, Mechanism], given: Mechanism | None) -> Observation:
+def observed(run: Run | SIRun, known: dict[object, Mechanism], given: Mechanism | None) -> Observation:
     """What a run shows. Raises CounterpoiseError of one without a rig, of which nothing is known.
 
     ``given`` takes the place of the mechanism that its rig names; those that were ``known`` are not read again.

@@ -7,7 +7,6 @@ start; sensors between mechanism and base share that wrench by their stiffnesses
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -35,12 +34,10 @@ from ..kinematics.smoothing_and_derivatives import (
     on_grid,
     smoothed_derivatives,
 )
+from ..rig import Column
 from ..rig.sensors import AXES, Accelerometer, Encoder, Target, Torque
 from ..rig.support_loads import support_wrenches
 from ..runs.si_run import SIRun
-
-if TYPE_CHECKING:
-    from ..rig import Column
 
 RATE_HZ = 250.0
 """Of the grid: six samples a period of BAND_HZ."""
@@ -156,7 +153,7 @@ class ModelledRun:
         stand = self.run.rig.bench.elastic(locked_inertia(self.mechanism, self.path.q[0]))
         return stand.respond(self.wrench, self.grid.step)
 
-    def expected_readings(self, group: str) -> "list[tuple[list[Column], Floats]]":
+    def expected_readings(self, group: str) -> list[tuple[list[Column], Floats]]:
         """What the sensors of a group should show: the channels of each and their expected values (n, k) [SI]."""
         run, found = self.run, []
         rig, wrench = run.rig, self.wrench
@@ -191,5 +188,5 @@ class ModelledRun:
         return [(columns, self.smooth(values)) for columns, values in found]
 
 
-def _recorded(run: SIRun, columns: "list[Column]", group: str) -> "list[Column]":
+def _recorded(run: SIRun, columns: list[Column], group: str) -> list[Column]:
     return columns if all(run.holds(column, group) for column in columns) else []

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +16,8 @@ from ..kinematics.encoder_motion import encoder_gaps, group_of_encoders
 from ..kinematics.motion_recognition import (
     NO_GAP,
     REST_SHARE,
+    RecognizedMotion,
+    Source,
     legs_by_accelerometer,
     legs_by_command,
     legs_of_path,
@@ -24,14 +25,11 @@ from ..kinematics.motion_recognition import (
 )
 from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF, bridge_gaps, grid_of, low_pass
 from ..quality.clipping import is_dead, stuck_value
+from ..recording import Conditions
+from ..rig import Column, Rig
 from ..rig.sensors import Encoder, Target, Torque
 from ..runs.si_run import SIRun
 from .model_loads import BAND_HZ, LEAST_SAMPLES, ModelledRun
-
-if TYPE_CHECKING:
-    from ..kinematics.motion_recognition import RecognizedMotion, Source
-    from ..recording import Conditions
-    from ..rig import Column, Rig
 
 BLOCKS = 8
 """Blocks of a run, for the block jackknife."""
@@ -65,7 +63,7 @@ COULOMB_SPEED = 0.05
 class ChannelRecord:
     """One channel of a run."""
 
-    column: "Column"
+    column: Column
     group: str
     start: Floats
     """First RECORD_S of it, (n,) float32 [SI]."""
@@ -105,7 +103,7 @@ class TorqueEquations:
 class Response:
     """Readings y of a sensor's channels against what the model expects of them, p, as mean products."""
 
-    columns: "tuple[Column, ...]"
+    columns: tuple[Column, ...]
     yy: Floats
     """By block, (blocks, k, k)."""
     yp: Floats
@@ -119,8 +117,8 @@ class Observation:
     """What one run shows."""
 
     name: str
-    conditions: "Conditions"
-    rig: "Rig"
+    conditions: Conditions
+    rig: Rig
     records: dict[str, ChannelRecord] = field(default_factory=dict)
     """By channel."""
     peak_acceleration: dict[str, float] = field(default_factory=dict)
@@ -133,7 +131,7 @@ class Observation:
     """Of each, every 1 / SPEED_RATE_HZ, (n, k) float32 [rad/s, m/s]."""
     commanded_speeds: dict[str, Floats] = field(default_factory=dict)
     """By channel of an encoder whose joint the stored motion drives, likewise, (n,) [rad/s, m/s]."""
-    motions: "dict[Source, list[RecognizedMotion]]" = field(default_factory=dict)
+    motions: dict[Source, list[RecognizedMotion]] = field(default_factory=dict)
     """By ``command``, ``encoders`` and ``acceleration``."""
     torque: TorqueEquations | None = None
     responses: list[Response] = field(default_factory=list)
@@ -170,14 +168,14 @@ def observe(run: SIRun, mechanism: Callable[[], Mechanism]) -> Observation:
     return seen
 
 
-def observed_columns(run: SIRun) -> "list[Column]":
+def observed_columns(run: SIRun) -> list[Column]:
     """The channels that are read: all where there are encoders, else those that are compared and the command."""
     columns = [column for column in run.rig.columns() if run.holds(column)]
     every = bool(run.rig.columns_of(Encoder))
     return [column for column in columns if every or _is_recorded(column) or column.commanded]
 
 
-def _is_recorded(column: "Column") -> bool:
+def _is_recorded(column: Column) -> bool:
     """Whether a channel is compared between runs: each of an accelerometer, the first of another sensor with noise."""
     if column.commanded or column.component == "trigger" or "angle" in column.dimensions:
         return False
@@ -201,7 +199,7 @@ def _by_model(seen: Observation, run: SIRun, mechanism: Callable[[], Mechanism])
     _attempt(seen, "torque", partial(_keep_torques, seen, modelled, readings))
 
 
-def _keep_record(seen: Observation, run: SIRun, column: "Column") -> None:
+def _keep_record(seen: Observation, run: SIRun, column: Column) -> None:
     seen.records[column.channel] = _record(run, column)
 
 
@@ -246,7 +244,7 @@ def _attempt(seen: Observation, witness: str, work: Callable[[], None]) -> None:
         seen.reasons[witness] = "the drives do not determine the motion everywhere"
 
 
-def _record(run: SIRun, column: "Column") -> ChannelRecord:
+def _record(run: SIRun, column: Column) -> ChannelRecord:
     values, rate = run.signal(column)
     count = len(values)
     if count < SPANS:
@@ -323,7 +321,7 @@ class _Readings:
         return found
 
 
-def _smooth(run: SIRun, columns: "list[Column]", step: float, bridged: bool = False) -> tuple[Floats, Floats]:
+def _smooth(run: SIRun, columns: list[Column], step: float, bridged: bool = False) -> tuple[Floats, Floats]:
     """Instants (n,) [s] and readings (n, k) [SI] below BAND_HZ, on a grid of their clock near ``step`` [s]."""
     values, time = run.stacked(columns), run.instants(columns[0])
     grid = grid_of(time, f"{run.name}: {columns[0].channel}", bridged)

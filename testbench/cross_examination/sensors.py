@@ -3,18 +3,15 @@
 from collections import defaultdict
 from collections.abc import Collection, Sequence
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from balance.arrays import Floats
 from balance.units import G0
 
+from ..rig import Column
 from .observation import BLOCKS, Observation, Response
 from .statement import Statement
-
-if TYPE_CHECKING:
-    from ..rig import Column
 
 ABOVE_NOISE = 5.0
 """Expected reading over the channel's noise in the band from which the model is a witness [-]."""
@@ -189,11 +186,11 @@ def examined_sensors(observations: Sequence[Observation], unsure: frozenset[str]
     return statements + [s for s in _noises(observations, gains, found) if (s.run, s.channel) not in found]
 
 
-def _is_accelerometer(column: "Column") -> bool:
+def _is_accelerometer(column: Column) -> bool:
     return column.dimensions == ACCELERATION and not column.commanded
 
 
-def _kinematic(seen: Observation, column: "Column") -> bool:
+def _kinematic(seen: Observation, column: Column) -> bool:
     """Whether a sensor shows the motion alone, whatever is mounted: a command, or an accelerometer on what moves."""
     return column.dimensions == ACCELERATION and column.sensor not in seen.rig.base_accelerometers
 
@@ -242,7 +239,7 @@ class _Others:
         return any(correlation > PROVEN and share > 0.5 for correlation, share, _ in others)
 
 
-def _noise_in_band(seen: Observation, column: "Column") -> float:
+def _noise_in_band(seen: Observation, column: Column) -> float:
     """Of an accelerometer's channel [m/s2]; zero for others, of which the size of the load decides."""
     record = seen.records.get(column.channel)
     return 0.0 if record is None else record.noise_in_band
@@ -314,7 +311,7 @@ def _sign(seen: Observation, one: Gains, i: int, elsewhere: bool) -> Statement:
     )  # fmt: skip
 
 
-def _is_support(seen: Observation, column: "Column") -> bool:
+def _is_support(seen: Observation, column: Column) -> bool:
     return column.sensor in seen.rig.supports
 
 

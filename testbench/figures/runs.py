@@ -17,6 +17,7 @@ from ..rig import Column
 from ..rig.sensors import Torque
 from ..runs.aligned_run import AlignedRun
 from ..runs.si_run import SIRun
+from ..store import Run
 from ..vibration.channel_levels import channel_levels
 from ..vibration.metrics import DEFAULT_BAND, Measure, base_accelerations
 from ..vibration.reduction import Reduction, reduction_of_pair
@@ -26,8 +27,6 @@ from . import style
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from ..store import Run
 
 _COLUMNS = 3
 """Panels in a row, for x, y and z."""
@@ -39,7 +38,7 @@ _MOST_PANELS = 12
 """Panels of a picture of a whole run."""
 
 
-def draw_run(run: "Run") -> "Figure":
+def draw_run(run: Run) -> "Figure":
     """All channels of a run on their loggers' clocks, a panel for each unit of a logger, as recorded."""
     panels: dict[tuple[str, str], list[int]] = {}
     for group in run.groups:
@@ -60,7 +59,7 @@ def draw_run(run: "Run") -> "Figure":
     return figure
 
 
-def motor_torques(with_run: "Run", without_run: "Run") -> "Figure":
+def motor_torques(with_run: Run, without_run: Run) -> "Figure":
     """Torque of each motor as its drive reports it, gravity included, band-limited; AnalysisError without any."""
     runs = SIRun.of(without_run), SIRun.of(with_run)
     columns = runs[1].rig.columns_of(Torque)
@@ -80,7 +79,7 @@ def motor_torques(with_run: "Run", without_run: "Run") -> "Figure":
     return figure
 
 
-def force_sensors(with_run: "Run", without_run: "Run") -> "Figure":
+def force_sensors(with_run: Run, without_run: Run) -> "Figure":
     """Every force and moment between mechanism and base, band-limited. Raises AnalysisError without any."""
     runs = SIRun.of(without_run), SIRun.of(with_run)
     # Channels by row of panels: three components of a sensor, then sensors with one axis.
@@ -121,7 +120,7 @@ def _limit(bottom: "Sequence[Axes]", columns: Sequence[Column], run: SIRun) -> N
         axes.set_xlabel("time of the logger [s]")
 
 
-def command_performance(run: "Run", mechanism: Mechanism | None = None, bandwidth_hz: float = BANDWIDTH_HZ) -> "Figure":
+def command_performance(run: Run, mechanism: Mechanism | None = None, bandwidth_hz: float = BANDWIDTH_HZ) -> "Figure":
     """Acceleration of the platform by accelerometer, by encoders and as commanded, and the deviations from the command.
 
     ``mechanism`` turns joint angles into the platform's motion; by default the one that the rig names.
@@ -155,7 +154,7 @@ def command_performance(run: "Run", mechanism: Mechanism | None = None, bandwidt
     return figure
 
 
-def base_spectrum(run: "Run") -> "Figure":
+def base_spectrum(run: Run) -> "Figure":
     """Power spectral density of the base's acceleration along each axis, with its peaks."""
     si = SIRun.of(run)
     found = [(level, level.spectrum) for level in channel_levels(si, si.rig.base_columns)]
@@ -183,7 +182,7 @@ def base_spectrum(run: "Run") -> "Figure":
 
 
 def base_acceleration(
-    with_run: "Run", without_run: "Run", measure: Measure | None = None, stated: Sequence[Reduction] = ()
+    with_run: Run, without_run: Run, measure: Measure | None = None, stated: Sequence[Reduction] = ()
 ) -> "Figure":
     """Acceleration of the base along each axis, filtered as for reductions; the grey band is that of noise alone.
 
@@ -215,7 +214,7 @@ def base_acceleration(
     return figure
 
 
-def _pair(with_run: "Run", without_run: "Run") -> Pair:
+def _pair(with_run: Run, without_run: Run) -> Pair:
     masses = with_run.conditions.get("counter_masses", {})
     return Pair(ConditionKey.of(with_run), masses, (with_run,), (without_run,))
 

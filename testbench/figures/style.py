@@ -8,13 +8,12 @@ from balance.arrays import Floats
 from balance.figures import panels
 
 from ..recording import payload_text, peak_text
+from ..runs.si_run import SIRun
+from ..store import Run
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from ..runs.si_run import SIRun
-    from ..store import Run
 
 WITHOUT, WITH = "#d55e00", "#0072b2"
 TARGET, ENCODERS, ACCELEROMETER = "#000000", "#009e73", "#cc79a7"
@@ -48,7 +47,7 @@ def light_grid(rows: int, columns: int, height: float, **shared: Any) -> "tuple[
     return panels(WIDTH * max(1.0, columns / 3), height * rows + 1.0, rows, columns, grid=False, **shared)
 
 
-def figure_title(figure: "Figure", text: str, runs: "Sequence[Run | SIRun]") -> None:
+def figure_title(figure: "Figure", text: str, runs: Sequence[Run | SIRun]) -> None:
     """Title of a figure: what it shows, in which condition, and that it is simulated where it is."""
     headline(figure, f"{origin_of(runs)}{text}\n{condition_of(runs[0])}")
 
@@ -58,7 +57,7 @@ def headline(figure: "Figure", text: str) -> None:
     figure.suptitle(text, x=0.01, ha="left", fontweight="bold")
 
 
-def origin_of(runs: "Sequence[Run | SIRun]") -> str:
+def origin_of(runs: Sequence[Run | SIRun]) -> str:
     """``Simulated: `` and the like as a prefix; empty for measured runs."""
     return origin_prefix(run.origin for run in runs)
 
@@ -70,7 +69,7 @@ def origin_prefix(origins: Iterable[str]) -> str:
     return "" if known == ["measured"] else " and ".join(words[origin] for origin in known) + ": "
 
 
-def condition_of(run: "Run | SIRun") -> str:
+def condition_of(run: Run | SIRun) -> str:
     """Payload, motion and acceleration of a run in words; its name where none is known."""
     c = run.conditions
     parts = (

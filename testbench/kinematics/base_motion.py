@@ -9,7 +9,6 @@ is needed.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,9 +19,8 @@ from balance.mechanism import forward_kinematics
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.sparse_components import dense
 
-if TYPE_CHECKING:
-    from ..rig import Column
-    from ..runs.si_run import SIRun
+from ..rig import Column
+from ..runs.si_run import SIRun
 
 NEAR = 1e-3
 """Lever below which the base's rotation is not taken out [m]."""
@@ -39,7 +37,7 @@ class BaseAcceleration:
     """On the group's clock, (m,) [s]."""
     values: Floats
     """(m, k) [m/s2]"""
-    columns: "tuple[Column, ...]"
+    columns: tuple[Column, ...]
     """The channels, (k,)."""
 
     @property
@@ -48,13 +46,13 @@ class BaseAcceleration:
         return np.array([column.total_noise for column in self.columns])
 
 
-def base_acceleration(run: "SIRun", group: str | None = None) -> BaseAcceleration | None:
+def base_acceleration(run: SIRun, group: str | None = None) -> BaseAcceleration | None:
     """The accelerometers on the base in a group, else those of the group with most of their channels; None: none."""
     found = [_in_group(run, g.name) for g in run.groups if group in {None, g.name}]
     return max((f for f in found if f is not None), key=lambda f: len(f.rows), default=None)
 
 
-def _in_group(run: "SIRun", group: str) -> BaseAcceleration | None:
+def _in_group(run: SIRun, group: str) -> BaseAcceleration | None:
     columns = [
         (sensor.position, column)
         for name, sensor in run.rig.base_accelerometers.items()

@@ -2,7 +2,6 @@
 
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from balance.closure import Closure, Trajectory
 from balance.errors import ModelError
@@ -13,15 +12,13 @@ from balance.motion import Samples
 from ..errors import AnalysisError
 from ..rig.rig import NONE
 from ..rig.sensors import Encoder
+from ..runs.si_run import SIRun
 from . import smoothing_and_derivatives
 from .gaps import Gaps
 from .smoothing_and_derivatives import HIGHEST_CUTOFF, Grid, grid_of, on_grid
 
-if TYPE_CHECKING:
-    from ..runs.si_run import SIRun
 
-
-def group_of_encoders(run: "SIRun") -> str:
+def group_of_encoders(run: SIRun) -> str:
     """The group that holds all encoders of a run. Raises AnalysisError if there is none, or they are on several."""
     columns = run.rig.columns_of(Encoder)
     if not columns:
@@ -32,13 +29,13 @@ def group_of_encoders(run: "SIRun") -> str:
     return groups[0]
 
 
-def encoder_gaps(run: "SIRun") -> Gaps:
+def encoder_gaps(run: SIRun) -> Gaps:
     """Gaps in the encoders' record, on its clock."""
     return Gaps.of({group_of_encoders(run): run.instants(run.rig.columns_of(Encoder)[0])})
 
 
 def encoder_trajectory(
-    run: "SIRun", mechanism: Mechanism, bandwidth_hz: float, bridged: bool = True
+    run: SIRun, mechanism: Mechanism, bandwidth_hz: float, bridged: bool = True
 ) -> tuple[Grid, Trajectory]:
     """The trajectory on an even grid of the encoders' clock; positions smoothed below ``bandwidth_hz``.
 
@@ -62,7 +59,7 @@ def encoder_trajectory(
     return grid, Closure(mechanism).follow(samples)
 
 
-def loaded_mechanism(run: "SIRun", mechanism: Mechanism) -> Mechanism:
+def loaded_mechanism(run: SIRun, mechanism: Mechanism) -> Mechanism:
     """The mechanism with the payload and counter-masses that the run table states for a run.
 
     Raises AnalysisError where the mechanism has no place for one of them.
@@ -77,7 +74,7 @@ def loaded_mechanism(run: "SIRun", mechanism: Mechanism) -> Mechanism:
         ) from error
 
 
-def mechanism_of(run: "SIRun", given: str | None) -> Mechanism:
+def mechanism_of(run: SIRun, given: str | None) -> Mechanism:
     """The mechanism ``given`` by the user, else the one stored with the run, else the shipped one that its rig names.
 
     Raises AnalysisError where there is none.

@@ -8,7 +8,7 @@ acceleration is integrated leg by leg, its drift taken out by the rest at both e
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -20,13 +20,11 @@ from balance.results import Key
 
 from ..errors import AnalysisError
 from ..rig.sensors import Accelerometer, Target
+from ..runs.aligned_run import AlignedRun
+from ..runs.si_run import SIRun
 from ..signal.filters import Band
 from .gaps import gap_spans
 from .smoothing_and_derivatives import Grid, grid_of, on_grid
-
-if TYPE_CHECKING:
-    from ..runs.aligned_run import AlignedRun
-    from ..runs.si_run import SIRun
 
 REST_S = 0.03
 """Shortest rest between two legs [s]."""
@@ -122,8 +120,8 @@ class RecognizedMotion:
 
 
 def recognized_motions(
-    run: "SIRun",
-    aligned: "Callable[[], AlignedRun]",
+    run: SIRun,
+    aligned: Callable[[], AlignedRun],
     known: "Mapping[Source, list[RecognizedMotion]]" = MappingProxyType({}),
 ) -> tuple[dict[Source, list[RecognizedMotion]], dict[Source, str]]:
     """The motions of a run by each source that its rig has, and why another source shows none.
@@ -221,7 +219,7 @@ def _triangle(places: Floats, tolerance: float) -> str | None:
     return ", ".join("(" + ", ".join(f"{1e3 * v:.0f}" for v in nodes[i][:2]) + ") mm" for i in corners)
 
 
-def legs_by_command(run: "SIRun") -> tuple[str, list[Leg], Floats]:
+def legs_by_command(run: SIRun) -> tuple[str, list[Leg], Floats]:
     """Group, legs and gaps (g, 2) [s] of the commanded acceleration. Raises AnalysisError without one."""
     columns = run.rig.columns_of(Target)
     if not columns:
@@ -252,7 +250,7 @@ def _legs_before_gap(gaps: Floats, time: Floats, values: Floats) -> list[Leg]:
     return [*legs, Leg(float(begin), max(float(moves[-1]), float(end)), np.full(3, np.nan), np.nan)]
 
 
-def _legs_by_encoders(run: "AlignedRun") -> tuple[str, list[Leg], Floats]:
+def _legs_by_encoders(run: AlignedRun) -> tuple[str, list[Leg], Floats]:
     rate, mechanism = run.run.group(run.reference).rate_hz, run.unloaded
     bandwidth = min(BANDWIDTH_HZ, LARGEST_SHARE * rate if rate else BANDWIDTH_HZ)
     path, gaps = run.trajectory(bandwidth), list(run.gaps().spans.values())
@@ -263,7 +261,7 @@ def _legs_by_encoders(run: "AlignedRun") -> tuple[str, list[Leg], Floats]:
     return run.reference, legs_of_path(run.grid.time, place, speed, REST_SHARE["encoders"]), gaps[0] if gaps else NO_GAP
 
 
-def _followed_point(run: "AlignedRun") -> tuple[str, Floats]:
+def _followed_point(run: AlignedRun) -> tuple[str, Floats]:
     """Body and position of the point whose path is the motion: an accelerometer on a moving body, else the payload."""
     mechanism = run.unloaded
     for sensor in run.run.rig.of_kind(Accelerometer).values():
@@ -273,7 +271,7 @@ def _followed_point(run: "AlignedRun") -> tuple[str, Floats]:
     return body, np.array(mechanism.centre(body))
 
 
-def legs_by_accelerometer(run: "SIRun") -> tuple[str, list[Leg], Floats]:
+def legs_by_accelerometer(run: SIRun) -> tuple[str, list[Leg], Floats]:
     """By an accelerometer on a moving body; its axes are taken for the base's, right if it does not turn."""
     for name, sensor in run.rig.of_kind(Accelerometer).items():
         columns = list(sensor.columns(name)) if sensor.attached_to != "base" else []

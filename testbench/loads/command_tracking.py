@@ -1,7 +1,7 @@
 """How well a commanded acceleration is reached: target against accelerometer and differentiated encoders."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +14,11 @@ from ..errors import AnalysisError
 from ..kinematics.gaps import gap_reach, longest_segment
 from ..kinematics.motion_onset import moving_interval
 from ..kinematics.smoothing_and_derivatives import grid_of, noise_gain
+from ..rig import Column
 from ..rig.sensors import Accelerometer, Encoder, Target
+from ..runs.aligned_run import AlignedRun
+from ..runs.si_run import SIRun
 from ..signal.filters import Band, correlation_lag
-
-if TYPE_CHECKING:
-    from ..rig import Column
-    from ..runs.aligned_run import AlignedRun
-    from ..runs.si_run import SIRun
 
 NEAR_S = 0.02
 """Largest bias of a correlation's lag by a gap [s]."""
@@ -117,7 +115,7 @@ class ReachedValue:
         )
 
 
-def command_performance(aligned: "AlignedRun", bandwidth_hz: float = BANDWIDTH_HZ) -> CommandPerformance:
+def command_performance(aligned: AlignedRun, bandwidth_hz: float = BANDWIDTH_HZ) -> CommandPerformance:
     """Target, accelerometer and encoders of a run on one clock; what gaps of that clock touch is masked.
 
     Raises AnalysisError if the rig lacks one of the three, or encoders and target are on two loggers.
@@ -158,7 +156,7 @@ def command_performance(aligned: "AlignedRun", bandwidth_hz: float = BANDWIDTH_H
     )
 
 
-def encoder_acceleration(run: "AlignedRun", sensor: Accelerometer, bandwidth_hz: float) -> tuple[Floats, Floats]:
+def encoder_acceleration(run: AlignedRun, sensor: Accelerometer, bandwidth_hz: float) -> tuple[Floats, Floats]:
     """Instants (n,) [s], and the acceleration of the point where ``sensor`` is mounted, body axes, (n, 3) [m/s2].
 
     From the encoders, differentiated below ``bandwidth_hz``, through the loops of the mechanism; not valid in gaps.
@@ -168,7 +166,7 @@ def encoder_acceleration(run: "AlignedRun", sensor: Accelerometer, bandwidth_hz:
     return run.grid.time, acceleration_in_body(run.unloaded, trajectory, still, sensor.attached_to, point)
 
 
-def _columns(run: "SIRun", kind: type[Target] | type[Encoder]) -> "list[Column]":
+def _columns(run: SIRun, kind: type[Target] | type[Encoder]) -> list[Column]:
     """The channels of all sensors of a kind, of which there must be one."""
     found = run.rig.columns_of(kind)
     if not found:
@@ -176,7 +174,7 @@ def _columns(run: "SIRun", kind: type[Target] | type[Encoder]) -> "list[Column]"
     return found
 
 
-def _moving_accelerometer(run: "SIRun") -> tuple[str, Accelerometer]:
+def _moving_accelerometer(run: SIRun) -> tuple[str, Accelerometer]:
     for name, sensor in run.rig.of_kind(Accelerometer).items():
         if sensor.attached_to != "base":
             return name, sensor

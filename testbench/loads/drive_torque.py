@@ -4,7 +4,7 @@ The model's torque follows by inverse dynamics from the encoders' trajectory; bo
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,12 +14,10 @@ from balance.dynamics.inverse_dynamics import simulate
 from ..errors import AnalysisError
 from ..kinematics.gaps import gap_reach, longest_segment
 from ..kinematics.smoothing_and_derivatives import low_pass
+from ..rig import Column
 from ..rig.sensors import Torque
+from ..runs.aligned_run import AlignedRun
 from ..signal.filters import correlation_lag
-
-if TYPE_CHECKING:
-    from ..rig import Column
-    from ..runs.aligned_run import AlignedRun
 
 BANDWIDTH_HZ = 80.0
 """Bandwidth of both [Hz]: twice that of the motions, and below most of the encoders' quantization noise."""
@@ -96,7 +94,7 @@ DEFINITIONS = {
 """What each number of a drive is."""
 
 
-def drive_torques(aligned: "AlignedRun", bandwidth_hz: float = BANDWIDTH_HZ) -> list[DriveTorque]:
+def drive_torques(aligned: AlignedRun, bandwidth_hz: float = BANDWIDTH_HZ) -> list[DriveTorque]:
     """Each drive of a run against the model as mounted.
 
     Raises AnalysisError where the rig has no torque, it is on another clock than the encoders, or gaps leave nothing.
@@ -130,7 +128,7 @@ def drive_torques(aligned: "AlignedRun", bandwidth_hz: float = BANDWIDTH_HZ) -> 
     ]
 
 
-def _recorded(aligned: "AlignedRun", column: "Column") -> tuple[Floats, Floats]:
+def _recorded(aligned: AlignedRun, column: Column) -> tuple[Floats, Floats]:
     run = aligned.run
     if (group := run.group_of(column)) != aligned.reference:
         raise AnalysisError(

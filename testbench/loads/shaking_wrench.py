@@ -12,7 +12,6 @@ is taken to be at rest.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,13 +22,11 @@ from ..kinematics import base_motion
 from ..kinematics.gaps import true_segments
 from ..kinematics.motion_onset import moving_interval
 from ..recording import Finding
+from ..rig import Column
+from ..rig.sensors import Support
 from ..rig.support_loads import wrench_transport
 from ..runs.aligned_run import AlignedRun
 from ..runs.si_run import SIRun
-
-if TYPE_CHECKING:
-    from ..rig import Column
-    from ..rig.sensors import Support
 
 COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 NOTHING = 1e-9
@@ -146,7 +143,7 @@ def _tare(rest: "tuple[slice, slice]", rate: float) -> str:
     return "less the median of the record, which holds no rest: preload is a guess, drift is in it"
 
 
-def _group(run: SIRun, columns: "list[Column]") -> str:
+def _group(run: SIRun, columns: list[Column]) -> str:
     groups = run.groups_of(columns)
     if len(groups) > 1:
         raise AnalysisError(
@@ -155,7 +152,7 @@ def _group(run: SIRun, columns: "list[Column]") -> str:
     return groups[0]
 
 
-def _dead(run: SIRun, support: "Support", columns: "list[Column]", mixed: bool) -> dict[str, str]:
+def _dead(run: SIRun, support: Support, columns: list[Column], mixed: bool) -> dict[str, str]:
     """The channel that shows one value only, by each component that depends on it: all of a ``mixed`` sensor."""
     dead = {m: c.channel for m, c in zip(support.measured, columns, strict=True) if run.is_dead(c)}
     return dict.fromkeys(support.measured, next(iter(dead.values()))) if dead and mixed else dead
@@ -166,7 +163,7 @@ def _of_dead(run: SIRun, channel: str, readings: Floats) -> Finding:
     return Finding("constant_channel", channel, run.name, f"{run.name}: {channel}: {message}")
 
 
-def _uncrossed(support: "Support", readings: Floats) -> Floats:
+def _uncrossed(support: Support, readings: Floats) -> Floats:
     """Loads (n, k) from readings: readings = crosstalk @ loads."""
     if support.crosstalk is None:
         return readings
@@ -186,7 +183,7 @@ def _at_rest(channels: Floats, rate: float) -> "tuple[slice, slice]":
 
 
 def _total(
-    supports: "Mapping[str, Support]", loads: Mapping[str, Floats], point: Floats, dead: Mapping[str, dict[str, str]]
+    supports: Mapping[str, Support], loads: Mapping[str, Floats], point: Floats, dead: Mapping[str, dict[str, str]]
 ) -> tuple[dict[str, Floats | None], dict[str, str]]:
     """The sum over the supports, component by component."""
     count = len(next(iter(loads.values())))

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import Annotated, Self
 
 import numpy as np
 from pydantic import PrivateAttr, model_validator
@@ -21,9 +21,7 @@ from balance.units import factor_to_si
 from ..calibration import evaluation
 from ..calibration.definition import Calibration, Teds
 from ..errors import RigError
-
-if TYPE_CHECKING:
-    from .bench import SensorErrors
+from .bench import SensorErrors
 
 
 @dataclass(frozen=True)
@@ -171,7 +169,7 @@ class LoggedSensor(Table, ABC):
         return self
 
 
-def sensitivity_scatter(name: str, columns: "Sequence[Column]", errors: "SensorErrors") -> Floats:
+def sensitivity_scatter(name: str, columns: "Sequence[Column]", errors: SensorErrors) -> Floats:
     """Standard deviations of the entries of a sensor's sensitivity matrix, (k, k) [SI].
 
     Cross-talk between channels of different units is a share of the ratio of their ranges. Raises RigError where one of

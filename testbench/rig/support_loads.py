@@ -7,7 +7,6 @@ least elastic energy.
 """
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,9 +14,7 @@ from balance.arrays import Floats
 from balance.dynamics.moving_base import skew
 
 from ..errors import RigError
-
-if TYPE_CHECKING:
-    from .sensors import Support
+from .sensors import Support
 
 
 def wrench_transport(point: Floats) -> Floats:
@@ -25,7 +22,7 @@ def wrench_transport(point: Floats) -> Floats:
     return np.block([[np.eye(3), np.zeros((3, 3))], [skew(point), np.eye(3)]])
 
 
-def support_wrenches(supports: "Mapping[str, Support]") -> dict[str, Floats]:
+def support_wrenches(supports: Mapping[str, Support]) -> dict[str, Floats]:
     """For each support, the matrix from the wrench about the origin to its own about its position, (6, 6) [SI].
 
     Raises RigError if the supports cannot carry every wrench.

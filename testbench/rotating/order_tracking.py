@@ -11,7 +11,6 @@ The residual on the lines near the order, away from order and tones, is the nois
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +20,9 @@ from balance.estimation.estimate import coverage_factor
 
 from ..errors import AnalysisError
 from ..signal import Metric
+from ..store import Run
+from ..store.run import StoredGroup
 from .tachometer import DITHERED, STEADY_WITHIN, Turns, steady_turns
-
-if TYPE_CHECKING:
-    from ..store import Run
-    from ..store.run import StoredGroup
 
 _MOST_TONES = 4
 _FALSE_TONE = 1e-3
@@ -318,7 +315,7 @@ class Tachometer:
     steady_within: float = STEADY_WITHIN
 
 
-def order_vectors(run: "Run", tachometer: Tachometer, sensors: Sequence[str] = (), order: int = 1) -> Vectors:
+def order_vectors(run: Run, tachometer: Tachometer, sensors: Sequence[str] = (), order: int = 1) -> Vectors:
     """Order vectors of ``sensors``, by default all of length, velocity or acceleration timed with the tachometer.
 
     Raises AnalysisError for an order that the samples do not resolve, and as ``tachometer.steady_turns``.
@@ -342,7 +339,7 @@ def order_vectors(run: "Run", tachometer: Tachometer, sensors: Sequence[str] = (
     return Vectors(order, turns, tuple(found))
 
 
-def _chosen(run: "Run", group: "StoredGroup", tacho: int, sensors: Sequence[str]) -> list[int]:
+def _chosen(run: Run, group: StoredGroup, tacho: int, sensors: Sequence[str]) -> list[int]:
     if not sensors:
         found = [i for i, c in enumerate(group.channels) if i != tacho and c.unit and _dimension(c.unit)]
         if not found:
@@ -376,7 +373,7 @@ def _dimension(unit: str) -> str | None:
     return None
 
 
-def _reading(run: "Run", group: "StoredGroup", index: int) -> tuple[str, float]:
+def _reading(run: Run, group: StoredGroup, index: int) -> tuple[str, float]:
     from balance.units import factor_to_si
 
     channel = group.channels[index]
@@ -389,7 +386,7 @@ def _reading(run: "Run", group: "StoredGroup", index: int) -> tuple[str, float]:
     return dimension, factor_to_si(channel.unit, dimension)
 
 
-def _finite(run: "Run", group: "StoredGroup", index: int) -> Floats:
+def _finite(run: Run, group: StoredGroup, index: int) -> Floats:
     values = run.channel_at(group.name, index)
     odd = np.flatnonzero(~np.isfinite(values))
     if odd.size:
@@ -399,7 +396,7 @@ def _finite(run: "Run", group: "StoredGroup", index: int) -> Floats:
     return values
 
 
-def _alive(run: "Run", group: "StoredGroup", index: int) -> Floats:
+def _alive(run: Run, group: StoredGroup, index: int) -> Floats:
     """Values (n,) of a channel. Raises AnalysisError for a constant one, whose vector would be rounding errors."""
     values = _finite(run, group, index)
     if np.ptp(values) == 0.0:

@@ -6,11 +6,11 @@ Channels are interpolated on an even grid of the encoders' clock; gaps are masks
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from balance.arrays import Floats, Mask
+from balance.closure import Trajectory
 from balance.mechanism.mechanism import Mechanism
 
 from ..kinematics import base_motion
@@ -18,15 +18,11 @@ from ..kinematics.encoder_motion import encoder_gaps, encoder_trajectory, group_
 from ..kinematics.gaps import Gaps, gap_reach
 from ..kinematics.motion_onset import moving_interval
 from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF, Grid, grid_of, low_pass
+from ..recording import Conditions
+from ..rig import Column, Rig
 from ..rig.sensors import Encoder
 from ..synchronization.clock_map import DRIFT_FROM_S, ClockMap, same_clock
 from .si_run import SIRun
-
-if TYPE_CHECKING:
-    from balance.closure import Trajectory
-
-    from ..recording import Conditions
-    from ..rig import Column, Rig
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +42,7 @@ class AlignedRun:
     """Without payload and counter-masses."""
     known_clocks: Mapping[str, ClockMap] = field(default_factory=dict)
     """Maps of groups onto the encoders' clock that are known, such as :func:`recorded_clocks`; others are found."""
-    _trajectories: "dict[float, Trajectory]" = field(default_factory=dict, init=False, repr=False)
+    _trajectories: dict[float, Trajectory] = field(default_factory=dict, init=False, repr=False)
     _found: dict[str, ClockMap] = field(default_factory=dict, init=False, repr=False)
 
     @property
@@ -55,12 +51,12 @@ class AlignedRun:
         return self.run.name
 
     @property
-    def rig(self) -> "Rig":
+    def rig(self) -> Rig:
         """The rig that it is bound to."""
         return self.run.rig
 
     @property
-    def conditions(self) -> "Conditions":
+    def conditions(self) -> Conditions:
         """Payload, counter-masses and motion, by the run table."""
         return self.run.conditions
 
@@ -75,7 +71,7 @@ class AlignedRun:
         return group_of_encoders(self.run)
 
     @cached_property
-    def encoders(self) -> "list[Column]":
+    def encoders(self) -> list[Column]:
         """Their channels."""
         return self.run.rig.columns_of(Encoder)
 
@@ -85,7 +81,7 @@ class AlignedRun:
         self.reference  # noqa: B018  raises where there is none
         return grid_of(self.run.instants(self.encoders[0]), f"{self.run.name}: encoders", bridged=True)
 
-    def trajectory(self, bandwidth_hz: float) -> "Trajectory":
+    def trajectory(self, bandwidth_hz: float) -> Trajectory:
         """Of all joints on the grid, positions smoothed below ``bandwidth_hz``; in gaps straight lines."""
         if bandwidth_hz not in self._trajectories:
             self._trajectories[bandwidth_hz] = encoder_trajectory(self.run, self.unloaded, bandwidth_hz)[1]
@@ -140,7 +136,7 @@ class AlignedRun:
             values = low_pass(values, HIGHEST_CUTOFF * self.grid.rate, rate)
         return np.column_stack([np.interp(self.grid.time, at, v) for v in values.T])
 
-    def channels(self, columns: "Sequence[Column]") -> Floats:
+    def channels(self, columns: Sequence[Column]) -> Floats:
         """Channels of one logger on the grid, (n, k) [SI]."""
         time = self.run.instants(columns[0])
         return self.on_grid(self.run.group_of(columns[0]), time, self.run.stacked(columns))

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from balance.errors import UnitError, suggestion
 
@@ -11,13 +11,10 @@ from ..calibration import certificate
 from ..calibration.definition import Calibration
 from ..calibration.evaluation import bind_sensor
 from ..errors import RigError, StoreError
-from ..store import atomic_files
+from ..rig import Column
+from ..store import Run, atomic_files
 from . import calibration_history
 from .si_run import SIRun
-
-if TYPE_CHECKING:
-    from ..rig import Column
-    from ..store import Run
 
 
 @dataclass(frozen=True)
@@ -31,7 +28,7 @@ class Corrected:
     """Why a run cannot be named in a record, by its name: its digest file is missing or damaged."""
 
 
-def calibrate(runs: "Sequence[Run]", sensor: str, calibration: Calibration, reason: str) -> Corrected:
+def calibrate(runs: Sequence[Run], sensor: str, calibration: Calibration, reason: str) -> Corrected:
     """Record a calibration of ``sensor`` in ``runs`` of one campaign. Nothing is recorded unless it fits all of them.
 
     Raises RigError where a rig has no such sensor, no run holds its channels, or the units do not lead to what it
@@ -71,7 +68,7 @@ def calibrate(runs: "Sequence[Run]", sensor: str, calibration: Calibration, reas
     return Corrected(record, tuple(run.name for run in calibrated), tuple(without), left_out)
 
 
-def certified(run: "Run", sensor: str, file: Path, frequency_hz: float | None, quantity: str) -> dict[str, Any]:
+def certified(run: Run, sensor: str, file: Path, frequency_hz: float | None, quantity: str) -> dict[str, Any]:
     """Keys of a calibration of ``sensor`` by a digital calibration certificate (see ``certificate``).
 
     Raises RigError where the certificate does not say it, or is of another serial number than the sensor's data sheet.
@@ -88,7 +85,7 @@ def certified(run: "Run", sensor: str, file: Path, frequency_hz: float | None, q
     return found.calibration(columns[0].dimensions, frequency_hz, quantity)
 
 
-def _columns(run: SIRun, sensor: str) -> "list[Column]":
+def _columns(run: SIRun, sensor: str) -> list[Column]:
     sensors = run.rig.sensors
     if sensor not in sensors:
         known = ", ".join(sensors)

@@ -7,7 +7,7 @@ stored runs and binds them one after the other. ``physical`` gives the same as a
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cache, cached_property
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
@@ -21,16 +21,10 @@ from ..calibration.definition import is_electrical
 from ..calibration.evaluation import CalibrationLaw, bind_sensor, relative_uncertainty
 from ..errors import AnalysisError
 from ..quality.clipping import flat_tops, is_dead
-from ..recording import Channel, Finding, Severity
+from ..recording import Channel, Conditions, Finding, Origin, Samples, Severity
 from ..rig import Column, Rig, rig_from_text
 from ..store.run import Run, StoredGroup
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from ..recording import Conditions, Origin, Samples
-    from .calibration_history import CalibrationInForce, CalibrationRecord
-
+from .calibration_history import CalibrationInForce, CalibrationRecord
 
 _LARGEST = 1e100
 """What no sensor shows [SI]; squares of larger values could not be added up."""
@@ -68,7 +62,7 @@ class SIRun:
     recorded: Run
     """The stored run, in the loggers' units."""
     rig: Rig
-    _preloaded: "Mapping[tuple[str, int], Samples]" = field(default_factory=dict, repr=False)
+    _preloaded: Mapping[tuple[str, int], Samples] = field(default_factory=dict, repr=False)
     """Recorded values that are in memory, by group and index."""
     _laws: dict[str, CalibrationLaw | None] = field(default_factory=dict, init=False, repr=False)
     _values: dict[str, Floats] = field(default_factory=dict, init=False, repr=False)
@@ -90,17 +84,17 @@ class SIRun:
         return self.recorded.name
 
     @property
-    def path(self) -> "Path":
+    def path(self) -> Path:
         """Its file."""
         return self.recorded.path
 
     @property
-    def origin(self) -> "Origin":
+    def origin(self) -> Origin:
         """Measured, simulated, or unstated."""
         return self.recorded.origin
 
     @property
-    def conditions(self) -> "Conditions":
+    def conditions(self) -> Conditions:
         """Payload, counter-masses and motion, by the run table."""
         return self.recorded.conditions
 
@@ -236,7 +230,7 @@ class SIRun:
             and self._label(found) in used
         ]
 
-    def calibration(self, column: Column) -> "CalibrationInForce | None":
+    def calibration(self, column: Column) -> CalibrationInForce | None:
         """What is in force for a channel's sensor: the newest record about this run, else the rig's; None: neither.
 
         Raises StoreError where the newest record is about other bytes than those stored.
@@ -269,7 +263,7 @@ class SIRun:
         return SensitivityUncertainty(errors.sensitivity, np.inf, "rig, bench.errors", errors)
 
     @property
-    def calibrations(self) -> "list[CalibrationInForce]":
+    def calibrations(self) -> list[CalibrationInForce]:
         """All that are in force for sensors of which something is recorded, in the order of the rig."""
         sensors = {column.sensor: column for column in self.rig.columns() if self.holds(column)}
         return [found for column in sensors.values() if (found := self.calibration(column)) is not None]
@@ -303,7 +297,7 @@ class SIRun:
         return SIRun(self.recorded, self.rig, {(g.name, i): v for (g, i), v in zip(places, values, strict=True)})
 
     @cached_property
-    def _records(self) -> "Mapping[str, CalibrationRecord]":
+    def _records(self) -> Mapping[str, CalibrationRecord]:
         """The newest calibration of each sensor that a record about this run gives."""
         from . import calibration_history
 
@@ -336,7 +330,7 @@ class SIRun:
             return self.as_recorded(column) * self._factor(column)
         return law.component(column.index, lambda i: self.as_recorded(column.siblings[i]))
 
-    def as_recorded(self, column: Column) -> "Samples":
+    def as_recorded(self, column: Column) -> Samples:
         """A channel in the unit of its log, (n,)."""
         group, index = self.recorded.find(column.channel)
         found = self._preloaded.get((group.name, index))
@@ -371,7 +365,7 @@ class SIRun:
             raise AnalysisError(f"{where}: {error}{hint}") from error
 
 
-def calibrations_in_force(runs: Iterable[SIRun]) -> "list[CalibrationInForce]":
+def calibrations_in_force(runs: Iterable[SIRun]) -> list[CalibrationInForce]:
     """All calibrations in force in runs, each once with its runs, by sensor."""
     found: dict[tuple[str, str, str], CalibrationInForce] = {}
     for one in (one for run in runs for one in run.calibrations):
@@ -399,7 +393,7 @@ class PhysicalRun(Run):
 
     def channels_at(
         self, places: Sequence[tuple[StoredGroup, int]], begin: int = 0, end: int | None = None
-    ) -> "list[Samples]":
+    ) -> list[Samples]:
         """Values of channels by group and index, (n,) each, in SI where the rig knows them, else as recorded."""
         return [
             self.si.recorded.channels_at([(group, index)], begin, end)[0]

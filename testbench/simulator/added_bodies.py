@@ -8,7 +8,6 @@ back on the base, and the shaking moment -d(angular momentum)/dt contains both.
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,9 +17,7 @@ from balance.errors import ModelError
 from balance.mechanism.mechanism import Mechanism
 
 from ..errors import RigError
-
-if TYPE_CHECKING:
-    from ..rig.bench import Rider, Rotor
+from ..rig.bench import Rider, Rotor
 
 
 def with_planes(mechanism: Mechanism, planes: Mapping[str, float]) -> Mechanism:
@@ -66,7 +63,7 @@ def inertial_parameters(mass: float, centre: Floats, inertia: Floats) -> Floats:
     return moved_frame(np.array([mass, 0.0, 0.0, 0.0, *about]), centre)
 
 
-def with_rotors(mechanism: Mechanism, rotors: "Mapping[str, Rotor]") -> Mechanism:
+def with_rotors(mechanism: Mechanism, rotors: Mapping[str, Rotor]) -> Mechanism:
     """The mechanism with the rotors' inertia at their joints. Raises RigError for an unknown joint."""
     armature = mechanism.armature.copy()
     for joint, rotor in rotors.items():
@@ -74,7 +71,7 @@ def with_rotors(mechanism: Mechanism, rotors: "Mapping[str, Rotor]") -> Mechanis
     return replace(mechanism, armature=armature)
 
 
-def rotor_momentum(mechanism: Mechanism, rotors: "Mapping[str, Rotor]", rates: Floats) -> Floats:
+def rotor_momentum(mechanism: Mechanism, rotors: Mapping[str, Rotor], rates: Floats) -> Floats:
     """Angular momentum of the rotors at joint ``rates`` (n, nv) [rad/s], base axes, (n, 3) [kg m2/s].
 
     Joint accelerations [rad/s2] instead of rates give its rate [N m].
@@ -86,7 +83,7 @@ def rotor_momentum(mechanism: Mechanism, rotors: "Mapping[str, Rotor]", rates: F
     return total
 
 
-def rider_inertia(rider: "Rider") -> Floats:
+def rider_inertia(rider: Rider) -> Floats:
     """Inertia of what rides on the force sensors about the base frame's origin, (6, 6) [kg, kg m, kg m2]."""
     centre = np.array(rider.centre)
     about = np.diag(rider.inertia) - rider.mass * skew(centre) @ skew(centre)

@@ -11,11 +11,14 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from balance.arrays import Floats
 from balance.balancing import conditions
+from balance.balancing.conditions import Conditions
 from balance.table_files import can_write_parquet, write_csv, write_csv_file, write_parquet
 from balance.task_pool import HERE, TaskPool
 
@@ -27,17 +30,9 @@ from ..rig.bench import Logger
 from . import simulated_logs
 from .drive_trains import parameters_on_links
 from .loggers import Log, is_irregular
-from .run import payload_body
+from .run import BenchRun, payload_body
 from .sensors import base_acceleration, draw_transducers
 from .simulated_logs import SimulatedRun
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from balance.arrays import Floats
-    from balance.balancing.conditions import Conditions
-
-    from .run import BenchRun
 
 TRUTH_FOLDER = "truth"
 _WRENCH = ("Fx_N", "Fy_N", "Fz_N", "Mx_Nm", "My_Nm", "Mz_Nm")
@@ -49,7 +44,7 @@ _ACCELERATION = tuple(
 )
 
 
-def write_run_truth(folder: Path, rig: "Rig", run: "SimulatedRun", balance: "Conditions") -> dict[str, Any]:
+def write_run_truth(folder: Path, rig: "Rig", run: "SimulatedRun", balance: Conditions) -> dict[str, Any]:
     """Write a run's true time series and return its other true values; ``balance`` are the mechanism's conditions."""
     _write_table(folder / run.planned.name, true_series(rig, run.bench))
     for name, log in run.logs.items():
@@ -76,7 +71,7 @@ def write_run_truth(folder: Path, rig: "Rig", run: "SimulatedRun", balance: "Con
     }
 
 
-def _write_table(stem: Path, columns: "Mapping[str, Floats | NDArray[np.float32]]") -> None:
+def _write_table(stem: Path, columns: Mapping[str, Floats | NDArray[np.float32]]) -> None:
     """Write columns (n,) as Parquet where pyarrow is installed; else as CSV, ten times as large."""
     if can_write_parquet():
         write_parquet(f"{stem}.parquet", columns)
@@ -84,7 +79,7 @@ def _write_table(stem: Path, columns: "Mapping[str, Floats | NDArray[np.float32]
         write_csv_file(f"{stem}.csv", columns)
 
 
-def true_series(rig: "Rig", run: "BenchRun") -> "dict[str, Floats | NDArray[np.float32]]":
+def true_series(rig: "Rig", run: BenchRun) -> dict[str, Floats | NDArray[np.float32]]:
     """Columns (n,) [SI]: shaking wrench, base motion, drive torques, acceleration at the base accelerometers."""
     columns = {"time_s": run.time} | dict(zip(_WRENCH, run.wrench.T, strict=True))
     for name, sensor in rig.base_accelerometers.items():
@@ -161,7 +156,7 @@ def simulate_campaign(
 
 
 def _write_run(
-    folder: Path, bench: simulated_logs.SimulatedBench, balance: "Conditions", numbered: tuple[int, PlannedRun]
+    folder: Path, bench: simulated_logs.SimulatedBench, balance: Conditions, numbered: tuple[int, PlannedRun]
 ) -> tuple[list[str], dict[str, Any]]:
     """Simulate one run and write it; names of its logs, and what is true of it."""
     run = bench.simulated(numbered)

@@ -7,15 +7,13 @@ lines. Every random quantity has a stream of random numbers of its own, so that 
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from balance.arrays import Floats
 from balance.dynamics.moving_base import BaseMotion, ElasticBase
 
-if TYPE_CHECKING:
-    from ..rig.bench import Bench, FloorMode
+from ..rig.bench import Bench, FloorMode
 
 FLOOR_VELOCITY = {
     "workshop": 800e-6, "office": 400e-6, "residential": 200e-6, "operating theatre": 100e-6,
@@ -69,7 +67,7 @@ class Disturbance:
 
 
 def draw_disturbance(
-    bench: "Bench", base: ElasticBase, count: int, step: float, seed: tuple[int, int]
+    bench: Bench, base: ElasticBase, count: int, step: float, seed: tuple[int, int]
 ) -> Disturbance | None:
     """``count`` samples every ``step`` [s] of floor and roughness of the bench; None where it states neither.
 
@@ -92,12 +90,12 @@ def draw_disturbance(
     return Disturbance(moved, np.fft.irfft(rough, count, axis=0))
 
 
-def is_disturbed(bench: "Bench") -> bool:
+def is_disturbed(bench: Bench) -> bool:
     """Whether anything shakes the bench besides the motion."""
     return bench.floor is not None or bench.roughness is not None or bool(bench.floor_modes)
 
 
-def _roughness(bench: "Bench", frequency: Floats, count: int, step: float, seed: tuple[int, int]) -> Iterator[Floats]:
+def _roughness(bench: Bench, frequency: Floats, count: int, step: float, seed: tuple[int, int]) -> Iterator[Floats]:
     """Fourier lines of the wrench, component by component."""
     rough = bench.roughness
     force, moment = (
@@ -108,7 +106,7 @@ def _roughness(bench: "Bench", frequency: Floats, count: int, step: float, seed:
         yield fourier_lines(density, random_stream("roughness", *seed, i), count, step)
 
 
-def floor_lines(bench: "Bench", frequency: Floats, count: int, step: float, seed: tuple[int, int]) -> np.ndarray:
+def floor_lines(bench: Bench, frequency: Floats, count: int, step: float, seed: tuple[int, int]) -> np.ndarray:
     """Fourier lines of the floor's displacement and rotation at the origin of the base frame, (m, 6) [m, rad]."""
     lines = np.zeros((len(frequency), 6), dtype=complex)
     for i in range(3 if bench.floor else 0):
@@ -123,7 +121,7 @@ def floor_lines(bench: "Bench", frequency: Floats, count: int, step: float, seed
     return lines
 
 
-def floor_mode_density(mode: "FloorMode", frequency: Floats) -> Floats:
+def floor_mode_density(mode: FloorMode, frequency: Floats) -> Floats:
     """Density of a mode's displacement or angle at uniform ``frequency`` (m,) [Hz], (m,) [m2/Hz, rad2/Hz].
 
     That of an oscillator under noise, flat above zero to 80 Hz, scaled to the stated root mean square on these lines.

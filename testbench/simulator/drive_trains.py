@@ -13,7 +13,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,12 +24,9 @@ from balance.mechanism.mechanism import Mechanism
 from balance.motion import Samples
 
 from ..errors import RigError
+from ..rig.bench import Control, DriveTrain, ElasticJoint, ElasticLink
 from .added_bodies import moved_frame
 from .elastic_joints import across, beyond_hinge, is_across, is_elastic
-
-if TYPE_CHECKING:
-    from ..rig.bench import Control, DriveTrain, ElasticJoint, ElasticLink
-
 
 _MOTOR_SIDE = " motor side"
 _INERTIAS = 64
@@ -47,7 +43,7 @@ def motor_side(joint: str) -> str:
     return f"{joint}{_MOTOR_SIDE}"
 
 
-def with_motor_sides(mechanism: Mechanism, drives: "Mapping[str, DriveTrain]") -> Mechanism:
+def with_motor_sides(mechanism: Mechanism, drives: Mapping[str, DriveTrain]) -> Mechanism:
     """The mechanism with a motor side for each drive that has a transmission; what is mounted there turns with it.
 
     Raises RigError for a joint that is not driven, does not turn or shares its body, and a site of another body.
@@ -138,9 +134,9 @@ class DriveTrains:
     """
 
     mechanism: Mechanism
-    drives: "Mapping[str, DriveTrain]"
-    joints: "Mapping[str, ElasticJoint]"
-    links: "Mapping[str, ElasticLink]"
+    drives: Mapping[str, DriveTrain]
+    joints: Mapping[str, ElasticJoint]
+    links: Mapping[str, ElasticLink]
     command: Trajectory
     """As commanded, motor sides like their joints, pins in the middle of their bearings."""
     rigid: Response
@@ -148,9 +144,9 @@ class DriveTrains:
 
     @classmethod
     def of(
-        cls, mechanism: Mechanism, drives: "Mapping[str, DriveTrain]", rigid: Trajectory,
-        joints: "Mapping[str, ElasticJoint]" = MappingProxyType({}),
-        links: "Mapping[str, ElasticLink]" = MappingProxyType({}),
+        cls, mechanism: Mechanism, drives: Mapping[str, DriveTrain], rigid: Trajectory,
+        joints: Mapping[str, ElasticJoint] = MappingProxyType({}),
+        links: Mapping[str, ElasticLink] = MappingProxyType({}),
     ) -> "DriveTrains":  # fmt: skip
         """For ``mechanism`` with motor sides and pins, along the trajectory of the mechanism without them.
 
@@ -240,7 +236,7 @@ class DriveTrains:
         return largest * np.array([0.1 if is_across(name) else 1.0 for name in self.mechanism.driven]) @ self.free
 
     @cached_property
-    def controls(self) -> list[tuple[int, "Control", Floats]]:
+    def controls(self) -> list[tuple[int, Control, Floats]]:
         """Of each control: its free coordinate, itself, and the torque of the rigid mechanism, (n,) [N m]."""
         torque = self.motor_torque(self.rigid.torque)
         return [
@@ -290,7 +286,7 @@ class DriveTrains:
         }
 
 
-def _refuse_without_inertia(mechanism: Mechanism, drives: "Mapping[str, DriveTrain]") -> None:
+def _refuse_without_inertia(mechanism: Mechanism, drives: Mapping[str, DriveTrain]) -> None:
     for joint, drive in drives.items():
         index = mechanism.coordinate_index(joint)
         if drive.transmission is None or drive.control is None:
@@ -316,7 +312,7 @@ class Deviation:
         return self.position, self.velocity, self.acceleration
 
 
-def _places(drives: "Mapping[str, DriveTrain]") -> dict[str, tuple[int, int | None]]:
+def _places(drives: Mapping[str, DriveTrain]) -> dict[str, tuple[int, int | None]]:
     """Free coordinates of each drive: its joint's, and its motor's where that is controlled; one where it is rigid."""
     found, count = {}, 0
     for joint, drive in drives.items():

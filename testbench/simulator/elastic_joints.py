@@ -10,7 +10,6 @@ A link that bends is two bodies with a joint that turns between them, and a spri
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,10 +21,8 @@ from balance.mechanism.loop_constraints import Anchor, Constraint, Loop
 from balance.mechanism.mechanism import Mechanism
 
 from ..errors import RigError
+from ..rig.bench import ElasticLink
 from .added_bodies import inertial_parameters, moved_frame
-
-if TYPE_CHECKING:
-    from ..rig.bench import ElasticLink
 
 _ACROSS = (" across, 1", " across, 2")
 _BEYOND = " beyond its hinge"
@@ -161,7 +158,7 @@ def _normals(axis: Floats) -> Floats:
 
 
 def with_elastic_links(
-    mechanism: Mechanism, links: "Mapping[str, ElasticLink]", planes: Mapping[str, float]
+    mechanism: Mechanism, links: Mapping[str, ElasticLink], planes: Mapping[str, float]
 ) -> Mechanism:
     """The mechanism with each of ``links`` in two parts; ``planes`` [m] are those that its bodies were moved by.
 
@@ -182,7 +179,7 @@ def with_elastic_links(
     return mechanism
 
 
-def _bent(mechanism: Mechanism, body: str, link: "ElasticLink", plane: float) -> Mechanism:
+def _bent(mechanism: Mechanism, body: str, link: ElasticLink, plane: float) -> Mechanism:
     row, own = mechanism.own_mass[body]
     joint, at = mechanism.tree.bodies[row], np.array(link.at)
     part = inertial_parameters(link.mass, np.array(link.centre) + [0.0, 0.0, plane], np.diag(link.inertia))

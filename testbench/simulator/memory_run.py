@@ -2,21 +2,17 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from balance.arrays import Floats
 
 from ..campaign_plan import PlannedRun
-from ..recording import Channel, TimeColumn, UniformClock
+from ..recording import Channel, Samples, TimeColumn, UniformClock
 from ..rig import Rig
 from ..store.run import Run, StoredGroup
 from .loggers import Log
 from .simulated_logs import SimulatedRun
-
-if TYPE_CHECKING:
-    from ..recording import Samples
 
 
 class MemoryRun(Run):
@@ -24,7 +20,7 @@ class MemoryRun(Run):
 
     def channels_at(
         self, places: Sequence[tuple[StoredGroup, int]], begin: int = 0, end: int | None = None
-    ) -> "list[Samples]":
+    ) -> list[Samples]:
         """Values by group and index, from sample ``begin`` to ``end``."""
         data = self.provenance["data"]
         return [data[f"{group.path}/{group.keys[index]}"][begin:end] for group, index in places]

@@ -6,7 +6,7 @@ and d t its drift since the reset before the motion. A, b and d are drawn once a
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from balance.dynamics.moving_base import acceleration_in_body, displacement_at, 
 from balance.errors import ModelError
 
 from ..errors import RigError
-from ..rig import Rig
+from ..rig import Column, Rig
 from ..rig import sensors as kinds
 from ..rig.bench import SensorErrors
 from ..rig.sensor_channels import sensitivity_scatter, stated_range
@@ -25,10 +25,6 @@ from .disturbances import random_stream
 from .elastic_joints import part_at
 from .loggers import high_pass
 from .run import BenchRun
-
-if TYPE_CHECKING:
-    from ..rig import Column
-
 
 TRIGGER_V = 5.0
 """Level of a simulated trigger [V]."""
@@ -101,7 +97,7 @@ def transduced_signals(
     return found
 
 
-def _drawn(name: str, columns: "Sequence[Column]", errors: "SensorErrors", rng: np.random.Generator) -> Transducer:
+def _drawn(name: str, columns: Sequence[Column], errors: "SensorErrors", rng: np.random.Generator) -> Transducer:
     count = len(columns)
     gain, cross, zero, drift = rng.normal(size=count), rng.normal(size=(count, count)), *rng.normal(size=(2, count))
     sensitivity = np.eye(count) + sensitivity_scatter(name, columns, errors) * np.where(

@@ -10,12 +10,12 @@ second derivative of the loads, for the compliance of a frame below its elastic 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from balance.arrays import Floats
 from balance.balancing import conditions
+from balance.closure import Trajectory
 from balance.dynamics.moving_base import acceleration_in_body
 from balance.dynamics.regressor import wrench_regressor
 from balance.mechanism.mechanism import Mechanism
@@ -25,19 +25,13 @@ from ..kinematics import base_motion
 from ..kinematics.encoder_motion import encoder_trajectory
 from ..kinematics.gaps import gap_spans
 from ..kinematics.motion_onset import rest_before
-from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF, low_pass
+from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF, Grid, low_pass
+from ..rig import Column, Rig
 from ..rig.sensors import Accelerometer, Encoder, Trigger
 from ..runs.si_run import SIRun
+from ..store import Run
 from .clock_map import ClockMap
 from .signal_preparation import SharedSignals
-
-if TYPE_CHECKING:
-    from balance.closure import Trajectory
-
-    from ..kinematics.smoothing_and_derivatives import Grid
-    from ..rig import Column, Rig
-    from ..store import Run
-
 
 LEAST_AXIS = 0.05
 """Share of the strongest signal below which a signal has mostly noise."""
@@ -87,7 +81,7 @@ class RunMotion:
         return self.mechanism()
 
     @cached_property
-    def trajectory(self) -> "tuple[Grid, Trajectory]":
+    def trajectory(self) -> tuple[Grid, Trajectory]:
         """Grid and trajectory by the encoders, on their clock."""
         return encoder_trajectory(self.run, self.loaded_mechanism, 2.0 * self.highest_hz)
 
@@ -101,12 +95,12 @@ class RunMotion:
         """Highest frequency that is compared with encoders [Hz]."""
         return self.cutoff or CUTOFF_HZ
 
-    def columns(self, columns: "Iterable[Column]", group: str) -> "list[Column]":
+    def columns(self, columns: Iterable[Column], group: str) -> list[Column]:
         """The ``columns`` that the run holds in a group."""
         return [column for column in columns if self.run.holds(column, group)]
 
 
-def same_quantity(motion: RunMotion, reference: "Column", own: "Column", first: ClockMap | None) -> SharedSignals:
+def same_quantity(motion: RunMotion, reference: Column, own: Column, first: ClockMap | None) -> SharedSignals:
     """One quantity that a channel of each logger measures."""
     run = motion.run
     return SharedSignals(
@@ -121,7 +115,7 @@ def same_quantity(motion: RunMotion, reference: "Column", own: "Column", first: 
 
 
 def body_accelerations(
-    motion: RunMotion, sensor: "Accelerometer", columns: "list[Column]", first: ClockMap | None
+    motion: RunMotion, sensor: "Accelerometer", columns: list[Column], first: ClockMap | None
 ) -> SharedSignals:
     """An accelerometer on a moving body, less the base's acceleration where one logger has both, with the encoders."""
     grid, path = motion.trajectory
@@ -156,7 +150,7 @@ def body_accelerations(
 
 
 def support_forces(
-    motion: RunMotion, columns: "list[Column]", known: Mapping[str, ClockMap], first: ClockMap | None
+    motion: RunMotion, columns: list[Column], known: Mapping[str, ClockMap], first: ClockMap | None
 ) -> SharedSignals:
     """Sums of the supports' forces, with the regressor of the shaking force by the encoders.
 
@@ -204,7 +198,7 @@ def support_forces(
     )
 
 
-def _sums(motion: RunMotion, columns: "list[Column]") -> tuple[Floats, Floats]:
+def _sums(motion: RunMotion, columns: list[Column]) -> tuple[Floats, Floats]:
     """Sums of force channels by axis, (n, 3) [N], and their noise by the rig, (3,) [N]."""
     own_signals, power = np.zeros((len(motion.run.instants(columns[0])), 3)), np.zeros(3)
     for column in columns:
@@ -291,7 +285,7 @@ def _common_trigger(motion: RunMotion, reference: str, own: str, _first: ClockMa
     return named_channels(motion.run.recorded, found[reference][0].channel, found[own][0].channel)
 
 
-def named_channels(run: "Run", reference: str, own: str, cutoff: float | None = None) -> SharedSignals:
+def named_channels(run: Run, reference: str, own: str, cutoff: float | None = None) -> SharedSignals:
     """Two channels that the user names; units and signs do not matter, and the run needs no rig."""
     return SharedSignals(
         f"{own} with {reference}",
@@ -310,7 +304,7 @@ def delay_of(run: "SIRun", group: str) -> float | None:
     return max(stated, default=None)
 
 
-def _channel_instants(run: "Run", channel: str) -> Floats:
+def _channel_instants(run: Run, channel: str) -> Floats:
     """Instants of a channel's samples (n,) [s], less its filter's delay where the stored rig states one."""
     where, index = run.find(channel)
     if run.rig is not None:
@@ -321,7 +315,7 @@ def _channel_instants(run: "Run", channel: str) -> Floats:
     return run.time(where.name)
 
 
-def _equal_quantities(motion: RunMotion, reference: str, own: str) -> "Iterator[tuple[Column, Column]]":
+def _equal_quantities(motion: RunMotion, reference: str, own: str) -> Iterator[tuple[Column, Column]]:
     """Pairs of channels of the same quantity, one in each group."""
     own_signals: dict[object, Column] = {}
     for column in motion.columns(motion.run.rig.columns(), reference):
@@ -332,7 +326,7 @@ def _equal_quantities(motion: RunMotion, reference: str, own: str) -> "Iterator[
             yield own_signals[quantity], column
 
 
-def _quantity(rig: "Rig", column: "Column") -> object:
+def _quantity(rig: Rig, column: Column) -> object:
     """Key of what a channel measures, equal for channels that measure the same; None where none can."""
     sensor = rig.sensors[column.sensor]
     if isinstance(sensor, Accelerometer):

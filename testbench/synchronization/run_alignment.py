@@ -1,9 +1,9 @@
 """The clocks of all loggers of a stored run aligned with one of them, and alignments as dated records of a campaign."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from balance.errors import CounterpoiseError
 from balance.mechanism.mechanism import Mechanism
@@ -14,16 +14,11 @@ from ..kinematics import base_motion
 from ..recording import StartTime
 from ..rig.sensors import Encoder
 from ..runs.si_run import SIRun
-from ..store import append_only_records
+from ..store import Run, append_only_records
 from .clock_map import ClockMap, same_clock
 from .common_signals import RunMotion, SignalBuilder, SignalPairs, delay_of, named_channels, signal_pairs
 from .offset_and_drift import AlignedClock, by_correlation
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from ..store import Run
-    from .signal_preparation import SharedSignals
+from .signal_preparation import SharedSignals
 
 AlignmentMethod = Callable[["SharedSignals", bool], AlignedClock]
 """Aligns two clocks by common signals, with a drift or without one."""
@@ -147,7 +142,7 @@ def align_run(
 
 
 def align_named(
-    run: "Run", reference: str, own: str, drift: bool, cutoff: float | None, method: AlignmentMethod
+    run: Run, reference: str, own: str, drift: bool, cutoff: float | None, method: AlignmentMethod
 ) -> RunClocks:
     """Align two groups by a channel of each, which the user names."""
     there, here = (run.find(channel)[0].name for channel in (reference, own))
@@ -158,7 +153,7 @@ def align_named(
     return RunClocks(run.name, run.origin, there, {here: found}, {}, delays, _zeros(run))
 
 
-def _zeros(run: "Run | SIRun") -> dict[str, StartTime | None]:
+def _zeros(run: Run | SIRun) -> dict[str, StartTime | None]:
     return {group.name: group.zero for group in run.groups}
 
 
@@ -202,7 +197,7 @@ def _align_in_two_steps(build: SignalBuilder, drift: bool, method: AlignmentMeth
 KIND = "alignment"
 
 
-def write_alignments(campaign: Path, runs: "Sequence[tuple[Path, RunClocks]]") -> Path:
+def write_alignments(campaign: Path, runs: Sequence[tuple[Path, RunClocks]]) -> Path:
     """Add a record of the alignments of stored runs; returns its file."""
     rows = plain([row for _, clocks in runs for row in clocks.rows])
     return append_only_records.append_record(campaign, KIND, [path for path, _ in runs], {"alignments": rows})

@@ -8,7 +8,6 @@ moves per reading, and so its covariance, for a reading is as good as q^2 / 12.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,16 +16,14 @@ from balance.closure import Closure
 from balance.motion import Samples
 
 from ..kinematics.smoothing_and_derivatives import smoothed_derivatives
+from ..rig import Column
 from .vibration_regression import POSITION_BANDWIDTH, ShakenBase
-
-if TYPE_CHECKING:
-    from ..rig import Column
 
 DIFFERENCE = 1e-4
 """Of driven positions and speeds, for derivatives of the wrench [rad, rad/s, m, m/s]."""
 
 
-def step_covariance(run: ShakenBase, encoders: "Sequence[Column]", gain: Floats, pi: Floats) -> Floats:
+def step_covariance(run: ShakenBase, encoders: Sequence[Column], gain: Floats, pi: Floats) -> Floats:
     """Of the conditions' values, (rank, rank) [kg2 m2], from what one run's encoders leave open.
 
     ``gain`` is what the values rise by per reading that counts, (n, channels, rank); ``pi`` the parameters found.

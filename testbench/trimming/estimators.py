@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from balance.estimation.regression import RegressionRecord
 from ..errors import AnalysisError
 from ..kinematics.gaps import GAP_FINDING
 from ..recording import Finding
+from ..rig import Column
 from ..rig.sensors import Torque
 from ..runs.aligned_run import AlignedRun
 from . import sensor_errors
@@ -35,9 +36,6 @@ from .trial_mass_runs import CUTOFF_HZ as TRIALS_CUTOFF_HZ
 from .trial_mass_runs import trial_mass_runs_imbalance, without_gaps
 from .valid_samples import NoValidMotion
 from .vibration_regression import ShakenBase, shaken_base, states_base, vibration_regression
-
-if TYPE_CHECKING:
-    from ..rig import Column
 
 T = TypeVar("T")
 
@@ -87,7 +85,7 @@ class _Equations:
 
     @classmethod
     def channel_by_channel(
-        cls, problem: TrimProblem, runs: "Sequence[RunEquations]", columns: "Sequence[Sequence[Column]]", shared: Floats
+        cls, problem: TrimProblem, runs: "Sequence[RunEquations]", columns: Sequence[Sequence[Column]], shared: Floats
     ) -> "_Equations":
         """Of rows that are channels, exposed to what explains them without errors; ``shared`` (p, k) as excited."""
         records = with_shared_unknowns([run.record for run in runs], problem.conditions.rank, shared)

@@ -9,7 +9,6 @@ are independent, their variances add (JCGM 100, 5.1.2).
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,16 +16,14 @@ from balance.arrays import Floats
 from balance.estimation.first_moment_imbalance import ImbalanceFit
 from balance.estimation.regression import RegressionRecord
 
+from ..rig import Column
 from ..rig.sensor_channels import sensitivity_scatter
 from ..runs.aligned_run import AlignedRun
+from ..runs.si_run import SIRun
 from .problem import Effects, Entry
 
-if TYPE_CHECKING:
-    from ..rig import Column
-    from ..runs.si_run import SIRun
 
-
-def stated_deviations(runs: "Iterable[SIRun]") -> dict[Entry, float]:
+def stated_deviations(runs: Iterable[SIRun]) -> dict[Entry, float]:
     """Standard deviations of the entries that calibrations and rigs state, zero ones left out."""
     found: dict[Entry, float] = {}
     for run in runs:
@@ -64,7 +61,7 @@ def error_covariance(found: ImbalanceFit, records: Sequence[RegressionRecord], c
     return np.asarray(moved @ np.transpose(moved))
 
 
-def reading_effects(exposed_to: Floats, columns: "Sequence[Column]", deviations: Mapping[Entry, float]) -> Effects:
+def reading_effects(exposed_to: Floats, columns: Sequence[Column], deviations: Mapping[Entry, float]) -> Effects:
     """Effects on readings that are compared channel by channel, of what the channels are exposed to (n, channels).
 
     That is what explains the readings, and not they: their noise would seem to be explained by the sensitivities.

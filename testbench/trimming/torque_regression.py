@@ -5,24 +5,19 @@ leave free: the columns of c are W C^+; z (inertias, and what of the first momen
 drives' own inertia are nuisances, the same in all runs, offsets, drifts and delays of the torques run by run.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from balance.arrays import Floats
 from balance.balancing.conditions import Conditions
+from balance.closure import Trajectory
 from balance.dynamics.regressor import driven_torque_regressor, joint_friction_regressor
 
 from ..errors import AnalysisError
+from ..rig import Column
 from ..rig.sensors import Torque
 from ..runs.aligned_run import AlignedRun
 from .problem import RunEquations, motion_name, offset_and_drift, parameter_basis
 from .valid_samples import ValidSamples
-
-if TYPE_CHECKING:
-    from balance.closure import Trajectory
-
-    from ..rig import Column
 
 CUTOFF_HZ = 20.0
 """Of torques and columns alike: gravity speaks below, and above the encoders' steps are taken for inertia."""
@@ -71,7 +66,7 @@ def torque_regression(run: AlignedRun, conditions: Conditions, cutoff: float) ->
     )
 
 
-def _driven_rates(run: AlignedRun, path: "Trajectory") -> Floats:
+def _driven_rates(run: AlignedRun, path: Trajectory) -> Floats:
     """Rates of all coordinates per rate of the driven joints, (n, nv, dof). Raises AnalysisError without encoders."""
     seen, driven = [column.component for column in run.encoders], run.mechanism.driven
     if sorted(seen) != sorted(driven):
@@ -81,7 +76,7 @@ def _driven_rates(run: AlignedRun, path: "Trajectory") -> Floats:
     return path.per_drive[:, :, [seen.index(joint) for joint in driven]]
 
 
-def torque_channels(run: AlignedRun) -> "list[Column]":
+def torque_channels(run: AlignedRun) -> list[Column]:
     """The torque channel of every driven joint. Raises AnalysisError for a joint that has none, or one at its limit."""
     known = {column.component: column for column in run.rig.columns_of(Torque)}
     driven = run.mechanism.driven

@@ -8,12 +8,11 @@ accelerations is counted among the pushes.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import null_space
 
-from balance.arrays import Floats
+from balance.arrays import Floats, Indices
 from balance.balancing.conditions import Conditions
 from balance.balancing.sizing import site_columns
 from balance.dynamics.moving_base import locked_inertia
@@ -28,10 +27,6 @@ from ..loads.shaking_wrench import refuse_clipped_base
 from ..recording import Finding
 from ..runs.aligned_run import AlignedRun
 from .problem import TrimProblem, excited_combinations
-
-if TYPE_CHECKING:
-    from balance.arrays import Indices
-
 
 CUTOFF_HZ = 30.0
 """Highest frequency of readings and pushes: the modes of a base on its mounts lie below."""
@@ -106,7 +101,7 @@ def trial_mass_runs_imbalance(problem: TrimProblem, first: Mechanism, cutoff: fl
     return trial_mass_response.trial_mass_imbalance(each, at, conditions, conditions.values(first), free)
 
 
-def _trial(seen: _Seen, rows: "Indices", basis: Floats, fixed: Floats, at: Floats) -> trial_mass_response.Trial:
+def _trial(seen: _Seen, rows: Indices, basis: Floats, fixed: Floats, at: Floats) -> trial_mass_response.Trial:
     wrench = seen.wrench[:, rows]
     known = seen.known[:, rows] + wrench @ fixed
     columns = trial_mass_response.transform(wrench @ basis, seen.time, at)

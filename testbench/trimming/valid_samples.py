@@ -3,21 +3,17 @@
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from balance.arrays import Floats
+from balance.closure import Trajectory
 
 from ..errors import AnalysisError
 from ..kinematics.gaps import Gaps, gap_reach, true_segments
 from ..kinematics.smoothing_and_derivatives import Grid, low_pass
 from ..recording import Finding
 from ..runs.aligned_run import AlignedRun
-
-if TYPE_CHECKING:
-    from balance.closure import Trajectory
-
 
 MOVES = 1e-3
 """Change of a joint's position in a block from which it moves there [rad, m]."""
@@ -65,7 +61,7 @@ class ValidSamples:
             lambda part: np.gradient(part, self.grid.step, axis=0), values, self.grid, self.reach
         )
 
-    def refuse_no_motion(self, path: "Trajectory") -> None:
+    def refuse_no_motion(self, path: Trajectory) -> None:
         """Raise AnalysisError where the gaps leave no motion."""
         if self.gaps and not any(np.ptp(path.q[s], axis=0).max() > MOVES for s in true_segments(self.kept > 0.0)):
             raise NoValidMotion(

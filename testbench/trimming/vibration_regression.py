@@ -10,7 +10,6 @@ the mounts' preload, and accelerometers show a + phi x g. Where c is zero s rest
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,12 +32,10 @@ from ..errors import AnalysisError
 from ..kinematics import base_motion
 from ..kinematics.smoothing_and_derivatives import Grid
 from ..loads.shaking_wrench import refuse_clipped_base
+from ..rig import Rig
 from ..runs.aligned_run import AlignedRun
 from .problem import RunEquations, excited_combinations, motion_name, offset_and_drift, parameter_basis
 from .valid_samples import ValidSamples
-
-if TYPE_CHECKING:
-    from ..rig import Rig
 
 NEEDED = ("mass", "mounts")
 """What a rig must state of its bench, besides centre and inertia, for its base to be taken for a model."""
@@ -141,7 +138,7 @@ class ShakenBase:
         return found
 
 
-def states_base(rig: "Rig") -> bool:
+def states_base(rig: Rig) -> bool:
     """Whether a rig itself states the base's mass and mounts."""
     return set(NEEDED) <= rig.bench.model_fields_set
 
