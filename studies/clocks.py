@@ -17,10 +17,9 @@ from testbench.kinematics.encoder_motion import loaded_mechanism
 from testbench.rig import Rig, load_rig
 from testbench.rig.sensors import Encoder
 from testbench.runs.si_run import SIRun
-from testbench.simulator.memory_run import stored
 from testbench.simulator.run import BenchRun, simulate_run
 from testbench.simulator.sensors import Transducer, draw_transducers
-from testbench.simulator.simulated_logs import SimulatedRun, lead_s, record_run
+from testbench.simulator.simulated_logs import SimulatedRun, lead_s, record_run, stored
 from testbench.synchronization.run_alignment import RunClocks, align_run
 
 from .laboratories import FAMILIES

@@ -21,8 +21,7 @@ from testbench.recording import Conditions, UniformClock
 from testbench.rig import Rig, load_rig
 from testbench.rig.sensors import Encoder
 from testbench.runs.si_run import SIRun
-from testbench.simulator.memory_run import MemoryRun, stored
-from testbench.simulator.simulated_logs import simulate_logs
+from testbench.simulator.simulated_logs import MemoryRun, simulate_logs, stored
 
 from .simulated_runs import with_values
 from .table import Row

@@ -16,9 +16,9 @@ from testbench.rig.sensors import Accelerometer, ForceSensor, Torque, Wrench
 from testbench.runs.aligned_run import AlignedRun
 from testbench.runs.si_run import SIRun
 from testbench.simulator.loggers import record_log
-from testbench.simulator.memory_run import MemoryRun, memory_run, written_values
 from testbench.simulator.run import BenchRun, simulate_run
 from testbench.simulator.sensors import true_signals
+from testbench.simulator.simulated_logs import MemoryRun, memory_run, written_values
 from testbench.store.run import Run
 
 from .laboratories import Family

@@ -11,10 +11,9 @@ from balance.errors import CounterpoiseError
 from balance.mechanism.mjcf_parser import load_mechanism
 from testbench import rig as rigs
 from testbench.rig import Rig
-from testbench.simulator.memory_run import MemoryRun, stored
 from testbench.simulator.run import simulate_run
 from testbench.simulator.sensors import draw_transducers
-from testbench.simulator.simulated_logs import lead_s, record_run
+from testbench.simulator.simulated_logs import MemoryRun, lead_s, record_run, stored
 from testbench.trimming import trim_runs
 
 from .laboratories import FAMILIES

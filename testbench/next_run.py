@@ -34,9 +34,9 @@ from .kinematics.encoder_motion import mechanism_of
 from .runs.aligned_run import AlignedRun, recorded_clocks
 from .runs.si_run import SIRun
 from .simulator.loggers import record_log
-from .simulator.memory_run import memory_run, written_values
 from .simulator.run import simulate_run
 from .simulator.sensors import true_signals
+from .simulator.simulated_logs import memory_run, written_values
 from .store import Run
 from .trimming import trim_runs
 from .trimming.estimators import ESTIMATORS, present_sources

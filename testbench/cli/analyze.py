@@ -205,8 +205,8 @@ def doctor(
     runs are found. All runs of the campaign are heard; those named are shown. With --by and --reason, what is accepted
     is entered into the ledger for the runs that are shown: other commands then take it as accepted too.
     """
-    from ..cross_examination.decisions import accept as enter
-    from ..cross_examination.decisions import decisions
+    from ..cross_examination.statement import accept as enter
+    from ..cross_examination.statement import decisions
     from ..errors import StoreError
     from ..front_door import doctor as examined
     from ..store import open_campaign

@@ -69,14 +69,14 @@ def speed(
     if idle := [name for name, value in of_a_drive.items() if value is not None and not drive]:
         raise click.UsageError(f"--{idle[0]} goes with --drive")
     from .. import rotating
-    from ..rotating import pitch_error, speed_results
+    from ..rotating import speed_results
 
     disc = rotating.Disc(pulses, ratio)
-    offset = pitch_error.read_pitch_errors(pitch, disc.pulses) if pitch else None
+    offset = speed_results.read_pitch_errors(pitch, disc.pulses) if pitch else None
     edges = rotating.number_edges(log.name, rotating.read_edge_times(log), disc, bridge, offset)
     if calibrate:
-        found = pitch_error.pitch_from_free_run(edges)
-        pitch_error.write_pitch_errors(found, calibrate)
+        found = speed_results.pitch_from_free_run(edges)
+        speed_results.write_pitch_errors(found, calibrate)
         text = f"Slots are {100 * found.rms:.3g} % of the pitch out of place (rms); written to {calibrate.name}"
         return Answer(speed_results.edges_document(edges) | {"pitch": document(found)}, lambda: say(text))
     result, turn = _measured(edges, disc, harmonics, steady_within / 100.0, start_up is not None)
@@ -111,14 +111,14 @@ def _measured(
     """The steady turn, None where a log that ``starts`` has none, with what was found beside it."""
     from .. import rotating
     from ..errors import AnalysisError
-    from ..rotating import pitch_error
+    from ..rotating import speed_results
 
     turn: SteadySpeedFit | None = None
     found: dict[str, Any] = {}
     try:
         turn = rotating.periodic_turn(edges, harmonics, within)
         if disc.pitch_is_separable and edges.offset is None and turn.turns >= 3:
-            freed, turn = pitch_error.pitch_from_record(edges, harmonics, within)
+            freed, turn = speed_results.pitch_from_record(edges, harmonics, within)
             found["pitch"] = document(freed)
     except AnalysisError as error:
         if not starts:

@@ -16,14 +16,12 @@ from ..recording import Finding
 from ..rig.rig import NONE
 from ..runs.si_run import SIRun
 from ..store import Run
-from .conditions import accelerations, motions, mounted, payloads, unlike_repeats
+from .conditions import TorqueBalance, accelerations, motions, mounted, payloads, unlike_repeats
 from .copies import copies
-from .decisions import decisions
 from .encoder_paths import encoder_paths
 from .observation import Observation, observe
 from .sensors import examined_sensors, levels, unclosed
-from .statement import WITHHOLDING, Statement
-from .torque_balance import TorqueBalance
+from .statement import WITHHOLDING, Statement, decisions
 
 CONDITIONS = frozenset({"payload_contradiction", "counter_mass_contradiction"})
 """Contradictions after which a run is no witness of its sensors' gains: the model was that of other masses."""

@@ -35,8 +35,7 @@ from ..kinematics.smoothing_and_derivatives import (
     smoothed_derivatives,
 )
 from ..rig import Column
-from ..rig.sensors import AXES, Accelerometer, Encoder, Target, Torque
-from ..rig.support_loads import support_wrenches
+from ..rig.sensors import AXES, Accelerometer, Encoder, Target, Torque, support_wrenches
 from ..runs.si_run import SIRun
 
 RATE_HZ = 250.0

@@ -10,7 +10,7 @@ from balance.mechanism.mjcf_parser import load_mechanism
 from balance.units import G0
 
 from ..errors import AnalysisError
-from ..kinematics.motion_onset import moving_interval
+from ..kinematics.encoder_motion import moving_interval
 from ..loads.command_tracking import BANDWIDTH_HZ
 from ..loads.command_tracking import command_performance as performance
 from ..rig import Column

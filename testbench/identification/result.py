@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import attrgetter
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
@@ -27,7 +27,6 @@ from balance.estimation.estimate import (
 )
 from balance.estimation.first_moment_imbalance import masses_per_value
 from balance.estimation.identifiability import NotIdentifiable
-from balance.estimation.uncertainty_budget import Budget
 from balance.mechanism.mechanism import Mechanism
 from balance.results import Key, Shown
 
@@ -48,6 +47,9 @@ from .estimators import Method
 from .model_tests import FALSE_ALARM, Doubt, ModelTests
 from .records import LONGEST_DELAY_S, JointRecord
 from .regression_equations import RegressionEquations, regression_equations
+
+if TYPE_CHECKING:
+    from balance.estimation.uncertainty_budget import Budget
 
 _TERM_UNITS = {
     "coulomb": ("N", "N m"), "viscous": ("N s/m", "N m s"), "offset": ("N", "N m"), "armature": ("kg", "kg m^2"),
@@ -91,7 +93,7 @@ class Value:
         return self.estimate.containing([*self.variants.values()]).interval()
 
     @property
-    def budget(self) -> Budget:
+    def budget(self) -> "Budget":
         """In quadrature; ``interval``, which holds every other choice whole, is up to twice as wide."""
         from balance.estimation.uncertainty_budget import Budget, Contribution
 

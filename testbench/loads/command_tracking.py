@@ -11,8 +11,8 @@ from balance.dynamics.moving_base import acceleration_in_body
 from balance.results import Key
 
 from ..errors import AnalysisError
+from ..kinematics.encoder_motion import moving_interval
 from ..kinematics.gaps import gap_reach, longest_segment
-from ..kinematics.motion_onset import moving_interval
 from ..kinematics.smoothing_and_derivatives import grid_of, noise_gain
 from ..rig import Column
 from ..rig.sensors import Accelerometer, Encoder, Target

@@ -19,12 +19,11 @@ from balance.arrays import Floats
 
 from ..errors import AnalysisError
 from ..kinematics import base_motion
+from ..kinematics.encoder_motion import moving_interval
 from ..kinematics.gaps import true_segments
-from ..kinematics.motion_onset import moving_interval
 from ..recording import Finding
 from ..rig import Column
-from ..rig.sensors import Support
-from ..rig.support_loads import wrench_transport
+from ..rig.sensors import Support, wrench_transport
 from ..runs.aligned_run import AlignedRun
 from ..runs.si_run import SIRun
 

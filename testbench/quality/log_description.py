@@ -10,8 +10,7 @@ from balance.results import document
 
 from ..readers import ReadOptions, open_recording
 from ..recording import Finding, Recording, TimeColumn, UniformClock, findings_by_group
-from .group_checks import GroupCheck, RecordingCheck
-from .time_column import time_in_seconds
+from .group_checks import GroupCheck, RecordingCheck, time_in_seconds
 
 
 @dataclass(frozen=True)

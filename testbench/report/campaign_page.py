@@ -20,7 +20,7 @@ from balance.results import first_of, plain
 from balance.task_pool import HERE, TaskPool
 
 from ..cross_examination import SUBJECTS, Examination
-from ..cross_examination.decisions import decisions
+from ..cross_examination.statement import decisions
 from ..errors import AnalysisError, StoreError
 from ..kinematics.encoder_motion import mechanism_of
 from ..loads import command_tracking

@@ -20,7 +20,7 @@ from balance.report.page import Page, document_of
 from balance.report.plotted import LEAST_SPANS, spectrum
 
 from ..cross_examination import Examination, examine
-from ..cross_examination.decisions import accept
+from ..cross_examination.statement import accept
 from ..errors import AnalysisError, StoreError
 from ..recording import Severity
 from ..runs.si_run import SIRun

@@ -1,7 +1,7 @@
 """Rotating machines: the speed of a crank from encoder edges, and vibration at multiples of a rotor's speed.
 
 Speed: ``encoder_edges`` numbers the edges of a log (pulses are timed, never counted in a window), ``speed_fit``
-estimates the steady turn, ``pitch_error`` the errors of the disc, ``speed_results`` the speed edge by edge and the
+estimates the steady turn, ``speed_results`` the errors of the disc, the speed edge by edge and the
 comparison with a drive's equation of motion. Vibration: ``tachometer`` gives the turns, ``order_tracking`` the vectors.
 """
 

@@ -14,9 +14,14 @@ from balance.closure import Trajectory
 from balance.mechanism.mechanism import Mechanism
 
 from ..kinematics import base_motion
-from ..kinematics.encoder_motion import encoder_gaps, encoder_trajectory, group_of_encoders, loaded_mechanism
+from ..kinematics.encoder_motion import (
+    encoder_gaps,
+    encoder_trajectory,
+    group_of_encoders,
+    loaded_mechanism,
+    moving_interval,
+)
 from ..kinematics.gaps import Gaps, gap_reach
-from ..kinematics.motion_onset import moving_interval
 from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF, Grid, grid_of, low_pass
 from ..recording import Conditions
 from ..rig import Column, Rig

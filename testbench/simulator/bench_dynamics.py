@@ -13,6 +13,7 @@ first with every fourth sample, then with all. Play and feet that lift or slide 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -36,7 +37,9 @@ from ..rig.bench import Rotor
 from .added_bodies import rotor_momentum
 from .drive_trains import Deviation, DriveTrains, Spring, every
 from .moving_base_coupling import Coupling, base_motion_loads, base_motion_torque, weight_wrench_change
-from .stepping import Stepped
+
+if TYPE_CHECKING:
+    from .stepping import Stepped
 
 ROUNDS = 150
 TOLERANCE = 1e-6
@@ -154,7 +157,7 @@ class _Core:
         return cls(a, b, n, mass, np.array(loops).reshape(len(loops), count).T, at_once, drives, contact)
 
     def respond(
-        self, push: Floats, step: float, stepped: Stepped | None = None, before: Floats | None = None
+        self, push: Floats, step: float, stepped: "Stepped | None" = None, before: Floats | None = None
     ) -> Floats:
         """From equilibrium under ``push`` (n, 6 + nf) [N, N m] in steps of ``step`` [s]; the base's from rest.
 
@@ -191,7 +194,7 @@ class _Core:
         """Whether there is play, a joint or link that yields, or feet that may lift."""
         return self.contact is not None or bool(self._from_step_to_step)
 
-    def stepped(self, step: float, beyond: Floats, every: int) -> Stepped:
+    def stepped(self, step: float, beyond: Floats, every: int) -> "Stepped":
         """In steps of ``step`` [s] with inertia ``beyond`` the constant one, for ``every`` samples each."""
         from .stepping import Stepped
 
@@ -300,7 +303,7 @@ class BenchDynamics:
         return base_motion_loads(self.mechanism, self.command, self.rotors, rates)
 
     @cached_property
-    def _stepped(self) -> Stepped | None:
+    def _stepped(self) -> "Stepped | None":
         """What is stepped, with the inertia along the command less the constant one: the same each round."""
         if not self._core.is_stepped:
             return None

@@ -19,8 +19,7 @@ from ..rig import Column, Rig
 from ..rig import sensors as kinds
 from ..rig.bench import SensorErrors
 from ..rig.sensor_channels import sensitivity_scatter, stated_range
-from ..rig.sensors import Accelerometer
-from ..rig.support_loads import support_wrenches
+from ..rig.sensors import Accelerometer, support_wrenches
 from .disturbances import random_stream
 from .elastic_joints import part_at
 from .loggers import high_pass

@@ -1,15 +1,21 @@
 """Simulated runs in memory: the truth, and what each logger made of it."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
+import numpy as np
+
+from balance.arrays import Floats
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism
 
 from ..campaign_plan import Plan, PlannedRun
+from ..recording import Channel, Samples, TimeColumn, UniformClock
 from ..rig import Rig
 from ..rig.bench import Logger
 from ..rig.rig import mechanism_file
+from ..store.run import Run, StoredGroup
 from .disturbances import is_disturbed, random_stream
 from .loggers import Log, record_log, start_logger
 from .run import BenchRun, disturbed, simulate_run
@@ -88,3 +94,40 @@ def lead_s(rig: Rig) -> float:
         return 0.0
     earliest = min(logger.start - 4.0 * logger.start_scatter for logger in rig.loggers.values())
     return max(0.0, -earliest) + MARGIN_S
+
+
+class MemoryRun(Run):
+    """A run whose data are in memory, by path."""
+
+    def channels_at(
+        self, places: Sequence[tuple[StoredGroup, int]], begin: int = 0, end: int | None = None
+    ) -> list[Samples]:
+        """Values by group and index, from sample ``begin`` to ``end``."""
+        data = self.provenance["data"]
+        return [data[f"{group.path}/{group.keys[index]}"][begin:end] for group, index in places]
+
+
+def stored(made: SimulatedRun, rig: Rig, path: str = "memory.h5") -> MemoryRun:
+    """What ingest would have stored of a run's logs, their time columns too."""
+    recorded = {name: {"Time": log.time} | written_values(log, rig, name) for name, log in made.logs.items()}
+    return memory_run(path, rig, made.planned, recorded)
+
+
+def written_values(log: Log, rig: Rig, name: str) -> dict[str, Floats]:
+    """Values of a logger's channels with the decimals that it writes."""
+    return {c.channel: np.round(log.columns[c.channel], rig.loggers[name].decimals) for c in rig.columns(name)}
+
+
+def memory_run(path: str, rig: Rig, planned: PlannedRun, recorded: Mapping[str, Mapping[str, Floats]]) -> MemoryRun:
+    """A run of a plan with these values by logger and channel, as the loggers write them."""
+    data: dict[str, Floats] = {}
+    groups = []
+    for name, columns in recorded.items():
+        logger, units = rig.loggers[name], {"Time": "s"} | {c.channel: c.unit for c in rig.columns(name)}
+        data |= {f"{name}/{key}": values for key, values in columns.items()}
+        timed = "Time" in columns and logger.clock != "uniform"
+        clock = TimeColumn(0) if timed else UniformClock(logger.rate)
+        keys, samples = tuple(columns), len(next(iter(columns.values())))
+        channels = tuple(Channel(key, units[key]) for key in keys)
+        groups.append(StoredGroup(name, channels, clock, None, samples, logger.rate, "declared", None, name, keys))
+    return MemoryRun(Path(path), tuple(groups), "simulated", planned.conditions, rig.text, (), {"data": data})

@@ -22,9 +22,8 @@ from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
 from ..kinematics import base_motion
-from ..kinematics.encoder_motion import encoder_trajectory
+from ..kinematics.encoder_motion import encoder_trajectory, rest_before
 from ..kinematics.gaps import gap_spans
-from ..kinematics.motion_onset import rest_before
 from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF, Grid, low_pass
 from ..rig import Column, Rig
 from ..rig.sensors import Accelerometer, Encoder, Trigger

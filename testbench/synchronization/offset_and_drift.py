@@ -3,35 +3,252 @@
 Newton's method starts on the segment where the rough offset was found and goes on to segments four times as long until
 all is used, then again with the residual whitened. Of the two fits the one with the smaller variance is taken: where
 both sides are very noisy, whitening lays weight on frequencies at which they have nothing in common.
+
+Least-squares equations of one clock against another, and the covariance of the clock that they determine.
+
+Each signal is y(t) = c + e t + Z(t) g + X(s) b + f(s) at s = p + (1 + d)(t - t0), with f known to its size and both
+sides behind one whitening filter. Noise on both sides leaves p unbiased, but not the first-order Hessian of the sum of
+squares: second derivatives are therefore included.
+
+The error of the fit is the sum of L(t) r(t), L its influence and r the residual. Where r is stationary, its variance is
+the integral of L(f)* S(f) L(f), S from the whitened residual, smoothed over frequency (prewhitened spectral estimator:
+Andrews and Monahan, Econometrica 60, 1992). One L is taken from the rates of each side: their noise is independent, so
+that noise in a rate does not count as signal. Where r is larger when the signals are fast, as by jitter, the ratio of
+White (Econometrica 48, 1980) widens the variance. What is fitted is taken off the degrees of freedom.
+
+Misspecification (inexact sensitivities, compliance of the frame) is fitted by nuisance columns, which explain part of
+it. Where they move the estimate by more than noise does, whose variance is the difference of the variances with and
+without them (Hausman, Econometrica 46, 1978), the rest is taken to be evenly distributed within as much.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from balance.arrays import Floats
+from balance.arrays import Floats, Indices
 from balance.results import INLINE, Key
 
 from ..errors import AnalysisError
 from .clock_map import ASSUMED_DRIFT, PPM, ClockMap
 from .coarse_lag import CoarseLag, search_lag
-from .fit_equations import (
-    CLOCK_SIZE,
-    SMOOTHED,
-    ClockCovariance,
-    Segment,
-    Signal,
-    TrialClock,
-    clock_covariance,
-    fixed_time_effect,
-    joint_equations,
-    misspecification_deviation,
-)
 from .signal_preparation import PERIODS, Flags, PreparedSignals, SharedSignals, prepare, whitener, with_history
+from .signal_preparation import whitened as filtered
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
+
+CLOCK_SIZE = 2
+"""Parameters of the clock: when its middle was, and its drift."""
+
+
+@dataclass(frozen=True)
+class TrialClock:
+    """A clock during the fit: reference = ``at`` + (1 + drift) (own - middle), all in s."""
+
+    middle: float
+    at: float
+    drift: float = 0.0
+
+    def instants(self, own: Floats) -> Floats:
+        """Own instants (n,) [s] on the reference's clock, (n,) [s]."""
+        return self.at + (1.0 + self.drift) * (own - self.middle)
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A segment of the own clock, and which of its samples are used."""
+
+    own: Floats
+    """(n,) [s]"""
+    own_signals: Floats
+    """(n, signals)"""
+    own_nuisance: Floats
+    """Nuisance columns on the own clock, (n, k)."""
+    used: Flags
+    """(n,)"""
+
+    @property
+    def step(self) -> float:
+        """Between samples [s]."""
+        return float(self.own[-1] - self.own[0]) / (len(self.own) - 1)
+
+
+class Signal:
+    """One signal of the own clock fitted by its columns at a trial clock; constant, trend and factors are solved for.
+
+    Nuisance columns, those of the segment and the last ``reference_nuisances`` of the spline, are what the model of the
+    other columns lacks.
+    """
+
+    def __init__(
+        self, segment: Segment, index: int, spline: "BSpline", trial: TrialClock, taps: Floats, reference_nuisances: int
+    ) -> None:
+        at, used, lever = trial.instants(segment.own), segment.used, segment.own - trial.middle
+        self.lever = np.column_stack([np.ones_like(lever), lever])[used]
+        own_columns = np.column_stack([np.ones_like(lever), lever / np.abs(lever).max(), segment.own_nuisance])
+        self.own_count = own_columns.shape[1]
+        nuisance = np.zeros(self.own_count + spline.c.shape[1] - 1, dtype=bool)
+        nuisance[2 : self.own_count] = True
+        nuisance[len(nuisance) - reference_nuisances :] = True
+        self.nuisance = nuisance
+        """Which columns are nuisance columns, (columns,)."""
+        raw = [np.asarray(spline(at, order)) for order in (0, 1, 2)]
+        value, rate, curvature = (filtered(x, taps)[used] for x in raw)
+        self.columns = np.column_stack([filtered(own_columns, taps)[used], value[:, 1:]])
+        self.readings = filtered(segment.own_signals[:, index], taps)[used]
+        self.factors = np.linalg.lstsq(self.columns, self.readings - value[:, 0], rcond=None)[0]
+        share = np.r_[1.0, self.factors[self.own_count :]]
+        self.column_rates, self.fixed_rate = rate[:, 1:], rate[:, 0]
+        self.fitted_rate, self.curvature = rate @ share, curvature @ share
+        fitted = raw[0] @ share + own_columns @ self.factors[: self.own_count]
+        self.raw_residual = segment.own_signals[:, index] - fitted
+        """Residual before the filter, of all samples of the segment."""
+        whitened = filtered(self.raw_residual, taps)
+        self.residual = whitened[used]
+        self.observed_rate = self.fitted_rate + np.gradient(whitened, segment.step)[used]
+
+    @cached_property
+    def weight(self) -> float:
+        """1 / mean square of the residual."""
+        return 1.0 / max(float(np.mean(self.residual**2)), 1e-12 * float(np.mean(self.readings**2)))
+
+    def design(self, rate: Floats) -> Floats:
+        """Derivatives by the clock's parameters and its own, (n, p) [SI], with rates (n,) [1/s] of the signal."""
+        return np.column_stack([self.lever * rate[:, None], self.columns])
+
+    def equations(self) -> tuple[Floats, Floats]:
+        """Gradient (p,) and Hessian (p, p) of half the weighted sum of squares [SI, signals in any unit]."""
+        design = self.design(self.fitted_rate)
+        first_order = design.T @ design
+        hessian, at = first_order.copy(), CLOCK_SIZE + self.own_count
+        hessian[:CLOCK_SIZE, :CLOCK_SIZE] -= (self.lever * (self.residual * self.curvature)[:, None]).T @ self.lever
+        crossed = self.lever.T @ (self.residual[:, None] * self.column_rates)
+        hessian[:CLOCK_SIZE, at:] -= crossed
+        hessian[at:, :CLOCK_SIZE] -= crossed.T
+        if np.linalg.eigvalsh(hessian).min() <= 0.0:
+            hessian = first_order
+        return -self.weight * (design.T @ self.residual), self.weight * hessian
+
+
+def joint_equations(signals: list[Signal], trial: TrialClock, drift_prior: float | None) -> tuple[Floats, Floats]:
+    """Gradient (p,) and Hessian (p, p) [SI] of all signals; they share the clock's parameters alone.
+
+    ``drift_prior``: standard deviation of a drift that is not estimated, about zero [-]; None: it is estimated.
+    """
+    size = int(parameter_indices(signals)[-1][-1]) + 1
+    gradient, hessian = np.zeros(size), np.zeros((size, size))
+    for signal, index in zip(signals, parameter_indices(signals), strict=True):
+        own_gradient, own_hessian = signal.equations()
+        gradient[index] += own_gradient
+        hessian[index[:, None], index] += own_hessian
+    if drift_prior is not None:
+        gradient[1] += trial.drift / drift_prior**2
+        hessian[1, 1] += 1.0 / drift_prior**2
+    return gradient, hessian
+
+
+def parameter_indices(signals: list[Signal]) -> list[Indices]:
+    """Indices of each signal's parameters among all, (p,) each [-]."""
+    ends = CLOCK_SIZE + np.cumsum([s.columns.shape[1] for s in signals])
+    return [np.r_[0:CLOCK_SIZE, end - s.columns.shape[1] : end] for s, end in zip(signals, ends, strict=True)]
+
+
+SMOOTHED = 0.125
+"""Width over which the spectrum is smoothed, as a share of the highest frequency compared."""
+LEAST_SHARE = 0.02
+"""Of the covariance by one side's rates, below which that by the rates of both may be chance."""
+
+
+@dataclass(frozen=True)
+class ClockCovariance:
+    """Covariance of ``at`` and drift by the residual, before the degrees of freedom of the fit are taken off."""
+
+    covariance: Floats
+    """By the rates of both sides, (2, 2)."""
+    upper_variance: float
+    """Variance of ``at`` by the reference's rates alone [s2]: noise in them makes it too large, never too small."""
+    degrees_of_freedom: float
+
+
+def clock_covariance(signals: list[Signal], hessian: Floats, used: Flags, width: float) -> ClockCovariance:
+    """Covariance of the clock; by the reference's rates alone where those of both sides determine none.
+
+    ``hessian`` (p, p) [SI] of the fit, ``used`` (n,) [-] its samples, ``width`` of the smoothing [periods/sample].
+    """
+    inverse, where = np.linalg.inv(hessian)[:, :CLOCK_SIZE], np.flatnonzero(used)
+    where -= where[0]
+    length = int(2 ** np.ceil(np.log2(2 * (where[-1] + 1))))
+    pairs = list(zip(signals, parameter_indices(signals), strict=True))
+    residual = np.array([s.residual for s in signals])
+    one, other = (
+        np.array([s.weight * s.design(rate) @ inverse[index] for (s, index), rate in zip(pairs, rates, strict=True)])
+        for rates in ([s.fitted_rate for s in signals], [s.observed_rate for s in signals])
+    )
+    residual_spectra, first, second = (_spectra(x, where, length) for x in (residual[:, :, None], one, other))
+    twice = np.full(first.shape[1], 2.0 / length)
+    twice[[0, -1]] = 1.0 / length
+    both, alone = np.zeros((2, CLOCK_SIZE, CLOCK_SIZE))
+    shares = np.zeros(first.shape[1])
+    for i in range(len(signals)):
+        for j in range(len(signals)):
+            cross = residual_spectra[i, :, 0] * residual_spectra[j, :, 0].conj()
+            density = _smoothed(cross, width * length) / len(where)
+            influence = twice[:, None] * first[i].conj()
+            both += np.real(np.einsum("k,ka,kb->ab", density, influence, second[j]))
+            alone += np.real(np.einsum("k,ka,kb->ab", density, influence, first[j]))
+            shares += np.real(_smoothed(influence[:, 0] * first[j, :, 0], width * length) * density)
+    widening = np.sqrt(_heteroscedastic_widening(one, residual))
+    both, alone = (0.5 * (c + c.T) * np.outer(widening, widening) for c in (both, alone))
+    degrees_of_freedom = 2.0 * shares.sum() ** 2 / np.sum(shares**2) * len(where) / length
+    positive = np.linalg.eigvalsh(both / np.sqrt(np.outer(np.diag(alone), np.diag(alone)))).min() > LEAST_SHARE
+    return ClockCovariance(both if positive else alone, float(alone[0, 0]), float(degrees_of_freedom))
+
+
+def misspecification_deviation(signals: list[Signal], hessian: Floats, variance: float) -> Floats:
+    """Standard deviations of ``at`` [s] and drift [-] by misspecification that remains, (2,); ``hessian`` (p, p)."""
+    nuisance, factors = np.zeros(len(hessian), dtype=bool), np.zeros(len(hessian))
+    for signal, index in zip(signals, parameter_indices(signals), strict=True):
+        nuisance[index[CLOCK_SIZE:]], factors[index[CLOCK_SIZE:]] = signal.nuisance, signal.factors
+    if not nuisance.any():
+        return np.zeros(CLOCK_SIZE)
+    without = np.linalg.inv(hessian[~nuisance][:, ~nuisance])
+    moved = (without @ hessian[~nuisance][:, nuisance] @ factors[nuisance])[:CLOCK_SIZE]
+    by_noise = variance * (1.0 - without[0, 0] / np.linalg.inv(hessian)[0, 0])
+    beyond = max(0.0, 1.0 - by_noise / max(float(moved[0] ** 2), 1e-300))
+    return np.asarray(moved * np.sqrt(beyond / 3.0))
+
+
+def fixed_time_effect(signals: list[Signal], hessian: Floats) -> Floats:
+    """Change of ``at`` [-] and drift [1/s] per delay of the fixed part, (2,); ``hessian`` (p, p)."""
+    joint = np.zeros(len(hessian))
+    for signal, index in zip(signals, parameter_indices(signals), strict=True):
+        joint[index] += signal.weight * (signal.design(signal.fitted_rate).T @ signal.fixed_rate)
+    return np.asarray(np.linalg.solve(hessian, joint)[:CLOCK_SIZE])
+
+
+def _spectra(values: Floats, where: Indices, length: int) -> Floats:
+    """Spectra of values (signals, n, k) at samples ``where`` (n,), zero elsewhere, (signals, frequencies, k)."""
+    padded = np.zeros((len(values), length, values.shape[2]))
+    padded[:, where] = values
+    return np.asarray(np.fft.rfft(padded, axis=1))
+
+
+def _heteroscedastic_widening(influence: Floats, residual: Floats) -> Floats:
+    """Factor on the variance for a residual that is uneven in time, at least 1, (2,)."""
+    total = np.einsum("snm,sn->nm", influence, residual)
+    even = np.einsum("snm,tnm,st->m", influence, influence, residual @ residual.T / residual.shape[1])
+    return np.maximum(1.0, np.sum(total**2, axis=0) / np.maximum(even, 1e-300))
+
+
+def _smoothed(spectrum: Floats, width: float) -> Floats:
+    """A spectrum averaged over a triangle ``width`` bins wide at its base, mirrored at the ends."""
+    half = max(1, min(round(0.5 * width), len(spectrum) - 2))
+    kernel = np.bartlett(2 * half + 1)
+    mirrored = [np.conj(spectrum[half:0:-1]), spectrum, np.conj(spectrum[-2 : -half - 2 : -1])]
+    return np.asarray(np.convolve(np.concatenate(mirrored), kernel / kernel.sum(), mode="valid"))
+
 
 LEAST_FREEDOM = 2.0
 """Degrees of freedom below which no variance is estimated."""

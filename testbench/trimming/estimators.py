@@ -18,10 +18,10 @@ from ..rig import Column
 from ..rig.sensors import Torque
 from ..runs.aligned_run import AlignedRun
 from . import sensor_errors
-from .encoder_quantization import step_covariance
 from .force_regression import CUTOFF_HZ, force_regression
 from .problem import (
     Entry,
+    NoValidMotion,
     RunEquations,
     Source,
     SourceEstimate,
@@ -34,8 +34,7 @@ from .torque_regression import CUTOFF_HZ as TORQUE_CUTOFF_HZ
 from .torque_regression import torque_channels, torque_regression
 from .trial_mass_runs import CUTOFF_HZ as TRIALS_CUTOFF_HZ
 from .trial_mass_runs import trial_mass_runs_imbalance, without_gaps
-from .valid_samples import NoValidMotion
-from .vibration_regression import ShakenBase, shaken_base, states_base, vibration_regression
+from .vibration_regression import ShakenBase, shaken_base, states_base, step_covariance, vibration_regression
 
 T = TypeVar("T")
 

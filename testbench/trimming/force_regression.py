@@ -13,9 +13,8 @@ from balance.estimation.first_moment_imbalance import condition_columns
 from ..errors import AnalysisError
 from ..loads.shaking_wrench import COMPONENTS, measured_loads
 from ..runs.aligned_run import AlignedRun
-from .problem import RunEquations, motion_name, offset_and_drift
+from .problem import RunEquations, ValidSamples, motion_name, offset_and_drift
 from .sensor_errors import force_effects, reading_effects, stated_deviations
-from .valid_samples import ValidSamples
 
 CUTOFF_HZ = 40.0
 """Of forces and columns alike: most of what the moves excite lies below, and encoders tell accelerations there."""

@@ -16,8 +16,7 @@ from ..errors import AnalysisError
 from ..rig import Column
 from ..rig.sensors import Torque
 from ..runs.aligned_run import AlignedRun
-from .problem import RunEquations, motion_name, offset_and_drift, parameter_basis
-from .valid_samples import ValidSamples
+from .problem import RunEquations, ValidSamples, motion_name, offset_and_drift, parameter_basis
 
 CUTOFF_HZ = 20.0
 """Of torques and columns alike: gravity speaks below, and above the encoders' steps are taken for inertia."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from testbench.kinematics.motion_onset import moving_interval
+from testbench.kinematics.encoder_motion import moving_interval
 
 
 def test_moving():

@@ -8,7 +8,7 @@ import pytest
 from mcap.writer import Writer
 
 from testbench.errors import RecordingError
-from testbench.readers.protobuf_messages import ProtobufDecoder
+from testbench.readers.mcap_worker import ProtobufDecoder
 from testbench.readers.ros_topics import TooManyNumbers, Unreadable
 
 from . import reading

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from testbench.cross_examination import Examination, Statement, examine
-from testbench.cross_examination.decisions import accept
+from testbench.cross_examination.statement import accept
 from testbench.errors import StoreError
 from testbench.recording import Channel, Group, UniformClock
 from testbench.report.traces import AT_ONCE, BLOCK, Lag, Trace, difference, lag, motion_begins

@@ -5,7 +5,7 @@ import pytest
 
 from testbench.errors import RigError
 from testbench.rig import load_rig
-from testbench.rig.support_loads import support_wrenches, wrench_transport
+from testbench.rig.sensors import support_wrenches, wrench_transport
 
 SUPPORTS = load_rig("parallelogram-6bar").supports
 WRENCHES = np.random.default_rng(3).normal(size=(50, 6))

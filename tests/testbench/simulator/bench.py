@@ -6,7 +6,7 @@ from balance.mechanism.mjcf_parser import load_mechanism
 from testbench.campaign_plan import PlannedRun
 from testbench.rig import Rig, load_rig
 from testbench.rig.bench import Bench
-from testbench.rig.support_loads import wrench_transport
+from testbench.rig.sensors import wrench_transport
 from testbench.simulator.run import BenchRun, simulate_run
 from testbench.simulator.sensors import true_signals
 

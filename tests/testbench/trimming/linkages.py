@@ -9,7 +9,7 @@ from balance.dynamics.inverse_dynamics import simulate
 from balance.mechanism.mechanism import Mechanism
 from balance.motion import Samples
 from testbench.recording import Channel, UniformClock
-from testbench.simulator.memory_run import MemoryRun
+from testbench.simulator.simulated_logs import MemoryRun
 from testbench.store.run import StoredGroup
 
 RATE = 1000.0

@@ -12,7 +12,7 @@ from testbench.kinematics.base_motion import BaseAcceleration
 from testbench.kinematics.gaps import Gaps
 from testbench.kinematics.smoothing_and_derivatives import Grid
 from testbench.rig.bench import Bench
-from testbench.trimming.valid_samples import ValidSamples
+from testbench.trimming.problem import ValidSamples
 from testbench.trimming.vibration_regression import ShakenBase
 
 PENDULUM = """

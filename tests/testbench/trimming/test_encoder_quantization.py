@@ -12,9 +12,15 @@ from balance.mechanism.mjcf_parser import load_mechanism
 from balance.motion import Samples
 from studies import simulated_runs as memory
 from testbench.kinematics.smoothing_and_derivatives import smoothed_derivatives
-from testbench.trimming.encoder_quantization import backwards, per_reading, step_covariance, wrench_slopes
 from testbench.trimming.problem import parameter_basis, shared_unknowns, with_shared_unknowns
-from testbench.trimming.vibration_regression import shaken_base, vibration_regression
+from testbench.trimming.vibration_regression import (
+    backwards,
+    per_reading,
+    shaken_base,
+    step_covariance,
+    vibration_regression,
+    wrench_slopes,
+)
 
 STEP = 4.8e-5
 """Of the encoders [rad]."""

@@ -11,9 +11,8 @@ from studies import simulated_runs as memory
 from testbench.errors import AnalysisError
 from testbench.kinematics.gaps import Gaps
 from testbench.kinematics.smoothing_and_derivatives import Grid
-from testbench.trimming.problem import TrimProblem
+from testbench.trimming.problem import TrimProblem, ValidSamples
 from testbench.trimming.trial_mass_runs import without_gaps
-from testbench.trimming.valid_samples import ValidSamples
 
 GRID = Grid(0.0, 1e-3, 2000)
 

@@ -12,7 +12,7 @@ from testbench import campaign_plan as plans
 from testbench.rig import load_rig
 from testbench.signal.filters import Band
 from testbench.simulator import simulated_logs
-from testbench.simulator.memory_run import stored
+from testbench.simulator.simulated_logs import stored
 from testbench.store import open_campaign
 from testbench.vibration.metrics import METRICS, Measure
 from testbench.vibration.reduction import Reduction, analyze
