@@ -151,7 +151,24 @@ def bind_law(calibration: Calibration, channels: Sequence[Channel], units: Seque
     """The law for channels written in ``units``. Raises UnitError if it does not give the unit of what is measured."""
     check_law(calibration, channels)
     if calibration.matrix is not None:
-        return _matrix_law(calibration, channels, units)
+        matrix, lines, out = calibration.matrix, [], []
+        for channel, written in zip(channels, units, strict=True):
+            raw, into = si_unit(written, channel.dimensions), si_unit(matrix.raw, channel.dimensions)
+            if raw.units != into.units:
+                taken = f"the matrix takes {matrix.raw!r}, the channel is in {written!r}"
+                raise UnitError(f"{channel.component}: {taken}{_already_physical(channel, written)}")
+            text = entry_of_component(matrix.physical, channel.component)
+            if text is None:
+                raise UnitError(f"matrix: physical: no unit for {channel.component}")
+            given = si_unit(text, channel.dimensions)
+            if not measures_one_of(given.units, channel.dimensions):
+                raise UnitError(f"matrix: {text!r} for {channel.component} is no {_quantity_text(channel.dimensions)}")
+            raw_offset, physical_offset = _offset(calibration, channel, raw)
+            if physical_offset:
+                raise UnitError(f"{channel.component}: an offset before a matrix is in the unit of the log")
+            lines.append((-raw_offset / into.value, raw.value / into.value))
+            out.append(given.value)
+        return CalibrationLaw(tuple(lines), np.array(matrix.rows) * np.array(out)[:, None])
     return CalibrationLaw(tuple(_channel_polynomial(calibration, c, u) for c, u in zip(channels, units, strict=True)))
 
 
@@ -244,28 +261,6 @@ def _polynomial_in_si(found: Polynomial, channel: Channel, written: str) -> tupl
         raise UnitError(f"{channel.component}: the polynomial gives {found.physical!r}, no {wanted}")
     step = raw.value / into.value
     return tuple(c * step**i * out.value for i, c in enumerate(found.coefficients))
-
-
-def _matrix_law(calibration: Calibration, channels: Sequence[Channel], units: Sequence[str]) -> CalibrationLaw:
-    assert calibration.matrix is not None
-    matrix, lines, out = calibration.matrix, [], []
-    for channel, written in zip(channels, units, strict=True):
-        raw, into = si_unit(written, channel.dimensions), si_unit(matrix.raw, channel.dimensions)
-        if raw.units != into.units:
-            taken = f"the matrix takes {matrix.raw!r}, the channel is in {written!r}"
-            raise UnitError(f"{channel.component}: {taken}{_already_physical(channel, written)}")
-        text = entry_of_component(matrix.physical, channel.component)
-        if text is None:
-            raise UnitError(f"matrix: physical: no unit for {channel.component}")
-        given = si_unit(text, channel.dimensions)
-        if not measures_one_of(given.units, channel.dimensions):
-            raise UnitError(f"matrix: {text!r} for {channel.component} is no {_quantity_text(channel.dimensions)}")
-        raw_offset, physical_offset = _offset(calibration, channel, raw)
-        if physical_offset:
-            raise UnitError(f"{channel.component}: an offset before a matrix is in the unit of the log")
-        lines.append((-raw_offset / into.value, raw.value / into.value))
-        out.append(given.value)
-    return CalibrationLaw(tuple(lines), np.array(matrix.rows) * np.array(out)[:, None])
 
 
 def _unit_mismatch(channel: Channel, written: str, sensitivity: Amount, text: str) -> str:

@@ -231,7 +231,27 @@ def _keep_responses(seen: Observation, readings: "_Readings", group: str) -> Non
 
 
 def _keep_torques(seen: Observation, run: ModelledRun, readings: "_Readings") -> None:
-    seen.torque = _torque_equations(run, readings)
+    # Of the driven joints that have a torque sensor on the encoders' logger.
+    rig, grid = run.run.rig, run.grid
+    columns = {column.component: column for column in rig.columns_of(Torque)}
+    by_mass, driven = run.torque_columns(readings.base)
+    joints = tuple(j for j in driven if j in columns and run.run.group_of(columns[j]) == run.group)
+    if not joints:
+        raise AnalysisError("no torque sensor of a driven joint is on the encoders' logger")
+    names = ("torque", *by_mass, *DRIVE_TERMS)
+    parts = np.array_split(np.flatnonzero(run.valid), BLOCKS)
+    products = np.zeros((BLOCKS, len(joints), len(names), len(names)))
+    for j, joint in enumerate(joints):
+        time, values = _smooth(run.run, [columns[joint]], grid.step, bridged=True)
+        if not np.ptp(values) > 0.0:
+            raise AnalysisError(f"{run.run.name}: {columns[joint].channel} shows one value only")
+        k, i = run.unloaded.coordinate_index(joint), driven.index(joint)
+        v, a = run.path.v[:, k], run.path.a[:, k]
+        terms = (np.ones(grid.count), *run.smooth(np.column_stack([a, v, np.tanh(v / COULOMB_SPEED)])).T)
+        modelled = run.smooth(np.column_stack([by_mass[name][:, i] for name in by_mass]))
+        whole = np.column_stack([np.interp(grid.time, time, values[:, 0]), modelled, *terms])
+        products[:, j] = [whole[part].T @ whole[part] for part in parts]
+    seen.torque = TorqueEquations(joints, names, products, int(np.count_nonzero(run.valid)))
 
 
 def _attempt(seen: Observation, witness: str, work: Callable[[], None]) -> None:
@@ -360,27 +380,3 @@ def _lag(readings: list[tuple[Floats, Floats]], expected: list[Floats], step: fl
         left, top, right = total[k - 1 : k + 2]
         shift += float(0.5 * (left - right) / (left - 2.0 * top + right)) if left - 2.0 * top + right < 0.0 else 0.0
     return shift * step
-
-
-def _torque_equations(run: ModelledRun, readings: _Readings) -> TorqueEquations:
-    """Of the driven joints that have a torque sensor on the encoders' logger."""
-    rig, grid = run.run.rig, run.grid
-    columns = {column.component: column for column in rig.columns_of(Torque)}
-    by_mass, driven = run.torque_columns(readings.base)
-    joints = tuple(j for j in driven if j in columns and run.run.group_of(columns[j]) == run.group)
-    if not joints:
-        raise AnalysisError("no torque sensor of a driven joint is on the encoders' logger")
-    names = ("torque", *by_mass, *DRIVE_TERMS)
-    parts = np.array_split(np.flatnonzero(run.valid), BLOCKS)
-    products = np.zeros((BLOCKS, len(joints), len(names), len(names)))
-    for j, joint in enumerate(joints):
-        time, values = _smooth(run.run, [columns[joint]], grid.step, bridged=True)
-        if not np.ptp(values) > 0.0:
-            raise AnalysisError(f"{run.run.name}: {columns[joint].channel} shows one value only")
-        k, i = run.unloaded.coordinate_index(joint), driven.index(joint)
-        v, a = run.path.v[:, k], run.path.a[:, k]
-        terms = (np.ones(grid.count), *run.smooth(np.column_stack([a, v, np.tanh(v / COULOMB_SPEED)])).T)
-        modelled = run.smooth(np.column_stack([by_mass[name][:, i] for name in by_mass]))
-        whole = np.column_stack([np.interp(grid.time, time, values[:, 0]), modelled, *terms])
-        products[:, j] = [whole[part].T @ whole[part] for part in parts]
-    return TorqueEquations(joints, names, products, int(np.count_nonzero(run.valid)))

@@ -388,7 +388,14 @@ def _blocks(
     for lines in read_blocks(path, encoding, segments[0].first):
         text = lines.text
         if lines.rest:
-            text, finding = _last_row(segments[-1].form, lines.rest, before, lines.first)
+            # A last row without line end; one with a comment is whole, one that ends empty is not.
+            form = segments[-1].form
+            plain, separator = form.plain(lines.rest), form.separator.encode()
+            cells = plain.split(separator)
+            whole = separator.join(cells[: form.fields]) + b"\r"
+            text, finding = last_row(
+                form, whole if len(cells) > form.fields else plain.rstrip(separator), before, lines.first
+            )
             if finding is not None:
                 report(finding)
         before = text[-65536:]
@@ -401,11 +408,3 @@ def _blocks(
                 yield from rows.blocks(piece, begin, lines.bytes_read)
     for rows in todo:
         rows.report(report)
-
-
-def _last_row(form: RowParser, rest: bytes, before: bytes, line: int) -> tuple[bytes, Finding | None]:
-    """A last row without line end; one with a comment is whole, one that ends empty is not."""
-    plain, separator = form.plain(rest), form.separator.encode()
-    cells = plain.split(separator)
-    whole = separator.join(cells[: form.fields]) + b"\r"
-    return last_row(form, whole if len(cells) > form.fields else plain.rstrip(separator), before, line)

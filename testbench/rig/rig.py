@@ -67,7 +67,18 @@ def mechanism_names(name: str, folder: Path | None) -> MechanismNames | None:
         )
     # a file of the user's own, of which names alone are taken
     with in_file("mechanism"):
-        return _names_in(name, xml_root(read_text(path, RigError), path.name, RigError))
+        # The names in a file; None for one that includes others, whose names are not known here.
+        root = xml_root(read_text(path, RigError), path.name, RigError)
+        elements = list(root.iter())
+        if any(element.tag in {"include", "attach", "replicate"} for element in elements):
+            return None
+        return MechanismNames(
+            name,
+            _names_of_tags(elements, _BODIES),
+            _names_of_tags(elements, _JOINTS),
+            _names_of_tags([e for part in root.iter("worldbody") for e in part.iter()], {"site"})
+            + _names_of_tags(filter(_massless, root.iter("link")), {"link"}),
+        )
 
 
 def mechanism_file(name: str, folder: Path | None) -> Path | None:
@@ -76,20 +87,6 @@ def mechanism_file(name: str, folder: Path | None) -> Path | None:
     own = [] if folder is None else [folder / name, *(folder / f"{name}{suffix}" for suffix in _SUFFIXES)]
     plain = Path(name).name == name and name not in {"", ".", ".."}
     return next((p for p in [*own, *([shipped] if plain else [])] if p.is_file()), None)
-
-
-def _names_in(mechanism: str, root: Element) -> MechanismNames | None:
-    """The names in a file; None for one that includes others, whose names are not known here."""
-    elements = list(root.iter())
-    if any(element.tag in {"include", "attach", "replicate"} for element in elements):
-        return None
-    return MechanismNames(
-        mechanism,
-        _names_of_tags(elements, _BODIES),
-        _names_of_tags(elements, _JOINTS),
-        _names_of_tags([e for part in root.iter("worldbody") for e in part.iter()], {"site"})
-        + _names_of_tags(filter(_massless, root.iter("link")), {"link"}),
-    )
 
 
 def _massless(link: Element) -> bool:

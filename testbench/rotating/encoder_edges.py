@@ -230,21 +230,6 @@ def read_edge_times(path: Path) -> Floats:
         run = open_run(path)
         _require_one_channel(path, len(run.group().channels))
         return run.time()
-    return _log_times(path)
-
-
-def log_origin(path: Path) -> str:
-    """Origin of a log or stored run: measured, simulated or unstated."""
-    if path.suffix.lower() in HDF5:
-        from ..store import open_run
-
-        return open_run(path).origin
-    from ..readers.registry import open_recording
-
-    return open_recording(path).origin
-
-
-def _log_times(path: Path) -> Floats:
     from ..readers.registry import open_recording
     from ..recording import Finding, TimeColumn, refusing_findings
 
@@ -264,6 +249,17 @@ def _log_times(path: Path) -> Floats:
         row = int(np.flatnonzero(~np.isfinite(ticks))[0])
         raise RecordingError(f"{path.name}: row {row + 1} of {name!r} is no number: remove the row from the log")
     return ticks * group.clock.seconds_per_unit
+
+
+def log_origin(path: Path) -> str:
+    """Origin of a log or stored run: measured, simulated or unstated."""
+    if path.suffix.lower() in HDF5:
+        from ..store import open_run
+
+        return open_run(path).origin
+    from ..readers.registry import open_recording
+
+    return open_recording(path).origin
 
 
 def _require_one_channel(path: Path, channels: int) -> None:

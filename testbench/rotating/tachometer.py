@@ -227,7 +227,19 @@ def steady_turns(name: str, time: Floats, signal: Floats, level: float | None, f
             f"{name}: {len(found)} pulses in {time[-1] - time[0]:.3g} s, values {signal.min():g} to {signal.max():g}: "
             f"expected at least {LEAST_TURNS + 1}, one a turn; try another channel, --level, or a longer record"
         )
-    _require_all_pulses(name, found)
+    never_again = len(found)  # no slot of a disc explains an odd interval: there is one pulse a turn
+    if gaps := lost_edges(found, never_again):
+        places = "; ".join(gap.text().replace("edge", "pulse") for gap in gaps[:8])
+        raise AnalysisError(
+            f"{name}: {_count(gaps)} lost: {places}. Turns counted through a gap would be "
+            "wrong: check --level and the distance of the sensor, or cut the record"
+        )
+    if extra := spurious_edges(found, never_again):
+        places = ", ".join(f"{found[k]:.6f} s" for k in extra[:8])
+        raise AnalysisError(
+            f"{name}: {len(extra)} pulse{'s' * (len(extra) > 1)} too many, at {places}: expected one a turn; check "
+            "--level"
+        )
     turns = _timed(time, signal, found, half_swing(time, signal, falling)[1] if guessed else 0.0)
     if turns.change > within:
         raise AnalysisError(
@@ -252,19 +264,3 @@ def _timed(time: Floats, signal: Floats, found: Floats, level_error: float) -> T
 def _count(gaps: list[Gap]) -> str:
     missing = sum(gap.missing for gap in gaps)
     return f"{missing} pulse{'s' * (missing > 1)}"
-
-
-def _require_all_pulses(name: str, found: Floats) -> None:
-    never_again = len(found)  # no slot of a disc explains an odd interval: there is one pulse a turn
-    if gaps := lost_edges(found, never_again):
-        places = "; ".join(gap.text().replace("edge", "pulse") for gap in gaps[:8])
-        raise AnalysisError(
-            f"{name}: {_count(gaps)} lost: {places}. Turns counted through a gap would be "
-            "wrong: check --level and the distance of the sensor, or cut the record"
-        )
-    if extra := spurious_edges(found, never_again):
-        places = ", ".join(f"{found[k]:.6f} s" for k in extra[:8])
-        raise AnalysisError(
-            f"{name}: {len(extra)} pulse{'s' * (len(extra) > 1)} too many, at {places}: expected one a turn; check "
-            "--level"
-        )

@@ -11,12 +11,11 @@ from balance.arrays import Floats
 from balance.units import si
 
 from ..errors import AnalysisError
+from ..store.run import Run, StoredGroup
 from ..synchronization.run_alignment import stored_clock_maps
 
 if TYPE_CHECKING:
     import pandas
-
-    from ..store.run import Run, StoredGroup
 
 _PASSED = 0.4
 """Share of the new rate up to which frequencies are kept where that rate is below a logger's own."""
@@ -24,7 +23,7 @@ _GAP = 2.5
 """Steps between samples from which nothing is interpolated between them."""
 
 
-def joined(run: "Run", rate: float | str, channels: Sequence[str] | None = None) -> "pandas.DataFrame":
+def joined(run: Run, rate: float | str, channels: Sequence[str] | None = None) -> "pandas.DataFrame":
     """All groups with a time, or these ``channels``, over the time that all of them recorded, at ``rate`` [Hz].
 
     Clocks are mapped by the newest recorded alignment where there is one; a warning names those that have none. Values
@@ -37,9 +36,7 @@ def joined(run: "Run", rate: float | str, channels: Sequence[str] | None = None)
     return frame
 
 
-def joined_table(
-    run: "Run", rate: float | str, channels: Sequence[str] | None = None
-) -> "tuple[pandas.DataFrame, str]":
+def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = None) -> "tuple[pandas.DataFrame, str]":
     """The table of ``joined``, and which clocks are not aligned; empty if none."""
     import pandas
 
@@ -91,7 +88,7 @@ def joined_table(
     return frame, problem
 
 
-def _resampled(run: "Run", group: "StoredGroup", index: int, time: Floats, grid: Floats, rate: float) -> Floats:
+def _resampled(run: Run, group: StoredGroup, index: int, time: Floats, grid: Floats, rate: float) -> Floats:
     """A channel at the instants ``grid`` (n,) [s], (n,) [its unit]."""
     values = np.asarray(run.channel_at(group.name, index), dtype=np.float64)
     own = group.rate_hz

@@ -186,7 +186,19 @@ def simulate_run(
         moved_by = planned_samples(rig, planned, motion or planned_motion(rig, planned.motion), rate)
     except DataError as error:
         raise RigError(f"motion {planned.motion!r} of run {planned.name}: {error}") from error
-    command = _settling(moved_by, bench.settling, lead)
+    # The motion with rest before it, and after it as long as the bench takes to settle.
+    step = float(moved_by.time[1])
+    before, after = round(lead / step), round(bench.settling / step)
+    width = ((before, after), (0, 0))
+    command = Samples(
+        np.arange(-before, len(moved_by.time) + after) * step,
+        np.pad(moved_by.position, width, mode="edge"),
+        np.pad(moved_by.velocity, width),
+        np.pad(moved_by.acceleration, width),
+        moved_by.joints,
+        moved_by.point,
+        moved_by.axes,
+    )
     trajectory = Closure(mechanism).follow(command)
     with _named(rig):
         run = _moved(bench, loaded, command, trajectory, mechanism.gravity)
@@ -362,19 +374,3 @@ def modal_acceleration(modes: tuple[Mode, ...], wrench: Floats, step: float) -> 
 def rate_hz(rig: Rig) -> float:
     """Rate of the simulation for a rig [Hz]."""
     return max(RATE_HZ, 2.0 * max(logger.rate for logger in rig.loggers.values()))
-
-
-def _settling(samples: Samples, seconds: float, lead: float) -> Samples:
-    """The motion with ``lead`` [s] of rest before it and ``seconds`` of rest after it."""
-    step = float(samples.time[1])
-    before, after = round(lead / step), round(seconds / step)
-    width = ((before, after), (0, 0))
-    return Samples(
-        np.arange(-before, len(samples.time) + after) * step,
-        np.pad(samples.position, width, mode="edge"),
-        np.pad(samples.velocity, width),
-        np.pad(samples.acceleration, width),
-        samples.joints,
-        samples.point,
-        samples.axes,
-    )

@@ -168,39 +168,36 @@ class GroupWriter:
         """Write what waits, then names, units and clock."""
         self.start_time = start_time
         with self._writing():
-            self._finish(rate_hz, rate_source)
-
-    def _finish(self, rate_hz: float | None, rate_source: str | None) -> None:
-        self._write(self.samples - self._written)
-        self.rate_hz, self.rate_source = rate_hz, rate_source
-        clock = self.group.clock
-        self.node.attrs.update({"NX_class": "NXdata", "name": self.group.name, "samples": self.samples})
-        self.node.attrs["channels"] = self.keys
-        if rate_hz is not None:
-            self.node.attrs.update({"rate_hz": rate_hz, "rate_source": rate_source})
-        if self.start_time is not None:
-            self.node.attrs["start_time"] = self.start_time.time
-        if isinstance(clock, UniformClock):
-            self.node.attrs.update({"clock": "uniform", "rate_hz": clock.rate_hz, "start_s": clock.start_s})
-        elif clock is not None:
-            self.node.attrs.update({"clock": "recorded", "unit_assumed": clock.assumed})
-            if clock.seconds_per_unit is not None:
-                self.node.attrs["seconds_per_unit"] = clock.seconds_per_unit
-        else:
-            self.node.attrs["clock"] = "none"
-        for dataset, channel, form in zip(self._datasets, self.group.channels, self.forms, strict=True):
-            _name(dataset, channel)
-            dataset.attrs.update(form.attributes)
-        # Write what whole numbers do not hold; each dataset is its own dimension, for netCDF readers.
-        for key, bits in zip(self.keys, self._minus, strict=True):
-            if bits:
-                node = self.node.file
-                for name in (*layout.MINUS.split("/"), self.key):
-                    node = node.require_group(name)
-                    node.attrs.setdefault("NX_class", "NXcollection")
-                content = np.concatenate(bits)
-                node.create_dataset(key, data=content, fletcher32=True, **COMPRESSED.options).make_scale(key)
-        self._attach(self._dimension(clock))
+            self._write(self.samples - self._written)
+            self.rate_hz, self.rate_source = rate_hz, rate_source
+            clock = self.group.clock
+            self.node.attrs.update({"NX_class": "NXdata", "name": self.group.name, "samples": self.samples})
+            self.node.attrs["channels"] = self.keys
+            if rate_hz is not None:
+                self.node.attrs.update({"rate_hz": rate_hz, "rate_source": rate_source})
+            if self.start_time is not None:
+                self.node.attrs["start_time"] = self.start_time.time
+            if isinstance(clock, UniformClock):
+                self.node.attrs.update({"clock": "uniform", "rate_hz": clock.rate_hz, "start_s": clock.start_s})
+            elif clock is not None:
+                self.node.attrs.update({"clock": "recorded", "unit_assumed": clock.assumed})
+                if clock.seconds_per_unit is not None:
+                    self.node.attrs["seconds_per_unit"] = clock.seconds_per_unit
+            else:
+                self.node.attrs["clock"] = "none"
+            for dataset, channel, form in zip(self._datasets, self.group.channels, self.forms, strict=True):
+                _name(dataset, channel)
+                dataset.attrs.update(form.attributes)
+            # Write what whole numbers do not hold; each dataset is its own dimension, for netCDF readers.
+            for key, bits in zip(self.keys, self._minus, strict=True):
+                if bits:
+                    node = self.node.file
+                    for name in (*layout.MINUS.split("/"), self.key):
+                        node = node.require_group(name)
+                        node.attrs.setdefault("NX_class", "NXcollection")
+                    content = np.concatenate(bits)
+                    node.create_dataset(key, data=content, fletcher32=True, **COMPRESSED.options).make_scale(key)
+            self._attach(self._dimension(clock))
 
     def _dimension(self, clock: UniformClock | TimeColumn | None) -> "h5py.Dataset":
         """The scale of the samples: recorded time, time by index and rate, or a length without values."""

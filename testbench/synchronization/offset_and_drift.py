@@ -285,7 +285,14 @@ class _Problem:
 
     def __init__(self, content: PreparedSignals, among: Flags, drift_prior: float | None) -> None:
         self.content, self.among, self.drift_prior = content, among, drift_prior
-        self.splines = _splines(content)
+        # For each signal, splines of its fixed part, its columns, and the reference's nuisance columns.
+        from scipy.interpolate import make_interp_spline
+
+        columns = [
+            np.column_stack([f, c, content.reference_nuisance])
+            for f, c in zip(content.fixed.T, content.reference_columns, strict=True)
+        ]
+        self.splines = [make_interp_spline(content.reference.time, b, 5) for b in columns]
 
     def settled(self, trial: TrialClock, half: float, taps: list[Floats]) -> _Fit:
         """Newton's method on the segment of the own clock within ``half`` [s] of the middle."""
@@ -359,7 +366,15 @@ def refine_clock(
     Only own samples ``among`` (m,) [-] are used, all by default.
     Raises AnalysisError where too little overlaps, the steps do not settle, or the drift is not determined.
     """
-    changing = _changing_samples(content)
+    # Own samples near which the signals change, (m,); at rest, noise would pass for information.
+    from scipy.ndimage import uniform_filter1d
+
+    own = content.own
+    change = np.sum(
+        np.gradient(content.own_signals / content.own_signals.std(axis=0).max(), own.step, axis=0) ** 2, axis=1
+    )
+    near = uniform_filter1d(change, max(3, round(CHANGE_PERIODS / content.cutoff / own.step)), mode="constant")
+    changing = np.asarray(near >= LEAST_CHANGE * near.max())
     among = (changing if among is None else changing & among) & content.valid
     problem = _Problem(content, among, None if drift else 0.5 * ASSUMED_DRIFT)
     begin, end = rough.segment
@@ -391,29 +406,6 @@ def _more_precise(problem: _Problem, plain: _Fit, half: float) -> ClockMap:
     if (other := problem.covariance_of(white)).upper_variance < by.upper_variance:
         chosen, by = white, other
     return problem.clock_map(chosen, by)
-
-
-def _changing_samples(content: PreparedSignals) -> Flags:
-    """Own samples near which the signals change, (m,); at rest, noise would pass for information."""
-    from scipy.ndimage import uniform_filter1d
-
-    own = content.own
-    change = np.sum(
-        np.gradient(content.own_signals / content.own_signals.std(axis=0).max(), own.step, axis=0) ** 2, axis=1
-    )
-    near = uniform_filter1d(change, max(3, round(CHANGE_PERIODS / content.cutoff / own.step)), mode="constant")
-    return np.asarray(near >= LEAST_CHANGE * near.max())
-
-
-def _splines(content: PreparedSignals) -> "list[BSpline]":
-    """For each signal, splines of its fixed part, its columns, and the reference's nuisance columns."""
-    from scipy.interpolate import make_interp_spline
-
-    columns = [
-        np.column_stack([f, c, content.reference_nuisance])
-        for f, c in zip(content.fixed.T, content.reference_columns, strict=True)
-    ]
-    return [make_interp_spline(content.reference.time, b, 5) for b in columns]
 
 
 def _segment_near(content: PreparedSignals, trial: TrialClock, half: float, among: Flags, history: int) -> Segment:

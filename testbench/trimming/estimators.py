@@ -34,7 +34,7 @@ from .torque_regression import CUTOFF_HZ as TORQUE_CUTOFF_HZ
 from .torque_regression import torque_channels, torque_regression
 from .trial_mass_runs import CUTOFF_HZ as TRIALS_CUTOFF_HZ
 from .trial_mass_runs import trial_mass_runs_imbalance, without_gaps
-from .vibration_regression import ShakenBase, shaken_base, states_base, step_covariance, vibration_regression
+from .vibration_regression import shaken_base, states_base, step_covariance, vibration_regression
 
 T = TypeVar("T")
 
@@ -156,7 +156,14 @@ def by_vibration(problem: TrimProblem) -> SourceEstimate:
     equations = _Equations.channel_by_channel(problem, parts, columns, combinations)
     found, fixed = _all_or_at_sites(equations, problem)
     measured, within = equations.widened(found)
-    measured = _with_encoder_steps(measured, found, problem, bases, combinations)
+    # Wider by what the encoders' steps do to the columns.
+    rank, basis = problem.conditions.rank, parameter_basis(problem.conditions)
+    pi = basis[:, :rank] @ measured.values + basis[:, rank:] @ (combinations @ found.shared[: combinations.shape[1]])
+    steps = [
+        step_covariance(base, run.encoders, gain, pi)
+        for base, run, gain in zip(bases, problem.runs, found.gains(), strict=True)
+    ]
+    measured = replace(measured, covariance=measured.covariance + np.sum(steps, axis=0))
     about = (
         "The base's mass, centre, inertia and mounts are those that the rig states: a model that is assumed, whose "
         "errors the intervals do not contain.",
@@ -232,19 +239,6 @@ def _each(
     if not every:
         raise AnalysisError("no run can tell:\n" + "\n".join(f"  {f.message}" for f in findings))
     return every, replace(problem, runs=kept), findings
-
-
-def _with_encoder_steps(
-    measured: Imbalance, found: ImbalanceFit, problem: TrimProblem, bases: Sequence[ShakenBase], combinations: Floats
-) -> Imbalance:
-    """Wider by what the encoders' steps do to the columns."""
-    rank, basis = problem.conditions.rank, parameter_basis(problem.conditions)
-    pi = basis[:, :rank] @ measured.values + basis[:, rank:] @ (combinations @ found.shared[: combinations.shape[1]])
-    steps = [
-        step_covariance(base, run.encoders, gain, pi)
-        for base, run, gain in zip(bases, problem.runs, found.gains(), strict=True)
-    ]
-    return replace(measured, covariance=measured.covariance + np.sum(steps, axis=0))
 
 
 def _all_or_at_sites(equations: _Equations, problem: TrimProblem) -> tuple[ImbalanceFit, tuple[str, ...]]:

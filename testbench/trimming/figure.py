@@ -1,6 +1,5 @@
 """What is missing on each arm, by each source, and what the plates leave."""
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from balance.estimation.estimate import LEVEL_TEXT
@@ -11,7 +10,6 @@ from ..figures import style
 from .result import Trim
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _COLOURS = {
@@ -24,7 +22,31 @@ def draw(result: Trim) -> "Figure":
     with style.styled():
         figure, panels = style.light_grid(1, len(result.missing), 3.0, sharey=True)
         for k, axes in enumerate(panels[0]):
-            _site(axes, result, k)
+            before, after = result.missing[k], result.remaining()[k]
+            shown: list[tuple[str, MissingMass, str]] = [
+                (s.source, s.missing[k], _COLOURS[s.source]) for s in result.shares
+            ]
+            if len(result.shares) > 1:
+                shown.append(("all", before, style.TARGET))
+            shown.append(("with what is added", after, style.WITHOUT))
+            for place, (_, one, colour) in enumerate(shown):
+                low, high = one.interval
+                axes.errorbar(
+                    place,
+                    one.first_moment.value,
+                    [[one.first_moment.value - low], [high - one.first_moment.value]],
+                    fmt="o",
+                    capsize=5,
+                    color=colour,
+                )
+            axes.set_xticks(range(len(shown)), [name for name, *_ in shown])
+            axes.set_xlim(-0.6, len(shown) - 0.4)
+            axes.axhline(0.0, color="k", lw=0.8)
+            added = next((c for c in result.addition.counter_masses if c.site == before.site), None)
+            plates = f"add {added.mass:.3f} kg" if added is not None and added.mass > 0.0 else "add nothing"
+            if added is not None and added.plates:
+                plates += f" ({counted(added.plates)})"
+            axes.set_title(f"{before.site}: {plates}")
         panels[0, 0].set_ylabel("missing first moment [kg m]")
         style.headline(
             figure,
@@ -36,33 +58,3 @@ def draw(result: Trim) -> "Figure":
 
 def _level(result: Trim) -> str:
     return f"intervals{'' if result.interval_level else ', not'} of {LEVEL_TEXT}"
-
-
-def _site(axes: "Axes", result: Trim, k: int) -> None:
-    before, after = result.missing[k], result.remaining()[k]
-    shown: list[tuple[str, MissingMass, str]] = [(s.source, s.missing[k], _COLOURS[s.source]) for s in result.shares]
-    if len(result.shares) > 1:
-        shown.append(("all", before, style.TARGET))
-    shown.append(("with what is added", after, style.WITHOUT))
-    _bars(axes, shown)
-    axes.axhline(0.0, color="k", lw=0.8)
-    added = next((c for c in result.addition.counter_masses if c.site == before.site), None)
-    plates = f"add {added.mass:.3f} kg" if added is not None and added.mass > 0.0 else "add nothing"
-    if added is not None and added.plates:
-        plates += f" ({counted(added.plates)})"
-    axes.set_title(f"{before.site}: {plates}")
-
-
-def _bars(axes: "Axes", shown: Sequence[tuple[str, MissingMass, str]]) -> None:
-    for place, (_, one, colour) in enumerate(shown):
-        low, high = one.interval
-        axes.errorbar(
-            place,
-            one.first_moment.value,
-            [[one.first_moment.value - low], [high - one.first_moment.value]],
-            fmt="o",
-            capsize=5,
-            color=colour,
-        )
-    axes.set_xticks(range(len(shown)), [name for name, *_ in shown])
-    axes.set_xlim(-0.6, len(shown) - 0.4)

@@ -153,11 +153,7 @@ def raw_values(member: Member, rows: Bytes, first: int) -> Samples:
         return (
             values if member.within is None else np.where(rows[:, member.within[0]] > member.within[1], values, np.nan)
         )
-    return _bits(member, rows)
-
-
-def _bits(member: Member, rows: Bytes) -> Samples:
-    """Numbers of any count of bits: gathered from their bytes, shifted, cut, and their sign extended."""
+    # Numbers of any count of bits: gathered from their bytes, shifted, cut, and their sign extended.
     count = -(-(member.bit + member.bits) // 8)
     picked = rows[:, member.byte : member.byte + count]
     if member.order == ">":

@@ -58,19 +58,15 @@ def read_version4(source: ByteSource, unfinished: bool) -> File:
     if comment := block_text(source, header.links[5]):
         file.metadata["comment"] = comment
     for i, event in enumerate(block_chain(source, header.links[4], "EV"), 1):
-        file.metadata[f"event {i}"] = _event(source, event)
+        # When an event was, and what the file says of it.
+        raw = block_data(source, event)
+        base, factor = struct.unpack_from("<qd", raw, 16)
+        place = f"{base * factor:.9g} {_SYNC.get(raw[1], '')}".strip()
+        said = (block_text(source, event.links[3]), block_text(source, event.links[4]))
+        file.metadata[f"event {i}"] = f"at {place}: {'; '.join(filter(None, said))}"
     for group in block_chain(source, header.links[0], "DG"):
         _data_group(source, group, file, unfinished)
     return file
-
-
-def _event(source: ByteSource, block: Block) -> str:
-    """When an event was, and what the file says of it."""
-    raw = block_data(source, block)
-    base, factor = struct.unpack_from("<qd", raw, 16)
-    place = f"{base * factor:.9g} {_SYNC.get(raw[1], '')}".strip()
-    said = (block_text(source, block.links[3]), block_text(source, block.links[4]))
-    return f"at {place}: {'; '.join(filter(None, said))}"
 
 
 def _data_group(source: ByteSource, block: Block, file: File, unfinished: bool) -> None:
@@ -234,7 +230,18 @@ def _conversion(
     values = struct.unpack_from(f"<{count}d", raw, 24)
     unit = block_text(source, block.links[1])
     if kind in _TO_TEXT:
-        _keep_meanings(source, block.links[4:], values, file, name, kind)
+        # What the numbers of a status channel mean, as far as they are plain texts.
+        links = block.links[4:]
+        if kind in (7, 8):  # of one value, or of all from one to another
+            size = kind - 6
+            labels = (
+                " to ".join(f"{v:g}" for v in values[i : i + size]) for i in range(0, min(len(values), 64 * size), size)
+            )
+            file.metadata[f"{name}: meaning"] = "; ".join(
+                f"{label} = {block_text(source, link)}"
+                for label, link in zip(labels, links, strict=False)
+                if link and source.read(link, 4, "a text") == b"##TX"
+            )
         return None, unit
     try:
         conversion = _law(kind, values, lambda: block_text(source, block.links[4]), is_float)
@@ -259,19 +266,3 @@ def _law(kind: int, p: Sequence[float], formula: Callable[[], str], is_float: bo
     if kind not in laws or len(p) < laws[kind][0]:
         raise ValueError(f"{len(p)} values; it is not known, or has more")
     return laws[kind][1]()
-
-
-def _keep_meanings(
-    source: ByteSource, links: Sequence[int], values: Sequence[float], file: File, name: str, kind: int
-) -> None:
-    """What the numbers of a status channel mean, as far as they are plain texts."""
-    if kind in (7, 8):  # of one value, or of all from one to another
-        size = kind - 6
-        labels = (
-            " to ".join(f"{v:g}" for v in values[i : i + size]) for i in range(0, min(len(values), 64 * size), size)
-        )
-        file.metadata[f"{name}: meaning"] = "; ".join(
-            f"{label} = {block_text(source, link)}"
-            for label, link in zip(labels, links, strict=False)
-            if link and source.read(link, 4, "a text") == b"##TX"
-        )
