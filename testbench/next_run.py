@@ -306,10 +306,15 @@ class _Source:
     """By row, of the runs that were made."""
     excess: float
     """Variance that the jackknife finds in them, as a multiple of what white noise would leave [-]."""
+    records: Mapping[int, int]
+    """The record of each run by its number; a run that the source cannot use has none."""
 
-    def estimate(self, combination: Floats, records: Collection[int]) -> Estimate | None:
-        """How surely some of the records give a combination (rank,) of the conditions' values; None: not at all."""
+    def estimate(self, combination: Floats, runs: Collection[int]) -> Estimate | None:
+        """How surely some of the runs give a combination (rank,) of the conditions' values; None: not at all."""
         own = self.imbalance.coordinates(combination, len(self.regression.values))
+        records = [self.records[run] for run in runs if run in self.records]
+        if not records:
+            return None
         try:
             white = self.regression.designed_estimate(own, records, self.residual_rms)
         except NotIdentifiable:
@@ -362,9 +367,9 @@ class _Knowledge:
         now = self.made[place]
         return now, after if now is None else now * after / before
 
-    def _designed(self, combination: Floats, records: Collection[int]) -> float:
+    def _designed(self, combination: Floats, runs: Collection[int]) -> float:
         """Half width by all sources together, weighted [the combination's unit]."""
-        each = [found for one in self.sources if (found := one.estimate(combination, records)) is not None]
+        each = [found for one in self.sources if (found := one.estimate(combination, runs)) is not None]
         precision = np.array([one.standard_uncertainty**-2.0 for one in each])
         if not each:
             return np.inf
@@ -374,10 +379,12 @@ class _Knowledge:
 
 def _source(source: Source, problem: TrimProblem, both: TrimProblem) -> _Source:
     """One source over all runs, with the noise of those that were made where these determine anything."""
-    imbalance = ESTIMATORS[source](both).imbalance
+    estimate = ESTIMATORS[source](both)
+    imbalance, numbers = estimate.imbalance, {id(run): number for number, run in enumerate(both.runs)}
     assert imbalance.regression is not None
     try:
         alone = ESTIMATORS[source](problem).imbalance.regression or imbalance.regression
     except CounterpoiseError:
         alone = imbalance.regression
-    return _Source(imbalance, imbalance.regression, alone.residual_rms, alone.excess_variance)
+    records = {numbers[id(run)]: record for record, run in enumerate(estimate.runs)}
+    return _Source(imbalance, imbalance.regression, alone.residual_rms, alone.excess_variance, records)

@@ -123,7 +123,7 @@ def by_wrench(problem: TrimProblem) -> SourceEstimate:
     base = "the base's motion taken out." if problem.runs[0].base is not None else "the base taken for still."
     about = (f"Forces and model low-passed alike at {cutoff:g} Hz, clocks of the loggers aligned, {base}",)
     doubts = () if all(run.base is not None for run in problem.runs) else (BASE_UNKNOWN,)
-    return SourceEstimate("wrench", measured, (*about, _jackknife(measured, within)), doubts, tuple(findings))
+    return SourceEstimate("wrench", measured, (*about, _jackknife(measured, within)), doubts, tuple(findings), problem.runs)
 
 
 def by_torque(problem: TrimProblem) -> SourceEstimate:
@@ -142,7 +142,8 @@ def by_torque(problem: TrimProblem) -> SourceEstimate:
         f"Motor torques and model low-passed alike at {cutoff:g} Hz; inertias, friction, offsets, drifts and delays "
         "estimated with the conditions, the base taken for still.",
     )
-    return SourceEstimate("torque", measured, (*about, *fixed, _jackknife(measured, within)), (), tuple(findings))
+    text = (*about, *fixed, _jackknife(measured, within))
+    return SourceEstimate("torque", measured, text, (), tuple(findings), problem.runs)
 
 
 def by_vibration(problem: TrimProblem) -> SourceEstimate:
@@ -178,7 +179,7 @@ def by_vibration(problem: TrimProblem) -> SourceEstimate:
     change = max((one.inertia_change for one, moves in zip(bases, moving, strict=True) if moves), default=0.0)
     if (change * np.abs(measured.values) > 2.0 * np.sqrt(np.diag(measured.covariance))).any():
         doubts.append(MOVING_INERTIA.format(change))
-    return SourceEstimate("vibration", measured, text, tuple(doubts), tuple(findings))
+    return SourceEstimate("vibration", measured, text, tuple(doubts), tuple(findings), problem.runs)
 
 
 def by_trials(problem: TrimProblem) -> SourceEstimate:

@@ -168,6 +168,8 @@ class SourceEstimate:
     """How it was found, for people."""
     doubts: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
+    runs: Sequence[AlignedRun] = ()
+    """Those of which the regression has a record, in its order."""
 
 
 def parameter_basis(conditions: Conditions) -> Floats:

@@ -13,6 +13,7 @@ from testbench.errors import AnalysisError
 from testbench.next_run import next_for_first_moment, next_for_reduction
 from testbench.rig import rig_from_text
 from testbench.signal.filters import Band
+from testbench.store import open_campaign
 from testbench.trimming import trim_runs
 from testbench.vibration.metrics import Measure
 from testbench.vibration.reduction import reduction_of_pair
@@ -93,6 +94,13 @@ def test_the_verdict(design):
     assert (best.candidate.repeats, other.candidate.repeats) == (None, "seed1")
     assert "a new run (3.4116 kg, motion triangle, 3 g0, with counter-masses) narrows" in design.verdict
     assert f"from {best.now:.3g} to {best.after:.3g} kg m" in design.verdict
+
+
+def test_a_source_that_leaves_a_run_out(brief):
+    """Of three loggers whose clocks were never aligned, forces count in some runs alone: each is counted as itself."""
+    design = next_for_first_moment(open_campaign(brief.campaign).runs)
+    assert [one.candidate.key.motion for one in design.proposals] == ["triangle", "x", "y"]
+    assert all(one.after < one.now for one in design.proposals)
 
 
 def test_a_run_that_would_widen(design):
