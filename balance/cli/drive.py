@@ -35,39 +35,11 @@ class Share(click.ParamType[float]):
 
 @command(
     epilog="""\b
-A drive file (TOML; unknown keys are refused, quantities carry units):
-  mechanism = "four-bar"            # shipped name, or a file in the same folder
-  crank = "A0"                      # joint that turns; default: the one with the motor
-  direction = 1                     # -1: clockwise
-  start_angle = "0 deg"             # of start-up
-  speeds = ["900 rpm"]              # nominal speeds of the motor
-  [motor]                           # kind = induction | dc | constant | table
-  kind = "dc"                       #   dc: stall_torque, no_load_speed; nominal sets the voltage
-  stall_torque = "1.2 N m"          #   induction: peak_torque, peak_slip, a, b, synchronous_speed,
-  no_load_speed = "3000 rpm"        #     slip_base, braking; constant: torque; table: speed, torque
-  [gearbox]
-  ratio = 6.0                       # motor turns per crank turn
-  reading = "geared"                # or "ungeared"; without it both are shown
-  [[inertia]]                       # side = crank | motor
-  inertia = "0.4 kg cm2"
-  side = "motor"
-  [[load]]                          # kind = constant | dry | viscous | quadratic | table
-  kind = "quadratic"                #   joint (default: crank); torque or force; at_speed; angle
-  joint = "B0"
-  torque = "0.4 N m"
-  at_speed = "10 rad/s"
-  [[load]]
-  kind = "table"                    #   against the joint's positive direction, by the crank's angle:
-  joint = "piston_1"                #   angle = ["0 deg", ...] and force = ["3 kN", ...], one turn, or
-  file = "gas.csv"                  #   a CSV in this folder, header: angle (deg),force (N)
-  [[printed]]                       # what a source publishes, for comparison: speed, fluctuation,
-                                    #   fastest, slowest
-
-\b
 Examples:
   balance drive inverted-slider-crank
   balance drive inverted-slider-crank --start-up 8 --convergence --figure drive.png
-  balance drive inverted-slider-crank -c counter_A0A=1.80288kg --flywheel-for 0.05 --json"""
+  balance drive inverted-slider-crank -c counter_A0A=1.80288kg --flywheel-for 0.05 --json""",
+    file=("drive", "four-bar-dc"),
 )
 def drive(
     drive: str = argument("DRIVE"),

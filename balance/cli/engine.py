@@ -33,19 +33,8 @@ def engine() -> None:
     epilog="""\b
 Examples:
   balance engine single single
-  balance engine single single --speed 3000rpm --fraction 0.6 --radius 60mm --figure polar.png
-\b
-An engine file (TOML): throws = ["0 deg"], speed = "1000 rpm" and
-  [slider_crank]
-  crank_radius = "50 mm"
-  rod_length = "200 mm"
-  crank_mass = "1 kg"           # optional, with crank_centre along the throw and crank_inertia
-  crank_centre = "25 mm"
-  rod_mass = "1.2 kg"           # optional, with rod_centre from the crank pin and rod_inertia about the centre
-  rod_centre = "60 mm"
-  rod_inertia = "0.0101 kg m^2"
-  piston_mass = "0.8 kg"
-  offset = "0 mm"               # of the cylinder's axis (optional)""",
+  balance engine single single --speed 3000rpm --fraction 0.6 --radius 60mm --figure polar.png""",
+    file=("engine", "in-line-4"),
 )
 def single(
     engine: str = argument("ENGINE"),
@@ -144,20 +133,8 @@ def _number(value: float | None) -> str:
 Examples:
   balance engine free in-line-4
   balance engine free v8-90-crossplane --ratio 0.3 --figure orders.png
-  balance engine free v4-72-offset --orders 6 --json
-\b
-An engine file (TOML); angles in the sense of rotation, banks from upright:
-  throws = ["0 deg", "180 deg", "180 deg", "0 deg"]
-  banks = ["0 deg", "0 deg", "0 deg", "0 deg"]     # optional: all upright
-  at = [0, 1, 2, 3]                                # optional: places in spacings
-  firing_order = [1, 3, 4, 2]                      # optional: else the most even one
-  strokes = 4
-  spacing = "90 mm"                                # these and [slider_crank] give newtons; without them the result is
-  speed = "3000 rpm"                               # in m r omega^2 and m r omega^2 a
-  [[counterweights]]                               # optional, on the crankshaft; at in spacings
-  name = "front"
-  unbalance = "30 kg mm @ 180 deg"
-  at = 0""",
+  balance engine free v4-72-offset --orders 6 --json""",
+    file=("engine", "in-line-4"),
 )
 def free(
     engine: str = argument("ENGINE"),

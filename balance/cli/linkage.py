@@ -29,46 +29,10 @@ Examples:
   balance linkage mine.toml --speed 300rpm --variation 0.5 --csv mine.csv
   balance linkage mine.toml --force-only --json
   balance linkage mine.toml --built "m3*=10.2kg" --built "I_z2=0.5kgm2" --built z2=40:21 --drawing mine.svg
-
-\b
-A linkage is a TOML file; every quantity has a unit, positions are sums of named lengths:
-  drive = "A0"                                  driven joint, on the ground
-  speed = "50 rpm"
-  swing = ["20 deg", "80 deg"]                  only where it makes no full turns
-  gravity = ["0 m/s^2", "-9.81 m/s^2"]          optional, for the drive torque
-  turns_with = [["5", "2"]]                     optional: parallel links of a parallelogram; checked
-  [lengths]
-  L2 = "0.18 m"
-  [links.2]
-  mass = "0.47 kg"
-  centre = ["L2/2", "0 m"]                      in the frame of the link
-  inertia = "1.68e-3 kg m^2"                    about its own centre
-  counter_mass = { at = ["-L2/4", "0 m"], bar = "L2/2" }       or { radius = "45 mm" }, on the side that is needed;
-                                                its inertia by bar, radius_of_gyration or inertia, else none;
-                                                several in a list, each with a name
-  gear_counter_mass = { ... }                   optional: against gears, else at the same places
-  [links.7]
-  fixed_to = "2"                                one body with link 2; also at = [...], angle = "..."
-  [joints]
-  A0 = { ground = ["0 m", "0 m"], 2 = ["0 m", "0 m"] }
-  P = { kind = "prismatic", ground = { point = ["0 m", "0 m"], along = "0 deg" }, 4 = { ... } }
-  [reduction]                                   optional: chosen for the least counter-mass
-  3 = "A"
-  [two_point]                                   optional: 3 shaped as two point masses, no gear
-  3 = { joints = ["A", "B"], reshaped = "3" }
-  [gears]                                       Z on the body, Z* of the counter-gear
-  z3 = { body = "3", teeth = [40, 20], counter = { mass = "1 kg" }, wheel = { mass = "0.3 kg", inertia = "..." } }
-                                                also joint = "B", where it is not the reduction joint;
-                                                disc = { mass = "6 kg", diameter = "1 m" }, by its pitch diameter;
-                                                counter = { radius_of_gyration = "...", at = [...], on = "CARRIER" }
-  [built]                                       optional: what was built, by symbol, in place of what is computed
-  "m3*" = "10.2 kg"                             also m3, I3, "I3*", I_z3, "m_z3*", m_z3, I_m_z3; z3 = [40, 21], teeth
-  [start]                                       approximate angle of each body: chooses the assembly branch
-  2 = "60 deg"
-
 \b
 Exit code 3: balanced, but not simulated, a published value differs, or a finding: a counter-mass or inertia that
-no workshop makes or no rod has."""
+no workshop makes or no rod has.""",
+    file=("linkage", "two-levels"),
 )
 def linkage(
     linkage: str = argument("LINKAGE"),

@@ -142,21 +142,13 @@ _CONSTANT = 1e-9
 
 @command(
     epilog="""\b
-A spring file (TOML; unknown keys are refused, quantities carry units); without stiffness it is found:
-  [[spring]]
-  name = "base to arm A0A"
-  first = { body = "base", at = ["-0.12 m", "0.15 m", "0 m"] }
-  second = { body = "A0A", at = ["0.075 m", "0 m", "0 m"] }
-  stiffness = "900 N/m"
-
-\b
 Examples:
   balance static serial-3r
   balance static parallelogram-6bar --payload platform=5kg --springs parallelogram-6bar
   balance static four-bar --reach 80mm --height 200mm --figure energy.png --json
-
 \b
-Exit code 3: with the springs or counter-masses the potential energy still swings; the output states how much."""
+Exit code 3: with the springs or counter-masses the potential energy still swings; the output states how much.""",
+    file=("springs", "springs/parallelogram-6bar"),
 )
 def static(
     mechanism: str = options.MECHANISM,

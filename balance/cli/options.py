@@ -78,12 +78,18 @@ def command(
     name: str | None = None,
     *,
     group: click.Group | None = None,
+    file: tuple[str, str] | None = None,
     **attributes: Any,  # noqa: ANN401
 ) -> Callable[[Callable[..., Any]], click.Command]:
     """A command, one of a ``group`` if given, with the options and arguments that are the defaults of a function.
 
-    ``attributes`` are those of ``click.command``; a default may also be a decorator of click's.
+    ``file``: the kind of input file that it reads and a shipped one, whose keys the help leads to. ``attributes`` are
+    those of ``click.command``; a default may also be a decorator of click's.
     """
+    if file is not None:
+        attributes["epilog"] += (
+            f"\n\n\b\nKeys of the file: balance schema {file[0]} --text; one to be edited: balance files --copy {file[1]}"
+        )
 
     def declared(function: Callable[..., Any]) -> click.Command:
         stated = signature(function)

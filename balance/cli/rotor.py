@@ -29,21 +29,8 @@ Examples:
   balance rotor correct three-masses --plane middle=400mm
   balance rotor correct masses.csv --plane L=0mm --plane R=800mm --bearing -100mm --bearing 900mm --speed 3000rpm
 \b
-A rotor file (TOML):
-  speed = "955 rpm"                   # optional; with two bearings it gives their reactions
-  bearings = ["-100 mm", "900 mm"]    # optional
-  [[planes]]                          # where corrections go; radius or mass gives the other
-  name = "L"
-  at = "0 mm"
-  radius = "100 mm"
-  [[masses]]                          # or masses = "masses.csv"
-  name = "A"
-  mass = "3 kg"                       # with radius; or unbalance = "240 kg mm"
-  radius = "80 mm"
-  angle = "60 deg"
-  at = "600 mm"
-\b
 A table (CSV): name, mass (kg), radius (mm), angle (deg), at (mm); or unbalance (kg mm) for mass and radius.""",
+    file=("rotor", "three-masses"),
 )
 def correct(
     rotor: str = argument("ROTOR"),
@@ -251,29 +238,8 @@ def trial(
     epilog="""\b
 Examples:
   balance rotor influence two-plane-maker
-  balance rotor influence runs.toml --method min-max --json
-\b
-A file of trial runs (TOML); several speeds are several tables of readings:
-  phase = "lag"                       # what the instrument counts: lead or lag
-  angles = "with rotation"            # how weight angles count: with rotation or against rotation
-  amplitude = "peak_to_peak"          # metric of the readings (optional)
-  [[planes]]
-  name = "fan end"
-  limit = "30 g"                      # optional, largest weight
-  [[runs]]                            # first: as found, no weights
-  name = "as found"
-  readings."3000 rpm" = { A = "170 um @ 112 deg", B = "53 um @ 78 deg" }
-  [[runs]]
-  name = "trial, fan end"
-  weights = { "fan end" = "10 g @ 0 deg" }
-  stayed_on = false                   # required: did this trial weight stay on after the run?
-  readings."3000 rpm" = { A = "235 um @ 94 deg", B = "58 um @ 68 deg" }
-\b
-Intervals (95 %) of the weights come from those of the readings, "170 um ± 2 um @ 112 deg ± 1 deg" (or "+- 1 %";
-without the angle's in every direction), or from within = "2 um" in [[sensors]], or else from repeated runs.
-A common-mode error of all phases of a run, such as a late pulse: phases_alike."3000 rpm" = "0.9 deg" in [[runs]].
-Optional: least_effect = 0.25; speed_weights = { "3000 rpm" = 2.0 }; [[sensors]] with name and weight or scale.
-In place of runs: per = "g", initial and coefficients, by speed and sensor, a list over the planes.""",
+  balance rotor influence runs.toml --method min-max --json""",
+    file=("trial-runs", "two-plane-maker"),
 )
 def influence(
     runs: str = argument("RUNS"),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..results import counted, per_cent_text, table
+from ..results import per_cent_text, table
 from . import options
 from .framework import Answer, emit_table, first_moment, mass, note, say
 from .options import command, option, print_responses, response_summary
@@ -39,14 +39,8 @@ or 10 kHz alike; without a motion, of the momentum per root of kinetic energy ov
 lightest. Several payloads of one body: sets that only grow with the payload, least in the sum over the payloads.
 
 \b
-Stock weighed:  name,mass_kg,quantity        (or with semicolons and decimal commas, as spreadsheets write them)
-Stock as drawn: name,quantity,shape,material,thickness_mm,length_mm,width_mm,diameter_mm,bore_mm,holes_mm
-  shape: rectangle (length, width), disc (diameter) or ring (diameter, bore); the rest is empty
-  material: 7075 aluminium, steel or 5000 aluminium; holes_mm: x y diameter; x y diameter, from its middle
-  Mass and inertia follow; inertia is about the plate's centre of mass, which is taken to be at the site.
-
-\b
-Exit code 3: no masses at these sites balance it completely, or plates leave more than 5 % where other masses would."""
+Exit code 3: no masses at these sites balance it completely, or plates leave more than 5 % where other masses would.""",
+    file=("stock", "stock/kiper2019"),
 )
 def size(
     mechanism: str = options.MECHANISM,
@@ -296,7 +290,9 @@ def _print_published(published: dict[str, Any]) -> None:
     say("Built by the source, and its residual:")
     for found in published["sets"]:
         residual = first_moment(found["residual_first_moment_kgm"])
-        say(f"  {mass(found['payload_kg'])} kg  {counted(found['plates'])} = {mass(found['mass_kg'])} kg  {residual}")
+        say(
+            f"  {mass(found['payload_kg'])} kg  {' + '.join(found['plates'])} = {mass(found['mass_kg'])} kg  {residual}"
+        )
     increments = " and ".join(f"{value:g}" for value in published["increments_kg"])
     say(f"Its published increments, {increments} kg, are differences of its published counter-masses, not of plates.")
 
@@ -312,7 +308,7 @@ def _print_nested(name: str, sets: list[dict[str, Any]], stock: str | None) -> N
             for plate in mounted.get(site, []):
                 new.remove(plate)
             mounted[site] = list(counter["plates"])
-            rows.append([*row, counted(new)] if stock else row)
+            rows.append([*row, " + ".join(new) or "-"] if stock else row)
             payload = ""
     title = f"Counter-masses for {name}" + (f" from {stock}" if stock else "") + ", sets that only grow"
     header = ["payload [kg]", "site", "mass [kg]", "added [kg]"]
