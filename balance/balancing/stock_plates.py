@@ -16,7 +16,7 @@ from pydantic import Field
 
 from .. import datasets
 from ..errors import DataError, suggestion
-from ..input_files import Positive, Table, Text, csv_cells, load_model, model_from_table, read_text
+from ..input_files import FromText, Positive, Table, Text, csv_rows, in_file, load_model
 
 _ROUNDING = 1e-9
 
@@ -30,16 +30,6 @@ class Hole:
     y: float
     diameter: float
     """[m]"""
-
-
-@dataclass(frozen=True)
-class Outline:
-    """A plane figure about its own centre."""
-
-    area: float
-    """[m2]"""
-    polar: float
-    """Polar second moment of area about its centre [m4]."""
 
 
 @dataclass(frozen=True)
@@ -68,10 +58,10 @@ class Rectangle:
     width: float
     """Along y [m]."""
 
-    def outline(self) -> Outline:
-        """A = a b,  J = a b (a^2 + b^2) / 12."""
+    def outline(self) -> tuple[float, float]:
+        """Area A = a b [m2] and polar second moment J = a b (a^2 + b^2) / 12 about its centre [m4]."""
         area = self.length * self.width
-        return Outline(area, area * (self.length**2 + self.width**2) / 12.0)
+        return area, area * (self.length**2 + self.width**2) / 12.0
 
     def clearance(self, hole: Hole) -> float:
         """Least distance of a hole's rim from the outline; negative outside [m]."""
@@ -88,11 +78,9 @@ class Ring:
     bore: float = 0.0
     """Diameter of the bore, zero for a disc [m]."""
 
-    def outline(self) -> Outline:
-        """A = pi (D^2 - d^2) / 4,  J = pi (D^4 - d^4) / 32."""
-        return Outline(
-            math.pi * (self.diameter**2 - self.bore**2) / 4.0, math.pi * (self.diameter**4 - self.bore**4) / 32.0
-        )
+    def outline(self) -> tuple[float, float]:
+        """Area A = pi (D^2 - d^2) / 4 [m2] and polar second moment J = pi (D^4 - d^4) / 32 about its centre [m4]."""
+        return math.pi * (self.diameter**2 - self.bore**2) / 4.0, math.pi * (self.diameter**4 - self.bore**4) / 32.0
 
     def clearance(self, hole: Hole) -> float:
         """Least distance of a hole's rim from the rims; negative outside [m]."""
@@ -113,17 +101,51 @@ def plate_section(shape: Rectangle | Ring, thickness: float, density: float, hol
             distance = math.hypot(hole.x - other.x, hole.y - other.y)
             if distance < (hole.diameter + other.diameter) / 2 - _ROUNDING:
                 raise DataError(f"holes {j} and {i} overlap: expected holes apart from each other")
-    outline = shape.outline()
+    whole, turning = shape.outline()
     areas = [math.pi * hole.diameter**2 / 4.0 for hole in holes]
-    area = outline.area - sum(areas)
+    area = whole - sum(areas)
     x = -sum(a * hole.x for a, hole in zip(areas, holes, strict=True)) / area
     y = -sum(a * hole.y for a, hole in zip(areas, holes, strict=True)) / area
     removed = sum(a * (hole.diameter**2 / 8.0 + hole.x**2 + hole.y**2) for a, hole in zip(areas, holes, strict=True))
-    polar = outline.polar - removed - area * (x**2 + y**2)
+    polar = turning - removed - area * (x**2 + y**2)
     return Section(density * thickness * area, density * thickness * polar, (x, y))
 
 
 _Millimetres = Annotated[float, Field(gt=0.0, lt=1e5, allow_inf_nan=False)] | None
+_M_PER_MM = 1e-3
+_KG_PER_M3_IN_G_PER_MM3 = 1e6
+_SIZES = ("thickness_mm", "length_mm", "width_mm", "diameter_mm", "bore_mm")
+SHAPES = {"rectangle": _SIZES[:3], "disc": ("thickness_mm", "diameter_mm"), "ring": (_SIZES[0], *_SIZES[3:])}
+"""Shapes, and the columns that each needs."""
+SHIPPED = "kiper2019"
+"""The shipped materials: those of the source's plates."""
+
+
+def _holes(text: str, _context: object) -> tuple[Hole, ...]:
+    """Holes ``x y diameter; x y diameter`` from the centre of the outline [mm]."""
+    found = []
+    for part in filter(str.strip, text.split(";")):
+        try:
+            hole = Hole(*(float(word) * _M_PER_MM for word in part.split()))
+        except (TypeError, ValueError) as error:
+            raise DataError(f"{part.strip()!r}: expected 'x y diameter; x y diameter'") from error
+        if not (math.isfinite(hole.x) and math.isfinite(hole.y) and 0.0 < hole.diameter < math.inf):
+            raise DataError(f"{part.strip()!r}: expected a diameter above zero")
+        found.append(hole)
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class Plate:
+    """A kind of plate in stock."""
+
+    name: str
+    mass: float
+    """Mass of one plate [kg]."""
+    quantity: int
+    """How many there are, for all sites together."""
+    inertia: float | None = None
+    """About the axis through its own centre of mass, normal to the plate [kg m2]; None where it is not known."""
 
 
 class StockRow(Table):
@@ -149,64 +171,54 @@ class StockRow(Table):
     """Diameter of a disc or ring [mm]."""
     bore_mm: _Millimetres = None
     """Bore of a ring [mm]."""
-    holes_mm: str = ""
+    holes_mm: Annotated[tuple[Hole, ...], FromText(_holes, "-50 0 11; 50 0 11")] = ()
     """Round holes ``x y diameter; x y diameter``, from the centre of the outline [mm]."""
 
+    def _check(self) -> None:
+        if (self.mass_kg is None) == (self.shape is None):
+            raise DataError(f"expected either mass_kg, of a plate weighed, or shape, as drawn: {', '.join(SHAPES)}")
+        needed = SHAPES[self.shape] if self.shape else ()
+        for key in _SIZES:
+            if (getattr(self, key) is None) == (key in needed):
+                why = "is empty: expected millimetres above zero" if key in needed else f"is nothing of a {self.shape}"
+                raise DataError(f"{key} {why}")
+        if self.shape == "ring" and not (self.bore_mm or 0.0) < (self.diameter_mm or 0.0):
+            raise DataError("bore_mm is not smaller than diameter_mm")
+        if self.shape:
+            self.section(1.0)
 
-WEIGHED = ("name", "mass_kg", "quantity")
-"""Columns of a stock that was weighed."""
-DRAWN = (
-    "name", "quantity", "shape", "material", "thickness_mm", "length_mm", "width_mm", "diameter_mm", "bore_mm",
-    "holes_mm",
-)  # fmt: skip
-"""Columns of a stock as drawn; those that none of its shapes needs may be absent."""
+    def section(self, density: float) -> Section:
+        """Mass, inertia and centre of a plate as drawn, of a density [kg/m3]."""
+        thickness, *sizes = (getattr(self, key) * _M_PER_MM for key in SHAPES[self.shape or ""])
+        shape = Rectangle(*sizes) if self.shape == "rectangle" else Ring(*sizes)
+        return plate_section(shape, thickness, density, self.holes_mm)
 
-
-@dataclass(frozen=True)
-class Plate:
-    """A kind of plate in stock."""
-
-    name: str
-    mass: float
-    """Mass of one plate [kg]."""
-    quantity: int
-    """How many there are, for all sites together."""
-    inertia: float | None = None
-    """About the axis through its own centre of mass, normal to the plate [kg m2]; None where it is not known."""
+    def plate(self, densities: Mapping[str, float]) -> Plate:
+        """The plate; ``densities`` by material [kg/m3]."""
+        if self.mass_kg is not None:
+            return Plate(self.name, self.mass_kg, self.quantity)
+        material = self.material or ""
+        if material not in densities:
+            near = suggestion(material, densities)
+            raise DataError(f"material {material!r}: expected {', '.join(densities)}{near}")
+        drawn = self.section(densities[material])
+        return Plate(self.name, drawn.mass, self.quantity, drawn.inertia)
 
 
 def load_stock(name: str | Path) -> list[Plate]:
-    """Load a shipped stock by name, or a CSV file with the columns WEIGHED or DRAWN, as spreadsheets write it.
+    """Load a shipped stock by name, or a CSV file of plates that were weighed, or as drawn.
 
     Raises DataError, naming the row, for anything else.
     """
     path = datasets.find_dataset(name, "stock", ".csv")
-    header, rows = csv_cells(read_text(path), path.name)
-    header = [cell.strip() for cell in header]
-    columns = set(header)
-    drawn = {"shape", "material", "thickness_mm"} <= columns <= set(DRAWN) and {"name", "quantity"} <= columns
-    if not rows or (not drawn and columns != set(WEIGHED)):
-        raise DataError(
-            f"{path.name}: {len(rows)} plates, its columns are {', '.join(header) or 'none'}: expected at least one "
-            f"plate, and the columns {','.join(WEIGHED)}, or of plates as drawn {','.join(DRAWN)}"
-        )
-    densities: Mapping[str, float] = load_densities() if drawn else {}
-    named = [dict(zip(header, cells, strict=False)) for _, cells in rows]
-    plates = [_plate(row, f"{path.name}, plate {i}", densities) for i, row in enumerate(named, 1)]
-    if len({plate.name for plate in plates}) < len(plates):
-        raise DataError(f"{path.name}: two plates have the same name; give one row with a quantity")
+    rows, plates = csv_rows(StockRow, path), []
+    densities = load_densities() if any(row.shape for row in rows) else {}
+    for row in rows:
+        with in_file(path.name, row.name):
+            plates.append(row.plate(densities))
+    if not plates:
+        raise DataError(f"{path.name}: expected at least one plate")
     return plates
-
-
-def _plate(row: dict[str, str], where: str, densities: Mapping[str, float]) -> Plate:
-    cells = {key: cell.strip() for key, cell in row.items() if cell.strip()}
-    plate = model_from_table(StockRow, cells, where)
-    if densities:
-        mass, inertia = mass_and_inertia(plate, where, densities)
-        return Plate(plate.name, mass, plate.quantity, inertia)
-    if plate.mass_kg is None:
-        raise DataError(f"{where}: mass_kg: missing: expected the mass of one plate in kg")
-    return Plate(plate.name, plate.mass_kg, plate.quantity)
 
 
 def plates_mass(names: Sequence[str], plates: Sequence[Plate]) -> float:
@@ -215,60 +227,6 @@ def plates_mass(names: Sequence[str], plates: Sequence[Plate]) -> float:
     if unknown := [name for name in names if name not in known]:
         raise DataError(f"no plate {unknown[0]!r} in stock: there are {', '.join(known)}")
     return sum(known[name] for name in names)
-
-
-SHAPES = {
-    "rectangle": ("length_mm", "width_mm"),
-    "disc": ("diameter_mm",),
-    "ring": ("diameter_mm", "bore_mm"),
-}
-"""Shapes, and the columns that each needs besides the thickness; ``holes_mm`` may be empty."""
-_SIZES = ("length_mm", "width_mm", "diameter_mm", "bore_mm")
-_M_PER_MM = 1e-3
-
-
-def mass_and_inertia(row: StockRow, where: str, densities: Mapping[str, float]) -> tuple[float, float]:
-    """Mass [kg] and inertia about the centre of mass [kg m2] of a row; ``densities`` by material [kg/m3]."""
-    if row.shape is None:
-        raise DataError(f"{where}: shape: missing: expected {', '.join(SHAPES)}")
-    material = row.material or ""
-    if material not in densities:
-        near = suggestion(material, densities)
-        raise DataError(f"{where}: material {material!r}: expected {', '.join(densities)}{near}")
-    given = {key: getattr(row, key) for key in ("thickness_mm", *_SIZES) if getattr(row, key) is not None}
-    if extra := [key for key in _SIZES if key not in SHAPES[row.shape] and key in given]:
-        raise DataError(f"{where}: a {row.shape} has no {extra[0]}: leave it empty")
-    if lacking := [key for key in ("thickness_mm", *SHAPES[row.shape]) if key not in given]:
-        raise DataError(f"{where}: {lacking[0]} is empty: expected millimetres above zero")
-    sizes = [given[key] * _M_PER_MM for key in SHAPES[row.shape]]
-    if row.shape == "ring" and sizes[1] >= sizes[0]:
-        raise DataError(f"{where}: bore_mm is not smaller than diameter_mm")
-    shape = Rectangle(*sizes) if row.shape == "rectangle" else Ring(*sizes)
-    holes = _holes(row.holes_mm, where)
-    try:
-        found = plate_section(shape, given["thickness_mm"] * _M_PER_MM, densities[material], holes)
-    except DataError as error:
-        raise DataError(f"{where}: {error}") from error
-    return found.mass, found.inertia
-
-
-def _holes(text: str, where: str) -> list[Hole]:
-    """Holes ``x y diameter; x y diameter`` from the centre of the outline [mm]."""
-    found = []
-    for part in filter(str.strip, text.split(";")):
-        try:
-            x, y, diameter = (float(word) * _M_PER_MM for word in part.split())
-        except ValueError as error:
-            raise DataError(f"{where}: holes_mm {part.strip()!r}: expected 'x y diameter; x y diameter'") from error
-        if not (math.isfinite(x) and math.isfinite(y) and 0.0 < diameter < math.inf):
-            raise DataError(f"{where}: holes_mm {part.strip()!r}: expected a diameter above zero")
-        found.append(Hole(x, y, diameter))
-    return found
-
-
-SHIPPED = "kiper2019"
-"""The shipped materials: those of the source's plates."""
-_KG_PER_M3_IN_G_PER_MM3 = 1e6
 
 
 class MaterialsTable(Table):

@@ -88,7 +88,7 @@ def command(
     """
     if file is not None:
         attributes["epilog"] += (
-            f"\n\n\b\nKeys of the file: balance schema {file[0]} --text; one to be edited: balance files --copy {file[1]}"
+            f"\n\n\b\nKeys of the file: balance schema {file[0]} --text; a copy to edit: balance files --copy {file[1]}"
         )
 
     def declared(function: Callable[..., Any]) -> click.Command:

@@ -32,23 +32,23 @@ def test_a_file_as_spreadsheets_write_it(tmp_path: Path) -> None:
 
 WRONG = {
     "no rows": ("name,mass_kg,quantity\n", "at least one plate"),
-    "other columns": (
-        "name,mass,quantity\nM1,5,2\n",
-        "its columns are name, mass, quantity: expected at least one plate, and the columns name,mass_kg,quantity",
+    "other columns": ("name,mass,quantity\nM1,5,2\n", "column 'mass': is not expected; did you mean 'mass_kg'"),
+    "empty": ("", "no column 'name': expected name of the plate"),
+    "decimal comma": ('name,mass_kg,quantity\nM1,"5,02",2\n', "line 2 .M1.: mass_kg: '5,02': expected a number"),
+    "half a plate": (
+        "name,mass_kg,quantity\nM1,5,2\nM2,5,1.5\n",
+        "line 3 .M2.: quantity: '1.5': expected a whole number",
     ),
     "two marks": ("name;mass_kg;quantity\nM1;5,5;2\nM2;5.5;1", r"decimal commas \(line 2\) and .* points \(line 3\)"),
-    "empty": ("", "its columns are none: expected at least one plate, and the columns"),
-    "decimal comma": ('name,mass_kg,quantity\nM1,"5,02",2\n', "plate 1: mass_kg: '5,02': expected a number"),
-    "half a plate": ("name,mass_kg,quantity\nM1,5,2\nM2,5,1.5\n", "plate 2: quantity: '1.5': expected a whole number"),
     "negative mass": ("name,mass_kg,quantity\nM1,-5,2\n", "mass_kg: '-5': expected more than zero"),
     "no mass": ("name,mass_kg,quantity\nM1,nan,2\n", "mass_kg: 'nan': expected a number"),
     "grams": ("name,mass_kg,quantity\nM1,5027 g,2\n", "mass_kg: '5027 g': expected a number"),
     "negative quantity": ("name,mass_kg,quantity\nM1,5,-2\n", "quantity: '-2': expected zero or more"),
     "nameless": ("name,mass_kg,quantity\n ,5,2\n", "name: missing: expected name of the plate"),
-    "short row": ("name,mass_kg,quantity\nM1,5\n", "plate 1"),
-    "long row": ("name,mass_kg,quantity\nM1,5,2,7\n", "line 2: 4 cells"),
+    "short row": ("name,mass_kg,quantity\nM1,5\n", "line 2 .M1.: quantity: missing"),
+    "long row": ("name,mass_kg,quantity\nM1,5,2,7\n", "line 2: 4 cells, the header has 3 columns"),
     "long second row": ("name,mass_kg,quantity\nM1,5,2\nM2,6,2,7\n", "line 3: 4 cells, the header has 3 columns"),
-    "twice": ("name,mass_kg,quantity\nM1,5,2\nM1,6,2\n", "two plates have the same name"),
+    "twice": ("name,mass_kg,quantity\nM1,5,2\nM1,6,2\n", "'M1' is there twice"),
 }
 
 
@@ -106,14 +106,14 @@ DRAWN_WRONG = {
     "shape": ("p,1,hexagon,steel,10,,,50,,", "shape: 'hexagon': expected 'rectangle', 'disc' or 'ring'"),
     "material": ("p,1,disc,gold,10,,,50,,", "material 'gold': expected 7075 aluminium, steel"),
     "size missing": ("p,1,rectangle,steel,10,50,,,,", "width_mm is empty: expected millimetres above zero"),
-    "size for another shape": ("p,1,disc,steel,10,50,,50,,", "a disc has no length_mm"),
+    "size for another shape": ("p,1,disc,steel,10,50,,50,,", "length_mm is nothing of a disc"),
     "bore too wide": ("p,1,ring,steel,10,,,50,50,", "bore_mm is not smaller"),
     "no thickness": ("p,1,disc,steel,0,,,50,,", "thickness_mm: '0': expected more than zero"),
     "not a number": ("p,1,disc,steel,10,,,5O,,", "diameter_mm: '5O': expected a number"),
     "hole outside": ("p,1,disc,steel,10,,,50,,22 0 8", "hole 1 is not within the plate"),
     "holes that meet": ("p,1,disc,steel,10,,,50,,0 0 8; 5 0 8", "holes 1 and 2 overlap"),
     "hole in the bore": ("p,1,ring,steel,10,,,50,20,11 0 8", "hole 1 is not within the plate"),
-    "half a hole": ("p,1,disc,steel,10,,,50,,5 0", "holes_mm '5 0': expected 'x y diameter"),
+    "half a hole": ("p,1,disc,steel,10,,,50,,5 0", "holes_mm: '5 0': expected 'x y diameter"),
     "a hole of nothing": ("p,1,disc,steel,10,,,50,,5 0 0", "a diameter above zero"),
     "quantity": ("p,half,disc,steel,10,,,50,,", "quantity: 'half': expected a whole number"),
 }
@@ -124,15 +124,15 @@ def test_wrong_plates_as_drawn_are_refused(tmp_path: Path, case: str) -> None:
     """File, row, what was found and what was expected."""
     row, message = DRAWN_WRONG[case]
     (tmp_path / "drawn.csv").write_text(f"{HEADER}{row}\n", encoding="utf-8")
-    with pytest.raises(DataError, match=rf"drawn\.csv, plate 1: .*{message}"):
+    with pytest.raises(DataError, match=rf"drawn\.csv.*: .*{message}"):
         stock_plates.load_stock(tmp_path / "drawn.csv")
 
 
 def test_a_stock_has_masses_or_drawings_not_both(tmp_path: Path) -> None:
     """A mass together with a drawing could contradict it."""
-    (tmp_path / "both.csv").write_text(HEADER.strip() + ",mass_kg\n", encoding="utf-8")
+    (tmp_path / "both.csv").write_text(HEADER.strip() + ",mass_kg\nboth,1,disc,steel,10,,,50,,,3\n", encoding="utf-8")
     with pytest.raises(
-        DataError, match=r"both\.csv: .*expected at least one plate, and the columns name,mass_kg,quantity"
+        DataError, match=r"both\.csv, line 2 .both.: expected either mass_kg, of a plate weighed, or shape, as drawn"
     ):
         stock_plates.load_stock(tmp_path / "both.csv")
 
