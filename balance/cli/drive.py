@@ -7,7 +7,7 @@ import click
 
 from ..results import NO_VALUE, table
 from . import options
-from .framework import Answer, Detail, Word, emit_further, emit_table, note, say
+from .framework import Answer, Word, emit_table, say
 from .options import Quantity, argument, command, option
 
 if TYPE_CHECKING:
@@ -88,7 +88,8 @@ def drive(
         for text in documents.beyond_file(machine, described.speeds)
     ]
     options.draw(figure, "balance.figures.rotating:draw_drive", result)
-    return Answer(result, lambda: _print_study(result), findings=result["findings"])
+    further = ("reduced", "reduced_with_counter_masses", "steady", "readings", "convergence", "convergence.trials")
+    return Answer(result, lambda: _print_study(result), findings=result["findings"], further=further)
 
 
 def _machines(study: "Drive", payload: dict[str, float], counter: dict[str, float]) -> list[tuple["Machine", bool]]:
@@ -147,7 +148,7 @@ def _fill(
 
 
 def _print_study(result: dict[str, Any]) -> None:
-    """Each steady rotation, the flywheels, the start-up; with --all the inertia, the orbits and the solvers too."""
+    """Each steady rotation, the flywheels, the start-up."""
     from ..drives.time_integration import Turn
 
     steady = [row for row in result["steady"] if row["reached_from_rest"]] or result["steady"]
@@ -156,61 +157,25 @@ def _print_study(result: dict[str, Any]) -> None:
     meaning = "speed fluctuates over a turn, (n_max - n_min) / n_nominal, by"
     say(f"{result['mechanism']}: {meaning} {'; '.join(parts)}{more}.")
     _print_steady(result)
-    _print_reduced(result)
     _print_flywheels(result)
     for run in result["start_up"]:
         settled = run["settled_in_turn"]
         remark = f"Steady within 0.1 rpm from turn {settled}." if settled else "Not yet steady within 0.1 rpm."
         title = f"Start-up, {', '.join(_setting(run)[:2])}, {_setting(run)[2]} counter-masses"
         emit_table(title, *table(Turn, run["turns"]), remark)
-    _print_convergence(result)
-
-
-def _print_reduced(result: dict[str, Any]) -> None:
-    rows = []
-    for key, label in (("reduced", "mechanism"), ("reduced_with_counter_masses", "with counter-masses")):
-        for extreme in result.get(key, {}).get("mechanism_inertia_extremes", []):
-            total = extreme["inertia_kgm2"] + result[key]["constant_inertia_kgm2"]
-            values = [extreme["inertia_kgm2"], total]
-            rows.append([label, extreme["kind"], f"{extreme['angle_deg']:.2f}", *(f"{v:.5f}" for v in values)])
-    emit_further(
-        f"Reduced inertia of {result['mechanism']} at the crank {result['reduced']['crank']}",
-        ["", "extreme", "angle [deg]", "mechanism [kg m2]", "with shafts [kg m2]"],
-        rows,
-        f"{result['reduced']['closed_positions']} closed positions, harmonics down to "
-        f"{result['reduced']['highest_harmonics']:.0e}; potential energy swings by "
-        f"{result['reduced']['potential_swing_J']:.3f} J",
-    )
-
-
-def _or_dash(value: float | None, form: str) -> str:
-    return NO_VALUE if value is None else format(value, form)
 
 
 _STEADY: dict[str, Callable[[dict[str, Any]], str]] = {
     "fluctuation": lambda row: f"{row['fluctuation']['nominal']:.4f}",
-    "published": lambda row: _or_dash((row["printed"] or {}).get("fluctuation"), "g"),
+    "published": lambda row: str((row["printed"] or {}).get("fluctuation") or NO_VALUE),
     "kept": lambda row: "from rest" if row["reached_from_rest"] else "once there" if row["stable"] else "unstable",
-    "n_max [rpm]": lambda row: f"{row['fastest_rpm']:.3f} at {row['fastest_at_deg']:.1f}",
-    "n_min [rpm]": lambda row: f"{row['slowest_rpm']:.3f} at {row['slowest_at_deg']:.1f}",
-    "mean [rpm]": lambda row: f"{row['mean_rpm']:.3f}",
-    "Floquet": lambda row: f"{row['floquet_factor']:.3g}",
-    "periodicity": lambda row: _or_dash(row["periodicity"], ".0e"),
 }
-_MAIN_COLUMNS = 3
-"""Columns of a steady rotation that are printed unless all are asked for."""
 
 
 def _print_steady(result: dict[str, Any]) -> None:
-    columns = _STEADY if Detail.everything else dict(list(_STEADY.items())[:_MAIN_COLUMNS])
-    rows = [[*_setting(row), *(cell(row) for cell in columns.values())] for row in result["steady"]]
-    known = (
-        "Extremes at [deg]; periodicity: change of speed over one turn integrated apart. " if Detail.everything else ""
-    )
-    known += "From rest: where a start from standstill ends."
-    emit_table("Steady rotation of the crank", [*_SETTING, *columns], rows, known)
-    for name, meaning in result["readings"].items():
-        note(f"{name}: {meaning}.")
+    rows = [[*_setting(row), *(cell(row) for cell in _STEADY.values())] for row in result["steady"]]
+    known = "From rest: where a start from standstill ends."
+    emit_table("Steady rotation of the crank", [*_SETTING, *_STEADY], rows, known)
 
 
 _SETTING = ["nominal [rpm]", "torque", "counter-masses"]
@@ -230,15 +195,3 @@ def _print_flywheels(result: dict[str, Any]) -> None:
         header = [*_SETTING, "wanted", "shaft", "flywheel [kg m2]", "estimate, whole [kg m2]"]
         remark = "The estimate dE / (omega^2 delta) is of the whole inertia, from weight alone, without the motor."
         emit_table("Flywheel for a wanted fluctuation", header, rows, remark)
-
-
-def _print_convergence(result: dict[str, Any]) -> None:
-    for study in result["convergence"]:
-        rows = [
-            [t["solver"], t["setting"], f"{t['fluctuation']:.6f}", f"{t['off_percent']:+.2g}",
-             "-" if t["evaluations"] is None else str(t["evaluations"])]
-            for t in study["trials"]
-        ]  # fmt: skip
-        title = f"Solvers, {', '.join(_setting(study)[:2])}: {study['converged_fluctuation']:.6f} converged"
-        header = ["solver", "setting", "fluctuation", "off [%]", "evaluations"]
-        emit_further(title, header, rows, f"Integrated from standstill over {study['turns_integrated']} turns.")

@@ -7,16 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..results import table as table_of
 from . import options
-from .framework import Answer, Detail, emit_further, emit_table, note, say
+from .framework import Answer, emit_table, say
 from .options import SPEED, Quantity, argument, command, option
 
 if TYPE_CHECKING:
-    from ..engines.balance_shafts import ResidualOverTurn, Shaft
     from ..engines.engine import Engine
     from ..engines.free_forces import FreeForces
-    from ..engines.slider_crank import Replacement
 
 _BUILT_ORDERS = 2
 """Highest order whose balance shafts are shown: those of higher orders are not built."""
@@ -53,7 +50,7 @@ def single(
     """
     from ..engines import partial_balance
     from ..engines.engine_files import load_engine
-    from ..engines.results import cylinder_document, rod_replacements
+    from ..engines.results import cylinder_document
 
     if radius is not None and mass is not None:
         raise click.UsageError("give either --radius or --mass: m_b r_b is fixed")
@@ -74,10 +71,11 @@ def single(
     document = cylinder_document(model, cases, omega, radius, mass)
     own = ", ".join(weight.name for weight in model.counterweights)
     findings = document["findings"]
-    return Answer(document, lambda: _print_single(document, rod_replacements(crank), own), findings=findings)
+    further = ("", "cases", "rod", "best_fraction")
+    return Answer(document, lambda: _print_single(document, own), findings=findings, further=further)
 
 
-def _print_single(document: dict[str, Any], rod: "list[Replacement]", own: str) -> None:
+def _print_single(document: dict[str, Any], own: str) -> None:
     best, cases = document["best_fraction"], document["cases"]
     one = f", one of its {document['cylinders']} cylinders" if document["cylinders"] > 1 else ""
     say(
@@ -85,39 +83,18 @@ def _print_single(document: dict[str, Any], rod: "list[Replacement]", own: str) 
         f"{cases['best']['exact']['F_max_N']:.5g} N at least, with fraction {best['exact']['fraction']:.6f} of the "
         "reciprocating mass balanced on the crank."
     )
-    columns = _CASE if Detail.everything else dict(list(_CASE.items())[:_MAIN_CASES])
-    rows = [[name, *(cell(case) for cell in columns.values())] for name, case in cases.items()]
-    emit_table(f"Shaking force of {document['engine']}{one}", ["counterweight", *columns], rows)
-    if rod:
-        remark = "places from the crank pin; with no inertia missing (third condition) force and moment are both true"
-        emit_further("Connecting rod as point masses", *table_of(type(rod[0]), rod), remark)
-    note(
-        f"Rotating {document['rotating_mass_at_r_kg']:.5g} kg at the crank radius, reciprocating "
-        f"{document['reciprocating_mass_kg']:.5g} kg; at {document['speed_rad_per_s']:.5g} rad/s: rotating "
-        f"{document['rotating_force_N']:.5g} N, first order {document['first_order_force_N']:.5g} N, second order "
-        f"{document['second_order_force_N']:.5g} N.\n"
-        f"Fraction of least largest force by orders 1 and 2: {best['order2']['fraction']:.6f}, by order 1: "
-        f"{best['order1']['fraction']:.6f}; of least RMS: {document['least_rms_fraction']:.6f}.\n"
-        f"Orders 1 and 2 are off the exact force by at most {document['second_order_error_largest_N']:.4g} N, "
-        f"{document['second_order_error_of_first_order_percent']:.3g} % of m r omega^2."
-    )
+    rows = [[name, *(cell(case) for cell in _CASE.values())] for name, case in cases.items()]
+    emit_table(f"Shaking force of {document['engine']}{one}", ["counterweight", *_CASE], rows)
     if own:
         say(f"The file's own counterweights ({own}) are not included here: see balance engine free.")
 
 
-_MAIN_CASES = 5
-"""Columns that are printed unless all are asked for."""
 _CASE: dict[str, Callable[[dict[str, Any]], str]] = {
     "m_b r_b [kg mm]": lambda case: f"{1e3 * case['counterweight_kgm']:.5g}",
     "m_b [kg]": lambda case: _number(case["counterweight_mass_kg"]),
     "r_b [mm]": lambda case: _number(case["counterweight_radius_mm"]),
     "F max [N]": lambda case: f"{case['exact']['F_max_N']:.5g}",
     "F RMS [N]": lambda case: f"{case['exact']['F_rms_N']:.5g}",
-    "F max, order 1 [N]": lambda case: f"{case['order1']['F_max_N']:.5g}",
-    "orders 1+2 [N]": lambda case: f"{case['order2']['F_max_N']:.5g}",
-    "F min [N]": lambda case: f"{case['exact']['F_min_N'] if case['exact']['F_min_N'] > 1e-9 else 0.0:.4g}",
-    "|Fx| max [N]": lambda case: f"{max(map(abs, case['exact']['Fx_N'])):.5g}",
-    "|Fy| max [N]": lambda case: f"{max(map(abs, case['exact']['Fy_N'])):.5g}",
 }
 """Columns of a counterweight and of its residual force."""
 
@@ -177,21 +154,12 @@ def free(
     drawn = (by_order, model.name, omega**2, units, residual)
     options.draw(figure, "balance.figures.rotating:draw_orders", *drawn)
     document = engine_document(model, by_order, shafts, residual, omega)
-    return Answer(document, lambda: _print_free(model, by_order, built, residual, omega, units))
+    further = ("", "balance_shafts", "textbook_sums", "over_a_turn_exact", "left_over_a_turn", "firing")
+    return Answer(document, lambda: _print_free(model, by_order, omega, units), further=further)
 
 
-def _print_free(
-    engine: "Engine",
-    free: "list[FreeForces]",
-    built: "list[Shaft]",
-    residual: "ResidualOverTurn",
-    omega: float,
-    units: tuple[str, str],
-) -> None:
-    from ..engines.balance_shafts import STAGES
+def _print_free(engine: "Engine", free: "list[FreeForces]", omega: float, units: tuple[str, str]) -> None:
     from ..engines.engine import firing
-    from ..engines.free_forces import cylinder_sums
-    from ..rotors.rotor import polar_form
 
     factor, length = (1.0, "a") if engine.normalised else (1e3, "mm")
     sizes = []
@@ -211,33 +179,11 @@ def _print_free(
     remark = f"moments about {factor * free[0].about:.5g} {length}; forward turns with the crankshaft"
     if rows:
         emit_table(f"Free forces and moments of {engine.name}", [*header, f"place [{length}]"], rows, remark)
-    rows = []
-    for shaft in built:
-        what = "crankshaft" if shaft.is_crankshaft else f"shaft {'with' if shaft.forward else 'against'} the crankshaft"
-        for u in shaft.unbalances:
-            rows.append([str(shaft.order), what, f"{factor * u.at:.5g}", polar_form(u.vector, factor)])
-    header = ["order", "on", f"at [{length}]", f"unbalance [{'m r' if engine.normalised else 'kg mm'}]"]
-    remark = "angles when the crankshaft's mark is at x; equal shafts that turn against each other at equal height; "
-    emit_further("What would balance them", header, rows, f"{remark}orders above {_BUILT_ORDERS} with --json")
-    rows = [
-        [STAGES[stage], f"{each.largest_force:.5g}", f"{each.largest_moment:.5g}"]
-        for stage, each in residual.stages.items()
-    ]
-    title = f"Largest over a turn, exact; shafts of orders up to {_BUILT_ORDERS}"
-    emit_further(title, ["engine", f"force [{units[0]}]", f"moment [{units[1]}]"], rows)
-    for k in (1, 2) if engine.in_line else ():
-        (fc, fs), (mc, ms) = cylinder_sums(engine, k).values()
-        note(
-            f"Sums of order {k}: cos {fc:+.5g}, sin {fs:+.5g}; times z from cylinder 1: {factor * mc:+.5g}, "
-            f"{factor * ms:+.5g} {length}"
-        )
     fired = firing(engine)
     say(
         f"Fires {'-'.join(map(str, fired.order))}, {engine.strokes}-stroke, at intervals of "
         f"{', '.join(f'{i:g}' for i in fired.intervals_deg)} deg: {'even' if fired.even else 'uneven'}."
     )
-    if engine.source:
-        note(f"Source: {engine.source}.")
 
 
 _COMPARED = {"F1_mrw2": "F1", "F1_with_counterweights_mrw2": "F1*", "M1_mrw2a": "M1",

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, NoReturn
 import click
 
 from ..errors import CounterpoiseError, suggestion
-from ..results import plain
+from ..results import NO_VALUE, plain
 from ..results import plain_text as plain_text
 
 VERSION = {"schema_version": 1}
@@ -248,6 +248,8 @@ class Answer(NamedTuple):
     """What was refused, as text each with the reason, while the rest was done: printed on stderr; exit code 1."""
     code: int = 0
     """Exit code, where it is another."""
+    further: Sequence[str] = ()
+    """Parts of the document that are printed with --all, as ``emit_parts`` takes them."""
 
 
 def answering(function: Callable[..., Answer]) -> Callable[..., int]:
@@ -262,6 +264,8 @@ def answering(function: Callable[..., Answer]) -> Callable[..., int]:
         else:
             answer.show()
             emit_findings(("Finding", finding) for finding in answer.findings)
+            if Detail.everything:
+                emit_parts(answer.document, answer.further)
         complain(*answer.refused)
         if answer.code or answer.refused:
             return answer.code or EXIT_REFUSED
@@ -274,6 +278,73 @@ def complain(*messages: object) -> None:
     """Print messages to stderr, a line each, after the name of the program."""
     for message in messages:
         click.echo(f"{click.get_current_context().find_root().info_name}: {plain_text(str(message))}", err=True)
+
+
+def label(key: str) -> str:
+    """A key as the heading of a column, its unit in brackets: ``Fx [N]`` of ``Fx_N``; names of joints stay."""
+    found = _UNIT.fullmatch(key)
+    if not found:
+        return key
+    kind = next((kind for kind in ("torque_", "drive_force_") if found[1].startswith(kind)), "")
+    unit = _UNITS.get(found[2], found[2].replace("_per_", "/").replace("Nm", "N m"))
+    return f"{kind.replace('_', ' ')}{found[1].removeprefix(kind)} [{unit}]"
+
+
+_UNITS = {"percent": "%", "kgm": "kg m", "kgm2": "kg m2", "kgmm": "kg mm", "kgmm2": "kg mm2", "gmm": "g mm"}
+_UNIT = re.compile(rf"(.+?)_((?:{'|'.join(_UNITS)}|rad|deg|mm|um|m|Nm|N|kg|g|W|J|s|rpm)(?:_per_(?:rad|s2?|m|g))?)")
+"""Units at the end of keys."""
+_MOST_VALUES = 6
+"""Values of a list that are shown in a cell, and results of one that is part of another."""
+_LONG_TEXT = 40
+"""Characters from which a text is printed below its table."""
+
+
+def emit_parts(document: Mapping[str, Any], keys: Iterable[str]) -> None:
+    """Print parts of a document as tables, each by its key, inner ones after a dot; after a last dot single values."""
+    whole = plain(document)
+    for key in keys:
+        part = whole
+        for name in key.split("."):
+            if isinstance(part, list):
+                part = [one for each in part for one in each.get(name) or ()]
+            elif name:
+                part = (part or {}).get(name)
+            else:
+                part = {name: one for name, one in (part or {}).items() if not isinstance(one, dict | list)}
+        if part:
+            title = ", ".join(filter(None, key.split("."))).replace("_", " ") or "further"
+            _emit_part(title[0].upper() + title[1:], part)
+
+
+def _emit_part(title: str, part: Any) -> None:  # noqa: ANN401
+    """Print a part of a document: results in rows, or in columns where they have more values; long texts below."""
+    rows = {str(k): one for k, one in enumerate(part, 1)} if isinstance(part, list) else part
+    if not all(isinstance(one, dict | list) for one in rows.values()):
+        rows = {"value": rows}
+    cells = {name: found for name, one in rows.items() if (found := dict(_flat(one)))}
+    long = [(name, key) for name, one in cells.items() for key, text in one.items() if len(text) > _LONG_TEXT]
+    texts = {(name, key): cells[name].pop(key) for name, key in long}
+    keys = list(dict.fromkeys(key for one in cells.values() for key in one))
+    header, rows = ["", *keys], [[name, *(one.get(key, NO_VALUE) for key in keys)] for name, one in cells.items()]
+    if len(keys) > len(cells):
+        header, *rows = map(list, zip(header, *rows, strict=True))
+    if keys:
+        emit_table(title, header, rows)
+    for (name, key), text in texts.items():
+        say(f"{name}, {key}: {text}")
+
+
+def _flat(part: Any, above: str = "") -> Iterable[tuple[str, str]]:  # noqa: ANN401
+    """Headings and texts of the single values in a part of a document; of a long list none."""
+    if isinstance(part, dict):
+        for name, one in part.items():
+            yield from _flat(one, f"{above} {label(name)}".strip())
+    elif isinstance(part, list) and any(isinstance(one, dict | list) for one in part):
+        yield from _flat({str(k): one for k, one in enumerate(part, 1)} if len(part) <= _MOST_VALUES else {}, above)
+    elif not isinstance(part, list) or 0 < len(part) <= _MOST_VALUES:
+        values = part if isinstance(part, list) else [part]
+        texts = (f"{one:.5g}" if isinstance(one, float) else NO_VALUE if one is None else str(one) for one in values)
+        yield above or "value", ", ".join(texts)
 
 
 def emit_further(title: str, header: list[str], rows: list[list[str]], remark: str = "") -> None:

@@ -1,6 +1,6 @@
 """``balance linkage``: planar linkages balanced completely, and their tables for people."""
 
-from math import isfinite, isnan
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -8,7 +8,7 @@ import click
 
 from ..results import table
 from . import options
-from .framework import Answer, emit_findings, emit_further, emit_table, note, say
+from .framework import Answer, emit_findings, emit_table, say
 from .options import Quantity, argument, command, option
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ..linkages.verification import Verification
 
 _STAGE = {"before": "before", "force": "counter-masses", "complete": "counter-masses and gears", "built": "as built"}
-_TORQUES = ("torque_constant_speed", "torque_varying_speed")
+_SIMULATED = ("rms", "share_of_before", "bearing_forces")
 
 
 @command(
@@ -88,12 +88,21 @@ def linkage(
         say(_verdict(made or result, check))
         _print_balance(document, with_equations)
         if check is not None:
-            _print_dynamics(check)
+            _print_bearings(check)
         if comparison:
-            _print_comparison(comparison, check)
+            _print_comparison(comparison)
         emit_findings(("Not simulated", _unplaced(described)) for _ in [described] if check is None)
 
-    return Answer(document, show, check is None or differs, findings)
+    runs = [f"simulated.{run}.{part}" for run in ("constant_speed", "varying_speed") for part in _SIMULATED]
+    further = (
+        "reduction",
+        "simulated.",
+        *runs,
+        "simulated.moving_mass_kg",
+        "simulated.multiple_of_before",
+        "printed.values",
+    )
+    return Answer(document, show, check is None or differs, findings, further=(*further, "printed.rms"))
 
 
 def _verdict(result: "LinkageBalance", check: "Verification | None") -> str:
@@ -163,11 +172,6 @@ def _print_balance(document: dict[str, Any], with_equations: bool) -> None:
     from ..linkages.moment_balance import GearResult
 
     rows = [
-        [r["body"], r["joint"], " + ".join(f"{share:.4f} at {joint}" for joint, share in r["point_masses_kg"].items())]
-        for r in document["reduction"]
-    ]
-    emit_further("Reduction, ends of the tree first", ["body", "joint", "point mass [kg]"], rows)
-    rows = [
         [c["symbol"], c["body"], c["against"], f"{c['mass_kg']:.4f}",
          *(f"{x * 1e3:.2f}" for x in c["position_from_reduction_joint_m"]), f"{c['inertia_kgm2']:.4g}"]
         for c in document["counter_masses"]
@@ -191,65 +195,20 @@ def _print_balance(document: dict[str, Any], with_equations: bool) -> None:
 _MASS_UNITS = (("kg", "kg"), ("kgm2", "kg m2"))
 
 
-def _print_dynamics(check: "Verification") -> None:
-    """RMS values by stage at both speeds, the residual, the cost."""
-    for label, run in zip(check.labels, (check.constant, check.varying), strict=True):
-        rows = [
-            [_STAGE[stage], *(f"{value:.4g}" for value in run.rms(stage).values()),
-             *(f"{share:.2g}" if isfinite(share) else "-" for share in run.residual(stage).values())]
-            for stage in run.responses
-        ]  # fmt: skip
-        header = ["stage", "FX [N]", "FY [N]", "M [N m]", "torque [N m]", "residual force", "residual moment"]
-        what = "cycles of" if check.swings else "at"
-        varied = f" (1 + {check.variation:g} sin wt)" if run is check.varying else ""
-        speed = f"driven joint {run.drive} {what} {check.speed:.5g}{varied} rad/s"
-        emit_further(f"Simulated, {label}: RMS", header, rows, f"{speed}; residual: largest as a share of before")
-    _print_bearings(check)
-    for stage in list(check.mass)[1:]:
-        cost = check.penalty(stage)
-        torque = [
-            f"{cost[k]:.3g} times ({label})" for k, label in zip(_TORQUES, check.labels, strict=True) if k in cost
-        ]
-        note(
-            f"Cost of {_STAGE[stage]}: moving mass {check.mass['before']:.3f} -> {check.mass[stage]:.3f} kg "
-            f"({cost['mass']:.3g} times); RMS drive torque {', '.join(torque) or 'not compared'}."
-        )
-    note(
-        "Weight excluded from force and moment; M about the origin of the base. Mass of counter-gears as far as given."
-    )
-
-
 def _print_bearings(check: "Verification") -> None:
-    """Largest forces in bearings and on teeth at varying speed, by stage."""
-    known = {stage: forces for stage, forces in check.varying.bearings.items() if forces is not None}
-    peaks = {stage: forces.peaks() for stage, forces in known.items()}
-    rows = []
-    for kind, label in (("joints", "joint {}"), ("counter_gears", "counter-gear {}, pivot"), ("teeth", "teeth of {}")):
-        for name in dict.fromkeys(name for stage in peaks.values() for name in stage[kind]):
-            cells = [f"{stage[kind][name]:.4g}" if name in stage[kind] else "-" for stage in peaks.values()]
-            rows.append([label.format(name), *cells])
-    if rows:
-        remark = "of teeth tangential, their pressure angle of 20 deg in the bearings; weight included, as far as given"
-        title = f"Largest bearing and tooth forces [N], {check.labels[1]}"
-        emit_further(title, ["at", *(_STAGE[stage] for stage in peaks)], rows, remark)
-    else:
+    """What of the forces in bearings and on teeth is not determined."""
+    known = [forces for forces in check.varying.bearings.values() if forces is not None]
+    if not any(forces.peaks()["joints"] for forces in known):
         say("Bearing forces are not determined: the linkage is statically indeterminate.")
-    for gear in sorted({name for forces in known.values() for name in forces.undetermined}):
+    for gear in sorted({name for forces in known for name in forces.undetermined}):
         say(
             f"{gear}: its teeth's force and the bearing that it loads are not determined: where its counter-gear is "
             "pivoted is not given: counter = { at = [...], on = '...' }."
         )
 
 
-def _print_comparison(comparison: "Comparison", check: "Verification | None") -> None:
+def _print_comparison(comparison: "Comparison") -> None:
     """What the source publishes, and what its published inputs give."""
-    rows = [
-        [row.name, *(f"{x:.5g}" for x in (row.published.value, row.computed, *row.interval)),
-         row.verdict + (", see below" if row.why else "")]
-        for row in comparison.rows
-    ]  # fmt: skip
-    header = ["symbol", "published", "computed", "from", "to", "verdict"]
-    emit_further("Published, and computed from the published inputs as rounded [kg, kg m2]", header, rows)
     for row in comparison.rows:
         if row.why and row.explained is not None:
             fits = "as published, within the rounding" if row.is_explained else "not as published either"
@@ -259,16 +218,5 @@ def _print_comparison(comparison: "Comparison", check: "Verification | None") ->
     for entry in comparison.contradictions:
         if entry.about not in names:
             say(f"{_STAGE.get(entry.about, entry.about)}: {entry.why}.")
-    rows = []
-    for stage, published in comparison.rms.items():
-        rows.append([f"{_STAGE[stage]}, published", *(f"{value:.4g}" for value in published.values())])
-        if check is not None and stage in check.constant.responses:
-            ours = check.constant.rms(stage)
-            ratios = [
-                f"{100 * (ours[c] / value - 1):+.2f} %" if value > 0.05 else "-" for c, value in published.items()
-            ]
-            rows.append([f"{_STAGE[stage]}, simulated", *(f"{ours[c]:.4g}" for c in published)])
-            rows.append(["  simulated / published", *ratios])
-    emit_further("RMS at constant speed", ["stage", "FX [N]", "FY [N]", "M [N m]", "torque [N m]"], rows)
     for name, what in comparison.restored.items():
         say(f"Restored in the published copy, {name}: {what}.")

@@ -1,6 +1,7 @@
 """``balance simulate``, ``balance conditions`` and ``balance check``."""
 
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,13 +11,11 @@ from ..results import per_cent_text
 from . import options
 from .framework import (
     Answer,
-    Detail,
     Word,
     emit_findings,
     emit_table,
-    first_moment,
+    label,
     mass,
-    note,
     say,
 )
 from .options import command, option
@@ -88,7 +87,9 @@ def simulate(
             else {}
         )
     )
-    return Answer(document, lambda: _print_motion(model, motion, trajectory, response, found), bool(beyond or left_out))
+    further = ("", "closure", "rms", "peak")
+    show = partial(_print_motion, model, motion, trajectory, response, found)
+    return Answer(document, show, bool(beyond or left_out), further=further)
 
 
 _DRIVES = ["joint", "peak torque", "RMS torque", "peak speed", "power [W]", "braking [W]"]
@@ -116,8 +117,8 @@ def _print_motion(
         f"{float((response.force**2).sum(axis=1).max() ** 0.5):.4g} N peak (simulated, weight excluded)."
     )
     of_drives = {name for name in rms if name.startswith(("torque_", "drive_force_"))}
-    shown = {n: value for n, value in rms.items() if n not in of_drives and (Detail.everything or peak[n] > _NOTHING)}
-    rows = [[options.component_label(name), f"{value:.4g}", f"{peak[name]:.4g}"] for name, value in shown.items()]
+    shown = {n: value for n, value in rms.items() if n not in of_drives and peak[n] > _NOTHING}
+    rows = [[label(name), f"{value:.4g}", f"{peak[name]:.4g}"] for name, value in shown.items()]
     emit_table(
         "",
         ["component", "RMS", "peak"],
@@ -126,10 +127,6 @@ def _print_motion(
     )
     if response.torque:
         emit_table("Drives", _DRIVES, [[joint, *_drive(load)] for joint, load in response.drives().items()], _DRIVEN)
-    note(
-        f"{len(trajectory.time)} samples over {trajectory.time[-1]:.4g} s; loops closed to {trajectory.residual:.2g} m "
-        f"on the branch of {trajectory.branch!r}; weight excluded from force and moment."
-    )
     if found:
         _print_reactions(found)
     options.tell_idle(trajectory.idle)
@@ -321,7 +318,7 @@ def conditions(
         "balanced_tolerance_kgm": BALANCED_KGM,
     } | ({"positive_masses": asdict(possible)} if possible else {})
     cannot_be = possible is not None and possible.status != "possible"
-    return Answer(document, lambda: _print_conditions(found, momentum, possible), cannot_be)
+    return Answer(document, lambda: _print_conditions(found, momentum, possible), cannot_be, further=("",))
 
 
 def _print_conditions(found: "Conditions", momentum: str, possible: "Feasibility | None") -> None:
@@ -351,12 +348,6 @@ def _print_conditions(found: "Conditions", momentum: str, possible: "Feasibility
             + "."
             + " Write equal lengths and angles with the same digits, all sixteen of them; others further apart."
         )
-    note(
-        f"{found.dof} degree{'s' * (found.dof != 1)} of freedom, {model.total_mass:.6g} kg move; "
-        f"{len(model.loops)} loop{'s' * (len(model.loops) != 1)}, closed to {found.closure_residual:.2g} m or rad from "
-        f"{model.branch!r}; singular values kept down to {kept:.3g}, dropped from {dropped:.3g}; balanced means at "
-        f"most {BALANCED_KGM:g} of each unit."
-    )
     if possible:
         _print_feasibility(possible)
 
@@ -436,7 +427,7 @@ def check(
                 f"{before:.4g} N without counter-masses (g0 = {G0} m/s2)."
             )
 
-    return Answer(document, show, not balanced)
+    return Answer(document, show, not balanced, further=("",))
 
 
 def _print_check(result: "Sizing", balanced: dict[str, float | None]) -> None:
@@ -450,7 +441,3 @@ def _print_check(result: "Sizing", balanced: dict[str, float | None]) -> None:
             f"They would balance {body} = {'none' if value is None else mass(value) + ' kg'} "
             f"(asked: {mass(model.mass(body))} kg)."
         )
-    note(
-        f"First-moment residual: {first_moment(result.residual())} ({per_cent_text(result.residual_percent())} of that "
-        f"without counter-masses, {first_moment(found.first_moment_residual(model))})."
-    )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from . import options
-from .framework import Answer, Detail, emit_table, note, say
+from .framework import Answer, emit_table, say
 from .options import Quantity, command, option
 
 if TYPE_CHECKING:
@@ -15,11 +15,6 @@ if TYPE_CHECKING:
     from ..mechanism.mechanism import Mechanism
 
 _LENGTH = Quantity("length", positive=True)
-UNITS = {
-    "rad_per_s": "rad/s", "m_per_s": "m/s", "N_per_m": "N/m", "percent": "%", "kgm2": "kg m2", "Nm": "N m", "kg": "kg",
-    "rad": "rad", "m": "m", "N": "N", "W": "W",
-}  # fmt: skip
-"""Endings of keys, longer ones first, and the units that they mean."""
 
 
 @command(
@@ -59,7 +54,7 @@ def methods(
     found = compared(model, name, MethodSettings(site, wheel_ratio, wheel_radius, stroke, turn))
     options.draw(figure, found.plot)
     result = found.document()
-    return Answer(result, lambda: _print_methods(result))
+    return Answer(result, lambda: _print_methods(result), further=("methods", "printed_conditions"))
 
 
 def _own_motion(mechanism: str) -> str:
@@ -82,7 +77,7 @@ def _drives(torques: dict[str, float], forces: dict[str, float]) -> str:
 
 
 def _print_methods(result: dict[str, Any]) -> None:
-    """The least force, then of each method what stays and what it costs; with --all its peaks, needs and notes."""
+    """The least force, then of each method what stays and what it costs."""
     plain, *others = result["methods"]
     best = min(others, key=lambda row: (round(row["force_rms_N"], 9), row["added_mass_kg"]), default=plain)
     say(
@@ -96,12 +91,6 @@ def _print_methods(result: dict[str, Any]) -> None:
         "M RMS [N m]": lambda row: _value(row["moment_rms_Nm"]),
         "torque RMS [N m]": lambda row: _drives(row["torque_rms_Nm"], row["drive_force_rms_N"]),
     }
-    if Detail.everything:
-        columns |= {
-            "added [kg m2]": lambda row: f"{row['added_inertia_kgm2']:.4f}",
-            "F peak [N]": lambda row: _value(row["force_peak_N"]),
-            "M peak [N m]": lambda row: _value(row["moment_peak_Nm"]),
-        }
     emit_table(
         f"{result['mechanism']}, motion {result['motion']}, simulated",
         list(columns),
@@ -109,31 +98,10 @@ def _print_methods(result: dict[str, Any]) -> None:
         "F and M: residual on the base, weight excluded; torque: of each motor, with all that it drives, a force in N "
         "where it slides.",
     )
-    for row in result["methods"]:
-        if row["note"]:
-            note(f"{row['method']}: {row['note'].removesuffix('.')}.{_needs(row['needs'])}")
-    for row in result["printed_conditions"]:
-        note(
-            f"Published conditions, {row['method']}: {row['verdict']} ({row['printed_rank']} published, "
-            f"{row['derived_rank']} derived)."
-        )
 
 
 def _value(value: float) -> str:
     return f"{value:.4g}" if value > 1e-9 else "0"
-
-
-def _needs(needs: dict[str, float]) -> str:
-    parts = [f"{' '.join(filter(None, _needed(name, value)))}" for name, value in needs.items()]
-    return f" Needs {', '.join(parts)}." if parts else ""
-
-
-def _needed(name: str, value: float) -> tuple[str, str, str]:
-    """Name, value and unit of a need whose key ends in its unit."""
-    for ending, unit in UNITS.items():
-        if name.endswith(f"_{ending}"):
-            return name.removesuffix(f"_{ending}").replace("_", " "), f"{value:.4g}", unit
-    return name.replace("_", " "), f"{value:.4g}", ""
 
 
 _CONSTANT = 1e-9
@@ -179,7 +147,8 @@ def static(
     result = static_document(found, counter, _springs(model, springs, reach, height))
     options.draw(figure, "balance.figures.balancing:draw_energy", result)
     swings = any(_share(result, method) > _CONSTANT for method in ("counter_masses", "springs"))
-    return Answer(result, lambda: _print_static(result), swings)
+    further = ("conditions", "as_it_is", "counter_masses", "springs.springs")
+    return Answer(result, lambda: _print_static(result), swings, further=further)
 
 
 def _share(result: dict[str, Any], method: str) -> float:
@@ -200,7 +169,7 @@ def _springs(model: "Mechanism", name: str | None, reach: float | None, height: 
 
 
 def _print_static(result: dict[str, Any]) -> None:
-    """By how much the potential energy swings with each method; with --all the conditions and the springs."""
+    """By how much the potential energy swings with each method."""
     if not result["conditions"]:
         say(f"Nothing to balance: the weight of {result['mechanism']} does no work in any motion.")
         return
@@ -225,21 +194,3 @@ def _print_static(result: dict[str, Any]) -> None:
             for s in result["springs"]["springs"]
         ],
     )  # fmt: skip
-    if not Detail.everything:
-        return
-    rows = [_row("as it is", result["as_it_is"], 0.0), _row("springs", result["springs"], 0.0)]
-    if counter:
-        rows.insert(1, _row("counter-masses", counter, counter["added_mass_kg"]))
-    header = ["", "swing [J]", "of unbalanced", "largest holding torque [N m]", "added mass [kg]"]
-    emit_table("Potential energy", header, rows, f"{result['configurations']} configurations of the workspace.")
-    emit_table(
-        f"Static balance of {result['mechanism']}: what must vanish",
-        ["condition", "now [kg m]"],
-        [[row["text"], f"{row['value_kgm']:.5g}"] for row in result["conditions"]],
-    )
-
-
-def _row(name: str, values: dict[str, Any], mass: float) -> list[str]:
-    share = values["share_of_unbalanced"]
-    torque = _drives(values["holding_torque_peak_Nm"], values["holding_force_peak_N"])
-    return [name, f"{values['potential_swing_J']:.3g}", "-" if share is None else f"{share:.1e}", torque, f"{mass:.3f}"]

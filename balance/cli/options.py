@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, get_args, get_origin
 import click
 
 from ..errors import UnitError
-from .framework import Answer, answering, emit_table, plain_text, say
+from .framework import Answer, answering, emit_table, label, plain_text, say
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -278,7 +278,7 @@ def print_responses(responses: "dict[str, Response]") -> None:
     for name, peak in before.peak().items():
         if max(peak, after.peak()[name]) > 1e-9:
             values = [before.rms()[name], after.rms()[name], peak, after.peak()[name]]
-            rows.append([component_label(name), *(f"{value:.4g}" for value in values)])
+            rows.append([label(name), *(f"{value:.4g}" for value in values)])
     emit_table("Simulated motion", ["component", "RMS before", "RMS after", "peak before", "peak after"], rows)
 
 
@@ -330,10 +330,3 @@ def progress(what: str, total: int, *, in_bytes: bool = True) -> Iterator[Callab
 
 LEAST_PROGRESS = 20 << 20
 """Work from which a progress bar is shown [bytes]."""
-
-
-def component_label(name: str) -> str:
-    """The name of a component with its unit, such as ``Fx [N]`` of ``Fx_N``."""
-    stem, _, unit = name.rpartition("_")
-    kind = next((kind for kind in ("torque_", "drive_force_") if stem.startswith(kind)), "")
-    return f"{kind.replace('_', ' ')}{stem.removeprefix(kind)} [{unit.replace('Nm', 'N m')}]"

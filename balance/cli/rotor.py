@@ -1,12 +1,13 @@
 """``balance rotor``: rigid rotors balanced from known masses or trial runs; permissible unbalance, trial masses."""
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..results import document as document_of
 from . import options
-from .framework import Answer, Word, emit_further, emit_table, note, say
+from .framework import Answer, Word, emit_table, say
 from .options import SPEED, NamedQuantity, Quantity, argument, command, option
 from .rotor_splitting import split
 
@@ -54,7 +55,9 @@ def correct(
     options.draw(figure, correction.plot)
     document = correction_document(model, correction)
     couple_remains = len(correction.planes) == 1 and not correction.is_balanced(1e-9)
-    return Answer(document, lambda: _print_correction(document, couple_remains), findings=document["findings"])
+    further = ("", "unbalances", "before", "after", "bearing_loads")
+    show = partial(_print_correction, document, couple_remains)
+    return Answer(document, show, findings=document["findings"], further=further)
 
 
 def _model(
@@ -92,19 +95,7 @@ def _print_correction(document: dict[str, Any], couple_remains: bool) -> None:
     ]  # fmt: skip
     header = ["plane", "at [mm]", "m r [kg mm]", "angle [deg]", "mass [kg]", "radius [mm]", "published [kg mm]"]
     emit_table(f"Corrections of {document['rotor']}", header, rows, document["source"] or "")
-    plane = document["corrections"][0]["plane"]
-    rows = [
-        [name, vector_text(state["force"], "kgmm"), vector_text(state[f"couple_about_plane_{plane}"], "kgmm2")]
-        for name in ("before", "after")
-        for state in [document[name]]
-    ]
-    emit_further("Unbalance", ["", "sum [kg mm]", f"couple about plane {plane} [kg mm2]"], rows)
-    if loads := document["bearing_loads"]:
-        rows = [[name, *(vector_text(load, "N") for load in pair)] for name, pair in loads.items()]
-        header = ["", *(f"bearing at {z:g} mm [N]" for z in document["bearings_mm"])]
-        remark = f"at {document['speed_rad_per_s']:g} rad/s; angles turn with the rotor"
-        emit_further("Rotating bearing loads", header, rows, remark)
-    elif document["bearings_mm"]:
+    if document["bearings_mm"] and not document["bearing_loads"]:
         say("Bearing loads need a speed: --speed.")
     if weight := document["weight_on_bearings_N"]:
         say(f"Weight on the bearings at rest: {weight[0]:.4g} N and {weight[1]:.4g} N (g0 = 9.81 m/s2).")
@@ -159,7 +150,7 @@ def tolerance(
         "grade_reached_mm_per_s": None if residual is None else 1e3 * allowed.reached(residual),
         "within_tolerance": None if residual is None else residual <= allowed.unbalance,
     }
-    return Answer(document, lambda: _print_tolerance(document))
+    return Answer(document, lambda: _print_tolerance(document), further=("",))
 
 
 def _grade(text: str) -> float:
@@ -191,7 +182,6 @@ def _print_tolerance(document: dict[str, Any]) -> None:
         rows.append(["grade reached [mm/s]", f"{document['grade_reached_mm_per_s']:.4g}"])
     title = f"G {document['grade_mm_per_s']:g}, {document['mass_kg']:g} kg, {document['speed_rad_per_s']:.6g} rad/s"
     emit_table(title, ["", "value"], rows, "" if document["standard_grade"] else "not one of the standard's grades")
-    note(f"Scope: {document['scope']}.")
 
 
 @command(
@@ -265,7 +255,8 @@ def influence(
         (reading, _, r), (weight, _, w) = READING[trial_runs.reading], WEIGHT[trial_runs.weight]
         drawn = (trial_runs, solution, (reading, r), (weight, w), trial_runs.uncertainty(solution))
         options.draw(figure, "balance.figures.rotating:draw_readings", *drawn)
-    return Answer(document, lambda: _print_trial_runs(trial_runs, document), findings=document["findings"])
+    show = partial(_print_trial_runs, trial_runs, document)
+    return Answer(document, show, findings=document["findings"], further=("", "readings", "trial_weights"))
 
 
 def _print_trial_runs(runs: "TrialRuns", document: dict[str, Any]) -> None:
@@ -285,22 +276,8 @@ def _print_trial_runs(runs: "TrialRuns", document: dict[str, Any]) -> None:
         document["source"] or "" if intervals is None else f"Intervals of {intervals['level']}, {_origin(intervals)}."
     )
     emit_table(f"Correction weights, {document['name']}, {document['method']}", header, rows, known)
-    rows = [
-        [row["sensor"], row["speed"], vector_text(row["before"], r), vector_text(row["after"], r)]
-        + ([] if intervals is None else [f"{row[f'after_within_{r}']:.3g}"])
-        for row in document["readings"]
-    ]
-    header = ["sensor", "speed", f"before [{reading}]", f"predicted after [{reading}]"]
-    emit_further("Readings", header + ([] if intervals is None else [f"± [{reading}], {intervals['level']}"]), rows)
     if intervals is None:
         say("No intervals: state those of the readings (170 um ± 2 um @ 112 deg ± 1 deg), or repeat a run.")
-    for run, trial in document["trial_weights"].items():
-        effect = trial["largest_effect"]
-        change = "a reading that was zero" if effect is None else f"{100 * effect:.3g} % of the reading before"
-        stayed = "stayed on" if trial["stayed_on"] else "was taken off"
-        note(f"Trial weight of run {run!r}: largest effect {change}; it {stayed}.")
-    if intervals is not None and document["source"]:
-        note(f"Source: {document['source']}")
     if document["note"]:
         say(f"Note: {document['note']}")
 

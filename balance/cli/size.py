@@ -10,7 +10,7 @@ import click
 
 from ..results import per_cent_text, table
 from . import options
-from .framework import Answer, emit_table, first_moment, mass, note, say
+from .framework import Answer, emit_table, first_moment, mass, say
 from .options import command, option, print_responses, response_summary
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def size(
     )  # fmt: skip
     options.draw(figure, found.plot)
     document = found.document() | {n: response_summary(r) for n, r in found.responses.items()}
-    return Answer(document, lambda: _print(found, best), found.has_finding)
+    return Answer(document, lambda: _print(found, best), found.has_finding, further=("", "objective"))
 
 
 def _print(found: "SizingStudy", best: int) -> None:
@@ -115,15 +115,9 @@ def _print(found: "SizingStudy", best: int) -> None:
         say(f"The vibration of the base is without {key}, which the rig has.")
     result = found.best
     options.tell_idle(result.conditions.idle)
-    if found.verdict.attainable:
-        note(
-            f"First-moment residual: {first_moment(result.residual())} ({per_cent_text(result.residual_percent())} of "
-            "that without counter-masses)."
-        )
     for body, value in result.balanced_payloads().items():
         if value is not None:
             say(f"They balance {body} = {mass(value)} kg.")
-    note(f"Added: {result.added_mass:.4f} kg, {result.added_inertia:.5f} kg m2 about the joints.")
 
 
 def _weights(texts: Sequence[str], motion: str | None, rig: str | None) -> dict[str, float]:

@@ -148,17 +148,13 @@ class PointMass:
     """Distance from the crank pin, towards the piston pin [m]."""
 
 
-def _listed(masses: tuple[PointMass, ...]) -> str:
-    return "; ".join(f"{m.mass:.5g} kg at {milli(m.at):.5g} mm" for m in masses)
-
-
 @dataclass(frozen=True)
 class Replacement:
     """Point masses in the rod's place."""
 
-    name: Annotated[str, Key("replacement", "replacement", "s")]
-    masses: Annotated[tuple[PointMass, ...], Key("", "masses", _listed)]
-    missing_inertia: Annotated[float, Key("missing_inertia_kgm2", "missing inertia [kg m2]", "+.4g")]
+    name: Annotated[str, Key("replacement")]
+    masses: Annotated[tuple[PointMass, ...], Key()]
+    missing_inertia: Annotated[float, Key("missing_inertia_kgm2")]
     """Inertia of the rod minus that of the masses, about the rod's centre of mass [kg m2]; zero keeps the third
     condition."""
 

@@ -9,9 +9,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import click
 import pytest
 
-from balance.cli.framework import FirstLine
+from balance.cli.framework import FirstLine, emit_parts
 
 from .. import models
 
@@ -58,7 +59,7 @@ REFUSED = {
     "motion of a chain": (("simulate", "serial-3r", *X), "serial-3r"),
     "too fast": (("simulate", MECH, *X, "--rate", "1e15 Hz"), "expected fewer than"),
     "no stock": (("size", MECH, "--stock", "shelf"), "shelf: no such file"),
-    "wrong stock": (("size", MECH, "--stock", "plates.csv"), "its columns are name, mass, quantity: expected at"),
+    "wrong stock": (("size", MECH, "--stock", "plates.csv"), "column 'mass': is not expected; did you mean 'mass_kg'"),
     "no sites": (("size", "serial-1r", "--site", "tip", "--limit", "nowhere=1kg"), "nowhere"),
     "folder that is not there": (("simulate", MECH, *X, "--rate", "500 Hz", "--csv", "no/such/run.csv"), "run.csv"),
     "parquet into nowhere": (("simulate", MECH, *X, "--rate", "500 Hz", "--parquet", "no/such/run.pq"), "run.pq"),
@@ -238,3 +239,23 @@ def test_no_color(balance, monkeypatch, value):
     monkeypatch.setattr("io.StringIO", Terminal)
     monkeypatch.setenv("NO_COLOR", value)
     assert ("\x1b[" in balance("check", "four-bar", "-c", "counter_A0A=1kg").out) is (value == "")
+
+
+def test_all_prints_parts_of_the_document(capsys):
+    """Under their keys: results in rows, or in columns where they have more values; texts below, long lists not."""
+    document = {
+        "mass_kg": 2.0,
+        "of": None,
+        "long": "word " * 20,
+        "runs": [{"F_N": 1.0}, {"F_N": 2.5, "at": [1, 2], "trials": [{"n": 3}]}],
+        "stages": {"time_s": [0.0] * 99, "a": {"M_Nm": {"x": 1.0}, "series": [0.0] * 99}},
+        "none": [],
+    }
+    emit_parts(document, ("", "runs", "runs.trials", "stages", "none", "nowhere"))
+    lines = [line.split() for line in click.unstyle(capsys.readouterr().out).splitlines() if "─" not in line]
+    assert lines[:5] == [[], ["Further"], ["value"], ["mass", "[kg]", "2"], ["of", "-"]]
+    assert lines[5][:2] == ["value,", "long:"]
+    assert lines[6:9] == [[], ["Runs"], ["1", "2"]]
+    assert lines[9:12] == [["F", "[N]", "1", "2.5"], ["at", "-", "1,", "2"], ["trials", "1", "n", "-", "3"]]
+    assert lines[12:16] == [[], ["Runs,", "trials"], ["n"], ["1", "3"]]
+    assert lines[16:] == [[], ["Stages"], ["M", "[N", "m]", "x"], ["a", "1"]]

@@ -84,7 +84,7 @@ def test_people_read_a_table(balance):
         "power [W]",
         "RMS",
         "peak",
-        "branch of 'home'",
+        "branch        home",
         "weight excluded",
     ):
         assert text in out
@@ -168,7 +168,7 @@ def test_people_read_equations(balance):
     assert code == 0
     assert "mcx[A0A] + r m[AC] + mcx[BD] + r m[platform] = 0" in out
     assert "4 conditions on linear momentum.\n" in out
-    assert "2 degrees of freedom" in out
+    assert re.search(r"dof +2\n", out)
     assert "Not balanced" in out
 
 
@@ -246,7 +246,7 @@ def test_people_read_the_verdict(balance):
     code, out, _ = balance("check", "parallelogram-6bar", *BUILT, "--all")
     assert code == 3
     assert out.startswith("Not balanced completely: 4.58 % of the RMS momentum remains over the workspace.")
-    for text in ("0.03081 kg m", "4.58 %", "3.2062 kg", "asked: 3.4116 kg", "N per g0"):
+    for text in ("0.030809", "4.58 %", "3.2062 kg", "asked: 3.4116 kg", "N per g0"):
         assert text in out
 
 

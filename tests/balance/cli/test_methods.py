@@ -80,8 +80,8 @@ def test_shipped_motions_move_their_mechanism(name):
 def test_needs_are_printed_with_their_units():
     """As in the keys of the JSON document."""
     output = call("methods", "serial-1r", "--all").out
-    assert "Needs springs 1, stiffness 36.62 N/m." in output
-    assert re.search(r"disc [\d.]+ kg m2, disc turn 6\.283 rad", output)
+    assert re.search(r"needs stiffness \[N/m\] .* 36\.624 ", output)
+    assert re.search(r"needs disc_turn \[rad\] .* 6\.2832\n", output)
 
 
 def test_springs_that_leave_a_swing_are_a_finding(tmp_path):
@@ -101,7 +101,7 @@ stiffness = "50 N/m"
 
 @pytest.mark.parametrize(
     ("gravity", "stated"),
-    [("0 0 -9.81", "Needs springs 0"), ("0 0 0", "springs: not needed: its file has no gravity.")],
+    [("0 0 -9.81", r"needs springs +- +0 "), ("0 0 0", "not needed: its file has no gravity")],
 )
 def test_a_level_mechanism_needs_no_static_balance(tmp_path, gravity, stated):
     """Weight across the plane does no work, and none does none; the other methods are compared all the same."""
@@ -110,7 +110,7 @@ def test_a_level_mechanism_needs_no_static_balance(tmp_path, gravity, stated):
     path.write_text(text.replace("0 -9.81 0", gravity), encoding="utf-8")
     code, output, _ = call("methods", str(path), "--motion", "four-bar", "--all")
     assert code == 0
-    assert stated in output
+    assert re.search(stated, output)
     if gravity != "0 0 0":
         assert "Nothing to balance: the weight of level does no work" in call("static", str(path)).out
 
