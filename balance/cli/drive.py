@@ -112,8 +112,7 @@ def _fill(
 ) -> None:
     from ..drives import DriveError
     from ..drives import results as documents
-    from ..drives.flywheel import flywheel_for
-    from ..drives.harmonic_balance import steady_rotations
+    from ..drives.harmonic_balance import flywheel_for, steady_rotations
     from ..drives.time_integration import reached_from_rest, start_up
 
     result |= {"steady": [], "findings": [], "start_up": [], "flywheel": [], "convergence": []}

@@ -63,8 +63,7 @@ def linkage(
     LINKAGE is a TOML file or a shipped one: dwell, knife, pantograph, sewing-machine, dwell-short,
     dwell-short-two-point (the six of the source), two-levels. Verified by dynamics at constant and varying input speed.
     """
-    from ..linkages.as_built import as_built
-    from ..linkages.equivalence_method import balance_linkage
+    from ..linkages.equivalence_method import as_built, balance_linkage
     from ..linkages.linkage_files import load_linkage
     from ..linkages.published_values import compare_published
     from ..linkages.results import linkage_document, linkage_findings

@@ -9,8 +9,7 @@ import numpy as np
 from ..results import document
 from .drive_files import Drive, PublishedSpeeds
 from .equivalent_inertia import inertia_extremes
-from .flywheel import Flywheel, flywheel_estimate
-from .harmonic_balance import DEFINITIONS, SteadyRotation
+from .harmonic_balance import DEFINITIONS, Flywheel, SteadyRotation, flywheel_estimate
 from .machine import READINGS, Machine
 from .motors import DirectCurrent, MeasuredMotor
 from .time_integration import StartUp, by_harmonics, by_tolerance, periodicity, solver_scatter

@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from .as_built import Built
 from .bearing_forces import BearingForces
 from .equations import Equation, linkage_equations
-from .equivalence_method import LinkageBalance
+from .equivalence_method import Built, LinkageBalance
 from .linkage import GROUND
 from .published_values import Comparison
 from .verification import SimulatedLinkage, Verification

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from balance.balancing import conditions
 from balance.balancing.stock_plates import Plate
 from balance.errors import CounterpoiseError
-from balance.estimation.covariance_weighting import combine
-from balance.estimation.first_moment_imbalance import can_be_met, masses_per_value
+from balance.estimation.first_moment_imbalance import can_be_met, combine, masses_per_value
 from balance.estimation.identifiability import NotIdentifiable
 
 from ..errors import AnalysisError

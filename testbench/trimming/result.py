@@ -10,9 +10,9 @@ from balance import balancing
 from balance.arrays import Floats
 from balance.balancing.conditions import Conditions, text_of
 from balance.balancing.stock_plates import Plate
-from balance.estimation.covariance_weighting import CombinedImbalance
 from balance.estimation.estimate import LEVEL, Estimate
 from balance.estimation.first_moment_imbalance import (
+    CombinedImbalance,
     Imbalance,
     MissingMass,
     masses_per_value,

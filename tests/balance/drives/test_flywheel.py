@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from balance.drives import DriveError
-from balance.drives.flywheel import flywheel_estimate, flywheel_for
-from balance.drives.harmonic_balance import steady_rotation
+from balance.drives.harmonic_balance import flywheel_estimate, flywheel_for, steady_rotation
 
 from .source import REFERENCE, machine
 

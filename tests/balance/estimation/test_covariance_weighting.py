@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from balance.balancing import conditions
-from balance.estimation.covariance_weighting import combine
-from balance.estimation.first_moment_imbalance import Imbalance, Subspace
+from balance.estimation.first_moment_imbalance import Imbalance, Subspace, combine
 from balance.mechanism.mjcf_parser import load_mechanism
 
 

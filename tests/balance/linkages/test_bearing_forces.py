@@ -7,9 +7,8 @@ from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import simulate
 from balance.errors import DataError, ModelError
 from balance.figures.linkage import draw_linkage
-from balance.linkages.as_built import as_built
 from balance.linkages.bearing_forces import PRESSURE_ANGLE, bearing_forces
-from balance.linkages.equivalence_method import balance_linkage
+from balance.linkages.equivalence_method import as_built, balance_linkage
 from balance.linkages.linkage_files import linkage_from_table, load_linkage
 from balance.linkages.mjcf_writer import Couplings, linkage_mjcf
 from balance.linkages.results import linkage_findings
