@@ -1,6 +1,5 @@
 """``balance drive``: steady rotation, start-up, flywheels of a machine that a motor turns."""
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -164,17 +163,14 @@ def _print_study(result: dict[str, Any]) -> None:
         emit_table(title, *table(Turn, run["turns"]), remark)
 
 
-_STEADY: dict[str, Callable[[dict[str, Any]], str]] = {
-    "fluctuation": lambda row: f"{row['fluctuation']['nominal']:.4f}",
-    "published": lambda row: str((row["printed"] or {}).get("fluctuation") or NO_VALUE),
-    "kept": lambda row: "from rest" if row["reached_from_rest"] else "once there" if row["stable"] else "unstable",
-}
-
-
 def _print_steady(result: dict[str, Any]) -> None:
-    rows = [[*_setting(row), *(cell(row) for cell in _STEADY.values())] for row in result["steady"]]
-    known = "From rest: where a start from standstill ends."
-    emit_table("Steady rotation of the crank", [*_SETTING, *_STEADY], rows, known)
+    rows = []
+    for row in result["steady"]:
+        kept = "from rest" if row["reached_from_rest"] else "once there" if row["stable"] else "unstable"
+        published = str((row["printed"] or {}).get("fluctuation") or NO_VALUE)
+        rows.append([*_setting(row), f"{row['fluctuation']['nominal']:.4f}", published, kept])
+    header = [*_SETTING, "fluctuation", "published", "kept"]
+    emit_table("Steady rotation of the crank", header, rows, "From rest: where a start from standstill ends.")
 
 
 _SETTING = ["nominal [rpm]", "torque", "counter-masses"]

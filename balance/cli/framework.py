@@ -310,10 +310,15 @@ def emit_parts(document: Mapping[str, Any], keys: Iterable[str]) -> None:
             elif name:
                 part = (part or {}).get(name)
             else:
-                part = {name: one for name, one in (part or {}).items() if not isinstance(one, dict | list)}
+                part = {name: one for name, one in (part or {}).items() if not _has_parts(one)}
         if part:
             title = ", ".join(filter(None, key.split("."))).replace("_", " ") or "further"
             _emit_part(title[0].upper() + title[1:], part)
+
+
+def _has_parts(value: Any) -> bool:  # noqa: ANN401
+    """Whether a value of a document is one of several results, or of several named values."""
+    return isinstance(value, dict) or (isinstance(value, list) and any(isinstance(one, dict | list) for one in value))
 
 
 def _emit_part(title: str, part: Any) -> None:  # noqa: ANN401
@@ -331,7 +336,7 @@ def _emit_part(title: str, part: Any) -> None:  # noqa: ANN401
     if keys:
         emit_table(title, header, rows)
     for (name, key), text in texts.items():
-        say(f"{name}, {key}: {text}")
+        say(f"{key}: {text}" if name == "value" else f"{name}, {key}: {text}")
 
 
 def _flat(part: Any, above: str = "") -> Iterable[tuple[str, str]]:  # noqa: ANN401
@@ -339,7 +344,7 @@ def _flat(part: Any, above: str = "") -> Iterable[tuple[str, str]]:  # noqa: ANN
     if isinstance(part, dict):
         for name, one in part.items():
             yield from _flat(one, f"{above} {label(name)}".strip())
-    elif isinstance(part, list) and any(isinstance(one, dict | list) for one in part):
+    elif _has_parts(part):
         yield from _flat({str(k): one for k, one in enumerate(part, 1)} if len(part) <= _MOST_VALUES else {}, above)
     elif not isinstance(part, list) or 0 < len(part) <= _MOST_VALUES:
         values = part if isinstance(part, list) else [part]

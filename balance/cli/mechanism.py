@@ -13,6 +13,7 @@ from .framework import (
     Answer,
     Word,
     emit_findings,
+    emit_parts,
     emit_table,
     label,
     mass,
@@ -146,12 +147,9 @@ _NOTHING = 1e-9
 
 def _print_reactions(found: "Reactions") -> None:
     """Sizes of the forces and moments in joints and closures, and which of them rigid bodies do not determine."""
-    rows = []
-    for name, sizes in found.summary().items():
-        values = [size[kind] for size in list(sizes.values())[:2] for kind in ("rms", "peak")]
-        rows.append([name, *(f"{value:.4g}" for value in values), *[""] * (4 - len(values))])
-    headings = ["joint or closure", "force RMS [N]", "peak", "moment RMS [N m]", "peak"]
-    emit_table("Reactions, weight and motors' torque included", headings, rows)
+    sizes = {name: dict(list(sizes.items())[:2]) for name, sizes in found.summary().items()}
+    title = "reactions, weight and motors' torque included"
+    emit_parts({title: sizes}, (title,))
     if found.redundant:
         open_ones = dict[str, list[str]]()
         for name in found.undetermined:

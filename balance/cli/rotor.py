@@ -9,7 +9,7 @@ import click
 from ..results import counted
 from ..results import document as document_of
 from . import options
-from .framework import Answer, Word, emit_table, say
+from .framework import Answer, Word, emit_parts, emit_table, say
 from .options import SPEED, NamedQuantity, Quantity, argument, command, option
 
 if TYPE_CHECKING:
@@ -153,7 +153,7 @@ def tolerance(
         "grade_reached_mm_per_s": None if residual is None else 1e3 * allowed.reached(residual),
         "within_tolerance": None if residual is None else residual <= allowed.unbalance,
     }
-    return Answer(document, lambda: _print_tolerance(document), further=("",))
+    return Answer(document, lambda: _print_tolerance(document))
 
 
 def _grade(text: str) -> float:
@@ -174,17 +174,7 @@ def _grade(text: str) -> float:
 def _print_tolerance(document: dict[str, Any]) -> None:
     within = {None: "", True: "; the residual unbalance is within it", False: "; the residual unbalance is outside it"}
     say(f"Permissible unbalance {document['U_per_gmm']:.6g} g mm{within[document['within_tolerance']]}.")
-    rows = [
-        ["specific unbalance e_per [um]", f"{document['e_per_um']:.5g}"],
-        ["permissible unbalance U_per [g mm]", f"{document['U_per_gmm']:.6g}"],
-    ]
-    for name, share in zip("AB", document["U_per_bearing_planes_gmm"] or (), strict=False):
-        rows.append([f"share of bearing plane {name} [g mm]", f"{share:.6g}"])
-    if document["residual_gmm"] is not None:
-        rows.append(["residual unbalance [g mm]", f"{document['residual_gmm']:.6g}"])
-        rows.append(["grade reached [mm/s]", f"{document['grade_reached_mm_per_s']:.4g}"])
-    title = f"G {document['grade_mm_per_s']:g}, {document['mass_kg']:g} kg, {document['speed_rad_per_s']:.6g} rad/s"
-    emit_table(title, ["", "value"], rows, "" if document["standard_grade"] else "not one of the standard's grades")
+    emit_parts(document, ("",))
 
 
 @command(

@@ -254,7 +254,7 @@ def test_all_prints_parts_of_the_document(capsys):
     emit_parts(document, ("", "runs", "runs.trials", "stages", "none", "nowhere"))
     lines = [line.split() for line in click.unstyle(capsys.readouterr().out).splitlines() if "─" not in line]
     assert lines[:5] == [[], ["Further"], ["value"], ["mass", "[kg]", "2"], ["of", "-"]]
-    assert lines[5][:2] == ["value,", "long:"]
+    assert lines[5][:2] == ["long:", "word"]
     assert lines[6:9] == [[], ["Runs"], ["1", "2"]]
     assert lines[9:12] == [["F", "[N]", "1", "2.5"], ["at", "-", "1,", "2"], ["trials", "1", "n", "-", "3"]]
     assert lines[12:16] == [[], ["Runs,", "trials"], ["n"], ["1", "3"]]
