@@ -123,7 +123,9 @@ def by_wrench(problem: TrimProblem) -> SourceEstimate:
     base = "the base's motion taken out." if problem.runs[0].base is not None else "the base taken for still."
     about = (f"Forces and model low-passed alike at {cutoff:g} Hz, clocks of the loggers aligned, {base}",)
     doubts = () if all(run.base is not None for run in problem.runs) else (BASE_UNKNOWN,)
-    return SourceEstimate("wrench", measured, (*about, _jackknife(measured, within)), doubts, tuple(findings), problem.runs)
+    return SourceEstimate(
+        "wrench", measured, (*about, _jackknife(measured, within)), doubts, tuple(findings), problem.runs
+    )
 
 
 def by_torque(problem: TrimProblem) -> SourceEstimate:
