@@ -9,8 +9,9 @@ there, p the linear momentum and T the kinetic energy of the mechanism as its fi
 where p = P u and 2 T = u' M u. Neither depends on the base frame, nor on names, order or scale of coordinates.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations, product
 
 import numpy as np
@@ -140,14 +141,9 @@ def _parts(trajectory: Trajectory) -> Iterator[tuple[slice, Floats, Floats, Floa
         yield part, trajectory.q[part], trajectory.v[part], trajectory.a[part]
 
 
-def _force_rows(mechanism: Mechanism, trajectory: Trajectory) -> Iterator[Floats]:
+def _wrench_rows(rows: slice, mechanism: Mechanism, trajectory: Trajectory) -> Iterator[Floats]:
     for _, q, v, a in _parts(trajectory):
-        yield with_constant(wrench_regressor(mechanism, q, v, a)[:, :3])
-
-
-def _moment_rows(mechanism: Mechanism, trajectory: Trajectory) -> Iterator[Floats]:
-    for _, q, v, a in _parts(trajectory):
-        yield with_constant(wrench_regressor(mechanism, q, v, a)[:, 3:])
+        yield with_constant(wrench_regressor(mechanism, q, v, a)[:, rows])
 
 
 def turning_drives(mechanism: Mechanism) -> list[str]:
@@ -168,7 +164,9 @@ def _torque_rows(mechanism: Mechanism, trajectory: Trajectory) -> Iterator[Float
         yield with_constant(rows, torque[part] - rows @ mechanism.pi)
 
 
-_ROWS = {"force": _force_rows, "moment": _moment_rows, "torque": _torque_rows}
+_ROWS: Mapping[str, Callable[[Mechanism, Trajectory], Iterator[Floats]]] = {
+    "force": partial(_wrench_rows, slice(3)), "moment": partial(_wrench_rows, slice(3, 6)), "torque": _torque_rows,
+}  # fmt: skip
 
 
 def workspace_objective(mechanism: Mechanism) -> Objective:

@@ -6,6 +6,7 @@ point of the front is the least of a weighted sum. Weights are an even lattice (
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import comb
 from typing import Annotated
 
 import numpy as np
@@ -112,18 +113,11 @@ def _reduced(columns: Floats, target: Floats) -> tuple[Floats, Floats]:
 def _lattice(size: int, points: int) -> Iterator[Floats]:
     """Weights that sum to one, in equal steps, of at most ``points`` combinations (at least each alone), (size,)."""
     steps = 1
-    while _combinations(size, steps + 1) <= points:
+    while comb(size + steps, steps + 1) <= points:
         steps += 1
     for counts in np.ndindex(*[steps + 1] * (size - 1)):
         if sum(counts) <= steps:
             yield np.array([*counts, steps - sum(counts)]) / steps
-
-
-def _combinations(size: int, steps: int) -> int:
-    found = 1
-    for k in range(1, size):
-        found = found * (steps + k) // k
-    return found
 
 
 def _unbettered(values: Floats, masses: Sequence[Floats]) -> list[tuple[Floats, Floats]]:

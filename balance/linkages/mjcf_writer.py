@@ -195,8 +195,9 @@ class _Writer:
         A joint equality where that is one joint; a fixed tendon over all of them, kept at its length, elsewhere.
         """
         tendons = None
+        start = {joint.name: self._position(body, joint) for body, joint in self.tree.parent.items()}
         for gear, rates in Couplings.of(self.result).rates.items():
-            offset = -sum(rate * self._start_of(joint) for joint, rate in rates.items())
+            offset = -sum(rate * start[joint] for joint, rate in rates.items())
             if len(rates) == 1:
                 ((joint, rate),) = rates.items()
                 polynomial = _text(offset, rate, 0, 0, 0)
@@ -207,9 +208,6 @@ class _Writer:
             for joint, rate in {gear: -1.0, **rates}.items():
                 SubElement(tendon, "joint", joint=joint, coef=_text(-rate))
             SubElement(equality, "tendon", tendon1=gear, polycoef=_text(offset, 0, 0, 0, 0))
-
-    def _start_of(self, name: str) -> float:
-        return next(self._position(body, joint) for body, joint in self.tree.parent.items() if joint.name == name)
 
     def _body(self, element: Element, parent: str, name: str, joint: Joint) -> None:
         # Fixed angle of a body's frame in its parent's [rad]; a pin starts aligned. A line of sliding has no
