@@ -258,6 +258,7 @@ NOT_NEEDED = {
     "balance --help": "json difflib shutil bz2 rich decimal balance.cli.options",
     "testbench --help": "json difflib shutil bz2 rich decimal testbench.cli.options",
     "balance size parallelogram-6bar": "pydantic scipy rich.console webbrowser balance.input_files fractions numba",
+    "testbench ingest no-such-log.csv -o no-such-folder": "pydantic scipy rich.console balance.input_files numba",
 }
 """By command, modules that cost time and are of no use to it."""
 

@@ -5,7 +5,8 @@ import openpyxl
 import pytest
 
 from testbench.errors import RigError
-from testbench.ingestion.run_table import plan_runs, read_run_table, write_run_table
+from testbench.ingestion.run_rows import read_run_table, write_run_table
+from testbench.ingestion.run_table import plan_runs
 
 HEAD = "file,origin,payload_kg,counter_masses,motion,peak_acceleration_g,repeat\n"
 
