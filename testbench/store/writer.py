@@ -44,9 +44,9 @@ from .ledger import enter_run, read_ledger
 if TYPE_CHECKING:
     import h5py
 
-CHUNK = 1 << 15
+CHUNK = 1 << 16
 """Samples a chunk."""
-GATHERED = 4 * CHUNK
+GATHERED = 2 * CHUNK
 """Samples that are gathered before whole chunks are written."""
 ENTERED = ("accepted_findings", "acceptance", "continues")
 """What the ledger says of a run, out of its provenance."""
