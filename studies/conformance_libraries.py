@@ -3,6 +3,7 @@
 import logging
 import re
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass
 from datetime import UTC
 from pathlib import Path
@@ -222,6 +223,45 @@ def _rosbag(path: Path) -> list[Series]:
     return [Series(topic, np.array(stamps)) for topic, stamps in times.items()]
 
 
+def _db3(path: Path) -> list[Series]:
+    """The same of each topic of a bag of ROS 2, as SQLite itself gives its tables."""
+    import sqlite3
+
+    found: dict[str, list[int]] = {}
+    with closing(sqlite3.connect(f"file:{path}?immutable=1", uri=True)) as file:
+        rows = file.execute(
+            "SELECT name, timestamp FROM messages JOIN topics ON topics.id = topic_id ORDER BY messages.id"
+        )
+        for topic, stamp in rows.fetchall():
+            found.setdefault(topic, []).append(stamp)
+        first = file.execute("SELECT timestamp FROM messages ORDER BY id LIMIT 1").fetchone() or (0,)
+    return [Series(topic, np.array(stamps) - first[0]) for topic, stamps in found.items()]
+
+
+def _ulog(path: Path) -> list[Series]:
+    from pyulog import ULog
+
+    found = []
+    for one in ULog(str(path)).data_list:
+        kinds = {field.field_name: field.type_str for field in one.field_data}
+        found += [Series(name, one.data[name].astype(np.float64)) for name in kinds if kinds[name] != "char"]
+    return found
+
+
+def _xlsx(path: Path) -> list[Series]:
+    """The columns of numbers of each worksheet, by calamine; names where its first row has them."""
+    import pandas
+
+    found = []
+    for table in pandas.read_excel(path, sheet_name=None, engine="calamine").values():
+        numbers = table.dropna(how="all").select_dtypes("number")
+        named = not any(re.fullmatch(r"[-+]?\d+(\.\d+)?", str(name)) for name in table.columns)
+        columns = ((str(name), numbers[name].to_numpy(dtype=np.float64)) for name in numbers if named)
+        found += [Series("" if re.match(r"Unnamed", name) else re.sub(r"\.\d+$", "", name), column)
+                  for name, column in columns if np.isfinite(column).any()]  # fmt: skip
+    return found
+
+
 def _mcap(path: Path) -> list[Series]:
     """The same of each topic of an MCAP file, by the times of logging."""
     from mcap.reader import make_reader
@@ -273,7 +313,10 @@ LIBRARIES = {
     "MCAP": Library("mcap", _mcap),
     "NI TDMS": Library("npTDMS", _tdms),
     "Parquet": Library("pyarrow", _parquet),
+    "Excel workbook": Library("calamine", _xlsx),
     "ROS 1 bag": Library("rosbags", _rosbag),
+    "ROS 2 bag": Library("SQLite", _db3),
+    "ULog": Library("pyulog", _ulog),
     "UFF": Library("pyuff", _uff),
     "WAV": Library("soundfile", _wav),
     "enDAQ IDE": Library("idelib", _ide, None),

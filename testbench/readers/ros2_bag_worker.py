@@ -26,7 +26,7 @@ _SMALLEST_PAGE = 512  # a size of 1 stands for 65536
 
 def open_library(path: Path) -> Recording:
     """Look at the first messages of each topic."""
-    _refuse_cut(path)
+    lost = _lost(path)
     metadata = dict[str, str]()
     topics = dict[int, Topic]()
     for number, logged, raw in _rows(path, metadata, topics):
@@ -36,7 +36,7 @@ def open_library(path: Path) -> Recording:
         if all(topic.is_known for topic in topics.values()):
             break
     left = [topic for topic in topics.values() if topic.reason]
-    findings = [Finding("left_out", t.name, None, f"its messages are not kept: {t.reason}") for t in left]
+    findings = lost + [Finding("left_out", t.name, None, f"its messages are not kept: {t.reason}") for t in left]
 
     def messages(report: Report) -> Iterator[tuple[Topic, int, bytes]]:
         anew = dict[int, Topic]()
@@ -46,28 +46,51 @@ def open_library(path: Path) -> Recording:
     return topic_recording(path, "ROS 2 bag", topics.values(), findings, metadata, messages)
 
 
-def _refuse_cut(path: Path) -> None:
-    """Raise Refusal if a part of the bag is missing: SQLite would read zeros there, or nothing of it."""
-    with path.open("rb") as stream:
-        head = stream.read(_PAGES.stop)
-    if not head.startswith(_MAGIC):
+def _lost(path: Path) -> list[Finding]:
+    """That the bag is cut. Raises Refusal if messages of it are in another file, or it is no database."""
+    if not _first_bytes(path).startswith(_MAGIC):
         raise damaged(path, "it does not begin as an SQLite database does")
-    page = int.from_bytes(head[_PAGE_SIZE], "big")
-    stated = (page if page >= _SMALLEST_PAGE else 1 << 16) * int.from_bytes(head[_PAGES], "big")
-    if path.stat().st_size < stated:
-        advice = f"`sqlite3 {path.name} .recover | sqlite3 rest.db3` saves what is there"
-        raise cut(path, f"the file ends at byte {path.stat().st_size}, its header says at {stated}; {advice}")
     beside = path.with_name(f"{path.name}-wal")
     if beside.is_file() and beside.stat().st_size:
         advice = f"`sqlite3 {path.name} vacuum` puts them there"
         raise cut(path, f"its recorder was stopped before it put the messages of {beside.name} into the bag; {advice}")
+    page, stated, there = _pages(path)
+    if there >= stated:
+        return []
+    message = (
+        f"the file ends at byte {path.stat().st_size}, its header says at {stated * page}; messages that are whole are "
+        f"read; `sqlite3 {path.name} .recover | sqlite3 rest.db3` may save more"
+    )
+    return [Finding("cut_file", None, None, message)]
+
+
+def _first_bytes(path: Path) -> bytes:
+    with path.open("rb") as stream:
+        return stream.read(_PAGES.stop)
+
+
+def _pages(path: Path) -> tuple[int, int, int]:
+    """The size of a page [bytes], how many the header states, and how many are there whole."""
+    head = _first_bytes(path)
+    page = int.from_bytes(head[_PAGE_SIZE], "big")
+    page = page if page >= _SMALLEST_PAGE else 1 << 16
+    return page, int.from_bytes(head[_PAGES], "big"), path.stat().st_size // page
 
 
 @contextmanager
 def _database(path: Path) -> Iterator[sqlite3.Connection]:
-    """The database, in which nothing is written and nothing of what it states is run."""
+    """The database, in which nothing is written and nothing of what it states is run.
+
+    One that is cut is in memory, where its header states no more pages than there are: SQLite would read zeros.
+    """
+    page, stated, there = _pages(path)
     place = f"file:{quote(str(path.resolve()))}?mode=ro&immutable=1"
-    with closing(sqlite3.connect(place, uri=True)) as database:
+    with closing(sqlite3.connect(place if there >= stated else ":memory:", uri=there >= stated)) as database:
+        if there < stated:
+            content = bytearray(path.read_bytes()[: there * page])
+            content[_PAGES] = there.to_bytes(4, "big")
+            database.deserialize(content)
+            database.execute("PRAGMA writable_schema = ON")  # of the copy: tables are read where an index is lost
         database.execute("PRAGMA trusted_schema = OFF")
         tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
         if not {"topics", "messages"} <= tables:
@@ -96,7 +119,8 @@ def _rows(path: Path, metadata: dict[str, str], topics: dict[int, Topic]) -> Ite
                 topics[number].zero = zero
                 yield number, logged, raw
     except sqlite3.Error as error:
-        raise damaged(path, f"SQLite cannot read it: {error}") from error
+        if not _lost(path):  # of one that is cut the rest
+            raise damaged(path, f"SQLite cannot read it: {error}") from error
 
 
 def _described(database: sqlite3.Connection) -> dict[str, str]:

@@ -52,7 +52,7 @@ def open_library(path: Path) -> Recording:
             raise Refusal(path.name, Finding("too_large", None, None, message))
         log = ULog(stream)
     series = _titled([one for one in log.data_list if any(f.type_str != "char" for f in one.field_data)])
-    findings = _losses(path, log)
+    findings = _findings(path, log, series)
     if not series:
         raise nothing_to_read(path, findings, "no message with numbers")
     start = _start(log)
@@ -101,8 +101,8 @@ def _titled(series: Sequence[Any]) -> dict[str, Any]:
     return found
 
 
-def _losses(path: Path, log: ULog) -> list[Finding]:
-    """What of the file is not in the log: messages cut or passed over, and those that the logger lost."""
+def _findings(path: Path, log: ULog, series: dict[str, Any]) -> list[Finding]:
+    """What of the file is not in the log: messages cut or passed over, those that the logger lost, and times."""
     size, whole, end = path.stat().st_size, 0, _HEADER
     raw = path.read_bytes()
     sections = [size]
@@ -124,6 +124,10 @@ def _losses(path: Path, log: ULog) -> list[Finding]:
     if log.file_corruption or kept < whole:
         message = f"bytes that are no messages, or that no format describes: {kept} of some {whole} messages are read"
         found.append(Finding("damaged_file", None, None, message))
+    for title, one in series.items():
+        if repeats := _repeats(one):
+            message = f"{repeats} messages have the time of the one before: a channel, and no clock"
+            found.append(Finding("time_coarse", _TIME, None, message, title))
     if log.dropouts:
         lost = [one.duration for one in log.dropouts]
         longest = log.dropouts[lost.index(max(lost))]
@@ -146,11 +150,17 @@ def _start(log: ULog) -> StartTime | None:
     return None
 
 
+def _repeats(one: Any) -> int:  # noqa: ANN401
+    """How many messages of a topic have the time of the one before, as events have; 0 where time falls."""
+    steps = np.diff(one.data[_TIME].astype(np.int64)) if _TIME in one.data else np.empty(0)
+    return 0 if (steps < 0).any() else int((steps == 0).sum())
+
+
 def _group(title: str, one: Any, start: StartTime | None) -> Group:  # noqa: ANN401
     names = [field.field_name for field in one.field_data if field.type_str != "char"]
     channels = tuple(Channel(name, _MICROSECOND if name == _TIME else None) for name in names)
-    is_set = _TIME in names and one.data[_TIME].any()
-    clock = TimeColumn(names.index(_TIME), 1e-6) if is_set else None
+    is_clock = _TIME in names and one.data[_TIME].any() and not _repeats(one)
+    clock = TimeColumn(names.index(_TIME), 1e-6) if is_clock else None
     return Group(title, channels, clock, start if clock else None)
 
 

@@ -41,7 +41,10 @@ def open_workbook(path: Path, options: ReadOptions) -> Recording:
             continue
         findings += _findings(told)
     if not sheets:
-        said = "; ".join(f"{finding.where}: {finding.message}" for finding in left[:10]) or "it has no worksheet"
+        said = (
+            "; ".join(f"{finding.where}: {finding.message}" for finding in left[:10])
+            or "no worksheet, or Strict Open XML: save it as .xlsx"
+        )
         raise Refusal(path.name, Finding("no_data", None, None, said))
     for title, sheet in sheets:
         add = _reporting(findings.append, title, len(sheets) > 1)

@@ -1,6 +1,7 @@
 """Bags of ROS 1 and MCAP: inertial data, wrenches and joint states, each topic with its own time."""
 
 import sqlite3
+import struct
 from contextlib import closing
 
 import numpy as np
@@ -79,12 +80,38 @@ def test_databases_that_are_no_bag_of_ros_2_are_refused(tmp_path):
     path.with_name("run.db3-wal").write_bytes(b"x")
     with pytest.raises(RecordingError, match=r"messages of run\.db3-wal"):
         reading.read(path)
-    path.write_bytes(path.read_bytes()[:-1])
-    with pytest.raises(RecordingError, match="the file ends at byte"):
-        reading.read(path)
     path.write_bytes(bytes(range(256)) * 8)
     with pytest.raises(RecordingError, match="does not begin as an SQLite database"):
         reading.read(path)
+
+
+def test_of_a_cut_bag_of_ros_2_whole_messages_are_read_and_never_zeros(tmp_path):
+    """Messages of several pages and of less, the file cut at each of its pages and within: an error that says so."""
+    path = robots.ros2_bag(tmp_path / "run.db3")
+    text = "ab" * 5000
+    raw = b"\0\1\0\0" + struct.pack("<I", len(text) + 1) + text.encode() + b"\0"
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("INSERT INTO topics (id, name, type, serialization_format, offered_qos_profiles, "
+                         "type_description_hash) VALUES (9, '/log', 'std_msgs/msg/String', 'cdr', '', '')")  # fmt: skip
+        stamps = [(9, robots.ZERO + i * robots.STEP, raw) for i in range(12)]
+        database.executemany("INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", stamps)
+        database.commit()
+    whole, content, kept, refused = reading.read(path), path.read_bytes(), set(), []
+    for at in range(1024, len(content), 2048):
+        path.write_bytes(content[:at])
+        try:
+            found = reading.read(path)
+        except RecordingError as error:
+            refused.append(str(error))
+            continue
+        assert "cut_file" in found.codes
+        for group, columns in found.data.items():
+            for ours, theirs in zip(columns, whole.data[group], strict=True):
+                np.testing.assert_array_equal(ours, theirs[: len(ours)])
+        assert {t for series in found.recording.texts.kept for t in series.texts if series.group == "/log"} <= {text}
+        kept.add(sum(len(columns[0]) for columns in found.data.values()))
+    assert len(kept) > 5
+    assert all("the file ends at byte" in said for said in refused)
 
 
 @pytest.mark.parametrize("profile", ["ros1", "ros2"])

@@ -43,13 +43,17 @@ def test_times_that_were_never_set_are_no_clock_and_those_of_satellites_are_the_
     path = tmp_path / "run.ulg"
     gps, dead = "gps:uint64_t timestamp;uint64_t time_utc_usec;", "dead:uint64_t timestamp;uint8_t x;"
     examples.ulog(path, range(2), (FORMAT, gps, dead))
-    more = [_bytes(b"A", struct.pack("<BH", 0, 7) + b"gps"), _bytes(b"A", struct.pack("<BH", 0, 8) + b"dead")]
+    more = [_bytes(b"A", struct.pack("<BH", 0, i) + name) for i, name in ((7, b"gps"), (8, b"dead"), (9, b"dead"))]
+    more += [_bytes(b"D", struct.pack("<HQB", 9, t, 1)) for t in (5, 5, 6)]
     more += [_bytes(b"D", struct.pack("<HQQ", 7, t, utc)) for t, utc in ((10, 0), (20, 1_700_000_000_000_020))]
     more += [_bytes(b"D", struct.pack("<HQB", 8, 0, i)) for i in range(3)]
     path.write_bytes(path.read_bytes() + b"".join(more))
     found = reading.read(path)
-    assert found.groups["dead"].clock is None
-    assert found.column("x").tolist() == [0, 1, 2]
+    assert found.groups["dead 0"].clock is found.groups["dead 0 (8)"].clock is None
+    assert found.column("x", "dead 0 (8)").tolist() == [0, 1, 2]
+    assert {f.group: f.message[:10] for f in found.findings if f.code == "time_coarse"} == {
+        "dead 0 (8)": "2 messages", "dead 0": "1 messages"
+    }  # fmt: skip
     assert found.groups["gps"].zero.time == "2023-11-14T22:13:20Z"
     assert "not_a_number" not in found.codes
 
