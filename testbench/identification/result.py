@@ -170,7 +170,7 @@ NEGLIGIBLE = 0.05
 
 
 @dataclass(frozen=True)
-class Identification(Shown, rows="values", figure="testbench.identification.figure:draw"):
+class Identification(Shown, rows="values", figure="testbench.figures.estimates:draw_identification"):
     """The result of an identification.
 
     >>> import testbench

@@ -1,6 +1,6 @@
 """What first moment is missing on which arm, and which mass to add, from the runs of a mechanism."""
 
-from .force_regression import CUTOFF_HZ
+from .load_regression import CUTOFF_HZ
 from .missing_masses import trim_runs
 from .problem import NAMES, Source
 from .result import Share, Trim

@@ -18,7 +18,7 @@ from ..rig import Column
 from ..rig.sensors import Torque
 from ..runs.aligned_run import AlignedRun
 from . import sensor_errors
-from .force_regression import CUTOFF_HZ, force_regression
+from .load_regression import CUTOFF_HZ, TORQUE_CUTOFF_HZ, force_regression, torque_channels, torque_regression
 from .problem import (
     Entry,
     NoValidMotion,
@@ -30,8 +30,6 @@ from .problem import (
     shared_unknowns,
     with_shared_unknowns,
 )
-from .torque_regression import CUTOFF_HZ as TORQUE_CUTOFF_HZ
-from .torque_regression import torque_channels, torque_regression
 from .trial_mass_runs import CUTOFF_HZ as TRIALS_CUTOFF_HZ
 from .trial_mass_runs import trial_mass_runs_imbalance, without_gaps
 from .vibration_regression import shaken_base, states_base, step_covariance, vibration_regression

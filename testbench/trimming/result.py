@@ -58,7 +58,7 @@ _LEFT_OUT: dict[Source, str] = {
 
 
 @dataclass(frozen=True)
-class Trim(Shown, rows="missing", figure="testbench.trimming.figure:draw"):
+class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"):
     """What runs say of a mechanism as it was mounted.
 
     >>> import testbench

@@ -9,10 +9,10 @@ import pytest
 from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from testbench import rig as rigs
+from testbench.figures.estimates import draw_identification
 from testbench.identification import identify
 from testbench.identification.diagnostics import Explanation
 from testbench.identification.estimators import Methods
-from testbench.identification.figure import draw
 from testbench.identification.records import assemble
 from testbench.identification.regression_equations import regression_equations
 from testbench.ingestion import Ingest
@@ -91,7 +91,7 @@ def test_counter_masses(result):
 
 def test_figure(result):
     """A panel a joint, each with the torque as recorded, low-passed and predicted; origin and run in the title."""
-    figure = draw(result)
+    figure = draw_identification(result)
     panels = figure.axes
     assert len(panels) == 2
     labels = [line.get_label() for line in panels[0].get_lines()[:3]]

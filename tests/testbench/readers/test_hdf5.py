@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from testbench.readers.array_grouping import Series, group_series
-from testbench.readers.hdf5 import datasets
+from testbench.readers.hdf5 import worker
 from testbench.readers.hdf5.safe_walk import Walk
 from testbench.recording import Channel, TimeColumn, UniformClock
 
@@ -211,9 +211,9 @@ def test_a_web_of_links_is_one_finding(made):
 def test_the_objects_are_gone_through_once(made, monkeypatch):
     """Opening and reading of hundreds of datasets: one walk, attributes asked once each, and values to the bit."""
     walks, asked = [], Counter()
-    walk, ask = Walk.datasets, datasets.attributes
+    walk, ask = Walk.datasets, worker.attributes
     monkeypatch.setattr(Walk, "datasets", lambda self: walks.append(self) or walk(self))
-    monkeypatch.setattr(datasets, "attributes", lambda node: asked.update([node.name]) or ask(node))
+    monkeypatch.setattr(worker, "attributes", lambda node: asked.update([node.name]) or ask(node))
     values = RANDOM.normal(size=(300, 5))  # more than are kept open at once
     found = made({f"g{i % 150}/c{i}": row for i, row in enumerate(values)})
     assert len(walks) == 1

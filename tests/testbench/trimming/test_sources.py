@@ -11,8 +11,8 @@ from studies import simulated_runs as memory
 from studies.trim import BENCHES
 from testbench import rig as rigs
 from testbench.errors import AnalysisError
+from testbench.figures.estimates import draw_trim
 from testbench.trimming import trim_runs
-from testbench.trimming.figure import draw
 from testbench.trimming.result import trim_document
 
 from ..coverage import assert_holds
@@ -200,7 +200,7 @@ def test_a_trial_mass_that_was_not_recorded_is_refused(manipulator, trials):
 
 def test_the_figure(manipulator, runs):
     """A panel an arm; the points are the sources', both together, and what the plates leave."""
-    figure = draw(trim_runs(memory.aligned(runs, manipulator)))
+    figure = draw_trim(trim_runs(memory.aligned(runs, manipulator)))
     assert len(figure.axes) == 2
     assert [t.get_text() for t in figure.axes[0].get_xticklabels()] == ["wrench", "torque", "all", "with what is added"]
 

@@ -1,8 +1,12 @@
-"""What the motor torques of runs say of the balance conditions: gravity turns the first moments, inertia shakes them.
+"""Regression of the measured forces, and of the motor torques, of a run on the balance conditions.
 
-Of the torques W pi of the driven joints, loops closed, pi = C^+ c + N z with the conditions C pi = c and N what they
-leave free: the columns of c are W C^+; z (inertias, and what of the first moments balances), friction and the
-drives' own inertia are nuisances, the same in all runs, offsets, drifts and delays of the torques run by run.
+Forces, both sides low-passed alike: P F + m P a = P W_F[pivots] c (see ``shaking_wrench``). Offsets and slow drifts of
+each row, and small errors of the clocks (a delay of the forces, one of the accelerations), are nuisances.
+
+Torques, in which gravity turns the first moments and inertia shakes them: of W pi of the driven joints, loops closed,
+pi = C^+ c + N z with the conditions C pi = c and N what they leave free. The columns of c are W C^+; z (inertias, and
+what of the first moments balances), friction and the drives' own inertia are nuisances, the same in all runs, offsets,
+drifts and delays of the torques run by run.
 """
 
 import numpy as np
@@ -10,27 +14,79 @@ import numpy as np
 from balance.arrays import Floats
 from balance.balancing.conditions import Conditions
 from balance.closure import Trajectory
-from balance.dynamics.regressor import driven_torque_regressor, joint_friction_regressor
+from balance.dynamics.regressor import driven_torque_regressor, joint_friction_regressor, wrench_regressor
+from balance.estimation.first_moment_imbalance import condition_columns
 
 from ..errors import AnalysisError
+from ..loads.shaking_wrench import COMPONENTS, measured_loads
 from ..rig import Column
 from ..rig.sensors import Torque
 from ..runs.aligned_run import AlignedRun
 from .problem import RunEquations, ValidSamples, motion_name, offset_and_drift, parameter_basis
+from .sensor_errors import force_effects, reading_effects, stated_deviations
 
-CUTOFF_HZ = 20.0
+MARGIN_PERIODS = 3.0
+"""Periods of the cut-off kept before and after the motion."""
+CUTOFF_HZ = 40.0
+"""Of forces and columns alike: most of what the moves excite lies below, and encoders tell accelerations there."""
+POSITION_BANDWIDTH = 2.0
+"""Cut-off of the positions, in cut-offs of the forces."""
+LEAST_MOTION = 1e-2
+"""Force of a first moment of 1 kg m below which nothing moves [1/s2]."""
+
+
+def force_regression(run: AlignedRun, conditions: Conditions, cutoff: float = CUTOFF_HZ) -> RunEquations:
+    """The equations of a run.
+
+    Raises AnalysisError without force channels, with sensors at the end of their range, no motion, clocks that cannot
+    be aligned, gaps that leave nothing.
+    """
+    bandwidth = POSITION_BANDWIDTH * cutoff
+    path = run.trajectory(bandwidth)
+    columns = condition_columns(conditions, wrench_regressor(run.mechanism, path.q, path.v, path.a)[:, :3])
+    if not np.abs(columns).max() > LEAST_MOTION:
+        raise AnalysisError(f"{run.name}: no motion: the encoders stand still, so that the record tells nothing")
+    loads, _ = measured_loads(run, columns, bandwidth)
+    axes = [COMPONENTS.index(name) for name in loads.names]
+    valid = ValidSamples.of(run, loads.groups, bandwidth)
+    valid.refuse_no_motion(path)
+    nuisance = [loads.projected(valid.rates(loads.forces))]
+    deviations = stated_deviations([run.run])
+    effects = {entry: loads.projected(change) for entry, change in force_effects(run, deviations, axes).items()}
+    if run.base is not None and loads.inertial is not None:
+        nuisance.append(loads.base_projected(valid.rates(loads.inertial)))
+        of_base = reading_effects(loads.inertial, run.base.columns, deviations)
+        effects |= {entry: loads.base_projected(change) for entry, change in of_base.items()}
+    used = run.motion_span(bandwidth, MARGIN_PERIODS / cutoff)
+    own, readings, *delays = (
+        valid.low_pass(v, cutoff)[used] for v in (loads.projected_regressor(columns), loads.values, *nuisance)
+    )
+    kept = valid.kept[used]
+    return RunEquations.of(
+        valid,
+        1.0 / (cutoff * run.grid.step),
+        own,
+        readings,
+        np.concatenate([offset_and_drift(kept, len(axes)), *(delay[:, :, None] for delay in delays)], axis=2),
+        kept[:, None],
+        motion_name(run),
+        loads.names,
+        conditions.rank,
+        {entry: valid.low_pass(change, cutoff)[used] for entry, change in effects.items()},
+    )
+
+
+TORQUE_CUTOFF_HZ = 20.0
 """Of torques and columns alike: gravity speaks below, and above the encoders' steps are taken for inertia."""
-POSITION_BANDWIDTH = 4.0
+TORQUE_POSITION_BANDWIDTH = 4.0
 """Cut-off of the positions, in cut-offs of the torques: inertia of many N m must be known to a thousandth."""
 REST_SPEED = 0.1
 """A joint slower than this is at rest, where dry friction may hold any torque: it says nothing [rad/s, m/s]."""
-MARGIN_PERIODS = 3.0
-"""Periods of the cut-off kept before and after the motion."""
 
 
 def torque_regression(run: AlignedRun, conditions: Conditions, cutoff: float) -> RunEquations:
     """The equations of a run. Raises AnalysisError where a joint has no torque or encoder, or gaps leave nothing."""
-    model, bandwidth = run.mechanism, POSITION_BANDWIDTH * cutoff
+    model, bandwidth = run.mechanism, TORQUE_POSITION_BANDWIDTH * cutoff
     channels = torque_channels(run)
     groups = run.run.groups_of(channels)
     if len(groups) > 1:
