@@ -8,6 +8,7 @@ import json
 import struct
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -46,13 +47,14 @@ def open_library(path: Path) -> Recording:
     """Read the whole log, which pyulog holds in memory."""
     if path.stat().st_size < _HEADER:
         raise cut(path, "the file ends inside its header")
-    with refusing(path, "its header", ULogException), path.open("rb") as head, path.open("rb") as stream:
-        if wide := _too_wide(ULog(head, parse_header_only=True).message_formats):
+    raw = path.read_bytes()
+    with refusing(path, "its messages", ULogException):
+        if wide := _too_wide(ULog(_Stream(raw), parse_header_only=True).message_formats):
             message = f"messages {wide} of more than {MOST_NUMBERS} numbers"
             raise Refusal(path.name, Finding("too_large", None, None, message))
-        log = ULog(stream)
+        log = ULog(_Stream(raw))
     series = _titled([one for one in log.data_list if any(f.type_str != "char" for f in one.field_data)])
-    findings = _findings(path, log, series)
+    findings = _findings(raw, log, series)
     if not series:
         raise nothing_to_read(path, findings, "no message with numbers")
     start = _start(log)
@@ -73,6 +75,21 @@ def open_library(path: Path) -> Recording:
         findings=tuple(findings),
         texts=texts,
     )
+
+
+class _Stream(BytesIO):
+    """The bytes of a log, read only so often: in some that are damaged pyulog goes back without end."""
+
+    def __init__(self, raw: bytes) -> None:
+        super().__init__(raw)
+        self._left = 4 * len(raw) + 1000
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """The next bytes. Raises ULogException where more was read than a pass over all messages needs."""
+        self._left -= 1
+        if self._left < 0:
+            raise ULogException("they come to no end")
+        return super().read(size)
 
 
 def _too_wide(formats: dict[str, Any]) -> str:
@@ -101,10 +118,9 @@ def _titled(series: Sequence[Any]) -> dict[str, Any]:
     return found
 
 
-def _findings(path: Path, log: ULog, series: dict[str, Any]) -> list[Finding]:
+def _findings(raw: bytes, log: ULog, series: dict[str, Any]) -> list[Finding]:
     """What of the file is not in the log: messages cut or passed over, those that the logger lost, and times."""
-    size, whole, end = path.stat().st_size, 0, _HEADER
-    raw = path.read_bytes()
+    size, whole, end = len(raw), 0, _HEADER
     sections = [size]
     if size >= _HEADER + _HEAD.size + _APPENDED.size and raw[_HEADER + 2] == _FLAGS:
         offsets = _APPENDED.unpack_from(raw, _HEADER + _HEAD.size)

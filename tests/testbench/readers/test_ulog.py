@@ -99,6 +99,19 @@ def test_messages_of_too_many_numbers_are_refused(tmp_path, text):
         reading.read(path)
 
 
+def test_a_damaged_log_that_pyulog_reads_without_end_is_refused(tmp_path):
+    """By the length of a message, not by what there was left of it, pyulog goes back; found by fuzzing."""
+    path = tmp_path / "run.ulg"
+    path.write_bytes(bytes.fromhex(
+        "554c6f670112350101000000000000002800420000000000000000000000000000000000000000000000000000000000"
+        "0000000000000000000000450046696d753a75696e743274205f3874696d657374616d703b666c6f61745b325d20613b"
+        "636861725b385d2061747374653b75696e74385f745b345d205f70616464696e67303b16004910636861725b355d2073"
+        "79735f6e00004c6e3f69646c650000000e79"
+    ))  # fmt: skip
+    with pytest.raises(RecordingError, match="come to no end"):
+        reading.read(path)
+
+
 def test_large_whole_numbers_are_a_finding(tmp_path):
     """2**53 + 1 has no float64."""
     path = tmp_path / "run.ulg"
