@@ -10,6 +10,7 @@ from balance.cli.framework import Answer, Word, emit_findings, emit_table, say
 from balance.cli.options import FIGURE, argument, command, draw, option
 
 from ..signal import METRIC_NAMES
+from . import options
 
 if TYPE_CHECKING:
     from ..rotating.order_tracking import OrderVector, Vectors
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 _ROUNDING = 1e-9
 """Relative change of speed that counts as rounding."""
+_NO_SENSOR = "no vibration in a unit of length, velocity or acceleration; if it is, the rig needs its calibration."
 _SAID = 4
 """Sensors of the first sentence."""
 
@@ -44,7 +46,9 @@ def vectors(
     tacho: str = option("Channel with one pulse a turn.", default="tacho", metavar="CHANNEL"),
     level: float | None = option("Level of a pulse, in the channel's unit [default: half swing].", metavar="V"),
     falling: bool = option("Pulses begin where the signal falls."),
-    sensor: tuple[str, ...] = option("Vibration sensor [default: all with the tacho].", metavar="CHANNEL"),
+    sensor: tuple[str, ...] = option(
+        "Vibration sensor [default: all with the tacho, in SI by the rig].", metavar="CHANNEL"
+    ),
     order: int = option("Multiple of the speed.", click.IntRange(1, 100), default=1),
     phase: str = option("Whether a phase is a lead or a lag.", Word(["lead", "lag"]), default="lead"),
     amplitude: "Metric" = option("Metric of an amplitude.", Word(METRIC_NAMES), default="peak"),
@@ -140,6 +144,7 @@ def _toml(
     lines = [
         f'# from {run.name}, {run.origin}: phase = "{phase}", amplitude = "{metric}"',
         *(f"# finding: {finding}" for finding in found.findings()),
+        *(f"# left out: {one}: {_NO_SENSOR}" for one in found.left_out),
         "[[runs]]",
         f"name = {_quoted(name)}",
     ]
@@ -200,6 +205,7 @@ def _document(run: "Run", found: "Vectors", phase: str, metric: "Metric") -> dic
         "phases_off_alike_deg_within": math.degrees(found.common_phase_within),
         "findings": list(found.findings()),
         "vectors": rows,
+        "left_out": list(found.left_out),
     }
 
 
@@ -226,4 +232,7 @@ def _print(run: "Run", found: "Vectors", phase: str, metric: "Metric") -> None:
         if v.tones:
             tones = ", ".join(f"{tone:.4g} Hz" for tone in v.tones)
             say(f"{v.sensor}: near the order {tones}, which does not turn with the rotor; fitted with it.")
+    if found.left_out:
+        say(f"Left out: {', '.join(found.left_out)}: {_NO_SENSOR}")
+    options.print_calibrations(options.calibrations([run]))
     emit_findings(("Finding", f"{finding}.") for finding in found.findings())

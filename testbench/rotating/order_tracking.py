@@ -19,6 +19,7 @@ from balance.arrays import Floats
 from balance.estimation.estimate import coverage_factor
 
 from ..errors import AnalysisError
+from ..runs.si_run import physical
 from ..signal import Metric
 from ..store import Run
 from ..store.run import StoredGroup
@@ -252,6 +253,8 @@ class Vectors:
     order: int
     turns: Turns
     vectors: tuple[OrderVector, ...]
+    left_out: tuple[str, ...] = ()
+    """Channels of the tachometer's logger in no unit of a vibration sensor, with their unit."""
 
     @property
     def common_phase_within(self) -> float:
@@ -318,6 +321,7 @@ class Tachometer:
 def order_vectors(run: Run, tachometer: Tachometer, sensors: Sequence[str] = (), order: int = 1) -> Vectors:
     """Order vectors of ``sensors``, by default all of length, velocity or acceleration timed with the tachometer.
 
+    Channels of the run's rig are read in SI by the calibration in force, all others in the unit of the log.
     Raises AnalysisError for an order that the samples do not resolve, and as ``tachometer.steady_turns``.
     """
     group, index = run.find(tachometer.channel)
@@ -331,21 +335,24 @@ def order_vectors(run: Run, tachometer: Tachometer, sensors: Sequence[str] = (),
             f"{_SAMPLES_AN_ORDER * order:g}; sample faster"
         )
     orders = max(order, min(_ORDERS, int(samples / _SAMPLES_AN_ORDER)))
-    found = []
-    for i in _chosen(run, group, index, sensors):
-        dimension, factor = _reading(run, group, i)
-        values = factor * _alive(run, group, i)
+    read = run if run.rig is None else physical(run)
+    in_si, found = read.group(group.name), []
+    chosen = _chosen(run, group, in_si, index, sensors)
+    for i in chosen:
+        dimension, factor = _reading(read, in_si, i)
+        values = factor * _alive(read, in_si, i)
         found.append(order_vector(group.channels[i].label, dimension, values, turns, time, order, orders))
-    return Vectors(order, turns, tuple(found))
+    others = [] if sensors else [group.channels[i] for i in group.measured if i != index and i not in chosen]
+    return Vectors(order, turns, tuple(found), tuple(f"{c.label} ({c.unit or 'no unit'})" for c in others))
 
 
-def _chosen(run: Run, group: StoredGroup, tacho: int, sensors: Sequence[str]) -> list[int]:
+def _chosen(run: Run, group: StoredGroup, in_si: StoredGroup, tacho: int, sensors: Sequence[str]) -> list[int]:
     if not sensors:
-        found = [i for i, c in enumerate(group.channels) if i != tacho and c.unit and _dimension(c.unit)]
+        found = [i for i, c in enumerate(in_si.channels) if i != tacho and c.unit and _dimension(c.unit)]
         if not found:
             raise AnalysisError(
                 f"{run.name}: no channel but {group.channels[tacho].name!r} in a unit of length, velocity or "
-                "acceleration: name the sensors (--sensor) and ingest with a rig that states their units"
+                "acceleration: ingest with a rig that states their unit, or their calibration"
             )
         return found
     indices = []
@@ -381,7 +388,7 @@ def _reading(run: Run, group: StoredGroup, index: int) -> tuple[str, float]:
     if channel.unit is None or dimension is None:
         raise AnalysisError(
             f"{run.name}: channel {channel.name!r} is in {channel.unit or 'no unit'}: expected one of length, velocity "
-            "or acceleration"
+            "or acceleration; state its calibration in the rig (kind accelerometer), or correct it: testbench calibrate"
         )
     return dimension, factor_to_si(channel.unit, dimension)
 

@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from balance.cli.rotor import influence
+from testbench.cli.ingest import ingest
 from testbench.cli.vectors import vectors
 from testbench.errors import AnalysisError, StoreError
 from testbench.figures.rotating import draw_vectors
@@ -74,6 +75,38 @@ def test_table(found: str, monkeypatch: pytest.MonkeyPatch) -> None:
     assert titles
     assert "lead of the pulse" in output
     assert "turns at 2768" in output
+
+
+def test_a_sensor_in_millivolts_is_read_by_its_calibration(tmp_path: Path) -> None:
+    """The same vectors as of the log in m/s2; a channel of another kind is named, and its unit."""
+    rotor = Rotor(seconds=2.0, speed=OWN)
+    _, *rows = rotor.csv().splitlines()
+    cells = [row.split(",") for row in rows]
+    lines = [f"{t},{p},{a},{float(b) * 10.2:.9g},{20 + i % 3}" for i, (t, p, a, b) in enumerate(cells)]
+    (tmp_path / "log.csv").write_text("\n".join(["t (s),tacho (V),A (m/s^2),B (mV),T (degC)", *lines, ""]), "utf-8")
+    sensors = "".join(
+        f'[sensors.{name}]\nkind = "accelerometer"\nlogger = "daq"\nchannels = {{ x = "{name}" }}\nposition = ["0 m", "0 m", '
+        '"0 m"]\n'
+        for name in "AB"
+    )
+    calibration = '[sensors.B.calibration]\nsensitivity = "10.2 mV/(m/s^2)"\n'
+    rig, campaign = tmp_path / "rig.toml", tmp_path / "campaign"
+    rig.write_text(f'mechanism = "none"\n[loggers.daq]\n{sensors}{calibration}', "utf-8")
+    arguments = [str(tmp_path / "log.csv"), "--rig", str(rig), "-o", str(campaign)]
+    assert CliRunner().invoke(ingest, arguments, standalone_mode=False, catch_exceptions=False).return_value == 0
+    _, plain = run(stored(tmp_path, "plain", rotor), "--json")
+    code, out = run(str(campaign / "log.h5"), "--json")
+    assert code == 0
+    document = json.loads(out)
+    assert document["left_out"] == ["T (degC)"]
+    for one, other in zip(document["vectors"], json.loads(plain)["vectors"], strict=True):
+        assert one["sensor"] == other["sensor"]
+        assert one["amplitude_m_s2"] == pytest.approx(other["amplitude_m_s2"], rel=1e-7)
+        assert one["phase_deg"] == pytest.approx(other["phase_deg"], abs=1e-5)
+    _, out = run(str(campaign / "log.h5"))
+    assert "Left out: T (degC)" in out
+    assert "Calibrated B: 10.2 mV/(m/s^2)" in out
+    assert "# left out: T (degC)" in run(str(campaign / "log.h5"), "--speed", f"{60 * OWN}rpm", "--toml", "x")[1]
 
 
 def test_sampling_in_step_is_a_finding_and_in_every_interval(in_step: str) -> None:
