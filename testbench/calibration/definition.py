@@ -22,6 +22,7 @@ from balance.input_files import Table, read_text
 from balance.units import SI_UNITS, parse_unit
 
 from ..errors import RigError
+from ..units import is_unit
 
 PerComponent = str | dict[str, str]
 """One text for all channels of a sensor, or one a component."""
@@ -254,6 +255,17 @@ def measures_one_of(units: Any, dimensions: tuple[str, ...]) -> bool:  # noqa: A
 def electrical_name(units: Any) -> str | None:  # noqa: ANN401
     """``V``, ``C``, ...: the electrical unit with these SI base units; None where there is none."""
     return next((known for known in ELECTRICAL if units == si_unit(known, ()).units), None)
+
+
+def unit_of_log(written: str | None, stated: str | None) -> str | None:
+    """The unit that a log writes; None where nobody knows it and the rig has ``stated`` another: that one counts."""
+    if not written or not stated or is_unit(written):
+        return written
+    try:
+        si_unit(written, ())
+    except UnitError:
+        return None
+    return written
 
 
 def is_electrical(text: str) -> bool:

@@ -25,6 +25,7 @@ from .definition import (
     measures_one_of,
     si_amount,
     si_unit,
+    unit_of_log,
 )
 
 WORST_CONDITION = 1e8
@@ -185,6 +186,7 @@ def bind_sensor(calibration: Calibration, channels: Sequence[Channel], written: 
 def _unit_of_log(channel: Channel, calibration: Calibration, written: str | None) -> str:
     """The unit of a channel: of the log, the calibration or the rig, which must not contradict each other."""
     rig = channel.unit if channel.stated else None
+    written = unit_of_log(written, rig or calibration.unit)
     stated = {"its log": written, "the calibration": calibration.unit, "the rig": rig}
     given = [(who, name) for who, name in stated.items() if name]
     for who, name in given[1:]:

@@ -21,7 +21,7 @@ from balance.cli.framework import (
     say,
 )
 from balance.cli.options import SCHEDULER, argument, command, option, progress
-from balance.results import table
+from balance.results import first_of, table
 
 from . import options
 
@@ -89,9 +89,19 @@ def ingest(
     logs = [file for file in files if file not in own]
     work = _work(campaign, rig, accept, options.acceptance(accept, by, reason), text)
     outcomes = _ingest(logs, work, run_table, scheduler)
-    refused = list(dict.fromkeys(outcome.message for outcome in outcomes if outcome.status == "refused"))
+    refused = _refusals(outcomes)
     code = EXIT_REFUSED if refused else options.exit_code([f for one in outcomes for f in one.findings], accept)
     return Answer({"runs": outcomes}, lambda: _print(outcomes), refused=refused, code=code)
+
+
+def _refusals(outcomes: "Sequence[Outcome]") -> list[str]:
+    """Each reason of a refusal once, with the runs that it is of."""
+    found: dict[str, dict[str, None]] = {}
+    for outcome in outcomes:
+        if outcome.status == "refused":
+            name, mark, why = outcome.message.partition(": refused for ")
+            found.setdefault(mark + why, {})[name] = None
+    return [first_of(names, 12) + why for why, names in found.items()]
 
 
 def _work(
@@ -130,9 +140,10 @@ def _ingest(files: Sequence[Path], work: "Ingest", run_table: Path | None, sched
 def _print(outcomes: "Sequence[Outcome]") -> None:
     from ..ingestion.ingest import Outcome
 
-    counts = Counter(outcome.status for outcome in outcomes)
+    counts = Counter(outcome.status.replace("_", " ") for outcome in outcomes)
     title = f"Logs: {', '.join(f'{count} {status}' for status, count in counts.items()) or 'none'}"
-    emit_table(title, *table(Outcome, outcomes, "source", "file", "origin", "status", "findings"))
+    say(f"{title}.")
+    emit_table("", *table(Outcome, outcomes, "source", "file", "origin", "status", "findings"))
     found = [(outcome.source, f) for outcome in outcomes for f in outcome.findings if f.severity > 0]
     options.print_reading_findings("Findings", found)
 

@@ -47,7 +47,10 @@ def info(
         return Answer(unread, lambda: None, refused=[str(refusal)])
     refused = []
     if codes := dict.fromkeys(finding.code for finding in refusing_findings(found.findings)):
-        refused = [f"{file.name}: would be refused for {', '.join(codes)}; `testbench ingest --accept CODE` stores it"]
+        refused = [
+            f"{file.name}: would be refused for {', '.join(codes)}: correct what the findings name, or store it as it "
+            f"is with testbench ingest {' '.join(f'--accept {code}' for code in codes)}"
+        ]
     code = options.exit_code(found.findings)
     return Answer(found.document(stats), lambda: print_description(found, stats), refused=refused, code=code)
 

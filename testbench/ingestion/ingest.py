@@ -219,8 +219,11 @@ class Ingest:
                 sources[0].findings.append(Finding("run_not_opened", None, None, _unopened(name, reason, doubt)))
             everything = [finding for source in sources for finding in source.findings]
             if grave := refusing_findings(everything, self.accepted):
-                codes = ", ".join(dict.fromkeys(finding.code for finding in grave))
-                raise RecordingError(f"{planned.name}: refused for {codes}; --accept CODE stores it nevertheless")
+                codes = list(dict.fromkeys(finding.code for finding in grave))
+                raise RecordingError(
+                    f"{planned.name}: refused for {', '.join(codes)}: correct what the findings name, or store it as "
+                    f"it is with {' '.join(f'--accept {code}' for code in codes)}"
+                )
             refuse_twice([(source.digested(), source.path.name) for source in sources])
             rig = None if self.rig is None else self.rig.text
             writer.describe(origin, planned.conditions or {}, everything, self._provenance(sources, begun), rig, inputs)

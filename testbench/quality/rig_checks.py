@@ -139,6 +139,7 @@ def _units(present: "Iterable[Column]", channels: Mapping[str, Channel]) -> list
 def _calibrated(column: "Column", channels: Mapping[str, Channel]) -> list[Finding]:
     from balance.errors import UnitError
 
+    from ..calibration.definition import unit_of_log
     from ..calibration.evaluation import bind_sensor
 
     assert column.calibration is not None
@@ -146,24 +147,30 @@ def _calibrated(column: "Column", channels: Mapping[str, Channel]) -> list[Findi
         bind_sensor(column.calibration, column.siblings, [channels[s.channel].unit for s in column.siblings])
     except UnitError as error:
         message = f"sensors.{column.sensor}.calibration: {error}"
+        if any(unit_of_log(channels[s.channel].unit, "stated") != channels[s.channel].unit for s in column.siblings):
+            message += f': state which it is in the rig, as unit of sensors.{column.sensor}, such as unit = "counts"'
         return [Finding("calibration_contradiction", channels[column.channel].name, None, message)]
     return []
 
 
 def _unit(column: "Column", channel: Channel) -> list[Finding]:
     """The unit that the rig states against the one that the log writes, and both against what is measured."""
-    if channel.unit and column.unit and column.stated and not same_unit(channel.unit, column.unit):
-        message = f"sensors.{column.sensor}: unit {column.unit!r} in the rig, {channel.unit!r} in the log"
+    from ..calibration.definition import is_electrical, unit_of_log
+
+    written = unit_of_log(channel.unit, column.unit if column.stated else None)
+    if written and column.unit and column.stated and not same_unit(written, column.unit):
+        message = f"sensors.{column.sensor}: unit {column.unit!r} in the rig, {written!r} in the log"
         return [Finding(_CODE, channel.name, None, message)]
-    unit = channel.unit or column.unit
+    unit = written or column.unit
     if not unit or not column.level or _measures(unit, column.dimensions):
         return []
-    from ..calibration.definition import is_electrical
 
     if is_electrical(unit):
         message = f"is in {unit!r}, and sensors.{column.sensor} has no calibration: testbench calibrate adds one"
         return [Finding("uncalibrated", channel.name, None, message)]
     message = f"sensors.{column.sensor}: {unit!r} in the log is no {' or '.join(column.dimensions)}"
+    if unit_of_log(unit, "stated") is None:
+        message += f": nobody knows this unit; state which it is in the rig, as unit of sensors.{column.sensor}"
     return [Finding(_CODE, channel.name, None, message)]
 
 

@@ -17,7 +17,7 @@ from balance.results import plain
 from balance.units import SI_UNITS, factor_to_si
 
 from .. import units
-from ..calibration.definition import is_electrical
+from ..calibration.definition import is_electrical, unit_of_log
 from ..calibration.evaluation import CalibrationLaw, bind_sensor, relative_uncertainty
 from ..errors import AnalysisError
 from ..quality.clipping import flat_tops, is_dead
@@ -348,7 +348,8 @@ class SIRun:
 
     def _factor(self, column: Column) -> float:
         """SI per unit without a calibration; the log's unit and the rig's must agree where both are given."""
-        where, written = f"{self.name}: channel {column.channel!r}", self.written_unit(column)
+        where = f"{self.name}: channel {column.channel!r}"
+        written = unit_of_log(self.written_unit(column), column.unit if column.stated else None)
         if written and column.unit and column.stated and not units.same_unit(written, column.unit):
             raise AnalysisError(f"{where} is in {written!r} by its log and in {column.unit!r} by the rig: correct one")
         unit = written or column.unit

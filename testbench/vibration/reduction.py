@@ -524,6 +524,8 @@ def sets_differ(reductions: Sequence[Reduction]) -> bool:
 
 def verdict(reductions: Sequence[Reduction]) -> str:
     """By how much each axis is reduced, and how many reductions are bounds, withheld, or none."""
+    withheld = [r for r in reductions if r.interval is None and not WITHHELD.isdisjoint(r.doubts)]
+    bounds = [r for r in reductions if r.at_least is not None]
     sound = [r for r in reductions if r.percent is not None and r.interval is not None and r.limit is None]
     several = len({r.sensor for r in reductions}) > 1
     parts = []
@@ -534,8 +536,17 @@ def verdict(reductions: Sequence[Reduction]) -> str:
         interval = [f"{end:.1f}" for end in some[0].interval or ()]
         size = f"{low} to {high} % in {len(some)} conditions" if len(some) > 1 else f"{low} % [{', '.join(interval)}]"
         parts.append(f"{f'{sensor} ' if several else ''}{axis}: reduced by {size}")
-    below = sum(r.below_noise for r in reductions)
-    others = len(reductions) - len(sound) - below
-    counts = [f"{below} of {len(reductions)} reductions are lower bounds, below noise"] if below else []
-    counts += [f"{others} of {len(reductions)} without an interval"] if others else []
+    of_all = f"of {len(reductions)} reductions"
+    if len(bounds) == 1:
+        (one,) = bounds
+        why = "the rest is below noise" if one.below_noise else "clipped without counter-masses"
+        parts.append(
+            f"{f'{one.sensor} ' if several else ''}{one.axis}: reduced by at least {one.at_least:.1f} % ({why})"
+        )
+    counts = [f"{len(bounds)} {of_all} are lower bounds, below noise or clipped"] if len(bounds) > 1 else []
+    if withheld:
+        codes = ", ".join(sorted({code for r in withheld for code in r.doubts} & WITHHELD))
+        counts.append(f"{len(withheld)} {of_all} are withheld for {codes}: see the findings")
+    others = len(reductions) - len(sound) - len(bounds) - len(withheld)
+    counts += [f"{others} {of_all} have no interval"] if others else []
     return "; ".join([*parts, *counts] or ["no reduction"]) + "."

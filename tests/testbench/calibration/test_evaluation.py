@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from balance.errors import UnitError
-from testbench.calibration.definition import Calibration
+from testbench.calibration.definition import Calibration, unit_of_log
 from testbench.calibration.evaluation import bind_law, check_law, relative_uncertainty
 
 
@@ -102,6 +102,15 @@ def test_units_that_do_not_lead_there(calibration, channel, unit, said):
     """A contradiction is refused with both sides, and no factor is guessed."""
     with pytest.raises(UnitError, match=said):
         value(calibration, channel, unit, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("written", "stated", "found"),
+    [("Inkr", "counts", None), ("Inkr", "", "Inkr"), ("V", "mV", "V"), ("mil", "mm", "mil"), (None, "mV", None)],
+)
+def test_a_unit_that_nobody_knows(written, stated, found):
+    """It is none where a person states what it is; a known one, however seldom written, always counts."""
+    assert unit_of_log(written, stated) == found
 
 
 def test_matrix():

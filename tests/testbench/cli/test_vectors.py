@@ -85,8 +85,8 @@ def test_a_sensor_in_millivolts_is_read_by_its_calibration(tmp_path: Path) -> No
     lines = [f"{t},{p},{a},{float(b) * 10.2:.9g},{20 + i % 3}" for i, (t, p, a, b) in enumerate(cells)]
     (tmp_path / "log.csv").write_text("\n".join(["t (s),tacho (V),A (m/s^2),B (mV),T (degC)", *lines, ""]), "utf-8")
     sensors = "".join(
-        f'[sensors.{name}]\nkind = "accelerometer"\nlogger = "daq"\nchannels = {{ x = "{name}" }}\nposition = ["0 m", "0 m", '
-        '"0 m"]\n'
+        f'[sensors.{name}]\nkind = "accelerometer"\nlogger = "daq"\nchannels = {{ x = "{name}" }}\nposition = ["0 m", '
+        '"0 m", "0 m"]\n'
         for name in "AB"
     )
     calibration = '[sensors.B.calibration]\nsensitivity = "10.2 mV/(m/s^2)"\n'

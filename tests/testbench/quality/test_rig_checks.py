@@ -31,6 +31,30 @@ def test_a_log_of_a_few_samples(samples, codes):
     assert [f.code for f in rig_checks.rate_findings(bench, checks)] == codes
 
 
+def test_a_unit_that_nobody_knows(tmp_path: Path) -> None:
+    """The cure is said, with a calibration and without one; with the unit in the rig it is no contradiction."""
+    text = """mechanism = "none"
+[loggers.daq]
+[sensors.encoder]
+kind = "encoder"
+logger = "daq"
+channel = "Winkel"
+joint = "A0"
+"""
+    calibration = '[sensors.encoder.calibration]\nsensitivity = "4096 counts/rev"\n'
+    channels = (Channel("Winkel", "Inkr"),)
+    log = Recording(Path("r.csv"), "CSV", "csv", (Group("r", channels),), lambda report: iter(()))
+    for rest, codes in (
+        ("", ["rig_contradiction"]),
+        (calibration, ["calibration_contradiction"]),
+        ('unit = "counts"\n' + calibration, []),
+    ):
+        (tmp_path / "rig.toml").write_text(text + rest, "utf-8")
+        found = rig_checks.rig_findings(rig.load_rig(tmp_path / "rig.toml"), [log])
+        assert [f.code for f in found] == codes
+        assert all("state which it is in the rig, as unit of sensors.encoder" in f.message for f in found)
+
+
 def test_loggers_that_no_log_of_the_run_holds() -> None:
     """A rig of the whole bench: what another log of the run holds is no finding; what none holds is, with the logs."""
     bench = rig.load_rig("parallelogram-6bar")

@@ -82,13 +82,20 @@ def test_units_of_the_log(tmp_path, unit, factor):
 
 
 def test_unit_of_the_rig(tmp_path):
-    """Where the log has no unit, that of the rig counts."""
+    """Where the log has no unit, or one that nobody knows, that of the rig counts."""
     assert signal(stored(tmp_path, None, TIME), column("g"))[0] == pytest.approx(9.81 * TIME)
+    assert signal(stored(tmp_path / "odd", "Ausschlag", TIME), column("g"))[0] == pytest.approx(9.81 * TIME)
 
 
 @pytest.mark.parametrize(
     ("logged", "rigged", "said"),
-    [(None, "", "no unit"), ("g", "m/s^2", "'g' by its log and in 'm/s\\^2' by the rig"), ("V", "", "'V'")],
+    [
+        (None, "", "no unit"),
+        ("g", "m/s^2", "'g' by its log and in 'm/s\\^2' by the rig"),
+        ("V", "", "'V'"),
+        ("Gal", "g", "correct one"),
+        ("Ausschlag", "", "'Ausschlag' is not a known unit"),
+    ],
 )
 def test_doubtful_units(tmp_path, logged, rigged, said):
     """No unit, two units, or one of something else: refused with run and channel."""

@@ -1,6 +1,7 @@
 """Reductions: closed forms, intervals that hold what they promise, and the known truth of a simulated campaign."""
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import polars
@@ -11,7 +12,7 @@ from testbench.errors import AnalysisError
 from testbench.signal.filters import Band
 from testbench.store import open_campaign
 from testbench.vibration.metrics import Measure
-from testbench.vibration.reduction import analyze, reduction_percent
+from testbench.vibration.reduction import analyze, reduction_percent, verdict
 
 
 def test_percent():
@@ -73,6 +74,22 @@ def test_below_noise(brief_analysis):
         assert r.interval[0] > 100.0 * (1.0 - 2.0 * r.noise_floor[0] / r.amplitudes[1])
     assert {f.code for f in analysis.findings} == {"below_noise"}
     assert not [r for r in analysis.reductions if r.key.motion == "x" and r.limit]
+
+
+def test_the_verdict_counts_what_is_no_number(brief_analysis):
+    """A bound with its reason, what is withheld with its code, what has no interval: each reduction counts once."""
+    reductions = brief_analysis("peak").reductions
+    sound = next(r for r in reductions if r.limit is None)
+    bound = next(r for r in reductions if r.below_noise)
+    withheld = replace(bound, interval=None, doubts=("counter_mass_contradiction", "gain"))
+    assert verdict([withheld]) == ("1 of 1 reductions are withheld for counter_mass_contradiction: see the findings.")
+    low, high = sound.interval
+    assert verdict([sound, bound, withheld, replace(sound, interval=None)]) == (
+        f"{sound.axis}: reduced by {sound.percent:.1f} % [{low:.1f}, {high:.1f}]; {bound.axis}: reduced by at least "
+        f"{bound.at_least:.1f} % (the rest is below noise); 1 of 4 reductions are withheld for "
+        "counter_mass_contradiction: see the findings; 1 of 4 reductions have no interval."
+    )
+    assert "2 of 2 reductions are lower bounds" in verdict([bound, bound])
 
 
 def _true_amplitude(logs, run: str, axis: str, measure: Measure) -> float:
