@@ -374,12 +374,12 @@ def table_lines(title: str, header: list[str], rows: list[list[str]], note: str,
     below = [note] if note else []
     if width is not None and _least(header, cells) > width and len(cells) > 1:
         header, cells, same = _without_constants(header, cells)
-        below += [f"In all rows: {', '.join(same)}"] if same else []
+        below += [f"In all rows: {'; '.join(same)}"] if same else []
     gone: list[str] = []
     while width is not None and len(header) > 2 and _least(header, cells) > width:
         gone.insert(0, header[-1])
         header, cells = header[:-1], [row[:-1] for row in cells]
-    if gone:
+    if gone := [name for name in gone if name]:
         below.append(f"Too wide for {width} columns: {', '.join(gone)}")
     wrapped = [line for text in below for line in _wrapped(text, width or 110)]
     return [*_drawn(title, header, cells, width), *wrapped]
@@ -430,7 +430,7 @@ def _without_constants(header: list[str], cells: list[list[str]]) -> tuple[list[
     """Header and rows without the columns of one value, and those as texts; the first column stays."""
     same = [k for k, column in enumerate(zip(*cells, strict=True)) if k and len(set(column)) == 1]
     kept = [k for k in range(len(header)) if k not in same]
-    texts = [f"{header[k]} {cells[0][k]}".strip() for k in same]
+    texts = [f"{header[k]}: {cells[0][k]}".removeprefix(": ") for k in same if cells[0][k] not in ("", "-")]
     return [header[k] for k in kept], [[row[k] for k in kept] for row in cells], texts
 
 

@@ -53,7 +53,7 @@ def _motions(part: Part) -> None:
     if part["found"]:
         emit_table("Motions", *table(RecognizedMotion, part["found"]), part["definition"])
     for source, reason in part["reasons"].items():
-        say(f"Nothing by {source}: {reason}")
+        say(f"No motion by {source}: {reason}")
 
 
 def _command(part: Part) -> None:
@@ -283,7 +283,8 @@ def _page(runs: tuple[Path, ...], output: Path, scheduler: str | None, **how: An
     def show() -> None:
         say(f"{name}: {found.document['verdict']}")
         for finding in findings:
-            say(f"  {finding['code']}: {finding['count']}, {finding['decision']}")
+            more = f" (and {finding['count'] - 1} more)" if finding["count"] > 1 else ""
+            say(f"  {finding['code']}: {finding['messages'][0]}{more}; {finding['decision']}")
         say(f"Wrote {path}.")
 
     document = {**found.document, "refused": refused, "written": [str(path)]}

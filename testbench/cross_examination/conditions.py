@@ -218,8 +218,9 @@ def unlike_repeats(observations: Sequence[Observation]) -> list[Statement]:
             continue
         near, like = min(others, key=lambda one: one[0])
         wrong = min(away) > UNLIKE and near < LIKE * min(away)
-        witnessed = f"channels {np.exp(min(away)):.2g} times those of {repeats[0].name}, or the inverse, expected 1"
-        witnessed += f"; as {like.name}, {_masses(like.counter_masses)}" if wrong else ""
+        size = f"{np.exp(min(away)):.2g} on average"
+        witnessed = f"its channels differ from those of {repeats[0].name}, a repeat, by a factor of {size}"
+        witnessed += f", and agree with those of {like.name}, with {_masses(like.counter_masses)}" if wrong else ""
         found.append(
             Statement(seen.name, "counter-masses", None, f"{_masses(seen.counter_masses)} by the run table", witnessed,
                       "its sensors beside those of its repeats", "counter_mass_contradiction" if wrong else None)

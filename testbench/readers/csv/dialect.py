@@ -150,6 +150,17 @@ def _comma_or_one_column(
     )
 
 
+_MAY_SETTLE = re.compile(r"(?<![\d.,])0?[.,]\d|[.,](?:\d{1,2}|\d{4,})(?![\d.,])|\d{4,}[.,]\d{3}(?!\d)", re.ASCII)
+"""What a line without any ``1.234`` alone may hold, sought before its cells are looked at."""
+
+
+def settles(line: str, delimiter: str) -> bool:
+    """Whether a line of data has a number whose mark is one of decimals, and of thousands in no notation."""
+    if not _MAY_SETTLE.search(line) or not is_data(cells := split_line(line, delimiter)):
+        return False
+    return any(decimal_mark(cell) and not may_be_thousands(cell) for cell in map(plain_number, cells))
+
+
 def _decimal(rows: Sequence[Sequence[str]]) -> tuple[str, str]:
     """The mark of the first number that leaves no doubt, and what doubt there is."""
     numbers = [plain_number(cell) for cells in rows for cell in cells if is_number_like(cell)]

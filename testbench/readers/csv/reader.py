@@ -9,7 +9,7 @@ from ...recording import Channel, Clock, Finding, Group, Recording, Refusal, Sta
 from .. import header_claims
 from ..registry import ReadOptions
 from .cell_syntax import is_missing, is_number_like
-from .dialect import Dialect, UnclearDialect, detect_dialect
+from .dialect import Dialect, UnclearDialect, detect_dialect, settles
 from .header import (
     Header,
     Read,
@@ -25,7 +25,7 @@ from .header import (
 from .rewritten_columns import NotationColumn, TimeColumns, find_notations, find_time_columns, rounded_numbers
 from .row_parser import RowParser
 from .table import Table, find_multiple_time_columns
-from .text_blocks import Encoding, read_first_lines, read_last_lines
+from .text_blocks import Encoding, first_line, read_first_lines, read_last_lines
 
 _ROWS_AT_END = 100
 
@@ -211,6 +211,9 @@ def understood(path: Path, options: ReadOptions) -> _Text:
     encoding, lines = read_first_lines(path, options.encoding)
     try:
         dialect = detect_dialect(lines, options.delimiter, options.decimal)
+        if dialect.doubt:  # the first lines do not tell: perhaps a later one does
+            told = first_line(path, encoding, lambda line: settles(line, dialect.delimiter))
+            dialect = detect_dialect([*lines, *told], options.delimiter, options.decimal)
         stated = options.description
         if stated is None or (stated.names is None and stated.units is None and stated.data is None):
             header = read_header(lines, dialect, options.header)

@@ -3,7 +3,7 @@
 import codecs
 import hashlib
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from io import FileIO
 from pathlib import Path
@@ -149,6 +149,15 @@ def read_first_lines(path: Path, stated_encoding: str | None = None) -> tuple[En
     if more or len(lines) > 2:
         lines.pop()  # it may be cut
     return encoding, tuple(lines[:_MOST_LINES])
+
+
+def first_line(path: Path, encoding: Encoding, wanted: Callable[[str], bool]) -> list[str]:
+    """The first line of all the file that is ``wanted``, if there is one."""
+    with path.open(encoding=encoding.name, errors="replace") as stream:
+        while line := stream.readline(LONGEST_LINE):
+            if wanted(line):
+                return [line.rstrip("\n")]
+    return []
 
 
 def read_last_lines(path: Path, encoding: Encoding) -> list[str]:

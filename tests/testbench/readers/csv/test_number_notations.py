@@ -118,6 +118,25 @@ def test_a_number_that_is_no_thousand_settles_the_point(log, late):
     assert found.column("F (N)")[500:].tolist() == [float(text) for text in late]
 
 
+@pytest.mark.parametrize(
+    ("late", "mark", "values"),
+    [(["0.606"], ".", [10.0, 0.606]), (["1000.000"], ".", [10.0, 1000.0]), (["2.5"], ".", [10.0, 2.5])],
+)
+def test_a_number_far_below_settles_three_decimals(log, late, mark, values):
+    """Three digits behind the mark in all first lines: the first number that is no thousand shows what it is."""
+    found = log(rows([*(f"{10 + i % 900}.000" for i in range(2000)), *late], "\t"))
+    assert not [f for f in found.findings if f.severity == 2]
+    assert found.recording.settings["decimal"] == mark
+    assert found.column("F (N)")[[0, -1]].tolist() == values
+
+
+def test_points_that_turn_out_as_thousands_are_no_decimals(log):
+    """A decimal comma far below: the points of the first lines are in doubt, never decimals."""
+    found = log(rows([*(f"{10 + i % 900}.000" for i in range(2000)), "2,5"], ";"))
+    assert [f for f in found.findings if f.severity == 2]
+    assert not np.isin(found.column("F (N)"), [10.0, 11.0]).any()
+
+
 def test_a_stated_mark_leaves_no_doubt(log):
     """Who says --decimal point gets 1.000 as one."""
     found = log(growing(["1.000"]), ReadOptions(decimal="."))
