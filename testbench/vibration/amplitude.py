@@ -374,6 +374,15 @@ def shifted(values: Floats, lag: float, count: int) -> Floats:
     return np.where(at < 0.0, values[0], np.where(at > len(values) - 1, values[-1], moved))
 
 
+def with_shifts(course: Floats) -> Floats:
+    """A course (n,) [unit], what it changes by where it is shifted, to second order, and a straight line, (n, 5)."""
+    count = len(course)
+    turn = 2j * np.pi * np.fft.rfftfreq(2 * count)
+    spectrum = np.fft.rfft(np.concatenate([course, course[::-1]]))
+    slopes = [np.fft.irfft(spectrum * turn**order, 2 * count)[:count] for order in (1, 2)]
+    return np.column_stack([course, *slopes, np.ones(count), np.linspace(-1.0, 1.0, count)])
+
+
 def undithered_share(resting: Floats, step: float) -> float:
     """How much of a step's error is no noise, as a rest (n,) shows, between 0 and 1 [-].
 

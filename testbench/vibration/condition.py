@@ -300,7 +300,7 @@ class CampaignNoise:
             one = Group(likelihoods, side.names)
             if both and (noise := some[0][1]):
                 mean = self.in_envelope(condition, place, both.means[place])
-                one = replace(one, gains=both.gains[place], gain_error=gain_error(mean, noise))
+                one = replace(one, gains=both.gains[place], gain_error=gain_error(mean, both.weights[place], noise))
             found.append(one)
         return found[0], found[1]
 

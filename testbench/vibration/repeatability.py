@@ -16,7 +16,7 @@ import numpy as np
 from balance.arrays import Floats
 from balance.estimation.estimate import chi_square_tail, coverage_factor, f_tail
 
-from .amplitude import Amplitude, Place, shifted
+from .amplitude import Amplitude, Place, shifted, with_shifts
 from .amplitude_likelihood import AmplitudeLikelihood
 from .noise_floor import Noise, Segment
 from .noise_over_time import NoiseOverTime
@@ -227,6 +227,8 @@ class Synchronous:
     """By how much later each run shows what the first shows [samples]."""
     gains: dict[Place, Floats]
     """By what share of it each run shows more of the mean than the mean itself, where all of them reach, (k,) [-]."""
+    weights: dict[Place, Floats]
+    """What a gain is the sum of a record times, (n,) [1/unit]: the mean's course, less what is like its shifts."""
 
     @classmethod
     def of(cls, runs: Sequence[dict[Place, Amplitude]]) -> "Synchronous | None":
@@ -240,7 +242,7 @@ class Synchronous:
         if aligned is None:
             return None
         lags, signs = aligned
-        means, residuals, courses, gains = {}, {}, {}, {}
+        means, residuals, courses, gains, weights = {}, {}, {}, {}, {}
         first, at = runs[0], np.arange(count) + np.array(lags)[:, None]
         lengths = np.array([[len(run[places[0]].course)] for run in runs])
         held = (at >= 0.0) & (at <= lengths - 1.0)
@@ -255,14 +257,11 @@ class Synchronous:
                 shifted(run[place].whole, lag, count) for run, lag in zip(runs, lags, strict=True)
             ]
             mean = (whole * held).sum(axis=0) / held.sum(axis=0)
-            shape = first[place].in_band(mean)
-            turn = 2j * np.pi * np.fft.rfftfreq(2 * count)
-            spectrum = np.fft.rfft(np.concatenate([shape, shape[::-1]]))
-            slopes = [np.fft.irfft(spectrum * turn**order, 2 * count)[:count] for order in (1, 2)]
-            basis = np.column_stack([shape, *slopes, np.ones(count), np.linspace(-1.0, 1.0, count)])[common]
+            basis = with_shifts(first[place].in_band(mean))[common]
             apart = (whole - mean).T[common]
-            found = np.linalg.lstsq(basis, apart, rcond=None)[0]
-            left, gains[place] = (apart - basis @ found).T, found[0]
+            inverse = np.linalg.pinv(basis)
+            left, gains[place] = (apart - basis @ (inverse @ apart)).T, inverse[0] @ apart
+            weights[place] = np.pad(inverse[0], (common.start, count - common.stop))
             scale = (len(runs) / (len(runs) - 1.0)) ** 0.5
             rate, moving = first[place].rate_hz, first[place].moving or slice(0, count)
             part = slice(max(moving.start - common.start, 0), max(moving.stop - common.start, 0))
@@ -273,16 +272,17 @@ class Synchronous:
             level = scale * np.sqrt(np.mean(shown[:, part] ** 2) / max(evened, 1e-300))
             residuals[place] = tuple(Segment((level * one / over_time)[part], rate, 1.0 / scale**2) for one in left)
             means[place] = replace(first[place].mean_of([run[place] for run in runs], lags, mean), envelope=fewer)
-        return cls(means, residuals, courses, tuple(lags), gains)
+        return cls(means, residuals, courses, tuple(lags), gains, weights)
 
 
-def gain_error(mean: Amplitude, noise: Noise) -> float:
-    """Standard deviation of how much more of a mean of repeats one run shows, by its noise [-]."""
-    shown = mean.course if mean.over_time is None else mean.course * mean.over_time.power**0.5
-    spectrum = np.fft.rfft(shown)
-    density = noise.at(np.arange(len(spectrum)) * mean.rate_hz / len(shown))
-    power = float(np.sum(density * np.abs(spectrum) ** 2)) * mean.rate_hz / len(shown)
-    return power**0.5 / max(float(np.sum(mean.course**2)), 1e-300)
+def gain_error(mean: Amplitude, weights: Floats, noise: Noise) -> float:
+    """Standard deviation of how much more of a mean of repeats one run shows, by its noise [-].
+
+    ``weights`` (n,) [1/unit]: what the gain is the sum of a record times.
+    """
+    spectrum = np.fft.rfft(weights if mean.over_time is None else weights * mean.over_time.power**0.5)
+    density = noise.at(np.arange(len(spectrum)) * mean.rate_hz / len(weights))
+    return float(np.sum(density * np.abs(spectrum) ** 2) * mean.rate_hz / len(weights)) ** 0.5
 
 
 def _lags(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
-from studies.laboratories import FAMILIES, HOME, Course, _moved, analyzed, drawn, floor, hum, write_campaign
+from studies.laboratories import FAMILIES, HOME, Course, _moved, analyzed, drawn, floor, hum, oracle, write_campaign
 from testbench.vibration.metrics import Measure
 
 
@@ -53,6 +53,19 @@ def test_the_truth_is_what_analysis_finds_without_noise(tmp_path: Path) -> None:
     laboratory = replace(drawn(FAMILIES["white"], 3), white=1e-9, step=1e-6)
     write_campaign(laboratory, tmp_path)
     measure = Measure(laboratory.metric)
-    for one in analyzed(tmp_path, measure):
+    for one in analyzed(tmp_path, measure).reductions:
         balanced, bare = laboratory.truth(laboratory.axes.index(one.axis), measure)
         assert one.percent == pytest.approx(100.0 * (1.0 - balanced / bare), abs=0.05)
+
+
+def test_the_oracle_knows_the_noise_alone(tmp_path: Path) -> None:
+    """In white noise it knows little more than the rests show; who knows the signal too is never less sure."""
+    laboratory = drawn(FAMILIES["white"], 4)
+    write_campaign(laboratory, tmp_path)
+    analysis = analyzed(tmp_path, Measure(laboratory.metric))
+    known = oracle(laboratory, analysis.pairs[0], analysis.measure)
+    for one in analysis.reductions:
+        assert one.interval is not None
+        half = 0.5 * (one.interval[1] - one.interval[0])
+        assert 0.6 < half / known[one.axis][0] < 1.6
+        assert known[one.axis][1] < 1.25 * known[one.axis][0]  # 60 draws: to a tenth

@@ -10,7 +10,7 @@ from testbench.vibration import AmplitudeLikelihood, ConditionAmplitude, Group, 
 from testbench.vibration.amplitude import Amplitude, MetricStatistic, shifted
 from testbench.vibration.metrics import Measure
 from testbench.vibration.noise_floor import Noise, Segment
-from testbench.vibration.repeatability import Synchronous
+from testbench.vibration.repeatability import Synchronous, gain_error
 
 from ..coverage import assert_holds
 
@@ -92,6 +92,21 @@ def test_what_repeats_have_in_common():
     rng = np.random.default_rng(5)
     shared = Group(tuple(run(100.0, 0.0, rng, common=0.5) for _ in range(4)))
     assert Repeatability().variance(shared) == pytest.approx(0.5 + 0.5 / 4.0)
+
+
+def test_error_of_gains_in_a_narrow_band():
+    """One mode is nearly like its second derivative: noise moves a gain more than it would alone."""
+    rate, measure, time = 1000.0, Measure("rms"), np.arange(0.0, 1.5, 1e-3)
+    mode = np.sin(2 * np.pi * 20.0 * time) * np.exp(-3.0 * np.maximum(time - 0.3, 0.0)) * (time > 0.3)
+    rng, squares = np.random.default_rng(13), []
+    for _ in range(60):
+        records = [mode + 0.02 * rng.standard_normal(len(time)) for _ in range(3)]
+        runs = [{("s", "x"): Amplitude.of(r[None], rate, measure, (0.0, 0.25), (0.3, 1.5))[0]} for r in records]
+        both = Synchronous.of(runs)
+        noise = Noise.of([Segment(0.02 * rng.standard_normal(len(time)), rate) for _ in range(20)])
+        (place, mean) = next(iter(both.means.items()))
+        squares.append((both.gains[place] ** 2).sum() / gain_error(mean, both.weights[place], noise) ** 2)
+    assert 1.4 < np.mean(squares) < 2.6  # chi squared of two degrees of freedom: 2, 60 times, to 0.26
 
 
 def test_clearness():
