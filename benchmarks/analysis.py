@@ -7,15 +7,18 @@ removed, 0..200 Hz without phase, peak, peak to peak, root mean square, power sp
 reduction of the base's acceleration. Ours against the same steps by scipy on whole arrays, channel by channel, read by
 h5py; both from the same files. First each in a process of its own, for its memory, and what both found is compared;
 then in turn in one process, libraries imported, for the time. Reductions with their intervals, which scipy has not, are
-timed beside them: what `testbench analyze` takes.
+timed beside them: what `testbench analyze` takes. Both run with one thread of linear algebra, as that command does.
 """
 
 import argparse
+import os
 import statistics
 import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy is imported, as the commands do
 
 import numpy as np
 

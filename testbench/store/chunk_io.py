@@ -105,7 +105,7 @@ class OutFile(io.RawIOBase):
         super().close()
 
 
-WORTH = 1 << 20
+WORTH = 1 << 18
 """Bytes of a channel from which on it pays to read past HDF5."""
 _CHECKSUM_BYTES = 4
 _AT_ONCE = 16
@@ -144,11 +144,15 @@ def checked_samples(chunk: bytes) -> Samples:
 
 def is_possible(dataset: "h5py.Dataset", block: int) -> bool:
     """Whether ``dataset`` is long float64 in whole chunks of ``block`` samples, with no filter but the checksum."""
-    if dataset.dtype != np.dtype("<f8") or dataset.ndim != 1 or dataset.nbytes < WORTH or not hasattr(os, "preadv"):
+    import h5py
+
+    shape, kind = dataset.id.shape, dataset.id.dtype
+    if kind != np.dtype("<f8") or len(shape) != 1 or kind.itemsize * shape[0] < WORTH or not hasattr(os, "preadv"):
         return False
-    file, filters = dataset.file, dataset.id.get_create_plist().get_nfilters()
-    plain = file.driver == "sec2" and not file.userblock_size and filters == 1 and dataset.fletcher32
-    return plain and sys.byteorder == "little" and dataset.chunks == (block,)
+    file, plist = dataset.file, dataset.id.get_create_plist()
+    one = plist.get_nfilters() == 1 and plist.get_filter(0)[0] == h5py.h5z.FILTER_FLETCHER32
+    whole = one and plist.get_layout() == h5py.h5d.CHUNKED and plist.get_chunk() == (block,)
+    return whole and sys.byteorder == "little" and file.driver == "sec2" and not file.userblock_size
 
 
 def read_chunks(dataset: "h5py.Dataset", check: Callable[[int, Samples], None]) -> Samples:
@@ -165,8 +169,11 @@ def read_chunks(dataset: "h5py.Dataset", check: Callable[[int, Samples], None]) 
         _read(handle, places, values, range(first, min(first + _AT_ONCE, len(places))))
         check(first * length, values[first : first + _AT_ONCE].reshape(-1)[: total - first * length])
 
-    with ThreadPoolExecutor(2) as pool:
-        list(pool.map(read, range(0, len(places), _AT_ONCE)))
+    if len(places) <= _AT_ONCE:
+        read(0)
+    else:
+        with ThreadPoolExecutor(2) as pool:
+            list(pool.map(read, range(0, len(places), _AT_ONCE)))
     return values.reshape(-1)[:total]
 
 
