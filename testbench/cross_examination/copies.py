@@ -27,6 +27,8 @@ LEAST_BINS = 24
 """Frequencies below which nothing is compared."""
 SIMILAR = 0.3
 """Correlation of the phases from which two records are compared in full; of independent noise below 0.15."""
+COARSE, COARSELY_SIMILAR = 4, 0.2
+"""At first every fourth frequency is looked at, and as little correlation, as 1 in 50 pairs of other noise has."""
 REMAINDER = 0.25
 """Share of the noise that the difference of two records may have to be one: 2 of independent noise, 0 of copies."""
 
@@ -95,8 +97,6 @@ def _noisy(seen: Observation) -> list[ChannelRecord]:
 
 def _equal(records: list[tuple[int, ChannelRecord]]) -> list[tuple[int, int]]:
     """Pairs of runs whose records of one channel are the same."""
-    from scipy.fft import ifft
-
     if len(records) < 2:
         return []
     seconds = min(len(record.start) / record.rate_hz for _, record in records)
@@ -107,14 +107,21 @@ def _equal(records: list[tuple[int, ChannelRecord]]) -> list[tuple[int, int]]:
         return []
     signatures = [_signature(record, seconds, first, last) for _, record in records]
     phases = np.stack([one.phases for one in signatures])
+    coarse = phases[:, ::COARSE]
     pairs = []
     for i in range(len(records) - 1):
-        both = ifft(phases[i] * phases[i + 1 :].conj(), 2 * (last - first), axis=1)
-        peaks = 2.0 * np.abs(both).max(axis=1)
-        for j, peak in enumerate(peaks, i + 1):
-            if peak > SIMILAR and _difference(signatures[i], signatures[j]) < REMAINDER:
+        others = i + 1 + np.flatnonzero(_alike(coarse[i], coarse[i + 1 :]) > COARSELY_SIMILAR)
+        for j in others[_alike(phases[i], phases[others]) > SIMILAR]:
+            if _difference(signatures[i], signatures[j]) < REMAINDER:
                 pairs.append((records[i][0], records[j][0]))
     return pairs
+
+
+def _alike(phases: Complexes, others: Complexes) -> Floats:
+    """Largest correlation at any lag of phases (k,) with others (n, k), (n,) [-]."""
+    from scipy.fft import ifft
+
+    return np.asarray(2.0 * np.abs(ifft(phases * others.conj(), 2 * len(phases), axis=1)).max(axis=1))
 
 
 def _signature(record: ChannelRecord, seconds: float, first: int, last: int) -> _Signature:

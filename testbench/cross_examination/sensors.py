@@ -58,12 +58,9 @@ def levels(observations: Sequence[Observation]) -> list[Statement]:
     A single axis may rest within the sensor's step: it is dead where it vibrates in another run of that kind.
     """
     found = []
-    alive = {
-        (channel, *_kind(seen))
-        for seen in observations
-        for channel, record in seen.records.items()
-        if len(np.unique(record.start)) > MANY_STEPS
-    }
+    each = [((channel, *_kind(seen)), record) for seen in observations for channel, record in seen.records.items()]
+    silent = {kind for kind, record in each if record.dead}
+    alive = {kind for kind, record in each if kind in silent and len(np.unique(record.start)) > MANY_STEPS}
     for seen in observations:
         for channel, record in seen.records.items():
             if record.stuck is not None:
