@@ -282,8 +282,8 @@ def legs_by_accelerometer(run: SIRun) -> tuple[str, list[Leg], Floats]:
         every = max(int(grid.rate // (SAMPLES_PER_PERIOD * BANDWIDTH_HZ)), 1)
         coarse = Grid(grid.start + 0.5 * (every - 1) * grid.step, every * grid.step, grid.count // every)
         even = on_grid(time, run.stacked(columns), grid)[: coarse.count * every]
-        even = np.mean([even[i::every] for i in range(every)], axis=0)
-        even = (even - np.median(even[: max(len(even) // 20, 1)], axis=0)).T
+        even = np.einsum("nik->kn", even.reshape(coarse.count, every, -1)) / every
+        even -= np.median(even[:, : max(coarse.count // 20, 1)], axis=1, keepdims=True)
         values, axes = np.zeros((coarse.count, 3)), ["xyz".index(column.component) for column in columns]
         values[:, axes] = Band(0.0, BANDWIDTH_HZ).filtered(even, coarse.rate).T
         return run.group_of(columns[0]), legs_of_acceleration(coarse.time, values, REST_SHARE["acceleration"]), NO_GAP

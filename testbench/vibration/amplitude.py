@@ -119,11 +119,15 @@ class ConstrainedPeaks:
         ends, limit = self._ends[sign < 0], limits[sign < 0]
         near = ends >= min(float(ends.max()), float(limit.min())) - reach
         near[raised] = True
-        samples, heights = np.flatnonzero(np.repeat(near, self._lengths)), self._heights[near]
+        swings = np.flatnonzero(near)
+        lengths, heights, is_raised = self._lengths[swings], self._heights[swings], np.zeros(len(near), dtype=bool)
+        is_raised[raised] = True
+        begins = np.cumsum(lengths) - lengths
+        samples = np.repeat(self._starts[swings] - begins, lengths) + np.arange(lengths.sum())
         above, below = (limit[:, None] / np.where(heights > 0.0, heights, np.inf) for limit in limits)
-        factors = np.where(self._ends[0][near] > 0.0, above, below)
-        factors = np.where(np.isin(np.flatnonzero(near), raised), factors, np.minimum(factors, 1.0))
-        return samples, sign * self.course[samples] * np.repeat(factors, self._lengths[near], axis=1)
+        factors = np.where(self._ends[0][swings] > 0.0, above, below)
+        factors = np.where(is_raised[swings], factors, np.minimum(factors, 1.0))
+        return samples, sign * self.course[samples] * np.repeat(factors, lengths, axis=1)
 
 
 @dataclass(frozen=True)
@@ -358,20 +362,25 @@ class Amplitude:
 
 
 def shifted(values: Floats, lag: float, count: int) -> Floats:
-    """A record (m,) moved ``lag`` samples earlier, (count,), count at most m; beyond its ends it keeps its last value.
+    """A record (m,), or several of one length, [any unit] moved ``lag`` samples earlier, (count,) each, count at most
+    m; beyond their ends they keep their last values.
 
-    About its ends it is mirrored so that neither value nor slope jumps, and fades out.
+    About their ends they are mirrored so that neither value nor slope jumps, and fade out.
     """
     from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
-    pad = min(len(values) - 1, _FADING)
+    length = values.shape[-1]
+    pad = min(length - 1, _FADING)
     fading = np.sin(0.5 * np.pi * (np.arange(pad) + 0.5) / pad) ** 2
-    faded = np.pad(values, pad, "reflect", reflect_type="odd")
-    faded[:pad] *= fading
-    faded[-pad:] *= fading[::-1]
-    size, at = next_fast_len(len(faded), real=True), np.arange(count) + lag
-    moved = irfft(rfft(faded, size) * np.exp(2j * np.pi * lag * rfftfreq(size)), size)[pad : pad + count]
-    return np.where(at < 0.0, values[0], np.where(at > len(values) - 1, values[-1], moved))
+    size = next_fast_len(length + 2 * pad, real=True)
+    faded = np.zeros((*values.shape[:-1], size))
+    first, last = values[..., :1], values[..., -1:]
+    faded[..., :pad] = (2.0 * first - values[..., pad:0:-1]) * fading
+    faded[..., pad : pad + length] = values
+    faded[..., pad + length : length + 2 * pad] = (2.0 * last - values[..., -2 : -pad - 2 : -1]) * fading[::-1]
+    turn, at = np.exp(2j * np.pi * lag * rfftfreq(size)), np.arange(count) + lag
+    moved = irfft(rfft(faded) * turn, size)[..., pad : pad + count]
+    return np.where(at < 0.0, first, np.where(at > length - 1, last, moved))
 
 
 def with_shifts(course: Floats) -> Floats:

@@ -58,15 +58,14 @@ class AmplitudeLikelihood:
         low, high = (statistic.amplitude(max(v, 0.0)) for v in (net - reach, max(net, 0.0) + extra + reach))
         tried = np.linspace(low, high, POINTS)
         draws = statistic.readings(peaks, tried, noises)
-        scores = np.array([_score(*ranked, run.reading) for ranked in _ranked(draws)])
+        ranked, spread = np.sort(draws.T), draws.std(axis=0)
+        scores = _scores(ranked, spread, np.full(POINTS, run.reading))
         above = np.flatnonzero(scores > 0.0)
         if above.size and not statistic.squared:
-            drawn, shown = statistic.excess(peaks, tried[above], noises, run.as_read)
-            each = zip(_ranked(np.sqrt(drawn)), np.sqrt(shown), strict=True)
-            scores[above] = np.maximum([_score(*ranked, one) for ranked, one in each], 0.0)
+            drawn, shown = (np.sqrt(one) for one in statistic.excess(peaks, tried[above], noises, run.as_read))
+            scores[above] = np.maximum(_scores(np.sort(drawn.T), drawn.std(axis=0), shown), 0.0)
         table = np.minimum.accumulate(scores) - _DIGITS * np.arange(POINTS)
-        (lowest,) = _ranked(draws[:, :1])
-        rising = np.array([_score(*lowest, median) for median in np.median(draws, axis=0)])
+        rising = _scores(ranked[:1], spread[:1], np.median(draws, axis=0))
         common = _common(draws[:, int(np.argmin(np.abs(table)))], noises)
         return cls(statistic, run.reading, floor, run.saturated, common, tried, table, rising)
 
@@ -76,10 +75,7 @@ class AmplitudeLikelihood:
         Beyond the table it is linear in asinh(amplitude / noise scale): like the logarithm far above the noise, where
         runs differ by a share of their amplitude, and like the amplitude within the noise.
         """
-        low, high = self._asinh_scaled(self.amplitudes[[0, -1]])
-        at, slope = self._asinh_scaled(amplitude), (self.deviations[0] - self.deviations[-1]) / (high - low)
-        beyond = np.maximum(low - at, 0.0) - np.maximum(at - high, 0.0)
-        return np.interp(amplitude, self.amplitudes, self.deviations) + slope * beyond
+        return np.interp(amplitude, self.amplitudes, self.deviations) + self._beyond(amplitude)
 
     def distance(self, amplitude: Floats) -> Floats:
         """What each amplitude (k,) [unit] reads above an amplitude of zero, (k,) [standard deviations]."""
@@ -100,8 +96,17 @@ class AmplitudeLikelihood:
         """Amplitude below which noise dominates [unit]."""
         return float(_WITHIN * (self.amplitudes[-1] - self.amplitudes[0]) / (self.deviations[0] - self.deviations[-1]))
 
-    def _asinh_scaled(self, amplitude: Floats) -> Floats:
-        return np.arcsinh(amplitude / self.noise_scale)
+    @cached_property
+    def _ends(self) -> tuple[Floats, float]:
+        """asinh of the ends of the table over the noise scale, and the slope of the deviations between them."""
+        ends = np.arcsinh(self.amplitudes[[0, -1]] / self.noise_scale)
+        return ends, float((self.deviations[0] - self.deviations[-1]) / (ends[1] - ends[0]))
+
+    def _beyond(self, amplitude: Floats) -> Floats:
+        """What deviations are extrapolated by, (k,)."""
+        (low, high), slope = self._ends
+        at = np.arcsinh(amplitude / self.noise_scale)
+        return np.asarray(slope * (np.minimum(np.maximum(at, low), high) - at))
 
 
 def _common(draws: Floats, noises: NoiseRecords) -> float:
@@ -111,24 +116,21 @@ def _common(draws: Floats, noises: NoiseRecords) -> float:
     return float(np.clip(1.0 - left.var() / max(float(draws.var()), 1e-300), 0.0, 1.0))
 
 
-def _ranked(draws: Floats) -> list[tuple[Floats, float]]:
-    """Each column of draws (d, k), rising, (d,), and its standard deviation."""
-    return list(zip(np.sort(draws.T), draws.std(axis=0).tolist(), strict=True))
-
-
-def _score(ranked: Floats, spread: float, reading: float) -> float:
-    """Rank of a reading among draws (d,), rising, as a standard normal deviate; beyond them linear in their standard
-    deviation ``spread``.
+def _scores(ranked: Floats, spread: Floats, readings: Floats) -> Floats:
+    """Ranks of readings (k,), each among draws (k, d) or (1, d), rising, as standard normal deviates, (k,); beyond the
+    draws linear in their standard deviations (k,).
     """
-    scores, spread = _scores(len(ranked)), max(spread, _DIGITS * abs(float(ranked[-1])), 1e-300)
-    if reading > ranked[-1]:
-        return float(scores[-1] + (reading - ranked[-1]) / spread)
-    if reading < ranked[0]:
-        return float(scores[0] + (reading - ranked[0]) / spread)
-    return float(np.interp(reading, ranked, scores))
+    deviates, count = _deviates(ranked.shape[1]), ranked.shape[1]
+    after = np.clip((ranked <= readings[:, None]).sum(axis=1), 1, count - 1)
+    row = np.arange(len(readings)) % len(ranked)
+    low, high = ranked[row, after - 1], ranked[row, after]
+    share = np.clip((readings - low) / np.maximum(high - low, 1e-300), 0.0, 1.0)
+    beyond = readings - np.minimum(np.maximum(readings, ranked[:, 0]), ranked[:, -1])
+    found = deviates[after - 1] + share * (deviates[after] - deviates[after - 1])
+    return np.asarray(found + beyond / np.maximum(np.maximum(spread, _DIGITS * np.abs(ranked[:, -1])), 1e-300))
 
 
 @lru_cache(maxsize=4)
-def _scores(count: int) -> Floats:
+def _deviates(count: int) -> Floats:
     """Normal deviates of that many ranked draws, (count,) [-]."""
     return normal_quantile((np.arange(count) + 0.5) / count)

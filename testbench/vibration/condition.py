@@ -31,6 +31,7 @@ from .run_pairs import Pair
 from .tonal_lines import SHORTEST_S
 
 if TYPE_CHECKING:
+    from ..signal.filters import Band
     from ..store import Run
 
 PARALLEL = 2
@@ -79,11 +80,11 @@ class ConditionAmplitude:
 
     def deviation(self, amplitude: Floats) -> Floats:
         """The mean reading less what each amplitude (k,) [unit] would read, (k,) [standard deviations]."""
-        return self.group.deviations(amplitude).mean(axis=0) / self._error
+        return np.asarray(sum(run.deviation(amplitude) for run in self.runs) / (len(self.runs) * self._error))
 
     def distance(self, amplitude: Floats) -> Floats:
         """What each amplitude (k,) [unit] reads above zero amplitude, at most FAR, (k,) [standard deviations]."""
-        risen = np.mean([run.distance(amplitude) for run in self.runs], axis=0)
+        risen = np.asarray(sum(run.distance(amplitude) for run in self.runs)) / len(self.runs)
         return np.clip(risen / self._error, 0.0, FAR)
 
     @cached_property
@@ -237,13 +238,11 @@ class CampaignNoise:
                 residuals.setdefault((place, round(some[0].rate_hz)), []).extend(some)
         noises: dict[tuple[Place, int], Noise | None] = {}
         in_motion: dict[Place, bool] = {}
-        for key, density in least.items():
-            measure = next(iter(sides.values())).records[0][key[0]].measure
-            rest, left = rests.get(key, []), residuals.get(key, [])
-            at_rest, moving = Noise.of(rest, density), Noise.of(left, density)
-            louder = at_rest is not None and moving is not None and moving.exceeds(at_rest, measure.band)
-            noises[key] = moving if louder else Noise.of([*rest, *left], density)
-            in_motion[key[0]] = louder or in_motion.get(key[0], False)
+        band = conditions[0].measure.band if conditions else None
+        with ThreadPoolExecutor(PARALLEL) as pool:
+            each = pool.map(lambda k: _pooled(rests.get(k, []), residuals.get(k, []), least[k], band), least)
+            for key, (noise, louder) in zip(least, each, strict=True):
+                noises[key], in_motion[key[0]] = noise, louder or in_motion.get(key[0], False)
         found = cls(noises, in_motion, aligned)
         for condition in conditions:
             for place in (place for place in condition.places if not found.repeated(place)):
@@ -334,6 +333,16 @@ class CampaignNoise:
                 shown.append((both.over_time[place], float(one.moving.start - first.moving.start)))
         moving = one.moving or slice(0, len(one.course))
         return replace(one, over_time=NoiseOverTime.pooled(shown, len(one.course), moving)) if shown else one
+
+
+def _pooled(
+    rest: Sequence[Segment], left: Sequence[Segment], least: float, band: "Band | None"
+) -> tuple[Noise | None, bool]:
+    """The noise of rests and of what does not repeat; of the latter alone where that is louder, and whether it is."""
+    at_rest, moving = Noise.of(rest, least), Noise.of(left, least)
+    if at_rest is not None and moving is not None and moving.exceeds(at_rest, band):
+        return moving, True
+    return Noise.of([*rest, *left], least), False
 
 
 def _readable(

@@ -85,7 +85,7 @@ class Segment:
     def density(self, size: int) -> Floats:
         """One-sided power spectral density at size // 2 + 1 even frequencies, [unit^2/Hz]."""
         if size not in self._densities:
-            self._densities[size] = 2.0 * np.mean(np.abs(self.spectra(size)) ** 2, axis=0) / self.rate_hz
+            self._densities[size] = 2.0 * squared_magnitudes(self.spectra(size)).mean(axis=0) / self.rate_hz
         return self._densities[size]
 
     def spectra(self, size: int) -> np.ndarray:
@@ -103,9 +103,15 @@ def random_numbers(values: Floats) -> np.random.Generator:
 
 @lru_cache(maxsize=8)
 def tapers(count: int) -> Floats:
-    """Sines of whole half periods, each of power one, (TAPERS, count) [-]."""
+    """Sines of one, two and three half periods, each of power one, (3, count) [-]."""
     along = np.pi * np.arange(1, count + 1) / (count + 1)
-    return np.asarray(np.sin(np.outer(np.arange(1, TAPERS + 1), along)) * np.sqrt(2.0 / (count + 1)))
+    first, double = np.sqrt(2.0 / (count + 1)) * np.sin(along), 2.0 * np.cos(along)
+    return np.stack([first, double * first, (double**2 - 1.0) * first])
+
+
+def squared_magnitudes(spectra: np.ndarray) -> Floats:
+    """Squares of the magnitudes of spectra (m,) [any unit], (m,) [its square]; ``abs`` takes a root first."""
+    return np.asarray(spectra.real**2 + spectra.imag**2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -321,9 +327,10 @@ class NoiseRecords:
         [unit]; elsewhere they are lower by ``reach``.
         """
         tops = signals.max(axis=1)
-        near = self._near(samples, signals, tops, sign)
-        found = [[(noise + row[:, None]).max(axis=0) for row in levels] for noise, levels in near]
-        return np.asarray(self.scale * np.max(found, axis=0).T + tops)
+        found = np.full((len(signals), len(self.rounding)), -np.inf, np.float32)
+        for noise, levels in self._near(samples, signals, tops, sign):
+            np.maximum(found, (noise + levels[:, :, None]).max(axis=1), out=found)
+        return np.asarray(self.scale * found.T + tops)
 
     def excess(
         self, samples: Indices, signals: Floats, tops: Floats, added: Floats, sign: Literal[1, -1] = 1
@@ -331,12 +338,10 @@ class NoiseRecords:
         """Sum of the squares by which signals at rising ``samples`` (s,), (k, s) [unit], in each draw times ``sign``
         with what is ``added`` to it (draws,) [unit], exceed ``tops`` (k,) [unit], (draws, k) [unit^2].
         """
-        found = np.zeros((len(signals), len(added)))
+        found, raised = np.zeros((len(signals), len(added))), (added / self.scale).astype(np.float32)
         for noise, levels in self._near(samples, signals, tops, sign):
-            raised = noise + (added / self.scale).astype(np.float32)
-            for squares, row in zip(found, levels, strict=True):
-                above = np.maximum(raised + row[:, None], 0.0)
-                squares += np.einsum("ij,ij->j", above, above)
+            above = np.maximum(noise + raised + levels[:, :, None], np.float32(0.0))
+            found += np.einsum("kij,kij->kj", above, above)
         return np.asarray(self.scale**2 * found.T)
 
     def _near(
@@ -347,12 +352,12 @@ class NoiseRecords:
         """
         near = (signals >= tops[:, None] - self.reach).any(axis=0)
         samples, below = samples[near], ((signals[:, near] - tops[:, None]) / self.scale).astype(np.float32)
-        first = 0
+        first, at_once = 0, max(_AT_ONCE // (len(tops) * len(self.rounding)), 1)
         for part in self.draws.parts:
-            inside = np.arange(*np.searchsorted(samples, [first, first + len(part)]))
-            for rows in np.array_split(inside, inside.size * part.shape[1] // _AT_ONCE + 1):
-                if rows.size:
-                    yield sign * part[samples[rows] - first], below[:, rows]
+            inside = slice(*np.searchsorted(samples, [first, first + len(part)]))
+            for begin in range(inside.start, inside.stop, at_once):
+                rows = slice(begin, min(begin + at_once, inside.stop))
+                yield sign * part[samples[rows] - first], below[:, rows]
             first += len(part)
 
 

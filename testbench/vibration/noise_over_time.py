@@ -9,13 +9,13 @@ makes are to it, in bias and spread, as it is to the true one.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from balance.arrays import Floats
 
-from .noise_floor import random_numbers
+from .noise_floor import random_numbers, squared_magnitudes
 
 WIDTHS_S = (0.01, 0.014, 0.02, 0.028, 0.04, 0.056, 0.08, 0.16, 0.32)
 """Of the smoothing, standard deviations that are tried [s]."""
@@ -61,7 +61,7 @@ class NoiseOverTime:
         inside = slice(max(moving.start - known.start, 0), max(moving.stop - known.start, 0))
         power, shown = (residuals**2).sum(axis=0), residuals.shape[1]
         like, size = np.zeros(count), next_fast_len(2 * shown, real=True)
-        like[:shown] = irfft((np.abs(rfft(residuals, size)) ** 2).sum(axis=0), size)[:shown]
+        like[:shown] = irfft(squared_magnitudes(rfft(residuals, size)).sum(axis=0), size)[:shown]
         near = np.maximum(1.0 - np.arange(count) / (_ALIKE * max(moving.stop - moving.start, 1)), 0.0)
         squares = np.full(count, elsewhere)
         squares[known] = power / max(float(power[inside].mean()), 1e-300)
@@ -81,16 +81,16 @@ class NoiseOverTime:
     @cached_property
     def width(self) -> float:
         """Of the smoothing, as the data want it, standard deviation [samples]."""
-        from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+        from scipy.fft import irfft, next_fast_len, rfft
 
         count, size = len(self.squares), next_fast_len(2 * len(self.squares), real=True)
-        power = np.abs(rfft(self.squares, size)) ** 2
+        power = squared_magnitudes(rfft(self.squares, size))
         shared = irfft(power, size)[:count] / (1.0 + 2.0 * self.correlation / self.freedom)
         power[1:], shared[1:] = 2.0 * power[1:], 2.0 * shared[1:]
         cross = rfft(shared, size).real
         cross[1:] *= 2.0
         tried = np.array(WIDTHS_S) * self.rate_hz
-        gains = np.exp(-2.0 * (np.pi * np.outer(tried, rfftfreq(size))) ** 2)
+        gains = _gains(size, self.rate_hz)
         return float(tried[int(np.argmin(gains**2 @ power - 2.0 * gains @ cross))])
 
     @cached_property
@@ -113,6 +113,13 @@ class NoiseOverTime:
         at = np.clip((np.arange(count) + 0.5) / every - 0.5, 0.0, len(cells) - 1.001)
         low, share = at.astype(int), (at % 1.0).astype(np.float32)[:, None]
         return np.asarray(levels[low] * (1.0 - share) + levels[low + 1] * share)
+
+
+@lru_cache(maxsize=4)
+def _gains(size: int, rate_hz: float) -> Floats:
+    """Of the smoothing by each width at the frequencies of so many samples, (widths, size // 2 + 1) [-]."""
+    tried = np.array(WIDTHS_S) * rate_hz
+    return np.asarray(np.exp(-2.0 * (np.pi * np.outer(tried, np.fft.rfftfreq(size))) ** 2))
 
 
 def _smoothed(values: Floats, width: float) -> Floats:

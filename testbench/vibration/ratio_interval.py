@@ -17,8 +17,10 @@ from balance.estimation.estimate import LEVEL, normal_probability, normal_quanti
 
 from .condition import ConditionAmplitude, pooled_degrees_of_freedom
 
-_FINE = 401
-"""Amplitudes without counter-masses among which the likeliest is searched."""
+_FINE = 65
+"""Amplitudes between three of a grid among which the likeliest is searched: to less than 1e-3 standard deviations."""
+_TOLERANCE = 1e-10
+"""Of an end, relative and absolute."""
 _FIRST_STEP = 1.0 / 64.0
 """First step of the search for the upper end, of the largest amplitude with counter-masses."""
 _DOUBLINGS = 60
@@ -87,13 +89,27 @@ class Ratio:
 
     def _standardized(self, ratio: float) -> tuple[float, float]:
         """The reading's deviation at a ratio, as a standard normal deviate, and the ratio's distance from zero."""
-        tried = self.unbalanced.amplitudes
-        for _ in range(2):
-            upper, lower = self.balanced.deviation(ratio * tried), self.unbalanced.deviation(tried)
-            best = int(np.argmin(upper**2 + lower**2))
-            near = tried[max(best - 1, 0)], tried[min(best + 1, len(tried) - 1)]
-            tried, kept = np.linspace(*near, _FINE), (upper[best], lower[best], tried[best])
-        above, below, amplitude = kept
+        if ratio not in self._known:
+            self._known[ratio] = self._standardized_anew(ratio)
+        return self._known[ratio]
+
+    @cached_property
+    def _known(self) -> dict[float, tuple[float, float]]:
+        return {}
+
+    @cached_property
+    def _coarse(self) -> Floats:
+        """Deviations without counter-masses of the amplitudes that are tried first, (k,)."""
+        return self.unbalanced.deviation(self.unbalanced.amplitudes)
+
+    def _standardized_anew(self, ratio: float) -> tuple[float, float]:
+        tried, lower = self.unbalanced.amplitudes, self._coarse
+        upper = self.balanced.deviation(ratio * tried)
+        best = int(np.argmin(upper**2 + lower**2))
+        tried = np.linspace(tried[max(best - 1, 0)], tried[min(best + 1, len(tried) - 1)], _FINE)
+        upper, lower = self.balanced.deviation(ratio * tried), self.unbalanced.deviation(tried)
+        best = int(np.argmin(upper**2 + lower**2))
+        above, below, amplitude = upper[best], lower[best], tried[best]
         total = max(above**2 + below**2, 1e-300)
         sign = np.sign(self.balanced.deviation(np.array([ratio * self.unbalanced.amplitude]))[0])
         free = pooled_degrees_of_freedom((self.balanced, self.unbalanced), (above**2 / total, below**2 / total))
@@ -106,7 +122,7 @@ def _end(excess: Callable[[float], float], inside: float, outside: float) -> flo
     """Zero of an excess between two ratios; the inner one where the excess is zero there already (no noise)."""
     from scipy.optimize import brentq
 
-    return inside if excess(inside) <= 0.0 else float(brentq(excess, inside, outside))
+    return inside if excess(inside) <= 0.0 else float(brentq(excess, inside, outside, xtol=_TOLERANCE, rtol=_TOLERANCE))
 
 
 def normal_deviates(deviations: Floats, degrees_of_freedom: float) -> Floats:

@@ -18,7 +18,7 @@ from balance.estimation.estimate import chi_square_tail, coverage_factor, f_tail
 
 from .amplitude import Amplitude, Place, shifted, with_shifts
 from .amplitude_likelihood import AmplitudeLikelihood
-from .noise_floor import Noise, Segment
+from .noise_floor import Noise, Segment, squared_magnitudes
 from .noise_over_time import NoiseOverTime
 
 DIFFER = 0.01
@@ -252,10 +252,11 @@ class Synchronous:
         if len(shared) <= 2 * EDGE:
             return None
         common = slice(int(shared[0]) + EDGE * (shared[0] > 0), int(shared[-1]) + 1 - EDGE * (shared[-1] < count - 1))
-        for place, turned in zip(places, signs.T, strict=True):
-            whole = turned[:, None] * [
-                shifted(run[place].whole, lag, count) for run, lag in zip(runs, lags, strict=True)
-            ]
+        moved = [
+            _moved([run[place].whole for place in places], lag, count) for run, lag in zip(runs, lags, strict=True)
+        ]
+        for i, (place, turned) in enumerate(zip(places, signs.T, strict=True)):
+            whole = turned[:, None] * [records[i] for records in moved]
             mean = (whole * held).sum(axis=0) / held.sum(axis=0)
             basis = with_shifts(first[place].in_band(mean))[common]
             apart = (whole - mean).T[common]
@@ -273,6 +274,12 @@ class Synchronous:
             residuals[place] = tuple(Segment((level * one / over_time)[part], rate, 1.0 / scale**2) for one in left)
             means[place] = replace(first[place].mean_of([run[place] for run in runs], lags, mean), envelope=fewer)
         return cls(means, residuals, courses, tuple(lags), gains, weights)
+
+
+def _moved(records: Sequence[Floats], lag: float, count: int) -> Sequence[Floats]:
+    """Each record (m,) moved; at once where they are of one length."""
+    same = len({len(values) for values in records}) == 1
+    return list(shifted(np.array(records), lag, count)) if same else [shifted(values, lag, count) for values in records]
 
 
 def gain_error(mean: Amplitude, weights: Floats, noise: Noise) -> float:
@@ -340,7 +347,7 @@ def _likelihood(spectra: np.ndarray, firsts: np.ndarray, about: int) -> Floats:
     """
     size = 2 * (spectra.shape[1] - 1)
     turned = spectra * np.exp(2j * np.pi * about * np.arange(spectra.shape[1]) / size)
-    apart = np.abs(turned - firsts) ** 2
+    apart = squared_magnitudes(turned - firsts)
     smooth = np.array([np.convolve(row, np.full(_NEIGHBOURS, 1.0 / _NEIGHBOURS), "same") for row in apart])
     weighted = spectra * np.conj(firsts) / np.maximum(smooth, 1e-12 * smooth.max())
     return np.asarray(0.5 * size * np.fft.irfft(weighted, size).sum(axis=0))

@@ -84,6 +84,6 @@ def observed_resolution(values: Floats) -> float:
 
     So many samples show the step of any converter that is not lost in noise.
     """
-    steps = np.diff(np.unique(values[:: max(len(values) // _SAMPLES, 1)]))
+    steps = np.diff(np.sort(values[:: max(len(values) // _SAMPLES, 1)]))
     real = steps[steps > 1e-9 * max(float(np.abs(values).max(initial=0.0)), 1e-300)]
     return float(real.min()) if real.size else 0.0

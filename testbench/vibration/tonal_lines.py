@@ -7,6 +7,8 @@ import numpy as np
 
 from balance.arrays import Floats
 
+from .noise_floor import squared_magnitudes
+
 MAINS_HZ = (50.0, 60.0)
 OFF_HZ = 0.15
 """Standard deviation of the mains' frequency about its nominal one."""
@@ -42,8 +44,9 @@ class Lines:
             return None
         slow = np.vander(np.linspace(-1.0, 1.0, len(resting)), 2)
         flat = resting - slow @ _solved(slow, resting)
-        power = np.abs(rfft(flat, 2 * next_fast_len(_FINER * len(flat) // 2, real=True))) ** 2
-        best = max((_candidate(flat, power, rate_hz, hz) for hz in MAINS_HZ), key=lambda found: found[0])
+        power = squared_magnitudes(rfft(flat, 2 * next_fast_len(_FINER * len(flat) // 2, real=True)))
+        about = _periodogram(flat)
+        best = max((_candidate(flat, power, about, rate_hz, hz) for hz in MAINS_HZ), key=lambda found: found[0])
         _, hz, orders = best
         if not len(orders):
             return None
@@ -53,7 +56,7 @@ class Lines:
             shares = _solved(np.column_stack([waves, slow]), resting)[:size]
             design = np.column_stack([waves, _by_frequency(waves, rate_hz, orders, shares), slow])
             left = resting - waves @ shares
-            weights = _weights(left - slow @ _solved(slow, left), rate_hz, hz, orders)
+            weights = _weights(_periodogram(left - slow @ _solved(slow, left)), count, rate_hz, hz, orders)
             scale = np.concatenate([np.repeat(weights, 2), [weights.mean()], np.full(slow.shape[1], weights.mean())])
             information = design.T @ design / np.sqrt(np.outer(scale, scale))
             nominal = min(MAINS_HZ, key=lambda mains: abs(mains - hz))
@@ -99,34 +102,39 @@ def _by_frequency(waves: Floats, rate_hz: float, orders: Floats, shares: Floats)
     return np.asarray(2.0 * np.pi * (np.arange(len(waves)) + 0.5) / rate_hz * (waves @ turned))
 
 
-def _candidate(flat: Floats, power: Floats, rate_hz: float, mains: float) -> tuple[float, float, Floats]:
-    """How significant lines of one mains are in what has no slope (n,), by its periodogram (m,), at the likeliest
-    fundamental, and the orders of those that are.
+def _candidate(flat: Floats, power: Floats, about: Floats, rate_hz: float, mains: float) -> tuple[float, float, Floats]:
+    """How significant lines of one mains are in what has no slope (n,), by its power (m,) and its periodogram (k,), at
+    the likeliest fundamental, and the orders of those that are.
     """
     orders = np.arange(1, min(HARMONICS, int(0.38 * rate_hz / mains)) + 1).astype(float)
     tried = mains + np.linspace(-3.0, 3.0, _TRIED) * OFF_HZ
     powers = np.interp(np.outer(tried, orders), np.linspace(0.0, rate_hz / 2.0, len(power)), power)
     best = int(np.argmax(powers.sum(axis=1) * np.exp(-0.5 * ((tried - mains) / OFF_HZ) ** 2)))
     hz, count = float(tried[best]), len(flat)
-    rough = 2.0 / count * powers[best] / _weights(flat, rate_hz, hz, orders)
+    rough = 2.0 / count * powers[best] / _weights(about, count, rate_hz, hz, orders)
     if count >= rate_hz and rough.max() < 0.5 * _SIGNIFICANT:  # over many periods that is the ratio below, to a third
         return 0.0, hz, orders[:0]
     waves = _waves(count, rate_hz, hz, orders)
     shares = _solved(waves, flat)
-    variance = _weights(flat - waves @ shares, rate_hz, hz, orders) * 2.0 / count
+    variance = _weights(_periodogram(flat - waves @ shares), count, rate_hz, hz, orders) * 2.0 / count
     ratio = (shares.reshape(-1, 2) ** 2).sum(axis=1) / np.maximum(variance, 1e-300)
     return float(ratio[ratio > _SIGNIFICANT].sum()), hz, orders[ratio > _SIGNIFICANT]
 
 
-def _weights(left: Floats, rate_hz: float, hz: float, orders: Floats) -> Floats:
-    """Variance of white noise with the density that what is left has around each order, (h,) [unit^2]."""
-    from scipy.fft import next_fast_len, rfft, rfftfreq
+def _periodogram(left: Floats) -> Floats:
+    """Variance of white noise with the density that what is left (n,) has at even frequencies, (k,) [unit^2]."""
+    from scipy.fft import next_fast_len, rfft
 
-    size = next_fast_len(4 * len(left), real=True)
-    power = np.abs(rfft(left * _hanning(len(left)), size)) ** 2 / (0.375 * len(left))
-    frequency = rfftfreq(size, 1.0 / rate_hz)
-    reach = max(0.4 * hz, 3.0 * rate_hz / len(left))
-    ends = np.searchsorted(frequency, [orders * hz - reach, orders * hz + reach])
+    count = len(left)
+    return squared_magnitudes(rfft(left * _hanning(count), next_fast_len(4 * count, real=True))) / (0.375 * count)
+
+
+def _weights(power: Floats, count: int, rate_hz: float, hz: float, orders: Floats) -> Floats:
+    """Mean of a periodogram (k,) of ``count`` samples around each order, (h,) [unit^2]."""
+    from scipy.fft import next_fast_len
+
+    step, reach = rate_hz / next_fast_len(4 * count, real=True), max(0.4 * hz, 3.0 * rate_hz / count)
+    ends = np.maximum(np.ceil(np.stack([orders * hz - reach, orders * hz + reach]) / step).astype(int), 0)
     return np.array([max(float(power[first:last].mean()), 1e-300) for first, last in ends.T])
 
 

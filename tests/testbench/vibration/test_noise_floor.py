@@ -7,7 +7,7 @@ import pytest
 from testbench.signal.filters import Band
 from testbench.vibration import Noise
 from testbench.vibration.metrics import Measure
-from testbench.vibration.noise_floor import NoiseRecords, Segment, noise_draws
+from testbench.vibration.noise_floor import NoiseRecords, Segment, noise_draws, tapers
 
 RATE = 1000.0
 PASSED = 0.875 * (np.pi / 8) / np.sin(np.pi / 8)
@@ -17,6 +17,13 @@ PASSED = 0.875 * (np.pi / 8) / np.sin(np.pi / 8)
 def white(seed: int, count: int, size: float = 1.0) -> Segment:
     """A rest in white noise."""
     return Segment(size * np.random.default_rng(seed).normal(size=count), RATE)
+
+
+def test_tapers():
+    """Sines of one, two and three half periods, orthogonal and of power one."""
+    sines = np.sin(np.pi * np.outer([1, 2, 3], np.arange(1, 1000)) / 1000) * (2.0 / 1000) ** 0.5
+    np.testing.assert_allclose(tapers(999), sines, atol=1e-14)
+    np.testing.assert_allclose(sines @ sines.T, np.eye(3), atol=1e-12)
 
 
 def test_white_noise():

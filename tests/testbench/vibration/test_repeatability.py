@@ -179,6 +179,8 @@ def test_moved_record():
     wave = lambda at: np.sin(0.2 * at + 0.3) + 0.01 * at  # noqa: E731
     np.testing.assert_allclose(shifted(wave(time), 0.4, 600)[:599], wave(time + 0.4)[:599], atol=0.02)
     np.testing.assert_allclose(shifted(wave(time), 0.4, 600)[20:580], wave(time + 0.4)[20:580], atol=3e-4)
+    several = np.array([wave(time), -2.0 * wave(time)])
+    np.testing.assert_allclose(shifted(several, -7.3, 580)[1], -2.0 * shifted(several[0], -7.3, 580), atol=1e-12)
 
 
 @pytest.mark.parametrize(
