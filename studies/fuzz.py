@@ -181,6 +181,8 @@ def main(what: str, name: str, place: str, work: str, *limits: str) -> None:
         read(Path(shutil.copy(place, Path(work, name))))
         largest = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
         assert largest < MOST_MEMORY_MB << 10, f"took {largest >> 10} MB"
+        spent = sum(os.times()[:4])  # a process that reads apart ends at the limit too, and is said to be refused
+        assert spent < LONGEST_S, f"took {spent:.0f} s"
         return
     import atheris
 
