@@ -100,7 +100,8 @@ def plotted(kind: str, name: str, unit: str, time: Floats, values: Floats, spans
         time, values = time[known], values[known]
     count = len(values)
     step = float(time[-1] - time[0]) / (count - 1) if count > 1 else 1.0
-    even = count < 3 or bool(np.abs(np.diff(time) - step).max() <= 0.5 * step)
+    steps = np.diff(time)
+    even = count < 3 or bool(steps.min() >= 0.5 * step and steps.max() <= 1.5 * step)
     if count <= 2 * spans and even:
         return PlottedChannel(kind, name, unit, float(time[0]), step, count, *_rounded(values))
     spans = spans if even else min(spans, max(count // 4, 1))  # so that a span without a sample is a gap

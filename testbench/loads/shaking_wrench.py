@@ -94,7 +94,7 @@ def shaking_wrench(
     if not preload:
         still = _at_rest(np.vstack([readings.T for readings in loads.values()]), rate)
         loads, tare = {name: without_preload(values, still) for name, values in loads.items()}, _tare(still, rate)
-    loads = {name: np.where(full[name], np.nan, values) for name, values in loads.items()}
+    loads = {n: np.where(full[n], np.nan, values) if full[n].any() else values for n, values in loads.items()}
     values, reasons = _total(supports, loads, np.array(point), dead)
     clipped = {
         name: tuple((float(time[part.start]), float(time[part.stop - 1])) for part in parts)
@@ -124,8 +124,9 @@ def without_preload(values: Floats, rest: "tuple[slice, slice]") -> Floats:
     if len(ends) == 1:
         return values - ends[0][1]
     (a, before), (b, after) = ends
-    slope = (after - before) / (b - a)
-    return values - before - (np.arange(len(values))[:, None] - a) * slope
+    line = (np.arange(len(values))[:, None] - a) * ((after - before) / (b - a))
+    line += before
+    return np.subtract(values, line, out=line)
 
 
 def _tare(rest: "tuple[slice, slice]", rate: float) -> str:

@@ -27,6 +27,7 @@ from ..rig.sensors import Encoder
 from ..runs.aligned_run import AlignedRun
 from ..runs.si_run import SIRun
 from ..vibration.channel_levels import ChannelLevels, channel_levels
+from ..vibration.condition import PARALLEL
 from ..vibration.metrics import DEFAULT_BAND, Measure
 from ..vibration.run_amplitudes import AmplitudesOfRun, amplitudes_or_reason
 from ..vibration.run_pairs import pairs
@@ -83,7 +84,9 @@ class Reporting:
         plotted too. ``accept``: codes of contradictions that a person accepts.
         """
         given = load_mechanism(self.mechanism) if self.mechanism else None
-        found = dict(pool.results(partial(_observed_and_reported, how=self, known={}, given=given, spans=spans), runs))
+        work = partial(_observed_and_reported, how=self, known={}, given=given, spans=spans)
+        with ThreadPoolExecutor(PARALLEL) as threads:
+            found = dict(enumerate(threads.map(work, runs)) if pool is HERE else pool.results(work, runs))
         examination = hear([seen for place in range(len(runs)) if (seen := found[place][0])], accept).decided(runs)
         reports, unread = {}, dict[str, str]()
         for place, run in enumerate(runs):
@@ -103,11 +106,9 @@ def _observed_and_reported(
     seen = None
     try:
         bound = _in_memory(SIRun.of(run))
-        with ThreadPoolExecutor(1) as other:
-            amplitudes = None if how.measure is None else other.submit(amplitudes_or_reason, bound, how.measure)
-            seen = observed(bound, known, given)
-            report = _report(bound, how, seen, spans)
-            return seen, replace(report, amplitudes=None if amplitudes is None else amplitudes.result())
+        seen = observed(bound, known, given)
+        report = _report(bound, how, seen, spans)
+        return seen, replace(report, amplitudes=amplitudes_or_reason(bound, how.measure) if how.measure else None)
     except CounterpoiseError as error:
         return seen, str(error)
 

@@ -123,7 +123,8 @@ def base_response(run: "SIRun", wrench: "MeasuredWrench", highest_hz: float = HI
     forces = {}
     for name, values in wrench.values.items():
         if values is not None and not np.isnan(values).any():
-            quiet = min(float(part.std()) for part in np.array_split(values, 20))
+            part = max(len(values) // 20, 1)
+            quiet = values[: len(values) // part * part].reshape(-1, part).std(axis=1).min()
             if values.std() > PROMINENCE * quiet:
                 forces[name] = values
     columns = [column for column in base_columns(run) if f"F{column.component}" in forces]

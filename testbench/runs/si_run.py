@@ -28,6 +28,8 @@ from .calibration_history import CalibrationInForce, CalibrationRecord
 
 _LARGEST = 1e100
 """What no sensor shows [SI]; squares of larger values could not be added up."""
+KEPT_SAMPLES = 1 << 20
+"""Of a channel in memory as recorded, up to which it is kept in SI as well."""
 AT_RANGE = 1.0 - 1e-4
 """Share of its range from which a sensor counts as saturated."""
 RESOLVED_BY_CALIBRATION = frozenset({"uncalibrated", "calibration_contradiction"})
@@ -170,10 +172,11 @@ class SIRun:
 
     def readings(self, column: Column) -> Floats:
         """A channel (n,) [SI] as its sensor gives it, NaN where the log holds no number."""
-        if self._preloaded:
-            return self._computed(column)
         if column.channel not in self._values:
-            self._values[column.channel] = found = self._computed(column)
+            found = self._computed(column)
+            if self._preloaded and found.size > KEPT_SAMPLES:
+                return found
+            self._values[column.channel] = found
             found.flags.writeable = False
         return self._values[column.channel]
 
@@ -286,8 +289,9 @@ class SIRun:
         return group.channels[index].unit
 
     def preloaded(self, columns: Iterable[Column], begin: int = 0, end: int | None = None) -> "SIRun":
-        """The same run with these channels in memory as recorded, read in one opening of its file; SI is not kept.
+        """The same run with these channels in memory as recorded, read in one opening of its file.
 
+        Long ones are not kept in SI.
         With ``begin`` and ``end`` they are those samples alone: for :meth:`readings`, not for what asks for instants.
         """
         places = [self.recorded.find(column.channel) for column in columns]

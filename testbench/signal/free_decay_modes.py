@@ -29,6 +29,8 @@ LEAST_SHARE = 0.02
 """Of the strongest mode's amplitude, below which a mode may be the residual of stronger ones."""
 LEAST_PERIODS = 2.0
 """Of a mode within the decay, below which it cannot be distinguished from a drift."""
+ROUGHLY, EXACTLY = 1e-3, 1e-8
+"""Change of the sum of squares, as a share of it, that ends a search: while modes are sought, and at last."""
 LEAST_SAMPLES = 40
 BLOCK = 40
 """Samples of a damped sine that are computed; the others are these, turned [at most LEAST_SAMPLES]."""
@@ -84,13 +86,14 @@ def free_decay_modes(decay: Floats, rate_hz: float, highest_hz: float, ambient: 
     pairs: Floats = np.empty((0, 2))
     best = fit.criterion(pairs)
     for _ in range(MOST_MODES):
-        more = fit.refined(np.vstack([pairs, fit.next(pairs, highest_hz)]), highest_hz)
+        more = fit.refined(np.vstack([pairs, fit.next(pairs, highest_hz)]), highest_hz, ROUGHLY)
         found = fit.criterion(more)
         if not found < best:
             break
         pairs, best = more, found
     if not len(pairs):
         raise AnalysisError("nothing rings after the motion above the noise: no mode is determined")
+    pairs = fit.refined(pairs, highest_hz, EXACTLY)
     return fit.with_intervals(pairs[np.argsort(pairs[:, 0])], size)
 
 
@@ -149,17 +152,17 @@ class _Fit:
 
     def next(self, pairs: Floats, highest: float) -> Floats:
         """Frequency at which the residual has most power, with a damping to start from, (1, 2)."""
-        from scipy.fft import rfft
+        from scipy.fft import next_fast_len, rfft
 
         residual = self.residual(pairs)
-        count = 8 * len(residual)
+        count = next_fast_len(4 * len(residual), real=True)
         frequency = np.fft.rfftfreq(count, float(self.time[1]))
         power = (np.abs(rfft(residual.T, count)) ** 2).sum(axis=0)
         power[(frequency < 1.0 / float(self.time[-1])) | (frequency > highest)] = 0.0
         return np.array([[float(frequency[power.argmax()]), 0.05]])
 
-    def refined(self, pairs: Floats, highest: float) -> Floats:
-        """The least squares near ``pairs``; frequency and damping bounded."""
+    def refined(self, pairs: Floats, highest: float, share: float) -> Floats:
+        """The least squares near ``pairs``, to a ``share`` of their sum [-]; frequency and damping bounded."""
         from scipy.optimize import least_squares
 
         first = np.eye(1, 1 + 2 * len(pairs))[0]
@@ -173,7 +176,7 @@ class _Fit:
         def slopes(x: Floats) -> Floats:
             return self.slopes(x.reshape(-1, 2))
 
-        done = least_squares(residual, start, slopes, bounds=(low, high), x_scale=start, max_nfev=60)
+        done = least_squares(residual, start, slopes, ftol=share, bounds=(low, high), x_scale=start, max_nfev=60)
         return np.asarray(done.x).reshape(-1, 2)
 
     def criterion(self, pairs: Floats) -> float:

@@ -71,7 +71,7 @@ def welch(
             "segment or more"
         )
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(segment) / segment)
-    values = [np.ascontiguousarray(v, dtype=np.float64) for v in channels]
+    values = [np.require(v, np.float64, ["C", "W"]) for v in channels]  # compiled loops take what can be written alone
     count = (lengths[0] - segment) // (segment // 2) + 1
     frequency = np.fft.rfftfreq(segment, 1.0 / rate_hz)
     lines = len(frequency) if highest_hz is None else int(np.searchsorted(frequency, highest_hz, "right"))
