@@ -55,6 +55,7 @@
       return { panel, figure, caption, shapes, points: steps(panel.points) };
     });
     host.replaceChildren(...panels.map(({ figure }) => figure));
+    const rounding = 1e-6 * Math.max(...motion.panels.map((panel) => panel.largest_N));
     return (frame) => {
       for (const { panel, points, shapes, caption } of panels) {
         const place = (i) => [0, 1].map((k) => points[2 * (frame * panel.count + i) + k] / 10);
@@ -66,7 +67,7 @@
             one.setAttribute("cy", y);
           } else one.setAttribute("points", shape.points.map((i) => place(i).join()).join(" "));
         });
-        if (motion.time.length > 1) caption.textContent = `${panel.label}: shaking force ${panel.force_N[frame]} N, largest ${+panel.largest_N.toPrecision(4)} N`;
+        if (motion.time.length > 1) caption.textContent = `${panel.label}: shaking force ${panel.force_N[frame] < rounding ? 0 : panel.force_N[frame]} N, largest ${+panel.largest_N.toPrecision(4)} N`;
       }
     };
   };
@@ -160,9 +161,9 @@
           const y = values[i];
           if (x >= min && x <= max && y !== null && y !== undefined) { low = Math.min(low, y); high = Math.max(high, y); }
         });
-        return low > high ? `${line.label}: nothing` : `${line.label}: ${low.toPrecision(4)} .. ${high.toPrecision(4)}`;
+        return low > high ? `${line.label}: nothing` : `${line.label}: ${+low.toPrecision(4)} to ${+high.toPrecision(4)}`;
       });
-      plot.text.textContent = `${min.toPrecision(4)} .. ${max.toPrecision(4)} ${unit}; ${parts.join("; ")}`;
+      plot.text.textContent = `From ${+min.toPrecision(4)} to ${+max.toPrecision(4)} ${unit}: ${parts.join("; ")}`;
     };
     const show = (min, max) => {
       moving = true;
@@ -199,11 +200,12 @@
       box.setAttribute("aria-label", title);
       box.append(made("h3", title));
       at("series-plots").append(box);
+      const value = (_, at) => (at === null || at === undefined ? "" : +at.toPrecision(5));
       const hues = ["--without", "--with", "--payload", "--link", "--warn", "--ink"];
       const series = lines.flatMap(({ run, one, label, hue }) => {
         const words = label || (run.label === run.name && run.name) || `${run.name}, ${run.balanced ? "with" : "without"} counter-masses`;
         const stroke = colour(hue === undefined ? (run.balanced ? "--with" : "--without") : hues[hue % hues.length]);
-        const line = { label: words, stroke, width: 1.2, points: { show: false }, dash: run.again ? [6, 4] : undefined };
+        const line = { label: words, stroke, value, width: 1.2, points: { show: false }, dash: run.again ? [6, 4] : undefined };
         return one.half_width ? [line, ...["from", "to"].map((end) => ({ label: end, width: 0, points: { show: false } }))] : [line];
       });
       const bands = series.flatMap((line, i) => (line.label === "to" && line.width === 0 ? [{ series: [i + 1, i], fill: colour("--band") }] : []));
@@ -213,7 +215,7 @@
         cursor: { sync: { key: "counterpoise" }, drag: { x: true, y: false } },
         scales: { x: { time: false, distr: time ? 1 : 3 }, y: { distr: time ? 1 : 3 } },
         axes: [{ ...axis, label: time ? data.time || "time [s]" : "frequency [Hz]", labelSize: 22 }, { ...axis, size: 70 }],
-        series: [{ label: time ? "s" : "Hz" }, ...series],
+        series: [{ label: time ? "at [s]" : "at [Hz]", value }, ...series],
         bands,
         hooks: { setScale: [(self, key) => {
           if (key === "x" && !moving && plots.some((plot) => plot.u === self)) show(self.scales.x.min, self.scales.x.max);

@@ -37,7 +37,7 @@ from ..vibration.comparison import Comparison, compare_campaign
 from ..vibration.metrics import DEFAULT_BAND, Measure
 from ..vibration.reduction import verdict as reduction_verdict
 from ..vibration.run_pairs import pairs
-from .page_contents import conditions_of, motions_of, reductions_svg, spans_of, strongest_condition
+from .page_contents import conditions_of, motions_of, reductions_svg, run_label, spans_of, strongest_condition
 from .run_report import Reporting, RunReport
 from .sections import torque_changes
 
@@ -130,6 +130,7 @@ class CampaignReport:
         }
         about = {
             "sections": SECTIONS,
+            "labels": {run.name: run_label(run)[0] for run in self.runs},
             "figure": None if isinstance(found, str) else reductions_svg(found),
             "pictures": [] if isinstance(found, str) else strongest_condition(found, self.runs),
             "calibrations": [str(one) for one in calibrations_in_force(SIRun.of(run) for run in self.runs if run.rig)],

@@ -56,9 +56,11 @@ def plotted_run(run: SIRun, levels: "Sequence[ChannelLevels]", spans: int) -> Pl
 
 
 def run_label(run: "Run | SIRun") -> tuple[str, bool]:
-    """How a run is called in a list, and whether it has counter-masses."""
+    """How a run is called in a list, by what the run table states of it, and whether it has counter-masses."""
     masses = any(run.conditions.get("counter_masses", {}).values())
-    return f"{run.name}: {condition_of(run)}, {'with' if masses else 'without'} counter-masses", masses
+    mounted = [f"{'with' if masses else 'without'} counter-masses"] if "counter_masses" in run.conditions else []
+    stated = [condition_of(run), *mounted] if condition_of(run) != run.name else mounted
+    return ": ".join([run.name, *([", ".join(stated)] if stated else [])]), masses
 
 
 def unit_of(run: SIRun, column: "Column") -> str:

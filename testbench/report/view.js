@@ -49,7 +49,7 @@ window.live = ({ at, made, asked }) => {
             const [start, end] = plot.ends, [left, right] = [Math.max(low - width, start), Math.min(high + width, end)];
             const lacking = plot.lines.map(({ one }) => one).filter((one) => one.from > Math.max(low - width / 4, start)
               || one.to < Math.min(high + width / 4, end) || (!one.whole && Math.min(one.to, end) - Math.max(one.from, start) > 2 * (right - left)));
-            if (!lacking.length) return;
+            if (!lacking.length || right <= left) return; // or the view is beside what this plot holds
             await Promise.all(lacking.map((one) => fetched(one, left, right, WIDTHS * spans())));
             if (!plot.box.isConnected) return;
             const last = wanted || { min: low, max: high };

@@ -84,7 +84,8 @@ def hostile(made):
 
     from testbench.report import campaign_page as module
 
-    about = {"sections": module.SECTIONS, "figure": "", "pictures": [], "calibrations": [HOSTILE]}
+    labels = {renamed(run["run"]): renamed(run["run"]) for run in document["runs"]}
+    about = {"sections": module.SECTIONS, "figure": "", "pictures": [], "calibrations": [HOSTILE], "labels": labels}
     template = Path(module.__file__).with_name("campaign.html")
     return Page(template, renamed(document) | {"campaign": HOSTILE}, renamed(data), about).write(
         path.with_name("hostile.html")
