@@ -105,7 +105,7 @@ class OutFile(io.RawIOBase):
         super().close()
 
 
-WORTH = 1 << 18
+WORTH = 1 << 19
 """Bytes of a channel from which on it pays to read past HDF5."""
 _CHECKSUM_BYTES = 4
 _AT_ONCE = 16
