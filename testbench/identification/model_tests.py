@@ -8,7 +8,8 @@ varies freely is sought in FREE_ALARM:
   tau_j = f(q, v) + s M_j(q) a with f free: s is one where bodies are accelerated and zero where a law makes the torque.
   In as many terms as a third of what the record has of independent readings, each record with an f of its own. s must
   lie nearer to one than to zero with a probability of error of FALSE_ALARM: that bounds the laws that pass for bodies.
-* **A torque from outside** (a hand, an obstacle): one that varies freely in time, piecewise linear.
+* **A torque from outside** (a hand, an obstacle): one that varies freely in time, piecewise linear; a brief one: the
+  best of its pieces alone, its chance multiplied by their number.
 * **An encoder or a load that slips**: a deviation of each joint's angle that varies freely in time likewise; **an
   encoder of another scale**: one that is a share of the angle. All by Fisher's F, with 2 f T independent readings in T
   seconds below f.
@@ -35,7 +36,7 @@ from balance.results import Key
 from .estimators import Deviation, NotSimulated
 from .regression_equations import RecordEquations, RegressionEquations
 
-Cause = Literal["outside_torque", "slip", "angle_scale"]
+Cause = Literal["outside_torque", "brief_torque", "slip", "angle_scale"]
 """What a :class:`FreeTest` looks for."""
 FALSE_ALARM = 1e-3
 """Probability with which a test doubts a record of white noise that has nothing of what the test looks for."""
@@ -49,9 +50,9 @@ LAW_SHARE = 3.0
 """Independent readings for each term of a law."""
 KNOT_S, KNOT_PERIODS = 0.8, 2.0
 """Between points of what varies freely in time: at least so long, and so many periods of the cut-off."""
-SMOOTHING: dict[Cause, float] = {"outside_torque": 0.01, "slip": 0.01, "angle_scale": 0.002}
-"""Part of the torques that smoothed positions may distort, along what varies freely or along the one column of a scale:
-what explains less says nothing."""
+SMOOTHING: dict[Cause, float] = {"outside_torque": 0.01, "brief_torque": 0.005, "slip": 0.01, "angle_scale": 0.002}
+"""Part of the torques that smoothed positions may distort, along what varies freely, the one of its columns that
+explains most, or the one of a scale: what explains less says nothing."""
 OVERSAMPLING = 8.0
 """Samples of low-passed equations kept for each period of the cut-off."""
 WINDOW_S, WINDOW_BLOCKS = 1.0, 6
@@ -119,12 +120,14 @@ class FreeTest:
         """One where neither noise nor what smoothed positions leave of the torques may be it."""
         what = {
             "outside_torque": "a torque from outside, as of a hand or an obstacle,",
+            "brief_torque": "a brief torque from outside, as of a hand or an obstacle,",
             "slip": "an angle that slips between encoder and body",
             "angle_scale": "an encoder that reads its angle by another scale",
         }[self.code]
         text = f"{what} explains {self.share:.1%} of its torque that bodies do not (by chance {self.probability:.1g})"
         passed = self.probability >= FREE_ALARM or self.share < SMOOTHING[self.code]
-        return [] if passed else [Doubt(self.code, f"{self.joint}: {text}")]
+        code = "outside_torque" if self.code == "brief_torque" else self.code
+        return [] if passed else [Doubt(code, f"{self.joint}: {text}")]
 
 
 @dataclass(frozen=True)
@@ -174,8 +177,9 @@ class ModelTests:
 
     @cached_property
     def free(self) -> list[FreeTest]:
-        """Three of each joint."""
-        tests = partial(self._free, code="outside_torque"), partial(self._free, code="slip"), self._angle_scale
+        """Four of each joint."""
+        codes: tuple[Cause, ...] = "outside_torque", "brief_torque", "slip"
+        tests = *(partial(self._free, code=code) for code in codes), self._angle_scale
         return [test(k) for k in range(len(self.joints)) for test in tests]
 
     @cached_property
@@ -264,7 +268,8 @@ class ModelTests:
     def doubts(self) -> list[Doubt]:
         """Of all tests."""
         found = [*self._doubts_of_scale, *(doubt for law in self.laws for doubt in law.doubts)]
-        found += [doubt for free in self.free for doubt in free.doubts]
+        free = [(test.joint, doubt) for test in self.free for doubt in test.doubts]
+        found += {(joint, doubt.code): doubt for joint, doubt in reversed(free)}.values()  # the first of a kind
         bodies = {law.joint: law.share.value > NEAREST_LAW for law in self.laws}
         for joint in self.negative_inertia:
             text = f"{joint}: the torque shows a negative inertia"
@@ -351,7 +356,10 @@ class ModelTests:
         return self._explained(joint, "angle_scale", zero, scale)
 
     def _explained(self, joint: int, code: Cause, nuisance: Floats, added: Floats) -> FreeTest:
-        """By the squares that ``added`` columns take off what bodies and ``nuisance`` columns leave, (n, joints, k)."""
+        """By the squares that ``added`` columns take off what bodies and ``nuisance`` columns leave, (n, joints, k).
+
+        A brief torque is the one column that takes off most: its chance is that of any of them.
+        """
         joints, cutoff = len(self.joints), self.equations.cutoff
         used = self.equations.moving[:, :joints]
         weights = used / np.sqrt(np.maximum(np.mean(self._residual[:, :joints] ** 2, axis=0), np.finfo(float).tiny))
@@ -364,14 +372,17 @@ class ModelTests:
         columns = stacked(np.concatenate([self._base[:, :joints], *scaled, nuisance], axis=2))
         rows = stacked(self._rows[:, :, None])[:, 0]
         before, terms = _left(columns, rows)
-        after, more = _left(np.hstack([columns, stacked(added)]), rows)
+        tried, free = 1, stacked(added)
+        if code == "brief_torque":
+            tried, free = free.shape[1], free[:, [_best(columns, rows, free)]]
+        after, more = _left(np.hstack([columns, free]), rows)
         freedom = 2.0 * cutoff * float(used.sum()) * self._models[0].step - more
         own = float(np.sum((self._rows[:, joint] * weights[:, joint])[::keep] ** 2))
         share = float(np.sqrt(max(before - after, 0.0) / max(own, np.finfo(float).tiny)))
         by_chance = 1.0
         if freedom >= 1.0 and more > terms:
             by_chance = f_tail((before - after) / (more - terms) / (after / freedom), more - terms, freedom)
-        return FreeTest(self.joints[joint], code, share, by_chance)
+        return FreeTest(self.joints[joint], code, share, min(tried * by_chance, 1.0))
 
     def _squares(self, part: RecordEquations, model: Deviation) -> list[tuple[Floats, int]]:
         """Of each segment of a record, products of the blocks' deviations (blocks, blocks), and samples."""
@@ -461,3 +472,12 @@ def _left(columns: Floats, rows: Floats) -> tuple[float, int]:
     directions, sizes, _ = np.linalg.svd(columns[:, present] / lengths[present], full_matrices=False)
     kept = directions[:, sizes > 1e-6 * sizes[0]]
     return max(float(rows @ rows - np.sum((kept.T @ rows) ** 2)), np.finfo(float).tiny), kept.shape[1]
+
+
+def _best(columns: Floats, rows: Floats, added: Floats) -> int:
+    """The one of the ``added`` columns (n, k) that takes most squares off what ``columns`` leave of rows (n,)."""
+    directions = np.linalg.qr(columns)[0]
+    left, own = (one - directions @ (directions.T @ one) for one in (rows, added))
+    lengths = np.linalg.norm(own, axis=0)
+    clear = lengths > 1e-4 * np.linalg.norm(added, axis=0).max()
+    return int(np.argmax(np.where(clear, np.abs(own.T @ left) / np.maximum(lengths, np.finfo(float).tiny), 0.0)))
