@@ -2,8 +2,6 @@
 
 from typing import TYPE_CHECKING
 
-from testbench.kinematics.motion_onset import moving_interval
-
 from balance.balancing import sizing_of_given
 from balance.balancing.conditions import balance_conditions
 from balance.closure import Closure
@@ -11,6 +9,7 @@ from balance.figures.mechanism import draw_on
 from balance.mechanism.mjcf_parser import load_mechanism
 from balance.units import G0
 from testbench.figures import style
+from testbench.kinematics.encoder_motion import moving_interval
 from testbench.runs.si_run import SIRun
 from testbench.vibration.metrics import Measure, base_accelerations
 
