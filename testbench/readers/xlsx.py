@@ -50,8 +50,10 @@ def open_workbook(path: Path, options: ReadOptions) -> Recording:
         add = _reporting(findings.append, title, len(sheets) > 1)
         for finding in sheet.findings:
             first = sheet.settings["first_data_line"]
-            message = f"worksheet {title!r}: first row of data in row {first}"
-            add(replace(finding, message=message) if finding.code == "dialect" else finding)
+            if finding.code == "dialect":
+                findings.append(Finding("dialect", None, f"worksheet {title!r}", f"first row of data in row {first}"))
+            else:
+                add(finding)
     origins = {sheet.origin for _, sheet in sheets}
     return Recording(
         path=path,

@@ -4,6 +4,7 @@ Nothing is computed, run or followed. Numbers are the shortest texts that read b
 2024-03-01 12:00:00.250000; a formula without a stored value is its own text.
 """
 
+import re
 import tempfile
 import warnings
 import zipfile
@@ -11,6 +12,7 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing
 from datetime import datetime, timedelta
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +35,8 @@ _HEAD = 400
 _TRUE = ("1", "true")
 _YEAR = 366
 """Days below which a time is one of a day or of a stop watch, and none of the calendar."""
+_LITERAL = re.compile(r'"[^"]*"|[\\_*].')
+"""What a format of numbers shows as it is."""
 _PLAIN = str.maketrans(
     {'"': "\N{DOUBLE PRIME}", "\0": None} | dict.fromkeys("\t\n\r\v\f\x1c\x1d\x1e\x85\u2028\u2029", " ")
 )
@@ -80,7 +84,8 @@ class _Sheet(WorkSheetParser):  # type: ignore[misc]
         super().__init__(None, sheet._shared_strings, data_only=True)  # no formats of dates: numbers stay numbers
         own, ids = book._number_formats, [style.numFmtId for style in book._cell_styles]
         forms = [own[i - _OWN] if _OWN <= i < _OWN + len(own) else BUILTIN_FORMATS.get(i) or "" for i in ids]
-        self._kinds = [is_datetime(form.lower()) for form in forms]
+        self._kinds = ["%" if "%" in _LITERAL.sub("", form) else is_datetime(form.lower()) for form in forms]
+        self._in_percent, self._shares = set[int](), set[int]()
         self._used, self._formulas, self._rows, self._hidden_rows = set[int](), Counter[int](), 0, 0
         self._letters = dict[str, int]()
 
@@ -119,7 +124,7 @@ class _Sheet(WorkSheetParser):  # type: ignore[misc]
         self._letters[letters] = self.col_counter
         shown = self._kinds[int(element.get("s") or 0)]
         written = text if text.isdecimal() else repr(number)  # without the digits that Excel adds
-        return self.col_counter, (shown and self._time(number, shown)) or written
+        return self.col_counter, (shown and self._shown(number, shown)) or written
 
     def _cell(self, element: Any) -> tuple[int, str]:  # noqa: ANN401
         """Any other cell."""
@@ -131,16 +136,26 @@ class _Sheet(WorkSheetParser):  # type: ignore[misc]
             text = "" if formula is None else f"={formula.text or ''}"
         elif kind == "n":
             shown = self._kinds[cell["style_id"]]
-            text = (shown and self._time(value, shown)) or repr(value)
+            text = (shown and self._shown(value, shown)) or repr(value)
         elif isinstance(value, datetime):
             text = value.isoformat(" ", "microseconds")
         else:  # of an error without the sign with which comments begin
             text = str(value).lstrip("#" if kind == "e" else "")
+            if "%" in text:
+                self._in_percent.add(cell["column"])
         return cell["column"], text.translate(_PLAIN).strip()
 
-    def _time(self, days: float, kind: str) -> str | None:
-        """The text of a number of days that is shown as a time; None if it is none."""
-        whole, part = int(days // 1), days % 1
+    def _shown(self, number: float, kind: str) -> str | None:
+        """The text of a number that is shown as percent, or of days as a time; None if it is as it is stored.
+
+        Percent are a hundred times what is stored in a column whose head has %, and shares elsewhere.
+        """
+        if kind == "%":
+            if self.col_counter in self._in_percent:
+                return str(Decimal(repr(number)).scaleb(2))
+            self._shares.add(self.col_counter)
+            return None
+        days, whole, part = number, int(number // 1), number % 1
         if days < 0 or (days < _YEAR and kind == "date"):
             return None
         if days < _YEAR:
@@ -207,6 +222,9 @@ class _Sheet(WorkSheetParser):  # type: ignore[misc]
             if not text or _is_number(text) or (left <= first and right >= last):  # a title
                 continue
             right = min(right, last)
+            if "%" in text and self._shares.intersection(range(left, right + 1)):
+                message = f"worksheet {self._sheet.title!r}: {text!r} is merged above cells that are shown as percent"
+                raise damaged(self._path, f"{message}: expected % in the head of each column")
             texts.append((bottom, left, right))
             for row in range(top, min(bottom, _HEAD) + 1):
                 cells = head.setdefault(row, [])

@@ -21,13 +21,18 @@ _PASSED = 0.4
 """Share of the new rate up to which frequencies are kept where that rate is below a logger's own."""
 _GAP = 2.5
 """Steps between samples from which nothing is interpolated between them."""
+_SAME = 1e-3
+"""By what share a logger's own rate may be above the new one and counts as the same: clocks drift by less."""
+_MOST_ROWS = 1 << 24
+"""Of a table, whatever was recorded."""
 
 
 def joined(run: Run, rate: float | str, channels: Sequence[str] | None = None) -> "pandas.DataFrame":
     """All groups with a time, or these ``channels``, over the time that all of them recorded, at ``rate`` [Hz].
 
     Clocks are mapped by the newest recorded alignment where there is one; a warning names those that have none. Values
-    are interpolated between two samples; faster loggers are low-passed first, without phase. In gaps there is no value.
+    are interpolated between two samples; faster loggers are low-passed first, without phase, those without a rate at
+    that of their median step. In gaps there is no value.
     ``attrs`` has what was done.
     """
     frame, problem = joined_table(run, rate, channels)
@@ -57,6 +62,11 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
     if not last > first:
         raise AnalysisError(
             f"{run.name}: its loggers recorded at no time together: align their clocks (testbench align)"
+        )
+    if (last - first) * hertz > (most := max(_MOST_ROWS, 100 * max(map(len, times.values())))):
+        raise AnalysisError(
+            f"{run.name}: {last - first:.3g} s at {hertz:g} Hz are more than {most} rows, a hundred times what any "
+            "logger recorded: expected a lower rate"
         )
     grid = first + np.arange(int((last - first) * hertz) + 1) / hertz
     found: dict[str, Floats] = {}
@@ -91,17 +101,32 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
 def _resampled(run: Run, group: StoredGroup, index: int, time: Floats, grid: Floats, rate: float) -> Floats:
     """A channel at the instants ``grid`` (n,) [s], (n,) [its unit]."""
     values = np.asarray(run.channel_at(group.name, index), dtype=np.float64)
-    own = group.rate_hz
-    if own is not None and own > rate:
-        from scipy.signal import butter, sosfiltfilt
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    own = group.rate_hz or (1.0 / step if step > 0.0 else 0.0)
+    if own <= rate * (1.0 + _SAME):
+        return interpolated(time, values, grid)
+    if not np.isfinite(values).all():
+        raise AnalysisError(
+            f"{run.name}: channel {group.channels[index].name!r} holds samples that are no number: resample to at "
+            f"least its own rate, {own:g} Hz"
+        )
+    found = np.full(len(grid), np.nan)
+    for part in np.split(np.arange(len(time)), np.flatnonzero(np.diff(time) > _GAP * step) + 1):
+        at, shown = time[part], values[part]
+        if group.rate_hz is None:  # irregular: a filter needs equal steps
+            even = at[0] + np.arange(int((at[-1] - at[0]) * own) + 1) / own
+            at, shown = even, np.interp(even, at, shown)
+        inside = (grid >= at[0]) & (grid <= at[-1])
+        found[inside] = np.interp(grid[inside], at, _low_passed(shown, _PASSED * rate, own))
+    return found
 
-        if not np.isfinite(values).all():
-            raise AnalysisError(
-                f"{run.name}: channel {group.channels[index].name!r} holds samples that are no number: resample to at "
-                f"least its own rate, {own:g} Hz"
-            )
-        values = np.asarray(sosfiltfilt(butter(8, _PASSED * rate, fs=own, output="sos"), values))
-    return interpolated(time, values, grid)
+
+def _low_passed(values: Floats, cutoff: float, rate: float) -> Floats:
+    """Values (n,) [any unit] at ``rate`` [Hz] without what is above ``cutoff`` [Hz], and without phase, (n,)."""
+    from scipy.signal import butter, sosfiltfilt
+
+    sections = butter(8, cutoff, fs=rate, output="sos")
+    return np.asarray(sosfiltfilt(sections, values, padlen=min(6 * len(sections), len(values) - 1)))
 
 
 def interpolated(time: Floats, values: Floats, grid: Floats) -> Floats:

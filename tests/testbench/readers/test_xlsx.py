@@ -122,6 +122,44 @@ def test_numbers_in_a_format_of_dates_that_are_none_stay_numbers(tmp_path):
     assert reading.read(_book(tmp_path / "run.xlsx", rows, edit=edit)).column("a").tolist() == [3, -2.5, 1e12, 5]
 
 
+@pytest.mark.parametrize(
+    ("head", "form", "kept"),
+    [
+        ("load (%)", "0%", 7.0),
+        ("load (%)", "0.00%;[Red]-0.00%", 7.0),
+        ("load (%)", "0.00", 0.07),
+        ("load (%)", '0.00" %"', 0.07),
+        ("load", "0%", 0.07),
+    ],
+    ids=["percent", "with a sign", "number", "sign as text", "share"],
+)
+def test_percent_are_what_the_head_says(tmp_path, head, form, kept):
+    """A spreadsheet stores 7 % as 0.07: in a column of percent that is 7, and 0.07 without a unit; formulas too."""
+
+    def edit(book):
+        for row in range(2, 11):
+            book["S1"].cell(row, 2).number_format = form
+
+    path = _book(tmp_path / "run.xlsx", [["Time (s)", head], *([i, 0.07] for i in range(9))], edit=edit)
+    _edited(path, SHEET, lambda raw: re.sub(rb'(<c r="B5"[^>]*>)<v>', rb"\1<f>0.07</f><v>", raw))
+    found = reading.read(path)
+    assert found.column(head).tolist() == [kept] * 9
+    assert found.unit(head) == ("%" if "%" in head else None)
+
+
+def test_percent_below_a_merged_head_are_refused(tmp_path):
+    """Which of the cells are percent is known too late."""
+
+    def edit(book):
+        book["S1"].merge_cells("B1:C1")
+        for row in range(3, 12):
+            book["S1"].cell(row, 3).number_format = "0%"
+
+    rows = [["Time (s)", "load (%)", None], [None, "x", "y"], *([i, 0.07, 0.07] for i in range(9))]
+    with pytest.raises(RecordingError, match=r"'load \(%\)' is merged above cells that are shown as percent"):
+        reading.read(_book(tmp_path / "run.xlsx", rows, edit=edit))
+
+
 def test_merged_cells_are_part_of_the_names_below_them(tmp_path):
     """A title over the whole width is none; names without such are as they are."""
     rows = [["Test 7"], ["Time (s)", "Plate 1 (N)", None, "Acc", None], [None, "X", "Y", "m/s^2", "g"],

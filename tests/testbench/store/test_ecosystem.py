@@ -14,7 +14,7 @@ from balance.errors import CounterpoiseError
 from testbench.errors import StoreError
 from testbench.recording import Channel, Group, TimeColumn, UniformClock
 from testbench.store.archive import archive
-from testbench.store.writer import RunWriter
+from testbench.store.writer import CHUNK, RunWriter
 from testbench.synchronization.clock_map import ClockMap
 from testbench.synchronization.offset_and_drift import AlignedClock
 from testbench.synchronization.run_alignment import RunClocks, write_alignments
@@ -93,7 +93,8 @@ def test_two_loggers_in_pandas(tmp_path):
     joined, data = run.to_pandas(resample="50 Hz"), run.to_xarray(resample="50 Hz")
     assert joined.attrs["clocks"] == "recorded alignments"
     assert joined.index[0] == 0.1, "where the later of the two begins, on the clock of the reference"
-    np.testing.assert_allclose(joined["q (rad)"].iloc[1], COLUMNS[0][2], rtol=1e-12)  # 20 ms: two samples of the plc
+    same = run.to_pandas(resample="99.999 Hz")["q (rad)"]  # the plc's own rate, but for a drift: not low-passed
+    np.testing.assert_allclose(same.iloc[2], COLUMNS[0][2], rtol=1e-4)
     assert joined.attrs["resampled_to_hz"] == 50.0
     for name, values in zip(joined.columns, data.data_vars.values(), strict=True):
         assert (values.attrs["long_name"], values.attrs["units"]) == (name, joined.attrs["units"][name])
@@ -113,6 +114,36 @@ def test_two_loggers_in_pandas(tmp_path):
         run = testbench.open_run(writer.commit())
     with pytest.raises(StoreError, match="several channels or units: name a group, there are 'daq', 'plc'"):
         run.to_pandas()
+
+
+def test_what_is_above_the_new_rate_is_gone_and_gaps_stay_gaps(tmp_path):
+    """Of a logger of equal steps, of one without a rate, and on both sides of a gap with a few samples in it."""
+    even = np.arange(4000) / 1000.0
+    loggers = {
+        "even": even,
+        "uneven": even + np.random.default_rng(1).uniform(-2e-4, 2e-4, len(even)),
+        "gap": even[(even < 1.0) | (even > 1.5) | (abs(even - 1.25) < 6e-3)],
+    }
+    with RunWriter(tmp_path, "run") as writer:
+        for name, time in loggers.items():
+            group = Group(name, (Channel("t", "s"), Channel(f"{name} y", "g")), TimeColumn(0, 1.0))
+            slow, fast = np.sin(2 * np.pi * 3.0 * time), np.sin(2 * np.pi * 190.0 * time)
+            writer.group(group).append([time, slow + fast])
+            rate = (None, None) if name == "uneven" else (1000.0, "median_step")
+            writer.group(group).finish(*rate)
+        writer.describe("simulated", {}, [], {"sources": []}, None)
+        run = testbench.open_run(writer.commit())
+    with pytest.warns(UserWarning, match="not aligned"):
+        table = run.to_pandas(resample="100 Hz")
+    grid = table.index.to_numpy()
+    for name, most in (("even", 0.01), ("uneven", 0.05), ("gap", 0.015)):
+        apart = (table[f"{name} y"] - np.sin(2 * np.pi * 3.0 * grid))[abs(grid - 1.25) > 0.01]
+        assert np.sqrt(np.nanmean(apart**2)) < most, name
+    hidden = (grid > 0.999) & (grid < 1.501) & (abs(grid - 1.25) > 5e-3)
+    np.testing.assert_array_equal(table["gap y"].isna(), hidden)
+    for rate, message in (("1e15 Hz", "are more than .* rows"), ("0 Hz", "expected a positive rate")):
+        with pytest.raises(CounterpoiseError, match=message):
+            run.to_pandas(resample=rate)
 
 
 def test_channels_of_one_name_stay_as_many(tmp_path):
@@ -281,8 +312,8 @@ def test_no_viewer_plots_whole_numbers_for_values(tmp_path):
 
 @pytest.mark.skipif(not Path("/proc/self/io").exists(), reason="the system does not count what a process reads")
 def test_only_what_is_asked_for_is_read(tmp_path):
-    """Of six channels of 3.2 MB one is read; opening the run reads none."""
-    samples = 400_000
+    """Of six channels of 3.1 MB one is read; opening the run reads none."""
+    samples = 6 * CHUNK
     wide = Group("daq", tuple(Channel(f"c{i} (V)", "V", f"c{i}") for i in range(6)), UniformClock(1000.0))
     path = store(tmp_path, wide, [np.full(samples, float(i)) for i in range(6)], block=samples).path
     before = bytes_read()
