@@ -9,6 +9,8 @@ from . import options
 from .framework import Answer, say
 from .options import command, option
 
+STILLS = (".png", ".svg", ".pdf")
+
 
 def _output(*endings: str) -> Any:  # noqa: ANN401
     """``-o``; another ending, or no folder for it, is refused before anything is computed."""
@@ -66,17 +68,19 @@ def report(
 Examples:
   balance animate delta --motion delta -o delta.html
   balance animate four-bar --motion four-bar -c counter_A0A=1.07kg -c counter_B0B=1.37kg -o four-bar.mp4
+  balance animate four-bar --motion four-bar -c counter_A0A=1.07kg -c counter_B0B=1.37kg -o four-bar.svg
 \b
-A video has at most 160 pictures, 25 a second, and states its pace. It needs pip install 'counterpoise[video]'."""
+A video has at most 160 pictures, 25 a second, and states its pace. It needs pip install 'counterpoise[video]'.
+A still is the one of these pictures with the largest shaking force, without counter-masses."""
 )
 def animate(
     mechanism: str = options.MECHANISM,
     payload: options.Masses = options.PAYLOADS,
     counter: options.Masses = options.COUNTERS,
     motion: str = options.MOTION,
-    output: Path = _output(".html", ".mp4"),
+    output: Path = _output(".html", ".mp4", *STILLS),
 ) -> None:
-    """MECH moving to scale, on a page to play and scrub or as a video: centre of mass, shaking force as an arrow.
+    """MECH to scale, moving on a page or in a video, or as a still: centre of mass, shaking force as an arrow.
 
     With --counter side by side without and with the counter-masses, arrows to one scale.
     """
@@ -84,14 +88,14 @@ def animate(
     from ..report import video
     from ..report.moving import animation_page, designs_of, moving
 
-    filmed = output.suffix.lower() == ".mp4"
+    filmed, still = output.suffix.lower() == ".mp4", output.suffix.lower() in STILLS
     if filmed:
         video.refuse_without_encoder(output)
     model = options.load_mechanism_option(mechanism, payload)
     designs = designs_of(model, options.distinct(counter, "--counter"))
     drawn = moving(f"motion {motion}", follow(model, motion), designs)
-    if filmed:
-        video.write_video(output, f"{model.name}, motion {motion}", drawn)
+    if filmed or still:
+        (video.write_video if filmed else video.write_still)(output, f"{model.name}, motion {motion}", drawn)
     else:
         animation_page(model.name, motion, drawn).write(output)
     forces = ", ".join(f"{panel['largest_N']:.4g} N {panel['label']}" for panel in drawn["panels"])

@@ -1,6 +1,6 @@
-"""A moving mechanism as a video: the pictures of its page, side by side, encoded by the ffmpeg of imageio-ffmpeg."""
+"""A moving mechanism as a video, encoded by the ffmpeg of imageio-ffmpeg, or as a still: the pictures of its page."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -35,14 +35,11 @@ def write_video(path: Path, title: str, motion: Mapping[str, Any]) -> Path:
     """Write what :func:`balance.report.moving.moving` gives as H.264, whole, or leave what was there before."""
     import imageio_ffmpeg
 
-    part = path.with_name(f".{path.name}.part{path.suffix}")
-    # Width and height [pixels].
-    height = _HEADING + _PANEL * motion["height"] / motion["width"]
-    size = _PANEL * len(motion["panels"]), _BLOCK * int(np.ceil(height / _BLOCK))
+    part, size = path.with_name(f".{path.name}.part{path.suffix}"), _size(motion)
     writer = imageio_ffmpeg.write_frames(str(part), size, fps=FRAMES_PER_SECOND, macro_block_size=_BLOCK)
     try:
         writer.send(None)
-        for picture in _rendered(title, motion, size):
+        for picture in _rendered(title, motion):
             writer.send(picture)
         writer.close()
         part.replace(path)
@@ -51,24 +48,44 @@ def write_video(path: Path, title: str, motion: Mapping[str, Any]) -> Path:
     return path
 
 
-def _rendered(title: str, motion: Mapping[str, Any], size: tuple[int, int]) -> Iterator[bytes]:
-    """Every picture as rows of red, green and blue, a byte each."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+def write_still(path: Path, title: str, motion: Mapping[str, Any]) -> Path:
+    """Draw the picture in which the first panel's shaking force is largest, by ``path``'s ending."""
+    largest = int(np.argmax(motion["panels"][0]["force_N"]))
+    next(_drawn(title, motion, [largest], f"of {len(motion['time'])} pictures that of the largest force")).savefig(path)
+    return path
 
+
+def _size(motion: Mapping[str, Any]) -> tuple[int, int]:
+    """Width and height of a picture [pixels]."""
+    height = _HEADING + _PANEL * motion["height"] / motion["width"]
+    return _PANEL * len(motion["panels"]), _BLOCK * int(np.ceil(height / _BLOCK))
+
+
+def _rendered(title: str, motion: Mapping[str, Any]) -> Iterator[bytes]:
+    """Every picture as rows of red, green and blue, a byte each."""
     time = motion["time"]
     slower = len(time) / FRAMES_PER_SECOND / ((time[-1] - time[0]) or 1.0)
     pace = f"{slower:.3g} times slower" if slower > 1.0 else f"{1.0 / slower:.3g} times faster"
-    figure = Figure(figsize=(size[0] / 100.0, size[1] / 100.0), dpi=100)
-    canvas: Any = FigureCanvasAgg(figure)
+    for figure in _drawn(title, motion, range(len(time)), pace):
+        figure.canvas.draw()
+        yield np.ascontiguousarray(np.asarray(figure.canvas.buffer_rgba())[:, :, :3]).tobytes()
+
+
+def _drawn(title: str, motion: Mapping[str, Any], frames: Iterable[int], note: str) -> Iterator[Any]:
+    """The figure with each of the ``frames`` in turn."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    width, height = _size(motion)
+    figure = Figure(figsize=(width / 100.0, height / 100.0), dpi=100)
+    FigureCanvasAgg(figure)
     heading = figure.text(0.01, 0.985, "", va="top", fontsize=9, parse_math=False)
     panels = [_Panel(figure, i, motion) for i in range(len(motion["panels"]))]
-    for frame, now in enumerate(time):
-        heading.set_text(f"SIMULATED: {plain_text(title)}, t = {now:.3f} s\n{pace}\n{motion['view']}")
+    for frame in frames:
+        heading.set_text(f"SIMULATED: {plain_text(title)}, t = {motion['time'][frame]:.3f} s\n{note}\n{motion['view']}")
         for panel in panels:
             panel.draw(frame)
-        canvas.draw()
-        yield np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[:, :, :3]).tobytes()
+        yield figure
 
 
 class _Panel:

@@ -19,9 +19,9 @@ from ...commands import call
 @pytest.mark.parametrize("command", ["report", "animate"])
 def test_another_ending_is_refused(command, tmp_path):
     """Before anything is computed; nothing is written."""
-    done = call(main, "balance", command, "four-bar", "--motion", "four-bar", "-o", tmp_path / "page.pdf")
+    done = call(main, "balance", command, "four-bar", "--motion", "four-bar", "-o", tmp_path / "page.gif")
     assert done.code == 2
-    assert f"expected a name ending in .html{' or .mp4' if command == 'animate' else ''}" in done.err
+    assert f"expected a name ending in .html{' or .mp4 or .png' if command == 'animate' else ''}" in done.err
     done = call(main, "balance", command, "four-bar", "--motion", "four-bar", "-o", tmp_path / "none" / "page.html")
     assert done.code == 1
     assert "there is no folder" in done.err
@@ -38,6 +38,22 @@ def test_a_panel_a_design(tmp_path):
     labels = [panel["label"] for panel in data["motions"][0]["panels"]]
     assert labels == ["without counter-masses", "with counter-masses"]
     assert "SIMULATED" in text
+
+
+@pytest.mark.parametrize(("ending", "begins"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")])
+def test_a_still_is_of_the_largest_force(ending, begins, tmp_path, monkeypatch):
+    """Of the page's pictures that of the largest force without counter-masses; no video's library is needed."""
+    monkeypatch.setattr(video, "find_spec", lambda _: None)
+    drawn = []
+    monkeypatch.setattr(video._Panel, "draw", lambda panel, frame: drawn.append((panel.panel, frame)))
+    path = tmp_path / f"still.{ending}"
+    words = ("animate", "four-bar", "--motion", "four-bar", "-c", "counter_A0A=1kg", "-o", path)
+    assert call(main, "balance", *words).code == 0
+    assert path.read_bytes().startswith(begins)
+    (without, frame), (_, other) = drawn
+    assert without["label"] == "without counter-masses"
+    assert frame == other
+    assert without["force_N"][frame] == max(without["force_N"])
 
 
 def test_a_video_without_its_library_is_refused(tmp_path, monkeypatch):
