@@ -110,7 +110,10 @@ class EngineTable(Table):
             raise DataError(f"firing_order: {order}: expected the cylinders 1 to {count}, once each")
         if self.counterweights and self.slider_crank is None:
             raise DataError("counterweights: need [slider_crank]: a layout has no sizes to weigh them against")
-        if self.slider_crank is not None and self.spacing is None and len(self.at or ()) > 1:
+        apart = any(
+            place != 0.0 for place in [*(self.at or range(count)), *(weight.at for weight in self.counterweights)]
+        )
+        if self.slider_crank is not None and self.spacing is None and apart:
             raise DataError("spacing is missing: expected the distance of the cylinders, such as '95 mm'")
 
 

@@ -203,6 +203,11 @@ def test_firing_intervals(name, intervals):
             "engine.toml: slider_crank: crank 1 m, rod 0.3 m",
         ),
         (
+            'throws = ["0 deg", "180 deg"]\n[slider_crank]\ncrank_radius = "1 m"\nrod_length = "3 m"\n'
+            'piston_mass = "1 kg"',
+            "spacing is missing",
+        ),
+        (
             'throws = ["0 deg"]\n[slider_crank]\ncrank_radius = "1 m"\nrod_length = "3 m"\npiston_mass = "1 kg"\n'
             'rod_inertia = "-1 kg m^2"',
             "slider_crank.rod_inertia: '-1 kg m\\^2': expected zero or more",
@@ -219,3 +224,15 @@ def test_wrong_files_are_named(tmp_path, text, message):
     path.write_text(text, encoding="utf-8")
     with pytest.raises(DataError, match=message):
         firing(load_engine(path))
+
+
+def test_cylinders_on_one_pin_need_no_spacing(tmp_path):
+    """A V-twin whose rods share a plane: the counterweight of its first order is half the two reciprocating masses."""
+    path = tmp_path / "v.toml"
+    path.write_text(
+        'throws = ["0 deg", "0 deg"]\nbanks = ["-45 deg", "45 deg"]\nat = [0, 0]\n'
+        '[slider_crank]\ncrank_radius = "40 mm"\nrod_length = "150 mm"\npiston_mass = "0.5 kg"\n',
+        encoding="utf-8",
+    )
+    forward = free_forces.free_forces(load_engine(path), 2)[0].force.forward
+    assert abs(forward) == pytest.approx(0.5 * 0.04)
