@@ -1,6 +1,7 @@
 """``testbench analyze``, ``compare`` and ``doctor``: what the runs of a campaign tell together."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -202,13 +203,15 @@ def doctor(
 
     Encoders, commands, torques, forces, accelerometers and the model witness payload, counter-masses, peak
     acceleration, motion, and of each sensor the axis, sign and gain; dead channels, levels that drift, and copies of
-    runs are found. All runs of the campaign are heard; those named are shown. With --by and --reason, what is accepted
-    is entered into the ledger for the runs that are shown: other commands then take it as accepted too.
+    runs are found; what ingest found odd in their logs, such as a clipped sensor, is repeated. All runs of the campaign
+    are heard; those named are shown. With --by and --reason, what is accepted is entered into the ledger for the runs
+    that are shown: other commands then take it as accepted too.
     """
     from ..cross_examination.statement import accept as enter
     from ..cross_examination.statement import decisions
     from ..errors import StoreError
     from ..front_door import doctor as examined
+    from ..recording import Severity
     from ..store import open_campaign
 
     options.refuse_unknown_codes(accept)
@@ -225,21 +228,33 @@ def doctor(
         for code, some in about.items():
             enter(campaign, code, [run for run in stored if run.name in some], **person)
     recorded = decisions(run for run in stored if run.name in shown)
+    as_read = [
+        replace(finding, message=": ".join(filter(None, (run.name, finding.channel, finding.message))))
+        for run in stored
+        for finding in (run.findings if run.name in shown else ())
+        if finding.severity is not Severity.NOTE
+    ]
 
     def show() -> None:
-        _print_examination(campaign, examination, shown)
+        codes = ", ".join(sorted({finding.code for finding in as_read}))
+        beside = f" In the logs themselves: {codes}." if codes else ""
+        say(f"{campaign.name}: {examination.verdict(shown)}{beside}")
+        _print_examination(examination, shown)
+        options.print_findings(as_read)
         for one in recorded:
             say(plain_text(f"{one.code}: {one}"))
 
     doubtful = not shown or any(examination.about(run) or run in examination.unexamined for run in shown)
-    accepted = [plain(vars(one)) for one in recorded]
-    return Answer(examination.document(shown) | {"accepted": accepted}, show, doubtful)
+    told = {
+        "accepted": [plain(vars(one)) for one in recorded],
+        "as_read": [document(finding) for finding in as_read],
+    }
+    return Answer(examination.document(shown) | told, show, doubtful or bool(as_read))
 
 
-def _print_examination(campaign: Path, examination: "Examination", shown: list[str]) -> None:
+def _print_examination(examination: "Examination", shown: list[str]) -> None:
     from ..cross_examination import Statement
 
-    say(f"{campaign.name}: {examination.verdict(shown)}")
     doubtful = [s for run in shown for s in examination.about(run)]
     if doubtful:
         emit_table("Contradictions", *table(Statement, doubtful))

@@ -21,6 +21,9 @@ what the model lacks, and correlates less."""
 PROVEN = 0.9
 """Correlation from which the model of the base, which a rig may assume, proves right enough to contradict an axis or a
 sign: of other channels, or of the same with the axes exchanged."""
+ABOVE_LACKS = 2.0
+"""Expected reading of an accelerometer over what the model lacks in a run that proves it, from which noise alone is a
+dead channel [-]."""
 REVERSED = -0.8
 """Correlation with its load below which a force channel is reversed."""
 LARGE = 0.1
@@ -223,16 +226,21 @@ class _Others:
         """Whether a channel far below the model is flat: by the sensor's noise, or as it is not in the other runs.
 
         Where an accelerometer shows vibration in other runs, the model of the base, which a rig may assume, is no
-        witness unless it is right in one of them.
+        witness unless it is right in one of them, and expects here well above what it lacks there: counter-masses take
+        away what it knows best, and leave what it does not.
         """
         column, others = one.columns[i], self._of(seen, one, i)
         if column.commanded:
             return False
         if column.dimensions == ACCELERATION:
             noise = float(one.noise.max())
-            shown = [correlation for correlation, _, reading in others if reading > ABOVE_NOISE * noise]
-            is_noise = one.readings[i] < ABOVE_NOISE * noise < one.expected[i]
-            return bool(is_noise and (not shown or max(shown) > PROVEN))
+            shown = [(c, reading, reading / share) for c, share, reading in others if reading > ABOVE_NOISE * noise]
+            is_noise = bool(one.readings[i] < ABOVE_NOISE * noise < one.expected[i])
+            if not (is_noise and shown):
+                return is_noise
+            correlation, reading, expected = max(shown)
+            lacks = np.sqrt(reading**2 + expected**2 - 2.0 * correlation * reading * expected)
+            return bool(correlation > PROVEN and one.expected[i] > ABOVE_LACKS * lacks)
         return any(correlation > PROVEN and share > 0.5 for correlation, share, _ in others)
 
 

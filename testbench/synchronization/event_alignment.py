@@ -189,7 +189,7 @@ def by_trigger(shared: SharedSignals, drift: bool = True) -> AlignedClock:
     own = trigger_edges(shared.name, shared.own_time, shared.own_signals[:, 0])
     one, other = match_events(shared.name, reference, own)
     clock = clock_map_from_events(shared.name, reference.among(one), own.among(other), drift)
-    return AlignedClock(clock, "trigger", f"{len(one)} edges, {shared.name}", None)
+    return AlignedClock(clock, "trigger", f"{len(one)} edge{'s' * (len(one) > 1)}, {shared.name}", None)
 
 
 def trigger_edges(name: str, time: Floats, values: Floats) -> Events:
