@@ -2,7 +2,7 @@
 
 >>> import testbench
 >>> campaign = testbench.open_campaign("campaign")
->>> campaign["r001"].to_pandas(resample="1 kHz").attrs["origin"]
+>>> campaign["r001"].to_pandas(resample="1 kHz", channels=["AccX", "AccY"]).attrs["origin"]
 'simulated'
 >>> testbench.analyze(campaign).table()["axis"].tolist()
 ['x', 'y', 'z']

@@ -346,10 +346,11 @@ def trim(
     return replace(found, findings=(*found.findings, *examination.open_findings), accepted=accepted)
 
 
-def align(run: Run | str | Path, reference: str | None = None, drift: bool = True) -> RunClocks:
+def align(run: Run | str | Path, reference: str | None = None, drift: bool = True, record: bool = False) -> RunClocks:
     """The clocks of a run's loggers: offset [s] and drift against that of the encoders or ``reference``.
 
-    Nothing is stored; ``testbench align`` adds the result to the campaign as a record.
+    With ``record`` the result is added to the campaign, as by ``testbench align``: tables of several loggers are joined
+    by it.
 
     >>> import testbench
     >>> sorted(testbench.align("campaign/r002.h5").aligned)
@@ -357,8 +358,11 @@ def align(run: Run | str | Path, reference: str | None = None, drift: bool = Tru
     """
     from .kinematics.encoder_motion import loaded_mechanism, mechanism_of
     from .runs.si_run import SIRun
-    from .synchronization.run_alignment import align_run
+    from .synchronization.run_alignment import align_run, write_alignments
 
     (opened,) = runs_of(run)
     bound = SIRun.of(opened)
-    return align_run(bound, lambda: loaded_mechanism(bound, mechanism_of(bound, None)), reference, drift)
+    found = align_run(bound, lambda: loaded_mechanism(bound, mechanism_of(bound, None)), reference, drift)
+    if record and found.aligned:
+        write_alignments(opened.path.parent, [(opened.path, found)])
+    return found

@@ -48,7 +48,10 @@ def as_texts(path: Path, folder: str) -> dict[str, Any]:
     most = _most_bytes(path)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        with closing(openpyxl.load_workbook(path, read_only=True, data_only=True, keep_links=False)) as book:
+        with (
+            path.open("rb") as file,  # by its name openpyxl would refuse what is called otherwise
+            closing(openpyxl.load_workbook(file, read_only=True, data_only=True, keep_links=False)) as book,
+        ):
             sheets = []
             for number, sheet in enumerate(book.worksheets, 1):
                 told = _Sheet(path, book, sheet).write(Path(folder, f"{number}.txt"), most)

@@ -28,7 +28,7 @@ _MOST_ROWS = 1 << 24
 
 
 def joined(run: Run, rate: float | str, channels: Sequence[str] | None = None) -> "pandas.DataFrame":
-    """All groups with a time, or these ``channels``, over the time that all of them recorded, at ``rate`` [Hz].
+    """All groups with a time, or these ``channels``, over the time that all their groups recorded, at ``rate`` [Hz].
 
     Clocks are mapped by the newest recorded alignment where there is one; a warning names those that have none. Values
     are interpolated between two samples; faster loggers are low-passed first, without phase, those without a rate at
@@ -47,9 +47,13 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
 
     hertz = si(rate, "frequency")
     groups = [group for group in run.groups if group.has_time]
-    known = {group.channels[index].name for group in groups for index in group.measured}
-    if unknown := [name for name in channels or () if name not in known]:
-        raise AnalysisError(f"{run.name}: no channel {unknown[0]!r} in a group with a time: {', '.join(sorted(known))}")
+    places = [(g.name, index) for g in groups for index in g.measured]
+    if channels is not None:
+        if unknown := [name for name in channels if all(g.index(name) is None for g in groups)]:
+            known = ", ".join(sorted({g.channels[i].name for g in groups for i in g.measured}))
+            raise AnalysisError(f"{run.name}: no channel {unknown[0]!r} in a group with a time: {known}")
+        places = [place for name in channels for g in groups if (place := (g.name, g.index(name))) in places]
+        groups = [g for g in groups if g.name in {name for name, _ in places}]
     if not groups or not hertz > 0.0:
         raise AnalysisError(
             f"{run.name}: resampling to {hertz:g} Hz: expected a positive rate, and a group with a time"
@@ -73,9 +77,9 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
     units: dict[str, str | None] = {}
     for group in groups:
         for index in group.measured if group.name in times else ():
-            name = group.channels[index].name
-            if channels is not None and name not in channels:
+            if (group.name, index) not in places:
                 continue
+            name = group.channels[index].name
             labels = (name, f"{group.name}: {name}", f"{group.name}: {group.keys[index]}")
             label = next(label for label in labels if label not in found)
             found[label] = _resampled(run, group, index, times[group.name], grid, hertz)

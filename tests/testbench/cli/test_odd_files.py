@@ -32,7 +32,7 @@ def archive(path):
 
 
 CONTENTS = {
-    "a workbook": (workbook, "save its sheet as CSV"),
+    "a workbook of empty parts": (workbook, "cannot be read"),
     "a ZIP archive": (archive, "unpack it and give the log inside"),
     "gzip": (lambda path: path.write_bytes(gzip.compress(ROWS.encode())), "unpack it and give the log inside"),
     "NUL bytes": (lambda path: path.write_bytes(bytes(5000)), "nothing but NUL bytes"),
