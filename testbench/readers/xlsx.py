@@ -75,7 +75,7 @@ def open_workbook(path: Path, options: ReadOptions) -> Recording:
 
 
 def _findings(told: Mapping[str, Any]) -> Iterator[Finding]:
-    """What a text does not show: what is hidden, calculated, and merged."""
+    """What a text does not show: what is hidden, calculated, merged, and beside the table far down."""
     where, hidden = f"worksheet {told['title']!r}", []
     hidden += ["the worksheet itself"] if told["is_hidden"] else []
     hidden += [f"{told['hidden_rows']} rows"] if told["hidden_rows"] else []
@@ -87,6 +87,9 @@ def _findings(told: Mapping[str, Any]) -> Iterator[Finding]:
         listed = names_listed([f"{column} ({count})" for column, count in told["formulas"].items()])
         message = f"cells of formulas by column: {listed}; their values are those that were stored, nothing is computed"
         yield Finding("calculated_cells", None, where, message)
+    if told["beyond"]:
+        message = f"columns {names_listed(told['beyond'])} are empty in the first rows: what is below is not kept"
+        yield Finding("left_out", None, where, message)
     for row in told["joined"]:
         message = f"the merged cells of row {row} are put before the names in row {row + 1}"
         yield Finding("dialect", None, where, message)

@@ -35,7 +35,7 @@ _HEAD = 400
 _TRUE = ("1", "true")
 _YEAR = 366
 """Days below which a time is one of a day or of a stop watch, and none of the calendar."""
-_LITERAL = re.compile(r'"[^"]*"|[\\_*].')
+_LITERAL = re.compile(r'"[^"]*"|\[[^]]*\]|[\\_*].')
 """What a format of numbers shows as it is."""
 _PLAIN = str.maketrans(
     {'"': "\N{DOUBLE PRIME}", "\0": None} | dict.fromkeys("\t\n\r\v\f\x1c\x1d\x1e\x85\u2028\u2029", " ")
@@ -212,9 +212,12 @@ class _Sheet(WorkSheetParser):  # type: ignore[misc]
                     text = _line(cells, places)
                     out.write(text if begun else text.rstrip("\t\n") + "\n")
                 out.writelines(_line(text[:-1].split("\t"), places) for text in body)
+        named = max(map(len, head.values()), default=MOST_COLUMNS)
+        beyond = [get_column_letter(i) for i in sorted(self._used) if i > named]
         hidden = [key for key, given in self.column_dimensions.items() if given.get("hidden") in _TRUE]
         formulas = {get_column_letter(i): n for i, n in sorted(self._formulas.items())}
-        return {"formulas": formulas, "hidden_rows": self._hidden_rows, "hidden_columns": hidden, "joined": joined}
+        told = {"formulas": formulas, "hidden_columns": hidden, "joined": joined, "beyond": beyond}
+        return {"hidden_rows": self._hidden_rows, **told}
 
     def _unmerge(self, head: dict[int, list[str]]) -> list[int]:
         """Give each merged cell its text in all its places, and put it before names below it: the rows of such."""

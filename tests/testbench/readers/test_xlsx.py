@@ -238,6 +238,15 @@ def test_columns_that_are_empty_throughout_are_no_channels(tmp_path):
     assert "line 454" in found.message("not_a_number")
 
 
+@pytest.mark.parametrize(("row", "columns", "said"), [(395, 3, []), (402, 2, ["worksheet 'S1'"])])
+def test_cells_beside_the_table_are_a_channel_or_said(tmp_path, row, columns, said):
+    """Whether there is another column, the first 400 rows tell."""
+    rows = [["t", "x"], *([i, i] for i in range(600))]
+    found = reading.read(_book(tmp_path / "run.xlsx", rows, edit=lambda book: book["S1"].cell(row, 3, 5.0)))
+    assert len(found.group().channels) == columns
+    assert [f.where for f in found.findings if f.code == "left_out" and "columns C are" in f.message] == said
+
+
 def test_options_and_descriptions_are_for_sheets_too(tmp_path):
     """Rows of names that a person states; the order of dates written as text."""
     path = _book(tmp_path / "run.xlsx", [["A", "A"], ["x", "y"], *([i, i] for i in range(9))])
