@@ -20,6 +20,7 @@ varies freely is sought in FREE_ALARM:
 * **The scale of all torques** where runs differ by masses that are known: tau = s (W pi + W dpi).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Annotated, Literal
@@ -179,7 +180,8 @@ class ModelTests:
     def free(self) -> list[FreeTest]:
         """Four of each joint."""
         codes: tuple[Cause, ...] = "outside_torque", "brief_torque", "slip"
-        tests = *(partial(self._free, code=code) for code in codes), self._angle_scale
+        tests: list[Callable[[int], FreeTest]] = [partial(self._free, code=code) for code in codes]
+        tests.append(self._angle_scale)
         return [test(k) for k in range(len(self.joints)) for test in tests]
 
     @cached_property
