@@ -44,8 +44,11 @@ _FADING = 200
 """Samples in which a record fades out beyond its ends."""
 _OFFSETS = 24
 """Offsets within a step at which a course is rounded."""
-_UNSURE = 1.7
-"""Factor on what rounding does to a course: it is known to its own rounding only (Monte Carlo: 0.5 to 1.7)."""
+_GOLDEN = 0.6180339887498949
+"""Multiples of it are even between whole numbers, however many [-]."""
+_HIDDEN = 9.0
+"""Times by which noise that does not dither a step is weaker than the step's own: a rest on one value scatters by less
+than a sixth of a step, how much less is not known (rectangular distribution of JCGM 101:2008, 6.4.2: step^2 / 108)."""
 _DITHERED = 1e-3
 """Share of a step's error below which it is noise alone."""
 _LOOKED_AT = 5000
@@ -209,6 +212,10 @@ class Amplitude:
     """By how much the lines that were taken out may be wrong, in the band, a standard deviation each, (j, n) [unit]."""
     rounding: tuple[float, ...] = ()
     """What rounding at random offsets adds to the reading [unit, or its square]; none where noise dithers the step."""
+    rounding_gain: float = 0.0
+    """Standard deviation of the share of its signal that rounding adds [-]."""
+    plateaus: Floats | None = None
+    """What rounding at one of these offsets adds to the record, (n,) [unit]; None where noise dithers the step."""
     averages: int = 1
     """Records that it is the mean of."""
     envelope: Floats | None = None
@@ -271,11 +278,14 @@ class Amplitude:
             at_rest = np.diff(values[i], 2) / 6.0**0.5 if rest is None else values[i, _samples(rest, used, seconds)]
             undithered = undithered_share(at_rest, step)
             rounded = undithered > _DITHERED
-            rounding = _rounding(measure, courses[i], step, undithered, used, rate_hz) if rounded else ()
+            felt = slice(None) if moving is None else _samples(moving, used, seconds)
+            rounding, gain, plateaus = (
+                _rounding(measure, courses[i], step, undithered, used, rate_hz, felt) if rounded else ((), 0.0, None)
+            )
             runs.append(cls(
                 measure, seconds, reading, courses[i], wholes[i], still,
-                None if moving is None else _samples(moving, count, seconds), errors[i], rounding, step=step,
-                logger_hz=rate_hz,
+                None if moving is None else _samples(moving, count, seconds), errors[i], rounding, gain, plateaus,
+                step=step, logger_hz=rate_hz,
             ))  # fmt: skip
         return runs
 
@@ -291,13 +301,27 @@ class Amplitude:
 
     @property
     def step_density(self) -> float:
-        """Density of steps that noise dithers, white of variance step^2 / 12 (JCGM 100:2008, F.2.2.1) [unit^2/Hz]."""
+        """Density of steps as noise, white of variance step^2 / 12 (JCGM 100:2008, F.2.2.1) [unit^2/Hz]."""
         return self.step**2 / (6.0 * self.logger_hz)
+
+    @property
+    def hidden_density(self) -> float:
+        """Density of noise that is not seen for the steps: that of the steps themselves where noise dithers them, of
+        the weaker noise that they hide where it does not [unit^2/Hz].
+        """
+        return self.step_density / (_HIDDEN if self.rounding else 1.0)
 
     @property
     def resting(self) -> Segment | None:
         """The rest before the motion."""
         return None if self.rest is None else Segment(self.whole[self.rest], self.rate_hz)
+
+    @property
+    def rounded(self) -> Segment | None:
+        """What rounding adds in the motion; None where noise dithers the step."""
+        if self.plateaus is None:
+            return None
+        return Segment(self.plateaus[self.moving or slice(0, len(self.plateaus))], self.rate_hz)
 
     def noises(self, noise: Noise) -> NoiseRecords:
         """Records of noise in the band, and of what else is not known, seeded by the record."""
@@ -356,8 +380,7 @@ class Amplitude:
         spectrum, gain = _cosines(self.course, count), gain_of_record(self.measure, count, self.seconds)
         density = noise.at(np.arange(count) / 2.0 / self.seconds) / self.averages
         expected = density * gain**2 * count / (2.0 * self.seconds)
-        power = np.convolve(spectrum**2, np.full(_NEIGHBOURS, 1.0 / _NEIGHBOURS), "same")
-        seen = power > _SIGNIFICANT * expected
+        seen = _neighbours(spectrum) > _SIGNIFICANT * expected
         return ConstrainedPeaks(_from_cosines(spectrum * seen)) if seen.any() else ConstrainedPeaks(self.course).highest
 
 
@@ -410,16 +433,41 @@ def undithered_share(resting: Floats, step: float) -> float:
 
 
 def _rounding(
-    measure: Measure, course: Floats, step: float, share: float, count: int, rate_hz: float
-) -> tuple[float, ...]:
-    """By how much the reading of a course (n,) moves if it is rounded to a step at offsets all over it."""
-    fine, statistic = _from_cosines(_cosines(course, count)), MetricStatistic(measure.metric)
+    measure: Measure, course: Floats, step: float, share: float, count: int, rate_hz: float, moving: slice
+) -> tuple[tuple[float, ...], float, Floats]:
+    """By how much the reading of a course (n,) moves if it is rounded to a step at offsets all over it, the standard
+    deviation of the share of the course that this adds, and what one of them, at random, adds to the record, (n,).
+
+    The course was rounded already; its plateaus would meet the new steps in beats. They are taken off as white noise of
+    variance step^2 / 12 by Wiener's filter. For peaks its span, known to a step only, is varied by as much: one that is
+    a multiple of the step would be read exactly at every offset. What is added has that variance in the motion, however
+    little of it the record shows that was on one plateau.
+    """
+    gain = gain_of_record(measure, len(course), count / rate_hz, rate_hz)
+    spectrum, expected = _cosines(course, len(course)), step**2 / 12.0 * gain**2 * len(course) / count
+    smooth = spectrum * np.clip(1.0 - expected / np.maximum(_neighbours(spectrum), 1e-300), 0.0, 1.0)
+    fine, statistic = _from_cosines(_cosines(_from_cosines(smooth), count)), MetricStatistic(measure.metric)
     offsets = (np.arange(_OFFSETS)[:, None] + 0.5) / _OFFSETS
-    read = np.round(fine / step + offsets) * step
+    varied = (_GOLDEN * np.arange(_OFFSETS) % 1.0 - 0.5) * (not statistic.squared)
+    scales = 1.0 + varied * step / max(float(np.ptp(fine)), step)
+    added = (np.round(scales[:, None] * fine / step + offsets) - offsets) * step - scales[:, None] * fine
     gain = gain_of_record(measure, count, count / rate_hz, rate_hz)
-    rows = _from_cosines(_cosines(np.concatenate([read - read.mean(axis=1, keepdims=True), fine[None]]), count) * gain)
-    found = np.array([statistic.noiseless_reading(np.array(METRICS[measure.metric][1](row))) for row in rows])
-    return tuple((_UNSURE * share * (found[:-1] - found[-1])).tolist())
+    added -= added.mean(axis=1, keepdims=True)
+    shown = _from_cosines(_cosines(fine, count) * gain)
+    errors = _from_cosines(_cosines(added, count) * gain)
+    read = [METRICS[measure.metric][1](row) for row in (*(scales[:, None] * shown + errors), shown)]
+    moved = statistic.noiseless_reading(np.array(read[:-1])) - statistic.noiseless_reading(scales * read[-1])
+    gains = np.linalg.pinv(with_shifts(shown))[0] @ errors.T
+    one = added[random_numbers(course).integers(_OFFSETS)]
+    felt = one[moving] if len(one[moving]) else one
+    one = one * (step / 12.0**0.5 / max(float(felt.std()), 1e-300))
+    plateaus = share * _from_cosines(_cosines(one, len(course)) * _taper(len(course)))
+    return tuple((share * moved).tolist()), share * float(gains.std()), plateaus
+
+
+def _neighbours(spectrum: Floats) -> Floats:
+    """Power of frequencies (k,), each averaged with its neighbours, (k,)."""
+    return np.convolve(spectrum**2, np.full(_NEIGHBOURS, 1.0 / _NEIGHBOURS), "same")
 
 
 def _samples(span: tuple[float, float], count: int, seconds: float) -> slice:

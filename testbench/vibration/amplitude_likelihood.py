@@ -37,7 +37,7 @@ class AmplitudeLikelihood:
     saturated: bool
     """Whether the sensor reached the end of its range."""
     common: float
-    """Share of the variance that repeats have in common: the noise's power is one for all, and so is a step [-]."""
+    """Share of the variance that repeats have in common: the noise's power is one for all [-]."""
     amplitudes: Floats
     """Amplitudes around the reading, rising, (POINTS,) [unit]."""
     deviations: Floats
@@ -46,6 +46,8 @@ class AmplitudeLikelihood:
     """
     rises: Floats
     """What each of ``amplitudes`` reads less what the first reads, (POINTS,) [standard deviations of noise]."""
+    rounded: float = 0.0
+    """Share of the variance that a step adds, which repeats have in common if the zero of the converter is one [-]."""
 
     @classmethod
     def of(cls, run: Amplitude, noise: Noise) -> "AmplitudeLikelihood":
@@ -66,8 +68,8 @@ class AmplitudeLikelihood:
             scores[above] = np.maximum(_scores(np.sort(drawn.T), drawn.std(axis=0), shown), 0.0)
         table = np.minimum.accumulate(scores) - _DIGITS * np.arange(POINTS)
         rising = _scores(ranked[:1], spread[:1], np.median(draws, axis=0))
-        common = _common(draws[:, int(np.argmin(np.abs(table)))], noises)
-        return cls(statistic, run.reading, floor, run.saturated, common, tried, table, rising)
+        common, rounded = _shares(draws[:, int(np.argmin(np.abs(table)))], noises)
+        return cls(statistic, run.reading, floor, run.saturated, common, tried, table, rising, rounded)
 
     def deviation(self, amplitude: Floats) -> Floats:
         """The reading less what each amplitude (k,) [unit] would read, (k,) [standard deviations].
@@ -109,11 +111,12 @@ class AmplitudeLikelihood:
         return np.asarray(slope * (np.minimum(np.maximum(at, low), high) - at))
 
 
-def _common(draws: Floats, noises: NoiseRecords) -> float:
-    """Share of the variance of readings (d,) that the noise's power explains, and what a step adds."""
+def _shares(draws: Floats, noises: NoiseRecords) -> tuple[float, float]:
+    """Shares of the variance of readings (d,) that the noise's power explains, and beyond it what a step adds."""
     basis = np.column_stack([np.ones_like(noises.powers), np.sqrt(noises.powers), noises.rounding])
-    left = draws - basis @ np.linalg.lstsq(basis, draws, rcond=None)[0]
-    return float(np.clip(1.0 - left.var() / max(float(draws.var()), 1e-300), 0.0, 1.0))
+    left = [(draws - some @ np.linalg.lstsq(some, draws, rcond=None)[0]).var() for some in (basis[:, :2], basis)]
+    by_power, both = 1.0 - np.clip(np.array(left) / max(float(draws.var()), 1e-300), 0.0, 1.0)
+    return float(by_power), float(both - by_power)
 
 
 def _scores(ranked: Floats, spread: Floats, readings: Floats) -> Floats:

@@ -7,7 +7,7 @@ How sure a mean of repeats is follows from the noise of the campaign, rests and 
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -228,10 +228,13 @@ class CampaignNoise:
         rests: dict[tuple[Place, int], list[Segment]] = {}
         residuals: dict[tuple[Place, int], list[Segment]] = {}
         least: dict[tuple[Place, int], float] = {}
+        rounded: dict[tuple[Place, int], list[Segment]] = {}
         for name, side in sides.items():
             for place, one in (item for record in side.records for item in record.items()):
                 key = place, round(one.rate_hz)
-                least[key] = max(least.get(key, 0.0), one.step_density)
+                least[key] = max(least.get(key, 0.0), one.hidden_density)
+                if aligned[name] is not None and one.rounded is not None:
+                    rounded.setdefault(key, []).append(one.rounded)
                 if one.resting is not None and not one.dead:
                     rests.setdefault(key, []).append(one.resting)
             for place, some in (both.residuals if (both := aligned[name]) else {}).items():
@@ -240,7 +243,8 @@ class CampaignNoise:
         in_motion: dict[Place, bool] = {}
         band = conditions[0].measure.band if conditions else None
         with ThreadPoolExecutor(PARALLEL) as pool:
-            each = pool.map(lambda k: _pooled(rests.get(k, []), residuals.get(k, []), least[k], band), least)
+            shown = ([some.get(key, []) for key in least] for some in (rests, residuals, rounded))
+            each = pool.map(partial(_pooled, band), least.values(), *shown)
             for key, (noise, louder) in zip(least, each, strict=True):
                 noises[key], in_motion[key[0]] = noise, louder or in_motion.get(key[0], False)
         found = cls(noises, in_motion, aligned)
@@ -251,12 +255,16 @@ class CampaignNoise:
                 if at_rest is None or condition.dead(place):
                     continue
                 others = [condition.unbalanced[0][axis] for axis in axes if not condition.dead(axis)]
+                steps = Noise.of([one.rounded] if one.rounded else [], one.hidden_density)
+                known = steps.plus(at_rest) if steps else at_rest
                 if one.moving is None and others and others[0].moving is not None:
-                    if exceeds_rest(at_rest, one, others[0].moving.stop - others[0].moving.start):
+                    if exceeds_rest(known, one, others[0].moving.stop - others[0].moving.start):
                         found.unfelt.add((id(condition), place))
                     continue
-                beyond, band = noise_in_motion(at_rest, one, others), one.measure.band
-                if beyond is None or beyond[0].power(band)[0] > LOUDER * at_rest.power(band)[0]:
+                beyond = noise_in_motion(known, one, others)
+                if beyond is None or beyond[0].power(band)[0] > LOUDER * known.power(band)[0]:
+                    if beyond and steps:
+                        beyond = beyond[0].without(steps, at_rest), beyond[1]
                     found.unrepeated[id(condition), place] = beyond
         return found
 
@@ -289,9 +297,11 @@ class CampaignNoise:
         found = []
         for side in condition.sides:
             lags = both.lags if (both := self.aligned[side.key]) else (0.0,) * len(side.records)
+            rounding = tuple(error for run in side.records for error in run[place].rounding)
             some = [
-                (self.in_envelope(condition, place, run[place], lag), self.noise(condition, run[place], place))
+                (replace(self.in_envelope(condition, place, run[place], lag), rounding=rounding), noise)
                 for run, lag in zip(side.records, lags, strict=True)
+                for noise in [self.noise(condition, run[place], place)]
             ]
             if condition.dead(place) or any(noise is None or one.reading <= 0.0 for one, noise in some):
                 return None
@@ -336,13 +346,22 @@ class CampaignNoise:
 
 
 def _pooled(
-    rest: Sequence[Segment], left: Sequence[Segment], least: float, band: "Band | None"
+    band: "Band | None", least: float, rest: Sequence[Segment], left: Sequence[Segment], rounded: Sequence[Segment]
 ) -> tuple[Noise | None, bool]:
-    """The noise of rests and of what does not repeat; of the latter alone where that is louder, and whether it is."""
-    at_rest, moving = Noise.of(rest, least), Noise.of(left, least)
-    if at_rest is not None and moving is not None and moving.exceeds(at_rest, band):
-        return moving, True
-    return Noise.of([*rest, *left], least), False
+    """The noise of rests and of what does not repeat; of the latter alone where that is louder, and whether it is.
+
+    What does not repeat shows steps that no noise dithers too, which have an error of their own: it is louder only if
+    it is so than rests and ``rounded`` together, and then what these add is taken off; else rests alone show the noise.
+    """
+    at_rest, moving, steps = (Noise.of(some, least) for some in (rest, left, rounded))
+    if moving is None or (steps is None and at_rest is None):
+        return at_rest or moving, False
+    if steps is None:
+        louder = at_rest is not None and moving.exceeds(at_rest, band)
+        return moving if louder else Noise.of([*rest, *left], least), louder
+    quiet = at_rest or replace(moving, density=np.full_like(moving.density, least))
+    louder = moving.exceeds(steps.plus(quiet), band)
+    return moving.without(steps, quiet) if louder else quiet, louder
 
 
 def _readable(

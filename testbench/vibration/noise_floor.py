@@ -13,7 +13,7 @@ noise is small they are few, and where it is not, few of each draw can become it
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Literal
 
@@ -168,6 +168,14 @@ class Noise:
             return None
         frequency = np.linspace(0.0, rate_hz / 2.0, 1025)
         return cls(frequency, np.full_like(frequency, 2.0 * deviation**2 / rate_hz), rate_hz / 50.0, 0.0, _STATED)
+
+    def plus(self, other: "Noise") -> "Noise":
+        """Together with another, known as well as this one."""
+        return replace(self, density=self.density + other.at(self.frequency))
+
+    def without(self, other: "Noise", least: "Noise") -> "Noise":
+        """Less another, but nowhere less than a third."""
+        return replace(self, density=np.maximum(self.density - other.at(self.frequency), least.at(self.frequency)))
 
     def at(self, frequency: Floats) -> Floats:
         """The density at frequencies (k,) [Hz], (k,) [unit^2/Hz]."""

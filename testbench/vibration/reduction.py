@@ -34,7 +34,7 @@ from .amplitude import Place
 from .amplitude_uncertainty import SIDES, AmplitudesUncertainty, Interval
 from .condition import PARALLEL, CampaignNoise, Condition
 from .metrics import Measure
-from .repeatability import Group, Repeatability
+from .repeatability import CLEAR, Group, Repeatability, rounding_in_common
 from .run_amplitudes import AmplitudesOfRun, amplitudes_or_reason
 from .run_pairs import ConditionKey, Pair, pairs
 
@@ -306,16 +306,18 @@ class CampaignLikelihoods:
     @classmethod
     def of(cls, conditions: Sequence[Condition]) -> "CampaignLikelihoods":
         """Runs that are compared with several sets of counter-masses count once; place by place, for its noise."""
-        found, repeats = cls(CampaignNoise.of(conditions), {}, {}, {}), {}
+        found = cls(CampaignNoise.of(conditions), {}, {}, {})
+        once: dict[Place, dict[tuple[int, ...], Group]] = {}
         for place in dict.fromkeys(place for condition in conditions for place in condition.places):
-            some, once = [one for one in conditions if place in one.places], dict[tuple[int, ...], Group]()
+            some = [one for one in conditions if place in one.places]
             with ThreadPoolExecutor(PARALLEL) as pool:
                 made = pool.map(partial(found.noise.groups_and_means, place=place), some)
             for condition, (both, means) in zip(some, made, strict=True):
                 found.groups[id(condition), place], found.means[id(condition), place] = both, means
-                once.update(zip((side.key for side in condition.sides), both or (), strict=False))
-            repeats[place] = Repeatability.of(list(once.values()))
-        return replace(found, repeats=repeats)
+                sides = zip((side.key for side in condition.sides), both or (), strict=False)
+                once.setdefault(place, {}).update(sides)
+        alike = rounding_in_common([group for groups in once.values() for group in groups.values()])
+        return replace(found, repeats={p: Repeatability.of([*groups.values()], alike) for p, groups in once.items()})
 
     def reduction(self, condition: Condition, place: Place) -> Reduction:
         """Of one place of a condition, without what calibrations add."""
@@ -379,7 +381,7 @@ class CampaignLikelihoods:
     def _side(self, runs: Group, mean: Group | None, place: Place) -> ConditionAmplitude:
         """By the mean of the aligned repeats near the noise; far above it, or if they differ, by each of them."""
         repeats = self.repeats[place]
-        if mean is None or repeats.share > 0.0 or repeats.excludes(runs) or runs.clear:
+        if mean is None or repeats.share > 0.0 or repeats.excludes(runs) or runs.clear or runs.rounded > CLEAR:
             return ConditionAmplitude(runs, repeats)
         return ConditionAmplitude(mean)
 

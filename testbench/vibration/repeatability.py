@@ -81,6 +81,17 @@ class Group:
         return float(np.mean([run.common for run in self.runs]))
 
     @cached_property
+    def rounded(self) -> float:
+        """Share of the variance that a step adds."""
+        return float(np.mean([run.rounded for run in self.runs]))
+
+    @cached_property
+    def apart(self) -> float:
+        """Sum of squares of the readings about their mean [variances of what is not known of one of them]."""
+        away = self.deviations(np.array([self.amplitude]))[:, 0]
+        return float(((away - away.mean()) ** 2).sum())
+
+    @cached_property
     def _witness(self) -> tuple[Floats, float, float]:
         """What shows whether runs differ: deviations (n,) from their mean and the variance of what makes no repeat
         differ, in variances of the noise of one of them, and the amplitude in standard deviations of it.
@@ -140,13 +151,15 @@ class Repeatability:
     """Groups that scatter more than the others, and by more than noise."""
     apart: tuple[Group, ...] = ()
     """Those of them that do so by more than the share: their own scatter counts."""
+    rounding_in_common: float = 1.0
+    """Share of what a step adds that repeats have in common [-]."""
 
     @classmethod
-    def of(cls, groups: Sequence[Group]) -> "Repeatability":
+    def of(cls, groups: Sequence[Group], rounding_in_common: float = 1.0) -> "Repeatability":
         """From all groups of one place."""
         repeated = [group for group in groups if group.degrees_of_freedom]
         if not repeated:
-            return cls()
+            return cls(rounding_in_common=rounding_in_common)
         share, freedom = 0.0, np.inf
         least = DIFFER / len(repeated)
         odd = [g for g in repeated if chi_square_tail(g.scatter, g.degrees_of_freedom) < least]
@@ -159,13 +172,13 @@ class Repeatability:
                 odd, apart = [g for g in consistent if g.scatter > g.degrees_of_freedom] + unlike, unlike
             else:
                 odd = apart = [g for g in repeated if g in odd or g in unlike]
-        return cls(share, freedom, tuple(odd), tuple(apart))
+        return cls(share, freedom, tuple(odd), tuple(apart), rounding_in_common)
 
     def variance(self, group: Group) -> float:
         """Of the mean of a group [variances of the noise of one run]."""
         share = max(_share([group]), 0.0) if _contains(self.apart, group) else self.share
-        own = 1.0 - group.common + share * group.signal_to_noise**2
-        return group.common + own / len(group.runs)
+        common = group.common + self.rounding_in_common * group.rounded
+        return common + (1.0 - common + share * group.signal_to_noise**2) / len(group.runs)
 
     def degrees_of_freedom_of(self, group: Group) -> float:
         """Degrees of freedom of that variance: infinite where the noise alone makes it."""
@@ -181,6 +194,22 @@ class Repeatability:
     def excludes(self, group: Group) -> bool:
         """Whether a group's repeats differ."""
         return _contains(self.outlying, group)
+
+
+def rounding_in_common(groups: Sequence[Group]) -> float:
+    """Share of what steps add that repeats have in common: by their readings, which then differ by noise alone.
+
+    Whether a converter's zero lies at the same place within a step in all runs is one fact of a campaign, of which few
+    degrees of freedom tell: components of variance by moments (Searle, Casella and McCulloch, Variance Components,
+    1992), pooled over all groups.
+    """
+    repeated = [group for group in groups if group.degrees_of_freedom]
+    freedom = np.array([group.degrees_of_freedom for group in repeated], dtype=float)
+    unlike = float(freedom @ [group.rounded for group in repeated])
+    if unlike <= 0.0:
+        return 1.0
+    beyond = sum(group.apart for group in repeated) - float(freedom @ [1.0 - g.common - g.rounded for g in repeated])
+    return float(np.clip(1.0 - beyond / unlike, 0.0, 1.0))
 
 
 def _contains(groups: Sequence[Group], group: Group) -> bool:
@@ -283,13 +312,14 @@ def _moved(records: Sequence[Floats], lag: float, count: int) -> Sequence[Floats
 
 
 def gain_error(mean: Amplitude, weights: Floats, noise: Noise) -> float:
-    """Standard deviation of how much more of a mean of repeats one run shows, by its noise [-].
+    """Standard deviation of how much more of a mean of repeats one run shows, by its noise and its steps [-].
 
     ``weights`` (n,) [1/unit]: what the gain is the sum of a record times.
     """
     spectrum = np.fft.rfft(weights if mean.over_time is None else weights * mean.over_time.power**0.5)
     density = noise.at(np.arange(len(spectrum)) * mean.rate_hz / len(weights))
-    return float(np.sum(density * np.abs(spectrum) ** 2) * mean.rate_hz / len(weights)) ** 0.5
+    by_noise = float(np.sum(density * np.abs(spectrum) ** 2)) * mean.rate_hz / len(weights)
+    return float(np.hypot(by_noise**0.5, mean.rounding_gain))
 
 
 def _lags(

@@ -96,3 +96,18 @@ def test_swings_within_reach(metric, reach, sign):
     left_out = np.setdiff1d(np.arange(400), samples)
     assert (whole[:, left_out] <= whole.max(axis=1, keepdims=True) - reach).all()
     assert len(left_out) > 200 or reach == 10.0
+
+
+@pytest.mark.parametrize("metric", ["peak", "peak_to_peak", "rms"])
+@pytest.mark.parametrize("steps", [3.0, 10.0, 40.0])
+def test_rounding_without_dither(metric, steps):
+    """What steps do to a reading is told by the record that they made, whose plateaus are not those of the signal."""
+    measure, rng, time = Measure(metric), np.random.default_rng(2), np.arange(0.0, 1.5, 1e-3)
+    moving = time > 0.3
+    signal = steps * moving * sum(np.sin(2 * np.pi * f * time + f) * np.exp(-4.0 * (time - 0.3)) for f in (7.3, 31.0))
+    records = np.array([np.round(signal + rng.uniform(-0.5, 0.5)) for _ in range(60)])
+    runs = Amplitude.of(records, 1000.0, measure, (0.0, 0.25), (0.3, 1.5), [1.0] * len(records))
+    done = np.std([one.reading for one in runs])
+    told = np.sqrt(np.mean([np.var(one.rounding) for one in runs]))
+    assert 0.6 < told / done < 1.7
+    assert all(one.hidden_density == one.step_density / 9.0 for one in runs)

@@ -10,7 +10,7 @@ from testbench.vibration import AmplitudeLikelihood, ConditionAmplitude, Group, 
 from testbench.vibration.amplitude import Amplitude, MetricStatistic, shifted
 from testbench.vibration.metrics import Measure
 from testbench.vibration.noise_floor import Noise, Segment
-from testbench.vibration.repeatability import Synchronous, gain_error
+from testbench.vibration.repeatability import Synchronous, gain_error, rounding_in_common
 
 from ..coverage import assert_holds
 
@@ -92,6 +92,26 @@ def test_what_repeats_have_in_common():
     rng = np.random.default_rng(5)
     shared = Group(tuple(run(100.0, 0.0, rng, common=0.5) for _ in range(4)))
     assert Repeatability().variance(shared) == pytest.approx(0.5 + 0.5 / 4.0)
+
+
+@pytest.mark.parametrize("offsets", [0.0, 1.0])
+def test_whether_repeats_are_rounding_in_common(offsets):
+    """Steps of the same zero leave readings as they are; of other zeros they average like noise."""
+    rng, amplitude = np.random.default_rng(12), np.full(3, 1000.0)
+    groups = []
+    for _ in range(40):
+        rounding = rng.normal() * (1.0 - offsets) + offsets * rng.normal(size=3)
+        read = amplitude + 0.6 * rng.normal(size=3) + 0.8 * rounding
+        tried = read + AWAY[:, None]
+        runs = (
+            AmplitudeLikelihood(MetricStatistic("peak"), r, 0.7, False, 0.0, t, r - t, t - t[0], 0.8**2)
+            for r, t in zip(read, tried.T, strict=True)
+        )
+        groups.append(Group(tuple(runs)))
+    alike = rounding_in_common(groups)
+    assert alike == pytest.approx(1.0 - offsets, abs=0.25)  # 80 degrees of freedom
+    expected = 0.64 * (1.0 - offsets) + (1.0 - 0.64 * (1.0 - offsets)) / 3.0
+    assert Repeatability.of(groups, alike).variance(groups[0]) == pytest.approx(expected, abs=0.12)
 
 
 def test_error_of_gains_in_a_narrow_band():
@@ -230,3 +250,26 @@ def test_broadband_noise_beside_a_mode(broad, louder):
     assert (
         sum(seen) >= 19 if louder else sum(seen) <= 4
     )  # two degrees of freedom a mode: F exceeds its 1 % point of five in 8 %
+
+
+@pytest.mark.parametrize("steps", [3.0, 10.0, 40.0])
+def test_what_steps_leave_between_repeats_is_no_noise(steps):
+    """Steps that nothing dithers differ between repeats by as much as one record tells; noise beside them is seen."""
+    rate, measure, rng, time = 1000.0, Measure("peak"), np.random.default_rng(3), np.arange(0.0, 1.5, 1e-3)
+    signal = steps * (time > 0.3) * sum(np.sin(2 * np.pi * f * time + f) * np.exp(-2 * (time - 0.3)) for f in (7, 31))
+    least, louder = 1.0 / (6.0 * rate * 9.0), []
+    for deviation in (0.0, 0.6):
+        exact = signal + deviation * (time > 0.3) * rng.standard_normal((3, len(time))) + rng.uniform(-0.5, 0.5, (3, 1))
+        runs = Amplitude.of(np.round(exact), rate, measure, (0.0, 0.25), (0.3, 1.5), [1.0] * 3)
+        place = "base", "x"
+        synchronous = Synchronous.of([{place: one} for one in runs])
+        moving = Noise.of(synchronous.residuals[place], least)
+        added = Noise.of([one.rounded for one in runs], least)
+        known = added.plus(Noise.of([one.resting for one in runs], least))
+        louder.append(moving.exceeds(known, measure.band))
+        if deviation:
+            left = moving.without(added, known).power(measure.band)[0]
+            assert left < moving.power(measure.band)[0]
+        else:
+            assert 0.6 < moving.power(measure.band)[0] / added.power(measure.band)[0] < 1.6
+    assert louder == [False, True]
