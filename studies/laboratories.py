@@ -51,6 +51,8 @@ ORACLE_DRAWS = 60
 """Records of noise that the oracle draws for each run: its standard deviation is known to a tenth."""
 WIDER = 1.5
 """Times the half width of the oracle that intervals may have, in the median."""
+FEWEST = 10
+"""Intervals whose median says so: of fewer it is shown alone."""
 Law = Callable[[np.random.Generator, Floats, Floats], Floats]
 """Noise of one channel at instants (n,) [s] with a share (n,) of the mechanism's top speed: one draw, (n,) [m/s2]."""
 
@@ -579,7 +581,8 @@ def study(count: int, brief: bool) -> Iterator[Row]:
         if t.widths:
             ratios = np.median(np.array(t.widths) / [t.oracle, t.signal], axis=1)
             note = f"of the oracle {np.median(t.oracle):.2g} %; {ratios[1]:.2f} times that of one that knows the signal"
-            yield Row(f"{name}, half width over that of the oracle", float(ratios[0]), "", None, WIDER, note)
+            most = WIDER if len(t.widths) >= FEWEST else None
+            yield Row(f"{name}, half width over that of the oracle", float(ratios[0]), "", None, most, note)
     yield from narrowing(FAMILIES["floor"], range(NARROWED))
 
 

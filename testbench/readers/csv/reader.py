@@ -152,7 +152,10 @@ class _Text:
         first_line = self.header.first_data_line
         written = tuple((i, self.header.channels[i].name) for i in sorted(self.fields_of_text))
         name = names[0] if names else None
-        return Table(self.path, self.encoding, parser, group, kept, first_line, name, above, written, texts)
+        return Table(
+            self.path, self.encoding, parser, group, kept, first_line, name, above, written, texts,
+            unnamed=len(self.header.channels) < fields,
+        )  # fmt: skip
 
     def across_midnight(self, read: Read, kept: Sequence[int]) -> Read:
         """``read`` with times of day that go on after midnight; ``kept`` are the fields of the channels."""

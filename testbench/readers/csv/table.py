@@ -3,6 +3,7 @@
 Where a table has several columns of time, each is the clock of those behind it, which are a group of their own.
 """
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -51,6 +52,8 @@ class Table:
     """Fields of text and their names."""
     log: TextLog = field(default_factory=TextLog)
     content: ContentDigest = field(default_factory=ContentDigest)
+    unnamed: bool = False
+    """Whether the last field has no name and no value in the first lines: one further down is text."""
 
     def blocks(self, report: Report) -> Iterator[Block]:
         """The rows in blocks; what is odd in them is reported at the end."""
@@ -61,6 +64,7 @@ class Table:
         named = tuple(names.get(j, f"col{j}") for j in range(self.parser.fields))
         cells = CellFilter(self.parser, named, self.encoding.name)
         points = LateDecimalMark(self.parser, self.kept)
+        ends_given = re.compile(rb"[^%b\s][ \t\r]*$" % re.escape(self.parser.separator.encode()), re.MULTILINE)
         group, start = self.group, 0
         for piece in self._pieces(rows, report):
             columns = self._columns(piece, cells)
@@ -71,6 +75,9 @@ class Table:
                 report(self._repeated(group, piece.header_line, columns))
             for i, name in self.texts:
                 self._take_texts(piece.text, i, group.name, name, start)
+            if self.unnamed and ends_given.search(piece.text):
+                last = self.parser.fields - 1
+                self._take_texts(piece.text, last, group.name, f"col{last}", start)
             yield Block(group, tuple(columns[j] for j in self.kept), start, piece.lines, piece.bytes_read)
             start += len(columns[0])
         for judge in (rows, cells, points):

@@ -204,3 +204,11 @@ def test_marks_inside_quoted_texts_part_no_cells(log, delimiter, mark):
     assert found.column("F (N)").tolist() == [i + 0.5 for i in range(300)]
     assert {f.code for f in found.findings if f.severity > 0} == set()
     assert found.recording.texts.kept[0].texts == [f"hot{mark} {i}" for i in range(300)]
+
+
+def test_values_far_down_a_last_column_without_a_name_are_kept_as_text(log):
+    """Empty in all lines that the header is found by, it is no column; what stands in it later is lost nowhere."""
+    found = log("Time (s),F [N],\n" + "".join(f"{i / 100},{i},{'7.5' if i >= 500 else ''}\n" for i in range(800)))
+    (kept,) = (finding for finding in found.findings if finding.code == "text_kept")
+    assert (kept.channel, kept.where) == ("col2", "sample 500")
+    assert kept.message.startswith("holds text ('7.5'), not numbers")
