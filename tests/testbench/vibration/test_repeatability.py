@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.fft import dct, idct
 from scipy.stats import norm
 
+from testbench.signal.filters import Band
 from testbench.vibration import AmplitudeLikelihood, ConditionAmplitude, Group, Ratio, Repeatability
 from testbench.vibration.amplitude import Amplitude, MetricStatistic, shifted
-from testbench.vibration.metrics import Measure
+from testbench.vibration.metrics import METRICS, Measure
 from testbench.vibration.noise_floor import Noise, Segment
 from testbench.vibration.repeatability import Synchronous, gain_error, rounding_in_common
 
@@ -191,6 +193,31 @@ def test_a_channel_that_one_repeat_has_reversed():
     for place in places:
         left = np.concatenate([segment.values for segment in both.residuals[place]])
         assert left.std() == pytest.approx(0.01, rel=0.15)
+
+
+@pytest.mark.parametrize("metric", ["peak", "peak_to_peak", "rms"])
+@pytest.mark.parametrize("rate", [1000.0, 5000.0, 10_000.0])
+def test_mean_as_runs_read_it(metric, rate):
+    """It is what each logger would read, were the mean computed at every one of its instants."""
+    at, rng = np.arange(round(3.0 * rate)) / rate - 1.5, np.random.default_rng(5)
+    lags, hertz, phase = (0.0, 0.00317, -0.0471), rng.uniform(5.0, 180.0, (6, 1)), rng.uniform(0.0, 6.0, (6, 1))
+
+    def course(late):
+        waves = np.sin(2 * np.pi * hertz * (at - late) + phase).sum(axis=0)
+        return waves * np.exp(-(((at - late) / 0.3) ** 2))
+
+    measure = Measure(metric, Band(1.0, 200.0))
+    runs = [Amplitude.of(course(late)[None], rate, measure)[0] for late in lags]
+    samples = [late * runs[0].rate_hz for late in lags]
+    mean = runs[0].mean_of(runs, samples, runs[0].whole)
+    assert mean.reading == pytest.approx(np.mean([run.reading for run in runs]), rel=2e-4)
+    if metric != "rms":
+        shown = runs[0].in_band(runs[0].whole)
+        every = [shifted(shown, -lag, len(shown)) for lag in samples]
+        fine = [idct(np.pad(dct(row, norm="ortho"), (0, len(at) - len(row))), norm="ortho") for row in every]
+        scale = (len(at) / len(shown)) ** 0.5
+        read = np.mean([scale * METRICS[metric][1](row) for row in fine])
+        assert mean.reading == pytest.approx(read, rel=1e-8)
 
 
 def test_moved_record():
