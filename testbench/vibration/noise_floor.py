@@ -12,6 +12,7 @@ Runs of one noise share the records that are drawn. Only samples near the extrem
 noise is small they are few, and where it is not, few of each draw can become its extreme for any of the signals.
 """
 
+import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -58,6 +59,7 @@ _REACH = 7.0
 """Standard deviations of noise below the largest value of a signal from which a sample is never the largest."""
 _AT_ONCE = 1 << 18
 """Samples that are compared at a time: they stay in the processor's cache."""
+_one_draws = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -369,12 +371,18 @@ class NoiseRecords:
             first += len(part)
 
 
-@lru_cache(maxsize=2)
 def noise_draws(noise: Noise, measure: Measure, count: int, rate_hz: float) -> Draws:
     """Draws of ``count`` samples in the band of a measure.
 
-    Records of about the same length share them: of longer ones they take what is next to both ends.
+    Records of about the same length share them: of longer ones they take what is next to both ends. What two threads
+    ask for at once is drawn once.
     """
+    with _one_draws:
+        return _shared_draws(noise, measure, count, rate_hz)
+
+
+@lru_cache(maxsize=2)
+def _shared_draws(noise: Noise, measure: Measure, count: int, rate_hz: float) -> Draws:
     coarse = 1 << max(count.bit_length() - 5, 0)
     drawn, powers = _drawn(noise, measure, -(-count // coarse) * coarse, float(f"{rate_hz:.4g}"))
     first, excess = count // 2, len(drawn) - count

@@ -1,6 +1,8 @@
 """The spectrum of noise: power and degrees of freedom against closed forms, pooling, low frequencies, what is too
 short."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -104,3 +106,11 @@ def test_shared_draws():
     np.testing.assert_array_equal(whole[:1000], shorter[:1000])
     np.testing.assert_array_equal(whole[-1000:], shorter[-1000:])
     assert np.mean(whole.astype(float) ** 2) == pytest.approx(noise.power(Measure().band)[0], rel=0.1)
+
+
+def test_two_threads_draw_once():
+    """What both ask for at the same time is one set of draws."""
+    noise = Noise.of([white(2, 4000)])
+    with ThreadPoolExecutor(2) as pool:
+        one, other = pool.map(lambda _: noise_draws(noise, Measure(), 4000, RATE), range(2))
+    assert one is other
