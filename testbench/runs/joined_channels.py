@@ -45,15 +45,8 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
     """The table of ``joined``, and which clocks are not aligned; empty if none."""
     import pandas
 
-    hertz = si(rate, "frequency")
-    groups = [group for group in run.groups if group.has_time]
-    places = [(g.name, index) for g in groups for index in g.measured]
-    if channels is not None:
-        if unknown := [name for name in channels if all(g.index(name) is None for g in groups)]:
-            known = ", ".join(sorted({g.channels[i].name for g in groups for i in g.measured}))
-            raise AnalysisError(f"{run.name}: no channel {unknown[0]!r} in a group with a time: {known}")
-        places = [place for name in channels for g in groups if (place := (g.name, g.index(name))) in places]
-        groups = [g for g in groups if g.name in {name for name, _ in places}]
+    hertz, places = si(rate, "frequency"), _places(run, channels)
+    groups = list({group.name: group for group, _ in places}.values())
     if not groups or not hertz > 0.0:
         raise AnalysisError(
             f"{run.name}: resampling to {hertz:g} Hz: expected a positive rate, and a group with a time"
@@ -75,15 +68,14 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
     grid = first + np.arange(int((last - first) * hertz) + 1) / hertz
     found: dict[str, Floats] = {}
     units: dict[str, str | None] = {}
-    for group in groups:
-        for index in group.measured if group.name in times else ():
-            if (group.name, index) not in places:
-                continue
-            name = group.channels[index].name
-            labels = (name, f"{group.name}: {name}", f"{group.name}: {group.keys[index]}")
-            label = next(label for label in labels if label not in found)
-            found[label] = _resampled(run, group, index, times[group.name], grid, hertz)
-            units[label] = group.channels[index].unit
+    for group, index in places:
+        if group.name not in times:
+            continue
+        name = group.channels[index].name
+        labels = (name, f"{group.name}: {name}", f"{group.name}: {group.keys[index]}")
+        label = next(label for label in labels if label not in found)
+        found[label] = _resampled(run, group, index, times[group.name], grid, hertz)
+        units[label] = group.channels[index].unit
     frame = pandas.DataFrame(found, index=pandas.Index(grid, name="time (s)"))
     unaligned = [name for name in times if name not in clocks] if len(times) > 1 else []
     how, problem = "as recorded" if len(times) == 1 else "recorded alignments", ""
@@ -100,6 +92,18 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
     if (applied := run.provenance.get("calibrations")) is not None:
         frame.attrs["calibrations"] = json.dumps(applied, ensure_ascii=False)
     return frame, problem
+
+
+def _places(run: Run, channels: Sequence[str] | None) -> list[tuple[StoredGroup, int]]:
+    """Measured channels of groups with a time, or those of them that are asked for; each its group and index there."""
+    places = [(group, index) for group in run.groups if group.has_time for index in group.measured]
+    if channels is None:
+        return places
+    of_name = {name: [(g, i) for g, i in places if g.index(name) == i] for name in channels}
+    for name in (name for name, found in of_name.items() if not found):
+        known = ", ".join(sorted({group.channels[index].name for group, index in places}))
+        raise AnalysisError(f"{run.name}: no channel {name!r} measured in a group with a time: {known}")
+    return [place for place in places if any(place in found for found in of_name.values())]
 
 
 def _resampled(run: Run, group: StoredGroup, index: int, time: Floats, grid: Floats, rate: float) -> Floats:
