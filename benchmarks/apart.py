@@ -52,7 +52,7 @@ def compare(module: str, log: Path, rounds: int, same: Callable[[Path, Path], bo
 def ingest(log: Path, folder: Path) -> None:
     """Our side: as the command does."""
     from testbench.ingestion import Ingest
-    from testbench.ingestion.run_table import plan_runs
+    from testbench.ingestion.planned_runs import plan_runs
 
     folder.mkdir()
     (outcome,) = Ingest(folder).run(plan_runs([log], None)[0])

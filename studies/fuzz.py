@@ -48,7 +48,7 @@ INPUT_FILES = {
     "unbalances.csv": ("balance.rotors.rotor_files:load_unbalances", "datasets/rotors/*.csv"),
     "trial-runs.toml": ("balance.rotors.trial_run_files:load_trial_runs", "datasets/rotors/*.toml"),
     "rig.toml": ("testbench.rig.rig:load_rig", "datasets/rigs/*.toml"),
-    "runs.csv": ("testbench.ingestion.run_rows:read_run_table", """
+    "runs.csv": ("testbench.ingestion.run_table:read_run_table", """
 file,run,origin,payload_kg,counter_masses,motion,repeat
 a.csv,r001,measured,5,counter_A0A=24.2626;counter_B0B=24.2626,x,1
 b.csv,r002,simulated,,,y,2

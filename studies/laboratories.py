@@ -24,7 +24,7 @@ from scipy.stats import binomtest
 from balance.arrays import Floats
 from testbench.errors import AnalysisError
 from testbench.ingestion import Ingest
-from testbench.ingestion.run_table import plan_runs
+from testbench.ingestion.planned_runs import plan_runs
 from testbench.rig import load_rig
 from testbench.signal import METRIC_NAMES, Metric
 from testbench.store import open_campaign

@@ -20,7 +20,7 @@ import numpy as np
 from testbench.cli.campaign import recover
 from testbench.errors import StoreError
 from testbench.ingestion import Ingest
-from testbench.ingestion.run_table import plan_runs
+from testbench.ingestion.planned_runs import plan_runs
 from testbench.store import Campaign, append_only_records, archive, atomic_files, open_campaign, open_run
 from testbench.store.ledger import FILE, read_ledger
 
@@ -45,7 +45,7 @@ def in_pieces(self, columns):
         whole(self, [column[begin : begin + 8192] for column in columns])
 writer.GroupWriter.append = in_pieces
 from testbench.ingestion import Ingest
-from testbench.ingestion.run_table import plan_runs
+from testbench.ingestion.planned_runs import plan_runs
 work, (run,) = Ingest(Path(sys.argv[2])), plan_runs([Path(sys.argv[1])], None)
 print("ready", flush=True)
 outcomes = work.run(run)

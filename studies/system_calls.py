@@ -23,8 +23,8 @@ from unittest import mock
 
 from balance.errors import CounterpoiseError
 from testbench.ingestion import Ingest
+from testbench.ingestion.planned_runs import plan_runs
 from testbench.ingestion.recovered_runs import recover
-from testbench.ingestion.run_table import plan_runs
 from testbench.ingestion.watch_folder import Watch
 from testbench.store import Campaign, append_only_records, atomic_files, open_run, writer
 from testbench.store.archive import archive

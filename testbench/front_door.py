@@ -161,7 +161,7 @@ def ingest(
     """
     from .ingestion import Ingest
     from .ingestion.log_sources import SiblingLogs, own_files
-    from .ingestion.run_table import plan_runs
+    from .ingestion.planned_runs import plan_runs
     from .readers import ReadOptions
 
     files, folder, described = [Path(log) for log in logs], Path(to), _rig(rig)

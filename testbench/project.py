@@ -26,7 +26,7 @@ from balance.units import G0
 
 from .campaign_plan import PlannedRun, load_plan
 from .errors import RigError
-from .ingestion.run_rows import RunTableRow, read_run_table, write_run_table
+from .ingestion.run_table import RunTableRow, read_run_table, write_run_table
 from .rig import Rig, load_rig
 from .rig.rig import mechanism_file
 from .simulator.run import planned_samples, refuse_bench

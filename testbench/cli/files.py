@@ -23,7 +23,7 @@ MODELS = {
     "plan": "testbench.campaign_plan:Plan",
     "published": "testbench.published_tables:PublishedTable",
     "rig": "testbench.rig:Rig",
-    "run-table": "testbench.ingestion.run_rows:RunRow",
+    "run-table": "testbench.ingestion.run_table:RunRow",
 }
 """Model of each kind of input file, those of ``balance`` among them."""
 schema = schema_command("testbench", MODELS, "rig")

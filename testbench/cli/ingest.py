@@ -120,7 +120,7 @@ def _work(
 
 def _ingest(files: Sequence[Path], work: "Ingest", run_table: Path | None, scheduler: str | None) -> "list[Outcome]":
     from ..ingestion.log_sources import SiblingLogs
-    from ..ingestion.run_table import plan_runs
+    from ..ingestion.planned_runs import plan_runs
 
     runs = plan_runs(files, run_table)
     others = SiblingLogs(files if run_table is None else (), work.options)

@@ -24,7 +24,7 @@ from ..store import atomic_files, open_run
 from ..store.campaign import CONTINUES, StoredSources
 from ..store.writer import RunWriter
 from .log_sources import Source, distinct_groups, refuse_stored_run, refuse_too_many, refuse_twice
-from .run_table import PlannedRun
+from .planned_runs import PlannedRun
 
 if TYPE_CHECKING:
     from ..rig import Rig

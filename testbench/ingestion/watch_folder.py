@@ -25,8 +25,8 @@ from ..errors import RecordingError, RigError, StoreError
 from ..store.ledger import enter_growth
 from .ingest import Ingest, Outcome
 from .log_sources import SiblingLogs
-from .run_rows import RunTableRow, read_run_table
-from .run_table import PlannedRun, plan_rows, plan_runs, same_file
+from .planned_runs import PlannedRun, plan_rows, plan_runs, same_file
+from .run_table import RunTableRow, read_run_table
 
 State = tuple[int, int]
 """Size [bytes] and time of the last change [ns] of a file."""

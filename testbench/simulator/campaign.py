@@ -24,7 +24,7 @@ from balance.task_pool import HERE, TaskPool
 
 from ..campaign_plan import Plan, PlannedRun
 from ..errors import RigError
-from ..ingestion.run_rows import write_run_table
+from ..ingestion.run_table import write_run_table
 from ..rig import Column, Rig
 from ..rig.bench import Logger
 from . import simulated_logs

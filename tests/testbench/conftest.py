@@ -28,7 +28,7 @@ def simulated(folder: Path, plan: str, rig: str = "parallelogram-6bar") -> Simul
     from testbench import campaign_plan as plans
     from testbench import rig as rigs
     from testbench.ingestion import Ingest
-    from testbench.ingestion.run_table import plan_runs as sheet
+    from testbench.ingestion.planned_runs import plan_runs as sheet
     from testbench.simulator.campaign import RUN_TABLE, simulate_campaign
 
     bench = rigs.load_rig(rig)

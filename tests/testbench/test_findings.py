@@ -4,7 +4,7 @@ import pytest
 
 from testbench.cli.options import print_reading_findings
 from testbench.ingestion import Ingest
-from testbench.ingestion.run_table import PlannedRun
+from testbench.ingestion.planned_runs import PlannedRun
 from testbench.quality.log_description import describe_log
 from testbench.recording import (
     MEANING,

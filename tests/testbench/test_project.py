@@ -14,7 +14,7 @@ import testbench.cli
 from balance import datasets
 from testbench.campaign_plan import load_plan
 from testbench.errors import RigError
-from testbench.ingestion.run_rows import read_run_table
+from testbench.ingestion.run_table import read_run_table
 from testbench.project import new_project, project_problems
 from testbench.rig import load_rig
 from testbench.rig.sensors import Encoder

@@ -12,7 +12,7 @@ import pytest
 from testbench import rig as rigs
 from testbench.calibration.definition import Calibration
 from testbench.ingestion import Ingest
-from testbench.ingestion.run_table import PlannedRun
+from testbench.ingestion.planned_runs import PlannedRun
 from testbench.loads.shaking_wrench import shaking_wrench
 from testbench.runs.recalibrate import calibrate
 from testbench.runs.si_run import SIRun, physical

@@ -6,7 +6,7 @@ import numpy as np
 
 from testbench import rig as rigs
 from testbench.ingestion import Ingest
-from testbench.ingestion.run_table import PlannedRun
+from testbench.ingestion.planned_runs import PlannedRun
 from testbench.store import Run, open_run
 
 COUNT = 400

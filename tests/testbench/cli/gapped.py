@@ -6,7 +6,7 @@ from pathlib import Path
 
 from testbench import rig as rigs
 from testbench.ingestion import Ingest
-from testbench.ingestion.run_table import plan_runs as sheet
+from testbench.ingestion.planned_runs import plan_runs as sheet
 from testbench.simulator.campaign import RUN_TABLE
 
 from ..conftest import Simulated

@@ -13,7 +13,7 @@ from testbench import rig as rigs
 from testbench.cli.identify import identify
 from testbench.errors import AnalysisError
 from testbench.ingestion import Ingest
-from testbench.ingestion.run_table import PlannedRun
+from testbench.ingestion.planned_runs import PlannedRun
 
 from ..conftest import built
 from .gapped import without_rows

@@ -14,7 +14,7 @@ from testbench.cli.vectors import vectors
 from testbench.errors import AnalysisError, StoreError
 from testbench.figures.rotating import draw_vectors
 from testbench.ingestion import Ingest
-from testbench.ingestion.run_table import PlannedRun
+from testbench.ingestion.planned_runs import PlannedRun
 
 from ...commands import assert_fits, held_to_widths
 from ..rotating.machine import UNBALANCE, Rotor

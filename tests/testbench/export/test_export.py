@@ -14,7 +14,7 @@ from testbench.cli.campaign import export as command
 from testbench.errors import StoreError
 from testbench.export import export, sep005
 from testbench.ingestion import Ingest
-from testbench.ingestion.run_table import plan_runs
+from testbench.ingestion.planned_runs import plan_runs
 from testbench.quality.log_description import describe_log
 from testbench.readers import open_recording
 from testbench.recording import Channel, Finding, Group, TimeColumn, UniformClock

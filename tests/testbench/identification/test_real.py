@@ -16,7 +16,7 @@ from testbench.identification.estimators import Methods
 from testbench.identification.records import assemble
 from testbench.identification.regression_equations import regression_equations
 from testbench.ingestion import Ingest
-from testbench.ingestion.run_table import PlannedRun
+from testbench.ingestion.planned_runs import PlannedRun
 from testbench.store import open_run
 
 from . import arms

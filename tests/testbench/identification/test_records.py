@@ -11,7 +11,7 @@ from testbench import rig as rigs
 from testbench.errors import AnalysisError
 from testbench.identification import joint_record
 from testbench.ingestion import Ingest
-from testbench.ingestion.run_table import PlannedRun
+from testbench.ingestion.planned_runs import PlannedRun
 from testbench.runs.aligned_run import AlignedRun
 from testbench.runs.si_run import SIRun
 from testbench.store import Run, open_run

@@ -9,7 +9,7 @@ import pytest
 from balance.results import document
 from testbench import rig as rigs
 from testbench.ingestion import Ingest
-from testbench.ingestion.run_table import PlannedRun
+from testbench.ingestion.planned_runs import PlannedRun
 from testbench.store import open_campaign, open_run
 from testbench.store.ledger import read_ledger
 

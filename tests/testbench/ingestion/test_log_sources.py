@@ -8,7 +8,7 @@ from nptdms import ChannelObject, TdmsWriter
 
 from testbench.ingestion import Ingest
 from testbench.ingestion.log_sources import Source, distinct_groups
-from testbench.ingestion.run_table import PlannedRun
+from testbench.ingestion.planned_runs import PlannedRun
 from testbench.readers.csv import text_blocks
 from testbench.recording import Block, Channel, Group, Recording, UniformClock
 from testbench.store import atomic_files, open_run

@@ -9,8 +9,8 @@ from balance import datasets
 from balance.mechanism.mjcf_parser import load_mechanism
 from balance.motion.motion_files import load_motion, motion_from_texts
 from testbench.ingestion import Ingest
+from testbench.ingestion.planned_runs import plan_runs
 from testbench.ingestion.run_inputs import run_inputs
-from testbench.ingestion.run_table import plan_runs
 from testbench.kinematics.encoder_motion import stored_mechanism
 from testbench.rig import load_rig
 from testbench.store import open_run

@@ -5,8 +5,8 @@ import openpyxl
 import pytest
 
 from testbench.errors import RigError
-from testbench.ingestion.run_rows import read_run_table, write_run_table
-from testbench.ingestion.run_table import plan_runs
+from testbench.ingestion.planned_runs import plan_runs
+from testbench.ingestion.run_table import read_run_table, write_run_table
 
 HEAD = "file,origin,payload_kg,counter_masses,motion,peak_acceleration_g,repeat\n"
 

@@ -7,7 +7,7 @@ from scipy.io import savemat
 
 from testbench.export import TARGETS, export
 from testbench.ingestion import Ingest
-from testbench.ingestion.run_table import PlannedRun
+from testbench.ingestion.planned_runs import PlannedRun
 from testbench.readers import open_recording
 from testbench.readers.header_claims import stated_origin
 from testbench.store import open_run

@@ -12,7 +12,7 @@ from asammdf import MDF, Signal
 from nptdms import ChannelObject, TdmsWriter
 
 from testbench.ingestion.ingest import Ingest
-from testbench.ingestion.run_table import PlannedRun
+from testbench.ingestion.planned_runs import PlannedRun
 from testbench.quality.log_description import describe_log
 from testbench.recording import StartTime, earliest, point_in_time
 from testbench.store import open_run

@@ -8,7 +8,7 @@ import pytest
 from testbench import recording
 from testbench.export import export
 from testbench.ingestion.ingest import Ingest
-from testbench.ingestion.run_table import PlannedRun
+from testbench.ingestion.planned_runs import PlannedRun
 from testbench.readers.csv import text_blocks
 from testbench.store import open_run
 from testbench.store.archive import archive

@@ -12,7 +12,7 @@ from testbench.calibration.definition import Calibration
 from testbench.errors import AnalysisError, RigError, StoreError
 from testbench.export import export
 from testbench.ingestion import Ingest
-from testbench.ingestion.run_table import PlannedRun
+from testbench.ingestion.planned_runs import PlannedRun
 from testbench.loads.shaking_wrench import shaking_wrench
 from testbench.readers import open_recording
 from testbench.runs.recalibrate import calibrate

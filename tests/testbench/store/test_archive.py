@@ -15,7 +15,7 @@ from testbench.cli.campaign import archive as command
 from testbench.errors import StoreError
 from testbench.export import export
 from testbench.ingestion import Ingest
-from testbench.ingestion.run_table import plan_runs
+from testbench.ingestion.planned_runs import plan_runs
 from testbench.recording import Channel, Group, TimeColumn, UniformClock
 from testbench.runs.si_run import physical
 from testbench.store import append_only_records, atomic_files, encodings, open_campaign, open_run, writer

@@ -17,8 +17,8 @@ from studies import system_calls
 from testbench.cli.campaign import recover as command
 from testbench.errors import StoreError
 from testbench.ingestion import Ingest
+from testbench.ingestion.planned_runs import plan_runs
 from testbench.ingestion.recovered_runs import recover
-from testbench.ingestion.run_table import plan_runs
 from testbench.recording import Channel, Group, TimeColumn, UniformClock
 from testbench.store import atomic_files, chunk_io, open_campaign, open_run, writer
 from testbench.store.archive import archive

@@ -13,8 +13,8 @@ from studies import store_faults as faults
 from testbench.errors import StoreError
 from testbench.export import TARGETS, export
 from testbench.ingestion import Ingest
+from testbench.ingestion.planned_runs import plan_runs
 from testbench.ingestion.recovered_runs import recover
-from testbench.ingestion.run_table import plan_runs
 from testbench.store import open_campaign
 from testbench.store.archive import archive
 
