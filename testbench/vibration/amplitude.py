@@ -49,7 +49,7 @@ _POLYNOMIAL = 8
 _OFFSETS = 24
 """Offsets within a step at which a course is rounded."""
 _GOLDEN = 0.6180339887498949
-"""Multiples of it are even between whole numbers, however many [-]."""
+"""Golden section: the fractions of its multiples fill 0 to 1 evenly, however many they are [-]."""
 _HIDDEN = 9.0
 """Times by which noise that does not dither a step is weaker than the step's own: a rest on one value scatters by less
 than a sixth of a step, how much less is not known (rectangular distribution of JCGM 101:2008, 6.4.2: step^2 / 108)."""

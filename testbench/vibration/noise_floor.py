@@ -176,7 +176,7 @@ class Noise:
         return replace(self, density=self.density + other.at(self.frequency))
 
     def without(self, other: "Noise", least: "Noise") -> "Noise":
-        """Less another, but nowhere less than a third."""
+        """Its density less that of another, and nowhere below that of ``least``."""
         return replace(self, density=np.maximum(self.density - other.at(self.frequency), least.at(self.frequency)))
 
     def at(self, frequency: Floats) -> Floats:
