@@ -18,6 +18,8 @@ BENCHMARKS = {
                 "--rounds", "3"]),
     "startup": ("start of a command against bare Python's", ["--rounds", "3"]),
     "analysis": ("a campaign analysed against scipy on whole channels", ["--runs", "6", "--rounds", "2"]),
+    "viewer": ("a long run panned in Chromium: pictures a second, new samples in each", ["--samples", "2000000",
+               "--rounds", "1"]),
     "mdf": ("MDF 4 into HDF5 against asammdf, by peak memory", ["--mb", "40", "--rounds", "1"]),
 }  # fmt: skip
 """Module of each benchmark, what it measures, and the options of a brief run."""

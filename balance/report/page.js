@@ -205,7 +205,7 @@
       const series = lines.flatMap(({ run, one, label, hue }) => {
         const words = label || (run.label === run.name && run.name) || `${run.name}, ${run.balanced ? "with" : "without"} counter-masses`;
         const stroke = colour(hue === undefined ? (run.balanced ? "--with" : "--without") : hues[hue % hues.length]);
-        const line = { label: words, stroke, value, width: 1.2, points: { show: false }, dash: run.again ? [6, 4] : undefined };
+        const line = { label: words, stroke, value, width: 1, points: { show: false }, dash: run.again ? [6, 4] : undefined };
         return one.half_width ? [line, ...["from", "to"].map((end) => ({ label: end, width: 0, points: { show: false } }))] : [line];
       });
       const bands = series.flatMap((line, i) => (line.label === "to" && line.width === 0 ? [{ series: [i + 1, i], fill: colour("--band") }] : []));

@@ -3,6 +3,8 @@
 window.live = ({ at, made, asked }) => {
   /* A line that is drawn knows what it was asked for: the words, and from where to where its samples reach. */
   const WIDTHS = 3;
+  /* How far samples must reach before and after the view, and are asked for, in its widths: moving back, zooming, moving on. */
+  const MARGINS = [[[1, 0], [2, 0.25]], [[0.25, 0.25], [1, 1]], [[0, 1], [0.25, 2]]];
   const complain = (error) => { at("series-error").textContent = error.message; };
   const fetched = async (one, from, to, spans) => {
     const found = await asked(one.ask.name, { ...one.ask.words, from, to, spans }).catch((error) => {
@@ -34,21 +36,24 @@ window.live = ({ at, made, asked }) => {
       if (over === "time") lastShown = null;
       return plots;
     },
-    /* Asks anew for what is too coarse, or ends too near; one request a line at a time, the last wish wins. */
+    /* Asks anew for what is too coarse, or ends too near, ahead of where the view moves; one request a line at a time,
+       the last wish wins. */
     async look(plots, min, max, renewed) {
       if (!plots.length || !plots[0].lines[0].one.values) return;
+      const moved = lastShown && Math.abs(lastShown[1] - lastShown[0] - max + min) < 1e-6 * (max - min) ? Math.sign(min - lastShown[0]) : 0;
       lastShown = [min, max];
-      wanted = { plots, min, max };
+      wanted = { plots, min, max, margins: MARGINS[moved + 1] };
       if (busy) return;
       busy = true;
       try {
         while (wanted) {
-          const { plots: some, min: low, max: high } = wanted, width = high - low;
+          const { plots: some, min: low, max: high, margins } = wanted, width = high - low;
           wanted = null;
           await Promise.all(some.map(async (plot) => {
-            const [start, end] = plot.ends, [left, right] = [Math.max(low - width, start), Math.min(high + width, end)];
-            const lacking = plot.lines.map(({ one }) => one).filter((one) => one.from > Math.max(low - width / 4, start)
-              || one.to < Math.min(high + width / 4, end) || (!one.whole && Math.min(one.to, end) - Math.max(one.from, start) > 2 * (right - left)));
+            const [start, end] = plot.ends;
+            const [[near, far], [left, right]] = margins.map(([before, after]) => [Math.max(low - before * width, start), Math.min(high + after * width, end)]);
+            const lacking = plot.lines.map(({ one }) => one).filter((one) => one.from > near || one.to < far
+              || (!one.whole && Math.min(one.to, end) - Math.max(one.from, start) > 2 * (right - left)));
             if (!lacking.length || right <= left) return; // or the view is beside what this plot holds
             await Promise.all(lacking.map((one) => fetched(one, left, right, WIDTHS * spans())));
             if (!plot.box.isConnected) return;

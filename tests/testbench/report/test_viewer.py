@@ -1,5 +1,6 @@
 """The viewer of a campaign: it draws what is stored, peaks kept; what it compares is aligned; who accepted what."""
 
+import re
 import shutil
 from threading import Thread
 
@@ -240,8 +241,15 @@ def test_in_a_browser(browser, serious, served):
         view.keyboard.press("+")
     view.wait_for_function("() => document.getElementById('series-note').textContent.startsWith('Every sample')")
     shown = view.inner_text("#series-plots p >> nth=0")
-    view.keyboard.press("ArrowRight")
+    before = len(asked)
+    for _ in range(30):
+        view.keyboard.press("ArrowRight")
     view.wait_for_function("old => document.querySelector('#series-plots p').textContent != old", arg=shown)
+    view.wait_for_timeout(500)
+    low, high = map(float, re.findall("From (.*) to (.*) s:", view.inner_text("#series-plots p >> nth=0"))[0])
+    ranges = [float(to) - float(begin) for url in asked[before:] for begin, to in re.findall("from=(.*)&to=(.*)&", url)]
+    # Asked for ahead of where the view moves: two widths, and a quarter behind.
+    assert pytest.approx(3.25 * (high - low), rel=0.02) in ranges
     view.select_option("#series-over", "frequency")
     view.wait_for_function("() => document.getElementById('series-note').textContent.startsWith('Power')")
     assert plots.count() == 3
