@@ -64,11 +64,6 @@ class Outcome:
         return cls(name, response.force, response.moment, response.torque, mass, inertia, {}, note)
 
     @property
-    def force_rms(self) -> float:
-        """Root mean square of the force's size [N]."""
-        return _rms(np.linalg.norm(self.force, axis=1))
-
-    @property
     def force_peak(self) -> float:
         """Largest size of the force [N]."""
         return float(np.linalg.norm(self.force, axis=1).max())
@@ -343,7 +338,7 @@ def _outcome(outcome: Outcome, mechanism: Mechanism) -> dict[str, Any]:
         "method": outcome.name,
         "added_mass_kg": outcome.added_mass,
         "added_inertia_kgm2": outcome.added_inertia,
-        "force_rms_N": outcome.force_rms,
+        "force_rms_N": _rms(np.linalg.norm(outcome.force, axis=1)),
         "force_peak_N": outcome.force_peak,
         "moment_rms_Nm": outcome.moment_rms,
         "moment_peak_Nm": outcome.moment_peak,

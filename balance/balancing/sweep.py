@@ -101,7 +101,7 @@ class Problem:
         places = [(v.name, v.part) for v in variables]
         for variable in variables:
             sites = {name for name, site in self.mechanism.sites.items() if site.body >= 0}
-            if variable.part != "mass" and not self._is_mjcf:
+            if variable.part != "mass" and not (next(tags(self.mechanism.text))["tag"] == "mujoco"):
                 raise ModelError(
                     f"{variable.name}.{variable.part}: {self.mechanism.name} is a URDF or SDF file; places are varied "
                     "in MJCF files only, masses in all: write the mechanism as MJCF"
@@ -170,10 +170,6 @@ class Problem:
     def _responses(self) -> "dict[bytes, Responses]":
         """By their directions: parts of a sweep that change the same parameters share them."""
         return {}
-
-    @property
-    def _is_mjcf(self) -> bool:
-        return next(tags(self.mechanism.text))["tag"] == "mujoco"
 
     @cached_property
     def _placed(self) -> set[str]:

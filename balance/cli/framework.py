@@ -352,12 +352,6 @@ def _flat(part: Any, above: str = "") -> Iterable[tuple[str, str]]:  # noqa: ANN
         yield above or "value", ", ".join(texts)
 
 
-def emit_further(title: str, header: list[str], rows: list[list[str]], remark: str = "") -> None:
-    """Print a table, one with rows, for who asks for everything."""
-    if Detail.everything and rows:
-        emit_table(title, header, rows, remark)
-
-
 def emit_table(title: str, header: list[str], rows: list[list[str]], note: str = "") -> None:
     """Print a table for people on stdout, in lines of the terminal's width."""
     click.echo("\n".join(table_lines(title, header, rows, note, columns())))
@@ -494,12 +488,6 @@ def emit_findings(findings: Iterable[tuple[str, str]]) -> None:
             say(f"  {kind}{f' ({count})' if count > len(shown) else ''}: {message}")
         if count > len(shown):
             click.echo(f"    and {count - len(shown)} more like these: --all lists them")
-
-
-def note(text: str) -> None:
-    """Print a note of which only who asks for everything takes notice, in lines of the terminal's width."""
-    if Detail.everything:
-        say(text)
 
 
 def say(text: str) -> None:

@@ -235,10 +235,6 @@ class MechanismView:
                      for label, one in each.items()], "moving": drawn,
         })  # fmt: skip
 
-    @cached_property
-    def _workspace(self) -> Floats:
-        return workspace_states(self.mechanism, self.closure)
-
     def _at_rest(self, at: Floats) -> Trajectory:
         """With its driven coordinates (dof,) [rad, m], as one sample. Raises ClosureError where it does not close."""
         still = np.zeros((1, len(at)))
@@ -290,7 +286,7 @@ class MechanismView:
         masses = self._masses(words, (0.0,) * len(self.sites))
         mounted, seen_from = self.mechanism.with_counter_mass(masses), self._seen_from(words)
         with self._lock:
-            found, around = self._at_rest(np.array(at)), self._workspace
+            found, around = self._at_rest(np.array(at)), workspace_states(self.mechanism, self.closure)
             if "share" in words:
                 found = self._dragged(found, words, drawn_points(mounted, masses, seen_from, around))
         centre = first_moment(mounted, found.q)[0] / mounted.total_mass

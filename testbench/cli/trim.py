@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import Answer, Word, emit_findings, emit_further, emit_table, note, say
+from balance.cli.framework import Answer, Word, emit_findings, emit_table, say
 from balance.cli.options import FIGURE, command, draw, option
 from balance.results import counted, first_of, table
 
@@ -80,11 +80,12 @@ def trim(
         options.print_calibrations(applied)
 
     shown = {**trim_document(result), "calibrations": applied} | ({"budget": result.budgets} if budget else {})
-    return Answer(shown, show, bool(result.accepted or result.findings or result.doubts()))
+    doubtful = bool(result.accepted or result.findings or result.doubts())
+    return Answer(shown, show, doubtful, further=("sources", "conditions", "about"))
 
 
 def _print(result: "Trim", stock: str | None) -> None:
-    """The verdict with what to add, what is missing, why it is doubted; with --all each source and how it was found."""
+    """The verdict with what to add, what is missing, whether the sources agree, why it is doubted."""
     from balance.estimation.estimate import LEVEL_TEXT
     from balance.estimation.first_moment_imbalance import MissingMass
 
@@ -94,14 +95,11 @@ def _print(result: "Trim", stock: str | None) -> None:
     title = f"Missing on {result.mechanism.name}, {result.origin}, {first_of(result.runs, 4)}, by {result.source}"
     emit_table(title, [site, missing, level, *others], rows)
     if (found := result.consensus) is not None:
-        each = [[one.source, *row] for one in result.shares for row in table(MissingMass, one.missing, *COLUMNS[:3])[1]]
-        emit_further("By source", ["source", site, missing, level], each)
         say(
             f"The sources {'agree' if found.agrees else 'contradict each other'}: chi-square {found.chi_square:.2f} "
             f"with {found.degrees_of_freedom} degrees of freedom, probability {found.probability:.2g}."
         )
     say(f"{result.unexplained:.1%} of what was measured stays unexplained.")
-    note("\n".join(result.about))
     emit_findings(("doubtful", doubt) for doubt in result.doubts())
     emit_findings((GAP, gap) for gap in result.gaps)
     options.print_findings(result.accepted)

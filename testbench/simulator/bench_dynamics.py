@@ -189,11 +189,6 @@ class _Core:
         drives = () if self.drives is None else self.drives.springs
         return [spring for spring in drives if spring.play or not spring.name.startswith("bench.drives.")]
 
-    @property
-    def is_stepped(self) -> bool:
-        """Whether there is play, a joint or link that yields, or feet that may lift."""
-        return self.contact is not None or bool(self._from_step_to_step)
-
     def stepped(self, step: float, beyond: Floats, every: int) -> "Stepped":
         """In steps of ``step`` [s] with inertia ``beyond`` the constant one, for ``every`` samples each."""
         from .stepping import Stepped
@@ -305,7 +300,7 @@ class BenchDynamics:
     @cached_property
     def _stepped(self) -> "Stepped | None":
         """What is stepped, with the inertia along the command less the constant one: the same each round."""
-        if not self._core.is_stepped:
+        if not (self._core.contact is not None or bool(self._core._from_step_to_step)):
             return None
         command = every(self.command, _INERTIA_EVERY)
         found = np.zeros((len(command.time), *self._core.mass.shape))

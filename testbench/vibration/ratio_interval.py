@@ -97,13 +97,8 @@ class Ratio:
     def _known(self) -> dict[float, tuple[float, float]]:
         return {}
 
-    @cached_property
-    def _coarse(self) -> Floats:
-        """Deviations without counter-masses of the amplitudes that are tried first, (k,)."""
-        return self.unbalanced.deviation(self.unbalanced.amplitudes)
-
     def _standardized_anew(self, ratio: float) -> tuple[float, float]:
-        tried, lower = self.unbalanced.amplitudes, self._coarse
+        tried, lower = self.unbalanced.amplitudes, self.unbalanced.deviation(self.unbalanced.amplitudes)
         upper = self.balanced.deviation(ratio * tried)
         best = int(np.argmin(upper**2 + lower**2))
         tried = np.linspace(tried[max(best - 1, 0)], tried[min(best + 1, len(tried) - 1)], _FINE)
