@@ -290,7 +290,8 @@ def label(key: str) -> str:
     return f"{kind.replace('_', ' ')}{found[1].removeprefix(kind)} [{unit}]"
 
 
-_UNITS = {"percent": "%", "kgm": "kg m", "kgm2": "kg m2", "kgmm": "kg mm", "kgmm2": "kg mm2", "gmm": "g mm"}
+_UNITS = {"percent": "%", "kgm": "kg m", "kgm2": "kg m2", "kgmm": "kg mm", "kgmm2": "kg mm2", "gmm": "g mm",
+          "m_s2": "m/s2", "hz": "Hz", "Hz": "Hz"}  # fmt: skip
 _UNIT = re.compile(rf"(.+?)_((?:{'|'.join(_UNITS)}|rad|deg|mm|um|m|Nm|N|kg|g|W|J|s|rpm)(?:_per_(?:rad|s2?|m|g))?)")
 """Units at the end of keys."""
 _MOST_VALUES = 6

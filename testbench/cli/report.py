@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from balance.cli.framework import Answer, Word, emit_table, json_text, say
+from balance.cli.framework import Answer, Detail, Word, emit_parts, emit_table, json_text, say
 from balance.cli.options import SCHEDULER, argument, command, option
-from balance.results import table
 
 from ..signal import METRIC_NAMES
 from . import options
@@ -20,11 +19,18 @@ if TYPE_CHECKING:
     from ..signal.filters import Band
     from ..store import Run
 
-Part = dict[str, Any]
+PARTS = (
+    "motions.found", "command.axes", "command.encoder_noise", "modes.modes", "response.rows", "wrench.components",
+    "torque.drives", "torque.definitions",
+)  # fmt: skip
+"""What of a run's report is printed for who asks for everything."""
 
 
 def print_report(found: "RunReport") -> None:
-    """Print a run's report: its largest vibration and the number of findings, then part by part."""
+    """Print a run's report: its largest vibration, the vibration of the base, what is unknown and why, findings.
+
+    With --all also its other parts, from its document.
+    """
     from ..figures.style import condition_of, origin_of
 
     about = dict.fromkeys([found.run.name, condition_of(found.run)])
@@ -34,119 +40,27 @@ def print_report(found: "RunReport") -> None:
     else:
         largest = "vibration of the base unknown"
     say(f"{origin_of([found.run])}{': '.join(about)}: {largest}; {len(found.findings)} findings.")
-    printers = {
-        "motions": _motions, "command": _command, "vibration": _vibration, "modes": _modes, "response": _response,
-        "wrench": _wrench, "torque": _torque,
-    }  # fmt: skip
+    if strongest:
+        _print_vibration(found.parts["vibration"])
     for name, part in found.parts.items():
         if "reason" in part:
             say(f"No {name}: {part['reason']}")
-        else:
-            printers[name](part)
+    for source, reason in found.parts["motions"].get("reasons", {}).items():
+        say(f"No motion by {source}: {reason}")
     options.print_findings(found.findings)
+    if Detail.everything:
+        emit_parts(found.as_dict(), PARTS)
     say("")
 
 
-def _motions(part: Part) -> None:
-    from ..kinematics.motion_recognition import RecognizedMotion
-
-    if part["found"]:
-        emit_table("Motions", *table(RecognizedMotion, part["found"]), part["definition"])
-    for source, reason in part["reasons"].items():
-        say(f"No motion by {source}: {reason}")
-
-
-def _command(part: Part) -> None:
-    from ..loads.command_tracking import ReachedValue
-
-    noise = ", ".join(f"{joint} {value:.2g}" for joint, value in part["encoder_noise"].items())
-    note = f"below {part['bandwidth_hz']:g} Hz; noise of the encoders' steps [rad/s2]: {noise}"
-    emit_table("Acceleration of what is driven [m/s2]", *table(ReachedValue, part["axes"]), note)
-
-
-def _vibration(part: Part) -> None:
+def _print_vibration(part: dict[str, Any]) -> None:
     rows = [
-        [a["sensor"], a["component"], *(_number(a[f"{m}_m_s2"]) for m in METRIC_NAMES),
+        [a["sensor"], a["component"], *(f"{a[f'{m}_m_s2']:.4g}" for m in METRIC_NAMES),
          ", ".join(f"{p['frequency_hz']:.1f}" for p in a["spectrum_peaks"]) or "-"]
         for a in part["axes"]
     ]  # fmt: skip
     header = ["sensor", "axis", "peak", "peak to peak", "RMS", "spectrum peaks [Hz]"]
     emit_table("Vibration of the base [m/s2]", header, rows, "; ".join(part["definitions"].values()))
-
-
-def _modes(part: Part) -> None:
-    from balance.estimation.estimate import LEVEL_TEXT
-
-    rows = [_mode(m) for m in part["modes"]]
-    header = [
-        "frequency [Hz]",
-        LEVEL_TEXT,
-        "damping [%]",
-        LEVEL_TEXT,
-        f"amplitude {', '.join(part['channels'])} [m/s2]",
-        "",
-    ]
-    emit_table(f"Modes of the base, from {part['from_s']:.3f} to {part['to_s']:.3f} s of {part['group']}", header, rows,
-               f"{part['definition']}; below {part['band_hz'][1]:g} Hz")  # fmt: skip
-
-
-def _mode(mode: Part) -> list[str]:
-    sizes = " ".join(f"{a:.3g}" for a in mode["amplitudes_m_s2"])
-    if mode["reason"]:
-        return [f"near {mode['near_hz']:.1f}", "-", "-", "-", sizes, f"not determined: {mode['reason']}"]
-    ends, damping = mode["frequency_interval_hz"], mode["damping_interval"]
-    return [f"{mode['frequency_hz']:.3f}", f"{ends[0]:.3f} .. {ends[1]:.3f}", f"{100 * mode['damping_ratio']:.2f}",
-            f"{100 * damping[0]:.2f} .. {100 * damping[1]:.2f}", sizes, ""]  # fmt: skip
-
-
-def _response(part: Part) -> None:
-    from balance.estimation.estimate import LEVEL_TEXT
-
-    rows = []
-    for axis in sorted({(r["sensor"], r["axis"]) for r in part["rows"]}):
-        lines = [r for r in part["rows"] if (r["sensor"], r["axis"]) == axis]
-        top = max(lines, key=lambda r: float(r["gain_1_kg"]))
-        ends = top["gain_interval_1_kg"]
-        rows.append([*axis, str(len(lines)), f"{top['frequency_hz']:.1f}", f"{top['gain_1_kg']:.3g}",
-                     f"{ends[0]:.3g} .. {ends[1]:.3g}", f"{top['coherence']:.3f}",
-                     ", ".join(top["also_follows"]) or "nothing else"])  # fmt: skip
-    header = ["sensor", "axis", "significant lines", "largest at [Hz]", "gain [1/kg]", LEVEL_TEXT, "coherence",
-              "also follows"]  # fmt: skip
-    alone = "" if part["of_the_force_alone"] else ", with the effect of other components: no property of the base alone"
-    emit_table(f"Acceleration of the base per shaking force{alone}", header, rows, part["definition"])
-
-
-def _wrench(part: Part) -> None:
-    rows = [
-        [name, *(_number(v) for v in metrics.values())] if metrics else [name, "-", "-", "-", part["reasons"][name]]
-        for name, metrics in part["components"].items()
-    ]
-    rows = [row + [""] * (5 - len(row)) for row in rows]
-    header = ["component", "peak", "peak to peak", "RMS", "not determined, because"]
-    point = ", ".join(f"{v:g}" for v in part["point_m"])
-    emit_table(
-        f"Shaking force and moment about ({point}) m [N, N m]", header, rows, f"{part['definition']}; {part['tare']}"
-    )
-
-
-def _torque(part: Part) -> None:
-    rows = []
-    for drive in part["drives"]:
-        key, unit = ("Nm", "N m") if "measured_rms_Nm" in drive else ("N", "N")
-        rows.append([
-            drive["joint"], *(_number(drive[f"{name}_{key}"]) for name in ("measured_rms", "model_rms")),
-            f"{drive['rms_ratio']:.3f}", f"{drive['scale']:.3f}", f"{100 * drive['residual_share']:.1f}",
-            f"{1e3 * drive['delay_s']:z.2f}", unit,
-        ])  # fmt: skip
-    header = ["joint", "measured RMS", "model RMS", "ratio", "scale", "residual [%]", "delay [ms]", "unit"]
-    band = part["drives"][0]["bandwidth_hz"] if part["drives"] else 0.0
-    words = part["definitions"]
-    note = f"below {band:g} Hz; scale: {words['scale']}; residual: {words['residual_share']}"
-    emit_table("Torques of the drives against the model", header, rows, note)
-
-
-def _number(value: float) -> str:
-    return f"{value:.4g}"
 
 
 class PointText(click.ParamType[tuple[float, float, float]]):
@@ -254,13 +168,13 @@ def report(
             say(f"{origin_of([one.run for one in found.values()])}{len(found)} runs, {number} findings.\n")
         for one in found.values():
             print_report(one)
-        _print_compared(compared)
         for path in written:
             say(f"Wrote {path}.")
         options.print_provenance(opened)
 
     document["written"] = [str(path) for path in written]
-    return Answer(document, show, any(one.findings for one in found.values()), refused=refused)
+    has_finding = any(one.findings for one in found.values())
+    return Answer(document, show, has_finding, refused=refused, further=("compared",))
 
 
 def _page(runs: tuple[Path, ...], output: Path, scheduler: str | None, **how: Any) -> Answer:  # noqa: ANN401
@@ -289,22 +203,6 @@ def _page(runs: tuple[Path, ...], output: Path, scheduler: str | None, **how: An
 
     document = {**found.document, "refused": refused, "written": [str(path)]}
     return Answer(document, show, bool(findings), refused=refused)
-
-
-def _print_compared(compared: list[dict[str, Any]]) -> None:
-    kinds = ("measured", "model")
-    rows = []
-    for pair in compared:
-        for row in pair["torques"]:
-            values = [row[f"{kind}_rms_{'Nm' if 'measured_rms_Nm' in row else 'N'}"] for kind in kinds]
-            cells = [f"{value[side]:.2f}" for value in values for side in ("without", "with")]
-            times = ["-" if row[f"{kind}_times"] is None else f"{row[f'{kind}_times']:.3f}" for kind in kinds]
-            rows.append([pair["condition"], row["joint"], *cells, *times, pair["origin"]])
-    if rows:
-        header = ["condition", "joint", "measured without", "with", "model without", "with", "measured times",
-                  "model times", "origin"]  # fmt: skip
-        title = "RMS torque of the drives with and without counter-masses [N m, or N]"
-        emit_table(title, header, rows, "means of repeats, runs with a gap left out; times: with over without")
 
 
 def _write(

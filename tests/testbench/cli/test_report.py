@@ -7,6 +7,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
+from balance.cli.framework import Detail
 from testbench.cli.report import report
 
 
@@ -23,16 +24,20 @@ def pair(brief):
     return brief.campaign / "r005.h5", brief.campaign / "r006.h5"
 
 
-def test_text_has_every_part_and_says_simulated(pair):
-    """A table a part, its definition below; moments and torques in one spelling of their unit, in every table."""
+def test_text_has_every_part_and_says_simulated(pair, monkeypatch):
+    """The base's vibration with its definition, with --all a table a part; units in one spelling, in every table."""
+    assert "Torque, drives" not in invoke(pair[0])
+    monkeypatch.setattr(report, "params", [one for one in report.params if "--all" not in one.opts])
+    monkeypatch.setattr(Detail, "everything", True)
     text = invoke(*pair)
     assert re.match(r"Simulated: 2 runs, \d+ findings\.\n\nSimulated: r005: payload 5 kg, motion x, peak 3 g0", text)
     for words in (
         "Motions",
         "Vibration of the base",
-        "Modes of the base",
-        "Shaking force and moment",
-        "against the model",
+        "Modes",
+        "Wrench, components",
+        "Torque, drives",
+        "Compared",
     ):
         assert words in text
     assert "No response: r005: the clock of" in text

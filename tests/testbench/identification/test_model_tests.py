@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from balance.cli.framework import Detail
 from balance.mechanism.mjcf_parser import load_mechanism
 from studies.joint_records import Maker
 from testbench.cli.identify import print_result
