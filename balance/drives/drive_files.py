@@ -14,7 +14,6 @@ from ..errors import CounterpoiseError, DataError
 from ..input_files import (
     Distinct,
     Measured,
-    Number,
     Positive,
     Quantity,
     Table,
@@ -25,97 +24,17 @@ from ..input_files import (
     read_text,
 )
 from ..mechanism.mjcf_parser import load_mechanism
-from . import motors
 from .equivalent_inertia import reduced_to_crank
 from .machine import READINGS, Inertia, Load, Machine
+from .motors import Moment, Motor, PositiveSpeed, Speed
 
 if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator
 
     from ..mechanism.mechanism import Mechanism
 
-Speed = Annotated[float, Quantity("angular velocity")]
-PositiveSpeed = Annotated[float, Quantity("angular velocity", above=0.0)]
 Angle = Annotated[float, Quantity("angle")]
-Moment = Annotated[float, Quantity("moment")]
-PositiveMoment = Annotated[float, Quantity("moment", above=0.0)]
 Force = Annotated[float, Quantity("force")]
-
-
-class InductionTable(Table):
-    """An induction motor, M = M_d s / (s + (s_d - s)^2 (a - b s^3))."""
-
-    kind: Literal["induction"]
-    """Kind of motor."""
-    peak_torque: PositiveMoment
-    """Peak torque M_d [N m]."""
-    peak_slip: Positive
-    """Slip s_d at the peak torque."""
-    a: Number
-    """Coefficient a of the curve."""
-    b: Number
-    """Coefficient b of the curve."""
-    synchronous_speed: Literal["nominal"] | Speed
-    """Speed without slip [rad/s], or ``nominal``: the whole curve is moved to the nominal speed."""
-    slip_base: Speed | None = None
-    """What a slip of one is [rad/s]; the synchronous speed where it is left out."""
-    braking: Literal["as printed", "mirrored"] = "as printed"
-    """Above the synchronous speed: the published formula, or M(-s) = -M(s)."""
-
-    def motor(self) -> motors.Motor:
-        """The motor."""
-        zero = None if self.synchronous_speed == "nominal" else self.synchronous_speed
-        mirrored = self.braking == "mirrored"
-        return motors.Induction(self.peak_torque, self.peak_slip, self.a, self.b, zero, self.slip_base, mirrored)
-
-
-class DirectCurrentTable(Table):
-    """A direct-current motor; the nominal speed sets its voltage."""
-
-    kind: Literal["dc"]
-    """Kind of motor."""
-    stall_torque: PositiveMoment
-    """At standstill and full voltage [N m]."""
-    no_load_speed: PositiveSpeed
-    """Speed without load at full voltage [rad/s]."""
-
-    def motor(self) -> motors.Motor:
-        """The motor."""
-        return motors.DirectCurrent(self.stall_torque, self.no_load_speed)
-
-
-class ConstantTable(Table):
-    """A motor of constant torque."""
-
-    kind: Literal["constant"]
-    """Kind of motor."""
-    torque: Moment
-    """Its torque [N m]."""
-
-    def motor(self) -> motors.Motor:
-        """The motor."""
-        return motors.Constant(self.torque)
-
-
-class MotorTable(Table):
-    """A motor measured point by point."""
-
-    kind: Literal["table"]
-    """Kind of motor."""
-    speed: list[Speed]
-    """Speeds of the points, increasing [rad/s]."""
-    torque: list[Moment]
-    """Torques at the points [N m]."""
-
-    def _check(self) -> None:
-        if len(self.speed) != len(self.torque) or len(self.speed) < 2 or not (np.diff(self.speed) > 0.0).all():
-            raise DataError(
-                f"speed has {len(self.speed)}, torque {len(self.torque)} values: expected as many, speeds increasing"
-            )
-
-    def motor(self) -> motors.Motor:
-        """The motor."""
-        return motors.MeasuredMotor.through(np.array(self.speed), np.array(self.torque))
 
 
 class _LoadTable(Table):
@@ -259,7 +178,7 @@ class DriveTable(Table):
     """Crank angle from which it starts up [rad]."""
     speeds: Annotated[list[PositiveSpeed], Field(min_length=1)]
     """Nominal speeds of the motor; ``direction`` turns the crank the other way [rad/s]."""
-    motor: Annotated[InductionTable | DirectCurrentTable | ConstantTable | MotorTable, Field(discriminator="kind")]
+    motor: Annotated[Motor, Field(discriminator="kind")]
     """The motor."""
     gearbox: GearboxTable = GearboxTable()
     """The gearbox."""
@@ -287,7 +206,7 @@ class Drive:
     """Folder of the files that it names."""
     speeds: tuple[float, ...]
     """Nominal speeds of the motor [rad/s]."""
-    motor: motors.Motor
+    motor: Motor
     reading: str | None
     """How the gearbox's torque is read; None where the file does not state it."""
 
@@ -340,7 +259,7 @@ def load_drive(name: str | Path) -> Drive:
     """Load a shipped drive by name, or a TOML file. Raises DataError, naming the key that is wrong."""
     path = datasets.find_dataset(name, "drives", ".toml")
     table = load_model(DriveTable, path)
-    return Drive(path.name, table, path.parent, tuple(table.speeds), table.motor.motor(), table.gearbox.reading)
+    return Drive(path.name, table, path.parent, tuple(table.speeds), table.motor, table.gearbox.reading)
 
 
 def _periodic(angles: Floats, values: Floats, key: str) -> "PchipInterpolator":

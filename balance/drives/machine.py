@@ -117,7 +117,7 @@ class Machine:
 
     def motor_torque(self, rate: Values) -> Values:
         """Torque of the motor at the crank, by its rate of any shape [rad/s], [N m]."""
-        return self._gearing * self.motor.torque(self.ratio * rate, self.nominal)
+        return self._gearing * self.motor.torque_at(self.ratio * rate, self.nominal)
 
     def torque(self, u: Values, rate: Values, gains: Floats | None = None) -> Values:
         """Q: motor, joint friction and loads at the crank, without weight, [N m].
@@ -135,7 +135,7 @@ class Machine:
 
     def torque_slope(self, u: Values, rate: Values) -> Values:
         """dQ/du' at travel u [rad] and rate [rad/s] of one shape, [N m s]."""
-        total = self._gearing * self.ratio * self.motor.slope(self.ratio * rate, self.nominal)
+        total = self._gearing * self.ratio * self.motor.slope_at(self.ratio * rate, self.nominal)
         if not self._resisted:
             return total
         gains = self.reduced.gains(u)

@@ -124,8 +124,8 @@ def _beyond(solution: SteadyRotation) -> list[str]:
     slowest, fastest = (machine.ratio * at[1] / RPM for at in (solution.slowest, solution.fastest))
     if isinstance(motor := machine.motor, MeasuredMotor) and not motor.covers(np.array([slowest, fastest]) * RPM):
         return [
-            f"the motor turns at {slowest:.4g} to {fastest:.4g} rpm, its table covers {motor.speeds[0] / RPM:.4g} to "
-            f"{motor.speeds[-1] / RPM:.4g} rpm; it was extrapolated by its tangent"
+            f"the motor turns at {slowest:.4g} to {fastest:.4g} rpm, its table covers {motor.speed[0] / RPM:.4g} to "
+            f"{motor.speed[-1] / RPM:.4g} rpm; it was extrapolated by its tangent"
         ]
     if isinstance(motor, DirectCurrent) and machine.nominal > (1.0 + _ROUNDING) * motor.no_load_speed:
         return [

@@ -157,6 +157,7 @@ def report(
         "compared": compared,
         **options.provenance(opened),
         "refused": refused,
+        "written": [],
     }
 
     def show() -> None:

@@ -6,9 +6,10 @@ import pytest
 from balance import datasets
 from balance.drives.drive_files import load_drive
 from balance.drives.harmonic_balance import steady_rotation
-from balance.drives.motors import Constant, DirectCurrent, Induction, MeasuredMotor
+from balance.drives.motors import Induction, MeasuredMotor
 from balance.errors import DataError
 
+from .motor_kinds import constant, dc
 from .source import RPM
 
 PLAIN = """
@@ -47,7 +48,9 @@ def test_shipped_drives_turn(name):
 def test_the_source_s_drive():
     """The source's table, in SI; both readings of the gearbox, since the source does not state it."""
     drive = load_drive("inverted-slider-crank")
-    assert drive.motor == Induction(12.75, 0.315, 2.565, 1.380)
+    assert drive.motor == Induction(
+        kind="induction", peak_torque="12.75 N m", peak_slip=0.315, a=2.565, b=1.380, synchronous_speed="nominal"
+    )
     assert drive.speeds == pytest.approx((276 * RPM, 828 * RPM))
     assert drive.readings == ("geared", "ungeared")
     assert drive.published_at(276 * RPM).fluctuation == 0.201
@@ -78,10 +81,19 @@ angle = ["0 deg", "90 deg", "270 deg"]
 torque = ["1 N m", "2 N m", "0 N m"]
 """
     kinds = {
-        'kind = "constant"\ntorque = "50 N cm"': Constant(0.5),
-        'kind = "dc"\nstall_torque = "1 N m"\nno_load_speed = "10 rad/s"': DirectCurrent(1.0, 10.0),
+        'kind = "constant"\ntorque = "50 N cm"': constant(0.5),
+        'kind = "dc"\nstall_torque = "1 N m"\nno_load_speed = "10 rad/s"': dc(1.0, 10.0),
         'kind = "induction"\npeak_torque = "2 N m"\npeak_slip = 0.2\na = 2\nb = 1\nsynchronous_speed = "100 rpm"\n'
-        'slip_base = "200 rpm"\nbraking = "mirrored"': Induction(2.0, 0.2, 2.0, 1.0, 100 * RPM, 200 * RPM, True),
+        'slip_base = "200 rpm"\nbraking = "mirrored"': Induction(
+            kind="induction",
+            peak_torque="2 N m",
+            peak_slip=0.2,
+            a=2,
+            b=1,
+            synchronous_speed="100 rpm",
+            slip_base="200 rpm",
+            braking="mirrored",
+        ),
     }
     for text, motor in kinds.items():
         drive = load_drive(written(tmp_path, f"{head}[motor]\n{text}\n{gear}{loads}"))
@@ -95,7 +107,7 @@ torque = ["1 N m", "2 N m", "0 N m"]
     table = 'kind = "table"\nspeed = ["0 rpm", "100 rpm"]\ntorque = ["3 N m", "1 N m"]'
     drive = load_drive(written(tmp_path, f"{head}[motor]\n{table}\n"))
     assert isinstance(drive.motor, MeasuredMotor)
-    assert drive.motor.torque(50 * RPM, 0.0) == pytest.approx(2.0)
+    assert drive.motor.torque_at(50 * RPM, 0.0) == pytest.approx(2.0)
 
 
 def test_a_mechanism_beside_the_drive_s_file_is_found(tmp_path):

@@ -10,9 +10,9 @@ from balance.drives.equivalent_inertia import reduced_to_crank
 from balance.drives.fourier_series import Periodic, differentiation, odd_grid
 from balance.drives.harmonic_balance import DEFINITIONS, steady_rotation, steady_rotations
 from balance.drives.machine import Inertia, Load, Machine
-from balance.drives.motors import Constant, DirectCurrent, MeasuredMotor
 
 from .. import models
+from .motor_kinds import constant, dc, measured
 from .source import REFERENCE, RPM, machine, mechanism
 
 ROCKER = models.four_bar(0.31, 0.07, 0.26, 0.22, 0.6)
@@ -46,7 +46,8 @@ def variant(label: str, m: Machine) -> Machine:
     base = m.motor
     shaft = {"crank": lambda v: (Inertia("", v, "crank"),), "motor": lambda v: (Inertia("", v, "motor"),)}
     still = reduced_to_crank(replace(mechanism(), gravity=np.zeros(3)))
-    kept = replace(base, slip_base=2835 * RPM)
+    kept = base.model_copy(update={"slip_base": 2835 * RPM})
+    stronger = base.model_copy(update={"peak_torque": 1.156 * base.peak_torque})
     changes = {
         "as printed": {},
         "gear ratio applied to torque (Q=3.61 M)": {"reading": "geared"},
@@ -55,15 +56,15 @@ def variant(label: str, m: Machine) -> Machine:
         "I_const 0.042 on crank": {"inertias": shaft["crank"](0.042)},
         "I_const 0.042 on motor shaft (x3.61^2=0.5473)": {"inertias": shaft["motor"](0.042)},
         "I_const 0.42 on motor shaft (x3.61^2=5.473)": {"inertias": shaft["motor"](0.42)},
-        "odd-symmetric braking branch": {"motor": replace(base, mirrored=True)},
+        "odd-symmetric braking branch": {"motor": base.model_copy(update={"braking": "mirrored"})},
         "V/f curve: slip speed kept, s=(n_sync-n)/2835, Q=M": {"motor": kept},
         "V/f curve: slip speed kept, Q=3.61 M (physically correct drive)": {"motor": kept, "reading": "geared"},
         "V/f curve, Q=3.61 M, gravity off": {"motor": kept, "reading": "geared", "reduced": still},
-        "best one-parameter fit: torque x1.156": {"motor": replace(base, peak_torque=1.156 * base.peak_torque)},
-        "sens: Md 13.75 (12.75 misread)": {"motor": replace(base, peak_torque=13.75)},
-        "sens: sd 0.305": {"motor": replace(base, peak_slip=0.305)},
-        "sens: a 2.365": {"motor": replace(base, a=2.365)},
-        "sens: b 0.138": {"motor": replace(base, b=0.138)},
+        "best one-parameter fit: torque x1.156": {"motor": stronger},
+        "sens: Md 13.75 (12.75 misread)": {"motor": base.model_copy(update={"peak_torque": 13.75})},
+        "sens: sd 0.305": {"motor": base.model_copy(update={"peak_slip": 0.305})},
+        "sens: a 2.365": {"motor": base.model_copy(update={"a": 2.365})},
+        "sens: b 0.138": {"motor": base.model_copy(update={"b": 0.138})},
         "sens: Ic 0.40": {"inertias": shaft["crank"](0.40)},
         "sens: Ic 0.44": {"inertias": shaft["crank"](0.44)},
     }  # fmt: skip
@@ -110,14 +111,14 @@ OTHERS = {
     "source, 276": lambda: machine(276),
     "source, 828": lambda: machine(828),
     "source, geared, 828": lambda: machine(828, "geared"),
-    "crank-rocker, dc, fan": lambda: rocker(DirectCurrent(2.4, 300.0), (Load("fan", "quadratic", 2, 0.004),)),
+    "crank-rocker, dc, fan": lambda: rocker(dc(2.4, 300.0), (Load("fan", "quadratic", 2, 0.004),)),
     "crank-rocker, table, drag": lambda: rocker(
-        MeasuredMotor.through(np.array([0.0, 50.0, 90.0, 110.0]), np.array([6.0, 5.0, 2.0, -4.0])),
+        measured(np.array([0.0, 50.0, 90.0, 110.0]), np.array([6.0, 5.0, 2.0, -4.0])),
         (Load("drag", "viscous", 0, 0.05),),
     ),
-    "crank-rocker, constant torque, fan": lambda: rocker(Constant(0.5), (Load("fan", "quadratic", 0, 0.006),)),
-    "crank-rocker, backwards": lambda: rocker(DirectCurrent(2.4, 300.0), (Load("lift", "constant", 2, 1.0),), -1),
-    "crank-rocker, dry": lambda: rocker(DirectCurrent(2.4, 300.0), (Load("dry", "dry", 0, 0.4),)),
+    "crank-rocker, constant torque, fan": lambda: rocker(constant(0.5), (Load("fan", "quadratic", 0, 0.006),)),
+    "crank-rocker, backwards": lambda: rocker(dc(2.4, 300.0), (Load("lift", "constant", 2, 1.0),), -1),
+    "crank-rocker, dry": lambda: rocker(dc(2.4, 300.0), (Load("dry", "dry", 0, 0.4),)),
 }  # fmt: skip
 
 
@@ -159,7 +160,7 @@ def arm():
 
 def test_a_constant_inertia_without_weight_does_not_fluctuate(arm):
     """It turns at one speed: that at which the motor's torque is the load's."""
-    m = Machine(arm, DirectCurrent(3.0, 200.0), 2.0, "geared", 200.0, (), (Load("d", "viscous", 0, 0.05),))
+    m = Machine(arm, dc(3.0, 200.0), 2.0, "geared", 200.0, (), (Load("d", "viscous", 0, 0.05),))
     found = steady_rotation(m)
     assert found.fluctuation() < 1e-12
     speed = 2.0 * 3.0 / (2.0 * 2.0 * 3.0 / 200.0 + 0.05)
@@ -173,7 +174,7 @@ def test_a_constant_inertia_without_weight_does_not_fluctuate(arm):
 @pytest.fixture(scope="module")
 def dipped(arm):
     """The arm on a motor whose torque dips and rises again: three speeds of no torque."""
-    motor = MeasuredMotor.through(np.array([0.0, 1000.0, 2000.0, 3000.0]) * RPM, np.array([10.0, 2.0, 6.0, 0.0]))
+    motor = measured(np.array([0.0, 1000.0, 2000.0, 3000.0]) * RPM, np.array([10.0, 2.0, 6.0, 0.0]))
     shaft, load = Inertia("armature", 0.05, "motor"), Load("brake", "constant", 0, 60.0)
     return Machine(arm, motor, 20.0, "geared", 3000.0 * RPM, (shaft,), (load,))
 
@@ -185,7 +186,7 @@ def test_all_steady_speeds_with_their_stability(dipped):
     np.testing.assert_allclose(speeds, np.sort(dipped.motor.curve.solve(3.0, extrapolate=False))[::-1], rtol=1e-10)
     assert [round(speed) for speed in speeds / RPM] == [2689, 1326, 673]
     assert [each.is_stable for each in found] == [True, False, True]
-    assert [each.is_stable for each in found] == [bool(s < 0.0) for s in dipped.motor.slope(speeds, 0.0)]
+    assert [each.is_stable for each in found] == [bool(s < 0.0) for s in dipped.motor.slope_at(speeds, 0.0)]
 
 
 def test_the_one_that_a_start_from_rest_ends_in(dipped):
@@ -219,12 +220,12 @@ def test_small_swing_of_weight_is_the_linear_answer():
 def test_machines_without_a_steady_rotation_are_named():
     """A constant torque against nothing runs away; a motor too weak for its load never turns it."""
     with pytest.raises(DriveError, match="faster and faster"):
-        steady_rotation(replace(machine(828), motor=Constant(5.0)))
+        steady_rotation(replace(machine(828), motor=constant(5.0)))
     with pytest.raises(DriveError, match="never drives"):
-        steady_rotation(replace(machine(828), motor=Constant(1.0), loads=(Load("brake", "dry", 0, 5.0),)))
+        steady_rotation(replace(machine(828), motor=constant(1.0), loads=(Load("brake", "dry", 0, 5.0),)))
     crawling = (Load("drag", "viscous", 0, 0.3),)
     with pytest.raises(DriveError, match="on the way round"):
-        steady_rotation(replace(machine(276), motor=Constant(0.3), inertias=(), loads=crawling))
+        steady_rotation(replace(machine(276), motor=constant(0.3), inertias=(), loads=crawling))
 
 
 def test_series_differentiate_exactly():

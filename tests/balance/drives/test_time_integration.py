@@ -7,9 +7,9 @@ import pytest
 
 from balance.drives import DriveError
 from balance.drives.harmonic_balance import steady_rotation
-from balance.drives.motors import Constant
 from balance.drives.time_integration import by_harmonics, by_tolerance, solver_scatter, start_up
 
+from .motor_kinds import constant
 from .source import REFERENCE, RPM, machine
 
 
@@ -34,7 +34,7 @@ def test_steady_in_the_second_turn_holds_at_276_not_at_828():
 
 def test_energy_is_kept_without_motor_and_losses():
     """Dropped from rest with a torque just above nothing, kinetic plus potential energy grows by the motor's work."""
-    m = replace(machine(276), motor=Constant(8.0), inertias=())
+    m = replace(machine(276), motor=constant(8.0), inertias=())
     run = start_up(m, 2)
     kinetic = 0.5 * m.inertia(run.travel) * run.speed**2
     total = kinetic + m.reduced.potential(run.travel) - 8.0 * run.travel
@@ -44,9 +44,9 @@ def test_energy_is_kept_without_motor_and_losses():
 def test_motors_that_do_not_start_or_do_not_come_round_are_named():
     """Weaker than the weight at standstill; strong enough there, and too weak further on."""
     with pytest.raises(DriveError, match="does not start at 0 deg"):
-        start_up(replace(machine(276), motor=Constant(6.0)))
+        start_up(replace(machine(276), motor=constant(6.0)))
     with pytest.raises(DriveError, match="turns back at"):
-        start_up(replace(machine(276), motor=Constant(0.5)), 1, start=np.radians(190.0))
+        start_up(replace(machine(276), motor=constant(0.5)), 1, start=np.radians(190.0))
 
 
 def test_loose_solvers_scatter_the_answer():
