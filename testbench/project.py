@@ -9,6 +9,7 @@ import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from string import Template
 from typing import Annotated, Any
 
 from balance import datasets
@@ -40,23 +41,6 @@ _TURN_DEG, _SLIDE_MM, _HALVINGS = 15.0, 20.0, 6
 _PEAK = {True: "10 m/s^2", False: "60 rad/s^2"}
 """Peak acceleration of a joint that slides, and of one that turns."""
 _RATE_HZ = 1000.0
-README = """# Test of {name}
-
-Everything here is yours to edit. Values marked (guess) are not known from the mechanism: put in those of your bench.
-
-    testbench check .                                         # what is missing or contradicts
-    balance conditions {mechanism}                            # which conditions balance it
-    balance size {mechanism} --motion {motion}                # the counter-masses of {plan}
-    testbench simulate --plan {plan} --rig {rig} -o logs      # simulated logs, to try the way
-    testbench ingest logs/r*.csv --rig {rig} --runs logs/{runs} -o campaign
-    testbench doctor campaign                                 # do logs, run table and rig agree?
-    testbench analyze campaign                                # by how much the vibration is reduced
-    testbench compare campaign                                # measured beside simulated
-    testbench report campaign                                 # all of it on one page
-
-With logs of your own: list them in {runs}, correct the channels and units in {rig}, and ingest them with --runs {runs}.
-`testbench schema rig`, `plan`, `run-table` and `balance schema motion` describe every key.
-"""
 
 
 @dataclass(frozen=True)
@@ -87,7 +71,7 @@ def new_project(folder: Path, mechanism: str | None, loggers: int = 2) -> list[s
         PLAN: _plan_text(file, model, motion_from_text(moved)),
         RIG: _rig_text(file, model, loggers),
         "README.md": _aligned(
-            README.format(name=model.name, mechanism=file, motion=MOTION, plan=PLAN, rig=RIG, runs=RUNS)
+            _template("README.md", name=model.name, mechanism=file, motion=MOTION, plan=PLAN, rig=RIG, runs=RUNS)
         ),
     }
     mechanism_from_text(model.text, file)  # what is written can be read
@@ -215,50 +199,28 @@ def _plan_text(file: str, model: Mechanism, motion: Motion) -> str:
 
 def _rig_text(file: str, model: Mechanism, loggers: int) -> str:
     base = BASE_SHARE * max(model.total_mass, 0.1)
-    stiffness = base * (2.0 * math.pi * FREQUENCY_HZ) ** 2 / 4.0
-    damping = 2.0 * DAMPING * base * 2.0 * math.pi * FREQUENCY_HZ / 4.0
-    drives = "controller" if loggers > 1 else "daq"
-    lines = [
-        f"# The bench of {model.name}. `testbench schema rig` says all keys. Lengths in the base frame.",
-        f'name = "bench of {model.name}"',
-        f"mechanism = {repr_text(file)}",
-        "",
-        "[loggers.daq]                             # the accelerometer's logger",
-        'rate = "2 kHz"                            # (guess)',
-        'start = "-1 s"                            # a rest of a second shows the noise',
-        *(["", "[loggers.controller]                      # encoders and torques", 'rate = "1 kHz"', 'start = "-0.9 s"']
-          if loggers > 1 else []),
-        "",
-        "[sensors.base_acc]",
-        'kind = "accelerometer"',
-        'logger = "daq"',
-        'channels = { x = "AccX", y = "AccY", z = "AccZ" }',
-        'unit = "g"                                # as the logger writes it',
-        'noise = "0.002 g"                         # (guess)',
-        'resolution = "0.0005 g"                   # (guess)',
-        'position = ["0.2 m", "-0.1 m", "0 m"]     # (guess)',
-        'attached_to = "base"',
-    ]  # fmt: skip
+    stiffness = f"{base * (2.0 * math.pi * FREQUENCY_HZ) ** 2 / 4.0:.4g}"
+    damping = f"{2.0 * DAMPING * base * 2.0 * math.pi * FREQUENCY_HZ / 4.0:.4g}"
+    joints = ""
     for joint in model.driven:
         slide = not model.tree.joints[model.coordinate_index(joint)].revolute
         unit, load, fine = ("m", "N", "1e-6 m") if slide else ("rad", "N m", "1e-5 rad")
-        name = "".join(c if c.isalnum() or c == "_" else "_" for c in joint)
-        lines += [
-            "", f"[sensors.encoder_{name}]", 'kind = "encoder"', f'logger = "{drives}"',
-            f"channel = {repr_text(f'q_{joint}')}", f"joint = {repr_text(joint)}", f'unit = "{unit}"',
-            f'resolution = "{fine}"                    # (guess)',
-            "", f"[sensors.drive_{name}]", 'kind = "torque"', f'logger = "{drives}"',
-            f"channel = {repr_text(f'tau_{joint}')}", f"joint = {repr_text(joint)}", f'unit = "{load}"',
-            f'noise = "0.01 {load}"                    # (guess)',
-        ]  # fmt: skip
-    lines += ["", "[bench]                                   # for the simulation alone (guess)"]
-    lines += [f'mass = "{base:.4g} kg"', 'centre = ["0 m", "-0.2 m", "0 m"]']
-    lines += [f'inertia = "{base * 0.1:.4g} kg m^2"']
-    for x in ("-0.4 m", "0.4 m"):
-        for z in ("-0.3 m", "0.3 m"):
-            lines += ["", "[[bench.mounts]]", f'position = ["{x}", "-0.5 m", "{z}"]']
-            lines += [f'stiffness = "{stiffness:.4g} N/m"', f'damping = "{damping:.4g} N s/m"']
-    return "\n".join([*lines, ""])
+        joints += _template(
+            "joint.toml", name="".join(c if c.isalnum() or c == "_" else "_" for c in joint), joint=repr_text(joint),
+            logger="controller" if loggers > 1 else "daq", unit=unit, resolution=fine, load=load,
+            angle=repr_text(f"q_{joint}"), torque=repr_text(f"tau_{joint}"),
+        )  # fmt: skip
+    places = [(x, z) for x in ("-0.4 m", "0.4 m") for z in ("-0.3 m", "0.3 m")]
+    mounts = "".join(_template("mount.toml", x=x, z=z, stiffness=stiffness, damping=damping) for x, z in places)
+    return _template(
+        RIG, name=model.name, mechanism=repr_text(file), controller=_template("controller.toml") * (loggers > 1),
+        joints=joints, mass=f"{base:.4g}", inertia=f"{base * 0.1:.4g}", mounts=mounts,
+    )  # fmt: skip
+
+
+def _template(file: str, /, **values: str) -> str:
+    """A text of the folder ``project_files`` with these values in place of their names."""
+    return Template((Path(__file__).with_name("project_files") / file).read_text(encoding="utf-8")).substitute(values)
 
 
 def project_problems(folder: Path) -> list[Problem]:
