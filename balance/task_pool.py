@@ -1,17 +1,24 @@
-"""Independent tasks in other processes: on this machine or on a Dask cluster (extra ``distributed``).
+"""Independent tasks in other processes: copies of this one, or on a Dask cluster (extra ``distributed``).
 
-A worker that dies loses nothing: its tasks run again elsewhere, up to ATTEMPTS times. Results come as they are ready,
-each with the place of its task, so that what is written to disk can be resumed. What works on tasks travels once, and
-each thread of a worker keeps its own copy: what that finds for one task it still has for the next. Whoever reaches a
-scheduler runs code on its workers: name only one of your own network.
+Copies (fork) begin within some milliseconds, with all that this process holds in memory, and this process works with
+them: tasks need not travel, results do. Linux alone has them, where no other thread of Python runs that might be in the
+middle of something; elsewhere this process takes the tasks in two threads.
+
+A worker of a cluster that dies loses nothing: its tasks run again elsewhere, up to ATTEMPTS times. Results come as they
+are ready, each with the place of its task, so that what is written to disk can be resumed. What works on tasks travels
+once, and each thread of a worker keeps its own copy: what that finds for one task it still has for the next. Whoever
+reaches a scheduler runs code on its workers: name only one of your own network.
 """
 
+import os
+import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from .errors import CounterpoiseError
 
@@ -25,9 +32,17 @@ ATTEMPTS = 3
 """Workers that may die with a task before it counts as the task's fault."""
 LOCAL = "local"
 """As a scheduler's address: processes of this machine."""
+THREADS = 2
+"""In which this process takes tasks alone: so many at a time are in memory."""
+WORTH = 8
+"""Tasks from which copies of this process pay: they cost about as much as one run of ten seconds takes."""
+MOST = 8
+"""Processes, at most: this one takes in what all of them find."""
 _CONNECT_S = 10.0
 _own = threading.local()
 """What this thread of a worker works with, and the bytes that it came as."""
+_inherited: list[Any] = []
+"""In a copy of this process: what works, and its tasks."""
 
 
 @dataclass(frozen=True)
@@ -35,12 +50,17 @@ class TaskPool:
     """Where tasks run."""
 
     client: "Client | None"
-    """None runs them one after the other in this process."""
+    """None runs them on this machine."""
+    processes: int = 1
+    """This process and so many copies of it less one take them, one after the other; without ``client``."""
 
     def results(self, work: Callable[[Task], Result], tasks: Sequence[Task]) -> Iterator[tuple[int, Result]]:
         """``work`` of each task with the task's place, in order of completion; what ``work`` raises is raised here."""
         if self.client is None:
-            yield from ((place, work(task)) for place, task in enumerate(tasks))
+            if self.processes > 1 and len(tasks) > 1 and _can_fork():
+                yield from _shared(work, tasks, self.processes)
+            else:
+                yield from ((place, work(task)) for place, task in enumerate(tasks))
             return
         from distributed import as_completed
         from distributed.protocol.pickle import dumps
@@ -53,6 +73,19 @@ class TaskPool:
         for future in as_completed(futures):
             yield places[future.key], future.result()
             future.release()
+
+    def map(self, work: Callable[[Task], Result], tasks: Sequence[Task]) -> list[Result]:
+        """``work`` of each task, in the order of the tasks; in this process alone by THREADS."""
+        if self is HERE:
+            with ThreadPoolExecutor(THREADS) as threads:
+                return list(threads.map(work, tasks))
+        found = dict(self.results(work, tasks))
+        return [found[place] for place in range(len(tasks))]
+
+    @property
+    def in_memory(self) -> "TaskPool":
+        """This pool where what works, and tasks, are inherited by copies of this process; else this process alone."""
+        return self if self.processes > 1 else HERE
 
     def _refuse_workers_without(self, work: object) -> None:
         """Raise CounterpoiseError where a worker cannot import what runs: Dask would lose the worker without a word."""
@@ -93,14 +126,74 @@ HERE = TaskPool(None)
 """One task after the other in this process."""
 
 
+def cores(tasks: int) -> TaskPool:
+    """This process and a copy of it for each further core, where there are so many tasks that it pays; else HERE."""
+    if tasks < WORTH or not _can_fork():
+        return HERE
+    number = min(len(os.sched_getaffinity(0)), MOST)
+    return TaskPool(None, number) if number > 1 else HERE
+
+
+def _can_fork() -> bool:
+    """Whether a copy of this process has all that it needs: no other thread, which it would lack, holds a lock."""
+    return sys.platform == "linux" and threading.active_count() == 1
+
+
+def _shared(work: Callable[[Task], Result], tasks: Sequence[Task], processes: int) -> Iterator[tuple[int, Result]]:
+    """Copies of this process take tasks from the first on, it takes those from the last back; also what a copy that
+    dies had taken.
+    """
+    import multiprocessing
+    from concurrent.futures.process import BrokenProcessPool, ProcessPoolExecutor
+
+    context = multiprocessing.get_context("fork")
+    pool = ProcessPoolExecutor(min(processes, len(tasks)) - 1, context, _begin, (work, tasks))
+    try:
+        futures = [pool.submit(_task_at, place) for place in range(len(tasks))]
+        taken = len(tasks)
+        while taken and futures[taken - 1].cancel():
+            taken -= 1
+            yield taken, work(tasks[taken])
+        for place, future in enumerate(futures[:taken]):
+            try:
+                found = future.result()
+            except BrokenProcessPool:
+                found = work(tasks[place])
+            yield place, found
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _begin(*inherited: object) -> None:
+    """In a copy of this process: the terminal's interrupt is for this process, with which the copy ends."""
+    _inherited[:] = inherited
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    from multiprocessing import parent_process
+
+    parent = parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
+
+
+def _task_at(place: int) -> Any:  # noqa: ANN401
+    work, tasks = _inherited
+    return work(tasks[place])
+
+
 @contextmanager
-def task_pool(scheduler: str | None, processes: int | None = None) -> Iterator[TaskPool]:
-    """Tasks in this process (None), in ``processes`` of this machine (LOCAL), or at a scheduler such as tcp://host:8786.
+def task_pool(scheduler: str | None, processes: int | None = None, tasks: int = 0) -> Iterator[TaskPool]:
+    """Without a scheduler on the :func:`cores` that so many ``tasks`` are worth, in ``processes`` that Dask starts on
+    this machine (LOCAL), or at a scheduler such as tcp://host:8786.
 
     Raises CounterpoiseError where Dask is not installed or the scheduler does not answer.
     """
     if scheduler is None:
-        yield HERE
+        yield cores(tasks)
         return
     try:
         import dask

@@ -147,12 +147,10 @@ def _write(out: Path, found: dict, keys: dict) -> None:
 
 def intervals(folder: Path, out: Path) -> None:
     """Reductions with noise, intervals and findings, as `testbench analyze` gives them."""
-    from testbench.store import open_campaign
-    from testbench.vibration.metrics import Measure
-    from testbench.vibration.reduction import analyze
+    import testbench
 
     out.mkdir()
-    analyze(open_campaign(folder).runs, Measure())
+    testbench.analyze(folder)
 
 
 SIDES = {"ours": ours, "scipy": by_scipy}
@@ -173,9 +171,9 @@ def in_turn(folder: Path, rounds: int) -> dict[str, tuple[float, float]]:
     taken: dict[str, list[tuple[float, float]]] = {name: [] for name in TIMED}
     for number in range(rounds + 1):
         for name, side in TIMED.items():
-            begin, busy = time.perf_counter(), time.process_time()
+            begin, busy = time.perf_counter(), sum(os.times()[:4])  # copies of this process included
             side(folder, folder.with_name(f"turn{number}{name}"))
-            taken[name].append((time.perf_counter() - begin, time.process_time() - busy))
+            taken[name].append((time.perf_counter() - begin, sum(os.times()[:4]) - busy))
     return {
         name: (statistics.median(s for s, _ in times[1:]), statistics.median(p for _, p in times[1:]))
         for name, times in taken.items()

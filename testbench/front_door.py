@@ -209,11 +209,12 @@ def analyze(
     >>> result.table()[["axis", "reduction_percent"]].shape
     (3, 2)
     """
-    from balance.task_pool import HERE
+    from balance.task_pool import cores
 
     from .vibration.reduction import analyze as analyze_runs
 
-    return analyze_runs(runs_of(campaign), _measure(metric, band), accept, _mechanism(mechanism), pool or HERE)
+    runs = runs_of(campaign)
+    return analyze_runs(runs, _measure(metric, band), accept, _mechanism(mechanism), pool or cores(len(runs)))
 
 
 def _measure(metric: Metric, band: Band | str | None) -> Measure:
@@ -243,11 +244,13 @@ def compare(
     >>> testbench.compare("campaign").table()["simulated_percent"].notna().all()
     np.True_
     """
+    from balance.task_pool import cores
+
     from .published_tables import load_published
     from .vibration.comparison import compare_campaign
 
-    table = load_published(published) if published else None
-    return compare_campaign(runs_of(campaign), table, _measure(metric, band), mechanism, accept)
+    table, runs = load_published(published) if published else None, runs_of(campaign)
+    return compare_campaign(runs, table, _measure(metric, band), mechanism, accept, pool=cores(len(runs)))
 
 
 def doctor(
@@ -259,11 +262,12 @@ def doctor(
     >>> testbench.doctor("campaign").contradictions
     ()
     """
-    from balance.task_pool import HERE
+    from balance.task_pool import cores
 
     from .cross_examination import examine
 
-    return examine(runs_of(campaign), accept, _mechanism(mechanism), pool or HERE)
+    runs = runs_of(campaign)
+    return examine(runs, accept, _mechanism(mechanism), pool or cores(len(runs)))
 
 
 def _model(mechanism: Mechanism | str | None, runs: Sequence[SIRun]) -> Mechanism:

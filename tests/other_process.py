@@ -19,7 +19,7 @@ class OtherProcess(TaskPool):
 
 
 @contextmanager
-def other_process(scheduler: str | None) -> Iterator[TaskPool]:
+def other_process(scheduler: str | None, tasks: int = 0) -> Iterator[TaskPool]:
     """In the place of ``task_pool``; some scheduler is expected to be given."""
     assert scheduler
     yield OtherProcess(None)

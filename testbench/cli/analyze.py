@@ -73,7 +73,7 @@ def analyze(
     from ..store import open_campaign
 
     runs = open_campaign(campaign).runs
-    with task_pool(scheduler) as pool:
+    with task_pool(scheduler, tasks=len(runs)) as pool:
         analysis = analyzed(runs, metric, band, accept, pool=pool)
     draw(figure, analysis.plot)
     shown = document(analysis) | options.provenance(runs)

@@ -148,7 +148,7 @@ def report(
     if published:
         raise click.UsageError("--published is shown on the page: give it with -o report.html")
     opened, refused = options.openable_runs(runs)
-    with task_pool(scheduler) as pool:
+    with task_pool(scheduler, tasks=len(opened)) as pool:
         _, found, unread = Reporting(point, band, bandwidth, mechanism).runs(opened, accept, pool)
     refused += [options.NotOpened(run, message) for run, message in unread.items()]
     compared = torques_compared(opened, found)
@@ -184,7 +184,7 @@ def _page(runs: tuple[Path, ...], output: Path, scheduler: str | None, **how: An
     name, opened, refused = options.runs_shown(runs)
     how["published"] = load_published(how["published"]) if how["published"] else None
     unopened = {one.run: one.message for one in refused}
-    with task_pool(scheduler) as pool:
+    with task_pool(scheduler, tasks=len(opened)) as pool:
         found = campaign_report(name, opened, unopened=unopened, pool=pool, **how)
     path = found.page().write(output)
     findings = found.document["findings"]

@@ -135,8 +135,7 @@ def examine(
     What a run shows is a task of the ``pool``.
     """
     tasks, known = list(runs), dict[object, Mechanism]()
-    found = dict(pool.results(partial(observed_or_why, known=known, given=mechanism), tasks))
-    return examined(tasks, [found[place] for place in range(len(tasks))], accepted)
+    return examined(tasks, pool.map(partial(observed_or_why, known=known, given=mechanism), tasks), accepted)
 
 
 def examined(

@@ -17,7 +17,7 @@ from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism
 from balance.report.page import Page, document_of
 from balance.results import first_of, plain
-from balance.task_pool import HERE, TaskPool
+from balance.task_pool import HERE, TaskPool, cores
 
 from ..cross_examination import SUBJECTS, Examination
 from ..cross_examination.statement import decisions
@@ -166,8 +166,9 @@ def html_report(
     are taken for accepted by a person. Raises StoreError where there is no campaign.
     """
     opened = open_campaign(campaign)
-    name = opened.path.resolve().name
-    return campaign_report(name, opened.runs, measure, published, mechanism, accept).page().write(output)
+    name, pool = opened.path.resolve().name, cores(len(opened.runs))
+    found = campaign_report(name, opened.runs, measure, published, mechanism, accept, pool=pool)
+    return found.page().write(output)
 
 
 def campaign_report(
@@ -196,7 +197,7 @@ def campaign_report(
     known = {id(one.run): one.amplitudes for one in reports.values() if one.amplitudes is not None}
     comparison: Comparison | str
     try:
-        comparison = compare_campaign(runs, published, measure, mechanism, accept, examination, known)
+        comparison = compare_campaign(runs, published, measure, mechanism, accept, examination, known, pool)
     except AnalysisError as error:
         comparison = str(error)
     unread = {**(unopened or {}), **unread}

@@ -1,7 +1,6 @@
 """The report of one run, each part with its definition or the reason why it is unknown."""
 
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import TYPE_CHECKING, Any
@@ -25,7 +24,6 @@ from ..rig.sensors import Encoder
 from ..runs.aligned_run import AlignedRun
 from ..runs.si_run import SIRun
 from ..vibration.channel_levels import ChannelLevels, channel_levels
-from ..vibration.condition import PARALLEL
 from ..vibration.metrics import DEFAULT_BAND, Measure
 from ..vibration.run_amplitudes import AmplitudesOfRun, amplitudes_or_reason
 from . import sections
@@ -80,12 +78,10 @@ class Reporting:
         """
         given = load_mechanism(self.mechanism) if self.mechanism else None
         work = partial(_observed_and_reported, how=self, known={}, given=given, spans=spans)
-        with ThreadPoolExecutor(PARALLEL) as threads:
-            found = dict(enumerate(threads.map(work, runs)) if pool is HERE else pool.results(work, runs))
-        examination = hear([seen for place in range(len(runs)) if (seen := found[place][0])], accept).decided(runs)
+        found = pool.map(work, runs)
+        examination = hear([seen for seen, _ in found if seen], accept).decided(runs)
         reports, unread = {}, dict[str, str]()
-        for place, run in enumerate(runs):
-            one = found[place][1]
+        for run, (_, one) in zip(runs, found, strict=True):
             if isinstance(one, str):
                 unread[run.name] = one
             else:

@@ -16,6 +16,7 @@ from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism
 from balance.motion.motion_files import motion_from_texts
 from balance.results import INLINE, Key, Shown
+from balance.task_pool import HERE, TaskPool
 
 from ..errors import AnalysisError
 from ..kinematics.encoder_motion import mechanism_of
@@ -227,13 +228,14 @@ def compare_campaign(
     accept: Iterable[str] = (),
     examination: "Examination | None" = None,
     known: Mapping[int, AmplitudesOfRun | str] | None = None,
+    pool: TaskPool = HERE,
 ) -> Comparison:
     """Compare every reduction of a campaign with its simulation, and with ``published`` where it is given.
 
-    ``accept``, ``examination``, ``known``: see :func:`analyze`.
+    ``accept``, ``examination``, ``known``, ``pool``: see :func:`analyze`.
     """
     given = load_mechanism(mechanism) if mechanism else None
-    analysis = analyze(runs, measure, accept, given, examination=examination, known=known)
+    analysis = analyze(runs, measure, accept, given, pool, examination, known)
     findings = list(analysis.findings)
     predictions: dict[object, Prediction] = {}
     rows: list[Row] = []

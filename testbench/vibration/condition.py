@@ -5,7 +5,6 @@ How sure a mean of repeats is follows from the noise of the campaign, rests and 
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from types import MappingProxyType
@@ -15,6 +14,7 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.estimation.estimate import student_quantile
+from balance.task_pool import HERE, TaskPool
 
 from ..errors import AnalysisError
 from ..recording import Finding
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from ..signal.filters import Band
     from ..store import Run
 
-PARALLEL = 2
-"""Runs that are read, sides that are aligned, or conditions that are compared with their noise, at the same time."""
 FAR = 10.0
 """Distance from zero from which the bound at zero has no effect [standard deviations]."""
 _REACH = 5.0
@@ -219,12 +217,11 @@ class CampaignNoise:
     """
 
     @classmethod
-    def of(cls, conditions: Iterable[Condition]) -> "CampaignNoise":
+    def of(cls, conditions: Iterable[Condition], pool: TaskPool = HERE) -> "CampaignNoise":
         """Pooled over all runs with one setting of the logger."""
         conditions = list(conditions)
         sides = {side.key: side for condition in conditions for side in condition.sides}
-        with ThreadPoolExecutor(PARALLEL) as pool:
-            aligned = dict(zip(sides, pool.map(Synchronous.of, [s.records for s in sides.values()]), strict=True))
+        aligned = dict(zip(sides, pool.map(Synchronous.of, [s.records for s in sides.values()]), strict=True))
         rests: dict[tuple[Place, int], list[Segment]] = {}
         residuals: dict[tuple[Place, int], list[Segment]] = {}
         least: dict[tuple[Place, int], float] = {}
@@ -242,11 +239,9 @@ class CampaignNoise:
         noises: dict[tuple[Place, int], Noise | None] = {}
         in_motion: dict[Place, bool] = {}
         band = conditions[0].measure.band if conditions else None
-        with ThreadPoolExecutor(PARALLEL) as pool:
-            shown = ([some.get(key, []) for key in least] for some in (rests, residuals, rounded))
-            each = pool.map(partial(_pooled, band), least.values(), *shown)
-            for key, (noise, louder) in zip(least, each, strict=True):
-                noises[key], in_motion[key[0]] = noise, louder or in_motion.get(key[0], False)
+        shown = [(least[key], *(some.get(key, []) for some in (rests, residuals, rounded))) for key in least]
+        for key, (noise, louder) in zip(least, pool.map(partial(_pooled, band), shown), strict=True):
+            noises[key], in_motion[key[0]] = noise, louder or in_motion.get(key[0], False)
         found = cls(noises, in_motion, aligned)
         for condition in conditions:
             for place in (place for place in condition.places if not found.repeated(place)):
@@ -284,9 +279,10 @@ class CampaignNoise:
         return any(both is not None and place in both.means for both in self.aligned.values())
 
     def groups_and_means(
-        self, condition: Condition, place: Place
+        self, of: tuple[Condition, Place]
     ) -> tuple[tuple[Group, Group] | None, tuple[Group | None, Group | None]]:
         """:meth:`groups` and the :meth:`mean` of each side."""
+        condition, place = of
         both, (balanced, unbalanced) = self.groups(condition, place), condition.sides
         if both is None:
             return None, (None, None)
@@ -346,13 +342,14 @@ class CampaignNoise:
 
 
 def _pooled(
-    band: "Band | None", least: float, rest: Sequence[Segment], left: Sequence[Segment], rounded: Sequence[Segment]
+    band: "Band | None", shown: tuple[float, Sequence[Segment], Sequence[Segment], Sequence[Segment]]
 ) -> tuple[Noise | None, bool]:
     """The noise of rests and of what does not repeat; of the latter alone where that is louder, and whether it is.
 
     What does not repeat shows steps that no noise dithers too, which have an error of their own: it is louder only if
     it is so than rests and ``rounded`` together, and then what these add is taken off; else rests alone show the noise.
     """
+    least, rest, left, rounded = shown
     at_rest, moving, steps = (Noise.of(some, least) for some in (rest, left, rounded))
     if moving is None or (steps is None and at_rest is None):
         return at_rest or moving, False

@@ -6,7 +6,6 @@ and from what the repeats differ by beyond that noise.
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -32,7 +31,7 @@ from ..runs.si_run import SIRun
 from . import ConditionAmplitude, Ratio
 from .amplitude import Place
 from .amplitude_uncertainty import SIDES, AmplitudesUncertainty, Interval
-from .condition import PARALLEL, CampaignNoise, Condition
+from .condition import CampaignNoise, Condition
 from .metrics import Measure
 from .repeatability import CLEAR, Group, Repeatability, rounding_in_common
 from .run_amplitudes import AmplitudesOfRun, amplitudes_or_reason
@@ -219,16 +218,15 @@ def analyze(
         paired = {id(run) for pair in pairs(runs)[0] for run in pair.runs}
         work = partial(_observed_and_read, known={}, given=mechanism)
         tasks = [(run, measure if id(run) in paired else None) for run in runs]
-        with ThreadPoolExecutor(PARALLEL) as threads:
-            made = dict(enumerate(threads.map(work, tasks)) if pool is HERE else pool.results(work, tasks))
-        examination = examined(runs, [made[place][0] for place in range(len(runs))], accept)
-        known = {id(run): made[place][1] for place, run in enumerate(runs) if id(run) in paired}
+        seen, read = zip(*pool.map(work, tasks), strict=True) if tasks else ((), ())
+        examination = examined(runs, seen, accept)
+        known = {id(run): one for run, one in zip(runs, read, strict=True) if id(run) in paired}
     found, findings = pairs(run for run in runs if run.name not in examination.copied)
     findings += examination.findings
     if not found:
         raise AnalysisError("no two runs can be compared:\n" + "\n".join(f"  {f.message}" for f in findings))
     conditions = _conditions(found, measure, findings, known or {})
-    judged, reductions = CampaignLikelihoods.of(conditions), []
+    judged, reductions = CampaignLikelihoods.of(conditions, pool.in_memory), []
     for condition in conditions:
         some = judged.calibrated(condition)
         findings += [*condition.findings, *reduction_findings(condition, some)]
@@ -304,18 +302,16 @@ class CampaignLikelihoods:
     """Of the aligned repeats of each side, by condition and place."""
 
     @classmethod
-    def of(cls, conditions: Sequence[Condition]) -> "CampaignLikelihoods":
+    def of(cls, conditions: Sequence[Condition], pool: TaskPool = HERE) -> "CampaignLikelihoods":
         """Runs that are compared with several sets of counter-masses count once; place by place, for its noise."""
-        found = cls(CampaignNoise.of(conditions), {}, {}, {})
+        found = cls(CampaignNoise.of(conditions, pool), {}, {}, {})
         once: dict[Place, dict[tuple[int, ...], Group]] = {}
-        for place in dict.fromkeys(place for condition in conditions for place in condition.places):
-            some = [one for one in conditions if place in one.places]
-            with ThreadPoolExecutor(PARALLEL) as pool:
-                made = pool.map(partial(found.noise.groups_and_means, place=place), some)
-            for condition, (both, means) in zip(some, made, strict=True):
-                found.groups[id(condition), place], found.means[id(condition), place] = both, means
-                sides = zip((side.key for side in condition.sides), both or (), strict=False)
-                once.setdefault(place, {}).update(sides)
+        places = dict.fromkeys(place for condition in conditions for place in condition.places)
+        each = [(condition, place) for place in places for condition in conditions if place in condition.places]
+        for (condition, place), (both, means) in zip(each, pool.map(found.noise.groups_and_means, each), strict=True):
+            found.groups[id(condition), place], found.means[id(condition), place] = both, means
+            sides = zip((side.key for side in condition.sides), both or (), strict=False)
+            once.setdefault(place, {}).update(sides)
         alike = rounding_in_common([group for groups in once.values() for group in groups.values()])
         return replace(found, repeats={p: Repeatability.of([*groups.values()], alike) for p, groups in once.items()})
 
