@@ -1,8 +1,8 @@
 """Independent tasks in other processes: copies of this one, or on a Dask cluster (extra ``distributed``).
 
-Copies (fork) begin within some milliseconds, with all that this process holds in memory, and this process works with
-them: tasks need not travel, results do. Linux alone has them, where no other thread of Python runs that might be in the
-middle of something; elsewhere this process takes the tasks in two threads.
+Copies (fork) begin within some milliseconds, with all that this process holds in memory: tasks need not travel, results
+do. Linux alone has them, where no other thread of Python runs that might be in the middle of something; elsewhere this
+process takes the tasks in two threads.
 
 A worker of a cluster that dies loses nothing: its tasks run again elsewhere, up to ATTEMPTS times. Results come as they
 are ready, each with the place of its task, so that what is written to disk can be resumed. What works on tasks travels
@@ -10,13 +10,14 @@ once, and each thread of a worker keeps its own copy: what that finds for one ta
 reaches a scheduler runs code on its workers: name only one of your own network.
 """
 
+import ctypes
 import os
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -37,7 +38,12 @@ THREADS = 2
 WORTH = 8
 """Tasks from which copies of this process pay: they cost about as much as one run of ten seconds takes."""
 MOST = 8
-"""Processes, at most: this one takes in what all of them find."""
+"""Copies, at most: this process takes in what all of them find."""
+_MMAP_THRESHOLD, _TRIM_THRESHOLD = -3, -1
+"""Numbers of glibc's settings (malloc.h)."""
+_LARGEST, _KEPT = 32 << 20, 1 << 28
+"""Arrays so large that a copy has them from the system anew, which zeroes them, and free memory that it keeps [bytes]:
+with what the C library does otherwise, a quarter of a run's time goes there."""
 _CONNECT_S = 10.0
 _own = threading.local()
 """What this thread of a worker works with, and the bytes that it came as."""
@@ -52,7 +58,7 @@ class TaskPool:
     client: "Client | None"
     """None runs them on this machine."""
     processes: int = 1
-    """This process and so many copies of it less one take them, one after the other; without ``client``."""
+    """So many copies of this process take them, or it alone; without ``client``."""
 
     def results(self, work: Callable[[Task], Result], tasks: Sequence[Task]) -> Iterator[tuple[int, Result]]:
         """``work`` of each task with the task's place, in order of completion; what ``work`` raises is raised here."""
@@ -127,7 +133,7 @@ HERE = TaskPool(None)
 
 
 def cores(tasks: int) -> TaskPool:
-    """This process and a copy of it for each further core, where there are so many tasks that it pays; else HERE."""
+    """A copy of this process for each core, where there are so many tasks that it pays; else HERE."""
     if tasks < WORTH or not _can_fork():
         return HERE
     number = min(len(os.sched_getaffinity(0)), MOST)
@@ -140,21 +146,16 @@ def _can_fork() -> bool:
 
 
 def _shared(work: Callable[[Task], Result], tasks: Sequence[Task], processes: int) -> Iterator[tuple[int, Result]]:
-    """Copies of this process take tasks from the first on, it takes those from the last back; also what a copy that
-    dies had taken.
-    """
-    import multiprocessing
+    """By copies of this process; by itself what copies that died had not done."""
+    from concurrent.futures import as_completed
     from concurrent.futures.process import BrokenProcessPool, ProcessPoolExecutor
+    from multiprocessing import get_context
 
-    context = multiprocessing.get_context("fork")
-    pool = ProcessPoolExecutor(min(processes, len(tasks)) - 1, context, _begin, (work, tasks))
+    pool = ProcessPoolExecutor(min(processes, len(tasks)), get_context("fork"), _begin, (work, tasks))
     try:
-        futures = [pool.submit(_task_at, place) for place in range(len(tasks))]
-        taken = len(tasks)
-        while taken and futures[taken - 1].cancel():
-            taken -= 1
-            yield taken, work(tasks[taken])
-        for place, future in enumerate(futures[:taken]):
+        places = {pool.submit(_task_at, place): place for place in range(len(tasks))}
+        for future in as_completed(places):
+            place = places.pop(future)
             try:
                 found = future.result()
             except BrokenProcessPool:
@@ -169,6 +170,9 @@ def _begin(*inherited: object) -> None:
     _inherited[:] = inherited
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    with suppress(AttributeError, OSError):  # another C library
+        for setting, limit in ((_MMAP_THRESHOLD, _LARGEST), (_TRIM_THRESHOLD, _KEPT)):
+            ctypes.CDLL(None).mallopt(setting, limit)
 
 
 def _end_with_parent() -> None:
