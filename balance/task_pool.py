@@ -146,14 +146,15 @@ def _can_fork() -> bool:
 
 
 def _shared(work: Callable[[Task], Result], tasks: Sequence[Task], processes: int) -> Iterator[tuple[int, Result]]:
-    """By copies of this process; by itself what copies that died had not done."""
+    """The first by this process, so that copies of it have what that imports; by it too what copies that died had."""
     from concurrent.futures import as_completed
     from concurrent.futures.process import BrokenProcessPool, ProcessPoolExecutor
     from multiprocessing import get_context
 
-    pool = ProcessPoolExecutor(min(processes, len(tasks)), get_context("fork"), _begin, (work, tasks))
+    yield 0, work(tasks[0])
+    pool = ProcessPoolExecutor(min(processes, len(tasks) - 1), get_context("fork"), _begin, (work, tasks))
     try:
-        places = {pool.submit(_task_at, place): place for place in range(len(tasks))}
+        places = {pool.submit(_task_at, place): place for place in range(1, len(tasks))}
         for future in as_completed(places):
             place = places.pop(future)
             try:
