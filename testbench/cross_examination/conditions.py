@@ -206,9 +206,9 @@ def unlike_repeats(observations: Sequence[Observation]) -> list[Statement]:
 
     Sizes of channels are compared, which needs no model.
     """
-    found = []
-    for seen in observations:
-        same = [o for o in observations if _condition(o) == _condition(seen)]
+    found, conditions = [], [_condition(seen) for seen in observations]
+    for seen, condition in zip(observations, conditions, strict=True):
+        same = [o for o, other in zip(observations, conditions, strict=True) if other == condition]
         repeats = [o for o in same if o is not seen and o.counter_masses == seen.counter_masses]
         others = [
             (d, o) for o in same if o.counter_masses != seen.counter_masses and (d := _apart(seen, o)) is not None

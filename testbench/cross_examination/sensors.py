@@ -400,11 +400,10 @@ def _noises(
     found = []
     for channel, by_run in by_channel.items():
         known = {run: gain for run, (gain, _) in gains[channel].items()}
+        sure = [name for name in by_run if name not in unsure[channel]]
+        noises = np.array([by_run[name] / (1.0 if _near_one(known.get(name, 1.0)) else known[name]) for name in sure])
         for run, own in by_run.items():
-            rest = [name for name in by_run if name not in {run, *unsure[channel]}]
-            others = np.array(
-                [by_run[name] / (1.0 if _near_one(known.get(name, 1.0)) else known[name]) for name in rest]
-            )
+            others = noises[[name != run for name in sure]]
             if not others.size or not min(own, others.min()) > 0.0:
                 continue
             centre = float(np.median(others))

@@ -63,19 +63,25 @@ def member(group: "h5py.Group", path: str) -> Any:  # noqa: ANN401
     """The object at ``path`` below ``group``; links to elsewhere on the way are refused by name."""
     import h5py
 
+    node = _followed(group, path)
+    if isinstance(node, h5py.Dataset):
+        _refuse_outside(node)
+    return node
+
+
+def _followed(group: "h5py.Group", path: str) -> Any:  # noqa: ANN401
+    import h5py
+
     node = group
     for name in path.split("/"):
-        try:
-            link = node.id.links.get_info(name.encode()).type
-        except KeyError:
-            raise StoreError(f"{group.file.filename}: holds no {path}; it is not a stored run, or damaged") from None
-        if link != h5py.h5l.TYPE_HARD:
+        links = node.id.links
+        if not links.exists(name.encode()):
+            raise StoreError(f"{group.file.filename}: holds no {path}; it is not a stored run, or damaged")
+        if links.get_info(name.encode()).type != h5py.h5l.TYPE_HARD:
             raise StoreError(f"{group.file.filename}: {node.name}/{name} is a link to elsewhere, which is refused")
         found = h5py.h5o.open(node.id, name.encode())  # group[name] takes four times as long
         kinds = {h5py.h5d.DatasetID: h5py.Dataset, h5py.h5g.GroupID: h5py.Group}
         node = kinds.get(type(found), h5py.Datatype)(found)
-    if isinstance(node, h5py.Dataset):
-        _refuse_outside(node)
     return node
 
 
@@ -114,13 +120,10 @@ def whole_numbers(group: "h5py.Group", path: str, kind: str, begin: int = 0, end
 
 def has(group: "h5py.Group", path: str) -> bool:
     """Whether there is an object at ``path`` below ``group``, without following any link to find out."""
-    import h5py
-
-    node: Any = group
-    for name in path.split("/"):
-        if not isinstance(node, h5py.Group) or not isinstance(node.get(name, getlink=True), h5py.HardLink):
-            return False
-        node = node[name]
+    try:
+        _followed(group, path)
+    except (StoreError, AttributeError):  # not there, a link, or below what is no group
+        return False
     return True
 
 

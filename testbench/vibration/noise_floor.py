@@ -92,10 +92,12 @@ class Segment:
 
     def spectra(self, size: int) -> np.ndarray:
         """Of each taper at size // 2 + 1 even frequencies, straight line removed, (TAPERS, size // 2 + 1) [unit]."""
+        from scipy.fft import rfft
+
         line = np.linspace(-1.0, 1.0, len(self.values))
         flat = self.values - self.values.mean()
         flat = flat - line * (line @ flat / (line @ line))
-        return np.asarray(np.fft.rfft(flat * tapers(len(flat)), size))
+        return np.asarray(rfft(flat * tapers(len(flat)), size))
 
 
 def random_numbers(values: Floats) -> np.random.Generator:
@@ -145,13 +147,17 @@ class Noise:
         size = next_fast_len(2 * longest, real=True)
         size += size % 2
         frequency = np.arange(size // 2 + 1) * rate / size
-        densities = np.maximum([segment.density(size) for segment in some], max(least, 1e-300))
+        densities = np.array([segment.density(size) for segment in some])
+        np.maximum(densities, max(least, 1e-300), out=densities)
         seconds = np.array([segment.seconds for segment in some])
         lowest = 1.0 / float(np.average(seconds, weights=seconds))
-        weights = (seconds * [segment.weight for segment in some])[:, None] * (frequency >= 0.9 / seconds[:, None])
-        weights[:, frequency < lowest] = 0.0
-        density = (weights * densities).sum(axis=0) / np.maximum(weights.sum(axis=0), 1e-300)
-        first = int(np.searchsorted(frequency, lowest))
+        first, weights = int(np.searchsorted(frequency, lowest)), seconds * [segment.weight for segment in some]
+        total, density = np.zeros((2, len(frequency)))
+        for weight, row, begin in zip(weights, densities, np.searchsorted(frequency, 0.9 / seconds), strict=True):
+            known = slice(max(first, int(begin)), None)
+            total[known] += weight
+            density[known] += weight * row[known]
+        density /= np.maximum(total, 1e-300)
         density[:first] = density[first : 2 * first + 1].mean()
         effective = np.sum([segment.weight * segment.seconds for segment in some]) * lowest
         return cls(
