@@ -15,6 +15,7 @@ import os
 import signal
 import sys
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
@@ -147,16 +148,15 @@ def _can_fork() -> bool:
 
 def _shared(work: Callable[[Task], Result], tasks: Sequence[Task], processes: int) -> Iterator[tuple[int, Result]]:
     """The first by this process, so that copies of it have what that imports; by it too what copies that died had."""
-    from concurrent.futures import as_completed
     from concurrent.futures.process import BrokenProcessPool, ProcessPoolExecutor
     from multiprocessing import get_context
 
     yield 0, work(tasks[0])
     pool = ProcessPoolExecutor(min(processes, len(tasks) - 1), get_context("fork"), _begin, (work, tasks))
     try:
-        places = {pool.submit(_task_at, place): place for place in range(1, len(tasks))}
-        for future in as_completed(places):
-            place = places.pop(future)
+        futures = deque(enumerate([pool.submit(_task_at, place) for place in range(1, len(tasks))], 1))
+        while futures:  # in their order: of several that raise, the first does so here, as it would without copies
+            place, future = futures.popleft()
             try:
                 found = future.result()
             except BrokenProcessPool:
