@@ -3,7 +3,9 @@
 import os
 import signal
 import socket
+import subprocess
 import sys
+import threading
 import time
 from contextlib import suppress
 from functools import partial
@@ -13,7 +15,10 @@ import distributed
 import pytest
 
 from balance.errors import CounterpoiseError, DataError
-from balance.task_pool import LOCAL, task_pool
+from balance.task_pool import HERE, LOCAL, WORTH, TaskPool, cores, task_pool
+
+forks = pytest.mark.skipif(sys.platform != "linux", reason="copies of this process: Linux alone")
+COPIES = TaskPool(None, 2)
 
 
 def squaring():
@@ -51,6 +56,77 @@ def test_one_process_and_two_give_the_same(scheduler):
         alone, shared = dict(here.results(squaring(), range(12))), dict(there.results(squaring(), range(12)))
     assert [value for value, _ in alone.values()] == [shared[place][0] for place in range(12)]
     assert len({process for _, process in shared.values()}) == 2
+
+
+@forks
+def test_copies_of_this_process_find_the_same():
+    """What works, and tasks, need not be such as travel; the first is done here, the others elsewhere."""
+    here, numbers = os.getpid(), (number for number in range(12))
+    tasks = [lambda number=number: (number, os.getpid()) for number in numbers]
+    found = COPIES.map(lambda task: task(), tasks)
+    assert [number for number, _ in found] == list(range(12))
+    assert [process == here for _, process in found] == [True] + 11 * [False]
+
+
+@forks
+def test_the_first_error_of_copies_is_raised():
+    """Though a later task fails sooner."""
+
+    def work(number: int) -> int:
+        time.sleep(0.2 / (number + 1))
+        if number in {3, 7}:
+            raise DataError(f"{number} is odd")
+        return number
+
+    with pytest.raises(DataError, match="3 is odd"):
+        COPIES.map(work, range(12))
+
+
+@forks
+def test_a_copy_that_dies_loses_no_task():
+    """What it had, and what nobody had begun, is done here."""
+    here = os.getpid()
+
+    def work(number: int) -> int:
+        if number == 4 and os.getpid() != here:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return number
+
+    assert COPIES.map(work, range(12)) == list(range(12))
+
+
+@forks
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
+def test_copies_end_with_their_process(end):
+    """Interrupted at the terminal, which all of them hear, or killed: none is left, and only one says so."""
+    code = (
+        "import os, time\nfrom balance.task_pool import TaskPool\n"
+        "TaskPool(None, 2).map(lambda n: n and (os.write(1, b'%d\\n' % os.getpid()), time.sleep(0.5)), range(40))"
+    )
+    command = [sys.executable, "-c", code]
+    with subprocess.Popen(command, stdout=-1, stderr=-1, text=True, start_new_session=True) as process:
+        copies = {int(process.stdout.readline()) for _ in range(2)}
+        os.killpg(process.pid, end) if end is signal.SIGINT else process.kill()
+        error = process.communicate(timeout=20)[1]
+    assert error.count("KeyboardInterrupt") == (end is signal.SIGINT)
+    for _ in range(100):
+        left = [copy for copy in copies if os.path.exists(f"/proc/{copy}")]
+        if not left:
+            break
+        time.sleep(0.1)
+    assert not left
+
+
+def test_copies_where_they_pay():
+    """Not for a few tasks, nor where another thread runs, which a copy would lack."""
+    assert cores(WORTH - 1) is HERE
+    idle = threading.Event()
+    thread = threading.Thread(target=idle.wait)
+    thread.start()
+    assert cores(1000) is HERE
+    assert TaskPool(None, 2).map(lambda _: os.getpid(), range(4)) == 4 * [os.getpid()]
+    idle.set()
+    thread.join()
 
 
 def test_what_works_on_tasks_travels_once(scheduler):

@@ -3,10 +3,13 @@
 import pytest
 
 from balance.cli.framework import json_text
-from balance.task_pool import HERE
+from balance.results import document
+from balance.task_pool import HERE, TaskPool
 from testbench.cross_examination.examination import examine
 from testbench.report import Reporting
 from testbench.store import open_campaign
+from testbench.vibration.metrics import Measure
+from testbench.vibration.reduction import analyze
 
 from ...other_process import OtherProcess, other_process
 
@@ -34,6 +37,13 @@ def test_examination(pair_built):
     here, there = (examine(runs, pool=pool) for pool in (HERE, OtherProcess(None)))
     assert here.statements == there.statements
     assert (here.runs, here.reasons) == (there.runs, there.reasons)
+
+
+def test_analysis_in_copies_of_this_process(brief):
+    """Runs, sides, and conditions are shared out: the same document, to the last bit."""
+    runs = open_campaign(brief.campaign).runs
+    here, there = (document(analyze(runs, Measure(), pool=pool)) for pool in (HERE, TaskPool(None, 2)))
+    assert json_text(here) == json_text(there)
 
 
 def test_reports(pair_built):
