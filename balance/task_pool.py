@@ -81,13 +81,17 @@ class TaskPool:
             yield places[future.key], future.result()
             future.release()
 
-    def map(self, work: Callable[[Task], Result], tasks: Sequence[Task]) -> list[Result]:
-        """``work`` of each task, in the order of the tasks; in this process alone by THREADS."""
+    def map(self, work: Callable[[Task], Result], tasks: Sequence[Task], imports: bool = False) -> list[Result]:
+        """``work`` of each task, in the order of the tasks; in this process alone by THREADS.
+
+        Where it ``imports`` much, copies of this process are made after the first task, and have that too.
+        """
         if self is HERE:
             with ThreadPoolExecutor(THREADS) as threads:
                 return list(threads.map(work, tasks))
-        found = dict(self.results(work, tasks))
-        return [found[place] for place in range(len(tasks))]
+        first = [work(task) for task in tasks[:1]] if imports and self.processes > 1 else []
+        found = dict(self.results(work, tasks[len(first) :]))
+        return [*first, *(found[place] for place in range(len(found)))]
 
     @property
     def in_memory(self) -> "TaskPool":
@@ -147,14 +151,13 @@ def _can_fork() -> bool:
 
 
 def _shared(work: Callable[[Task], Result], tasks: Sequence[Task], processes: int) -> Iterator[tuple[int, Result]]:
-    """The first by this process, so that copies of it have what that imports; by it too what copies that died had."""
+    """By copies of this process; by itself what copies that died had not done."""
     from concurrent.futures.process import BrokenProcessPool, ProcessPoolExecutor
     from multiprocessing import get_context
 
-    yield 0, work(tasks[0])
-    pool = ProcessPoolExecutor(min(processes, len(tasks) - 1), get_context("fork"), _begin, (work, tasks))
+    pool = ProcessPoolExecutor(min(processes, len(tasks)), get_context("fork"), _begin, (work, tasks))
     try:
-        futures = deque(enumerate([pool.submit(_task_at, place) for place in range(1, len(tasks))], 1))
+        futures = deque(enumerate([pool.submit(_task_at, place) for place in range(len(tasks))]))
         while futures:  # in their order: of several that raise, the first does so here, as it would without copies
             place, future = futures.popleft()
             try:

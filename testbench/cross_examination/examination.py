@@ -135,7 +135,8 @@ def examine(
     What a run shows is a task of the ``pool``.
     """
     tasks, known = list(runs), dict[object, Mechanism]()
-    return examined(tasks, pool.map(partial(observed_or_why, known=known, given=mechanism), tasks), accepted)
+    work = partial(observed_or_why, known=known, given=mechanism)
+    return examined(tasks, pool.map(work, tasks, imports=True), accepted)
 
 
 def examined(

@@ -78,7 +78,7 @@ class Reporting:
         """
         given = load_mechanism(self.mechanism) if self.mechanism else None
         work = partial(_observed_and_reported, how=self, known={}, given=given, spans=spans)
-        found = pool.map(work, runs)
+        found = pool.map(work, runs, imports=True)
         examination = hear([seen for seen, _ in found if seen], accept).decided(runs)
         reports, unread = {}, dict[str, str]()
         for run, (_, one) in zip(runs, found, strict=True):

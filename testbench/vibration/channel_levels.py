@@ -32,6 +32,8 @@ LEAST_SEGMENT = 256
 """Segment below which a short record has no spectrum [samples]."""
 MOST_PEAKS = 5
 """Peaks that are listed."""
+_LEVELS = 32
+"""Of power, by which lines are told beforehand that are not prominent."""
 PROMINENCE = 10.0
 """Least peak over the median of the two octaves around it [-]."""
 
@@ -73,17 +75,24 @@ class ChannelLevels:
             return []
         power, frequency = self.spectrum.power(), self.spectrum.frequency
         tops = 2 + np.flatnonzero((power[1:-2] < power[2:-1]) & (power[2:-1] >= power[3:]))
+        tops = tops[_may_be_prominent(power, tops)]
         apart: list[int] = []
         for i in tops[np.argsort(-power[tops], kind="stable")]:
             if len(apart) < MOST_PEAKS and all(abs(i - j) > PEAK_SEPARATION * j for j in apart):
-                apart += [i] if _is_prominent(power[i], power[i // 2 : 2 * i + 1]) else []
+                apart += [i] if power[i] > PROMINENCE * np.median(power[i // 2 : 2 * i + 1]) else []
         return [{"frequency_hz": float(frequency[i]), "density_si2_hz": float(power[i])} for i in apart]
 
 
-def _is_prominent(top: float, about: Floats) -> bool:
-    """Whether a line exceeds the median of those about it, (n,); most that do not are found by counting."""
-    few_are_high = 2 * np.count_nonzero(about >= top / PROMINENCE) <= len(about)
-    return bool(few_are_high and top > PROMINENCE * np.median(about))
+def _may_be_prominent(power: Floats, tops: np.ndarray) -> np.ndarray:
+    """Which lines ``tops`` (k,) of a spectrum (m,) may exceed PROMINENCE times the median of those about them, (k,):
+    where more than half of these are above that share, rounded up to a level of some, the median is.
+    """
+    shares = power[tops] / PROMINENCE
+    levels = np.quantile(shares, np.linspace(0.0, 1.0, _LEVELS)) if len(tops) else shares
+    above = np.pad(np.cumsum(power >= levels[:, None], axis=1), [(0, 0), (1, 0)])
+    begin, end, level = tops // 2, np.minimum(2 * tops + 1, len(power)), np.searchsorted(levels, shares)
+    level = np.minimum(level, _LEVELS - 1)
+    return np.asarray(2 * (above[level, end] - above[level, begin]) <= end - begin)
 
 
 def level_definitions(band: "Band | None") -> dict[str, str]:

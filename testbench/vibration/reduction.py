@@ -218,7 +218,7 @@ def analyze(
         paired = {id(run) for pair in pairs(runs)[0] for run in pair.runs}
         work = partial(_observed_and_read, known={}, given=mechanism)
         tasks = [(run, measure if id(run) in paired else None) for run in runs]
-        seen, read = zip(*pool.map(work, tasks), strict=True) if tasks else ((), ())
+        seen, read = zip(*pool.map(work, tasks, imports=True), strict=True) if tasks else ((), ())
         examination = examined(runs, seen, accept)
         known = {id(run): one for run, one in zip(runs, read, strict=True) if id(run) in paired}
     found, findings = pairs(run for run in runs if run.name not in examination.copied)

@@ -60,12 +60,13 @@ def test_one_process_and_two_give_the_same(scheduler):
 
 @forks
 def test_copies_of_this_process_find_the_same():
-    """What works, and tasks, need not be such as travel; the first is done here, the others elsewhere."""
+    """What works, and tasks, need not be such as travel; what imports is done here first, the others elsewhere."""
     here, numbers = os.getpid(), (number for number in range(12))
     tasks = [lambda number=number: (number, os.getpid()) for number in numbers]
-    found = COPIES.map(lambda task: task(), tasks)
-    assert [number for number, _ in found] == list(range(12))
-    assert [process == here for _, process in found] == [True] + 11 * [False]
+    for imports in (True, False):
+        found = COPIES.map(lambda task: task(), tasks, imports)
+        assert [number for number, _ in found] == list(range(12))
+        assert [process == here for _, process in found] == [imports] + 11 * [False]
 
 
 @forks
@@ -101,7 +102,7 @@ def test_copies_end_with_their_process(end):
     """Interrupted at the terminal, which all of them hear, or killed: none is left, and only one says so."""
     code = (
         "import os, time\nfrom balance.task_pool import TaskPool\n"
-        "TaskPool(None, 2).map(lambda n: n and (os.write(1, b'%d\\n' % os.getpid()), time.sleep(0.5)), range(40))"
+        "TaskPool(None, 2).map(lambda n: (os.write(1, b'%d\\n' % os.getpid()), time.sleep(0.5)), range(40))"
     )
     command = [sys.executable, "-c", code]
     with subprocess.Popen(command, stdout=-1, stderr=-1, text=True, start_new_session=True) as process:
