@@ -9,13 +9,14 @@ import threading
 import time
 from contextlib import suppress
 from functools import partial
+from inspect import getsource
 from types import FunctionType, ModuleType
 
 import distributed
 import pytest
 
 from balance.errors import CounterpoiseError, DataError
-from balance.task_pool import HERE, LOCAL, WORTH, TaskPool, cores, task_pool
+from balance.task_pool import HERE, LOCAL, MOST, WORTH, TaskPool, cores, task_pool
 
 forks = pytest.mark.skipif(sys.platform != "linux", reason="copies of this process: Linux alone")
 COPIES = TaskPool(None, 2)
@@ -58,20 +59,18 @@ def test_one_process_and_two_give_the_same(scheduler):
     assert len({process for _, process in shared.values()}) == 2
 
 
-@forks
-def test_copies_of_this_process_find_the_same():
+def same() -> None:
     """What works, and tasks, need not be such as travel; what imports is done here first, the others elsewhere."""
-    here, numbers = os.getpid(), (number for number in range(12))
-    tasks = [lambda number=number: (number, os.getpid()) for number in numbers]
+    here = os.getpid()
+    tasks = [lambda number=number: (number, os.getpid()) for number in range(12)]
     for imports in (True, False):
         found = COPIES.map(lambda task: task(), tasks, imports)
         assert [number for number, _ in found] == list(range(12))
         assert [process == here for _, process in found] == [imports] + 11 * [False]
 
 
-@forks
-def test_the_first_error_of_copies_is_raised():
-    """Though a later task fails sooner."""
+def first_error() -> None:
+    """The first error is raised, though a later task fails sooner."""
 
     def work(number: int) -> int:
         time.sleep(0.2 / (number + 1))
@@ -79,13 +78,16 @@ def test_the_first_error_of_copies_is_raised():
             raise DataError(f"{number} is odd")
         return number
 
-    with pytest.raises(DataError, match="3 is odd"):
+    raised = ""
+    try:
         COPIES.map(work, range(12))
+    except DataError as error:
+        raised = str(error)
+    assert raised == "3 is odd"
 
 
-@forks
-def test_a_copy_that_dies_loses_no_task():
-    """What it had, and what nobody had begun, is done here."""
+def death() -> None:
+    """What a copy had that dies, and what nobody had begun, is done here."""
     here = os.getpid()
 
     def work(number: int) -> int:
@@ -94,6 +96,29 @@ def test_a_copy_that_dies_loses_no_task():
         return number
 
     assert COPIES.map(work, range(12)) == list(range(12))
+
+
+def where_they_pay() -> None:
+    """Not for a few tasks, nor where another thread runs, which a copy would lack."""
+    assert cores(WORTH - 1) is HERE
+    idle = threading.Event()
+    thread = threading.Thread(target=idle.wait)
+    thread.start()
+    assert cores(1000) is HERE
+    assert COPIES.map(lambda _: os.getpid(), range(4)) == 4 * [os.getpid()]
+    idle.set()
+    thread.join()
+    assert cores(1000).processes == min(len(os.sched_getaffinity(0)), MOST)
+
+
+@forks
+@pytest.mark.parametrize("checked", [same, first_error, death, where_they_pay])
+def test_copies_of_a_process(checked):
+    """In a process of its own: this one may have threads of other tests."""
+    head = "import os, signal, threading, time\nfrom balance.errors import DataError\nfrom balance.task_pool import *\n"
+    code = f"{head}COPIES = TaskPool(None, 2)\n{getsource(checked)}\n{checked.__name__}()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 @forks
@@ -116,18 +141,6 @@ def test_copies_end_with_their_process(end):
             break
         time.sleep(0.1)
     assert not left
-
-
-def test_copies_where_they_pay():
-    """Not for a few tasks, nor where another thread runs, which a copy would lack."""
-    assert cores(WORTH - 1) is HERE
-    idle = threading.Event()
-    thread = threading.Thread(target=idle.wait)
-    thread.start()
-    assert cores(1000) is HERE
-    assert TaskPool(None, 2).map(lambda _: os.getpid(), range(4)) == 4 * [os.getpid()]
-    idle.set()
-    thread.join()
 
 
 def test_what_works_on_tasks_travels_once(scheduler):

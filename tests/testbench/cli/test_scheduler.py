@@ -1,15 +1,15 @@
 """``--scheduler``: runs that are ingested, examined and reported in other processes, with the same result."""
 
+import subprocess
+import sys
+
 import pytest
 
 from balance.cli.framework import json_text
-from balance.results import document
-from balance.task_pool import HERE, TaskPool
+from balance.task_pool import HERE
 from testbench.cross_examination.examination import examine
 from testbench.report import Reporting
 from testbench.store import open_campaign
-from testbench.vibration.metrics import Measure
-from testbench.vibration.reduction import analyze
 
 from ...other_process import OtherProcess, other_process
 
@@ -40,10 +40,19 @@ def test_examination(pair_built):
 
 
 def test_analysis_in_copies_of_this_process(brief):
-    """Runs, sides, and conditions are shared out: the same document, to the last bit."""
-    runs = open_campaign(brief.campaign).runs
-    here, there = (document(analyze(runs, Measure(), pool=pool)) for pool in (HERE, TaskPool(None, 2)))
-    assert json_text(here) == json_text(there)
+    """Runs, sides, and conditions are shared out: the same document, to the last bit; in a process without threads."""
+    code = """import sys
+from balance.cli.framework import json_text
+from balance.results import document
+from balance.task_pool import HERE, TaskPool, _can_fork
+import testbench
+assert _can_fork()
+here, there = (json_text(document(testbench.analyze(sys.argv[1], pool=pool))) for pool in (HERE, TaskPool(None, 2)))
+assert len(here) > 1000 and here == there
+"""
+    command = [sys.executable, "-c", code, str(brief.campaign)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_reports(pair_built):
