@@ -7,29 +7,22 @@ import click
 from ..results import NO_VALUE, table
 from . import options
 from .framework import Answer, Word, emit_table, say
-from .options import Quantity, argument, command, option
+from .options import Quantity, Read, argument, command, option
 
 if TYPE_CHECKING:
     from ..drives.drive_files import Drive
     from ..drives.machine import Machine
 
 
-class Share(click.ParamType[float]):
+def _share(text: str) -> float:
     """A share without unit, such as 0.05 or 5%."""
-
-    name = "share"
-
-    def convert(self, value: str | float, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Read the text; a wrong one fails as a wrong command line."""
-        if isinstance(value, float):
-            return value
-        try:
-            share = float(value.removesuffix("%")) / (100.0 if value.endswith("%") else 1.0)
-        except ValueError:
-            share = -1.0
-        if not 0.0 < share < 2.0:
-            self.fail(f"{value!r}: expected a share above zero, such as 0.05 or 5%", param, ctx)
-        return share
+    try:
+        share = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    except ValueError:
+        share = -1.0
+    if not 0.0 < share < 2.0:
+        raise ValueError(f"{text!r}: expected a share above zero, such as 0.05 or 5%")
+    return share
 
 
 @command(
@@ -52,7 +45,9 @@ def drive(
     ),
     reading: str | None = option("Whether the gearbox multiplies the torque.", Word(["geared", "ungeared"])),
     flywheel_for: tuple[float, ...] = option(
-        "Size a flywheel for this coefficient of speed fluctuation, such as 0.05.", Share(), metavar="SHARE"
+        "Size a flywheel for this coefficient of speed fluctuation, such as 0.05.",
+        Read("share", _share),
+        metavar="SHARE",
     ),
     flywheel_side: str = option(
         "The shaft that the flywheel turns with.", Word(["crank", "motor"]), default="crank", show_default=False

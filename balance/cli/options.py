@@ -14,11 +14,11 @@ from functools import partial
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args, get_origin
+from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin
 
 import click
 
-from ..errors import UnitError
+from ..errors import CounterpoiseError
 from .framework import Answer, answering, emit_table, label, plain_text, say
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ..report.loopback import Loopback
 
 
+T = TypeVar("T")
 _TYPES = {int: int, float: float, Path: click.Path(path_type=Path)}
 """How the text of a parameter of these types is converted, unless it says otherwise."""
 
@@ -107,48 +108,53 @@ def command(
     return declared
 
 
-class Quantity(click.ParamType[float]):
+class Read(click.ParamType[T]):
+    """A text that a function reads; what that raises fails as a wrong command line."""
+
+    def __init__(self, name: str, read: Callable[[str], T]) -> None:
+        self.name, self._read = name, read
+
+    def convert(self, value: str | T, param: click.Parameter | None, ctx: click.Context | None) -> T:
+        """What the text says; a default that is no text stays."""
+        if not isinstance(value, str):
+            return value
+        try:
+            return self._read(value)
+        except (CounterpoiseError, ValueError) as error:
+            self.fail(str(error), param, ctx)
+
+
+class Quantity(Read[float]):
     """A text with a unit, in SI."""
 
     def __init__(self, *dimensions: str, positive: bool = False) -> None:
+        super().__init__(" or ".join(dimensions), self._parsed)
         self.dimensions, self.positive = dimensions, positive
-        self.name = " or ".join(dimensions)
 
-    def convert(self, value: str | float, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Read the text; a wrong one fails as a wrong command line."""
-        if not isinstance(value, str):
-            return value
+    def _parsed(self, text: str) -> float:
         from ..units import dimension_of, parse
 
-        try:
-            found = parse(value, dimension_of(value, *self.dimensions))
-        except UnitError as error:
-            self.fail(str(error), param, ctx)
+        found = parse(text, dimension_of(text, *self.dimensions))
         if self.positive and not found > 0.0:
-            self.fail(f"{value!r}: expected more than zero", param, ctx)
+            raise ValueError(f"{text!r}: expected more than zero")
         return found
 
 
-class NamedQuantity(click.ParamType[tuple[str, float]]):
+class NamedQuantity(Read[tuple[str, float]]):
     """``NAME=VALUE`` with a unit, such as ``platform=5kg``, as a name and a value in SI."""
 
     def __init__(self, what: str, dimension: str, example: str) -> None:
+        super().__init__(f"{what}={dimension}", self._parsed)
         self._quantity, self._example = Quantity(dimension), f"{what}={example}"
-        self.name = f"{what}={dimension}"
 
-    def convert(
-        self, value: str | tuple[str, float], param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[str, float]:
-        """Read the text; a wrong one fails as a wrong command line."""
-        if isinstance(value, tuple):
-            return value
-        name, separator, text = value.partition("=")
+    def _parsed(self, text: str) -> tuple[str, float]:
+        name, separator, value = text.partition("=")
         if not separator or not name.strip():
-            self.fail(f"{value!r}: expected {self._example}", param, ctx)
+            raise ValueError(f"{text!r}: expected {self._example}")
         try:
-            return name.strip(), self._quantity.convert(text, param, ctx)
+            return name.strip(), self._quantity.convert(value, None, None)
         except click.BadParameter as error:
-            self.fail(f"{name}: {error.message}", param, ctx)
+            raise ValueError(f"{name}: {error.message}") from error
 
 
 Masses = tuple[tuple[str, float], ...]

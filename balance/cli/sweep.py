@@ -5,14 +5,14 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, NoReturn, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import click
 
 from ..results import document, table
 from . import options
 from .framework import Answer, Detail, Word, emit_findings, emit_table, say
-from .options import Quantity, command, option
+from .options import Quantity, Read, command, option
 
 if TYPE_CHECKING:
     from ..arrays import Floats
@@ -25,33 +25,29 @@ _MOST_DESIGNS = 10_000_000
 _MOST_IN_MEMORY = 1_000_000
 
 
-Fail = Callable[[str], NoReturn]
-"""Ends the command for a wrong value, with a message."""
-
-
-class OfAPart(click.ParamType[T]):
+class OfAPart(Read[T]):
     """``NAME.PART=VALUES``: of the mass or a coordinate of a site or body, with units; ``read`` takes all three."""
 
-    def __init__(self, name: str, examples: str, read: Callable[[str, str, str, Fail], T], form: str = "(.+)") -> None:
+    def __init__(self, name: str, examples: str, read: Callable[[str, str, str], T], form: str = "(.+)") -> None:
         """For values that match ``form``."""
-        self.name, self.examples, self.read, self.form = name, examples, read, form
+        super().__init__(name, self._parsed)
+        self.examples, self.read, self.form = examples, read, form
 
-    def convert(self, value: str | T, param: click.Parameter | None, ctx: click.Context | None) -> T:
-        """Read the text; a wrong one fails as a wrong command line."""
-        if not isinstance(value, str):
-            return value
-        match = re.fullmatch(rf"(.+)\.(mass|x|y|z)={self.form}", value)
+    def _parsed(self, text: str) -> T:
+        match = re.fullmatch(rf"(.+)\.(mass|x|y|z)={self.form}", text)
         if match is None:
-            self.fail(f"{value!r}: expected such as {self.examples}", param, ctx)
-        name, part, text = match.groups()
-        return self.read(name, part, text, lambda message: self.fail(f"{value!r}: {message}", param, ctx))
+            raise ValueError(f"{text!r}: expected such as {self.examples}")
+        try:
+            return self.read(*match.groups())
+        except ValueError as error:
+            raise ValueError(f"{text!r}: {error}") from error
 
 
 def _quantity(part: str, text: str, positive: bool = False) -> float:
     return Quantity("mass" if part == "mass" else "length", positive=positive).convert(text, None, None)
 
 
-def _varied(name: str, part: str, text: str, fail: Fail) -> "Variable":
+def _varied(name: str, part: str, text: str) -> "Variable":
     """All values of a mass or a place: ``FIRST:LAST:COUNT`` or ``A,B,C``, with units."""
     import numpy as np
 
@@ -60,16 +56,16 @@ def _varied(name: str, part: str, text: str, fail: Fail) -> "Variable":
     if text.count(":") == 2:
         first, last, count = text.split(":")
         if not re.fullmatch(r"[1-9]\d{0,6}", count.strip()):
-            fail(f"{count!r} is no number of values: expected such as 1000")
+            raise ValueError(f"{count!r} is no number of values: expected such as 1000")
         values = np.linspace(_quantity(part, first), _quantity(part, last), int(count))
     else:
         values = np.array([_quantity(part, one) for one in text.split(",")])
     if part == "mass" and (values < 0.0).any():
-        fail("expected masses of zero or more")
+        raise ValueError("expected masses of zero or more")
     return Variable(name, part, values)
 
 
-def _tolerance(name: str, part: str, text: str, _: Fail) -> "Tolerance":
+def _tolerance(name: str, part: str, text: str) -> "Tolerance":
     """The largest error of a mass or a place, to either side, such as ``5g`` or ``0.1mm``."""
     from ..balancing.tolerance import Tolerance
 

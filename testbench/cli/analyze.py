@@ -25,7 +25,7 @@ METRIC = option("What an amplitude is.", Word(METRIC_NAMES), default="peak_to_pe
 BAND = option(
     "Frequencies that count [Hz], zero-phase Butterworth; none: all. Above a lower end of zero, an offset and "
     "a ramp are removed first: they are no vibration.",
-    options.BandText(), default="1..200",
+    options.BAND_TEXT, default="1..200",
 )  # fmt: skip
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, Word, emit_findings, emit_table, plain_text, say
-from balance.cli.options import argument, option
+from balance.cli.options import Read, argument, option
 from balance.results import first_of
 
 if TYPE_CHECKING:
@@ -29,22 +29,14 @@ _DECIMALS = {"point": ".", "comma": ","}
 _ORDERS = ("dmy", "mdy", "ymd")
 
 
-class BandText(click.ParamType["Band | None"]):
+def _band(text: str) -> "Band | None":
     """``LO..HI`` in Hz as a band, ``none`` as None."""
+    from ..signal.filters import band_of
 
-    name = "lo..hi"
+    return band_of(text)
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> "Band | None":  # noqa: ANN401
-        """Read the text; a wrong one fails as a wrong command line."""
-        from ..errors import AnalysisError
-        from ..signal.filters import band_of
 
-        if not isinstance(value, str):
-            return value
-        try:
-            return band_of(value)
-        except AnalysisError as error:
-            self.fail(str(error), param, ctx)
+BAND_TEXT = Read("lo..hi", _band)
 
 
 def contradiction_codes(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:

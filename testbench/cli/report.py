@@ -7,11 +7,10 @@ import click
 from click.core import ParameterSource
 
 from balance.cli.framework import Answer, Detail, Word, emit_parts, emit_table, say
-from balance.cli.options import SCHEDULER, argument, command, option
+from balance.cli.options import SCHEDULER, Read, argument, command, option
 
 from ..signal import METRIC_NAMES
 from . import options
-from .options import BandText
 
 if TYPE_CHECKING:
     from ..report import RunReport
@@ -62,25 +61,14 @@ def _print_vibration(part: dict[str, Any]) -> None:
     emit_table("Vibration of the base [m/s2]", header, rows, "; ".join(part["definitions"].values()))
 
 
-class PointText(click.ParamType[tuple[float, float, float]]):
+def _point(text: str) -> tuple[float, ...]:
     """``X,Y,Z``, each with a unit of length."""
+    from balance.units import parse
 
-    name = "x,y,z"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:  # noqa: ANN401
-        """Read the text; a wrong one fails as a wrong command line."""
-        from balance.errors import UnitError
-        from balance.units import parse
-
-        if not isinstance(value, str):
-            return value
-        parts = value.split(",")
-        if len(parts) != 3:
-            self.fail(f"{value!r}: expected three lengths such as 0m,-0.1m,25mm", param, ctx)
-        try:
-            return tuple(parse(part.strip(), "length") for part in parts)
-        except UnitError as error:
-            self.fail(str(error), param, ctx)
+    parts = text.split(",")
+    if len(parts) != 3:
+        raise ValueError(f"{text!r}: expected three lengths such as 0m,-0.1m,25mm")
+    return tuple(parse(part.strip(), "length") for part in parts)
 
 
 @command(
@@ -96,10 +84,10 @@ some run was refused (the others are reported)."""
 def report(
     runs: tuple[Path, ...] = argument("RUN|CAMPAIGN...", required=True),
     point: tuple[float, float, float] = option(
-        "The point of the base that moments are about.", PointText(), "--at", default="0m,0m,0m"
+        "The point of the base that moments are about.", Read("x,y,z", _point), "--at", default="0m,0m,0m"
     ),
     band: "Band | None" = option(
-        "Of vibration and forces [Hz], zero-phase Butterworth; none: all.", BandText(), default="0..200"
+        "Of vibration and forces [Hz], zero-phase Butterworth; none: all.", options.BAND_TEXT, default="0..200"
     ),
     bandwidth: float = option("Of accelerations from encoders and of torques [Hz].", default=80.0, metavar="HZ"),
     mechanism: str | None = option("A mechanism in place of the one that the rig names.", metavar="MECH"),

@@ -17,10 +17,9 @@ def gapped(brief, tmp_path_factory):
     return without_rows(brief, tmp_path_factory.mktemp("gapped"), cuts)
 
 
-def told(run, expected, *options) -> dict:
+def told(run, expected) -> dict:
     """The document of the command for one run."""
-    words = [str(run), "--json", *options]
-    done = CliRunner().invoke(report, words, standalone_mode=False, catch_exceptions=False)
+    done = CliRunner().invoke(report, [str(run), "--json"], standalone_mode=False, catch_exceptions=False)
     assert done.return_value == expected
     (found,) = json.loads(done.stdout)["runs"]
     return found
