@@ -11,7 +11,6 @@ import polars
 import pytest
 from click.testing import CliRunner
 
-import testbench
 from balance.task_pool import HERE, TaskPool
 from testbench import campaign_plan as plans
 from testbench import rig as rigs
@@ -23,6 +22,7 @@ from testbench.simulator import campaign
 from testbench.simulator.sensors import draw_transducers
 
 from ...other_process import OtherProcess
+from ...source_trees import trees
 from ..conftest import call as command
 
 PLAN = """
@@ -251,13 +251,14 @@ def test_nothing_drawn_is_stored(deep):
 
 def test_who_imports_it():
     """Campaigns and what is drawn: for the simulator, its command, the front door and the next run's plan alone."""
-    root = Path(testbench.__file__).parent
+    root = Path("testbench")
     making_runs = {root / "cli" / "simulate.py", root / "next_run.py", root / "front_door.py"}
     hidden = {"campaign", "simulated_logs", "draw_transducers", "draw_samples", "disturbed", "record_run"}
-    for path in sorted(root.rglob("*.py")):
-        if path.parent.name == "simulator" or path in making_runs:
+    assert making_runs < trees().keys()
+    for path, tree in trees().items():
+        if path.parts[0] == "balance" or path.parent.name == "simulator" or path in making_runs:
             continue
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        for node in ast.walk(tree):
             if isinstance(node, ast.ImportFrom) and "simulator" in (node.module or "").split("."):
                 names = {alias.name for alias in node.names} | set((node.module or "").split("."))
                 assert not names & hidden, f"{path.name} imports {names & hidden} of the simulator"

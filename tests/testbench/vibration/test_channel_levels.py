@@ -20,12 +20,11 @@ def runs(brief):
 
 def test_metrics_are_those_of_the_reductions(runs):
     """Peak, peak to peak and RMS of the base are what a reduction takes of it in one band, to rounding."""
-    rig = SIRun.of(runs[0]).rig
-    for level in channel_levels(SIRun.of(runs[0]), rig.sensors["base_acc"].columns("base_acc")):
+    run = SIRun.of(runs[0])
+    for level in channel_levels(run, run.rig.sensors["base_acc"].columns("base_acc")):
         for metric in METRICS:
-            assert level.metrics[metric] == pytest.approx(
-                Measure(metric, DEFAULT_BAND).amplitude(*SIRun.of(runs[0]).signal(level.column)), rel=1e-12
-            )
+            amplitude = Measure(metric, DEFAULT_BAND).amplitude(*run.signal(level.column))
+            assert level.metrics[metric] == pytest.approx(amplitude, rel=1e-12)
         assert level.metrics.keys() <= level_definitions(level.band).keys()
 
 

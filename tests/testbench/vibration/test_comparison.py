@@ -173,8 +173,8 @@ def test_unpublished_conditions_stay(brief):
     table = load_published("kiper2019")
     table.rows.clear()
     table.rows[None, "x", None, 3.0] = {"x": 1.0}
-    found = compare_campaign(open_campaign(brief.campaign).runs, table, Measure())
-    assert [row.published for row in found.rows] == [None] * 12
+    found = compare_campaign(open_campaign(brief.campaign).runs[:2], table, Measure())
+    assert [row.published for row in found.rows] == [None] * 3
     assert any("of no run" in note and note.endswith("motion x, peak_acceleration_rad_s2 3.0.") for note in found.notes)
 
 

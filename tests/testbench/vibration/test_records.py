@@ -98,12 +98,12 @@ def test_rest_of_one_run(metric):
 def test_short_rest(metric):
     """The 50 ms before a late logger sees anything move know the noise to a third; the intervals still hold."""
     measure, held = Measure(metric, BAND), 0
-    for seed in range(4):
+    for seed in range(3):
         runs = pair((-0.08, -0.08), seed)
         for reduction in analyze(runs, measure).reductions:
             low, high = reduction.interval
             held += low <= _true(runs, reduction.axis, measure, 0.08) <= high
-    assert_holds(held, 12)
+    assert_holds(held, 9)
 
 
 def _true(runs: list[memory.MemoryRun], axis: str, measure: Measure, start: float) -> float:
@@ -133,24 +133,18 @@ def test_clipping(tmp_path, limit_g, limit):
     assert 0.0 < found.at_least < found.percent < _true(pair((0.2, 0.2)), "x", measure, -0.2)
 
 
-@cache
-def brief_in_memory() -> list[memory.MemoryRun]:
-    """The shipped brief plan, without files."""
-    return [stored(run, SHIPPED) for run in simulated_logs.simulate_logs(plans.load_plan("kiper2019-brief"), SHIPPED)]
-
-
-@pytest.mark.parametrize("metric", METRICS)
-def test_files_and_memory(brief_analysis, metric):
-    """What the files give is what the loggers recorded: the same numbers, to the last digit."""
-    alone = analyze(brief_in_memory(), Measure(metric, BAND)).reductions
-    assert [replace(r, runs=()) for r in alone] == [replace(r, runs=()) for r in brief_analysis(metric).reductions]
+def test_files_and_memory(brief_analysis):
+    """What the files give is what the loggers recorded, without the truth: the same numbers, to the last digit."""
+    runs = [stored(run, SHIPPED) for run in simulated_logs.simulate_logs(plans.load_plan("kiper2019-brief"), SHIPPED)]
+    alone = analyze(runs, Measure("peak", BAND)).reductions
+    assert [replace(r, runs=()) for r in alone] == [replace(r, runs=()) for r in brief_analysis("peak").reductions]
 
 
 @cache
 def repeated() -> tuple[memory.MemoryRun, ...]:
-    """Two repeats a side of three conditions."""
+    """Two repeats a side of two conditions."""
     runs = []
-    for number, acceleration in enumerate((1.0, 2.0, 3.0)):
+    for number, acceleration in enumerate((1.0, 3.0)):
         for side, masses in enumerate(({}, memory.BUILT)):
             seen = memory.scene("x", acceleration, masses)
             runs += [seen.run(100 * number + 10 * side + k) for k in range(2)]

@@ -46,7 +46,7 @@ def test_share():
 def test_coverage(conditions, share, repeats):
     """Intervals hold whatever makes repeats differ: noise, or clearly the runs themselves."""
     held = 0
-    for seed in range(100):
+    for seed in range(60):
         rng = np.random.default_rng([seed, conditions, repeats])
         campaign = [
             [group(a, share, rng, repeats, f"{i}{a}") for a in (120.0 * scale, 900.0 * scale)]
@@ -54,7 +54,7 @@ def test_coverage(conditions, share, repeats):
         ]
         scatter = Repeatability.of([group for pair in campaign for group in pair])
         held += Ratio(*(ConditionAmplitude(group, scatter) for group in campaign[0])).accepts(12 / 90)
-    assert_holds(held, 100)
+    assert_holds(held, 60)
 
 
 def test_unlike_the_others():
