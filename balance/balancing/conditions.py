@@ -248,8 +248,10 @@ def balance_conditions(mechanism: Mechanism, momentum: str = "linear") -> Condit
         raise ModelError(f"momentum is {momentum!r}: expected one of {', '.join(MOMENTA)}")
     closure = Closure(mechanism)
     decided_by, in_doubt, exact, rational = "singular values", False, None, None
+    held = (loop.name for loop in closure.mechanism.loops)  # those of the file, and coordinates held as at home
+    key = ("momentum space", momentum, closure.length, closure.home.tobytes(), *held)
     try:
-        basis, gap, in_doubt = _momentum_space(closure, MOMENTA[momentum])
+        basis, gap, in_doubt = mechanism.tree.once(key, lambda: _momentum_space(closure, MOMENTA[momentum]))
     except UndecidedRank:
         rational = _rational_rank(mechanism, momentum)
         basis, gap = _extended_momentum_space(closure, MOMENTA[momentum], rational)

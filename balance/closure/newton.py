@@ -150,7 +150,7 @@ class LoopProgram:
 
     def step(self, order: Order) -> Program:
         """From configurations and driven coordinates to better ones, and the largest change."""
-        return self.tree.program(("step", order, self._key), lambda: self._step(order))
+        return self.tree.once(("step", order, self._key), lambda: self._step(order))
 
     def rates(self, order: Order) -> Program:
         """From configurations, driven coordinates and their two rates to what a motion has.
@@ -158,7 +158,7 @@ class LoopProgram:
         In turn: velocities, accelerations, rates of all coordinates per driven one (dof by nv), largest residual, and
         how near a pivot is to zero, as its inverse.
         """
-        return self.tree.program(("rates", order, self._key), lambda: self._rates(order))
+        return self.tree.once(("rates", order, self._key), lambda: self._rates(order))
 
     @cached_property
     def _key(self) -> Hashable:
@@ -177,7 +177,7 @@ class LoopProgram:
             at = forward_kinematics.pose(self.tree, tape.rows(self.tree.size))
             return tape.program([entry for row in self._jacobian(at) for entry in row])
 
-        return self.tree.program(("equations", self._key), write)
+        return self.tree.once(("equations", self._key), write)
 
     def _step(self, order: Order) -> Program:
         tape = Tape()

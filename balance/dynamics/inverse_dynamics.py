@@ -227,7 +227,7 @@ def momentum(mechanism: Mechanism, q: Floats, v: Floats) -> Floats:
             load = load.plus(body_momentum(row, at, moving, joint))
         return tape.program([*load.force, *load.moment])
 
-    program = tree.program(("momentum", (mechanism.parameters != 0.0).tobytes()), write)
+    program = tree.once(("momentum", (mechanism.parameters != 0.0).tobytes()), write)
     program.run([q.T, v.T], [total], mechanism.pi)
     return total.T
 
@@ -241,7 +241,7 @@ def _numbers(mechanism: Mechanism) -> Floats:
 def _loads_program(mechanism: Mechanism) -> Program:
     """From (q, v, a) to shaking force and moment, moment of the weight, and the torque of every joint."""
     tree = mechanism.tree
-    return tree.program(_loads_key(mechanism), lambda: _write_loads(mechanism))
+    return tree.once(_loads_key(mechanism), lambda: _write_loads(mechanism))
 
 
 def _loads_key(mechanism: Mechanism) -> tuple[str, bytes]:

@@ -92,7 +92,7 @@ def inertia_along(mechanism: Mechanism, q: Floats) -> Floats:
         mixed = (second[1][0], second[2][0], second[2][1])
         return tape.program([*first, *diagonal, *mixed])
 
-    tree.program(("inertia", (mechanism.parameters != 0.0).tobytes()), write).run([q.T], [moments], mechanism.pi)
+    tree.once(("inertia", (mechanism.parameters != 0.0).tobytes()), write).run([q.T], [moments], mechanism.pi)
     inertia = np.zeros((len(q), 3, 3))
     for k in range(3):
         inertia[:, k, k] = moments[3 + k]

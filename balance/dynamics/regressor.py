@@ -91,7 +91,7 @@ def _columns(
 
     columns = np.empty((len(mechanism.bodies) * len(PARAMETERS) * rows, count))
     key = f"regressor of {name}"
-    tree.program(key, write).run([np.ascontiguousarray(x.T) for x in states], [columns])
+    tree.once(key, write).run([np.ascontiguousarray(x.T) for x in states], [columns])
     found = np.ascontiguousarray(columns.reshape(-1, rows, count).transpose(2, 1, 0))
     refuse_other_than_pinocchio(mechanism, key, key, states, found.__getitem__, expected)
     return found

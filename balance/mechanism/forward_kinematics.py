@@ -6,6 +6,7 @@ axes (two slides on a body) is several elementary joints with massless bodies be
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -30,7 +31,9 @@ from .sparse_components import (
     sub,
     vector,
 )
-from .tape import Node, Program
+from .tape import Node
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,7 @@ class Tree:
     joints: tuple[Joint, ...]
     bodies: tuple[int, ...]
     """For each body, the elementary joint whose frame is the body's frame."""
-    _programs: dict[Hashable, Program] = field(default_factory=dict, repr=False)
+    _made: dict[Hashable, Any] = field(default_factory=dict, repr=False)
     compared: set[Hashable] = field(default_factory=set, repr=False)
     """What was found to agree with Pinocchio."""
 
@@ -64,11 +67,12 @@ class Tree:
         """Number of elementary joints, which is the number of velocities."""
         return len(self.joints)
 
-    def program(self, key: Hashable, write: Callable[[], Program]) -> Program:
-        """What ``write`` made for this tree and ``key``, made once."""
-        if key not in self._programs:
-            self._programs[key] = write()
-        return self._programs[key]
+    def once(self, key: Hashable, make: Callable[[], T]) -> T:
+        """What ``make`` gave for this tree and ``key``, made once: whatever masses it carries."""
+        if key not in self._made:
+            self._made[key] = make()
+        found: T = self._made[key]
+        return found
 
     def path(self, joint: int) -> list[int]:
         """Elementary joints from the base to ``joint``, which is the last."""

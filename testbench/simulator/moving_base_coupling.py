@@ -131,7 +131,7 @@ def velocity_cross_product(mechanism: Mechanism, q: Floats, v: Floats, other: Fl
             found = plus(found, apply(at.rotation[joint], apply(second_moment(row), turned)))
         return tape.program([*found])
 
-    program = tree.program(("swept", (mechanism.parameters != 0.0).tobytes()), write)
+    program = tree.once(("swept", (mechanism.parameters != 0.0).tobytes()), write)
     program.run([q.T, v.T, other.T], [total], mechanism.pi)
     return total.T
 
