@@ -81,9 +81,15 @@ def test_a_wrong_scale_is_found(taken):
 
 
 @pytest.fixture(scope="module")
-def by_force(runs):
-    """Force sensors of the first run."""
-    return assemble(memory.aligned(runs[:1], MECHANISM), "wrench")
+def first(runs):
+    """The first run on one clock."""
+    return memory.aligned(runs[:1], MECHANISM)
+
+
+@pytest.fixture(scope="module")
+def by_force(first):
+    """Its force sensors."""
+    return assemble(first, "wrench")
 
 
 def test_force_sensors(by_force):
@@ -102,15 +108,15 @@ def test_force_sensors(by_force):
         identify(taken.records, taken.mechanism, "iv")
 
 
-def test_both_together(runs, by_torque):
+def test_both_together(first, by_torque):
     """Forces and torques, each weighted by its noise: inertias from torques, first moments as close as from forces."""
-    taken = assemble(memory.aligned(runs[:1], MECHANISM), "both")
+    taken = assemble(first, "both")
     result = identify(taken.records, taken.mechanism, "ls", others=False)
     assert result.rows == ("A0", "B0", "Fx", "Fy")
     values = {value.name: value for value in result.base_values()}
-    first = values["mcx[A0A] + 0.15 m[AC] + mcx[BD] + 0.15 m[platform]"]
-    alone = {value.name: value for value in by_torque.base_values()}[first.name]
-    assert first.interval[1] - first.interval[0] < 0.2 * (alone.interval[1] - alone.interval[0])
+    moment = values["mcx[A0A] + 0.15 m[AC] + mcx[BD] + 0.15 m[platform]"]
+    alone = {value.name: value for value in by_torque.base_values()}[moment.name]
+    assert moment.interval[1] - moment.interval[0] < 0.2 * (alone.interval[1] - alone.interval[0])
     inertias = [value for name, value in values.items() if name.startswith("Izz")]
     assert len(inertias) == 2
     assert all(value.value == pytest.approx(value.in_file, rel=0.02) for value in inertias)

@@ -143,7 +143,10 @@ def stream(packed):
         (lambda: stream(EARLY), "cut_file.*ends too early"),
         (lambda: stream(zlib.compress(bytes((64 << 20) + 1), 1)), "too_large.*unpack to more than"),
         (lambda: OLD + struct.pack("<5i", 7777, 1, 1, 0, 2) + b"x\0" + bytes(8), "damaged_file.*a matrix of type 7777"),
-        (lambda: OLD + struct.pack("<5i", 0, -1, 1, 0, 2) + b"x\0" + bytes(8), "damaged_file.*a matrix of type 0, -1 x 1"),
+        (
+            lambda: OLD + struct.pack("<5i", 0, -1, 1, 0, 2) + b"x\0" + bytes(8),
+            "damaged_file.*a matrix of type 0, -1 x 1",
+        ),
     ],
     ids=["a stream that ends early", "a bomb", "no type of version 4", "sides below zero"],
 )

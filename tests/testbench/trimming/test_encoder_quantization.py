@@ -8,9 +8,7 @@ import pytest
 from balance.balancing import conditions
 from balance.closure import Closure
 from balance.estimation.first_moment_imbalance import imbalance_fit
-from balance.mechanism.mjcf_parser import load_mechanism
 from balance.motion import Samples
-from studies import simulated_runs as memory
 from testbench.kinematics.smoothing_and_derivatives import smoothed_derivatives
 from testbench.trimming.problem import parameter_basis, shared_unknowns, with_shared_unknowns
 from testbench.trimming.vibration_regression import (
@@ -27,11 +25,9 @@ STEP = 4.8e-5
 
 
 @pytest.fixture(scope="module")
-def case():
+def case(aligned):
     """The runs of three motions, the conditions, the fit, the parameters that it found."""
-    mechanism = load_mechanism(memory.MANIPULATOR)
-    seen = [memory.scene(motion).run(k) for k, motion in enumerate(("x", "y", "triangle"))]
-    runs = memory.aligned(seen, mechanism)
+    runs = aligned
     found = conditions.balance_conditions(runs[0].mechanism)
     moved = [shaken_base(run, 40.0) for run in runs]
     records = [vibration_regression(run, found).record for run in moved]

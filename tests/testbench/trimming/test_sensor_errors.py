@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from studies.trim import BENCHES, campaign
 from testbench import rig as rigs
 from testbench.rig.sensor_channels import sensitivity_scatter
+from testbench.runs.aligned_run import AlignedRun
 from testbench.runs.si_run import SIRun
 from testbench.trimming import sensor_errors, trim_runs
 from testbench.trimming.result import trim_document
@@ -16,20 +16,25 @@ MISSING = 0.0308090
 
 
 @pytest.fixture(scope="module")
-def manipulator():
-    """The mechanism without payload and counter-masses."""
-    return load_mechanism(memory.MANIPULATOR)
-
-
-@pytest.fixture(scope="module")
 def deep():
     """Runs of three motions on the bench whose sensors have faults."""
     return [scene.run(k) for k, scene in enumerate(campaign("wrench", BENCHES["deep"]))]
 
 
-def test_the_deep_bench(manipulator, deep):
+@pytest.fixture(scope="module")
+def aligned(manipulator, deep):
+    """The same on one clock."""
+    return memory.aligned(deep, manipulator)
+
+
+@pytest.fixture(scope="module")
+def found(aligned):
+    """What their forces say."""
+    return trim_runs(aligned, source="wrench")
+
+
+def test_the_deep_bench(found):
     """Force sensors that are off by a per cent, as the rig says they may be: the interval holds, and says of what."""
-    found = trim_runs(memory.aligned(deep, manipulator), source="wrench")
     assert all(m.interval[0] < MISSING < m.interval[1] for m in found.missing)
     assert all(np.ptp(m.interval) < MISSING for m in found.missing)
     assert any(
@@ -38,9 +43,9 @@ def test_the_deep_bench(manipulator, deep):
     )
 
 
-def test_the_budget_is_the_interval(manipulator, deep):
+def test_the_budget_is_the_interval(aligned):
     """Contributions of each source, noise and stated errors apart, add up to the interval of each site."""
-    found = trim_runs(memory.aligned(deep, manipulator), source=("wrench", "torque"))
+    found = trim_runs(aligned, source=("wrench", "torque"))
     for one, budget in zip(found.missing, found.budgets, strict=True):
         assert budget.half_width == pytest.approx(one.first_moment.half_width(), rel=1e-6)
         assert sum(budget.shares) == pytest.approx(1.0)
@@ -48,14 +53,16 @@ def test_the_budget_is_the_interval(manipulator, deep):
         assert [part.evaluation for part in budget.contributions].count("B") >= 1
 
 
-def test_what_is_not_stated_is_not_in_the_interval(manipulator, deep):
+def test_what_is_not_stated_is_not_in_the_interval(aligned, found):
     """By a rig that states no errors of its sensors the same runs give narrower intervals, which are not of 95 %."""
-    rig = rigs.load_rig("parallelogram-6bar-deep")
+    rig = aligned[0].rig
     silent = rig.model_copy(update={"bench": rig.bench.model_copy(update={"errors": {}})})
-    stated, unstated = (trim_runs(memory.aligned(deep, manipulator, one), source="wrench") for one in (rig, silent))
-    for wide, narrow in zip(stated.missing, unstated.missing, strict=True):
+    clocks = [{group: run.clock(group) for group in ("daq", "forces")} for run in aligned]
+    runs = [AlignedRun(SIRun(r.run.recorded, silent), r.unloaded, c) for r, c in zip(aligned, clocks, strict=True)]
+    unstated = trim_runs(runs, source="wrench")
+    for wide, narrow in zip(found.missing, unstated.missing, strict=True):
         assert np.ptp(narrow.interval) < np.ptp(wide.interval)
-    assert unstated.unexplained > stated.unexplained
+    assert unstated.unexplained > found.unexplained
     assert unstated.verdict == "doubtful"
     assert trim_document(unstated)["interval_level"] is None
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from studies.trim import BENCHES
 from testbench import rig as rigs
@@ -16,21 +15,15 @@ from testbench.trimming import trim_runs
 from testbench.trimming.result import trim_document
 
 from ..coverage import assert_holds
+from .conftest import MOTIONS
 
 MISSING = 0.0308090
-MOTIONS = ("x", "y", "triangle")
 
 
 @pytest.fixture(scope="module")
-def manipulator():
-    """The mechanism without payload and counter-masses."""
-    return load_mechanism(memory.MANIPULATOR)
-
-
-@pytest.fixture(scope="module")
-def runs():
-    """A run of each motion with the counter-masses that were built."""
-    return [memory.scene(motion).run(k) for k, motion in enumerate(MOTIONS)]
+def both(aligned):
+    """What forces and torques together say of the three runs."""
+    return trim_runs(aligned)
 
 
 def with_kinds(*kinds):
@@ -141,9 +134,8 @@ def test_vibration_without_a_stated_base_is_refused(manipulator, runs):
         trim_runs(memory.aligned(runs[:1], manipulator, silent), source="vibration")
 
 
-def test_sources_together(manipulator, runs):
+def test_sources_together(both):
     """Forces and torques agree; together they are no less sure than the surer."""
-    both = trim_runs(memory.aligned(runs, manipulator))
     assert both.source == "wrench+torque"
     assert both.consensus.agrees
     assert holds(both, 0.01)
@@ -198,18 +190,17 @@ def test_a_trial_mass_that_was_not_recorded_is_refused(manipulator, trials):
         trim_runs(memory.aligned([*trials[:3], forgotten, *trials[6:]], manipulator), source="trials")
 
 
-def test_the_figure(manipulator, runs):
+def test_the_figure(both):
     """A panel an arm; the points are the sources', both together, and what the plates leave."""
-    figure = draw_trim(trim_runs(memory.aligned(runs, manipulator)))
+    figure = draw_trim(both)
     assert len(figure.axes) == 2
     assert [t.get_text() for t in figure.axes[0].get_xticklabels()] == ["wrench", "torque", "all", "with what is added"]
 
 
-def test_the_predicted_residual_has_an_interval(manipulator, runs):
+def test_the_predicted_residual_has_an_interval(both):
     """What is added leaves nothing of what is told, up to what the intervals leave open."""
-    found = trim_runs(memory.aligned(runs, manipulator))
-    low, high = found.predicted_residual_interval
+    low, high = both.predicted_residual_interval
     assert low == 0.0
-    assert found.predicted_residual < high < 0.2 * MISSING
-    left = found.remaining()
+    assert both.predicted_residual < high < 0.2 * MISSING
+    left = both.remaining()
     assert all(m.interval[0] < 0.0 < m.interval[1] for m in left)
