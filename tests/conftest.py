@@ -72,7 +72,7 @@ BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "
 AXE = Path(os.environ.get("COUNTERPOISE_AXE", "node_modules/axe-core/axe.min.js"))
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def browser():
     """Chromium of this machine."""
     library = pytest.importorskip("playwright.sync_api", reason="needs playwright to drive a browser")

@@ -186,8 +186,7 @@ def test_forty_plates_at_four_sites_with_limits_are_proven():
     assert found.selections[0].masses[0] <= 5.46
 
 
-@pytest.mark.parametrize("step", [3, 4])
-@pytest.mark.parametrize("noise", [0.0, 0.02])
+@pytest.mark.parametrize(("step", "noise"), [(3, 0.0), (4, 0.02)])
 def test_forty_plates_that_all_differ_are_proven(step, noise):
     """Weighed to a gram, or a tenth: nothing better can be made, also where any mass would balance completely."""
     rng = np.random.default_rng(2)

@@ -45,8 +45,8 @@ CASES = {
 
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES)
 def test_intervals_hold_the_truth(case):
-    """10 logs, other noise, disc and start each: 95 % of intervals hold the truth, binomial at 0.1 %."""
-    options, tries = dict(case), 10
+    """7 logs, other noise, disc and start each: 95 % of intervals hold the truth, binomial at 0.1 %."""
+    options, tries = dict(case), 7
     pitch, pulses, truth = options.pop("pitch", 0.0), options.get("pulses", 100), discs.truth()
     hits = np.zeros(3, dtype=int)
     for seed in range(tries):

@@ -37,7 +37,7 @@ def loud_above(seed: int) -> SharedSignals:
 
 def test_intervals_hold_in_coloured_noise():
     """Noise nearly as loud as the signal, but above it, leaves 0.1 ms; the intervals hold as often as 95 % promises."""
-    clocks = [by_correlation(loud_above(seed), drift=False).clock for seed in range(25)]
+    clocks = [by_correlation(loud_above(seed), drift=False).clock for seed in range(15)]
     late = [c.at_reference - (OFFSET + (1.0 + DRIFT) * c.at_own) for c in clocks]
     assert np.max(np.abs(late)) < 1e-4
     assert_holds(sum(abs(e) <= c.half_width(c.at_own) for e, c in zip(late, clocks, strict=True)), len(clocks))

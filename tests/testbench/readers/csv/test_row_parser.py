@@ -55,7 +55,7 @@ def as_floats(rows):
     return np.array([[float(cell) for cell in row] for row in rows]).T
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(
     rows=st.integers(1, 5).flatmap(lambda n: st.lists(st.lists(WRITTEN, min_size=n, max_size=n), min_size=1)),
     end=st.sampled_from(["\n", "\r\n"]),
