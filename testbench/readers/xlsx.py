@@ -21,8 +21,7 @@ from .subprocess_reader import answer_in_subprocess
 def open_workbook(path: Path, options: ReadOptions) -> Recording:
     """Understand the sheets; those without rows of numbers are left out by name."""
     folder = tempfile.mkdtemp(prefix="counterpoise-")
-    texts, settings = TextLog(), replace(options, encoding="utf-8", delimiter="\t", decimal=".")
-    sheets, findings = list[tuple[str, Recording]](), list[Finding]()
+    texts, sheets = TextLog(), list[tuple[str, Recording]]()
 
     def read(report: Report) -> Iterator[Block]:
         for title, sheet in sheets:
@@ -30,30 +29,8 @@ def open_workbook(path: Path, options: ReadOptions) -> Recording:
 
     weakref.finalize(read, shutil.rmtree, folder, ignore_errors=True)  # with the last copy of the recording
     found = answer_in_subprocess(path, f"{__package__}.xlsx_worker", "as_texts", folder)
-    left = []
-    for number, told in enumerate(found["worksheets"], 1):
-        title, text = told["title"], Path(folder, f"{number}.txt")
-        try:
-            sheets.append((title, open_text(text, settings)))
-        except Refusal as refusal:
-            reason = refusal.finding.message if text.stat().st_size else "it is empty"
-            left.append(Finding("left_out", None, f"worksheet {title!r}", f"the worksheet is not kept: {reason}"))
-            continue
-        findings += _findings(told)
-    if not sheets:
-        said = (
-            "; ".join(f"{finding.where}: {finding.message}" for finding in left[:10])
-            or "no worksheet, or Strict Open XML: save it as .xlsx"
-        )
-        raise Refusal(path.name, Finding("no_data", None, None, said))
-    for title, sheet in sheets:
-        add = _reporting(findings.append, title, len(sheets) > 1)
-        for finding in sheet.findings:
-            first = sheet.settings["first_data_line"]
-            if finding.code == "dialect":
-                findings.append(Finding("dialect", None, f"worksheet {title!r}", f"first row of data in row {first}"))
-            else:
-                add(finding)
+    settings = replace(options, encoding="utf-8", delimiter="\t", decimal=".")
+    sheets += _sheets(path, found["worksheets"], Path(folder), settings, findings := list[Finding]())
     origins = {sheet.origin for _, sheet in sheets}
     return Recording(
         path=path,
@@ -69,9 +46,42 @@ def open_workbook(path: Path, options: ReadOptions) -> Recording:
         comments=tuple(comment for _, sheet in sheets for comment in sheet.comments),
         ranges=tuple(limit for _, sheet in sheets for limit in sheet.ranges),
         stated_rate_hz=sheets[0][1].stated_rate_hz if len(sheets) == 1 else None,
-        findings=(*findings, *left),
+        findings=tuple(findings),
         texts=texts,
     )  # fmt: skip
+
+
+def _sheets(
+    path: Path, worksheets: list[dict[str, Any]], folder: Path, settings: ReadOptions, findings: list[Finding]
+) -> list[tuple[str, Recording]]:
+    """The sheets with rows of numbers, by title; what is odd in them, and the others, go to ``findings``.
+
+    Raises Refusal where there is none.
+    """
+    sheets, left = list[tuple[str, Recording]](), list[Finding]()
+    for number, told in enumerate(worksheets, 1):
+        title, text = told["title"], folder / f"{number}.txt"
+        try:
+            sheets.append((title, open_text(text, settings)))
+        except Refusal as refusal:
+            reason = refusal.finding.message if text.stat().st_size else "it is empty"
+            left.append(Finding("left_out", None, f"worksheet {title!r}", f"the worksheet is not kept: {reason}"))
+            continue
+        findings += _findings(told)
+    if not sheets:
+        each = "; ".join(f"{finding.where}: {finding.message}" for finding in left[:10])
+        said = each or "no worksheet, or Strict Open XML: save it as .xlsx"
+        raise Refusal(path.name, Finding("no_data", None, None, said))
+    for title, sheet in sheets:
+        add = _reporting(findings.append, title, len(sheets) > 1)
+        for finding in sheet.findings:
+            first = sheet.settings["first_data_line"]
+            if finding.code == "dialect":
+                findings.append(Finding("dialect", None, f"worksheet {title!r}", f"first row of data in row {first}"))
+            else:
+                add(finding)
+    findings += left
+    return sheets
 
 
 def _findings(told: Mapping[str, Any]) -> Iterator[Finding]:
