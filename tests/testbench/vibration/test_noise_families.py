@@ -109,21 +109,21 @@ def test_coverage(noise, repeats, more):
 def test_hum_falls_out(metric):
     """Hum with harmonics, eight times the white noise, whose phase the rest shows, leaves the reduction as it is."""
     measure = Measure(metric)
-    found = [drawn(hum, seed, measure=measure) for seed in range(6)]
+    found = [drawn(hum, seed, measure=measure) for seed in range(4)]
     assert all(half(one) < 1.5 for one in found)
     assert np.mean([one.percent for one in found]) == pytest.approx(truth(measure), abs=0.5)
 
 
 def test_a_mode_of_the_floor_widens():
     """A mode of the floor is in the interval with the power that it has, whatever the rig states."""
-    floor, quiet = (np.median([half(drawn(noise, seed)) for seed in range(5)]) for noise in (mode_of_the_floor, hum))
+    floor, quiet = (np.median([half(drawn(noise, seed)) for seed in range(3)]) for noise in (mode_of_the_floor, hum))
     assert floor > 2.0 * quiet
 
 
 def test_a_step_without_dither_is_in_the_interval():
     """A step of a quarter of the residual's amplitude with hardly any noise is no white noise of step^2 / 12."""
     coarse, fine = (
-        np.median([half(drawn(lambda rng: 1e-3 * white(rng), s, 2, step=q)) for s in range(5)]) for q in (0.5, 1e-3)
+        np.median([half(drawn(lambda rng: 1e-3 * white(rng), s, 2, step=q)) for s in range(3)]) for q in (0.5, 1e-3)
     )
     assert coarse > 20.0 * fine
     assert coarse < 100.0 * 2.0 * 0.5 / MEASURE.amplitude(WITHOUT, RATE)
@@ -132,7 +132,7 @@ def test_a_step_without_dither_is_in_the_interval():
 def test_a_short_rest_widens():
     """What 50 ms do not show of the noise below 20 Hz is not taken for nothing."""
     short, long = (
-        np.median([half(drawn(white, seed, rest=rest)) for seed in range(8)]) for rest in (0.05, REST - 0.01)
+        np.median([half(drawn(white, seed, rest=rest)) for seed in range(5)]) for rest in (0.05, REST - 0.01)
     )
     assert 1.0 < short / long < 3.0
 
@@ -147,7 +147,7 @@ def test_nothing_shows_the_noise():
 @pytest.mark.parametrize("noise", [white, mode_of_the_floor])
 def test_repeats_narrow(noise):
     """The median interval is narrower with two runs a side than with one, and with four than with two."""
-    widths = [np.median([half(drawn(noise, seed, repeats)) for seed in range(5)]) for repeats in (1, 2, 4)]
+    widths = [np.median([half(drawn(noise, seed, repeats)) for seed in range(3)]) for repeats in (1, 2, 4)]
     assert widths[0] > widths[1] > widths[2]
 
 
@@ -164,7 +164,7 @@ def test_repeats_show_noise_in_motion():
 def test_single_runs_tell_noise_in_motion():
     """By what of one side is no multiple of the other; without such noise they widen next to nothing."""
     single, twice, quiet = (
-        np.median([half(drawn(noise, seed, repeats)) for seed in range(5)])
+        np.median([half(drawn(noise, seed, repeats)) for seed in range(3)])
         for noise, repeats in ((roughness, 1), (roughness, 2), (lambda rng: 0.02 * white(rng), 1))
     )
     assert twice < single < 2.0 * 2.0**0.5 * twice
