@@ -3,13 +3,11 @@
 import ast
 import re
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
-import testbench
+from ...source_trees import trees
 
-ROOT = Path(testbench.__file__).parent
 RUNS, RIGS = {"Run", "SIRun", "AlignedRun"}, {"Rig"}
 BINDS = {"runs/si_run.py: of", "front_door.py: bound_runs"}
 """The one constructor that takes both, and the front door's call of it for all runs."""
@@ -17,9 +15,9 @@ BINDS = {"runs/si_run.py: of", "front_door.py: bound_runs"}
 
 def functions() -> Iterator[tuple[str, list[ast.arg]]]:
     """Every function of the package with its parameters."""
-    for path in sorted(ROOT.rglob("*.py")):
-        where = path.relative_to(ROOT).as_posix()
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for path, tree in trees().items():
+        where = path.relative_to(path.parts[0]).as_posix()
+        for node in ast.walk(tree) if path.parts[0] == "testbench" else ():
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
                 given = node.args
                 yield (
