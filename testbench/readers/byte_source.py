@@ -1,9 +1,12 @@
 """Reading the bytes of a file without trusting what it states about itself, and preparing blocks ahead in threads."""
 
+import ctypes
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from functools import cache
 from itertools import chain, islice
 from pathlib import Path
 from types import TracebackType
@@ -78,6 +81,22 @@ WORKERS = 2
 DEPTH = 3
 """Items that are prepared at once: what bounds the memory."""
 _END: Any = object()
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
+"""Options of mallopt."""
+_KEPT_BYTES, _LARGEST_KEPT = 128 << 20, 32 << 20
+"""Free memory that is kept, and the largest array for which it serves; glibc takes no more [bytes]."""
+
+
+@cache
+def _keep_freed_memory() -> None:
+    """Let glibc keep what blocks leave free for the next ones: what it gives back comes back page by page, zeroed.
+
+    https://man7.org/linux/man-pages/man3/mallopt.3.html
+    """
+    with suppress(OSError, TypeError, AttributeError):  # no C library that can be asked, or another one
+        set_option = ctypes.CDLL(None).mallopt
+        set_option(_TRIM_THRESHOLD, _KEPT_BYTES)
+        set_option(_MMAP_THRESHOLD, _LARGEST_KEPT)
 
 
 def in_order(prepare: Callable[[A], B], items: Iterable[A]) -> Iterator[B]:
@@ -87,6 +106,7 @@ def in_order(prepare: Callable[[A], B], items: Iterable[A]) -> Iterator[B]:
     if len(first) < 2:  # a small file needs no threads
         yield from map(prepare, first)
         return
+    _keep_freed_memory()
     source = chain(first, source)
     del first
     waiting: deque[Future[Any]] = deque()

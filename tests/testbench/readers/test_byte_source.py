@@ -1,10 +1,12 @@
 """Items read and prepared ahead, in their order."""
 
+import ctypes
 import threading
 import time
 
 import pytest
 
+from testbench.readers import byte_source
 from testbench.readers.byte_source import DEPTH, in_order
 
 
@@ -59,3 +61,17 @@ def test_one_may_stop_early():
     assert [next(results) for _ in range(3)] == [0, 1, 2]
     results.close()
     assert threading.active_count() == before
+
+
+@pytest.mark.parametrize("library", [object(), OSError("none"), TypeError("Windows")])
+def test_other_c_libraries_keep_their_ways(monkeypatch, library):
+    """Without mallopt, or without a library that can be asked, items are prepared all the same."""
+
+    def opened(name):
+        if isinstance(library, Exception):
+            raise library
+        return library
+
+    monkeypatch.setattr(ctypes, "CDLL", opened)
+    byte_source._keep_freed_memory.cache_clear()
+    assert list(in_order(abs, [-1, 2, -3])) == [1, 2, 3]
