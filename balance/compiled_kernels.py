@@ -90,6 +90,23 @@ class Kernel:
         return hashlib.sha256(self.source.read_bytes() + "\0".join(parts).encode()).hexdigest()[:16]
 
 
+class Preparing:
+    """The ``loop`` of a kernel, made ready in a thread; None until it is, and where it cannot be had.
+
+    ``decided`` is set once it is there, or not to be waited for because it is compiled anew.
+    """
+
+    def __init__(self, kernel: Kernel) -> None:
+        self.loop: Callable[..., int] | None = None
+        self.decided = threading.Event()
+        self.thread = threading.Thread(target=self._load, args=(kernel,), daemon=True)
+        self.thread.start()
+
+    def _load(self, kernel: Kernel) -> None:
+        self.loop = kernel.loop(compiling=self.decided.set)
+        self.decided.set()
+
+
 def can_compile() -> bool:
     """Whether numba is installed (the extra ``compiled``); it is not imported."""
     return find_spec("numba") is not None

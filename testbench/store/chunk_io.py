@@ -22,6 +22,7 @@ import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +35,8 @@ from ..recording import Samples
 
 if TYPE_CHECKING:
     import h5py
+
+    from balance.compiled_kernels import Preparing
 
 
 class OutFile(io.RawIOBase):
@@ -113,20 +116,39 @@ _AT_ONCE = 16
 _MODULUS, _BYTE, _WORD, _SIDE = 65535, 256, 16, 128
 
 
-def fletcher32(samples: Samples) -> int:
-    """HDF5's checksum of the bytes of ``samples``, (n,) as recorded [-], at most 131,000.
+_MANY = 128
+"""Chunks of one group from which on the compiled loop saves more than its start costs."""
 
-    The words lie in squares: float32 holds a sum of 128 of them, float64 all else, and no product is long enough for
-    the threads of BLAS, which wait for one another longer than this takes. The sums are of words whose bytes are
-    swapped, which modulo 65535 is a factor of 256; end-around carries leave 65535, not 0, unless there was nothing.
+
+@cache
+def compiled_sums() -> "Preparing":
+    """The loop that adds the words of a chunk, made ready from now on."""
+    from balance.compiled_kernels import INTEGER, PLACE, Kernel, Preparing  # late: who reads needs none
+
+    return Preparing(Kernel("testbench.store.checksum_kernel", "checksum", (PLACE, INTEGER)))
+
+
+def fletcher32(samples: Samples, loop: Callable[..., int] | None = None) -> int:
+    """HDF5's checksum of the bytes of ``samples``, (n,) as recorded [-], at most 131,000; by the compiled ``loop``.
+
+    Without it the words lie in squares: float32 holds a sum of 128 of them, float64 all else, and no product is long
+    enough for the threads of BLAS, which wait for one another longer than this takes. Either way the sums are of words
+    whose bytes are swapped, which modulo 65535 is a factor of 256; end-around carries leave 65535, not 0, unless there
+    was nothing.
     """
+    if loop is not None:
+        found = loop(samples.ctypes.data, len(samples))
+        return _of_sums(found % (1 << _WORD), found >> _WORD)
     words = samples.view("<u2").astype(np.float32)
     missing = -len(words) % _SIDE**2
     squares = (np.pad(words, (0, missing)) if missing else words).reshape(-1, _SIDE, _SIDE)
     rows = np.einsum("kij->ki", squares).astype(np.float64).ravel()
     columns = np.einsum("kij->kj", squares).sum(axis=0, dtype=np.float64)
     behind = len(words) - _SIDE * np.arange(len(rows), dtype=np.float64)
-    sums = int(rows.sum()), int(rows @ behind - columns @ np.arange(_SIDE, dtype=np.float64))
+    return _of_sums(int(rows.sum()), int(rows @ behind - columns @ np.arange(_SIDE, dtype=np.float64)))
+
+
+def _of_sums(*sums: int) -> int:
     low, high = ((value % _MODULUS * _BYTE + _MODULUS - 1) % _MODULUS + 1 for value in sums)
     return high << _WORD | low if sums[0] else 0
 
@@ -220,15 +242,26 @@ class Chunk:
     """Memory of one chunk of ``length`` samples and its checksum, used again and again."""
 
     def __init__(self, length: int) -> None:
+        self.length = length
         self._bytes = np.zeros(8 * length + _CHECKSUM_BYTES, np.uint8)
         self._samples = self._bytes[:-_CHECKSUM_BYTES].view("<f8")
         self._checksum = self._bytes[-_CHECKSUM_BYTES:].view("<u4")
+        self._written = 0
 
-    def write(self, dataset: "h5py.Dataset", start: int, samples: Samples) -> int:
-        """Write samples (n,) [as recorded] from ``start`` on as a chunk, zeros behind the last; its size [bytes]."""
-        self._samples[: len(samples)] = samples
-        self._samples[len(samples) :] = 0.0
-        self._checksum[0] = fletcher32(self._samples)
+    def fill(self, parts: Sequence[Samples]) -> Samples:
+        """Take in samples (n,) [as recorded] one part behind the other, zeros behind the last: where they lie now."""
+        end = 0
+        for part in parts:
+            begin, end = end, end + len(part)
+            self._samples[begin:end] = part
+        self._samples[end:] = 0.0
+        return self._samples[:end]
+
+    def write(self, dataset: "h5py.Dataset", start: int) -> int:
+        """Write what was taken in as the chunk from sample ``start`` on; its size [bytes]."""
+        self._written += 1
+        loop = compiled_sums().loop if self._written > _MANY else None
+        self._checksum[0] = fletcher32(self._samples, loop)
         dataset.id.write_direct_chunk((start,), self._bytes)
         return self._bytes.nbytes
 

@@ -100,7 +100,7 @@ class GroupWriter:
         self._waiting: list[list[Samples]] = [[] for _ in group.channels]
         self._datasets: list[h5py.Dataset] = []
         self._written = 0
-        self._chunk = CHUNK
+        self._chunk = chunk_io.Chunk(0)
         self.digests = [bytearray() for _ in group.channels]
 
     def append(self, columns: Sequence[Samples]) -> None:
@@ -115,9 +115,9 @@ class GroupWriter:
     def _write(self, count: int) -> None:
         """Write ``count`` of the waiting samples of each channel."""
         if not self._datasets:
-            self._chunk = CHUNK if count >= CHUNK else max(1, count)
+            self._chunk = chunk_io.Chunk(min(CHUNK, max(1, count)))
             self._datasets = [
-                _dataset(self.node, k, self._chunk, f) for k, f in zip(self.keys, self.forms, strict=True)
+                _dataset(self.node, k, self._chunk.length, f) for k, f in zip(self.keys, self.forms, strict=True)
             ]
         pieces: list[Sequence[Piece]] = []
         for i, (dataset, form) in enumerate(zip(self._datasets, self.forms, strict=True)):
@@ -125,7 +125,7 @@ class GroupWriter:
             if form is PLAIN:
                 pieces.append(self._write_chunks(i, count))
                 continue
-            samples = self._taken(i, count)
+            samples = np.concatenate([np.empty(0), *self._taken(i, count)])
             dataset[self._written : self._written + count] = form.stored(samples)
             if isinstance(form, Decimals) and form.negative_zeros:
                 self._minus[i].append(minus_bits(samples))
@@ -136,22 +136,21 @@ class GroupWriter:
             self._acknowledge(pieces)
         self._written += count
 
-    def _taken(self, index: int, count: int) -> Samples:
-        """The first ``count`` of the waiting samples of a channel, (count,), which wait no longer."""
-        waiting, parts = self._waiting[index], [np.empty(0)]
+    def _taken(self, index: int, count: int) -> list[Samples]:
+        """The first ``count`` of the waiting samples of a channel, in parts, which wait no longer."""
+        waiting, parts = self._waiting[index], list[Samples]()
         while count:
             parts.append(waiting[0][:count])
             count -= len(parts[-1])
             waiting[:1] = [waiting[0][len(parts[-1]) :]] if len(parts[-1]) < len(waiting[0]) else []
-        return parts[1] if len(parts) == 2 else np.concatenate(parts)
+        return parts
 
     def _write_chunks(self, index: int, count: int) -> list[Piece]:
         """Write chunks past HDF5's filter; where they went is seen below HDF5, which would look through all."""
-        dataset, chunk, pieces = self._datasets[index], chunk_io.Chunk(self._chunk), []
-        for first in range(self._written, self._written + count, self._chunk):
-            block = self._taken(index, min(self._chunk, self._written + count - first))
-            block = np.ascontiguousarray(block, "<f8")
-            size = chunk.write(dataset, first, block)
+        dataset, chunk, pieces = self._datasets[index], self._chunk, []
+        for first in range(self._written, self._written + count, chunk.length):
+            block = chunk.fill(self._taken(index, min(chunk.length, self._written + count - first)))
+            size = chunk.write(dataset, first)
             at, seen = self._out.last
             if seen != size:
                 at = dataset.id.get_chunk_info_by_coord((first,)).byte_offset

@@ -5,7 +5,6 @@ Rows of a long log go through a compiled loop, which is worth its start only the
 
 import math
 import re
-import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from io import BytesIO
 import numpy as np
 from numpy.typing import NDArray
 
-from balance.compiled_kernels import BYTE, INTEGER, PLACE, Kernel
+from balance.compiled_kernels import BYTE, INTEGER, PLACE, Kernel, Preparing
 
 from ...recording import Samples
 from .dialect import Dialect
@@ -171,24 +170,18 @@ class FastParser:
     def __init__(self, parser: RowParser, kept: tuple[int, ...]) -> None:
         self._parser = parser
         self._kept = np.isin(np.arange(parser.fields), kept).astype(np.uint8)
-        self._loop: Callable[..., int] | None = None
         self._density = 0.0  # rows a byte in the block before
-        self._decided = threading.Event()
-        self._thread = threading.Thread(target=self._load, daemon=True)
-        self._thread.start()
-
-    def _load(self) -> None:
-        self._loop = ROWS.loop(compiling=self._decided.set)
-        self._decided.set()
+        self._compiled = Preparing(ROWS)
 
     def columns(self, text: bytes) -> list[Samples] | None:
         """The columns of whole lines, NaN in fields that are not kept; None if some cell is no plain number."""
-        self._decided.wait(_PATIENCE_S)
-        if self._loop is None or not text.endswith(b"\n"):
+        self._compiled.decided.wait(_PATIENCE_S)
+        loop = self._compiled.loop
+        if loop is None or not text.endswith(b"\n"):
             return None
-        count, columns, deferred = self._rows(self._loop, text, int(_MORE * self._density * len(text)))
+        count, columns, deferred = self._rows(loop, text, int(_MORE * self._density * len(text)))
         if count == _FULL:
-            count, columns, deferred = self._rows(self._loop, text, count_lines(text))
+            count, columns, deferred = self._rows(loop, text, count_lines(text))
         if count < 0:
             return None
         self._density = count / len(text)

@@ -6,6 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
+from balance.compiled_kernels import can_compile
 from testbench.errors import StoreError
 from testbench.recording import Channel, Finding, Group, UniformClock
 from testbench.store import atomic_files, chunk_io, layout, open_campaign, open_run, writer
@@ -60,7 +61,10 @@ def test_the_checksum_is_that_of_hdf5(samples):
         with h5py.File("x", "w", driver="core", backing_store=False) as file:
             dataset = file.create_dataset("x", data=content, chunks=(samples,), fletcher32=True)
             chunk = dataset.id.read_direct_chunk((0,))[1]
-        assert chunk_io.fletcher32(content.view("<f8")) == int.from_bytes(chunk[-4:], "little")
+        chunk_io.compiled_sums().thread.join()
+        assert can_compile() == (chunk_io.compiled_sums().loop is not None)
+        for loop in (None, chunk_io.compiled_sums().loop):
+            assert chunk_io.fletcher32(content.view("<f8"), loop) == int.from_bytes(chunk[-4:], "little")
         assert chunk_io.checked_samples(chunk).tobytes() == content.tobytes()
         with pytest.raises(ValueError, match="checksum"):
             chunk_io.checked_samples(bytes([chunk[0] ^ 1]) + chunk[1:])
@@ -264,7 +268,9 @@ def test_chunks_are_those_of_hdf5(tmp_path, length):
         )
         chunk = chunk_io.Chunk(length)
         for begin in range(0, len(values), length):
-            assert chunk.write(mine, begin, values[begin : begin + length]) == 8 * length + 4
+            block = values[begin : begin + length]
+            assert chunk.fill([block[:100], block[100:]]).tobytes() == block.tobytes()
+            assert chunk.write(mine, begin) == 8 * length + 4
         other[:] = values
         theirs.flush()
         for begin in range(0, len(values), length):

@@ -46,7 +46,7 @@ def parsed(rows, separator=";", decimal=".", end="\n", kept=None):
     fields = len(rows[0])
     text = "".join(separator.join(row) + end for row in rows).encode()
     loop = FastParser(RowParser(Dialect(separator, decimal), fields), kept or tuple(range(fields)))
-    loop._thread.join()
+    loop._compiled.thread.join()
     return loop.columns(text)
 
 
@@ -109,7 +109,7 @@ def test_a_block_with_one_odd_line_is_left(line, place):
     rows = ["0.5;1.25;-3.125\n"] * 40
     rows[place] = line
     loop = FastParser(RowParser(Dialect(";", "."), 3), (0, 1, 2))
-    loop._thread.join()
+    loop._compiled.thread.join()
     assert loop.columns("".join(rows).encode()) is None
     for count in (40, 39, 200):  # more rows in a block than those of the block before let expect
         assert len(loop.columns(b"0.5;1.25;-3.125\n" * count)[2]) == count
