@@ -220,6 +220,9 @@ class Amplitude:
     """Standard deviation of the share of its signal that rounding adds [-]."""
     plateaus: Floats | None = None
     """What rounding at one of these offsets adds to the record, (n,) [unit]; None where noise dithers the step."""
+    toggles: float | None = None
+    """Standard deviation of a rest on one value or two next to each other [steps]; None of another, and where noise
+    dithers the step."""
     averages: int = 1
     """Records that it is the mean of."""
     envelope: Floats | None = None
@@ -260,7 +263,7 @@ class Amplitude:
         count = values.shape[1] // every
         used, seconds = count * every, count * every / rate_hz
         still, calm = (None if span is None else _samples(span, count, seconds) for span in (rest, quiet or rest))
-        values = np.array([measure.without_trend(row) for row in values])
+        recorded, values = values, np.array([measure.without_trend(row) for row in values])
         cosines = _cosines(values[:, :used], count)
         wholes = values[:, :used].copy() if every == 1 else _from_cosines(cosines * _taper(count))
         courses = _from_cosines(cosines * gain_of_record(measure, count, seconds, rate_hz))
@@ -286,10 +289,11 @@ class Amplitude:
             rounding, gain, plateaus = (
                 _rounding(measure, courses[i], step, undithered, used, rate_hz, felt) if rounded else ((), 0.0, None)
             )
+            toggles = _toggles(recorded[i, _samples(rest, used, seconds)], step) if rounded and rest else None
             runs.append(cls(
                 measure, seconds, reading, courses[i], wholes[i], still,
                 None if moving is None else _samples(moving, count, seconds), errors[i], rounding, gain, plateaus,
-                step=step, logger_hz=rate_hz,
+                toggles, step=step, logger_hz=rate_hz,
             ))  # fmt: skip
         return runs
 
@@ -461,6 +465,12 @@ def undithered_share(resting: Floats, step: float) -> float:
     return float(np.exp(-2.0 * np.pi**2 * dither / step**2))
 
 
+def _toggles(resting: Floats, step: float) -> float | None:
+    """Standard deviation [steps] of a rest (n,) that shows one value, or two next to each other; None of another."""
+    values = np.rint((resting - resting.min(initial=0.0)) / step)
+    return float(values.std()) if len(values) and np.ptp(values) <= 1.0 else None
+
+
 def _rounding(
     measure: Measure, course: Floats, step: float, share: float, count: int, rate_hz: float, moving: slice
 ) -> tuple[tuple[float, ...], float, Floats]:
@@ -489,7 +499,7 @@ def _rounding(
     gains = np.linalg.pinv(with_shifts(shown))[0] @ errors.T
     one = added[random_numbers(course).integers(_OFFSETS)]
     felt = one[moving] if len(one[moving]) else one
-    one = one * (step / 12.0**0.5 / max(float(felt.std()), 1e-300))
+    one = one * (step / 12.0**0.5 / max(float(felt.std()), 1e-9 * step))
     plateaus = share * _from_cosines(_cosines(one, len(course)) * _taper(len(course)))
     return tuple((share * moved).tolist()), share * float(gains.std()), plateaus
 

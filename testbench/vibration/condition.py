@@ -42,6 +42,8 @@ _STEEP = 25.0
 """Largest half width of the grid of amplitudes [natural logarithm]."""
 _FINE = 401
 """Points of the grid of amplitudes."""
+_TOGGLES = 0.04
+"""Of a rest [steps], from which it toggles: one of a thousand samples lies beyond three standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -215,6 +217,10 @@ class CampaignNoise:
     """Conditions and places where it is not known when the side with counter-masses moves, nothing is repeated, and it
     shows more than the noise at rest: vibration, or noise in motion.
     """
+    rounding_in_common: float = 1.0
+    """Share of what steps add that repeats have in common, where noise does not dither them [-]: whether the zero of a
+    converter lies at the same place within a step in all runs.
+    """
 
     @classmethod
     def of(cls, conditions: Iterable[Condition], pool: TaskPool = HERE) -> "CampaignNoise":
@@ -226,23 +232,29 @@ class CampaignNoise:
         residuals: dict[tuple[Place, int], list[Segment]] = {}
         least: dict[tuple[Place, int], float] = {}
         rounded: dict[tuple[Place, int], list[Segment]] = {}
+        undithered: dict[tuple[Place, int], list[Amplitude]] = {}
         for name, side in sides.items():
             for place, one in (item for record in side.records for item in record.items()):
                 key = place, round(one.rate_hz)
                 least[key] = max(least.get(key, 0.0), one.hidden_density)
+                if one.rounded is not None and one.resting is not None and not one.dead:
+                    undithered.setdefault(key, []).append(one)
                 if aligned[name] is not None and one.rounded is not None:
                     rounded.setdefault(key, []).append(one.rounded)
                 if one.resting is not None and not one.dead:
                     rests.setdefault(key, []).append(one.resting)
             for place, some in (both.residuals if (both := aligned[name]) else {}).items():
                 residuals.setdefault((place, round(some[0].rate_hz)), []).extend(some)
+        for key, runs in undithered.items():
+            if len(runs) == len(rests.get(key, [])) and all(one.toggles is not None for one in runs):
+                least[key], rests[key] = noise_behind_steps(runs)
         noises: dict[tuple[Place, int], Noise | None] = {}
         in_motion: dict[Place, bool] = {}
         band = conditions[0].measure.band if conditions else None
         shown = [(least[key], *(some.get(key, []) for some in (rests, residuals, rounded))) for key in least]
         for key, (noise, louder) in zip(least, pool.map(partial(_pooled, band), shown), strict=True):
             noises[key], in_motion[key[0]] = noise, louder or in_motion.get(key[0], False)
-        found = cls(noises, in_motion, aligned)
+        found = cls(noises, in_motion, aligned, rounding_in_common=rounding_in_common(aligned.values()))
         for condition in conditions:
             for place in (place for place in condition.places if not found.repeated(place)):
                 one, axes = condition.balanced[0][place], [other for other in condition.places if other[0] == place[0]]
@@ -339,6 +351,40 @@ class CampaignNoise:
                 shown.append((both.over_time[place], float(one.moving.start - first.moving.start)))
         moving = one.moving or slice(0, len(one.course))
         return replace(one, over_time=NoiseOverTime.pooled(shown, len(one.course), moving)) if shown else one
+
+
+def rounding_in_common(aligned: Iterable[Synchronous | None]) -> float:
+    """Share of what steps add that aligned repeats have in common, by what they do not share on plateaus, where noise
+    counts as that. All of it where nothing tells: whether the zeros of a converter are one is one fact of a campaign.
+    """
+    shown = [(left, steps, len(both.lags) - 1) for both in aligned if both for left, steps in both.plateaus.values()]
+    freedom = sum(count for _, steps, count in shown if steps > 0.0)
+    own = sum(min(left / steps, 1.0) * count for left, steps, count in shown if steps > 0.0)
+    return 1.0 - own / freedom if freedom else 1.0
+
+
+def noise_behind_steps(runs: Sequence[Amplitude]) -> tuple[float, list[Segment]]:
+    """Density [unit^2/Hz] of white noise that does not dither the steps of a channel, by rests on one value or two next
+    to each other, and these rests with the power of that noise, whose spectrum they show.
+
+    How often such a rest toggles tells where the converter's zero lies, not how large the noise is: its standard
+    deviation is up to half a step for any noise. It does so where a threshold is within three standard deviations of
+    the noise. Of zeros that lie anywhere within a step that is a share of six standard deviations, of which as many
+    rests as toggle tell by Laplace's rule of succession; if all do, it may be up to two, with more than two values
+    beyond.
+    """
+    count, toggling = len(runs), sum((one.toggles or 0.0) > _TOGGLES for one in runs)
+    square = (toggling + 1.0) * (toggling + 2.0) / ((count + 2.0) * (count + 3.0))
+    square += 2.0 / (count + 2.0) * (toggling == count)
+    deviation = max(one.step for one in runs) * square**0.5 / 6.0
+    rests = [
+        replace(rest, values=rest.values * deviation / (one.toggles * one.step))
+        if one.toggles and one.toggles > _TOGGLES
+        else rest
+        for one in runs
+        if (rest := one.resting)
+    ]
+    return 2.0 * deviation**2 / max(one.logger_hz for one in runs), rests
 
 
 def _pooled(

@@ -33,7 +33,7 @@ from .amplitude import Place
 from .amplitude_uncertainty import SIDES, AmplitudesUncertainty, Interval
 from .condition import CampaignNoise, Condition
 from .metrics import Measure
-from .repeatability import CLEAR, Group, Repeatability, rounding_in_common
+from .repeatability import CLEAR, Group, Repeatability
 from .run_amplitudes import AmplitudesOfRun, amplitudes_or_reason
 from .run_pairs import ConditionKey, Pair, pairs
 
@@ -311,7 +311,7 @@ class CampaignLikelihoods:
             found.groups[id(condition), place], found.means[id(condition), place] = both, means
             sides = zip((side.key for side in condition.sides), both or (), strict=False)
             once.setdefault(place, {}).update(sides)
-        alike = rounding_in_common([group for groups in once.values() for group in groups.values()])
+        alike = found.noise.rounding_in_common
         return replace(found, repeats={p: Repeatability.of([*groups.values()], alike) for p, groups in once.items()})
 
     def reduction(self, condition: Condition, place: Place) -> Reduction:

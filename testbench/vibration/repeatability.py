@@ -47,6 +47,8 @@ LEAST_CORRELATION = 0.5
 """From which they are shifted to match about where their motions begin: below it noise is more than what repeats."""
 BEGINS_S = {True: 0.003, False: 0.06}
 """To which it is known when a motion begins, by whether command or encoders tell it on the same clock [s]."""
+_SLOW = 0.2
+"""Of a step, by which a signal changes from sample to sample, up to which samples of repeats lie on one plateau."""
 _NEIGHBOURS = 15
 """Frequencies, of records twice as long, whose power is averaged."""
 
@@ -84,12 +86,6 @@ class Group:
     def rounded(self) -> float:
         """Share of the variance that a step adds."""
         return float(np.mean([run.rounded for run in self.runs]))
-
-    @cached_property
-    def apart(self) -> float:
-        """Sum of squares of the readings about their mean [variances of what is not known of one of them]."""
-        away = self.deviations(np.array([self.amplitude]))[:, 0]
-        return float(((away - away.mean()) ** 2).sum())
 
     @cached_property
     def _witness(self) -> tuple[Floats, float, float]:
@@ -196,22 +192,6 @@ class Repeatability:
         return _contains(self.outlying, group)
 
 
-def rounding_in_common(groups: Sequence[Group]) -> float:
-    """Share of what steps add that repeats have in common: by their readings, which then differ by noise alone.
-
-    Whether a converter's zero lies at the same place within a step in all runs is one fact of a campaign, of which few
-    degrees of freedom tell: components of variance by moments (Searle, Casella and McCulloch, Variance Components,
-    1992), pooled over all groups.
-    """
-    repeated = [group for group in groups if group.degrees_of_freedom]
-    freedom = np.array([group.degrees_of_freedom for group in repeated], dtype=float)
-    unlike = float(freedom @ [group.rounded for group in repeated])
-    if unlike <= 0.0:
-        return 1.0
-    beyond = sum(group.apart for group in repeated) - float(freedom @ [1.0 - g.common - g.rounded for g in repeated])
-    return float(np.clip(1.0 - beyond / unlike, 0.0, 1.0))
-
-
 def _contains(groups: Sequence[Group], group: Group) -> bool:
     return any(group is other or (bool(group.names) and group.names == other.names) for other in groups)
 
@@ -258,6 +238,10 @@ class Synchronous:
     """By what share of it each run shows more of the mean than the mean itself, where all of them reach, (k,) [-]."""
     weights: dict[Place, Floats]
     """What a gain is the sum of a record times, (n,) [1/unit]: the mean's course, less what is like its shifts."""
+    plateaus: dict[Place, tuple[float, float]]
+    """Mean squares in the band, where the mean changes so slowly that all repeats would lie on one plateau of a step
+    that is not dithered: of what repeats do not share, and of what rounding at other zeros makes [unit^2].
+    """
 
     @classmethod
     def of(cls, runs: Sequence[dict[Place, Amplitude]]) -> "Synchronous | None":
@@ -271,7 +255,7 @@ class Synchronous:
         if aligned is None:
             return None
         lags, signs = aligned
-        means, residuals, courses, gains, weights = {}, {}, {}, {}, {}
+        means, residuals, courses, gains, weights, plateaus = {}, {}, {}, {}, {}, {}
         first, at = runs[0], np.arange(count) + np.array(lags)[:, None]
         lengths = np.array([[len(run[places[0]].course)] for run in runs])
         held = (at >= 0.0) & (at <= lengths - 1.0)
@@ -302,7 +286,17 @@ class Synchronous:
             level = scale * np.sqrt(np.mean(shown[:, part] ** 2) / max(evened, 1e-300))
             residuals[place] = tuple(Segment((level * one / over_time)[part], rate, 1.0 / scale**2) for one in left)
             means[place] = replace(first[place].mean_of([run[place] for run in runs], lags, mean), envelope=fewer)
-        return cls(means, residuals, courses, tuple(lags), gains, weights)
+            made = [
+                np.interp(late[common], np.arange(len(one)), one)
+                for run, late in zip(runs, at, strict=True)
+                if (one := run[place].plateaus) is not None
+            ]
+            slow = np.abs(np.gradient(mean))[common] * rate < _SLOW * first[place].step * first[place].logger_hz
+            slow[: part.start], slow[part.stop :] = False, False
+            if slow.any() and len(made) == len(runs):
+                steps = first[place].in_band(np.array(made))[:, slow]
+                plateaus[place] = float(np.mean(shown[:, slow] ** 2)), float(np.mean(steps**2))
+        return cls(means, residuals, courses, tuple(lags), gains, weights, plateaus)
 
 
 def _moved(records: Sequence[Floats], lag: float, count: int) -> Sequence[Floats]:

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.signal import detrend
 from scipy.special import ndtr
 
 from testbench.vibration.amplitude import Amplitude, ConstrainedPeaks
 from testbench.vibration.amplitude_likelihood import AmplitudeLikelihood
+from testbench.vibration.condition import noise_behind_steps
 from testbench.vibration.metrics import Measure
 from testbench.vibration.noise_floor import Noise
 
@@ -111,3 +113,21 @@ def test_rounding_without_dither(metric, steps):
     told = np.sqrt(np.mean([np.var(one.rounding) for one in runs]))
     assert 0.6 < told / done < 1.7
     assert all(one.hidden_density == one.step_density / 9.0 for one in runs)
+
+
+@pytest.mark.parametrize("noise", [0.03, 0.1, 0.2])
+def test_noise_that_does_not_dither(noise):
+    """Rests toggle where the zero lies near a threshold, with a power that tells little of how large the noise is."""
+    rng, told, toggled, rate = np.random.default_rng(9), [], [], 1000.0
+    for _ in range(40):
+        rests = [np.round(noise * rng.standard_normal(600) + rng.uniform(-0.5, 0.5)) for _ in range(6)]
+        motion = 20.0 * np.sin(2 * np.pi * 9.0 * np.arange(600) / rate)
+        records = np.array([np.concatenate([rest, np.round(motion)]) for rest in rests])
+        runs = Amplitude.of(records, rate, Measure("peak"), (0.0, 0.6), (0.6, 1.2), [1.0] * 6)
+        if all(one.toggles is not None for one in runs):
+            density, segments = noise_behind_steps(runs)
+            told.append(density * rate / 2.0)
+            toggled.append(max(float(rest.var()) for rest in rests))
+            assert max(float(detrend(one.values).var()) for one in segments) < 1.6 * told[-1]
+    assert 0.3 < np.median(told) ** 0.5 / noise < 2.5
+    assert np.median(toggled) > 5.0 * np.median(told)

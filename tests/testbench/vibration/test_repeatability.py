@@ -10,9 +10,10 @@ from scipy.stats import norm
 from testbench.signal.filters import Band
 from testbench.vibration import AmplitudeLikelihood, ConditionAmplitude, Group, Ratio, Repeatability
 from testbench.vibration.amplitude import Amplitude, MetricStatistic, shifted
+from testbench.vibration.condition import rounding_in_common
 from testbench.vibration.metrics import METRICS, Measure
 from testbench.vibration.noise_floor import Noise, Segment
-from testbench.vibration.repeatability import Synchronous, gain_error, rounding_in_common
+from testbench.vibration.repeatability import Synchronous, gain_error
 
 from ..coverage import assert_holds
 
@@ -98,22 +99,21 @@ def test_what_repeats_have_in_common():
 
 @pytest.mark.parametrize("offsets", [0.0, 1.0])
 def test_whether_repeats_are_rounding_in_common(offsets):
-    """Steps of the same zero leave readings as they are; of other zeros they average like noise."""
-    rng, amplitude = np.random.default_rng(12), np.full(3, 1000.0)
-    groups = []
-    for _ in range(40):
-        rounding = rng.normal() * (1.0 - offsets) + offsets * rng.normal(size=3)
-        read = amplitude + 0.6 * rng.normal(size=3) + 0.8 * rounding
-        tried = read + AWAY[:, None]
-        runs = (
-            AmplitudeLikelihood(MetricStatistic("peak"), r, 0.7, False, 0.0, t, r - t, t - t[0], 0.8**2)
-            for r, t in zip(read, tried.T, strict=True)
-        )
-        groups.append(Group(tuple(runs)))
-    alike = rounding_in_common(groups)
-    assert alike == pytest.approx(1.0 - offsets, abs=0.25)  # 80 degrees of freedom
-    expected = 0.64 * (1.0 - offsets) + (1.0 - 0.64 * (1.0 - offsets)) / 3.0
-    assert Repeatability.of(groups, alike).variance(groups[0]) == pytest.approx(expected, abs=0.12)
+    """Records of the same zero lie on the same plateaus; of other zeros what rounding adds averages like noise."""
+    rng, found, time = np.random.default_rng(12), [], np.arange(0.0, 1.5, 1e-3)
+    signal = 8.0 * np.sin(2 * np.pi * 7.3 * time) * np.exp(-3.0 * np.maximum(time - 0.3, 0.0)) * (time > 0.3)
+    for _ in range(20):
+        zeros = rng.uniform(-0.5, 0.5) + offsets * rng.uniform(-0.5, 0.5, 3)
+        records = [np.round(signal + zero + 0.02 * rng.standard_normal(len(time))) for zero in zeros]
+        runs = [
+            {("s", "x"): Amplitude.of(r[None], 1000.0, Measure("peak"), (0.0, 0.25), (0.3, 1.5), [1.0])[0]}
+            for r in records
+        ]
+        found.append(Synchronous.of(runs))
+    assert rounding_in_common(found) == pytest.approx(1.0 - offsets, abs=0.3)
+    shared = Group(tuple(replace(run(100.0, 0.0, rng), rounded=0.5) for _ in range(4)))
+    assert Repeatability(rounding_in_common=1.0).variance(shared) == pytest.approx(0.5 + 0.5 / 4.0)
+    assert Repeatability(rounding_in_common=0.0).variance(shared) == pytest.approx(1.0 / 4.0)
 
 
 def test_error_of_gains_in_a_narrow_band():
