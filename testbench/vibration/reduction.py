@@ -227,7 +227,8 @@ def analyze(
         raise AnalysisError("no two runs can be compared:\n" + "\n".join(f"  {f.message}" for f in findings))
     conditions = _conditions(found, measure, findings, known or {})
     judged, reductions = CampaignLikelihoods.of(conditions, pool.in_memory), []
-    for condition, some in zip(conditions, pool.in_memory.map(judged.calibrated, conditions), strict=True):
+    for condition in conditions:
+        some = judged.calibrated(condition)
         findings += [*condition.findings, *reduction_findings(condition, some)]
         findings += [*judged.scatter_findings(condition), *condition.doubts]
         reductions += _doubted(condition.pair, some, examination)
