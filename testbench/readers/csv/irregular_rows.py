@@ -347,20 +347,20 @@ def last_row(
         code = "nul_bytes"
         message = f"the file ends in {text.count(0)} NUL bytes, as after a power failure of the logger"
     elif len(cells) != parser.fields:
-        message = f"line {line} has {len(cells)} of {parser.fields} fields and no line end: the file ends inside it; "
+        message = f"{len(cells)} of {parser.fields} fields and no line end: the file ends inside the row; "
         message += "it is left out"
     elif text.endswith(b"\r"):
         return text + b"\n", None
     elif shape is not None and 2 * above.count(shape) > len(above) and shape == max(filter(None, above)):
         code, kept = "no_final_newline", text + b"\n"
-        message = f"line {line} has no line end; it is whole, since its last number has as many decimals as those above"
+        message = "no line end; the row is whole, since its last number has as many decimals as those above"
     elif parser.fields > 1 and time != parser.fields - 1:
         kept = separator.join([*cells[:-1], b""]) + b"\n"
         number = shown(cells[-1].decode("latin-1").strip())
-        message = f"line {line} has no line end, so that its last number, {number}, may be cut: it is left out, the "
+        message = f"no line end, so that the last number, {number}, may be cut: it is left out, the "
         message += "cells before it are kept; if the file is whole, end its last line"
     else:
-        message = f"line {line} has no line end, so that its last number may be cut; the row is left out"
+        message = "no line end, so that the last number may be cut; the row is left out"
     return kept, Finding(code, None, f"line {line}", message)
 
 
