@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from math import isnan
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -232,3 +233,27 @@ def _print_engines(rows: list[dict[str, Any]], ratio: float) -> None:
         "counterweights on the crankshaft, which remove what turns with it; the residual needs balance shafts."
     )
     emit_table("Engines", header, cells, remark)
+
+
+@command(
+    group=engine,
+    short_help="Write an engine as a mechanism file (MJCF).",
+    epilog="""\b
+Examples:
+  balance engine mechanism v4-72-offset -o v4.xml
+  balance conditions v4.xml""",
+)
+def mechanism(
+    engine: str = argument("ENGINE"),
+    output: str | None = option(
+        "Write here [default: stdout].", click.Path(dir_okay=False), "-o", "--output", metavar="FILE"
+    ),
+) -> None:
+    """Write ENGINE, a file with sizes, as a mechanism file (MJCF) for the other commands, Pinocchio and MuJoCo."""
+    from ..engines.engine_files import load_engine, mjcf
+
+    text = mjcf(load_engine(engine))
+    if output is None:
+        click.echo(text, nl=False)
+    else:
+        Path(output).write_text(text, encoding="utf-8")

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..store.campaign import FileState
 
 ARCHIVE_COLUMNS = ("run", "status", "float64_bytes", "sample_bytes", "ratio", "whole_numbers", "channels")
-TARGETS = ("csv", "parquet", "mat", "sep005", "ro-crate")
+TARGETS = ("csv", "parquet", "mat", "uff", "sep005", "ro-crate")
 
 
 @command(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from balance.cli.framework import Answer, Detail, Word, emit_parts, emit_table, say
+from balance.cli.framework import Answer, Detail, Word, emit_parts, emit_table, json_text, say
 from balance.cli.options import SCHEDULER, Read, argument, command, option
 
 from ..signal import METRIC_NAMES
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ..report import RunReport
     from ..signal import Metric
     from ..signal.filters import Band
+    from ..store import Run
 
 PARTS = (
     "motions.found", "command.axes", "command.encoder_noise", "modes.modes", "response.rows", "wrench.components",
@@ -75,6 +76,7 @@ def _point(text: str) -> tuple[float, ...]:
     epilog="""\b
 Examples:
   testbench report campaign/r001.h5
+  testbench report campaign -o figures
   testbench report campaign -o report.html --published kiper2019
   testbench report campaign/r001.h5 --at 0m,-0.1m,0m --band 1..100 --json
 \b
@@ -100,7 +102,7 @@ def report(
     accept: tuple[str, ...] = options.ACCEPT,
     scheduler: str | None = SCHEDULER,
     output: Path | None = option(
-        "A name ending in .html: one page of all runs, to sign and mail.",
+        "A name ending in .html: one page of all runs, to sign and mail. Else a folder for figures and report.json.",
         None,
         "-o",
         "--output",
@@ -110,7 +112,7 @@ def report(
 
     Motions found (x, y, triangle; by command, encoders, acceleration); how well the command was reached; vibration of
     the base, its modes from the free decay, its response to the shaking force; force and moment at a point; torques
-    against the model.
+    against the model. With --output also figures: each run, and runs with counter-masses beside those without.
 
     With -o report.html one page, readable without network or script: reductions with intervals (as testbench compare),
     what would balance it (trim), the mechanism moving with the log, time series, cross-examination, findings,
@@ -126,15 +128,15 @@ def report(
     options.refuse_unknown_codes(accept)
     if not bandwidth > 0.0:
         raise click.UsageError(f"--bandwidth {bandwidth:g}: expected a positive frequency")
-    if output:
-        if output.suffix.lower() != ".html":
-            raise click.UsageError(f"--output {output}: expected a name ending in .html; documents are of --json")
+    if output and output.suffix.lower() == ".html":
         given = click.get_current_context().get_parameter_source("band") is not ParameterSource.DEFAULT
         measure = Measure(metric, band) if given else Measure(metric)
         return _page(runs, output, scheduler, measure=measure, published=published, accept=accept,
                      mechanism=mechanism, point=point, band=band, bandwidth_hz=bandwidth)  # fmt: skip
     if published:
         raise click.UsageError("--published is shown on the page: give it with -o report.html")
+    if output and output.is_file():
+        raise click.UsageError(f"--output {output}: is a file; expected a folder, or a name ending in .html")
     opened, refused = options.openable_runs(runs)
     with task_pool(scheduler, tasks=len(opened)) as pool:
         _, found, unread = Reporting(point, band, bandwidth, mechanism).runs(opened, accept, pool)
@@ -145,8 +147,8 @@ def report(
         "compared": compared,
         **options.provenance(opened),
         "refused": refused,
-        "written": [],
     }
+    written = _write(output, opened, document, mechanism, bandwidth) if output and opened else []
 
     def show() -> None:
         if len(found) > 1:
@@ -154,8 +156,11 @@ def report(
             say(f"{origin_of([one.run for one in found.values()])}{len(found)} runs, {number} findings.\n")
         for one in found.values():
             print_report(one)
+        for path in written:
+            say(f"Wrote {path}.")
         options.print_provenance(opened)
 
+    document["written"] = [str(path) for path in written]
     has_finding = any(one.findings for one in found.values())
     return Answer(document, show, has_finding, refused=refused, further=("compared",))
 
@@ -186,3 +191,16 @@ def _page(runs: tuple[Path, ...], output: Path, scheduler: str | None, **how: An
 
     document = {**found.document, "refused": refused, "written": [str(path)]}
     return Answer(document, show, bool(findings), refused=refused)
+
+
+def _write(
+    folder: Path, runs: "list[Run]", document: dict[str, Any], mechanism: str | None, bandwidth: float
+) -> list[Path]:
+    """Write figures and the JSON document into a folder, which is made if needed."""
+    from ..report.run_report import draw
+
+    folder.mkdir(parents=True, exist_ok=True)
+    written = draw(runs, folder, mechanism, bandwidth)
+    target = folder / "report.json"
+    target.write_text(json_text(document) + "\n", encoding="utf-8")
+    return [*written, target]

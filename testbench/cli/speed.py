@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import Answer, Word, emit_table, label, say
+from balance.cli.framework import Answer, Word, emit_findings, emit_table, say
 from balance.cli.options import FIGURE, Quantity, argument, command, draw, option
 from balance.results import document
 
@@ -28,6 +28,7 @@ Examples:
   testbench speed edges.csv --pulses 100 --drive inverted-slider-crank --reading ungeared --first-edge-at 0deg
   testbench speed motor.csv --pulses 100 --ratio 3.61 --nominal 76.45rpm --figure speed.png
   testbench speed free.csv --pulses 100 --calibrate pitch.csv
+  testbench speed start.csv --pulses 100 --drive inverted-slider-crank --reading geared --start-up 4
 \b
 Exit codes: 0 done, 3 done with findings, 1 refused."""
 )
@@ -44,6 +45,7 @@ def speed(
     first_edge_at: float | None = option(
         "Angle of the crank at the first edge; else curves are aligned.", Quantity("angle"), metavar="ANGLE"
     ),
+    start_up: int | None = option("The log begins at standstill.", click.IntRange(1, 200), metavar="TURNS"),
     bridge: bool = option("Count lost edges and go on, with findings."),
     harmonics: int | None = option("Harmonics of a turn [default: what the log supports].", click.IntRange(1)),
     steady_within: float = option(
@@ -77,16 +79,22 @@ def speed(
         speed_results.write_pitch_errors(found, calibrate)
         text = f"Slots are {100 * found.rms:.3g} % of the pitch out of place (rms); written to {calibrate.name}"
         return Answer(speed_results.edges_document(edges) | {"pitch": document(found)}, lambda: say(text))
-    turn, of_disc = _measured(edges, disc, harmonics, steady_within / 100.0)
-    machine = _machine(drive, motor_speed, reading, turn.mean.value) if drive else None
+    result, turn = _measured(edges, disc, harmonics, steady_within / 100.0, start_up is not None)
+    result = speed_results.edges_document(edges) | {"origin": rotating.log_origin(log)} | result
+    course = rotating.speed_history(edges)
+    result |= {"findings": speed_results.speed_findings(edges, turn), "course": document(course)}
+    mean = float(course.speed[-len(course.speed) // 2 :].mean()) if turn is None else turn.mean.value
+    machine = _machine(drive, motor_speed, reading, mean) if drive else None
     nominal = nominal or (machine.nominal_crank if machine else None)
-    odd = speed_results.speed_findings(edges, turn) + speed_results.nominal_speed_findings(turn, nominal)
-    result = speed_results.edges_document(edges) | {"origin": rotating.log_origin(log)} | of_disc
-    result |= {"findings": odd, "course": document(rotating.speed_history(edges))}
-    result["steady"] = speed_results.turn_document(turn, nominal)
-    if machine is not None:
+    if turn is not None:
+        result["steady"] = speed_results.turn_document(turn, nominal)
+        result["findings"] += speed_results.nominal_speed_findings(turn, nominal)
+    if machine is not None and turn is not None:
         fit = speed_results.joint_fit(turn, machine, first_edge_at)
         result["model"] = speed_results.model_document(fit, nominal or machine.nominal_crank)
+    if machine is not None and start_up:
+        run = speed_results.computed_start_up(machine, start_up, first_edge_at or 0.0)
+        result["start_up"] = speed_results.start_up_document(run, speed_results.start_up_delay(course, run))
     if csv:
         import numpy as np
 
@@ -94,22 +102,29 @@ def speed(
 
         write_csv_file(csv, {name: np.array(values) for name, values in result["course"].items()})
     draw(figure, "testbench.figures.rotating:draw_speed", result)
-    further = ("", "steady", "model", "pitch")
-    return Answer(result, lambda: _print(result), findings=odd, further=further)
+    return Answer(result, lambda: _print(result), bool(result["findings"]))
 
 
 def _measured(
-    edges: "Edges", disc: "Disc", harmonics: int | None, within: float
-) -> "tuple[SteadySpeedFit, dict[str, Any]]":
-    """The steady turn, and the errors of the disc where they are found with it."""
+    edges: "Edges", disc: "Disc", harmonics: int | None, within: float, starts: bool
+) -> "tuple[dict[str, Any], SteadySpeedFit | None]":
+    """The steady turn, None where a log that ``starts`` has none, with what was found beside it."""
     from .. import rotating
+    from ..errors import AnalysisError
     from ..rotating import speed_results
 
-    turn = rotating.periodic_turn(edges, harmonics, within)
-    if not disc.pitch_is_separable or edges.offset is not None or turn.turns < 3:
-        return turn, {}
-    freed, turn = speed_results.pitch_from_record(edges, harmonics, within)
-    return turn, {"pitch": document(freed)}
+    turn: SteadySpeedFit | None = None
+    found: dict[str, Any] = {}
+    try:
+        turn = rotating.periodic_turn(edges, harmonics, within)
+        if disc.pitch_is_separable and edges.offset is None and turn.turns >= 3:
+            freed, turn = speed_results.pitch_from_record(edges, harmonics, within)
+            found["pitch"] = document(freed)
+    except AnalysisError as error:
+        if not starts:
+            raise
+        found["not_steady"] = str(error)
+    return found, turn
 
 
 def _machine(name: str, motor_speed: float | None, reading: str | None, mean: float) -> Any:  # noqa: ANN401
@@ -123,23 +138,72 @@ def _machine(name: str, motor_speed: float | None, reading: str | None, mean: fl
 
 
 def _print(result: dict[str, Any]) -> None:
-    """The speed and its fluctuation in one sentence, then the steady turn, and what shows the edges a turn."""
-    from balance.estimation.estimate import LEVEL_TEXT
-
-    turn, model = result["steady"], result.get("model")
-    mean, fluctuation = turn["mean_rpm"], turn["fluctuation"]
-    say(
-        f"{result['log']}: {mean['value']:.3f} rpm [{mean['low']:.3f}, {mean['high']:.3f}], the speed fluctuates "
-        f"by {fluctuation['value']:z.5f} [{fluctuation['low']:z.5f}, {fluctuation['high']:z.5f}] over a turn."
-    )
-    rows = []
-    for key in ("fastest_rpm", "slowest_rpm", "mean_rpm", "fluctuation"):
-        digits = 5 if key == "fluctuation" else 4
-        values = [f"{turn[key][part]:.{digits}f}" for part in ("value", "low", "high")]
-        rows.append([label(key), *values, "-" if model is None else f"{model[key]:.{digits}f}"])
-    header = ["", "from edges", "from", f"to ({LEVEL_TEXT})", "computed"]
-    remark = f"Fluctuation by the {turn['fluctuation_by']}."
-    emit_table(f"Steady turn of the crank, {turn['turns_used']} turns", header, rows, remark)
+    """The speed and its fluctuation in one sentence, then how they are known."""
+    if "steady" in result:
+        mean, fluctuation = (result["steady"][name] for name in ("mean_rpm", "fluctuation"))
+        say(
+            f"{result['log']}: {mean['value']:.3f} rpm [{mean['low']:.3f}, {mean['high']:.3f}], the speed fluctuates "
+            f"by {fluctuation['value']:z.5f} [{fluctuation['low']:z.5f}, {fluctuation['high']:z.5f}] over a turn."
+        )
+    step = result["clock_step_us"]
+    clock = "finer than 1 ns" if step is None else f"in steps of {step:g} us"
+    known = f"{result['edges']} edges, {result['crank_turns']:.2f} turns of the crank, clock {clock}"
+    say(known if "steady" in result else f"{result['log']}: {known}")
     repeats, pulses = result["motion_repeats_every_edges"], result["pulses_per_disc_turn"]
     unproven = f"Nothing in the log proves {pulses} edges a turn of the disc: speeds are as right as --pulses."
     say(unproven if repeats is None else f"The motion repeats every {repeats} edges.")
+    if "steady" in result:
+        _print_turn(result["steady"], result.get("model"))
+    if "not_steady" in result:
+        say(result["not_steady"])
+    if "start_up" in result:
+        _print_start(result)
+    if "pitch" in result:
+        error = result["pitch"]["rms_percent_of_pitch"]
+        say(f"Errors of the disc, estimated and corrected: {error:.2g} % of the pitch.")
+    emit_findings(("Finding", finding) for finding in result["findings"])
+
+
+def _print_turn(turn: dict[str, Any], model: dict[str, Any] | None) -> None:
+    from balance.estimation.estimate import LEVEL_TEXT
+
+    labels = {
+        "fastest_rpm": "n_max [rpm]",
+        "slowest_rpm": "n_min [rpm]",
+        "mean_rpm": "mean [rpm]",
+        "fluctuation": "fluctuation",
+    }
+    rows = []
+    for key, label in labels.items():
+        digits = 4 if key == "fluctuation" else 3
+        values = [f"{turn[key][part]:.{digits + 1}f}" for part in ("value", "low", "high")]
+        rows.append([label, *values, "-" if model is None else f"{model[key]:.{digits + 1}f}"])
+    note = (
+        f"Fluctuation by the {turn['fluctuation_by']}. {turn['harmonics']} harmonics; jitter "
+        f"{turn['jitter_us']:.2f} us; {turn['turns_left_out']} turns not steady."
+    )
+    header = ["", "from edges", "from", f"to ({LEVEL_TEXT})", "computed"]
+    emit_table(f"Steady turn of the crank, {turn['turns_used']} turns", header, rows, note)
+    if model:
+        how = "found by aligning the curves" if model["first_edge_found_by_alignment"] else "as given"
+        say(
+            f"Computed: {model['mechanism']}, motor at {model['motor_nominal_rpm']:.4g} rpm, {model['reading']}; "
+            f"first edge at {model['first_edge_at_deg']:.2f} deg, {how}; curves differ by "
+            f"{model['rms_difference_rpm']:.3g} rpm rms."
+        )
+
+
+def _print_start(result: dict[str, Any]) -> None:
+    import numpy as np
+
+    course, start = result["course"], result["start_up"]
+    time, speed = np.array(course["time_s"]), np.array(course["speed_rpm"])
+    begin, rows = -np.inf, []
+    for turn in start["turns"]:
+        inside = (time > begin) & (time <= turn["end_s"])
+        measured = [f"{speed[inside].max():.2f}", f"{speed[inside].min():.2f}"] if inside.any() else ["-", "-"]
+        rows.append([str(turn["turn"]), *measured, f"{turn['fastest_rpm']:.2f}", f"{turn['slowest_rpm']:.2f}"])
+        begin = turn["end_s"]
+    header = ["turn", "n_max [rpm]", "n_min [rpm]", "computed n_max", "computed n_min"]
+    note = "Edge by edge: noise and errors of the disc push extremes apart. Both starts end turn 1 together."
+    emit_table("Start-up", header, rows, note)

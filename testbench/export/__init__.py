@@ -16,7 +16,7 @@ from .columns import sep005
 
 __all__ = ["TARGETS", "Exported", "export", "sep005"]
 
-TARGETS = {"csv": ".csv", "parquet": ".parquet", "mat": ".mat"}
+TARGETS = {"csv": ".csv", "parquet": ".parquet", "mat": ".mat", "uff": ".uff"}
 """Files that runs become, and their endings; each is written by ``tables.export_TARGET``."""
 PER_GROUP = frozenset({"csv", "parquet"})
 """Targets that hold one table a file."""

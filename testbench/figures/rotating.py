@@ -55,10 +55,11 @@ def _panel(axes: Any, rows: list[dict[str, Any]], kind: str, document: dict[str,
 
 def draw_speed(document: dict[str, Any]) -> "Figure":
     """The steady turn with its interval, and the speed edge by edge; with the computed ones where there is a model."""
+    parts = [name for name in ("steady", "course") if document.get(name)]
     with style.styled():
-        figure, panels = style.light_grid(1, 2, 3.4)
-        _turn(panels[0][0], document)
-        _course(panels[0][1], document)
+        figure, panels = style.light_grid(1, max(len(parts), 1), 3.4)
+        for axes, part in zip(panels[0], parts, strict=False):
+            {"steady": _turn, "course": _course}[part](axes, document)
         style.headline(figure, f"{document['log']}: speed of the crank (origin {document['origin']})")
     return figure
 
@@ -77,6 +78,9 @@ def _turn(axes: "Axes", document: dict[str, Any]) -> None:
 
 
 def _course(axes: "Axes", document: dict[str, Any]) -> None:
-    course = document["course"]
+    course, start = document["course"], document.get("start_up")
     axes.plot(course["time_s"], course["speed_rpm"], ".", ms=2, color=style.ANALYSED, label="from edges")
+    if start:
+        axes.plot(start["time_s"], start["speed_rpm"], color=style.PUBLISHED, lw=0.8, label="computed start")
+        axes.legend()
     axes.set(xlabel="time [s]", ylabel="rev/min", title="Edge by edge")

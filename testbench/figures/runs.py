@@ -1,16 +1,21 @@
-"""Figures of runs: motor torques and base acceleration with and without counter-masses; spectrum."""
+"""Figures of runs: motor torques, forces and base acceleration with and without counter-masses; command; spectrum."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from balance.mechanism.mechanism import Mechanism
+from balance.mechanism.mjcf_parser import load_mechanism
 from balance.units import G0
 
 from ..errors import AnalysisError
 from ..kinematics.encoder_motion import moving_interval
+from ..loads.command_tracking import BANDWIDTH_HZ
+from ..loads.command_tracking import command_performance as performance
 from ..rig import Column
 from ..rig.sensors import Torque
+from ..runs.aligned_run import AlignedRun
 from ..runs.si_run import SIRun
 from ..store import Run
 from ..vibration.channel_levels import channel_levels
@@ -23,6 +28,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_COLUMNS = 3
+"""Panels in a row, for x, y and z."""
 LOWEST, HIGHEST = 1.0, 500.0
 """Frequencies of a spectrum [Hz]."""
 
@@ -72,6 +79,30 @@ def motor_torques(with_run: Run, without_run: Run) -> "Figure":
     return figure
 
 
+def force_sensors(with_run: Run, without_run: Run) -> "Figure":
+    """Every force and moment between mechanism and base, band-limited. Raises AnalysisError without any."""
+    runs = SIRun.of(without_run), SIRun.of(with_run)
+    # Channels by row of panels: three components of a sensor, then sensors with one axis.
+    sensors = [list(sensor.columns(name)) for name, sensor in runs[1].rig.supports.items()]
+    several = [s for s in sensors if len(s) > 1]
+    single = [column for s in sensors if len(s) == 1 for column in s]
+    rows = [list(s[i : i + _COLUMNS]) for s in [*several, single] for i in range(0, len(s), _COLUMNS)]
+    if not rows:
+        raise AnalysisError(f"{with_run.name}: its rig has no force sensor between mechanism and base")
+    with style.styled():
+        figure, panels = style.light_grid(len(rows), _COLUMNS, 1.6, sharex=True)
+        for row, columns in zip(panels, rows, strict=True):
+            for axes, column in zip(row, columns, strict=False):
+                _draw(axes, column, runs)
+                axes.set_title(f"{column.sensor} {column.component} [{'N' if column.component[0] == 'F' else 'N m'}]")
+            for axes in row[len(columns) :]:
+                axes.set_visible(False)
+        _limit(panels[-1], [column for columns in rows for column in columns], runs[0])
+        style.legend(figure, panels[0, 0])
+        style.figure_title(figure, f"Forces between mechanism and base, band {DEFAULT_BAND}", runs)
+    return figure
+
+
 def _draw(axes: "Axes", column: Column, runs: tuple[SIRun, SIRun]) -> list[float]:
     """Draw a channel of both runs, without counter-masses first, and return their peaks [SI]."""
     signals = [(run.instants(column), DEFAULT_BAND.filtered(*run.signal(column))) for run in runs]
@@ -87,6 +118,40 @@ def _limit(bottom: "Sequence[Axes]", columns: Sequence[Column], run: SIRun) -> N
     bottom[0].set_xlim(time[0], time[-1])
     for axes in bottom:
         axes.set_xlabel("time of the logger [s]")
+
+
+def command_performance(run: Run, mechanism: Mechanism | None = None, bandwidth_hz: float = BANDWIDTH_HZ) -> "Figure":
+    """Acceleration of the platform by accelerometer, by encoders and as commanded, and the deviations from the command.
+
+    ``mechanism`` turns joint angles into the platform's motion; by default the one that the rig names.
+    """
+    si = SIRun.of(run)
+    shown = performance(AlignedRun(si, mechanism or load_mechanism(si.rig.mechanism)), bandwidth_hz)
+    axes_moved = [axis for axis, values in shown.target.items() if np.ptp(values) > 0.0] or list(shown.target)
+    with style.styled():
+        figure, panels = style.light_grid(2 * len(axes_moved), 1, 1.9, sharex=True)
+        for i, axis in enumerate(axes_moved):
+            above, below = panels[2 * i, 0], panels[2 * i + 1, 0]
+            lines = (
+                (f"accelerometer, below {bandwidth_hz:g} Hz", shown.accelerometer[axis], style.ACCELEROMETER),
+                (f"encoders, differentiated below {bandwidth_hz:g} Hz", shown.encoders[axis], style.ENCODERS),
+            )
+            for label, every, colour in lines:
+                values = np.where(shown.valid, every, np.nan)
+                above.plot(shown.time, values / G0, color=colour, label=label)
+                below.plot(shown.time, (values - shown.target[axis]) / G0, color=colour)
+            target = np.where(shown.valid, shown.target[axis], np.nan)
+            above.plot(shown.time, target / G0, color=style.TARGET, lw=0.9, ls="--", label="target")
+            above.set_ylabel(f"{axis} [g0]")
+            below.set_ylabel(f"{axis} less target [g0]")
+        span = moving_interval(shown.target[axes_moved[0]], 1.0 / float(shown.time[1] - shown.time[0]))
+        panels[-1, 0].set_xlim(shown.time[span][0], shown.time[span][-1])
+        panels[-1, 0].set_xlabel(
+            f"time of the controller [s]; accelerometer shifted by {1e3 * shown.lag_s:.1f} ms, found by correlation"
+        )
+        style.legend(figure, panels[0, 0])
+        style.figure_title(figure, "Acceleration command", [run])
+    return figure
 
 
 def base_spectrum(run: Run) -> "Figure":

@@ -1,9 +1,9 @@
-"""Universal files (UFF, ``.unv``): datasets 58 and 58b, functions at nodes.
+"""Universal files (UFF, ``.unv``): datasets 58 and 58b, functions at nodes, and 55, data at nodes.
 
 A dataset lies between two lines ``-1``. Functions of one kind, abscissa and time of measurement are channels of one
-group; their numbers are text or binary, evenly spaced or each with its abscissa, read in pieces. Writers that declare
-another number of bytes than they wrote are read by the layout after which a closing line follows. Source: SDRC,
-Universal File Formats (https://www.ceas3.uc.edu/sdrluff).
+group; their numbers are text or binary, evenly spaced or each with its abscissa, read in pieces. Dataset 55, such as a
+mode shape, is a group with one row a node. Writers that declare another number of bytes than they wrote are read by
+the layout after which a closing line follows. Source: SDRC, Universal File Formats (https://www.ceas3.uc.edu/sdrluff).
 """
 
 import re
@@ -368,6 +368,61 @@ def parsed_numbers(text: bytes, widths: tuple[int, ...]) -> NDArray[np.float64]:
         return np.array([cell for cell in cells if cell], dtype=np.bytes_).astype(np.float64)
 
 
+_COMPONENTS = {
+    2: ("x", "y", "z"),
+    3: ("x", "y", "z", "rx", "ry", "rz"),
+    4: ("xx", "xy", "yy", "xz", "yz", "zz"),
+}
+_MOST_BYTES = 1 << 28
+
+
+@dataclass(frozen=True)
+class NodalData:
+    """The rows of one dataset 55, one a node, and the texts of its header."""
+
+    group: Group
+    columns: tuple[Samples, ...]
+    metadata: dict[str, str]
+
+
+def parse_nodal_data(source: ByteSource, dataset: Dataset, name: str) -> NodalData:
+    """The data at nodes that ``dataset`` holds."""
+    if dataset.end - dataset.begin > _MOST_BYTES:
+        raise damaged(source.path, f"dataset 55 at byte {dataset.begin} is larger than {_MOST_BYTES >> 20} MiB")
+    raw = source.read(dataset.begin, dataset.end - dataset.begin, "dataset 55")
+    with refusing(source.path, f"dataset 55 at byte {dataset.begin}", ValueError, IndexError):
+        return _parsed_nodal(decoded(raw).splitlines(), name)
+
+
+def _parsed_nodal(lines: list[str], name: str) -> NodalData:
+    form = [int(text) for text in lines[5].split()]
+    characteristic, kind, values = form[2], form[4], form[5]
+    if kind not in (2, 5) or not 0 < values <= 1000:
+        raise ValueError(f"data type {kind} with {values} values a node")
+    width = values * (2 if kind == 5 else 1)
+    integers, reals = (int(text) for text in lines[6].split()[:2])
+    begin = 6 + -(-(2 + integers) // 8) + -(-reals // 6)  # after the integers and reals that record 7 counts
+    data, nodes, rows = lines[begin:], [], []
+    per_node = -(-width // 6)
+    if len(data) % (per_node + 1):
+        raise ValueError(f"{len(data)} lines of data; expected {per_node + 1} a node")
+    for i in range(0, len(data), per_node + 1):
+        nodes.append(float(int(data[i].split()[0])))
+        row = parsed_numbers("\n".join(data[i + 1 : i + 1 + per_node]).encode("latin-1"), (13,) * 6)
+        if len(row) != width:
+            raise ValueError(f"node {nodes[-1]:g} has {len(row)} numbers, expected {width}")
+        rows.append(row)
+    table = np.array(rows, dtype=np.float64).reshape(len(nodes), width).T
+    labels = _COMPONENTS.get(characteristic, ())
+    labels = labels if len(labels) == values else tuple(f"value {i + 1}" for i in range(values))
+    if kind == 5:
+        labels = tuple(f"{label} ({part})" for label in labels for part in ("real", "imag"))
+    group = Group(name, tuple(Channel(label) for label in ("node", *labels)))
+    texts = {f"line {i + 1}": line.strip() for i, line in enumerate(lines[:5]) if line.strip() not in ("", "NONE")}
+    texts["real values"] = " ".join(" ".join(lines[7:begin]).split())
+    return NodalData(group, (np.array(nodes), *table), texts)
+
+
 _HEADERS = {151: "header", 164: "units"}
 
 
@@ -391,15 +446,18 @@ def open_uff(path: Path, options: ReadOptions) -> Recording:
         functions = [parse_function(source, d) for d in whole if d.kind == 58]
         functions = [f for f in functions if f.samples]
         sets = _sets(path.stem, functions)
-        metadata = _metadata(source, whole, functions)
-    if not sets:
-        raise nothing_to_read(path, findings, "holds no dataset 58 or 58b with values")
+        shapes = [parse_nodal_data(source, d, f"{path.stem} dataset 55 {i}")
+                  for i, d in enumerate((d for d in whole if d.kind == 55), 1)]  # fmt: skip
+        metadata = _metadata(source, whole, functions, shapes)
+    if not sets and not shapes:
+        raise nothing_to_read(path, findings, "holds no dataset 58, 58b or 55 with values")
+    groups = (*(s.group for s in sets), *(shape.group for shape in shapes))
     return Recording(
         path=path,
         format="UFF",
         reader="testbench.readers.uff",
-        groups=tuple(each.group for each in sets),
-        read=lambda report: watch_nonfinite(_blocks(path, sets), report),
+        groups=groups,
+        read=lambda report: watch_nonfinite(_blocks(path, sets, shapes), report),
         metadata=metadata,
         findings=(*findings, *_header_findings(functions, whole)),
     )
@@ -451,10 +509,13 @@ def _channels(f: Function) -> list[Channel]:
     return [Channel(f"{f.name} ({part})", f.unit, f"{f.name} ({part})") for part in ("real", "imag")]
 
 
-def _blocks(path: Path, sets: Sequence[_FunctionSet]) -> Iterator[Block]:
+def _blocks(path: Path, sets: Sequence[_FunctionSet], shapes: Sequence[NodalData]) -> Iterator[Block]:
     with ByteSource(path) as source:
         for each in sets:
             yield from _set_blocks(source, each)
+        for shape in shapes:
+            if len(shape.columns[0]):
+                yield Block(shape.group, shape.columns, 0, bytes_read=source.size)
 
 
 def _set_blocks(source: ByteSource, each: _FunctionSet) -> Iterator[Block]:
@@ -476,7 +537,7 @@ def _set_blocks(source: ByteSource, each: _FunctionSet) -> Iterator[Block]:
 def _header_findings(functions: Sequence[Function], whole: Sequence[Dataset]) -> list[Finding]:
     """Contradictions, doubles and rounded steps in the headers; kinds of datasets that are not kept."""
     findings: list[Finding] = []
-    others = sorted({d.kind for d in whole} - {58, *_HEADERS})
+    others = sorted({d.kind for d in whole} - {55, 58, *_HEADERS})
     by_dof: dict[tuple[object, ...], list[str]] = {}
     for f in functions:
         by_dof.setdefault((f.kind, f.ids[2], f.node, f.reference), []).append(f.name)
@@ -499,7 +560,9 @@ def _header_findings(functions: Sequence[Function], whole: Sequence[Dataset]) ->
     return list(dict.fromkeys(findings))
 
 
-def _metadata(source: ByteSource, whole: Sequence[Dataset], functions: Sequence[Function]) -> dict[str, str]:
+def _metadata(
+    source: ByteSource, whole: Sequence[Dataset], functions: Sequence[Function], shapes: Sequence[NodalData]
+) -> dict[str, str]:
     metadata: dict[str, str] = {}
     for dataset in whole:
         if dataset.kind in _HEADERS:
@@ -511,4 +574,6 @@ def _metadata(source: ByteSource, whole: Sequence[Dataset], functions: Sequence[
         metadata[f"{f.name}: dof"] = f.dof if not f.reference[1] else f"{f.dof}, reference node {f.reference[1]}"
         metadata[f"{f.name}: quantity"] = f.ordinate.label or ""
         metadata |= {f"{f.name}: id": "; ".join(ids)} if ids else {}
+    for shape in shapes[:200]:
+        metadata |= {f"{shape.group.name}: {key}": text for key, text in shape.metadata.items()}
     return metadata

@@ -1,8 +1,9 @@
-"""The report of one run, each part with its definition or the reason why it is unknown."""
+"""The report of one run, each part with its definition or the reason why it is unknown, and the figures of a report."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from balance.errors import CounterpoiseError
@@ -12,6 +13,7 @@ from balance.report.plotted import PlottedRun
 from balance.results import plain
 from balance.task_pool import HERE, TaskPool
 
+from .. import figures
 from ..cross_examination import Examination, Observation, hear
 from ..cross_examination.examination import observed
 from ..kinematics import motion_recognition
@@ -26,11 +28,14 @@ from ..runs.si_run import SIRun
 from ..vibration.channel_levels import ChannelLevels, channel_levels
 from ..vibration.metrics import DEFAULT_BAND, Measure
 from ..vibration.run_amplitudes import AmplitudesOfRun, amplitudes_or_reason
+from ..vibration.run_pairs import pairs
 from . import sections
 from .page_contents import plotted_run
 from .sections import Part, attempt_part, base_response
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from ..signal.filters import Band
     from ..store import Run
 
@@ -178,3 +183,30 @@ def _gaps(run: "SIRun", bandwidth_hz: float) -> Sequence[Finding]:
     except CounterpoiseError:
         return []
     return gaps.findings(run.name, gap_reach(bandwidth_hz))
+
+
+def draw(runs: "Sequence[Run]", folder: Path, mechanism: str | None, bandwidth_hz: float) -> list[Path]:
+    """Write figures as SVG; what cannot be drawn is left out, since the report has the reason."""
+    written = []
+    for run in runs:
+        written += _saved(folder / f"{run.name}-command.svg", partial(_draw_command, run, mechanism, bandwidth_hz))
+        written += _saved(folder / f"{run.name}-spectrum.svg", partial(figures.base_spectrum, run))
+    for pair in pairs(runs)[0]:
+        both = f"{pair.balanced[0].name}-{pair.unbalanced[0].name}"
+        ends = {"base_acceleration": "base", "motor_torques": "torques", "force_sensors": "forces"}
+        for name, path in {name: folder / f"{both}-{end}.svg" for name, end in ends.items()}.items():
+            written += _saved(path, partial(getattr(figures, name), pair.balanced[0], pair.unbalanced[0]))
+    return written
+
+
+def _draw_command(run: "Run", mechanism: str | None, bandwidth_hz: float) -> "Figure":
+    return figures.command_performance(run, mechanism_of(SIRun.of(run), mechanism), bandwidth_hz)
+
+
+def _saved(path: Path, work: "Callable[[], Figure]") -> list[Path]:
+    try:
+        figure = work()
+    except CounterpoiseError:
+        return []
+    figure.savefig(path)
+    return [path]

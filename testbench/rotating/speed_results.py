@@ -27,6 +27,7 @@ from .speed_fit import STEADY, SpeedEstimate, SteadySpeedFit, periodic_turn
 if TYPE_CHECKING:
     from balance.drives.harmonic_balance import SteadyRotation
     from balance.drives.machine import Machine
+    from balance.drives.time_integration import StartUp
 
 COLUMNS = ("slot", "ahead_deg")
 _ROUNDS = 8
@@ -237,6 +238,20 @@ def joint_fit(turn: SteadySpeedFit, machine: "Machine", first_edge: float | None
     return JointFit(turn, solution, angle, aligned)
 
 
+def computed_start_up(machine: "Machine", turns: int, start: float) -> "StartUp":
+    """The machine's computed start from standstill at a crank angle [rad]."""
+    from balance.drives.time_integration import start_up
+
+    return start_up(machine, turns, machine.reduced.direction * start)
+
+
+def start_up_delay(measured: SpeedHistory, computed: "StartUp") -> float:
+    """Time to add to the computed start so that both end their first turn together [s]."""
+    turn = computed.travel[0] + 2.0 * np.pi
+    theirs = float(np.interp(turn, computed.travel, computed.time))
+    return float(np.interp(2.0 * np.pi, measured.angle, measured.time)) - theirs
+
+
 def _alignment(turn: SteadySpeedFit, solution: "SteadyRotation") -> float:
     """Angle of the first edge for which the curves differ least, by correlation over a turn [rad]."""
     phi = 2.0 * np.pi * np.arange(_GRID) / _GRID
@@ -308,7 +323,21 @@ def model_document(fit: JointFit, nominal: float) -> dict[str, Any]:
     }
 
 
-def speed_findings(record: Edges, found: SteadySpeedFit) -> list[str]:
+def start_up_document(computed: "StartUp", later: float) -> dict[str, Any]:
+    """The computed start as JSON, shifted by ``later`` [s] so that its first turn ends with the measured one."""
+    thin = slice(None, None, 6)
+    return {
+        "moved_by_s": later,
+        "time_s": (computed.time[thin] + later).tolist(),
+        "speed_rpm": (computed.speed[thin] / RPM).tolist(),
+        "turns": [
+            {"turn": t.number, "end_s": t.end + later, "fastest_rpm": t.fastest / RPM, "slowest_rpm": t.slowest / RPM}
+            for t in computed.turns
+        ],
+    }
+
+
+def speed_findings(record: Edges, found: SteadySpeedFit | None) -> list[str]:
     """Findings about a log and its steady turn."""
     odd = [f"lost edges bridged: {gap.text()}" for gap in record.gaps]
     interval, step = float(np.median(np.diff(record.time))), record.clock_step
@@ -316,14 +345,14 @@ def speed_findings(record: Edges, found: SteadySpeedFit) -> list[str]:
         odd.append(
             f"the clock's step of {step * 1e6:g} us is {100 * step / interval:.1f} % of an interval between edges"
         )
-    again = repetition(record)
+    again = repetition(record) if found is not None else None
     if again is not None and (times := round(record.disc.per_turn / again)) > 1:
         odd.append(
             f"the motion repeats every {again} edges already, {times} times a turn of {record.disc.per_turn:g}: if the "
             f"disc has {record.disc.pulses / times:g} edges a turn, not {record.disc.pulses}, all speeds are {times} "
             "times as high; check --pulses"
         )
-    if found.repeated > 0.0:
+    if found is not None and found.repeated > 0.0:
         odd.append(
             f"slots of the disc are {100 * found.repeated:.2g} % of the pitch out of place: in the speed edge by edge "
             "that looks like fluctuation, the steady turn suppresses it; --pitch takes a calibration"

@@ -25,7 +25,7 @@ def drawn(figure) -> None:
 
 @pytest.mark.parametrize(
     ("name", "panels", "unit"),
-    [("base_acceleration", 3, "[g0]"), ("motor_torques", 2, "[N m]")],
+    [("base_acceleration", 3, "[g0]"), ("motor_torques", 2, "[N m]"), ("force_sensors", 11, "[N")],
 )
 def test_two_runs(runs, name, panels, unit):
     """A panel for each channel, two lines in each, unit and condition stated, marked as simulated."""
@@ -48,6 +48,14 @@ def test_base_acceleration_states_the_reduction(brief, runs):
     for axis, axes in zip("xyz", figure.axes, strict=True):
         assert f"{found[axis].percent:.1f} % [{found[axis].interval[0]:.1f}, " in axes.get_title(loc="left")
         assert axes.patches  # the noise floor
+
+
+def test_command_performance(runs):
+    """The moved axis alone: accelerometer, encoders and target above, what is missing below."""
+    figure = figures.command_performance(runs[0])
+    drawn(figure)
+    assert [len(axes.lines) for axes in figure.axes] == [3, 2]
+    assert figure.get_suptitle().startswith("Simulated: ")
 
 
 def test_reductions(brief):

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from balance import datasets
+from balance.balancing.conditions import balance_conditions
+from balance.mechanism.mjcf_parser import load_mechanism
 
 from .conftest import call, json_of
 
@@ -57,6 +59,13 @@ def test_table():
         "single",
         "boxer 6",
     ]
+
+
+def test_mechanism_can_be_used_by_the_other_commands(tmp_path):
+    """The written file closes, and has the one condition set of an engine."""
+    path = tmp_path / "v4.xml"
+    assert call("engine", "mechanism", "v4-72-offset", "-o", str(path)).code == 0
+    assert balance_conditions(load_mechanism(path)).dof == 1
 
 
 ENGINE = """

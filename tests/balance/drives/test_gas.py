@@ -8,10 +8,9 @@ from scipy.optimize import brentq
 
 from balance.drives.drive_files import load_drive
 from balance.drives.harmonic_balance import steady_rotation
-from balance.engines.engine_files import load_engine
 from balance.errors import DataError
 
-from ..engines.mechanism_of_engine import mjcf
+from ..cli.conftest import call
 
 RPM = np.pi / 30.0
 R, L = 0.05, 0.2
@@ -38,7 +37,8 @@ LISTS = f"angle = {[f'{a} deg' for a in ANGLES]}\nforce = {[f'{f} kN' for f in G
 
 def turned(folder, load, csv=""):
     """Steady rotation of the shipped single cylinder under a load."""
-    (folder / "sc.xml").write_text(mjcf(load_engine("single")), encoding="utf-8")
+    model = call("engine", "mechanism", "single").out
+    (folder / "sc.xml").write_text(model, encoding="utf-8")
     (folder / "gas.csv").write_text(csv, encoding="utf-8")
     (folder / "gas.toml").write_text(HEAD + load, encoding="utf-8")
     drive = load_drive(folder / "gas.toml")

@@ -8,14 +8,12 @@ from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import simulate
 from balance.engines import balance_shafts, free_forces
 from balance.engines.engine import Cylinder, Engine, firing
-from balance.engines.engine_files import load_engine, load_layout
+from balance.engines.engine_files import load_engine, load_layout, mjcf
 from balance.engines.slider_crank import SliderCrank
 from balance.errors import DataError
 from balance.mechanism.mjcf_parser import mechanism_from_text
 from balance.motion import Samples
 from balance.rotors.rotor import Unbalance
-
-from .mechanism_of_engine import mjcf
 
 LAYOUTS = [name for name in datasets.dataset_names("engines", ".toml") if load_engine(name).normalised]
 THETA = np.linspace(0.0, 2 * np.pi, 73)

@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 from balance.engines.engine import Cylinder, Engine
+from balance.engines.engine_files import mjcf
 from balance.engines.slider_crank import SliderCrank, replacements
 from balance.errors import DataError
-
-from .mechanism_of_engine import mjcf
 
 OWN = SliderCrank(0.05, 0.2, 1.0, 0.025, 0.002, 1.2, 0.06, 0.0101, 0.8)
 TIME = np.linspace(0.0, 2.0, 200)

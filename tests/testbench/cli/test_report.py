@@ -45,15 +45,20 @@ def test_text_has_every_part_and_says_simulated(pair, monkeypatch):
     assert "Nm" not in text
 
 
-def test_json_of_two_runs(pair):
-    """One document; torques with and without."""
-    found = json.loads(invoke(*pair, "--at", "0m,-10cm,0m", "--json"))
+def test_json_and_figures_of_two_runs(pair, tmp_path):
+    """One document; the figures of each run and of the two beside each other; torques with and without."""
+    found = json.loads(invoke(*pair, "-o", tmp_path / "out", "--at", "0m,-10cm,0m", "--json"))
     assert [run["run"] for run in found["runs"]] == ["r005", "r006"]
     assert found["runs"][0]["wrench"]["point_m"] == [0.0, -0.1, 0.0]
     (compared,) = found["compared"]
     assert {row["joint"] for row in compared["torques"]} == {"A0", "B0"}
     for row in compared["torques"]:
         assert row["measured_times"] == pytest.approx(row["model_times"], rel=0.02)
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {f"{run}-{what}.svg" for run in ("r005", "r006") for what in ("command", "spectrum")} | {
+        f"r005-r006-{what}.svg" for what in ("base", "torques", "forces")
+    } | {"report.json"}
+    assert json.loads((tmp_path / "out" / "report.json").read_text("utf-8"))["runs"] == found["runs"]
 
 
 @pytest.mark.parametrize("point", ["1,2,3", "0m,0m", "0m,0m,2kg"])

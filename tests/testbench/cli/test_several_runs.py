@@ -65,13 +65,14 @@ def test_list(campaign, capsys):
     assert "r002.h5" in err
 
 
-def test_report(campaign, capsys):
+def test_report(campaign, tmp_path, capsys):
     """What can be reported is."""
     code, found, _ = call(capsys, report, campaign / "nope.h5", campaign / "r001.h5")
     assert code == 1
     assert len(found["runs"]) == 1
     assert [one["run"] for one in found["refused"]] == ["nope"]
-    assert call(capsys, report, campaign / "nope.h5")[0] == 1
+    assert call(capsys, report, campaign / "nope.h5", "-o", tmp_path / "figures")[0] == 1
+    assert not (tmp_path / "figures").exists()
 
 
 def test_align(campaign, capsys):

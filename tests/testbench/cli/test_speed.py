@@ -39,6 +39,7 @@ def test_table_beside_the_model(log, tmp_path):
     code, output = run(log, *MODEL, "--figure", str(figure), "--csv", str(table))
     assert code == 0
     assert "0.22321" in output
+    assert "found by aligning the curves" in output
     assert figure.read_text(encoding="utf-8").startswith("<?xml")
     assert table.read_text(encoding="utf-8").splitlines()[0].startswith("time_s,angle_deg_from_first_edge,speed_rpm")
 
@@ -82,6 +83,18 @@ def test_errors_of_the_disc_are_named(tmp_path):
     assert run(free, "--pulses", "100", "--calibrate", pitch)[0] == 0
     code, output = run(log, "--pulses", "100", "--pitch", pitch, "--json")
     assert json.loads(output)["steady"]["fluctuation"]["value"] == pytest.approx(0.22175, abs=2e-4)
+
+
+def test_start_up_beside_the_computed_one(tmp_path):
+    """A log from standstill: turn by turn, measured and computed, to 0.3 rpm."""
+    log = written(tmp_path / "start.csv", discs.starting(turns=3))
+    code, output = run(log, *MODEL, "--start-up", "2", "--json")
+    document = json.loads(output)
+    assert code == 0
+    speeds = np.array(document["course"]["speed_rpm"])
+    assert speeds.max() == pytest.approx(document["start_up"]["turns"][1]["fastest_rpm"], abs=0.3)
+    code, output = run(log, *MODEL, "--start-up", "2")
+    assert "Start-up" in output
 
 
 def test_what_proves_the_edges_a_turn(log, tmp_path):

@@ -136,11 +136,13 @@ def test_a_group_larger_than_a_mat_variable(tmp_path, monkeypatch):
 
 
 def test_what_a_form_does_not_hold_is_listed(tmp_path):
-    """Findings in CSV; parquet and MAT files hold them."""
+    """Findings in CSV and universal files, conditions in the latter; parquet and MAT files hold both."""
     run = stored(tmp_path / "c", ["a"], [Finding("clipping", None, None, "cut"), Finding("timebase", None, None, "x")])
-    lost = {to: " ".join(export(run, to, tmp_path / "out")[0].losses) for to in ("csv", "parquet", "mat")}
+    lost = {to: " ".join(export(run, to, tmp_path / "out")[0].losses) for to in ("csv", "parquet", "mat", "uff")}
     assert lost["parquet"] == lost["mat"] == ""
     assert "findings about run 'r001'" in lost["csv"]
+    assert "findings about run 'r001'" in lost["uff"]
+    assert "conditions" in lost["uff"]
 
 
 def test_names_that_look_like_something_else_in_csv(tmp_path):
@@ -258,6 +260,20 @@ def test_a_crate_takes_the_later_records_along(run, tmp_path, monkeypatch):
     with pytest.raises(StoreError, match="nothing of it is left"):
         crate(tmp_path / "full", [run], "MIT")
     assert not (tmp_path / "full").exists()
+
+
+def test_uff_by_its_own_library_and_by_our_reader(run, tmp_path):
+    """58b with every time in full: the same bits; what ASCII does not hold is said."""
+    pyuff = pytest.importorskip("pyuff")
+    (written,) = export(run, "uff", tmp_path / "out")
+    sets = pyuff.UFF(str(written.file)).read_sets()
+    assert [s["data"].tobytes() for s in sets[:2]] == [ACC.tobytes(), ACC[::-1].tobytes()]
+    assert sets[0]["x"].tobytes() == TIME.tobytes()
+    assert sets[1]["ordinate_axis_units_lab"].strip() == "N"
+    assert any("m/s²" in loss for loss in written.losses)
+    ours = [column.tobytes() for column in read_back_groups(written.file)]
+    assert ACC.tobytes() in ours
+    assert TIME.tobytes() in ours
 
 
 def read_back_groups(path):
@@ -378,7 +394,7 @@ def test_all_loggers_in_one_table(run, tmp_path, capsys):
 
 
 def test_the_command(run, tmp_path, capsys):
-    """A campaign or a run; SEP005 has no file."""
+    """A campaign or a run; SEP005 has no file; exit 3 where something is lost."""
     assert (
         command.main([str(tmp_path / "c"), "--to", "csv", "-o", str(tmp_path / "o"), "--json"], standalone_mode=False)
         == 0
@@ -386,3 +402,6 @@ def test_the_command(run, tmp_path, capsys):
     assert len(json.loads(capsys.readouterr().out)["files"]) == 2
     with pytest.raises(click.UsageError, match="no file"):
         command.main([str(run.path), "--to", "sep005", "-o", "x"], standalone_mode=False)
+    pytest.importorskip("pyuff")
+    assert command.main([str(run.path), "--to", "uff", "-o", str(tmp_path / "u")], standalone_mode=False) == 3
+    assert "lost:" in capsys.readouterr().out

@@ -60,13 +60,15 @@ def test_in_memory_and_in_the_file(run):
 
 
 def test_in_every_export(run, tmp_path):
-    """CSV, Parquet, MAT: the last samples to the bit."""
+    """CSV, Parquet, MAT, UFF: the last samples to the bit."""
     from scipy.io import loadmat
 
     expected = exact(run.rate_hz, SAMPLES - 500, SAMPLES)
-    files = {to: export(run, to, tmp_path / to)[0].file for to in ("csv", "parquet", "mat")}
+    files = {to: export(run, to, tmp_path / to)[0].file for to in ("csv", "parquet", "mat", "uff")}
     lines = files["csv"].read_text("utf-8").splitlines()[-500:]
     assert [float(line.partition(",")[0]) for line in lines] == expected.tolist()
     assert polars.read_parquet(files["parquet"])["time (s)"].to_numpy()[-500:].tobytes() == expected.tobytes()
     content = loadmat(files["mat"], simplify_cells=True)
     assert content["group_daq"]["channel_time_s"]["data"][-500:].tobytes() == expected.tobytes()
+    pyuff = pytest.importorskip("pyuff")
+    assert pyuff.UFF(str(files["uff"])).read_sets()["x"][-500:].tobytes() == expected.tobytes()

@@ -154,6 +154,25 @@ def test_functions_of_one_abscissa_share_a_group(tmp_path):
     assert "node 4 -Y is that of a, b" in found.message("duplicate_dof")
 
 
+def test_mode_shapes_are_rows_by_node(tmp_path):
+    """Dataset 55 gives a node a row, complex values in two columns."""
+    nodes = np.arange(1, 9)
+    shape = RANDOM.normal(size=8) + 1j * RANDOM.normal(size=8)
+    zero = np.zeros(8)
+    fields = {
+        "type": 55, "model_type": 1, "id1": "Mode 1", "id2": "NONE", "id3": "NONE", "id4": "NONE", "id5": "NONE",
+        "analysis_type": 3, "data_ch": 2, "spec_data_type": 8, "data_type": 5, "n_data_per_node": 3,
+        "r1": shape, "r2": zero + 0j, "r3": zero + 0j, "load_case": 0, "mode_n": 1, "eig": 1j,
+        "modal_a": 1j, "modal_b": 0j,
+        "node_nums": nodes,
+    }  # fmt: skip
+    found = reading.read(_write(tmp_path, fields))
+    assert found.column("node").tolist() == nodes.tolist()
+    np.testing.assert_allclose(found.column("x (real)"), shape.real, rtol=1e-4)
+    np.testing.assert_allclose(found.column("x (imag)"), shape.imag, rtol=1e-4)
+    assert found.recording.metadata["run dataset 55 1: line 1"] == "Mode 1"
+
+
 @pytest.mark.parametrize("binary", [0, 1])
 def test_a_cut_and_a_wrong_count(tmp_path, binary):
     """A function that is cut is left out, by its place, the one before it is whole; 38 samples for 37 are refused."""

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from balance.drives.time_integration import start_up
 from testbench.errors import AnalysisError
 from testbench.rotating import Disc, number_edges, periodic_turn, speed_history, speed_results
 
@@ -42,10 +41,11 @@ def test_a_reading_left_open_must_be_said():
 def test_a_start_edge_by_edge_lies_on_the_computed_one():
     """From the tenth edge on within 0.05 rpm, at the crank's angle; its own intervals hold most."""
     log = number_edges("log", discs.starting(), Disc(100))
-    speed, run = speed_history(log), start_up(discs.machine(), 4)
+    speed, run = speed_history(log), speed_results.computed_start_up(discs.machine(), 4, 0.0)
     late = speed.angle > 0.6
     computed = np.interp(speed.angle + 2 * np.pi / 100, run.travel, run.speed)
     assert np.abs(speed.speed - computed)[late].max() < 0.05 * discs.RPM
+    assert abs(speed_results.start_up_delay(speed, run)) < 0.02
 
 
 def test_local_cubics_carry_an_honest_interval():

@@ -135,7 +135,7 @@ def test_tables_in_si(tmp_path):
     np.testing.assert_array_equal(data["ch1"], run.channel("ch1"))
 
 
-@pytest.mark.parametrize("form", ["csv", "parquet", "mat"])
+@pytest.mark.parametrize("form", ["csv", "parquet", "mat", "uff"])
 def test_exports_in_si(tmp_path, form):
     """Each form takes the view in SI as it takes a run."""
     run = volts.stored(tmp_path, volts.HEAD + volts.SENSITIVITY)
