@@ -398,7 +398,8 @@ def _finite(run: Run, group: StoredGroup, index: int) -> Floats:
     odd = np.flatnonzero(~np.isfinite(values))
     if odd.size:
         raise AnalysisError(
-            f"{run.name}: channel {group.channels[index].name!r} holds no number at sample {odd[0]}; repair it first"
+            f"{run.name}: channel {group.channels[index].name!r} holds no number at sample {odd[0]}: "
+            "correct the log and ingest it into another folder, or leave the run out"
         )
     return values
 

@@ -26,12 +26,19 @@ from ..rig import Column, Rig, rig_from_text
 from ..store.run import Run, StoredGroup
 from .calibration_history import CalibrationInForce, CalibrationRecord
 
+_CURE = "correct the log and ingest it into another folder, or leave the run out"
 _LARGEST = 1e100
 """What no sensor shows [SI]; squares of larger values could not be added up."""
 KEPT_SAMPLES = 1 << 20
 """Of a channel in memory as recorded, up to which it is kept in SI as well."""
 AT_RANGE = 1.0 - 1e-4
 """Share of its range from which a sensor counts as saturated."""
+MOST_MISSING = 3
+"""Samples without a number in a row that are interpolated; more of them are refused."""
+MISSING_SHARE = 1e-3
+"""Of a channel's samples, up to which they are."""
+_NEAR_PEAK = 0.9
+"""Of the largest deviation from the median: beside such a reading what is missing may be an overload."""
 RESOLVED_BY_CALIBRATION = frozenset({"uncalibrated", "calibration_contradiction"})
 """Findings that a later calibration resolves; until then reading the channel is refused."""
 
@@ -151,16 +158,51 @@ class SIRun:
         return group.rate_hz
 
     def values(self, column: Column) -> Floats:
-        """A channel (n,) [SI]. Raises AnalysisError for no or two units, no rate, or samples that are no number."""
+        """A channel (n,) [SI]; single samples without a number are interpolated between their neighbours.
+
+        Up to MOST_MISSING in a row, away from its peaks; :meth:`doubts` says so. Raises AnalysisError for no or two
+        units, no rate, or more samples that are no number.
+        """
         self.rate(column)
         values = self.readings(column)
+        if values.size and np.isnan(values.min()):  # quicker than looking at each
+            values = self.without_holes(column, values)
         if values.size and not (values.min() > -_LARGEST and values.max() < _LARGEST):  # of NaN neither is true
             odd = np.flatnonzero(~(np.abs(values) < _LARGEST))
-            what = "no number" if not np.isfinite(values[odd[0]]) else f"{values[odd[0]]:g} SI, which nothing measures,"
-            raise AnalysisError(
-                f"{self.name}: channel {column.channel!r} holds {what} at sample {odd[0]}; repair it first"
-            )
+            what = f"{values[odd[0]]:g} SI, which nothing measures, at sample {odd[0]}"
+            raise AnalysisError(f"{self.name}: channel {column.channel!r} holds {what}: {_CURE}")
         return values
+
+    def without_holes(self, column: Column, values: Floats) -> Floats:
+        """Values (n,) of a channel, in any unit, with what is missing (NaN) from those about it: see :meth:`values`.
+
+        Raises AnalysisError where that would be a guess.
+        """
+        missing = np.isnan(values)
+        if not missing.any():
+            return values
+        edges = np.flatnonzero(np.diff(missing, prepend=False, append=False))
+        begins, ends = edges[::2], edges[1::2]
+        beside = np.concatenate([begins - 1, np.minimum(ends, len(values) - 1)])
+        reach = np.abs(values - np.nanmedian(values))
+        measured = column.level and not column.commanded and "angle" not in column.dimensions  # by what may overload
+        where = f"at sample {begins[0]}"
+        longest = int(np.argmax(ends - begins))
+        if begins[0] == 0 or ends[-1] == len(values):
+            why = "at the beginning or end of the record, where nothing is to interpolate from"
+        elif ends[longest] - begins[longest] > MOST_MISSING:
+            where = f"at samples {begins[longest]} to {ends[longest] - 1}"
+            why = f"more than {MOST_MISSING} in a row"
+        elif missing.sum() > max(MISSING_SHARE * len(values), MOST_MISSING):
+            why = f"and at {missing.sum() - 1} more, above {MISSING_SHARE:.1%} of them"
+        elif measured and (peak := reach[beside] > _NEAR_PEAK * np.nanmax(reach)).any():
+            where = f"at sample {np.tile(begins, 2)[peak][0]}"
+            why = "beside its largest readings, where an overload may be hidden"
+        else:
+            return np.where(
+                missing, np.interp(np.arange(len(values)), np.flatnonzero(~missing), values[~missing]), values
+            )
+        raise AnalysisError(f"{self.name}: channel {column.channel!r} holds no number {where}, {why}: {_CURE}")
 
     def signal(self, column: Column) -> tuple[Floats, float]:
         """A channel (n,) [SI] and its rate [Hz]; raises as :meth:`values`."""
@@ -226,7 +268,12 @@ class SIRun:
         """Warnings of ingest about channels, except those that a later calibration resolves."""
         used = {column.channel for column in columns}
         return [
-            self._finding(found.code, found.channel, f"{self.name}: {found.channel}: {found.message}")
+            self._finding(
+                found.code,
+                found.channel,
+                f"{self.name}: {found.channel}: {found.message}"
+                + ("; interpolated between the samples beside them" if found.code == "not_a_number" else ""),
+            )
             for found in self.findings
             if found.code not in RESOLVED_BY_CALIBRATION
             and found.severity >= Severity.WARNING

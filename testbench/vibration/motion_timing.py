@@ -8,6 +8,7 @@ nor encoders were logged.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from balance.arrays import Floats
 from balance.errors import CounterpoiseError
 from balance.estimation.estimate import chi_square_tail
 
+from ..errors import AnalysisError
 from ..rig.sensors import Accelerometer, Encoder, Target
 from ..runs.si_run import SIRun
 
@@ -61,8 +63,11 @@ class MotionTiming:
     def of(cls, run: SIRun, group: str) -> "MotionTiming":
         """Of the accelerometers in a group of a run."""
         columns = [c for s in run.rig.of_kind(Accelerometer).values() for c in s.columns("") if run.holds(c, group)]
-        signals = [run.as_recorded(column) for column in columns]
-        rate, signals = run.rate(columns[0]), [s for s in signals if np.isfinite(s).all()]
+        rate, signals = run.rate(columns[0]), []
+        for column in columns:
+            with suppress(AnalysisError):
+                signals.append(run.without_holes(column, run.as_recorded(column)))
+        signals = [signal for signal in signals if np.isfinite(signal).all()]
         seconds = len(signals[0]) / rate if signals else 0.0
         stated = _stated_motion(run)
         if stated is None:

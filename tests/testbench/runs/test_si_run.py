@@ -71,6 +71,42 @@ def test_what_no_sensor_shows_is_named(tmp_path):
         SIRun.of(run).values(column(run))
 
 
+@pytest.mark.parametrize(
+    ("missing", "refusal"),
+    [
+        ([69], None),
+        ([69, 140, 141], None),
+        ([69, 70, 71, 72], "at samples 69 to 72, more than 3 in a row"),
+        ([0], "at sample 0, at the beginning or end"),
+        ([398, 399], "at sample 398, at the beginning or end"),
+        ([50, 69, 140, 200], "at sample 50, and at 3 more, above 0.1% of them"),
+        ([69, 107], "at sample 107, beside its largest readings, where an overload may be hidden"),
+    ],
+)
+def test_what_is_missing_is_interpolated_or_refused(tmp_path, missing, refusal):
+    """Few samples away from the peaks: off by what a straight line is (h^2 / 8 times the curvature), and said so."""
+    log = volts.log(tmp_path)
+    lines = log.read_text("utf-8").splitlines()
+    for at in missing:
+        time, _, *others = lines[1 + at].split(",")
+        lines[1 + at] = ",".join([time, "---", *others])
+    log.write_text("\n".join(lines) + "\n", "utf-8")
+    (outcome,) = Ingest(tmp_path / "campaign", rigs.load_rig(volts.HEAD + volts.SENSITIVITY)).run(
+        PlannedRun("r1", (log,))
+    )
+    assert outcome.status == "stored"
+    run = SIRun.of(open_run(tmp_path / "campaign" / "r1.h5"))
+    if refusal:
+        with pytest.raises(AnalysisError, match=f"r1: channel 'ch0' holds no number {refusal}"):
+            run.values(column(run.recorded))
+        return
+    curvature = 9.81 * (2.0 * np.pi * 7.0) ** 2
+    np.testing.assert_allclose(run.values(column(run.recorded)), volts.ACCELERATION, atol=0.003**2 / 8.0 * curvature)
+    assert np.isnan(run.readings(column(run.recorded))[missing]).all()
+    (said,) = run.doubts([column(run.recorded)])
+    assert said.message.endswith("interpolated between the samples beside them")
+
+
 def test_six_axes(tmp_path):
     """The matrix gives back the six loads, in N and N m, also to the analysis of the shaking wrench."""
     run = volts.stored(tmp_path, volts.HEAD + volts.SENSITIVITY + volts.SIX + volts.MATRIX)
