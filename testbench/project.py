@@ -6,9 +6,9 @@ marked so, to be edited.
 
 import math
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 from string import Template
 from typing import Annotated, Any
 
@@ -17,7 +17,7 @@ from balance.balancing import exact_sizing
 from balance.balancing.conditions import balance_conditions
 from balance.balancing.objective import motion_objective
 from balance.closure import Closure
-from balance.errors import CounterpoiseError, DataError, ModelError
+from balance.errors import CounterpoiseError, DataError, ModelError, suggestion
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
 from balance.motion import Motion
@@ -27,12 +27,14 @@ from balance.units import G0
 
 from .campaign_plan import PlannedRun, load_plan
 from .errors import RigError
-from .ingestion.run_table import RunTableRow, read_run_table, write_run_table
+from .ingestion.run_table import RunTableRow, run_table_rows, write_run_table
 from .rig import Rig, load_rig
 from .rig.rig import mechanism_file
 from .simulator.run import planned_samples, refuse_bench
 
 RIG, PLAN, RUNS, MOTION = "rig.toml", "plan.toml", "runs.csv", "motion.toml"
+_WORKBOOKS = ("runs.xlsx", "runs.xlsm")
+"""Names of a run table where there is no RUNS."""
 FREQUENCY_HZ, DAMPING = 12.0, 0.05
 """Of the guessed bench on its mounts: natural frequency, and share of critical damping."""
 BASE_SHARE = 20.0
@@ -223,16 +225,20 @@ def _template(file: str, /, **values: str) -> str:
     return Template((Path(__file__).with_name("project_files") / file).read_text(encoding="utf-8")).substitute(values)
 
 
-def project_problems(folder: Path) -> list[Problem]:
-    """All that is missing in a project's folder, or contradicts, at once, and what is to be known before simulating."""
+def project_problems(folder: Path, logs: Sequence[Path] = ()) -> list[Problem]:
+    """All that is missing in a project's folder, or contradicts, at once, and what is to be known before simulating.
+
+    ``logs``: files that the run table's rows must name, and that must be named.
+    """
     if not folder.is_dir():
         raise RigError(f"{folder}: no such folder; `testbench new {folder}` writes one")
-    return list(_problems(folder))
+    return list(_problems(folder, logs))
 
 
-def _problems(folder: Path) -> Iterator[Problem]:
+def _problems(folder: Path, logs: Sequence[Path]) -> Iterator[Problem]:
     read: dict[str, Any] = {}
-    for file, reader in ((RIG, load_rig), (PLAN, load_plan), (RUNS, read_run_table)):
+    runs = RUNS if (folder / RUNS).exists() else next((name for name in _WORKBOOKS if (folder / name).exists()), RUNS)
+    for file, reader in ((RIG, load_rig), (PLAN, load_plan), (runs, run_table_rows)):
         try:
             if not (folder / file).exists():
                 raise RigError("not there: `testbench new` writes one into a new folder; copy it here and edit it")
@@ -242,11 +248,11 @@ def _problems(folder: Path) -> Iterator[Problem]:
         except (CounterpoiseError, OSError) as error:
             yield from _rows(folder, file, error, file == PLAN and not (folder / PLAN).exists())
     rig, plan, model = read.get(RIG), read.get(PLAN), None
-    if (named := rig or plan) is not None:
+    if (stating := rig or plan) is not None:
         try:
-            model = load_mechanism(mechanism_file(named.mechanism, folder) or named.mechanism)
+            model = load_mechanism(mechanism_file(stating.mechanism, folder) or stating.mechanism)
         except CounterpoiseError as error:
-            yield from _rows(folder, named.mechanism, error)
+            yield from _rows(folder, stating.mechanism, error)
     if rig is not None and "bench" in rig.model_fields_set:
         try:
             rig.bench.elastic()
@@ -260,11 +266,22 @@ def _problems(folder: Path) -> Iterator[Problem]:
         if model is not None and not any(run.counter_masses for run in plan.runs()):
             sites = ", ".join(model.counter_sites) or "none yet: name sites counter... in its file"
             yield Problem(PLAN, f"no run has counter-masses, so nothing can be compared: put some on sites ({sites})")
-    rows = read.get(RUNS, [])
-    stated += [(RUNS, f"line {row.line}: ", _run(row)) for row in rows]
-    missing = [row.file for row in rows if not (folder / row.file).is_file()]
-    if missing and len(missing) < len(rows):
-        yield Problem(RUNS, f"names {', '.join(missing)}, not in the folder: add the logs, or remove their rows")
+    rows, wrong = read.get(runs, ([], []))
+    if wrong:
+        yield from _rows(folder, runs, RigError("\n".join(wrong)))
+    stated += [(runs, f"line {row.line}: ", _run(row)) for row in rows]
+    there = {path.name for path in logs} | {row.file for row in rows if (folder / row.file).is_file()}
+    named = {PurePath(row.file).name for row in rows}
+    missing = [row for row in rows if row.file not in there and PurePath(row.file).name not in there]
+    if logs:
+        for row in missing:
+            hint = suggestion(row.file, there - named) or ": add the log, or remove the row"
+            yield Problem(runs, f"line {row.line}: names {row.file}, which is not among the logs{hint}")
+        for name in sorted({path.name for path in logs if path.name != runs} - named) if not wrong else ():
+            yield Problem(runs, f"no line names {name}: add one, or leave that log out")
+    elif missing and len(missing) < len(rows):
+        files = ", ".join(row.file for row in missing)
+        yield Problem(runs, f"names {files}, not in the folder: add the logs, or remove their rows")
     said = set()
     motions: dict[tuple[object, ...], list[Problem]] = {}
     for file, where, run in stated:  # a plan is simulated, and so what it needs is no note: it comes first
@@ -277,7 +294,7 @@ def _problems(folder: Path) -> Iterator[Problem]:
             if found not in said:
                 said.add(found)
                 message = problem.message if problem.file else f"{where}{problem.message}"
-                yield Problem(found[0], message, problem.is_note and file == RUNS)
+                yield Problem(found[0], message, problem.is_note and file == runs)
 
 
 def _rows(folder: Path, file: str, error: Exception, is_note: bool = False) -> Iterator[Problem]:

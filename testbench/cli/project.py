@@ -53,15 +53,18 @@ def new(
     epilog="""\b
 Examples:
   testbench check my-test
+  testbench check my-test logs/*.csv
   testbench check . --json
 \b
 Exit codes: 0 nothing is missing, 3 something is, 1 no such folder."""
 )
-def check(folder: Path = argument()) -> Answer:
-    """List all that is missing or contradicts in FOLDER: rig.toml, plan.toml, runs.csv, mechanism and motions."""
+def check(folder: Path = argument(), logs: tuple[Path, ...] = argument("[LOG]...", required=False)) -> Answer:
+    """List all that is missing or contradicts in FOLDER: rig.toml, plan.toml, the run table (runs.csv, else
+    runs.xlsx), mechanism and motions; with LOGS also which of them the run table does not name, and the reverse.
+    """
     from ..project import Problem, project_problems
 
-    found = project_problems(folder)
+    found = project_problems(folder, logs)
     problems, notes = ([one for one in found if one.is_note is wanted] for wanted in (False, True))
 
     def show() -> None:

@@ -34,9 +34,12 @@ NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False), BeforeValidat
 
 
 def _by_site(text: object) -> object:
-    """``SITE=KG;SITE=KG``, or ``SITE=500 g``, as masses by site; nothing: no counter-masses."""
+    """``SITE=KG;SITE=KG``, or ``SITE=500 g``, as masses by site; nothing: no counter-masses.
+
+    A comma before the next ``SITE=`` separates too.
+    """
     masses: dict[str, str] = {}
-    for part in filter(None, (part.strip() for part in str(text).split(";"))):
+    for part in filter(None, (part.strip() for part in re.split(r";|,(?=[^;,=]*=)", str(text)))):
         site, equals, mass = (word.strip() for word in part.partition("="))
         if not site or not equals:
             raise ValueError(f"{part!r}: expected SITE=KG;SITE=KG")
@@ -135,6 +138,17 @@ def read_run_table(run_table: Path) -> list[RunTableRow]:
     Of a CSV commas, tabs or semicolons separate the cells, as the first line shows; with semicolons, as spreadsheets of
     half of Europe write them, numbers may have decimal commas, all or none.
     """
+    rows, problems = run_table_rows(run_table)
+    if problems:
+        raise RigError("\n".join(problems))
+    return rows
+
+
+def run_table_rows(run_table: Path) -> tuple[list[RunTableRow], list[str]]:
+    """The rows that are understood, and what is wrong with the others or between them, all of it.
+
+    Raises RigError for a table that is none.
+    """
     if run_table.suffix.lower() in {".xlsx", ".xlsm"}:
         from .spreadsheet import spreadsheet_rows  # late: it needs a library that few tables do
 
@@ -149,12 +163,9 @@ def read_run_table(run_table: Path) -> list[RunTableRow]:
             rows += _rows(run_table.name, line, columns, cells, delimiter)
         except RigError as error:
             problems.append(str(error))
-    if problems:
-        raise RigError("\n".join(problems))
-    if not rows:
+    if not rows and not problems:
         raise RigError(f"{run_table.name}: names no file")
-    _check_rows(run_table, rows)
-    return rows
+    return rows, problems + list(_row_contradictions(run_table, rows))
 
 
 def write_run_table(path: Path, rows: Iterable[tuple[str, str, Origin, Conditions]]) -> None:
@@ -207,20 +218,20 @@ def _check_columns(run_table: Path, columns: Sequence[str]) -> None:
             raise RigError(f"{run_table.name}: unknown column {name!r}{hint or more}")
 
 
-def _check_rows(run_table: Path, rows: Sequence[RunTableRow]) -> None:
-    """Each file once, and one decimal mark throughout."""
+def _row_contradictions(run_table: Path, rows: Sequence[RunTableRow]) -> Iterator[str]:
+    """What contradicts each file once, and one decimal mark throughout."""
     lines: dict[PurePath, int] = {}
     for row in rows:
         place = PurePath(row.file)
         if place in lines:
-            raise RigError(
+            yield (
                 f"{run_table.name}, line {row.line}: names {row.file} a second time, after line {lines[place]}; "
                 "expected each file once: its conditions would be those of either line"
             )
-        lines[place] = row.line
+        lines.setdefault(place, row.line)
     marks = {mark: row.line for row in rows for mark in row.marks}
     if len(marks) > 1:
-        raise RigError(
+        yield (
             f"{run_table.name}: decimal commas (line {marks[',']}) and decimal points (line {marks['.']}): {_ONE_MARK}"
         )
 
@@ -239,7 +250,7 @@ def _rows(name: str, line: int, columns: Sequence[str], cells: Sequence[str], de
     numbers = [column for column in text if column in _NUMBERS or _OTHERS["payloads"].fullmatch(column)]
     marks = frozenset(re.findall(r"(?<=\d)[.,](?=\d)", " ".join(text[column] for column in numbers)))
     if delimiter == ";" and marks == {","}:
-        text |= {column: text[column].replace(",", ".") for column in numbers}
+        text |= {column: re.sub(r"(?<=\d),(?=\d)", ".", text[column]) for column in numbers}
     elif len(marks) > 1:
         raise RigError(f"{place}: {_ONE_MARK}")
     given: dict[str, object] = {

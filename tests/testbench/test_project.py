@@ -130,6 +130,32 @@ BROKEN = {
 }
 
 
+def test_logs_and_run_table_against_each_other(tmp_path):
+    """A row that is not understood hides no other problem; names that differ by a letter are put together."""
+    folder = tmp_path / "test"
+    new_project(folder, "four-bar")
+    lines = (folder / "runs.csv").read_text().splitlines()
+    logs = [tmp_path / line.split(",")[1] for line in lines[1:]]
+    for log in logs:
+        log.write_text("")
+    assert project_problems(folder, logs) == project_problems(folder)
+    extra = project_problems(folder, [*logs, tmp_path / "r009_daq.csv"])
+    assert [one.message for one in extra if "r009" in one.message] == [
+        "no line names r009_daq.csv: add one, or leave that log out"
+    ]
+    lines[1] = lines[1].replace("r001_daq", "r001_dag")
+    lines[2] = lines[2].replace("counter_A0A", "counter_A0Z")
+    lines[3] = lines[3].replace("measured", "gemessen")
+    (folder / "runs.csv").write_text("\n".join(lines) + "\n")
+    said = " | ".join(problem.message for problem in project_problems(folder, logs))
+    for expected in (
+        "line 2: names r001_dag.csv, which is not among the logs; did you mean 'r001_daq.csv'?",
+        "no site 'counter_A0Z'",
+        "line 4: origin: 'gemessen'",
+    ):
+        assert expected in said
+
+
 @pytest.mark.parametrize("file", BROKEN)
 def test_what_is_wrong_is_said(tmp_path, file):
     """Each file by name, with what is wrong in it; nothing stops at the first."""

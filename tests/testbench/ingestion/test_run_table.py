@@ -147,7 +147,13 @@ SEMICOLONS = "file;payload_kg;counter_masses;peak_acceleration_g\n"
 
 
 @pytest.mark.parametrize(
-    "row", ['a.csv;1,451;"A=24,26;B=1";3\n', 'a.csv;1.451;"A=24.26;B=1";3\n', "a.csv;1,451;A=24,26 kg;3\n"]
+    "row",
+    [
+        'a.csv;1,451;"A=24,26;B=1";3\n',
+        'a.csv;1.451;"A=24.26;B=1";3\n',
+        "a.csv;1,451;A=24,26 kg;3\n",
+        "a.csv;1,451;A=24,26 kg, B=1;3\n",
+    ],
 )
 def test_a_sheet_with_semicolons(run_table, row):
     """As spreadrun tables of half of Europe write it: decimal commas, or points, and sites within quotes."""
@@ -164,6 +170,7 @@ def test_a_sheet_with_semicolons(run_table, row):
         ("a.csv;1,451;;3\nb.csv;1.451;;3\n", r"decimal commas \(line 2\) and decimal points \(line 3\)"),
         ("a.csv;1,451;A=24,26;B=1;3\n", "need quotes in a run table with semicolons"),
         ("a.csv;1.451,5;;3\n", "line 2: expected decimal commas or decimal points throughout"),
+        ("a.csv;1;A=x;3\nb.csv;1;;3\n./b.csv;2;;3\n", r"line 2: counter_masses: (.|\n)*line 4: names ./b.csv a second"),
         ("a.csv;1;;3\n./a.csv;2;;3\n", "line 3: names ./a.csv a second time, after line 2"),
     ],
 )
