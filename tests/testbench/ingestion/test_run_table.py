@@ -156,7 +156,7 @@ SEMICOLONS = "file;payload_kg;counter_masses;peak_acceleration_g\n"
     ],
 )
 def test_a_sheet_with_semicolons(run_table, row):
-    """As spreadrun tables of half of Europe write it: decimal commas, or points, and sites within quotes."""
+    """As spreadsheets of half of Europe write it: decimal commas, or points, and sites within quotes."""
     path, _ = run_table(row, head=SEMICOLONS)
     (found,) = read_run_table(path)
     assert found.conditions["payload_kg"] == 1.451
