@@ -249,6 +249,8 @@ def tolerance(
 ) -> ToleranceAnalysis:
     """Shaking force that mechanisms made within tolerances keep; errors are drawn evenly within them (JCGM 101).
 
+    ``tolerances``: largest errors of ``SITE.mass``, ``BODY.x`` and the like, with a unit or in ``%`` of the value.
+
     >>> import balance
     >>> found = balance.tolerance("four-bar", "four-bar", {"counter_A0A.mass": "20 g"}, {"counter_A0A": "1.07 kg"})
     >>> found.percentiles["95"] > found.nominal
@@ -257,7 +259,7 @@ def tolerance(
     from .balancing.tolerance import Tolerance, analyze_tolerances
 
     if isinstance(tolerances, Mapping):
-        tolerances = [Tolerance(*_part(name)[:2], si(e, _part(name)[2])) for name, e in tolerances.items()]
+        tolerances = [Tolerance.of(*_part(name)[:2], error) for name, error in tolerances.items()]
     return analyze_tolerances(_problem(mechanism, motion, counter_masses), tolerances, draws, seed, pool)
 
 

@@ -4,6 +4,7 @@ Each quantity is drawn from a rectangular distribution over its tolerance (JCGM 
 is linear in small errors: one mechanism at either end of each tolerance gives the slope, and how far from linear it is.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -17,6 +18,7 @@ from ..dynamics.inverse_dynamics import simulate
 from ..errors import ModelError
 from ..results import Key, Shown, per_cent
 from ..task_pool import HERE, TaskPool
+from ..units import si
 from .sweep import Problem, Variable
 
 PERCENTILES = (50.0, 90.0, 95.0, 99.0)
@@ -33,7 +35,37 @@ class Tolerance:
     part: str
     """``mass`` of a counter-mass or body [kg]; ``x``, ``y``, ``z`` of the place of a site or body [m]."""
     half_width: float
-    """[kg or m]"""
+    """[kg or m], or a part of the quantity's nominal value [-]."""
+    relative: bool = False
+    """Whether it is such a part: of a counter-mass, the mass of a body, or a coordinate."""
+
+    @classmethod
+    def of(cls, name: str, part: str, error: float | str) -> "Tolerance":
+        """Of an ``error`` in SI, as a text with its unit, or in per cent of the nominal value, such as ``2 %``.
+
+        Raises UnitError for another text.
+        """
+        if isinstance(error, str) and (match := re.fullmatch(r"\s*\+?([0-9]+\.?[0-9]*|\.[0-9]+)\s*%\s*", error)):
+            return cls(name, part, float(match[1]) / 100.0, True)
+        return cls(name, part, si(error, "mass" if part == "mass" else "length"))
+
+    def sized(self, problem: Problem) -> "Tolerance":
+        """In kg or m. Raises ModelError for a part of zero."""
+        if not self.relative:
+            return self
+        if self.part != "mass":
+            nominal = problem.place(self.name, self.part)
+        elif self.name in problem.mechanism.sites:
+            nominal = problem.counter_masses.get(self.name, 0.0)
+        else:
+            nominal = problem.mechanism.mass(self.name)
+        if nominal == 0.0:
+            cure = "a counter-mass with --counter, or its" if self.name in problem.mechanism.sites else "its"
+            raise ModelError(
+                f"{self.name}.{self.part} is zero, of which {100.0 * self.half_width:g} % are nothing: give {cure} "
+                f"tolerance in {'g' if self.part == 'mass' else 'mm'}"
+            )
+        return Tolerance(self.name, self.part, self.half_width * abs(nominal))
 
     @property
     def text(self) -> str:
@@ -82,6 +114,7 @@ def analyze_tolerances(
     problem.check([Variable(t.name, t.part, np.zeros(1)) for t in tolerances])
     if draws < 1 or not all(0.0 < one.half_width < np.inf for one in tolerances):
         raise ModelError("expected one draw at least, and tolerances of more than zero")
+    tolerances = [one.sized(problem) for one in tolerances]
     nominal = _force(problem)
     slopes, curvatures = [], []
     ends = [(tolerance, sign * tolerance.half_width) for tolerance in tolerances for sign in (1.0, -1.0)]

@@ -43,8 +43,8 @@ class OfAPart(Read[T]):
             raise ValueError(f"{text!r}: {error}") from error
 
 
-def _quantity(part: str, text: str, positive: bool = False) -> float:
-    return Quantity("mass" if part == "mass" else "length", positive=positive).convert(text, None, None)
+def _quantity(part: str, text: str) -> float:
+    return Quantity("mass" if part == "mass" else "length").convert(text, None, None)
 
 
 def _varied(name: str, part: str, text: str) -> "Variable":
@@ -66,10 +66,13 @@ def _varied(name: str, part: str, text: str) -> "Variable":
 
 
 def _tolerance(name: str, part: str, text: str) -> "Tolerance":
-    """The largest error of a mass or a place, to either side, such as ``5g`` or ``0.1mm``."""
+    """The largest error of a mass or a place, to either side, such as ``5g``, ``0.1mm`` or ``2%`` of it."""
     from ..balancing.tolerance import Tolerance
 
-    return Tolerance(name, part, _quantity(part, text, positive=True))
+    found = Tolerance.of(name, part, text)
+    if not found.half_width > 0.0:
+        raise ValueError("expected more than zero")
+    return found
 
 
 @command(
@@ -180,7 +183,7 @@ def _best(columns: "Mapping[str, Floats]", ranked_by: str, top: int | None) -> "
     epilog="""\b
 Example:
   balance tolerance parallelogram-6bar --motion x -p platform=5kg -c counter_A0A=24.28kg -c counter_B0B=24.28kg \\
-    --tolerance counter_A0A.mass=20g --tolerance counter_A0A.x=0.2mm --tolerance platform.mass=10g \\
+    --tolerance counter_A0A.mass=20g --tolerance counter_A0A.x=0.2mm --tolerance platform.mass=2% \\
     --tolerance BD.x=0.05mm
 
 \b
@@ -191,8 +194,13 @@ def tolerance(
     mechanism: str = options.MECHANISM,
     motion: str = options.MOTION,
     tolerances: "tuple[Tolerance, ...]" = option(
-        "A mass or a place and its largest error, to either side.",
-        OfAPart("NAME.PART=ERROR", "counter_A0A.mass=5g or A.x=0.1mm", _tolerance, r"(?:±|\+-|\+/-)?(.+)"),
+        "A mass or a place and its largest error, to either side: with a unit, or in % of the mass or coordinate.",
+        OfAPart(
+            "NAME.PART=ERROR",
+            "counter_A0A.mass=5g, counter_A0A.mass=2% or A.x=0.1mm",
+            _tolerance,
+            r"(?:±|\+-|\+/-)?(.+)",
+        ),
         "--tolerance",
         multiple=True,
         required=True,

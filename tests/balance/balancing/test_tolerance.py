@@ -55,6 +55,33 @@ def test_one_error_in_closed_form():
     assert found.nominal < 1e-3 * full
 
 
+@pytest.mark.parametrize(
+    ("name", "part", "in_per_cent", "in_units"),
+    [
+        ("counter_A0A", "mass", "2%", f"{0.02 * COUNTERS['counter_A0A']!r} kg"),
+        ("platform", "mass", "1 %", "50 g"),
+        ("BD", "x", ".5%", 0.005),
+    ],
+)
+def test_per_cent_are_of_the_nominal_value(name, part, in_per_cent, in_units):
+    """Of the counter-mass that is mounted, a body's mass with its payload, the coordinate in the file."""
+    problem = manipulator()
+    if part == "x":
+        in_units *= abs(problem.place(name, part))
+    one, other = (
+        analyze_tolerances(problem, [Tolerance.of(name, part, error)], 1000, 1) for error in (in_per_cent, in_units)
+    )
+    assert one.effects[0].tolerance.half_width == pytest.approx(other.effects[0].tolerance.half_width, rel=1e-12)
+    assert one.percentiles["95"] == pytest.approx(other.percentiles["95"], rel=1e-9)
+
+
+def test_per_cent_of_nothing_are_refused():
+    """A site without a counter-mass has no mass of which a part could be meant."""
+    problem = Problem(load("four-bar"), load_motion("four-bar").sample(300.0))
+    with pytest.raises(ModelError, match=r"counter_A0A.mass is zero, of which 2 % are nothing: give .* --counter"):
+        analyze_tolerances(problem, [Tolerance.of("counter_A0A", "mass", "2%")], 1000, 1)
+
+
 def test_a_length_of_the_mechanism():
     """The crank's pin moved evenly over its tolerance, each a file of its own: the same percentiles; bend doubles."""
     four_bar, made = load("four-bar"), []
