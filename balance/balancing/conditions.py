@@ -106,21 +106,34 @@ def text_of(coefficients: Mapping[str, float], lengths: Mapping[str, float] | No
     return " ".join(terms) or "0"
 
 
-_MATHEMATICS = (
-    (r"\bmc([xyz])\[([^]]*)\]", r"(m c_{\1})_{\\mathrm{\2}}"),
-    (r"\bm\[([^]]*)\]", r"m_{\\mathrm{\1}}"),
-    (r"\bI([xyz]{2})\[([^]]*)\]", r"I_{\1,\\mathrm{\2}}"),
-    (r"(?<![{\w])([A-Za-z]\w*)/([A-Za-z]\w*) ", r"\\tfrac{\1}{\2}\\, "),
-    (r"_(?!\{)", r"\\_"),
-    (r" = 0$", " &= 0"),
+_SYMBOLS = re.compile(
+    r"\b(?P<parameter>mc|m|I)(?P<axes>[xyz]*)\[(?P<body>[^]]*)\]"
+    r"|(?<![^\s-])(?P<length>[^\W\d][^\s/\[]*)(?:/(?P<over>[^\s/\[]+))? "
+    r"|(?P<power>e[+-]\d+)|(?P<end> = 0$)"
 )
+_PARAMETERS = {"mc": r"(m c_{%s})_{%s}", "m": "%sm_{%s}", "I": r"I_{%s,%s}"}
+
+
+def _name(text: str) -> str:
+    """A name upright, so that it is no product of its letters; one letter is a symbol."""
+    escaped = re.sub(r"([_#$%&{}])", r"\\\1", text).replace(" ", r"\ ")
+    return text if len(text) == 1 and text.isalpha() else rf"\mathrm{{{escaped}}}"
+
+
+def _symbol(found: re.Match[str]) -> str:
+    if kind := found["parameter"]:
+        return _PARAMETERS[kind] % (found["axes"], _name(found["body"]))
+    if found["power"]:
+        return rf"\cdot 10^{{{int(found['power'][1:])}}}"
+    if found["end"]:
+        return " &= 0"
+    length = _name(found["length"])
+    return (rf"\tfrac{{{length}}}{{{_name(found['over'])}}}" if found["over"] else length) + r"\, "
 
 
 def _latex(text: str) -> str:
     """A condition's text as mathematics: ``mcx[A0A]`` is a first moment, ``m[AC]`` a mass, ``Ixx[AC]`` an inertia."""
-    for pattern, form in _MATHEMATICS:
-        text = re.sub(pattern, form, text)
-    return text
+    return _SYMBOLS.sub(_symbol, text)
 
 
 MOMENTA = {"linear": [0, 1, 2], "planar": [0, 1, 2, 5], "all": [0, 1, 2, 3, 4, 5]}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from balance.balancing import closed_forms
+from balance.balancing import closed_forms, conditions
 from balance.balancing.conditions import (
     GAP,
     MOMENTA,
@@ -367,3 +367,28 @@ def test_what_cannot_close_has_no_conditions() -> None:
     )
     with pytest.raises(ClosureError, match=r"four-bar.*cannot be closed.*B"):
         balance_conditions(models.model(text, "four-bar"))
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("mcx[A0A] + crank m[AB] = 0", r"(m c_{x})_{\mathrm{A0A}} + \mathrm{crank}\, m_{\mathrm{AB}} &= 0"),
+        (
+            "mcx[A] - crank/rod_2 mcy[B] = 0",
+            r"(m c_{x})_{A} - \tfrac{\mathrm{crank}}{\mathrm{rod\_2}}\, (m c_{y})_{B} &= 0",
+        ),
+        ("-r_1 m[arm_1] + r m[B] = 0", r"-\mathrm{r\_1}\, m_{\mathrm{arm\_1}} + r\, m_{B} &= 0"),
+        ("Ixx[left arm] + 2e-05 m[AB] = 0", r"I_{xx,\mathrm{left\ arm}} + 2\cdot 10^{-5} m_{\mathrm{AB}} &= 0"),
+        ("Ixz[be-2] + 0.15 m[e] = 0", r"I_{xz,\mathrm{be-2}} + 0.15 m_{e} &= 0"),
+    ],
+)
+def test_names_stay_whole_in_mathematics(text: str, shown: str) -> None:
+    """Names of several letters stand upright, with what TeX would read otherwise escaped; one letter is a symbol."""
+    assert conditions._latex(text) == shown
+
+
+def test_the_four_bar_in_a_notebook() -> None:
+    """Lengths that the file names are no product of their letters."""
+    shown = balance_conditions(models.load("four-bar"))._repr_latex_()
+    assert r"\mathrm{crank}\, m_{\mathrm{AB}}" in shown
+    assert r"\tfrac{\mathrm{crank}}{\mathrm{rocker}}\, (m c_{x})_{\mathrm{B0B}}" in shown
