@@ -27,6 +27,13 @@ BALANCES = 0.01
 """Residual, relative to the payload's own first moment, up to which a payload counts as balanced."""
 
 
+def _along_axes(vector: Floats, form: str) -> str:
+    """Components that are not zero, such as ``x 130.00, z 4.00``."""
+    shown = {axis: format(float(value), f"z{form}") for axis, value in zip("xyz", vector, strict=True)}
+    kept = [f"{axis} {text}" for axis, text in shown.items() if float(text)]
+    return ", ".join(kept) or format(0.0, form)
+
+
 @dataclass(frozen=True)
 class CounterMass:
     """A counter-mass at a site.
@@ -40,7 +47,7 @@ class CounterMass:
     site: Annotated[str, Key("", "site")]
     mass: Annotated[float, Key("mass_kg", "mass [kg]", ".4f")]
     """[kg]"""
-    position: Annotated[Floats, Key("position_m", "x in body [mm]", lambda at: f"{at[0] * 1e3:.2f}")]
+    position: Annotated[Floats, Key("position_m", "in body [mm]", lambda at: _along_axes(1e3 * at, ".2f"))]
     """Position of the site in its body's frame, (3,) [m]."""
     plates: Annotated[tuple[str, ...], Key("", "plates", counted)] = ()
     """Stock plates that it is made of."""
@@ -51,7 +58,9 @@ class CounterMass:
     """
 
     @property
-    def first_moment(self) -> Annotated[Floats, Key("first_moment_kgm", "moment [kg m]", lambda of: f"{of[0]:.5f}")]:
+    def first_moment(
+        self,
+    ) -> Annotated[Floats, Key("first_moment_kgm", "moment [kg m]", lambda of: _along_axes(of, ".5f"))]:
         """First moment of mass about the body's joint, (3,) [kg m]."""
         return self.mass * self.position
 

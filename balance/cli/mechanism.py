@@ -112,13 +112,24 @@ def _print_motion(
     """Force, moment and drives' torques, reactions where they are asked for, and what the motion exceeds."""
     left_out = model.left_out if response.torque else ()
     peak, rms = response.peak(), response.rms()
-    force = float((response.force**2).sum(axis=1).mean() ** 0.5)
-    say(
-        f"{model.name} shakes its base with {force:.4g} N RMS in motion {motion}, "
-        f"{float((response.force**2).sum(axis=1).max() ** 0.5):.4g} N peak (simulated, weight excluded)."
-    )
+    squares = (response.force**2).sum(axis=1)
+    force, largest = float(squares.mean() ** 0.5), float(squares.max() ** 0.5)
+    rounding = _NOTHING * _largest_part(model, trajectory)
+    if largest <= rounding:
+        say(
+            f"{model.name} puts 0 N on its base in motion {motion}: its force is balanced (simulated, weight excluded)."
+        )
+    else:
+        say(
+            f"{model.name} shakes its base with {force:.4g} N RMS in motion {motion}, {largest:.4g} N peak "
+            "(simulated, weight excluded)."
+        )
     of_drives = {name for name in rms if name.startswith(("torque_", "drive_force_"))}
-    shown = {n: value for n, value in rms.items() if n not in of_drives and peak[n] > _NOTHING}
+    shown = {
+        n: value
+        for n, value in rms.items()
+        if n not in of_drives and peak[n] > max(_NOTHING, rounding * n.startswith("F"))
+    }
     rows = [[label(name), f"{value:.4g}", f"{peak[name]:.4g}"] for name, value in shown.items()]
     emit_table(
         "",
@@ -142,7 +153,16 @@ def _print_motion(
 
 
 _NOTHING = 1e-9
-"""Value that counts as zero throughout [N, N m]."""
+"""Value that counts as zero throughout [N, N m]; of the parts that a sum has, the part that is rounding [-]."""
+
+
+def _largest_part(model: "Mechanism", trajectory: "Trajectory") -> float:
+    """The largest force that a body's mass or first moment alone puts into the shaking force, at some instants [N]."""
+    from ..dynamics.regressor import wrench_regressor
+
+    some = slice(None, None, max(len(trajectory.time) // 100, 1))
+    regressor = wrench_regressor(model, trajectory.q[some], trajectory.v[some], trajectory.a[some])
+    return float(abs(regressor[:, :3] * model.pi).max(initial=0.0))
 
 
 def _print_reactions(found: "Reactions") -> None:

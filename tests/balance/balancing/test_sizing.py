@@ -8,9 +8,11 @@ import pytest
 from balance import balancing
 from balance.balancing import stock_plates
 from balance.balancing.conditions import Conditions, balance_conditions
+from balance.balancing.sizing import CounterMass
 from balance.balancing.stock_plates import Plate
 from balance.errors import SizingError
 from balance.mechanism.mechanism import Mechanism
+from balance.results import table
 
 from .. import models
 
@@ -296,3 +298,10 @@ def test_no_payload_is_balanced_by_unequal_counter_masses() -> None:
     conditions, mechanism = carrying(0.3121)
     result = balancing.sizing_of_given(conditions, mechanism, dict(zip(SITES, (1.0, 10.099), strict=True)))
     assert result.balanced_payloads() == {"platform": None}
+
+
+def test_places_are_printed_along_the_axes_they_are_on():
+    """A site off x showed x and its first moment, both zero."""
+    at = ([0.0, 0.0, 0.04], [-0.1, 0.0, 0.02], [0.0, 0.0, 0.0])
+    rows = table(CounterMass, [CounterMass("s", 2.0, np.array(place)) for place in at], "position", "first_moment")[1]
+    assert rows == [["z 40.00", "z 0.08000"], ["x -100.00, z 20.00", "x -0.20000, z 0.04000"], ["0.00", "0.00000"]]
