@@ -36,9 +36,9 @@ class DataError(CounterpoiseError):
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
-    """``; did you mean 'rate'?`` if a known word is near."""
+    """``; did you mean 'rate'?`` if a known word is near; to a single letter only the same one is."""
     from difflib import get_close_matches  # late: every command imports this file
 
     by_lower = {name.lower(): name for name in known}
-    near = get_close_matches(word.lower(), list(by_lower), n=1)
+    near = get_close_matches(word.lower(), list(by_lower), n=1, cutoff=0.6 if len(word) > 1 else 1.0)
     return f"; did you mean {by_lower[near[0]]!r}?" if near else ""

@@ -244,4 +244,5 @@ def _cell(result: Any, path: Sequence[str], key: Key) -> str:  # noqa: ANN401
     if value is not None and callable(key.form):
         return key.form(value)
     shown = value if value is None or key.to is None else key.to(value)
-    return NO_VALUE if shown is None else format(shown, str(key.form))
+    form = str(key.form)  # of a number that rounds to zero without a sign
+    return NO_VALUE if shown is None else format(shown, f"z{form}" if form.startswith(".") else form)

@@ -83,7 +83,7 @@ class MissingMass:
     @property
     def interval(
         self,
-    ) -> Annotated[tuple[float, float], Key("", "interval", lambda ends: "{:.4f} .. {:.4f}".format(*ends))]:
+    ) -> Annotated[tuple[float, float], Key("", "interval", lambda ends: "{:z.4f} .. {:z.4f}".format(*ends))]:
         """Of the first moment [kg m]."""
         return self.first_moment.interval()
 

@@ -122,7 +122,9 @@ def _verdict(result: "Trim", stock: str | None) -> str:
     low, high = result.predicted_residual_interval
     verdict = result.verdict if added or result.verdict != "add" else f"add, but not from {stock}"
     parts.append(
-        f"First-moment residual predicted{' with that' if added else ''}: {result.predicted_residual:.4f} kg m, "
-        f"{low:.4f} .. {high:.4f}{', of simulated runs' if result.origin == 'simulated' else ''}. Verdict: {verdict}."
+        f"First-moment residual predicted{' with that' if added else ''}: {result.predicted_residual:z.4f} kg m, "
+        f"{low:z.4f} .. {high:z.4f}{', of simulated runs' if result.origin == 'simulated' else ''}. Verdict: {verdict}."
     )
+    if verdict == "doubtful":
+        parts.append("Before anything is mounted, mend what is named below (testbench doctor RUN), and trim again.")
     return " ".join(parts)

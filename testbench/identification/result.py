@@ -59,7 +59,7 @@ _TERM_UNITS = {
 
 def _interval_text(interval: tuple[float, float]) -> str:
     """``low .. high`` with four decimals."""
-    return f"{interval[0]:.4f} .. {interval[1]:.4f}"
+    return f"{interval[0]:z.4f} .. {interval[1]:z.4f}"
 
 
 SCALE = "torque scale"

@@ -7,6 +7,7 @@ from typing import Annotated
 import numpy as np
 import pytest
 
+from balance.errors import suggestion
 from balance.results import INLINE, Key, document, per_cent, rpm, table
 
 
@@ -80,3 +81,23 @@ def test_table_by_labels_and_formats(wanted, header, row):
     """All columns with a label, or those that are wanted, in that order; a header where there are no rows."""
     assert table(Reading, [ONE], *wanted) == (header, [row])
     assert table(Reading, [], *wanted) == (header, [])
+
+
+@dataclass(frozen=True)
+class Rounded:
+    """A number in few digits."""
+
+    value: Annotated[float, Key("", "value", ".4f")]
+
+
+def test_what_rounds_to_zero_has_no_sign():
+    """Negative numbers below the last digit are printed as zero; others keep their sign."""
+    assert table(Rounded, [Rounded(-1e-6), Rounded(-0.0), Rounded(-0.25)])[1] == [["0.0000"], ["0.0000"], ["-0.2500"]]
+
+
+@pytest.mark.parametrize(
+    ("word", "known", "meant"), [("x", ["Mx", "y"], ""), ("X", ["x"], "'x'"), ("mx", ["Mx", "My"], "'Mx'")]
+)
+def test_no_other_word_is_meant_by_a_letter(word, known, meant):
+    """Half of every name of two letters is like one letter."""
+    assert suggestion(word, known) == (f"; did you mean {meant}?" if meant else "")

@@ -102,6 +102,9 @@ def test_doubtful_results_exit_with_3(run, tmp_path):
     assert found["verdict"] == "doubtful"
     assert {"no_such_bodies", "slip"} & set(found["doubt_codes"])
     assert len(found["doubts"]) == len(found["doubt_codes"])
+    shown = invoke(ARM, run, "--rig", swapped, "--method", "ls", expected=3)
+    assert "Do not build on it: mend what is named below the tables" in " ".join(shown.split("\n\n")[0].split())
+    assert "-0.0000" not in shown
 
 
 def test_a_run_of_another_mechanism_is_refused(run):
