@@ -535,12 +535,12 @@ def verdict(reductions: Sequence[Reduction]) -> str:
         size = f"{low} to {high} % in {len(some)} conditions" if len(some) > 1 else f"{low} % [{', '.join(interval)}]"
         parts.append(f"{f'{sensor} ' if several else ''}{axis}: reduced by {size}")
     of_all = f"of {len(reductions)} reductions"
-    if len(bounds) == 1:
-        (one,) = bounds
-        why = "the rest is below noise" if one.below_noise else "clipped without counter-masses"
-        parts.append(
-            f"{f'{one.sensor} ' if several else ''}{one.axis}: reduced by at least {one.at_least:.1f} % ({why})"
-        )
+    for sensor, axis in dict.fromkeys((r.sensor, r.axis) for r in bounds):
+        some = [r for r in bounds if (r.sensor, r.axis) == (sensor, axis)]
+        why = "the rest is below noise" if some[0].below_noise else "clipped without counter-masses"
+        note = f"in {len(some)} conditions" if len(some) > 1 else f"({why})"
+        least = min(r.at_least for r in some if r.at_least is not None)
+        parts.append(f"{f'{sensor} ' if several else ''}{axis}: reduced by at least {least:.1f} % {note}")
     counts = [f"{len(bounds)} {of_all} are lower bounds, below noise or clipped"] if len(bounds) > 1 else []
     if withheld:
         codes = ", ".join(sorted({code for r in withheld for code in r.doubts} & WITHHELD))

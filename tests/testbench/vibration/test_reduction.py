@@ -88,7 +88,11 @@ def test_the_verdict_counts_what_is_no_number(brief_analysis):
         f"{bound.at_least:.1f} % (the rest is below noise); 1 of 4 reductions are withheld for "
         "counter_mass_contradiction: see the findings; 1 of 4 reductions have no interval."
     )
-    assert "2 of 2 reductions are lower bounds" in verdict([bound, bound])
+    less = replace(bound, interval=(bound.at_least - 5.0, 100.0))
+    assert verdict([bound, less]) == (
+        f"{bound.axis}: reduced by at least {bound.at_least - 5.0:.1f} % in 2 conditions; 2 of 2 reductions are lower "
+        "bounds, below noise or clipped."
+    )
 
 
 def _true_amplitude(logs, run: str, axis: str, measure: Measure) -> float:
