@@ -91,6 +91,8 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
     })  # fmt: skip
     if (applied := run.provenance.get("calibrations")) is not None:
         frame.attrs["calibrations"] = json.dumps(applied, ensure_ascii=False)
+    if (g0 := run.provenance.get("g0_m_per_s2")) is not None:
+        frame.attrs["g0_m_per_s2"] = g0
     return frame, problem
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from balance.arrays import Floats, Mask
 from balance.errors import UnitError
 from balance.results import plain
-from balance.units import SI_UNITS, factor_to_si
+from balance.units import G0, SI_UNITS, factor_to_si
 
 from .. import units
 from ..calibration.definition import is_electrical, unit_of_log
@@ -436,7 +436,8 @@ def _stored_rig(text: str) -> Rig:
 class PhysicalRun(Run):
     """A stored run in SI: channels of the rig as calibrated now, all others as recorded.
 
-    Values are computed on reading; ``provenance["calibrations"]`` states by which calibrations.
+    Values are computed on reading; ``provenance["calibrations"]`` states by which calibrations, of
+    accelerations ``provenance["g0_m_per_s2"]`` what ``g`` is taken to be.
     """
 
     si: SIRun
@@ -475,6 +476,8 @@ def physical(run: Run) -> PhysicalRun:
     given = {f.name: getattr(run, f.name) for f in fields(Run)}
     given["groups"] = tuple(_in_si(group, units) for group in run.groups)
     given["provenance"] = {**run.provenance, "calibrations": plain(calibrations_in_force([si]))}
+    if SI_UNITS["acceleration"] in units.values():
+        given["provenance"]["g0_m_per_s2"] = G0
     return PhysicalRun(**given, si=si, columns=places)
 
 

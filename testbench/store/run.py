@@ -295,6 +295,7 @@ class Run(Shown, rows="groups", figure="testbench.figures.runs:draw_run"):
     def _about(self, group: StoredGroup | None) -> dict[str, Any]:
         """Where the values are from, and by which calibrations in SI, a JSON text: netCDF holds no tables."""
         about = {"run": self.name, **({} if group is None else {"group": group.name}), "origin": self.origin}
+        about |= {key: value for key, value in self.provenance.items() if key == "g0_m_per_s2"}
         applied = self.provenance.get("calibrations")
         return about if applied is None else {**about, "calibrations": json.dumps(applied, ensure_ascii=False)}
 

@@ -166,6 +166,8 @@ def test_tables_in_si(tmp_path):
     (held,) = json.loads(table.attrs["calibrations"])
     assert (held["sensor"], held["calibration"], held["reason"]) == ("acc", "100 mV/g, offset 2.5 V", "yearly")
     data = physical(run).to_xarray()
+    joined = physical(run).to_pandas(resample="10 Hz")
+    assert [one.attrs.get("g0_m_per_s2") for one in (raw, table, joined, data)] == [None, 9.81, 9.81, 9.81]
     assert data["ch0"].attrs["units"] == "m/s^2"
     np.testing.assert_array_equal(data["ch0"], table["ch0 (m/s^2)"])
     np.testing.assert_array_equal(data["ch1"], run.channel("ch1"))
