@@ -92,6 +92,9 @@ def align(
     def show() -> None:
         _print_clocks([found for _, found in done], refused, records)
         options.print_calibrations(applied)
+        triggers = [] if by == "trigger" or pair else common_signals.trigger_groups(bound)
+        if len(triggers) > 1:
+            say(f"The rig has a trigger in {first_of(triggers, 4)}: --by trigger aligns the clocks by its edges.")
 
     document = {
         "alignments": [row for _, found in done for row in found.rows],

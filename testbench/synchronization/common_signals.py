@@ -272,6 +272,12 @@ def trigger_pairs(
     yield partial(_common_trigger, motion, reference, own)
 
 
+def trigger_groups(runs: Iterable[SIRun]) -> list[str]:
+    """Groups for which the rig has a sensor of kind ``trigger`` that some run recorded."""
+    found = (run.groups_of(filter(run.holds, run.rig.columns_of(Trigger))) for run in runs)
+    return list(dict.fromkeys(group for groups in found for group in groups))
+
+
 def _common_trigger(motion: RunMotion, reference: str, own: str, _first: ClockMap | None) -> SharedSignals:
     """Raises AnalysisError where one of the groups has no trigger sensor."""
     found = {group: motion.columns(motion.run.rig.columns_of(Trigger), group) for group in (reference, own)}

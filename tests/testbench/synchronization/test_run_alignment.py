@@ -13,7 +13,7 @@ from testbench.errors import AnalysisError
 from testbench.kinematics.encoder_motion import loaded_mechanism, mechanism_of
 from testbench.runs.si_run import SIRun
 from testbench.synchronization.clock_map import ClockMap
-from testbench.synchronization.common_signals import trigger_pairs
+from testbench.synchronization.common_signals import trigger_groups, trigger_pairs
 from testbench.synchronization.event_alignment import by_trigger
 from testbench.synchronization.offset_and_drift import by_correlation
 from testbench.synchronization.run_alignment import align_named, align_run
@@ -175,6 +175,7 @@ def test_a_trigger_that_the_rig_names():
         clock = found.map_of(group)
         late = float(clock.to_reference(np.array([clock.at_own]))[0]) - truth(scene, 0, group, clock.at_own)
         assert abs(late) < 1.5e-3
+    assert trigger_groups([SIRun.of(run, scene.rig)]) == ["controller", "daq", "forces"]
     bare = rigs.rig_from_text(text.replace('channel = "daq_sync"', 'channel = "unplugged"'))
     refused = aligned_by(run, bare, drift=False, method=by_trigger, pairs=trigger_pairs).refused
     assert "no sensor of kind 'trigger' in daq: add one" in refused["daq"]
