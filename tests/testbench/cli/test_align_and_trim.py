@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from balance.cli.framework import Detail
+from balance.datasets import find_dataset
 from testbench.cli.align import align
 from testbench.cli.trim import trim
 from testbench.cross_examination import Examination, Statement
@@ -103,6 +104,20 @@ def test_align_for_people(campaign):
         assert words in text
 
 
+def test_align_names_the_triggers_of_a_rig(campaign, tmp_path):
+    """By signals, the better way is named; where only one logger has a trigger there is none."""
+    text, rig = find_dataset("parallelogram-6bar", "rigs", ".toml").read_text("utf-8"), tmp_path / "rig.toml"
+    shown = []
+    for logger, channel in (("controller", "TargetY"), ("daq", "PlatY")):
+        assert f', y = "{channel}"' in text
+        text = text.replace(f', y = "{channel}"', "")
+        text += f'\n[sensors.trigger_{logger}]\nkind = "trigger"\nlogger = "{logger}"\nchannel = "{channel}"\n'
+        rig.write_text(text, "utf-8")
+        shown.append(invoke(align, campaign / "r001.h5", "--no-drift", "--dry-run", "--rig", rig))
+    assert "--by trigger" not in shown[0]
+    assert "--by trigger aligns the clocks by its edges" in shown[1]
+
+
 def test_align_by_named_channels_can_be_refused(campaign):
     """Channels that saw nothing in common: said why, exit code 1."""
     done = CliRunner().invoke(align, [str(campaign / "r001.h5"), "--pair", "TargetX=Fz3", "--json"])
@@ -135,6 +150,14 @@ def test_trim_gives_what_is_accepted_on_record(campaign, monkeypatch):
     document = json.loads(invoke(trim, campaign, "--by", "wrench", "--json", expected=3))
     assert [one["code"] for one in document["accepted"]] == ["payload_contradiction"]
     assert document["verdict"] == "add"
+
+
+def test_a_doubtful_trim_says_what_to_do(campaign, monkeypatch):
+    """A contradiction that nobody accepted: the line of the verdict has what to do before masses are mounted."""
+    stated = Statement("r002", "payload", None, "8 kg", "5 kg", "the drives", "payload_contradiction")
+    monkeypatch.setattr("testbench.cross_examination.examine", lambda *_: Examination(("r002",), (stated,), {}))
+    first = " ".join(invoke(trim, campaign, "--by", "wrench", expected=3).split("\n\n")[0].split())
+    assert "Verdict: doubtful. Before anything is mounted, mend what is named below (testbench doctor RUN)" in first
 
 
 def test_trim_for_people(aligned, tmp_path, everything):
