@@ -569,21 +569,25 @@ def narrowing(family: Family, seeds: Sequence[int]) -> Iterator[Row]:
 def study(count: int, brief: bool) -> Iterator[Row]:
     """Two-sided and "at least" statements by family, briefly of three; how repeats narrow the intervals."""
     for name in ("white", "hum", "all mixed") if brief else FAMILIES:
-        t = tally(FAMILIES[name], range(count))
-        stated = t.two_sided.count + t.at_least.count
-        note = f"p {_p(t.two_sided):.2g}, withheld {t.withheld} of {stated + t.withheld}"
-        note += f", {t.refused} campaigns refused" * bool(t.refused)
-        if t.widths:
-            note += f", half width {np.median(t.widths):.2g} %"
-        note += f", missed by seeds {' '.join(map(str, sorted(set(t.missed))[:12]))}" * bool(t.missed)
-        yield covered(f"{name}, two-sided", t.two_sided.hits, t.two_sided.count, note)
-        yield covered(f"{name}, at least", t.at_least.hits, t.at_least.count, conservative=True)
-        if t.widths:
-            ratios = np.median(np.array(t.widths) / [t.oracle, t.signal], axis=1)
-            note = f"of the oracle {np.median(t.oracle):.2g} %; {ratios[1]:.2f} times that of one that knows the signal"
-            most = WIDER if len(t.widths) >= FEWEST else None
-            yield Row(f"{name}, half width over that of the oracle", float(ratios[0]), "", None, most, note)
+        yield from stated(name, tally(FAMILIES[name], range(count)))
     yield from narrowing(FAMILIES["floor"], range(NARROWED))
+
+
+def stated(name: str, t: FamilyTally) -> Iterator[Row]:
+    """The figures of a family: how many statements hold, and how wide they are."""
+    number = t.two_sided.count + t.at_least.count
+    note = f"p {_p(t.two_sided):.2g}, withheld {t.withheld} of {number + t.withheld}"
+    note += f", {t.refused} campaigns refused" * bool(t.refused)
+    if t.widths:
+        note += f", half width {np.median(t.widths):.2g} %"
+    note += f", missed by seeds {' '.join(map(str, sorted(set(t.missed))[:12]))}" * bool(t.missed)
+    yield covered(f"{name}, two-sided", t.two_sided.hits, t.two_sided.count, note)
+    yield covered(f"{name}, at least", t.at_least.hits, t.at_least.count, conservative=True)
+    if t.widths:
+        ratios = np.median(np.array(t.widths) / [t.oracle, t.signal], axis=1)
+        note = f"of the oracle {np.median(t.oracle):.2g} %; {ratios[1]:.2f} times that of one that knows the signal"
+        most = WIDER if len(t.widths) >= FEWEST else None
+        yield Row(f"{name}, half width over that of the oracle", float(ratios[0]), "", None, most, note)
 
 
 def _p(t: Tally) -> float:

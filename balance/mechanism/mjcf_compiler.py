@@ -7,6 +7,7 @@ which no moving body's mass depends are not opened: MuJoCo would only draw them 
 import hashlib
 import json
 import re
+import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -29,6 +30,8 @@ COORDINATE_LIMIT = 600
 """Most coordinates of a mechanism, and most joints."""
 MEMORY_LIMIT = 1_500_000_000
 """Memory that compiling may take beyond what is in use [bytes]."""
+_LIMITING = threading.Lock()
+"""The limit is of the process: a second thread would take the first one's for what stood before, and leave it."""
 LOOP_END = "loop end"
 """Beginning of the names of sites that a robot's loops are tied at: nobody's but the compiler's."""
 MASSLESS = 2e-15
@@ -248,15 +251,16 @@ def _bounded_memory() -> Iterator[None]:
     except (ImportError, OSError):
         yield
         return
-    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-    bound = used + MEMORY_LIMIT
-    if soft != resource.RLIM_INFINITY:
-        bound = min(bound, soft)
-    resource.setrlimit(resource.RLIMIT_AS, (bound, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+    with _LIMITING:
+        soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+        bound = used + MEMORY_LIMIT
+        if soft != resource.RLIM_INFINITY:
+            bound = min(bound, soft)
+        resource.setrlimit(resource.RLIMIT_AS, (bound, hard))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
 def refuse_tags(text: str, name: str, passed: str = "") -> None:

@@ -116,8 +116,8 @@ _AT_ONCE = 16
 _MODULUS, _BYTE, _WORD, _SIDE = 65535, 256, 16, 128
 
 
-_MANY = 128
-"""Chunks of one group from which on the compiled loop saves more than its start costs."""
+_MANY = 1 << 23
+"""Samples of one group from which on the compiled loop saves more than its start costs, in time and memory."""
 
 
 @cache
@@ -259,7 +259,7 @@ class Chunk:
 
     def write(self, dataset: "h5py.Dataset", start: int) -> int:
         """Write what was taken in as the chunk from sample ``start`` on; its size [bytes]."""
-        self._written += 1
+        self._written += len(self._samples)
         loop = compiled_sums().loop if self._written > _MANY else None
         self._checksum[0] = fletcher32(self._samples, loop)
         dataset.id.write_direct_chunk((start,), self._bytes)

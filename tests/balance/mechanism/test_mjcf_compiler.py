@@ -1,5 +1,6 @@
 """MJCF means what MuJoCo says: idioms held against its own dynamics; what is refused, by name, in one line."""
 
+import threading
 from pathlib import Path
 
 import mujoco
@@ -8,6 +9,7 @@ import pinocchio
 import pytest
 
 from balance.errors import ModelError
+from balance.mechanism import mjcf_compiler
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
 
@@ -334,3 +336,28 @@ def test_a_mesh_file_that_has_mass(tmp_path: Path) -> None:
     assert mechanism_from_text(again.text, "arm").text == again.text
     with pytest.raises(ModelError, match="11 numbers for each body"):
         mechanism_from_text(arm.text.replace('data="[[', 'data="[[1.0, '), "arm")
+
+
+def test_the_limit_of_memory_does_not_stay_when_two_threads_compile():
+    """It is of the process: the second one began within the first one's limit, ended after it, and put that back."""
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    inside, overlapping = threading.Event(), threading.Event()
+
+    def first() -> None:
+        with mjcf_compiler._bounded_memory():
+            inside.set()
+            overlapping.wait(0.2)
+
+    def second() -> None:
+        inside.wait(5.0)
+        with mjcf_compiler._bounded_memory():
+            overlapping.set()
+            one.join()
+
+    one, two = threading.Thread(target=first), threading.Thread(target=second)
+    for thread in (one, two):
+        thread.start()
+    for thread in (one, two):
+        thread.join(5.0)
+    assert resource.getrlimit(resource.RLIMIT_AS) == before
