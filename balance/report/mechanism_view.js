@@ -3,17 +3,22 @@
 window.live = ({ data, at, made, asked }) => ({
   ready({ pictured, show, renew }) {
     const angles = { azimuth: 30, elevation: 20 };
-    const said = (error) => { at("view-error").textContent = error ? error.message : ""; };
+    const errors = {};
+    const said = (name, error) => {
+      errors[name] = error ? error.message : "";
+      at("view-error").textContent = [...new Set(Object.values(errors))].filter(Boolean).join(" ");
+    };
     const ZERO = 1e-9;
     const digits = (value) => (value === null ? "–" : Math.abs(value) < ZERO ? "0" : value.toPrecision(4));
 
-    /* A quantity: a slider, and a field that takes any unit. */
+    /* A quantity: a slider, and a field that takes any unit; the answer to an older text does not replace a newer one. */
     const quantity = (host, { name, unit, low, high }, changed) => {
       const label = made("label"), field = made("input", "", { size: 14, "aria-label": `${name}, with unit` });
       const slider = made("input", "", { type: "range", min: low, max: high, step: (high - low) / 1000, "aria-label": name });
       label.append(made("bdi", name), slider, field);
       host.append(label);
-      const set = (value) => {
+      const set = (value, asked = field.value) => {
+        if (field.value !== asked) return;
         if (document.activeElement !== field) field.value = `${+value.toPrecision(9)} ${unit}`;
         slider.value = value;
         slider.setAttribute("aria-valuetext", `${+value.toPrecision(4)} ${unit}`);
@@ -23,12 +28,13 @@ window.live = ({ data, at, made, asked }) => ({
       return { set, text: () => field.value };
     };
     /* Asks anew until what was asked for last is shown. */
-    const latest = (name, words, shown) => {
+    const latest = (name, words, fields, shown) => {
       let wanted = false, busy = null;
       const ask = async () => {
         while (wanted) {
           wanted = false;
-          await asked(name, words()).then((found) => { said(null); shown(found); }, said);
+          const texts = fields().map((one) => one.text());
+          await asked(name, words()).then((found) => { said(name); shown(found, texts); }, (error) => said(name, error));
         }
         busy = null;
       };
@@ -48,7 +54,7 @@ window.live = ({ data, at, made, asked }) => ({
       cell.append(one);
       return cell;
     };
-    const showValues = (found) => {
+    const showValues = (found, texts = []) => {
       current = found;
       const [without, best, here] = Object.values(found.rms_force_N);
       const share = (one) => (without > 0 ? `${digits(100 * one / without)} %` : "–");
@@ -59,32 +65,32 @@ window.live = ({ data, at, made, asked }) => ({
         row.append(head, ...[...rms, ...largest].map(number));
         return row;
       }));
-      masses.forEach((one, i) => one.set(found.masses_kg.mounted[i]));
+      masses.forEach((one, i) => one.set(found.masses_kg.mounted[i], texts[i]));
     };
     const instants = (found) => JSON.stringify(found.runs[0].channels.map(({ name, start, step, samples }) => [name, start, step, samples]));
-    const answered = (found) => {
+    const answered = (found, texts) => {
       const anew = instants(found) !== instants(current);
-      showValues(found);
+      showValues(found, texts);
       show(found.moving);
       renew(found.runs, anew);
     };
     const respond = latest("response", () => {
       const words = { motion: choice.value, ...(stroke.disabled ? {} : { stroke: stroke.value, peak: peak.value }), ...from() };
       return sized ? words : { ...words, ...mounted() };
-    }, answered);
+    }, () => masses, answered);
     const hand = at("hand-panels");
     let drawn = data.pose.moving, drag = null;
-    const posed = ({ moving, at: values, centre_m: centre, at_rest: torques, beyond }) => {
+    const posed = ({ moving, at: values, centre_m: centre, at_rest: torques, beyond }, texts = []) => {
       drawn = moving;
       pictured(hand, moving)(0);
-      coordinates.forEach((one, i) => one.set(values[i]));
+      coordinates.forEach((one, i) => one.set(values[i], texts[i]));
       const place = centre.map((x, i) => `${"xyz"[i]} = ${+(1000 * x).toFixed(2)} mm`).join(", ");
       const drives = torques.map(([name, unit, value]) => `${name} ${digits(value)} ${unit}`).join(", ");
       at("hand-now").textContent = [`Centre of mass: ${place}.`, drives && `Held by: ${drives}.`, ...beyond].join(" ");
     };
     const pose = latest("pose", () => ({
       ...Object.fromEntries(coordinates.map((one, i) => [`at${i}`, one.text()])), ...mounted(), ...from(), ...pulled(),
-    }), posed);
+    }), () => coordinates, posed);
 
     /* The drawing is dragged: a counter-mass to another mass, any other part to where the mechanism can bring it. */
     const NEAR = 40;

@@ -81,6 +81,17 @@ HANDLE = """one => {
 """Of a link's first edge, or within the rim of a disc, on the screen."""
 
 
+HOLD = """() => {
+  window.held = [];
+  window.real = window.fetch;
+  window.fetch = async (...words) => {
+    const answer = await real(...words);
+    return new Promise((go) => held.push(() => go(answer)));
+  };
+}"""
+"""Answers wait until they are let go."""
+
+
 def gripped(found, share):
     """A place along the last link of a pose: how it is named, and where it is, right and up [m]."""
     moving = found["moving"]
@@ -204,6 +215,16 @@ def test_in_a_browser(browser, serious, served):
         )
         page.mouse.up()
     page.wait_for_function("() => document.getElementById('hand-now').textContent.includes('Held by')")
+    page.evaluate(HOLD)
+    for text in ("1 kg", "2 kg"):  # the second is typed before the answer to the first
+        page.fill("#view-masses input >> nth=1", text)
+        page.keyboard.press("Enter")
+        page.wait_for_function("() => held.length == 2")
+    page.evaluate("() => held.splice(0).forEach((go) => go())")
+    page.wait_for_function("() => held.length == 2")
+    page.evaluate("() => { window.fetch = real; held.splice(0).forEach((go) => go()); }")
+    page.wait_for_load_state("networkidle")
+    assert page.input_value("#view-masses input >> nth=1") == "2 kg"
     page.fill("#view-masses input >> nth=1", "much")
     page.keyboard.press("Enter")
     page.wait_for_function("() => document.getElementById('view-error').textContent.includes('expected a number')")
