@@ -25,6 +25,8 @@ from ..results import frame
 if TYPE_CHECKING:
     import pandas
 
+    from .objective import Objective
+
 GAP = 1e6
 """Least ratio between the smallest kept and the largest dropped singular value that decides a rank."""
 STATES = 64
@@ -82,6 +84,13 @@ def reduced_row_echelon(basis: Floats, order: Sequence[int]) -> Floats:
     found = np.zeros_like(basis)
     found[:, used] = matrix
     return found
+
+
+def _pseudo_inverse(matrix: Floats, limit: float) -> Floats:
+    """Of ``matrix`` (m, n), singular values up to ``limit`` taken for zero, (n, m) [1 / its unit]."""
+    left, values, right = np.linalg.svd(matrix, full_matrices=False)
+    kept = values > limit
+    return (right[kept].T / values[kept]) @ left[:, kept].T
 
 
 def text_of(coefficients: Mapping[str, float], lengths: Mapping[str, float] | None = None) -> str:
@@ -210,6 +219,36 @@ class Conditions:
         least = np.linalg.pinv(weights, rcond=_ZERO)
         blocks = zip(least.reshape(bodies, 3, len(rows)), weights.T.reshape(bodies, 3, len(rows)), strict=True)
         return np.array([np.linalg.pinv(own @ weight.T, rcond=_ZERO) @ own @ rows for own, weight in blocks])
+
+    def required_first_moments(
+        self, mechanism: Mechanism | None = None, bodies: Sequence[str] = (), objective: "Objective | None" = None
+    ) -> Floats:
+        """First moments that, added to all bodies together, meet the conditions on linear momentum, (nb, 3) [kg m].
+
+        Each in its body's frame. Least in squares on other bodies than ``bodies`` [default: those with sites named
+        counter...], then on these. No first moment meets conditions on masses alone: with such the ``objective`` is
+        least, by default the momentum over the workspace. The mass that gives a first moment counts too, apart.
+
+        >>> import balance
+        >>> balance.conditions("four-bar").required_first_moments()[:, 0].round(4).tolist()
+        [-0.0537, 0.0, -0.1096]
+        """
+        model = mechanism or self.mechanism
+        sites = (model.site(name).body for name in model.counter_sites)
+        first = {model.body_index(body) for body in bodies} or {body for body in sites if body >= 0}
+        rows = self.matrix
+        if "kg" in self.units:
+            rows = objective.factor[:, :-1] if objective else self.weights @ rows
+        blocks = rows.reshape(len(rows), -1, len(PARAMETERS))[:, :, 1:4]
+        cheap = np.array([body in first for body in range(blocks.shape[1])], dtype=bool)
+        given, others = (blocks[:, which].reshape(len(rows), -1) for which in (cheap, ~cheap))
+        limit = _ZERO * float(np.linalg.norm(blocks))
+        inverse, lacking = _pseudo_inverse(given, limit), -rows @ model.pi
+        rest = others - given @ (inverse @ others)
+        found = np.zeros((len(cheap), 3))
+        found[~cheap] = (_pseudo_inverse(rest, limit) @ (lacking - given @ (inverse @ lacking))).reshape(-1, 3)
+        found[cheap] = (inverse @ (lacking - others @ found[~cheap].ravel())).reshape(-1, 3)
+        return np.where(np.abs(found) > _ZERO * np.abs(model.parameters[:, 1:4]).max(initial=_ZERO), found, 0.0)
 
     def is_balanced(self, tol: float, mechanism: Mechanism | None = None) -> bool:
         """Whether no condition is off by more than ``tol`` [kg m, kg, kg m2]."""

@@ -23,6 +23,8 @@ from ..dynamics.regressor import driven_torque_regressor, momentum_regressor, to
 from ..errors import ModelError, SizingError
 from ..mechanism.mechanism import PARAMETERS, Mechanism
 
+WORKSPACE_UNIT = "root of kg"
+"""Of momentum per root of twice the kinetic energy."""
 QUANTITIES = {"force": "N", "moment": "Nm", "torque": "Nm"}
 """What can be made small over a motion, and the unit of its root mean square."""
 MADE_SMALL = {
@@ -171,7 +173,7 @@ _ROWS: Mapping[str, Callable[[Mechanism, Trajectory], Iterator[Floats]]] = {
 
 def workspace_objective(mechanism: Mechanism) -> Objective:
     """Mean over the workspace of momentum squared per twice the kinetic energy [kg]: see ``workspace_momentum``."""
-    return Objective(triangle(iter([with_constant(workspace_momentum(mechanism))])), "root of kg")
+    return Objective(triangle(iter([with_constant(workspace_momentum(mechanism))])), WORKSPACE_UNIT)
 
 
 def workspace_momentum(mechanism: Mechanism) -> Floats:

@@ -15,7 +15,7 @@ from ..mechanism.mechanism import Mechanism, Site
 from ..results import Key, Shown, counted, plain
 from .conditions import Conditions
 from .least_masses import distribute_masses
-from .objective import Objective, unit_masses, workspace_objective
+from .objective import WORKSPACE_UNIT, Objective, unit_masses, workspace_objective
 
 if TYPE_CHECKING:
     from .stock_plates import Plate
@@ -63,6 +63,44 @@ class CounterMass:
     ) -> Annotated[Floats, Key("first_moment_kgm", "moment [kg m]", lambda of: _along_axes(of, ".5f"))]:
         """First moment of mass about the body's joint, (3,) [kg m]."""
         return self.mass * self.position
+
+
+@dataclass(frozen=True)
+class BodyMoment:
+    """First moment of mass that the conditions require of a body, in its own frame.
+
+    >>> import balance
+    >>> one = balance.check("four-bar", {"counter_A0A": "1 kg"}).first_moments()[0]
+    >>> one.body, one.required[0].round(4), one.given[0], one.missing[0].round(4)
+    ('A0A', -0.0537, -0.05, -0.0037)
+    """
+
+    body: Annotated[str, Key("", "body")]
+    given: Annotated[Floats, Key("given_kgm", "sites give [kg m]", lambda of: _along_axes(of, ".5f"))]
+    """What the counter-masses at its sites give, (3,) [kg m]."""
+    missing: Annotated[Floats, Key("missing_kgm", "missing [kg m]", lambda of: _along_axes(of, ".5f"))]
+    """What is still to be added, on all bodies together: see ``Conditions.required_first_moments``, (3,) [kg m]."""
+
+    @property
+    def required(self) -> Annotated[Floats, Key("required_kgm", "required [kg m]", lambda of: _along_axes(of, ".5f"))]:
+        """What is to be added to the body as it is without counter-masses, (3,) [kg m]."""
+        return self.given + self.missing
+
+
+def body_moments(
+    conditions: Conditions,
+    mechanism: Mechanism,
+    counter_masses: Sequence[CounterMass] = (),
+    objective: Objective | None = None,
+) -> list[BodyMoment]:
+    """What each body of ``mechanism``, with its ``counter_masses``, is given and misses; none where both are zero."""
+    given = np.zeros((len(mechanism.bodies), 3))
+    for one in counter_masses:
+        given[mechanism.site(one.site).body] += one.first_moment
+    carrying = list(dict.fromkeys(mechanism.bodies[mechanism.site(one.site).body] for one in counter_masses))
+    missing = conditions.required_first_moments(mechanism, carrying, objective)
+    every = zip(mechanism.bodies, given, missing, strict=True)
+    return [BodyMoment(body, has, lacks) for body, has, lacks in every if has.any() or lacks.any()]
 
 
 @dataclass(frozen=True)
@@ -121,6 +159,11 @@ class Sizing(Shown, rows="counter_masses", figure="balance.figures.mechanism:dra
         """Residual in per cent of that without counter-masses; None where there is nothing to balance."""
         whole = self.conditions.first_moment_residual(self.before)
         return 100.0 * self.residual() / whole if whole > 0.0 else None
+
+    def first_moments(self) -> list[BodyMoment]:
+        """Of each body, the first moment that the conditions require, what the sites give and what is missing."""
+        of_workspace = self.objective if self.objective and self.objective.unit == WORKSPACE_UNIT else None
+        return body_moments(self.conditions, self.after, self.counter_masses, of_workspace)
 
     def is_balanced(self, tol: float) -> bool:
         """Whether no condition is off by more than ``tol`` [kg m, kg]."""
@@ -194,6 +237,7 @@ def sizing_document(result: Sizing) -> dict[str, Any]:
         "counter_masses": plain(result.counter_masses),
         "residual_first_moment_kgm": result.residual(),
         "residual_percent": result.residual_percent(),
+        "first_moments": plain(result.first_moments()),
         "balanced_payload_kg": result.balanced_payloads(),
         "added_mass_kg": result.added_mass,
         "added_inertia_kgm2": result.added_inertia,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ..results import per_cent_text
+from ..results import per_cent_text, plain, table
 from . import options
 from .framework import (
     Answer,
@@ -308,6 +308,7 @@ def conditions(
     code is 3 where no positive masses, wherever they are added on the bodies, can meet all conditions.
     """
     from ..balancing.feasibility import feasibility
+    from ..balancing.sizing import BodyMoment, body_moments
     from ..front_door import conditions as found_conditions
 
     momentum = momentum or ("all" if moment else "linear")
@@ -316,6 +317,7 @@ def conditions(
     found = found_conditions(model, momentum)
     model = found.mechanism
     possible = feasibility(found) if moment else None
+    moments = body_moments(found, model) if momentum == "linear" and "kg" not in found.units else None
     document = {
         "mechanism": model.name,
         "branch": model.branch,
@@ -332,15 +334,28 @@ def conditions(
         "rank_rational": found.rank_rational,
         "singular_value_gap": list(found.singular_values),
         "conditions": found.document(),
+        "first_moments": None if moments is None else plain(moments),
         "balanced": found.is_balanced(BALANCED_KGM),
         "balanced_tolerance_kgm": BALANCED_KGM,
     } | ({"positive_masses": asdict(possible)} if possible else {})
     cannot_be = possible is not None and possible.status != "possible"
-    return Answer(document, lambda: _print_conditions(found, momentum, possible), cannot_be, further=("",))
+
+    def show() -> None:
+        _print_conditions(found, momentum)
+        if moments:
+            note = "Added all together these meet the conditions, as other shares do; the mass that gives them on BODY "
+            note += "counts too where the conditions have m[BODY]."
+            emit_table("First moments missing", *table(BodyMoment, moments, "body", "missing"), note)
+        if momentum == "linear" and moments is None:
+            say("No first moment meets the conditions on masses alone: balance size leaves the least.")
+        if possible:
+            _print_feasibility(possible)
+
+    return Answer(document, show, cannot_be, further=("",))
 
 
-def _print_conditions(found: "Conditions", momentum: str, possible: "Feasibility | None") -> None:
-    """Whether it is balanced, the conditions with their values, whether positive masses can meet them."""
+def _print_conditions(found: "Conditions", momentum: str) -> None:
+    """Whether it is balanced, the conditions with their values."""
     model = found.mechanism
     largest = ", ".join(f"{found.residual(unit):.4g} {unit}" for unit in sorted({"kg m", *found.units}))
     say(
@@ -366,8 +381,6 @@ def _print_conditions(found: "Conditions", momentum: str, possible: "Feasibility
             + "."
             + " Write equal lengths and angles with the same digits, all sixteen of them; others further apart."
         )
-    if possible:
-        _print_feasibility(possible)
 
 
 def _condition_rows(found: "Conditions", model: "Mechanism") -> list[list[str]]:

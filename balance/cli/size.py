@@ -10,7 +10,7 @@ import click
 
 from ..results import per_cent_text, table
 from . import options
-from .framework import Answer, emit_table, first_moment, mass, say
+from .framework import Answer, Detail, emit_table, first_moment, mass, say
 from .options import command, option, print_responses, response_summary
 
 if TYPE_CHECKING:
@@ -94,13 +94,17 @@ def size(
 
 
 def _print(found: "SizingStudy", best: int) -> None:
-    """The verdict, the masses by site, the motion before and after; with --all the conditions' residual."""
-    from ..balancing.sizing import CounterMass
+    """The verdict, the masses by site, the motion before and after; what sites lack; with --all the rest."""
+    from ..balancing.sizing import BodyMoment, CounterMass
 
     say(str(found))
     title = f"Counter-masses for {found.before.name}" + (f" from {found.stock}" if found.stock else "")
     of_table = ("site", "mass", "position", "first_moment", "plates")
     emit_table(title, *table(CounterMass, found.counter_masses, *of_table[: None if found.stock else -1]))
+    if (Detail.everything or not found.verdict.attainable) and (moments := found.best.first_moments()):
+        of_body = ("body", "required", "given", "missing")
+        note = "The least, all together; other shares that meet the conditions (balance conditions) do as well."
+        emit_table("First moments of the bodies", *table(BodyMoment, moments, *of_body), note)
     if found.responses:
         print_responses(found.responses)
     if len(found.sets) > 1:

@@ -254,12 +254,45 @@ def test_the_residual_depends_neither_on_the_order_of_conditions_nor_on_axes(nam
     count = len(found.mechanism.bodies)
     order = [10 * body + k for block in ((1, 2, 3), (0,)) for body in rng.permutation(count) for k in block]
     turned, matrix = found.mechanism.parameters.copy(), reduced_row_echelon(found.matrix, order)
-    for body, turn in enumerate(Rotation.random(count, rng=rng).as_matrix()):
+    turns = Rotation.random(count, rng=rng).as_matrix()
+    for body, turn in enumerate(turns):
         turned[body, 1:4] = turn @ turned[body, 1:4]
         matrix[:, 10 * body + 1 : 10 * body + 4] = matrix[:, 10 * body + 1 : 10 * body + 4] @ turn.T
     other = replace(found, mechanism=replace(found.mechanism, parameters=turned), matrix=matrix)
     assert other.first_moment_residual() == pytest.approx(found.first_moment_residual(), rel=1e-9)
     assert found.first_moment_residual() > 1e-3
+    if "kg" not in found.units:
+        required = np.einsum("bij,bj->bi", turns, found.required_first_moments())
+        np.testing.assert_allclose(other.required_first_moments(), required, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", [name for name in models.SHIPPED if name != "stewart"])  # its objective takes seconds
+def test_the_required_first_moments_leave_no_momentum_that_masses_alone_do_not(name: str) -> None:
+    """Added to the file's bodies they meet the conditions; along z a quill's momentum stays, and in x and y none."""
+    found = balance_conditions(models.load(name))
+    parameters = found.mechanism.parameters.copy()
+    parameters[:, 1:4] += found.required_first_moments()
+    balanced = replace(found.mechanism, parameters=parameters)
+    if "kg" not in found.units:
+        assert np.abs(found.values(balanced)).max() < 1e-9
+    left = momentum_regressor(balanced, *_moving(found)) @ balanced.pi
+    size = np.abs(momentum_regressor(balanced, *_moving(found)) @ found.mechanism.pi)[:, :3].max()
+    assert np.abs(left[:, : 2 if name == "scara-quill" else 3]).max() < 1e-7 * size
+
+
+def _moving(found: Conditions) -> tuple[np.ndarray, np.ndarray]:
+    closure = Closure(found.mechanism)
+    q = closure.states(20)
+    return q, closure.velocities(q)
+
+
+def test_required_first_moments_are_asked_of_the_bodies_with_sites_first() -> None:
+    """Of A0A or BD, and of B0B or AC, those that carry a site, or that are named."""
+    found = balance_conditions(models.load("parallelogram-6bar"))
+    bodies = found.mechanism.bodies
+    for named, chosen in ([], {"A0A", "B0B"}), (["BD", "B0B"], {"BD", "B0B"}):
+        required = found.required_first_moments(bodies=named)
+        assert {bodies[body] for body in required.any(axis=1).nonzero()[0]} == chosen
 
 
 def test_echelon_keeps_the_row_space() -> None:

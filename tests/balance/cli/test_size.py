@@ -75,6 +75,9 @@ def test_the_verdict_comes_first_and_names_the_body_that_lacks_a_site(balance):
     assert document["balanced"] is False
     assert document["rms_N"] == pytest.approx(document["rms_bound_N"], rel=1e-9)
     assert [(one["body"], one["alternatives"]) for one in document["sites_needed"]] == [("AB", ["B0B"])]
+    given = {one["body"]: one["given_kgm"][0] for one in document["first_moments"]}
+    assert given == {"A0A": document["counter_masses"][0]["first_moment_kgm"][0], "AB": 0.0, "B0B": 0.0}
+    assert "required [kg m]  sites give [kg m]  missing [kg m]" in out
     squares = sum(one["rms_N"] ** 2 for one in document["remaining_directions"])
     assert squares == pytest.approx(document["rms_N"] ** 2, rel=1e-9)
 
