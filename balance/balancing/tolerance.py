@@ -80,7 +80,7 @@ class ToleranceEffect:
 
     tolerance: Annotated[Tolerance, Key(label="tolerance", form=lambda t: t.text)]
     variance_share: Annotated[float, Key("variance_share_percent", "share [%]", ".1f", to=per_cent)]
-    """Of the mean square force that all errors together add, 0 to 1."""
+    """Of the mean square force that all errors together add to the nominal one, 0 to 1."""
     rms_95: Annotated[float, Key("rms_95_N", "95 % keep at most, RMS [N]", ".4g")]
     """RMS force that 95 % of the mechanisms with this error alone do not exceed [N]."""
     curvature: Annotated[float, Key("curvature", "curvature", ".2g")]

@@ -361,8 +361,8 @@ def emit_table(title: str, header: list[str], rows: list[list[str]], note: str =
 def table_lines(title: str, header: list[str], rows: list[list[str]], note: str, width: int | None) -> list[str]:
     """A table for people, numbers to the right, control characters escaped.
 
-    Where it is wider than ``width``, columns of one value go below it, then texts are wrapped between words, then the
-    last columns go; no number is ever broken.
+    Where it is wider than ``width``, columns of one value go below it, then texts are wrapped between words, the more
+    the less there is room, then the last columns go; no number is ever broken.
     """
     cells = [[plain_text(cell) for cell in row] for row in rows]
     header = [plain_text(name) for name in header]
@@ -371,7 +371,7 @@ def table_lines(title: str, header: list[str], rows: list[list[str]], note: str,
         header, cells, same = _without_constants(header, cells)
         below += [f"In all rows: {'; '.join(same)}"] if same else []
     gone: list[str] = []
-    while width is not None and len(header) > 2 and _least(header, cells) > width:
+    while width is not None and len(header) > 2 and _least(header, cells, _TEXT[-1]) > width:
         gone.insert(0, header[-1])
         header, cells = header[:-1], [row[:-1] for row in cells]
     if gone := [name for name in gone if name]:
@@ -394,26 +394,26 @@ def columns() -> int | None:
     return max(shutil.get_terminal_size().columns, 40)
 
 
-_TEXT = 24
-"""Characters from which the cells of a column of words are wrapped."""
+_TEXT = (24, 16, 12)
+"""Characters from which the cells of a column of words are wrapped: the first with which a table fits."""
 
 
-def _widths(header: list[str], cells: list[list[str]]) -> list[int]:
+def _widths(header: list[str], cells: list[list[str]], wrapped: int = _TEXT[0]) -> list[int]:
     """The least width of each column: of its numbers or short words; of long texts that of a longest word."""
     from rich.cells import cell_len  # a character may be two wide
 
     found = []
     for name, column in zip(header, list(zip(*cells, strict=True)) or [()] * len(header), strict=True):
         longest = max(map(cell_len, column), default=0)
-        if longest > _TEXT and not _is_numeric(column):
-            longest = max(_TEXT, *(cell_len(word) for cell in column for word in cell.split()))
+        if longest > wrapped and not _is_numeric(column):
+            longest = max(wrapped, *(cell_len(word) for cell in column for word in cell.split()))
         found.append(max(longest, *(cell_len(word) for word in name.split()), 1))
     return found
 
 
-def _least(header: list[str], cells: list[list[str]]) -> int:
+def _least(header: list[str], cells: list[list[str]], wrapped: int = _TEXT[0]) -> int:
     """Characters that a table needs at least."""
-    return sum(_widths(header, cells)) + 2 * len(header)
+    return sum(_widths(header, cells, wrapped)) + 2 * len(header)
 
 
 def _is_numeric(column: Iterable[str]) -> bool:
@@ -434,7 +434,8 @@ def _drawn(title: str, header: list[str], cells: list[list[str]], width: int | N
     from rich.cells import cell_len
 
     each = list(zip(*cells, strict=True)) or [()] * len(header)
-    least = _widths(header, cells)
+    fitting = (wrapped for wrapped in _TEXT if width is None or _least(header, cells, wrapped) <= width)
+    least = _widths(header, cells, next(fitting, _TEXT[-1]))
     sizes = [max(map(cell_len, [name, *column])) for name, column in zip(header, each, strict=True)]
     while width is not None and sum(sizes) + 2 * len(sizes) > width:
         slack = [max(size - needed, 0) for size, needed in zip(sizes, least, strict=True)]

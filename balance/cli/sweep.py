@@ -227,15 +227,18 @@ def tolerance(
             f"shaking force; without errors {found.nominal:.4g} N."
         )
         levels = ", ".join(f"{level} %: {value:.4g} N" for level, value in found.percentiles.items())
-        emit_table(
-            "Tolerances, the costliest first", *table(ToleranceEffect, found.effects), f"RMS force at most: {levels}"
-        )
+        emit_table("Tolerances, the costliest first", *table(ToleranceEffect, found.effects), _SHARE)
+        say(f"RMS force at most: {levels}")
         emit_findings(("not_linear", f"{e.tolerance.text}: {_NOT_LINEAR.format(e.curvature)}") for e in found.doubtful)
 
     shown = {"mechanism": model.name, "draws": draws, "seed": seed, **document(found)}
     return Answer(shown, show, bool(found.doubtful))
 
 
+_SHARE = (
+    "share: part of the mean square force that all errors together add; curvature: departure from a straight line "
+    "within the tolerance."
+)
 _NOT_LINEAR = "its effect is not linear (curvature {:.2g}): narrow the tolerance, or vary it with balance sweep"
 
 

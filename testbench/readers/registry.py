@@ -11,6 +11,8 @@ from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from balance.errors import suggestion
+
 from ..errors import RecordingError
 from ..recording import Finding, Recording, Refusal
 from .header_claims import with_stated_origin
@@ -254,10 +256,11 @@ def _first_bytes(path: Path) -> bytes:
 
 
 def no_such_file(path: Path) -> str:
-    """That there is no file at ``path``; a pattern that the shell passed on matched none."""
+    """That there is no file at ``path``, and what is called alike; a pattern that the shell passed on matched none."""
     if any(sign in str(path) for sign in "*?["):
         return f"{path}: no file matches; expected a log file"
-    return f"{path}: no such file; expected a log file"
+    beside = path.parent.iterdir() if path.parent.is_dir() else ()
+    return f"{path}: no such file; expected a log file{suggestion(path.name, (one.name for one in beside))}"
 
 
 _MAGIC = {

@@ -265,8 +265,11 @@ def _simulated(
             predictions[key] = Prediction(rig, mechanism_of(run, mechanism), measure)
         if "bench" not in rig.model_fields_set:
             findings.append(
-                Finding("bench_assumed", None, None, "the rig has no [bench]: an assumed one was simulated")
-            )
+                Finding(
+                    "bench_assumed", None, None, "the rig stored with the runs has no [bench]: an assumed one was "
+                    "simulated; describe its mass and mounts in the rig's file, and ingest into another folder with it",
+                )
+            )  # fmt: skip
         return predictions[key].reductions(pair)
     except CounterpoiseError as error:
         findings.append(Finding("not_simulated", None, None, str(error)))
