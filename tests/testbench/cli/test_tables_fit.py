@@ -47,7 +47,7 @@ LINES = [
     "testbench calibrate campaign --list",
     "testbench calibrate campaign/r001.h5 base_acc --sensitivity 'x=1.02 g/g' --sensitivity 'y=0.993 g/g'"
     " --sensitivity 'z=1 g/g' --date 2026-01-02 --uncertainty '1 %' --coverage-factor 2"
-    " --reference 'D-K-15183-01-00 2026-01' --reason 'certificate of the laboratory'; testbench calibrate campaign --list",
+    " --reference 'D-K-15183-01-00 2026-01' --reason 'certificate of March'; testbench calibrate campaign --list",
     "testbench archive campaign -o arch",
     "testbench align campaign/r002.h5",
     "testbench analyze campaign --budget",
