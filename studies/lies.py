@@ -262,6 +262,7 @@ LIES = {
     "sign of an accelerometer": Lie(_one(reversed_sign), frozenset({"sign_contradiction"})),
     "accelerometer reversed": Lie(_one(reversed_sensor), frozenset({"sign_contradiction"})),
     "force channel turned": Lie(_one(turned_force), frozenset({"force_sign"})),
+    "accelerometer reversed in all runs": Lie(_all(reversed_sensor), frozenset({"sign_contradiction"})),
 }
 
 

@@ -24,6 +24,9 @@ sign: of other channels, or of the same with the axes exchanged."""
 ABOVE_LACKS = 2.0
 """Expected reading of an accelerometer over what the model lacks in a run that proves it, from which noise alone is a
 dead channel [-]."""
+WHOLE = 0.95
+"""Opposition, of all axes of a sensor on the base together, from which the model of the base proves right in all but
+the sign: of 300 honest pairs whose rigs state 0.01 to 100 times the stiffness none exceeds 0.92."""
 REVERSED = -0.8
 """Correlation with its load below which a force channel is reversed."""
 LARGE = 0.1
@@ -126,6 +129,12 @@ class Gains:
         self.deviation = np.sqrt((BLOCKS - 1.0) / BLOCKS * np.sum((each - each.mean(axis=0)) ** 2, axis=0))
 
     @property
+    def whole(self) -> tuple[float, float]:
+        """Correlation with the model, and gain, of all witnessed channels together [-]; zeros where none reads."""
+        yy, yp, pp = (np.diag(m)[self.witnessed].sum() for m in (self.yy, self.yp, self.pp))
+        return (float(yp / np.sqrt(yy * pp)), float(yp / pp)) if yy * pp > 0.0 else (0.0, 0.0)
+
+    @property
     def follows(self) -> np.ndarray:
         """Channels whose gain is known, (k,)."""
         return self.witnessed & (self.correlation > (FOLLOWS if self.columns[0].dimensions == ACCELERATION else PROVEN))
@@ -162,9 +171,10 @@ def examined_sensors(observations: Sequence[Observation], unsure: frozenset[str]
         if any(s.code for s in wrong):
             continue
         first = one.columns[0]
+        reversed_whole = others.prove_reversed(seen, one)
         for i in map(int, np.flatnonzero(one.witnessed)):
             if first.dimensions == ACCELERATION or others.follow(seen, one, i):
-                statements.append(_sign(seen, one, i, others.follow(seen, one, i)))
+                statements.append(_sign(seen, one, i, reversed_whole or others.follow(seen, one, i)))
             if one.readings[i] < FLAT * one.expected[i] and others.is_flat(seen, one, i):
                 statements.append(_flat(seen, one, i))
         for i in map(int, np.flatnonzero(one.follows)):
@@ -201,6 +211,7 @@ class _Others:
     def __init__(self, heard: Sequence[tuple[Observation, Gains]]) -> None:
         self._by_channel: dict[str, dict[str, tuple[float, float, float]]] = defaultdict(dict)
         self._largest: dict[str, float] = defaultdict(float)
+        self._heard = heard
         for seen, one in heard:
             for column, expected in zip(one.columns, one.expected, strict=True):
                 self._largest[column.channel] = max(self._largest[column.channel], float(expected))
@@ -217,6 +228,18 @@ class _Others:
         """Whether the channel follows the model in other runs, and opposes it in fewer."""
         correlations = np.array([correlation for correlation, *_ in self._of(seen, one, i)])
         return int((correlations > PROVEN).sum()) > int((correlations < -PROVEN).sum())
+
+    def prove_reversed(self, seen: Observation, one: Gains) -> bool:
+        """Whether all axes of a sensor together oppose a model that is right in another run, or here but for the sign.
+
+        Balanced runs show nothing of the model: the only run that shakes may have to prove it alone.
+        """
+        own, gain = one.whole
+        if own > -PROVEN:
+            return False
+        sensor, right = one.columns[0].sensor, own < -WHOLE and 1.0 / GAIN_FACTOR < -gain < GAIN_FACTOR
+        others = np.array([o.whole[0] for run, o in self._heard if run is not seen and o.columns[0].sensor == sensor])
+        return bool(right or (others > PROVEN).sum() > (others < -PROVEN).sum())
 
     def is_large(self, one: Gains, i: int) -> bool:
         """Whether the model expects of the channel what counts beside the largest of all runs."""
@@ -303,10 +326,10 @@ def _exchanged_runs(sensor: str, sized: Sequence[tuple[Observation, Gains]]) -> 
     return found
 
 
-def _sign(seen: Observation, one: Gains, i: int, elsewhere: bool) -> Statement:
-    """Of a channel that follows the model ``elsewhere``, in other runs, or beside others that do in this one."""
+def _sign(seen: Observation, one: Gains, i: int, proven: bool) -> Statement:
+    """Of a channel; of one on the base where the model of it is ``proven``, or by another channel that follows it."""
     of_the_base = one.columns[i].sensor in seen.rig.base_accelerometers
-    proven = elsewhere or not of_the_base or bool((one.witnessed & (one.correlation > PROVEN)).any())
+    proven = proven or not of_the_base or bool((one.witnessed & (one.correlation > PROVEN)).any())
     wrong = proven and bool(one.correlation[i] < -PROVEN)
     code = "force_sign" if _is_support(seen, one.columns[i]) else "sign_contradiction"
     return Statement(

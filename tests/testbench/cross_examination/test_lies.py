@@ -66,6 +66,24 @@ def test_a_lie_is_found_on_the_deep_bench(deep, name):
     assert lies.is_found(witnesses.hear(changed), LIES[name], liars)
 
 
+def test_a_reversed_sensor_is_found_where_no_other_run_shakes():
+    """The balanced run of the pair shows noise alone: the model, right in all but the sign, is the only witness.
+
+    A rig that states a base of other stiffness accuses no sensor: its model opposes the readings otherwise.
+    """
+    rig = lies.slimmed(load_rig("parallelogram-6bar"))
+    runs, witnesses = lies.simulated(rig, lies.plan(3.4116, 17.1105, ["y"], [1.0]), 6), Witnesses()
+    (shaking,) = lies.shaking(runs)
+    changed, liars = LIES["accelerometer reversed"].tell(runs, shaking, np.random.default_rng(0))
+    found = witnesses.hear(changed)
+    assert {s.run for s in found.contradictions if s.code == "sign_contradiction"} == liars
+    for stiffness in ("20 kN/m", "80 kN/m", "2000 kN/m"):
+        text = rig.text.replace('"250 kN/m", "400 kN/m", "250 kN/m"', ", ".join([f'"{stiffness}"'] * 3))
+        assert text != rig.text
+        honest = witnesses.hear([replace(run, rig=text) for run in runs])
+        assert "sign_contradiction" not in {s.code for s in honest.contradictions}
+
+
 @pytest.fixture(scope="module")
 def repeats(tmp_path_factory):
     """Three runs of a five-bar each side, as `testbench new` describes it; observed once."""
