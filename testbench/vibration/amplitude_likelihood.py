@@ -71,6 +71,11 @@ class AmplitudeLikelihood:
         common, rounded = _shares(draws[:, int(np.argmin(np.abs(table)))], noises)
         return cls(statistic, run.reading, floor, run.saturated, common, tried, table, rising, rounded)
 
+    @property
+    def amplitude(self) -> float:
+        """The likeliest one: it reads what was read; zero where noise alone does [unit]."""
+        return float(np.interp(0.0, self.deviations[::-1], self.amplitudes[::-1]))
+
     def deviation(self, amplitude: Floats) -> Floats:
         """The reading less what each amplitude (k,) [unit] would read, (k,) [standard deviations].
 

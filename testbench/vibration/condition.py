@@ -75,16 +75,18 @@ class ConditionAmplitude:
 
     @property
     def amplitude(self) -> float:
-        """The amplitude whose expected reading is the mean reading; zero where noise alone reads as much [unit]."""
+        """Of the group [unit]."""
         return self.group.amplitude
 
     def deviation(self, amplitude: Floats) -> Floats:
         """The mean reading less what each amplitude (k,) [unit] would read, (k,) [standard deviations]."""
-        return np.asarray(sum(run.deviation(amplitude) for run in self.runs) / (len(self.runs) * self._error))
+        each = zip(self.runs, self.group.shares, strict=True)
+        return np.asarray(sum(run.deviation(amplitude * share) for run, share in each) / (len(self.runs) * self._error))
 
     def distance(self, amplitude: Floats) -> Floats:
         """What each amplitude (k,) [unit] reads above zero amplitude, at most FAR, (k,) [standard deviations]."""
-        risen = np.asarray(sum(run.distance(amplitude) for run in self.runs)) / len(self.runs)
+        each = zip(self.runs, self.group.shares, strict=True)
+        risen = np.asarray(sum(run.distance(amplitude * share) for run, share in each)) / len(self.runs)
         return np.clip(risen / self._error, 0.0, FAR)
 
     @cached_property

@@ -447,12 +447,8 @@ def _percent(ratio: float) -> float:
 
 
 def reduction_percent(balanced: Sequence[float], unbalanced: Sequence[float]) -> float | None:
-    """Reduction of amplitudes [%], of geometric means where there are several; None where one without is zero."""
-    if min(unbalanced) <= 0.0:
-        return None
-    if min(balanced) <= 0.0:
-        return 100.0
-    return _percent(float(np.exp(np.mean(np.log(balanced)) - np.mean(np.log(unbalanced)))))
+    """Reduction of amplitudes [%], of means where there are several; None where one without is zero."""
+    return None if min(unbalanced) <= 0.0 else _percent(float(np.mean(balanced)) / float(np.mean(unbalanced)))
 
 
 def reduction_findings(condition: Condition, found: Sequence[Reduction]) -> list[Finding]:

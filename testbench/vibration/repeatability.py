@@ -67,7 +67,23 @@ class Group:
 
     @cached_property
     def amplitude(self) -> float:
-        """The amplitude whose expected reading is the mean reading; zero where noise alone reads as much [unit]."""
+        """Mean of the runs' amplitudes; where noise is not :attr:`clear`, the amplitude that would read as much as they
+        do on average, zero where noise alone does [unit].
+        """
+        return float(np.mean([run.amplitude for run in self.runs])) if self.clear else self._alike
+
+    @cached_property
+    def shares(self) -> Floats:
+        """Amplitude of each run over that of the group, (n,) [-]: one where noise does not tell them apart.
+
+        By ends of records and instants of samples runs may differ by hundreds of standard deviations of the noise. Each
+        is as much larger as the others are smaller, then, however large its own noise is estimated to be.
+        """
+        return np.array([run.amplitude / self.amplitude if self.clear else 1.0 for run in self.runs])
+
+    @cached_property
+    def _alike(self) -> float:
+        """The amplitude of runs of one amplitude [unit]."""
         tried = np.unique(np.concatenate([run.amplitudes for run in self.runs]))
         above = np.minimum.accumulate(self.deviations(tried).sum(axis=0))
         return float(np.interp(0.0, above[::-1], tried[::-1]))
@@ -97,7 +113,7 @@ class Group:
         """
         if self.gains is not None and self.gain_error < SURE:
             return self.gains / self.gain_error, 1.0 + (GAIN_SHARE / self.gain_error) ** 2, 1.0 / self.gain_error
-        away = self.deviations(np.array([self.amplitude]))[:, 0]
+        away = self.deviations(np.array([self._alike]))[:, 0]
         sure = SAMPLING_SHARE[self.runs[0].statistic.squared] * self.signal_to_noise
         return away - away.mean(), max(1.0 - self.common, 0.05) + sure**2, self.signal_to_noise
 
@@ -124,7 +140,7 @@ class Group:
     @cached_property
     def signal_to_noise(self) -> float:
         """The amplitude in standard deviations of the noise [-]."""
-        return float(np.sqrt(np.mean([run.signal_to_noise(self.amplitude) ** 2 for run in self.runs])))
+        return float(np.sqrt(np.mean([run.signal_to_noise(self._alike) ** 2 for run in self.runs])))
 
     @property
     def clear(self) -> bool:

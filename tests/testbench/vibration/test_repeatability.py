@@ -10,6 +10,7 @@ from scipy.stats import norm
 from testbench.signal.filters import Band
 from testbench.vibration import AmplitudeLikelihood, ConditionAmplitude, Group, Ratio, Repeatability
 from testbench.vibration.amplitude import Amplitude, MetricStatistic, shifted
+from testbench.vibration.amplitude_uncertainty import accepted_amplitudes
 from testbench.vibration.condition import rounding_in_common
 from testbench.vibration.metrics import METRICS, Measure
 from testbench.vibration.noise_floor import Noise, Segment
@@ -40,6 +41,18 @@ def test_share():
     found = Repeatability.of([group(a, 0.02, rng, 3, f"g{a}") for a in np.geomspace(10.0, 3000.0, 300)])
     assert found.share == pytest.approx(0.02**2, rel=0.3)
     assert Repeatability.of([group(a, 0.0, rng, 3, f"g{a}") for a in np.geomspace(10.0, 3000.0, 60)]).share == 0.0
+
+
+def test_runs_far_apart():
+    """Records that end elsewhere read a tenth less, a hundred standard deviations of noise that is estimated twice as
+    large of one run: the amplitude is their mean, and its interval that of noise.
+    """
+    rng = np.random.default_rng(5)
+    runs = [run(level, 0.0, rng) for level in (9000.0, 10_000.0, 10_100.0)]
+    runs[0] = replace(runs[0], deviations=0.5 * runs[0].deviations)
+    far = ConditionAmplitude(Group(tuple(runs)))
+    assert far.amplitude == pytest.approx(9700.0, abs=3.0)
+    assert accepted_amplitudes(far) == pytest.approx((far.amplitude - 1.5, far.amplitude + 1.5), abs=0.3)
 
 
 @pytest.mark.parametrize("repeats", [2, 3])
