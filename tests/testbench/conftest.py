@@ -62,6 +62,10 @@ def built(*motions: str) -> str:
     return conditions((3.4116, 17.1105, motions))
 
 
+PAIR = conditions((3.4116, 17.1105, ("x",)), (3.4116, 0.0, ("x",)))
+"""A plan of two runs along x, with the counter-masses that were built and without."""
+
+
 @pytest.fixture(scope="session")
 def shared(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Simulated]:
     """Campaigns by plan and rig, each made once for all processes of a test run; who changes one copies it first."""

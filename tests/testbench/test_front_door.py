@@ -10,17 +10,16 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import conditions
+from .conftest import PAIR, conditions
 
 ROOT = Path(__file__).parents[2]
-PLAN = conditions((3.4116, 17.1105, ("x",)), (3.4116, 0.0, ("x",)))
 
 
 @pytest.fixture(scope="module")
 def folder(request, tmp_path_factory):
     """The files that the examples of testbench name."""
     folder = tmp_path_factory.mktemp("examples")
-    shutil.copytree(request.getfixturevalue("shared")(PLAN).campaign, folder / "campaign")
+    shutil.copytree(request.getfixturevalue("shared")(PAIR).campaign, folder / "campaign")
     (folder / "log.csv").write_text("t (s),a (m/s^2)\n0.0,0.5\n0.1,0.25\n0.2,0.75\n", encoding="utf-8")
     (folder / "edges.csv").write_text("t (s)\n" + "".join(f"{0.01 * k:.6f}\n" for k in range(300)), encoding="utf-8")
     (folder / "one-run.toml").write_text(conditions((5.0, 0.0, ("x",))), encoding="utf-8")

@@ -159,8 +159,9 @@ def test_reductions(truth, campaign) -> None:
 
 def test_clocks(campaign) -> None:
     """Offset and drift of the other logger, from forces and encoders while the frame moves: within two intervals."""
-    rows = invoke(align, campaign, "--dry-run", "--mechanism", campaign.parent / "arm.xml")["alignments"]
-    assert len(rows) == 2 * REPEATS
+    runs = [campaign / f"{name}.h5" for name in ("r01", "r11")]
+    rows = invoke(align, *runs, "--dry-run", "--mechanism", campaign.parent / "arm.xml")["alignments"]
+    assert len(rows) == 2
     for row in rows:
         for key, true in (("offset_interval_s", bench.DAQ_START), ("drift_interval_ppm", -1e6 * bench.DAQ_DRIFT)):
             low, high = row[key]

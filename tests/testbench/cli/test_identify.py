@@ -15,7 +15,6 @@ from testbench.errors import AnalysisError
 from testbench.ingestion import Ingest
 from testbench.ingestion.planned_runs import PlannedRun
 
-from ..conftest import built
 from .gapped import without_rows
 
 ARM = "two-joint-arm-a0"
@@ -153,13 +152,11 @@ def test_a_gap_is_left_out_and_said(run, found, tmp_path):
     assert "time_gap: paused: 1 gap" in invoke(ARM, tmp_path / "paused.h5", "--method", "ls", expected=3)
 
 
-def test_a_gap_through_loops_and_loggers(shared, tmp_path):
+def test_a_gap_through_loops_and_loggers(pair_built, tmp_path):
     """Force sensors and encoders of their own clocks, a gap in the encoders': first moments as built, and a finding."""
-    campaign = without_rows(
-        shared(built("x", "y", "triangle")), tmp_path / "gapped", {"r003_controller.csv": (0.5, 0.65)}
-    )
+    campaign = without_rows(pair_built, tmp_path / "gapped", {"r002_controller.csv": (0.5, 0.65)})
     found = json.loads(invoke("parallelogram-6bar", campaign, "--by", "wrench", "--json", expected=3))
-    assert [f["message"][:33] for f in found["findings"]] == ["r003: 1 gap in the record of r003"]
+    assert [f["message"][:33] for f in found["findings"]] == ["r002: 1 gap in the record of r002"]
     for moment in found["first_moments"]:
         assert moment["interval"][0] < moment["in_file"] < moment["interval"][1]
         assert moment["interval"][1] - moment["interval"][0] < 0.01

@@ -1,5 +1,6 @@
 """``--scheduler``: runs that are ingested, examined and reported in other processes, with the same result."""
 
+import shutil
 import subprocess
 import sys
 
@@ -39,7 +40,7 @@ def test_examination(pair_built):
     assert (here.runs, here.reasons) == (there.runs, there.reasons)
 
 
-def test_analysis_in_copies_of_this_process(brief):
+def test_analysis_in_copies_of_this_process(brief, tmp_path):
     """Runs, sides, and conditions are shared out: the same document, to the last bit; in a process without threads."""
     code = """import sys
 from balance.cli.framework import json_text
@@ -50,7 +51,9 @@ assert _can_fork()
 here, there = (json_text(document(testbench.analyze(sys.argv[1], pool=pool))) for pool in (HERE, TaskPool(None, 2)))
 assert len(here) > 1000 and here == there
 """
-    command = [sys.executable, "-c", code, str(brief.campaign)]
+    for path in brief.campaign.glob("r00[1-4].*"):
+        shutil.copy(path, tmp_path)
+    command = [sys.executable, "-c", code, str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
 

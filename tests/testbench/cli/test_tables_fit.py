@@ -12,9 +12,8 @@ from balance.cli import framework
 from testbench import cli as testbench
 
 from ...commands import assert_fits, call, held_to_widths
-from ..conftest import conditions
+from ..conftest import PAIR, conditions
 
-PLAN = conditions((3.4116, 17.1105, ("x",)), (3.4116, 0.0, ("x",)))
 LINES = [
     "balance conditions four-bar --moment",
     "balance assemble five-bar",
@@ -81,7 +80,7 @@ OTHERS = {"balance": {"schema"}, "testbench": {"describe", "schema", "vectors", 
 @pytest.fixture
 def folder(shared, tmp_path, monkeypatch):
     """A campaign and two logs."""
-    shutil.copytree(shared(PLAN).campaign, tmp_path / "campaign")
+    shutil.copytree(shared(PAIR).campaign, tmp_path / "campaign")
     (tmp_path / "one-run.toml").write_text(conditions((5.0, 0.0, ("x",))), encoding="utf-8")
     (tmp_path / "log.csv").write_text("t (s),a (m/s^2)\n0.0,0.5\n0.1,0.25\n0.2,0.75\n", encoding="utf-8")
     (tmp_path / "arrived").mkdir()

@@ -17,8 +17,8 @@ from testbench.store import open_campaign
 from testbench.store.ledger import read_ledger
 from testbench.store.writer import RunWriter
 
-from ..conftest import call
-from .test_campaign_page import HOSTILE, PLAN
+from ..conftest import PAIR, call
+from .test_campaign_page import HOSTILE
 
 RATE = 1000.0
 
@@ -98,7 +98,7 @@ def test_of_two_conditions_what_vibrates_is_no_clock(shared):
     """Counter-masses shift the phase of what vibrates, as a lag would: the loggers, which have none, are aligned by
     where both begin, without an interval; those of the command by that.
     """
-    viewer = Viewer("campaign", open_campaign(shared(PLAN).campaign).runs)
+    viewer = Viewer("campaign", open_campaign(shared(PAIR).campaign).runs)
     for channel, by in (("platform_acc x", "the beginning of the motion"), ("motor_A0 A0", "the command, target x")):
         late, found = viewer._compared("r002", "r001", channel)
         assert (late.seconds, late.by, found.half_width is None) == (0.0, by, "begin" in by)
@@ -115,7 +115,7 @@ def test_the_command_aligns():
 def campaign(shared, tmp_path_factory):
     """Two runs of one condition, with and without counter-masses, and one without a rig, with hostile names."""
     folder = tmp_path_factory.mktemp("view") / "campaign"
-    shutil.copytree(shared(PLAN).campaign, folder)
+    shutil.copytree(shared(PAIR).campaign, folder)
     group = Group(HOSTILE, (Channel(HOSTILE, "<b>"),), UniformClock(RATE))
     with RunWriter(folder, "r003") as writer:
         writer.group(group).append([pulse(0.0, 0.1, 1)])
@@ -133,7 +133,7 @@ def contradiction(run, code):
 def test_findings_are_accepted_by_a_person(shared, tmp_path):
     """With name and reason, for the runs that have it: recorded, in the ledger, in force in analyses, until removed."""
     folder = tmp_path / "campaign"
-    shutil.copytree(shared(PLAN).campaign, folder)
+    shutil.copytree(shared(PAIR).campaign, folder)
     viewer = Viewer("campaign", open_campaign(folder).runs)
     viewer.examination = Examination(("r001", "r002"), (contradiction("r002", "copied_run"),), {})
 
@@ -162,7 +162,7 @@ def test_findings_are_accepted_by_a_person(shared, tmp_path):
 def test_a_run_that_was_changed_is_not_spoken_for(shared, tmp_path):
     """Another run under the name of one that was opened: neither accepted nor drawn as the one that was looked at."""
     folder = tmp_path / "campaign"
-    shutil.copytree(shared(PLAN).campaign, folder)
+    shutil.copytree(shared(PAIR).campaign, folder)
     viewer = Viewer("campaign", open_campaign(folder).runs)
     viewer.examination = Examination(("r001", "r002"), (contradiction("r002", "copied_run"),), {})
     digest = folder / "r002.h5.sha256"
@@ -179,7 +179,7 @@ def test_a_run_that_was_changed_is_not_spoken_for(shared, tmp_path):
 
 def test_runs_of_one_name_are_refused(shared):
     """Two campaigns both have an r001: which of them is meant could not be told."""
-    done = call("view", *2 * [shared(PLAN).campaign], "--no-browser", "--idle", "0")
+    done = call("view", *2 * [shared(PAIR).campaign], "--no-browser", "--idle", "0")
     assert (done.returncode, "r001: of several campaigns" in done.stderr) == (1, True)
 
 

@@ -14,7 +14,6 @@ from click.testing import CliRunner
 from balance.task_pool import HERE, TaskPool
 from testbench import campaign_plan as plans
 from testbench import rig as rigs
-from testbench.cli.align import align
 from testbench.cli.analyze import compare
 from testbench.cli.trim import trim
 from testbench.errors import RigError
@@ -211,11 +210,10 @@ def deep(tmp_path_factory) -> Path:
 
 
 def analysed(folder: Path) -> list[str]:
-    """What the analyses of a campaign say."""
+    """What the analyses of a campaign say; trim aligns by the way."""
     runs = sorted((folder / "campaign").glob("*.h5"))
     calls = (
         (compare, folder / "campaign", "--published", "kiper2019", "--json"),
-        (align, runs[-1], "--json", "--dry-run"),
         (trim, "parallelogram-6bar", runs[-1], "--json"),
     )
     found = [CliRunner().invoke(call, [str(word) for word in words]) for call, *words in calls]

@@ -104,11 +104,11 @@ def test_prediction_is_made_anew(brief, monkeypatch):
     assert force[pair.key.motion] > 99.0
 
 
-@pytest.mark.parametrize("high_hz", [12.0, 200.0])
-def test_prediction_is_the_truth_without_noise(brief, high_hz):
+@pytest.mark.parametrize(("high_hz", "first"), [(12.0, 0), (200.0, 1)])
+def test_prediction_is_the_truth_without_noise(brief, high_hz, first):
     """The reductions that are predicted are those of what happened, whatever the band."""
     measure = Measure("peak", Band(0.0, high_hz))
-    for pair in pairs(open_campaign(brief.campaign).runs)[0]:
+    for pair in pairs(open_campaign(brief.campaign).runs)[0][first::2]:
         predicted = Prediction(RIG, MECHANISM, measure).reductions(pair)[0]
         for axis in "xyz":
             peaks = []
@@ -146,10 +146,9 @@ def test_a_stored_rig_opens_no_file(brief):
         mechanism_of(SIRun(without, elsewhere), None)
 
 
-def test_the_stored_mechanism_and_motion_are_simulated(brief, monkeypatch):
+def test_the_stored_mechanism_and_motion_are_simulated(brief, comparison, monkeypatch):
     """A campaign needs nothing but its folder: files of the same names that changed since have no effect."""
-    runs = open_campaign(brief.campaign).runs[:2]
-    expected = [row.simulated for row in compare_campaign(runs, None, Measure()).rows]
+    expected = [row.simulated for row in comparison.rows[:3]]
     monkeypatch.setattr(datasets, "ROOT", brief.campaign / "nowhere")
     found = compare_campaign(open_campaign(brief.campaign).runs[:2], None, Measure())
     assert [row.simulated for row in found.rows] == expected

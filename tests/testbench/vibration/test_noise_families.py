@@ -3,6 +3,8 @@
 A base of two modes rests, is shaken twice and rings down; the truth is the reduction of the signals without noise.
 """
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -71,6 +73,7 @@ def roughness(rng):
     return 0.5 * MOVING * np.fft.irfft(spectrum * ((frequency > 10.0) & (frequency < 90.0))) + 0.02 * white(rng)
 
 
+@cache
 def drawn(noise, seed: int, repeats: int = 1, measure: Measure = MEASURE, **more) -> Reduction:
     """The reduction of one campaign."""
     rng = np.random.default_rng([seed, repeats, 99])

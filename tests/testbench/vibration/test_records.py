@@ -17,7 +17,7 @@ from testbench.store import open_campaign
 from testbench.vibration.metrics import METRICS, Measure
 from testbench.vibration.reduction import Reduction, analyze
 
-from ..conftest import simulated
+from ..conftest import PAIR, simulated
 from ..coverage import assert_holds
 
 BAND = Band(0.0, 200.0)
@@ -133,11 +133,15 @@ def test_clipping(tmp_path, limit_g, limit):
     assert 0.0 < found.at_least < found.percent < _true(pair((0.2, 0.2)), "x", measure, -0.2)
 
 
-def test_files_and_memory(brief_analysis):
+def test_files_and_memory(shared):
     """What the files give is what the loggers recorded, without the truth: the same numbers, to the last digit."""
-    runs = [stored(run, SHIPPED) for run in simulated_logs.simulate_logs(plans.load_plan("kiper2019-brief"), SHIPPED)]
-    alone = analyze(runs, Measure("peak", BAND)).reductions
-    assert [replace(r, runs=()) for r in alone] == [replace(r, runs=()) for r in brief_analysis("peak").reductions]
+    runs = [stored(run, SHIPPED) for run in simulated_logs.simulate_logs(plans.plan_from_text(PAIR), SHIPPED)]
+    found = [
+        analyze(some, Measure("peak", BAND)).reductions for some in (runs, open_campaign(shared(PAIR).campaign).runs)
+    ]
+    memory_alone, files = ([replace(r, runs=()) for r in some] for some in found)
+    assert len(files) == 3
+    assert memory_alone == files
 
 
 @cache
