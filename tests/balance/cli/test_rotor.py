@@ -48,6 +48,9 @@ def test_influence_prints_weights_and_whether_the_trial_stayed_on(tmp_path):
     text = call("rotor", "influence", "feese-2004", "--all").out
     assert re.search(r"trial, aft +True +1\.265\n", text)
     assert "phase counts as lead" in text
+    for plane in json_of("rotor", "influence", "feese-2004")["planes"]:  # of what is to be there, what is not yet
+        for axis in ("x_g", "y_g"):
+            assert plane["add"][axis] == pytest.approx(plane["total"][axis] - plane["on_now"][axis])
     found = json_of("rotor", "influence", "goodman-1964", "--method", "min-max", "--figure", str(tmp_path / "v.png"))
     largest = max(row["after"]["magnitude_um"] for row in found["readings"])
     assert largest * 1e-6 == pytest.approx(found["cost_lower_bound_SI"], rel=1e-6)

@@ -154,6 +154,7 @@ def test_gears_of_a_file_are_couplings() -> None:
     """A joint equality with a polynomial: MuJoCo's residual and Jacobian, and one freedom less."""
     text = pair('<joint joint1="j" joint2="b" polycoef="0.1 2 0.3 -0.2 0.05"/>', hinge='<joint name="j" ref="0.3"/>')
     mine, theirs = models.model(text), mujoco.MjModel.from_xml_string(text)
+    assert mine.loops[0].name == "joint j-b"
     data, q, v = mujoco.MjData(theirs), np.array([0.4, 0.7]), np.array([0.3, -1.1])
     from balance.mechanism import forward_kinematics as kinematics
     from balance.mechanism import loop_constraints as loops

@@ -69,7 +69,6 @@ SENTENCES = [
     "testbench recover campaign",
     "testbench remove campaign/r001.h5 --by 'A. Kaya' --reason 'a cable was loose'",
     "testbench export campaign/r001.h5 --to csv -o tables",
-    "testbench report campaign -o report.html",
     "testbench view campaign --no-browser --idle 0",
 ]
 """They print sentences and write files."""

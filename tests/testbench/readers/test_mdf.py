@@ -47,6 +47,22 @@ def test_groups_keep_their_own_time(tmp_path, version, compression):
     assert found.unit("Force X") == "N"
 
 
+def test_a_clock_that_counts_records(tmp_path):
+    """A virtual master has no bytes in the records: its time is their number, as asammdf has it."""
+    path = save(tmp_path, "4.10", [signal("a", RANDOM.normal(size=400))])
+    with MDF(path) as mdf:
+        clock = mdf.groups[0].channels[0]
+    raw, kind = bytearray(path.read_bytes()), clock.address + 24 + 8 * clock.links_nr
+    assert raw[kind] == 2
+    raw[kind] = 3
+    path.write_bytes(raw)
+    with MDF(path) as mdf:
+        expected = mdf.get("a").timestamps
+    found = reading.read(path)
+    np.testing.assert_array_equal(found.time(next(iter(found.groups))), expected)
+    np.testing.assert_array_equal(expected, np.arange(400.0))
+
+
 @pytest.mark.parametrize("version", ["3.30", "4.10"])
 @pytest.mark.parametrize(
     "conversion",

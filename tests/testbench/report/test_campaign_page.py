@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import testbench.report
 from balance.report.page import Page
 from testbench.cross_examination import hear
 from testbench.recording import Finding
@@ -14,6 +15,7 @@ from testbench.report.campaign_page import NOTHING_TO_ACCEPT, CampaignReport
 from testbench.report.run_report import RunReport
 from testbench.store import open_campaign
 
+from ...commands import assert_fits
 from ..conftest import PAIR, call
 
 HOSTILE = "<script>document.title='x'</script>\"'&\u202egnp.</style>{{7*7}}"
@@ -51,13 +53,27 @@ class Parsed(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def made(shared, tmp_path_factory):
-    """A page of one condition, and the document that its command prints."""
-    campaign = shared(PAIR).campaign
+def told(shared, tmp_path_factory):
+    """A page of one condition, the document that its command prints, and its sentences; computed once for both."""
+    campaign, kept, whole = shared(PAIR).campaign, [], testbench.report.campaign_report
     path = tmp_path_factory.mktemp("page") / "report.html"
-    done = call("report", campaign, "-o", path, "--published", "kiper2019", "--json")
-    assert done.returncode == 0, done.stderr
-    return campaign, path, json.loads(done.stdout)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("COLUMNS", "80")
+        patch.setattr(
+            "testbench.report.campaign_report",
+            lambda *a, **b: kept[0] if kept else kept.append(whole(*a, **b)) or kept[0],
+        )
+        document, text = (
+            call("report", campaign, "-o", path, "--published", "kiper2019", words) for words in ("--json", "--all")
+        )
+    assert document.returncode == text.returncode == 0, document.stderr
+    return (campaign, path, json.loads(document.stdout)), text.stdout
+
+
+@pytest.fixture(scope="module")
+def made(told):
+    """Campaign, page, document."""
+    return told[0]
 
 
 @pytest.fixture(scope="module")
@@ -144,6 +160,12 @@ def test_reads_without_script(made, page):
     assert sum(tag == "caption" for tag, _ in page.elements) == sum(tag == "table" for tag, _ in page.elements)
     for run in open_campaign(made[0]).runs:
         assert run.provenance["sources"][0]["sha256"] in text
+
+
+def test_sentences_fit(told):
+    """The verdict comes first; words alone are broken at."""
+    assert told[0][2]["verdict"] in " ".join(told[1].split())
+    assert_fits(told[1])
 
 
 def test_no_address_is_asked_for(page):

@@ -235,7 +235,7 @@ def test_the_command_says_what_is_lost(tmp_path, monkeypatch, capsys):
 
 
 def test_a_random_bit_or_cut_is_found(tmp_path):
-    """Bits of runs and digests flipped, 15 cuts: each is named by verify, and no cut run gives fewer samples.
+    """Bits of runs and digests flipped, 8 cuts: each is named by verify, and no cut run gives fewer samples.
 
     So it is of an archive. The study of faults of the store makes hundreds of each.
     """
@@ -244,8 +244,8 @@ def test_a_random_bit_or_cut_is_found(tmp_path):
     chance = random.Random(21)
     run = tmp_path / "c" / "log.h5"
     for stored in (run, archive(open_run(run), tmp_path / "a").file):
-        assert all(faults.flipped(stored, chance) for _ in range(40))
-        assert all(faults.cut(stored, chance) for _ in range(15))
+        assert all(faults.flipped(stored, chance) for _ in range(20))
+        assert all(faults.cut(stored, chance) for _ in range(8))
 
 
 def test_a_campaign_of_nothing_but_leftovers(tmp_path, monkeypatch):
