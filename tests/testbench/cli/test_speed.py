@@ -53,6 +53,10 @@ def test_json_has_units_in_its_keys(log):
     steady = document["steady"]
     assert steady["fluctuation"]["low"] < 0.22321449 < steady["fluctuation"]["high"]
     assert steady["nominal_rpm"] == pytest.approx(276 / 3.61)
+    model = discs.truth()
+    for key, true in (("mean", model.mean_speed), ("fastest", model.fastest[1]), ("slowest", model.slowest[1])):
+        interval, rpm = steady[f"{key}_rpm"], true * 30.0 / np.pi
+        assert 0.999 * rpm < interval["low"] < interval["value"] < interval["high"] < 1.001 * rpm
     assert document["model"]["fluctuation_in_interval"]
     assert not document["model"]["first_edge_found_by_alignment"]
     assert document["model"]["rms_difference_rpm"] < 0.01
