@@ -11,6 +11,7 @@ reaches a scheduler runs code on its workers: name only one of your own network.
 """
 
 import ctypes
+import gc
 import os
 import signal
 import sys
@@ -172,6 +173,7 @@ def _shared(work: Callable[[Task], Result], tasks: Sequence[Task], processes: in
 def _begin(*inherited: object) -> None:
     """In a copy of this process: the terminal's interrupt is for this process, with which the copy ends."""
     _inherited[:] = inherited
+    gc.freeze()  # what is inherited is never garbage: looking for any would copy its pages
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with suppress(AttributeError, OSError):  # another C library

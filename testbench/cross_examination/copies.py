@@ -121,7 +121,8 @@ def _alike(phases: Complexes, others: Complexes) -> Floats:
     """Largest correlation at any lag of phases (k,) with others (n, k), (n,) [-]."""
     from scipy.fft import ifft
 
-    return np.asarray(2.0 * np.abs(ifft(phases * others.conj(), 2 * len(phases), axis=1)).max(axis=1))
+    found = ifft(phases * others.conj(), 2 * len(phases), axis=1)
+    return np.asarray(2.0 * np.sqrt((found.real**2 + found.imag**2).max(axis=1)))  # abs takes a root of each
 
 
 def _signature(record: ChannelRecord, seconds: float, first: int, last: int) -> _Signature:

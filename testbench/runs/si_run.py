@@ -75,6 +75,8 @@ class SIRun:
     """Recorded values that are in memory, by group and index."""
     _laws: dict[str, CalibrationLaw | None] = field(default_factory=dict, init=False, repr=False)
     _values: dict[str, Floats] = field(default_factory=dict, init=False, repr=False)
+    _sound: dict[str, Floats] = field(default_factory=dict, init=False, repr=False)
+    """Those of ``_values`` of which all is known to be numbers that something measures."""
     _times: dict[str, Floats] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
@@ -165,12 +167,16 @@ class SIRun:
         """
         self.rate(column)
         values = self.readings(column)
+        if values is self._sound.get(column.channel):
+            return values
         if values.size and np.isnan(values.min()):  # quicker than looking at each
             values = self.without_holes(column, values)
         if values.size and not (values.min() > -_LARGEST and values.max() < _LARGEST):  # of NaN neither is true
             odd = np.flatnonzero(~(np.abs(values) < _LARGEST))
             what = f"{values[odd[0]]:g} SI, which nothing measures, at sample {odd[0]}"
             raise AnalysisError(f"{self.name}: channel {column.channel!r} holds {what}: {_CURE}")
+        if values is self._values.get(column.channel):
+            self._sound[column.channel] = values
         return values
 
     def without_holes(self, column: Column, values: Floats) -> Floats:

@@ -138,7 +138,7 @@ def zero_phase(sections: Floats, channels: Floats, padding: int, out: Floats | N
     Records are mirrored at both ends over ``padding`` samples (less than n); the filter starts settled there. The
     result is written to ``out`` (k, n) where that is given, which may be the channels themselves.
     """
-    from scipy.signal import sosfilt_zi, sosfiltfilt
+    from scipy.signal import sosfiltfilt
 
     filtered = np.empty(channels.shape) if out is None else out
     if channels.size < COMPILED_FROM_SAMPLES or not can_compile():
@@ -146,7 +146,7 @@ def zero_phase(sections: Floats, channels: Floats, padding: int, out: Floats | N
         return filtered
     if len(sections) % 2:
         sections = np.vstack([sections, IDENTITY_SECTION])
-    settled = np.ascontiguousarray(sosfilt_zi(sections), dtype=np.float64)
+    settled = _settled(sections.tobytes())
     parts = [slice(i, i + LANES) for i in range(0, len(channels), LANES)]
 
     def run(part: slice) -> None:
@@ -159,6 +159,14 @@ def zero_phase(sections: Floats, channels: Floats, padding: int, out: Floats | N
         with ThreadPoolExecutor(2) as pool:
             list(pool.map(run, parts))
     return filtered
+
+
+@lru_cache(maxsize=64)
+def _settled(sections: bytes) -> Floats:
+    """States (s, 2) of second-order sections (s, 6), as bytes, that pass a constant."""
+    from scipy.signal import sosfilt_zi
+
+    return np.ascontiguousarray(sosfilt_zi(np.frombuffer(sections).reshape(-1, 6)), dtype=np.float64)
 
 
 def _both_ways(sections: Floats, settled: Floats, channels: Floats, padding: int, out: Floats) -> None:

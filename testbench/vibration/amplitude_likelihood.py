@@ -67,7 +67,8 @@ class AmplitudeLikelihood:
             drawn, shown = (np.sqrt(one) for one in statistic.excess(peaks, tried[above], noises, run.as_read))
             scores[above] = np.maximum(_scores(np.sort(drawn.T), drawn.std(axis=0), shown), 0.0)
         table = np.minimum.accumulate(scores) - _DIGITS * np.arange(POINTS)
-        rising = _scores(ranked[:1], spread[:1], np.median(draws, axis=0))
+        middle = ranked[:, [(len(draws) - 1) // 2, len(draws) // 2]].mean(axis=1)
+        rising = _scores(ranked[:1], spread[:1], middle)
         common, rounded = _shares(draws[:, int(np.argmin(np.abs(table)))], noises)
         return cls(statistic, run.reading, floor, run.saturated, common, tried, table, rising, rounded)
 

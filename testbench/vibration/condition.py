@@ -293,14 +293,15 @@ class CampaignNoise:
         return any(both is not None and place in both.means for both in self.aligned.values())
 
     def groups_and_means(
-        self, of: tuple[Condition, Place]
-    ) -> tuple[tuple[Group, Group] | None, tuple[Group | None, Group | None]]:
-        """:meth:`groups` and the :meth:`mean` of each side."""
-        condition, place = of
-        both, (balanced, unbalanced) = self.groups(condition, place), condition.sides
-        if both is None:
-            return None, (None, None)
-        return both, (self.mean(condition, place, balanced), self.mean(condition, place, unbalanced))
+        self, of: tuple[Place, Sequence[Condition]]
+    ) -> list[tuple[tuple[Group, Group] | None, tuple[Group | None, Group | None]]]:
+        """:meth:`groups` of a place, and the :meth:`mean` of each side, for each condition."""
+        place, found = of[0], []
+        for condition in of[1]:
+            both, (balanced, unbalanced) = self.groups(condition, place), condition.sides
+            one, other = (self.mean(condition, place, side) if both else None for side in (balanced, unbalanced))
+            found.append((both, (one, other)))
+        return found
 
     def groups(self, condition: Condition, place: Place) -> tuple[Group, Group] | None:
         """Repeats with and without counter-masses; None where the noise is unknown, or nothing was read."""

@@ -94,11 +94,16 @@ class Ratio:
         return self._known[ratio]
 
     @cached_property
+    def _lower(self) -> Floats:
+        """Of the amplitudes without counter-masses that are tried first, whatever the ratio, (k,)."""
+        return self.unbalanced.deviation(self.unbalanced.amplitudes)
+
+    @cached_property
     def _known(self) -> dict[float, tuple[float, float]]:
         return {}
 
     def _standardized_anew(self, ratio: float) -> tuple[float, float]:
-        tried, lower = self.unbalanced.amplitudes, self.unbalanced.deviation(self.unbalanced.amplitudes)
+        tried, lower = self.unbalanced.amplitudes, self._lower
         upper = self.balanced.deviation(ratio * tried)
         best = int(np.argmin(upper**2 + lower**2))
         tried = np.linspace(tried[max(best - 1, 0)], tried[min(best + 1, len(tried) - 1)], _FINE)

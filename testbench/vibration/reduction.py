@@ -227,8 +227,7 @@ def analyze(
         raise AnalysisError("no two runs can be compared:\n" + "\n".join(f"  {f.message}" for f in findings))
     conditions = _conditions(found, measure, findings, known or {})
     judged, reductions = CampaignLikelihoods.of(conditions, pool.in_memory), []
-    for condition in conditions:
-        some = judged.calibrated(condition)
+    for condition, some in zip(conditions, pool.in_memory.map(judged.calibrated, conditions), strict=True):
         findings += [*condition.findings, *reduction_findings(condition, some)]
         findings += [*judged.scatter_findings(condition), *condition.doubts]
         reductions += _doubted(condition.pair, some, examination)
@@ -303,15 +302,22 @@ class CampaignLikelihoods:
 
     @classmethod
     def of(cls, conditions: Sequence[Condition], pool: TaskPool = HERE) -> "CampaignLikelihoods":
-        """Runs that are compared with several sets of counter-masses count once; place by place, for its noise."""
+        """Runs that are compared with several sets of counter-masses count once; place by place, for its noise.
+
+        Of so many places as copies of this process share evenly each is one task, so that its noise is drawn once.
+        """
         found = cls(CampaignNoise.of(conditions, pool), {}, {}, {})
         once: dict[Place, dict[tuple[int, ...], Group]] = {}
-        places = dict.fromkeys(place for condition in conditions for place in condition.places)
-        each = [(condition, place) for place in places for condition in conditions if place in condition.places]
-        for (condition, place), (both, means) in zip(each, pool.map(found.noise.groups_and_means, each), strict=True):
-            found.groups[id(condition), place], found.means[id(condition), place] = both, means
-            sides = zip((side.key for side in condition.sides), both or (), strict=False)
-            once.setdefault(place, {}).update(sides)
+        places = list(dict.fromkeys(place for condition in conditions for place in condition.places))
+        some = {place: [condition for condition in conditions if place in condition.places] for place in places}
+        shared = places[len(places) - len(places) % pool.processes :]
+        cuts = {place: -(-len(some[place]) // (pool.processes if place in shared else 1)) for place in places}
+        each = [(p, some[p][i : i + cuts[p]]) for p in places for i in range(0, len(some[p]), cuts[p])]
+        for (place, part), shown in zip(each, pool.map(found.noise.groups_and_means, each), strict=True):
+            for condition, (both, means) in zip(part, shown, strict=True):
+                found.groups[id(condition), place], found.means[id(condition), place] = both, means
+                sides = zip((side.key for side in condition.sides), both or (), strict=False)
+                once.setdefault(place, {}).update(sides)
         alike = found.noise.rounding_in_common
         return replace(found, repeats={p: Repeatability.of([*groups.values()], alike) for p, groups in once.items()})
 
