@@ -1,4 +1,5 @@
-"""Loops over samples, compiled: filters of four channels side by side, segments of a spectrum, their power.
+"""Loops over samples, compiled: filters of four channels side by side, segments of a spectrum, their power, extremes of
+signals in noise.
 
 It imports numba, and is imported only where there is enough to do. LLVM is let join the four channels' operations into
 one each (superword-level parallelism, which numba leaves off): that makes the recursion three times as fast.
@@ -6,6 +7,7 @@ one each (superword-level parallelism, which numba leaves off): that makes the r
 
 from typing import Any
 
+import numpy as np
 from numba import config, njit
 from numpy.typing import NDArray
 
@@ -78,6 +80,40 @@ def add_power(spectra: NDArray[Any], power: NDArray[Any]) -> None:
     for row in range(len(spectra)):
         for i in range(len(power)):
             power[i] += spectra[row, i].real ** 2 + spectra[row, i].imag ** 2
+
+
+@compiled_by(njit, "void(f4[:,::1], i8[::1], f4, f4[:,:], f4[:,::1])")
+def raise_highest(
+    noise: NDArray[Any], at: NDArray[Any], sign: float, levels: NDArray[Any], found: NDArray[Any]
+) -> None:
+    """Raise ``found`` (k, draws) to the largest of ``levels`` (k, m) with ``sign`` times ``noise[at]`` (m, draws)."""
+    for i in range(len(at)):
+        row = noise[at[i]]
+        for k in range(len(levels)):
+            level, highest = levels[k, i], found[k]
+            for d in range(len(row)):
+                value = sign * row[d] + level
+                highest[d] = value if value > highest[d] else highest[d]
+
+
+@compiled_by(njit, "void(f4[:,::1], i8[::1], f4, f4[:,:], f4[::1], f8[:,::1])")
+def add_excess(
+    noise: NDArray[Any], at: NDArray[Any], sign: float, levels: NDArray[Any], raised: NDArray[Any], found: NDArray[Any]
+) -> None:
+    """Add to ``found`` (k, draws) squares of what ``levels`` (k, m), ``sign`` times ``noise[at]`` (m, draws) and what
+    is ``raised`` (draws,) are together above zero."""
+    total = np.zeros(found.shape, np.float32)
+    for i in range(len(at)):
+        row = noise[at[i]]
+        for k in range(len(levels)):
+            level, sums = levels[k, i], total[k]
+            for d in range(len(row)):
+                value = sign * row[d] + raised[d] + level
+                value = value if value > np.float32(0.0) else np.float32(0.0)
+                sums[d] += value * value
+    for k in range(len(found)):
+        for d in range(found.shape[1]):
+            found[k, d] += total[k, d]
 
 
 config.SLP_VECTORIZE = _usual

@@ -12,10 +12,12 @@ Runs of one noise share the records that are drawn. Only samples near the extrem
 noise is small they are few, and where it is not, few of each draw can become its extreme for any of the signals.
 """
 
+import sys
 import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from types import ModuleType
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -344,8 +346,11 @@ class NoiseRecords:
         """
         tops = signals.max(axis=1)
         found = np.full((len(signals), len(self.rounding)), -np.inf, np.float32)
-        for noise, levels in self._near(samples, signals, tops, sign):
-            np.maximum(found, (noise + levels[:, :, None]).max(axis=1), out=found)
+        for noise, at, levels in self._near(samples, signals, tops):
+            if loops := _compiled_loops():
+                loops.raise_highest(noise, at, sign, levels, found)
+            else:
+                np.maximum(found, (sign * noise[at] + levels[:, :, None]).max(axis=1), out=found)
         return np.asarray(self.scale * found.T + tops)
 
     def excess(
@@ -355,16 +360,17 @@ class NoiseRecords:
         with what is ``added`` to it (draws,) [unit], exceed ``tops`` (k,) [unit], (draws, k) [unit^2].
         """
         found, raised = np.zeros((len(signals), len(added))), (added / self.scale).astype(np.float32)
-        for noise, levels in self._near(samples, signals, tops, sign):
-            above = np.maximum(noise + raised + levels[:, :, None], np.float32(0.0))
-            found += np.einsum("kij,kij->kj", above, above)
+        for noise, at, levels in self._near(samples, signals, tops):
+            if loops := _compiled_loops():
+                loops.add_excess(noise, at, sign, levels, raised, found)
+            else:
+                above = np.maximum(sign * noise[at] + raised + levels[:, :, None], np.float32(0.0))
+                found += np.einsum("kij,kij->kj", above, above)
         return np.asarray(self.scale**2 * found.T)
 
-    def _near(
-        self, samples: Indices, signals: Floats, tops: Floats, sign: Literal[1, -1]
-    ) -> Iterator[tuple[Floats, Floats]]:
-        """Noise times ``sign`` (m, draws) and signals (k, m) less ``tops`` (k,), in multiples of the scale, in blocks
-        of those ``samples`` in which any may come near its top.
+    def _near(self, samples: Indices, signals: Floats, tops: Floats) -> Iterator[tuple[Floats, Indices, Floats]]:
+        """Noise (n, draws), its samples (m,), and there signals (k, m) less ``tops`` (k,), in multiples of the scale,
+        in blocks of those ``samples`` in which any may come near its top.
         """
         near = (signals >= tops[:, None] - self.reach).any(axis=0)
         samples, below = samples[near], ((signals[:, near] - tops[:, None]) / self.scale).astype(np.float32)
@@ -373,8 +379,13 @@ class NoiseRecords:
             inside = slice(*np.searchsorted(samples, [first, first + len(part)]))
             for begin in range(inside.start, inside.stop, at_once):
                 rows = slice(begin, min(begin + at_once, inside.stop))
-                yield sign * part[samples[rows] - first], below[:, rows]
+                yield part, samples[rows] - first, below[:, rows]
             first += len(part)
+
+
+def _compiled_loops() -> ModuleType | None:
+    """The loops that filters of long records have loaded, in a run or before; else none: they do not pay alone."""
+    return sys.modules.get("testbench.signal.compiled_loops")
 
 
 def noise_draws(noise: Noise, measure: Measure, count: int, rate_hz: float) -> Draws:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from testbench.signal.filters import Band
-from testbench.vibration import Noise
+from testbench.vibration import Noise, noise_floor
 from testbench.vibration.metrics import Measure
 from testbench.vibration.noise_floor import NoiseRecords, Segment, noise_draws, tapers
 
@@ -97,6 +97,27 @@ def test_highest_of_signals_in_noise(size):
         whole = np.array([(sign * noise + signal).max(axis=1) for signal in signals]).T
         found = NoiseRecords(draws, np.zeros(len(noise))).highest(np.arange(900), signals, sign)
         np.testing.assert_allclose(found, whole, atol=1e-5 * max(size, 1.0))  # single precision
+
+
+def test_compiled_loops_find_the_same(monkeypatch):
+    """Whether filters of long records have loaded compiled loops or not changes no bit."""
+    loops = pytest.importorskip("testbench.signal.compiled_loops")
+    draws = noise_draws(Noise.of([white(1, 4000)]), Measure(), 900, RATE)
+    signals = np.linspace(2.0, 5.0, 9)[:, None] * np.sin(np.linspace(0.0, 60.0, 900))
+    tops, found = signals.max(axis=1), {}
+    records = NoiseRecords(draws, np.linspace(-0.1, 0.2, len(draws.powers)), 0.7)
+    for used in (loops, None):
+        monkeypatch.setattr(noise_floor, "_compiled_loops", lambda used=used: used)
+        found[used] = [
+            each
+            for sign in (1, -1)
+            for each in (
+                records.highest(np.arange(900), signals, sign),
+                records.excess(np.arange(900), signals, tops, records.rounding, sign),
+            )
+        ]
+    np.testing.assert_array_equal(found[loops], found[None])
+    assert found[None][1].min() > 0.0
 
 
 def test_shared_draws():
