@@ -89,36 +89,53 @@ def spans_for(samples: Sequence[int], budget_bytes: float = BUDGET_BYTES) -> int
     return max(waiting, default=LEAST_SPANS)
 
 
+class Spans:
+    """Equal spans of instants (n,) [s] that do not fall, NaN where there is none: once for channels of one clock."""
+
+    def __init__(self, time: Floats, spans: int) -> None:
+        known = np.isfinite(time)
+        self._known = None if known.all() else known
+        time = time if self._known is None else time[known]
+        count = self._count = len(time)
+        self.start = float(time[0])
+        self.step = float(time[-1] - time[0]) / (count - 1) if count > 1 else 1.0
+        steps = np.diff(time)
+        even = count < 3 or bool(steps.min() >= 0.5 * self.step and steps.max() <= 1.5 * self.step)
+        self.whole = count <= 2 * spans and even
+        """Whether every sample is kept: at most two a span, evenly spaced."""
+        if self.whole:
+            return
+        spans = spans if even else min(spans, max(count // 4, 1))  # so that a span without a sample is a gap
+        width = float(time[-1] - time[0]) / spans
+        self.step = 0.5 * width
+        begins = np.searchsorted(time, time[0] + width * np.arange(spans))
+        counts = np.diff(begins, append=count)
+        self._filled = counts > 0
+        self._begins, self._counts = begins[self._filled], counts[self._filled]
+
+    def plotted(self, kind: str, name: str, unit: str, values: Floats) -> PlottedChannel:
+        """A channel (n,) [unit], NaN where there is none; a sample without an instant is not drawn."""
+        values = values if self._known is None else values[self._known]
+        if self.whole:
+            return PlottedChannel(kind, name, unit, self.start, self.step, self._count, *_rounded(values))
+        # Least or largest of the samples of each span, (spans,) [unit]; NaN where a span holds none but NaN.
+        found = [np.asarray(pick.reduceat(values, self._begins)) for pick in (np.fmin, np.fmax)]
+        places = []
+        for sought in found:
+            hits = np.append(np.flatnonzero(values == np.repeat(sought, self._counts)), self._count)
+            places.append(hits[np.searchsorted(hits, self._begins)])
+        extremes = np.full((len(self._filled), 2), np.nan)
+        extremes[self._filled] = np.where(places[0] <= places[1], found, found[::-1]).T
+        return PlottedChannel(kind, name, unit, self.start, self.step, self._count, *_rounded(extremes.ravel()))
+
+
 def plotted(kind: str, name: str, unit: str, time: Floats, values: Floats, spans: int) -> PlottedChannel:
     """A channel at instants (n,) [s] that do not fall, values (n,) [unit], either NaN where there is none.
 
     A sample without an instant is not drawn. Kept whole where it has at most two samples a span and they are evenly
     spaced, else reduced to ``spans`` spans.
     """
-    known = np.isfinite(time)
-    if not known.all():
-        time, values = time[known], values[known]
-    count = len(values)
-    step = float(time[-1] - time[0]) / (count - 1) if count > 1 else 1.0
-    steps = np.diff(time)
-    even = count < 3 or bool(steps.min() >= 0.5 * step and steps.max() <= 1.5 * step)
-    if count <= 2 * spans and even:
-        return PlottedChannel(kind, name, unit, float(time[0]), step, count, *_rounded(values))
-    spans = spans if even else min(spans, max(count // 4, 1))  # so that a span without a sample is a gap
-    width = float(time[-1] - time[0]) / spans
-    begins = np.searchsorted(time, time[0] + width * np.arange(spans))
-    counts = np.diff(begins, append=count)
-    filled = counts > 0
-    begins, counts = begins[filled], counts[filled]
-    # Least or largest of the samples of each span, (spans,) [unit]; NaN where a span holds none but NaN.
-    found = [np.asarray(pick.reduceat(values, begins)) for pick in (np.fmin, np.fmax)]
-    places = []
-    for sought in found:
-        hits = np.append(np.flatnonzero(values == np.repeat(sought, counts)), count)
-        places.append(hits[np.searchsorted(hits, begins)])
-    extremes = np.full((spans, 2), np.nan)
-    extremes[filled] = np.where(places[0] <= places[1], found, found[::-1]).T
-    return PlottedChannel(kind, name, unit, float(time[0]), 0.5 * width, count, *_rounded(extremes.ravel()))
+    return Spans(time, spans).plotted(kind, name, unit, values)
 
 
 def _rounded(values: Floats) -> tuple[NDArray[np.int16], tuple[float, float]]:

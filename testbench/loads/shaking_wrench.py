@@ -124,9 +124,9 @@ def without_preload(values: Floats, rest: "tuple[slice, slice]") -> Floats:
     if len(ends) == 1:
         return values - ends[0][1]
     (a, before), (b, after) = ends
-    line = (np.arange(len(values))[:, None] - a) * ((after - before) / (b - a))
-    line += before
-    return np.subtract(values, line, out=line)
+    line = np.multiply.outer((after - before) / (b - a), np.arange(len(values)) - a)
+    line += before[:, None]
+    return np.subtract(values.T, line, out=line).T
 
 
 def _tare(rest: "tuple[slice, slice]", rate: float) -> str:

@@ -5,9 +5,9 @@
 """
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -42,6 +42,8 @@ from .run_report import Reporting, RunReport
 from .sections import torque_changes
 
 if TYPE_CHECKING:
+    from markupsafe import Markup
+
     from ..signal.filters import Band
     from ..store import Run
 
@@ -120,7 +122,7 @@ class CampaignReport:
 
     def page(self) -> Page:
         """The page, with pictures and what its script draws."""
-        found = self.comparison
+        figure, pictures = self._drawn()
         runs = [one.plotted for one in self.reports.values() if one.plotted]
         data = {
             "runs": [run.as_dict() for run in runs],
@@ -131,11 +133,25 @@ class CampaignReport:
         about = {
             "sections": SECTIONS,
             "labels": {run.name: run_label(run)[0] for run in self.runs},
-            "figure": None if isinstance(found, str) else reductions_svg(found),
-            "pictures": [] if isinstance(found, str) else strongest_condition(found, self.runs),
+            "figure": figure,
+            "pictures": pictures,
             "calibrations": [str(one) for one in calibrations_in_force(SIRun.of(run) for run in self.runs if run.rig)],
         }
         return Page(Path(__file__).with_name("campaign.html"), self.document, data, about)
+
+    def _drawn(self) -> tuple["Markup | None", "list[Markup]"]:
+        """The figure of the reductions and those of the strongest condition; of many runs each in a process."""
+        if isinstance(self.comparison, str):
+            return None, []
+        draws: list[Callable[[], Any]] = [
+            partial(reductions_svg, self.comparison), partial(strongest_condition, self.comparison, self.runs)
+        ]  # fmt: skip
+        drawn: dict[int, Any] = dict(cores(len(self.runs)).results(_called, draws))
+        return drawn[0], drawn[1]
+
+
+def _called(work: Callable[[], Any]) -> Any:  # noqa: ANN401
+    return work()
 
 
 SECTIONS = (

@@ -8,7 +8,7 @@ import numpy as np
 from balance.errors import CounterpoiseError
 from balance.report.moving import designs_of, moving
 from balance.report.page import inline_svg
-from balance.report.plotted import PlottedChannel, PlottedRun, plotted, spans_for, spectrum
+from balance.report.plotted import PlottedChannel, PlottedRun, Spans, spans_for, spectrum
 from balance.units import SI_UNITS
 
 from .. import figures
@@ -83,14 +83,18 @@ def columns_of(run: SIRun) -> "Iterator[tuple[str, Column]]":
 
 def _channels(run: SIRun, spans: int) -> "Iterator[PlottedChannel]":
     """Each channel as its sensor gives it; one that cannot be read in SI is left out, for the findings say why."""
+    clocks: dict[tuple[str, float], Spans | None] = {}
     for kind, column in columns_of(run):
         try:
-            unit = unit_of(run, column)
-            time, values = run.instants(column), run.readings(column)
+            unit, clock = unit_of(run, column), (run.group_of(column), column.delay)
+            if clock not in clocks:
+                time = run.instants(column)
+                clocks[clock] = Spans(time, spans) if np.isfinite(time).any() else None
+            values = run.readings(column)
         except CounterpoiseError:
             continue
-        if np.isfinite(time).any():
-            yield plotted(kind, f"{column.sensor} {column.component}", unit, time, values, spans)
+        if (drawn := clocks[clock]) is not None:
+            yield drawn.plotted(kind, f"{column.sensor} {column.component}", unit, values)
 
 
 def _spectra(levels: "Sequence[ChannelLevels]") -> "Iterator[Mapping[str, Any]]":

@@ -215,8 +215,8 @@ class SIRun:
         return self.values(column), self.rate(column)
 
     def stacked(self, columns: Iterable[Column]) -> Floats:
-        """Channels of one clock side by side, (n, k) [SI]."""
-        return np.column_stack([self.values(column) for column in columns])
+        """Channels of one clock side by side, (n, k) [SI]; in memory one after the other, as they are worked on."""
+        return np.array([self.values(column) for column in columns]).T
 
     def readings(self, column: Column) -> Floats:
         """A channel (n,) [SI] as its sensor gives it, NaN where the log holds no number."""
