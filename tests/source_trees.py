@@ -16,6 +16,12 @@ def trees() -> dict[Path, ast.Module]:
 
 
 @cache
+def walked(tree: ast.Module) -> tuple[ast.AST, ...]:
+    """All nodes of a tree."""
+    return tuple(ast.walk(tree))
+
+
+@cache
 def modules() -> dict[str, ast.Module]:
     """The same by the module's name; a package's is that of its ``__init__``."""
     return {".".join(path.with_suffix("").parts).removesuffix(".__init__"): tree for path, tree in trees().items()}

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from .source_trees import PACKAGES, ROOT, modules
+from .source_trees import PACKAGES, ROOT, modules, walked
 
 LAYERS: tuple[str, ...] = (
     "balance.errors balance.arrays balance.user_cache",
@@ -105,7 +105,7 @@ def imports() -> dict[str, set[str]]:
     return {
         module: {
             name
-            for node in ast.walk(tree)
+            for node in walked(tree)
             if isinstance(node, ast.Import | ast.ImportFrom)
             for name in named(module, node)
             if name != module
@@ -195,7 +195,7 @@ def test_quantiles_are_taken_in_one_place() -> None:
     taken = {
         f"{module}: {ast.unparse(node)}"
         for module, tree in modules().items()
-        for node in ast.walk(tree)
+        for node in walked(tree)
         if module != QUANTILES and _is_of_a_distribution(node)
     }
     assert taken == set()

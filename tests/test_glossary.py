@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from .source_trees import ROOT, modules, trees
+from .source_trees import ROOT, modules, trees, walked
 
 PAGE = (ROOT / "docs" / "glossary.md").read_text("utf-8")
 COMPATIBLE = {"held_value", "phases_alike", "phases_off_alike_deg_within", "told"}
@@ -20,7 +20,7 @@ REPORTING = {"Finding", "Refusal", "echo", "emit_table", "secho"}
 def public_names(tree: ast.Module) -> set[str]:
     """Functions, classes, constants, fields and parameters that others see."""
     names: set[str] = set()
-    for node in ast.walk(tree):
+    for node in walked(tree):
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
             names.add(node.name)
             if isinstance(node, ast.FunctionDef):
@@ -34,14 +34,14 @@ def public_names(tree: ast.Module) -> set[str]:
 
 def keys(tree: ast.Module) -> set[str]:
     """Keys of dictionaries that are written out: those of JSON documents are among them."""
-    found = (key for node in ast.walk(tree) if isinstance(node, ast.Dict) for key in node.keys)
+    found = (key for node in walked(tree) if isinstance(node, ast.Dict) for key in node.keys)
     return {key.value for key in found if isinstance(key, ast.Constant) and isinstance(key.value, str)}
 
 
 def messages(tree: ast.Module) -> set[str]:
     """Texts in what is raised, reported as a finding or printed."""
-    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and _reports(node)]
-    calls += [node.exc for node in ast.walk(tree) if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call)]
+    calls = [node for node in walked(tree) if isinstance(node, ast.Call) and _reports(node)]
+    calls += [node.exc for node in walked(tree) if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call)]
     constants = (part for call in calls for part in ast.walk(call) if isinstance(part, ast.Constant))
     return {part.value for part in constants if isinstance(part.value, str)}
 

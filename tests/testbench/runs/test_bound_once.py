@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from ...source_trees import trees
+from ...source_trees import trees, walked
 
 RUNS, RIGS = {"Run", "SIRun", "AlignedRun"}, {"Rig"}
 BINDS = {"runs/si_run.py: of", "front_door.py: bound_runs"}
@@ -17,7 +17,7 @@ def functions() -> Iterator[tuple[str, list[ast.arg]]]:
     """Every function of the package with its parameters."""
     for path, tree in trees().items():
         where = path.relative_to(path.parts[0]).as_posix()
-        for node in ast.walk(tree) if path.parts[0] == "testbench" else ():
+        for node in walked(tree) if path.parts[0] == "testbench" else ():
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
                 given = node.args
                 yield (

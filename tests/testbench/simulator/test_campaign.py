@@ -21,7 +21,7 @@ from testbench.simulator import campaign
 from testbench.simulator.sensors import draw_transducers
 
 from ...other_process import OtherProcess
-from ...source_trees import trees
+from ...source_trees import trees, walked
 from ..conftest import call as command
 
 PLAN = """
@@ -256,7 +256,7 @@ def test_who_imports_it():
     for path, tree in trees().items():
         if path.parts[0] == "balance" or path.parent.name == "simulator" or path in making_runs:
             continue
-        for node in ast.walk(tree):
+        for node in walked(tree):
             if isinstance(node, ast.ImportFrom) and "simulator" in (node.module or "").split("."):
                 names = {alias.name for alias in node.names} | set((node.module or "").split("."))
                 assert not names & hidden, f"{path.name} imports {names & hidden} of the simulator"
