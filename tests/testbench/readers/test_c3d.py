@@ -156,9 +156,9 @@ def test_another_number_of_frames_than_declared(tmp_path, change, message, frame
     assert len(reading.read(path).column("Fx")) == frames * 5
 
 
-@pytest.mark.parametrize("changed", [{0: 0xFF}, {515: 1}, {2: 0, 3: 0, 4: 0, 5: 0}])
+@pytest.mark.parametrize("changed", [{0: 0xFF}, {1: 0x51}, {515: 1}, {2: 0, 3: 0, 4: 0, 5: 0}])
 def test_a_header_that_contradicts_itself_is_refused(old, changed):
-    """Parameters beyond the end, an unknown processor, no points and no channels."""
+    """Parameters beyond the end, another mark, an unknown processor, no points and no channels."""
     raw = bytearray(_bytes(INTEL, WORDS))
     for at, value in changed.items():
         raw[at] = value
