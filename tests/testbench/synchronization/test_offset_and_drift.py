@@ -1,9 +1,12 @@
 """Alignment by what both saw: precise, with intervals that hold, and refused where the data do not determine it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from testbench.errors import AnalysisError
+from testbench.synchronization import coarse_lag
 from testbench.synchronization.offset_and_drift import by_correlation
 
 from ..coverage import assert_holds
@@ -87,3 +90,10 @@ def test_long_records_with_drift():
     clock = by_correlation(plain(signal(t) + 0.02 * rng.normal(size=len(t)), own, rate)).clock
     assert clock.offset == pytest.approx(20.0, abs=1e-4)
     assert clock.drift == pytest.approx(80e-6, abs=1e-6)
+
+
+def test_a_white_residual_has_half_its_samples_independent():
+    """The logarithm of its mean square scatters by sqrt(4 / n): by the power of each frequency, not its amplitude."""
+    rng, whole = np.random.default_rng(1), SimpleNamespace(own=np.ones(4000), reference=np.ones(4000))
+    scatter = coarse_lag._scatter([rng.normal(size=(4000, 1))], rng.normal(size=(4000, 1)), 0, whole)
+    assert scatter == pytest.approx((4.0 / 4000.0) ** 0.5, rel=0.05)  # by amplitudes: 20 % less
