@@ -506,7 +506,8 @@ def _worded(kind: str, found: object, context: Mapping[str, Any], message: str) 
         limit = {"gt": "more than {}", "ge": "{} or more", "lt": "less than {}", "le": "{} or less"}[bounds[kind]]
         expected = "expected " + limit.format("zero" if bound == 0 else f"{bound:g}")
     elif kind == "literal_error":
-        expected = f"expected {context['expected']}{suggestion(str(found), _quoted(context['expected']))}"
+        near = suggestion(found, _quoted(context["expected"])) if isinstance(found, str) else ""
+        expected = f"expected {context['expected']}{near}"
     elif kind in {"too_short", "too_long"}:
         bound = context.get("min_length" if kind == "too_short" else "max_length")
         return (

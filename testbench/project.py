@@ -22,12 +22,15 @@ from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
 from balance.motion import Motion
 from balance.motion.motion_files import load_motion, motion_from_table
-from balance.results import Key
+from balance.results import Key, first_of
 from balance.units import G0
 
 from .campaign_plan import PlannedRun, load_plan
-from .errors import RigError
+from .errors import RecordingError, RigError
 from .ingestion.run_table import RunTableRow, run_table_rows, write_run_table
+from .quality.rig_checks import rig_findings
+from .readers import open_recording
+from .recording import Recording, Severity
 from .rig import Rig, load_rig
 from .rig.rig import mechanism_file
 from .simulator.run import planned_samples, refuse_bench
@@ -228,7 +231,8 @@ def _template(file: str, /, **values: str) -> str:
 def project_problems(folder: Path, logs: Sequence[Path] = ()) -> list[Problem]:
     """All that is missing in a project's folder, or contradicts, at once, and what is to be known before simulating.
 
-    ``logs``: files that the run table's rows must name, and that must be named.
+    ``logs``: files that the run table's rows must name, and that must be named; their headers are held against the
+    rig's channels.
     """
     if not folder.is_dir():
         raise RigError(f"{folder}: no such folder; `testbench new {folder}` writes one")
@@ -279,6 +283,7 @@ def _problems(folder: Path, logs: Sequence[Path]) -> Iterator[Problem]:
             yield Problem(runs, f"line {row.line}: names {row.file}, which is not among the logs{hint}")
         for name in sorted({path.name for path in logs if path.name != runs} - named) if not wrong else ():
             yield Problem(runs, f"no line names {name}: add one, or leave that log out")
+        yield from _log_problems(rig, [] if wrong else rows, [path for path in logs if path.name != runs])
     elif missing and len(missing) < len(rows):
         files = ", ".join(row.file for row in missing)
         yield Problem(runs, f"names {files}, not in the folder: add the logs, or remove their rows")
@@ -295,6 +300,30 @@ def _problems(folder: Path, logs: Sequence[Path]) -> Iterator[Problem]:
                 said.add(found)
                 message = problem.message if problem.file else f"{where}{problem.message}"
                 yield Problem(found[0], message, problem.is_note and file == runs)
+
+
+def _log_problems(rig: Rig | None, rows: Sequence[RunTableRow], logs: Sequence[Path]) -> Iterator[Problem]:
+    """Logs that cannot be opened, and what their headers lack of the rig's channels, run by run; once for all runs."""
+    recordings, runs = {}, dict[str, list[Recording]]()
+    for path in logs:
+        try:
+            recordings[path.name] = open_recording(path)
+        except (RecordingError, OSError) as error:
+            yield Problem(path.name, str(error).removeprefix(f"{path.name}: "))
+    named = [(PurePath(row.file).name, row.run or PurePath(row.file).stem) for row in rows]
+    for name, run in named or [(path.name, "the logs") for path in logs]:
+        if name in recordings:
+            runs.setdefault(run, []).append(recordings[name])
+    incomplete = {run for name, run in named if name not in recordings}
+    said: dict[tuple[str, str | None, str], tuple[str, list[str]]] = {}
+    for run, held in runs.items():
+        for one in () if rig is None else rig_findings(rig, held):
+            if one.severity > Severity.NOTE and not (run in incomplete and one.code == "sensor_not_recorded"):
+                message = f"{one.channel}: {one.message}" if one.channel else one.message
+                key = (one.code, one.channel, one.message.partition(":")[0])
+                said.setdefault(key, (message, []))[1].append(run)
+    for message, where in said.values():
+        yield Problem(RIG, f"{first_of(where, 4)}: {message}")
 
 
 def _rows(folder: Path, file: str, error: Exception, is_note: bool = False) -> Iterator[Problem]:

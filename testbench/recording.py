@@ -245,6 +245,17 @@ class Channel:
         if self.unit is not None:
             object.__setattr__(self, "unit", storable_name(self.unit) or None)
 
+    @property
+    def names(self) -> frozenset[str]:
+        """What a rig may call it: as written in the log, or without the unit."""
+        return frozenset({self.name, self.label})
+
+
+def by_name(channels: "Iterable[Channel]") -> "dict[str, Channel]":
+    """Channels by what a rig may call them; a name as written comes before another's without its unit."""
+    every = list(channels)
+    return {c.label: c for c in every} | {c.name: c for c in every}
+
 
 @dataclass(frozen=True)
 class UniformClock:

@@ -144,6 +144,7 @@ MODELS = {
 }
 """Model of each kind of input file."""
 _LONGEST_DEFAULT = 40
+_IN_BRACKETS = re.compile(r"\[[^]]*\]")
 _HEAD = (
     "# Input files",
     "",
@@ -239,7 +240,8 @@ def _form(one: Mapping[str, Any], kind: str) -> str:
         return f"text with a unit, [{one['unit']}], such as `{one['examples'][0]}`"
     if one.get("type") == "array":
         items = [one["items"]] if isinstance(one.get("items"), dict) else one.get("prefixItems", [])
-        return "list" + (f" of {' or '.join(dict.fromkeys(_form(item, kind) for item in items))}" if items else "")
+        each = " or ".join(dict.fromkeys(_form(item, kind) for item in items))
+        return "list" + (f" of ({each})" if " or " in _IN_BRACKETS.sub("", each) else f" of {each}" if items else "")
     if one.get("type") == "object":
         inner = one.get("additionalProperties")
         return "table" + (f" by name, each {_form(inner, kind)}" if isinstance(inner, dict) else "")

@@ -94,12 +94,16 @@ def ingest(
     return Answer({"runs": outcomes}, lambda: _print(outcomes), refused=refused, code=code)
 
 
+_FOR_FINDINGS = ": refused for "
+"""In what is said of a run that is refused for findings of its logs; it is said once, on its own."""
+
+
 def _refusals(outcomes: "Sequence[Outcome]") -> list[str]:
     """Each reason of a refusal once, with the runs that it is of."""
     found: dict[str, dict[str, None]] = {}
     for outcome in outcomes:
         if outcome.status == "refused":
-            name, mark, why = outcome.message.partition(": refused for ")
+            name, mark, why = outcome.message.partition(_FOR_FINDINGS)
             found.setdefault(mark + why, {})[name] = None
     return [first_of(names, 12) + why for why, names in found.items()]
 
@@ -144,7 +148,12 @@ def _print(outcomes: "Sequence[Outcome]") -> None:
     title = f"Logs: {', '.join(f'{count} {status}' for status, count in counts.items()) or 'none'}"
     say(f"{title}.")
     emit_table("", *table(Outcome, outcomes, "source", "file", "origin", "status", "findings"))
-    found = [(outcome.source, f) for outcome in outcomes for f in outcome.findings if f.severity > 0]
+    found = [
+        (outcome.source, finding)
+        for outcome in outcomes
+        for finding in outcome.findings
+        if finding.severity > 0 and not (finding.code == "not_stored" and _FOR_FINDINGS in finding.message)
+    ]
     options.print_reading_findings("Findings", found)
 
 

@@ -140,7 +140,7 @@ class SiblingLogs:
         self._unread = [other for other in self._unread if other != path]
 
     def holding(self, channels: Collection[str]) -> str | None:
-        """The name of the first log that holds one of ``channels`` (without unit); None if none does."""
+        """The name of the first log that holds one of ``channels``; None if none does."""
         for path, labels in self._labels.items():
             if not labels.isdisjoint(channels):
                 return path.name
@@ -157,7 +157,7 @@ class SiblingLogs:
             groups = open_recording(path, self._options).groups
         except (RecordingError, OSError):
             return frozenset()
-        return frozenset(channel.label for group in groups for channel in group.channels)
+        return frozenset(name for group in groups for channel in group.channels for name in channel.names)
 
 
 MOST_CHANNELS = 30_000

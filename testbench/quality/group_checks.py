@@ -259,8 +259,8 @@ class GroupCheck:
 
     def _range(self, channel: Channel) -> SensorRange | None:
         """The range that holds for a channel: the rig's, else the only one that the log states in its unit."""
-        if (known := self.channel_ranges.get(channel.label)) is not None:
-            return known
+        if known := channel.names & self.channel_ranges.keys():
+            return self.channel_ranges[min(known)]
         stated = [r for r in self.ranges if same_unit(r.unit, channel.unit)]
         return stated[0] if len(stated) == 1 else None
 

@@ -3,9 +3,10 @@
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from balance.errors import suggestion
 from balance.results import first_of
 
-from ..recording import Channel, Finding, Recording, SensorRange
+from ..recording import Channel, Finding, Recording, SensorRange, by_name
 from ..units import same_unit
 from .group_checks import GroupCheck
 from .time_steps import RATE_TOLERANCE
@@ -28,8 +29,8 @@ def range_findings(rig: "Rig | None") -> dict[str, SensorRange]:
 
 def without_commanded(rig: "Rig | None", recording: Recording, found: Iterable[Finding]) -> list[Finding]:
     """Findings less those of a flat signal in commands and triggers: these may rest and hold."""
-    labels = {c.channel for c in (() if rig is None else rig.columns()) if c.commanded or not c.level}
-    names = {c.name for g in recording.groups for c in g.channels if c.label in labels}
+    called = {c.channel for c in (() if rig is None else rig.columns()) if c.commanded or not c.level}
+    names = {c.name for g in recording.groups for c in g.channels if not called.isdisjoint(c.names)}
     return [f for f in found if not (f.channel in names and f.code in _FLAT)]
 
 
@@ -39,16 +40,16 @@ def rate_findings(rig: "Rig | None", groups: Iterable[GroupCheck]) -> list[Findi
     if rig is None:
         return found
     for check in groups:
-        labels = {channel.label for channel in check.group.channels}
+        names = {name for channel in check.group.channels for name in channel.names}
         for name, logger in rig.loggers.items():
-            if 0 < check.samples < FEWEST_SAMPLES and any(column.channel in labels for column in rig.columns(name)):
+            if 0 < check.samples < FEWEST_SAMPLES and any(column.channel in names for column in rig.columns(name)):
                 message = f"loggers.{name}: {check.samples} samples in the log, expected the whole run: nothing of "
                 message += "these sensors can be analysed; export the log again, or repeat the run"
                 found.append(Finding("few_samples", None, None, message))
             stated = logger.rate if "rate" in logger.model_fields_set else None
             if stated is None or check.rate_hz is None or abs(check.rate_hz / stated - 1.0) <= RATE_TOLERANCE:
                 continue
-            if any(column.channel in labels for column in rig.columns(name)):
+            if any(column.channel in names for column in rig.columns(name)):
                 message = f"loggers.{name}: rate {stated:g} Hz in the rig, {check.rate_hz:.6g} Hz in the log"
                 found.append(Finding("rate_contradicts_rig", None, None, f"{message}, which is taken"))
     return found
@@ -76,40 +77,55 @@ def rig_findings(
     logs that were looked at. ``sibling_log`` names a log outside the run that holds one of these channels.
     """
     recordings = list(recordings)
-    channels = {c.label: c for r in recordings for g in r.groups for c in g.channels}
+    channels = by_name(c for r in recordings for g in r.groups for c in g.channels)
+    labels = list(dict.fromkeys(c.label for c in channels.values()))
     found: list[Finding] = []
     absent: list[Finding] = []
     for logger in rig.loggers:
         columns = list(rig.columns(logger))
         present = [column for column in columns if column.channel in channels]
         if present:
-            found += [_missing(column, channels) for column in columns if column.channel not in channels]
+            found += [_missing(column, labels) for column in columns if column.channel not in channels]
         elif columns:
             other = sibling_log({column.channel for column in columns})
             logs = [recording.path.name for recording in recordings]
-            absent.append(_absent(logger, columns, logs) if other is None else _apart(logger, columns, other))
+            absent.append(_absent(logger, columns, logs, labels) if other is None else _apart(logger, columns, other))
         found += _units(present, channels)
+    found += _taken_twice([column for column in rig.columns() if column.channel in channels], channels)
     if len(absent) == sum(any(rig.columns(logger)) for logger in rig.loggers):
         message = (
-            f"none of the rig's channels is in the log, which holds {first_of(channels, 12)}; name them in the rig"
+            f"none of the rig's channels ({first_of((c.channel for c in rig.columns()), 4)}) is in the log, "
+            f"which holds {first_of(labels, 12)}; name them in the rig"
         )
         return [*found, Finding(_CODE, None, None, message)]
     return found + absent
 
 
-def _missing(column: "Column", channels: Iterable[str]) -> Finding:
+def _taken_twice(present: Iterable["Column"], channels: Mapping[str, Channel]) -> list[Finding]:
+    """Channels that the rig calls by two names, with the unit and without."""
+    called: dict[int, str] = {}
+    return [
+        Finding(_CODE, column.channel, None, f"the rig calls this channel {other!r} too: expected one sensor a channel")
+        for column in present
+        if (other := called.setdefault(id(channels[column.channel]), column.channel)) != column.channel
+    ]
+
+
+def _missing(column: "Column", labels: Sequence[str]) -> Finding:
     message = (
-        f"the rig names it in sensors.{column.sensor} (logger {column.logger}); the log holds {first_of(channels, 12)}"
+        f"the rig names it in sensors.{column.sensor} (logger {column.logger}); the log holds {first_of(labels, 12)}"
+        f"{suggestion(column.channel, labels)}"
     )
     return Finding(_CODE, column.channel, None, message)
 
 
-def _absent(logger: str, columns: "Iterable[Column]", logs: Sequence[str]) -> Finding:
+def _absent(logger: str, columns: "Sequence[Column]", logs: Sequence[str], labels: Sequence[str]) -> Finding:
     names = ", ".join(dict.fromkeys(column.sensor for column in columns))
     own = logs[0] if len(logs) == 1 else f"any of {first_of(logs, 12)}"
     message = (
         f"nothing is recorded of sensors {names} (logger {logger}): no channel of theirs is in {own}, of which the run "
         "is made; a log that holds them is joined to the run by a run table (--runs)"
+        f"{next(filter(None, (suggestion(column.channel, labels) for column in columns)), '')}"
     )
     return Finding("sensor_not_recorded", None, None, message)
 

@@ -29,7 +29,7 @@ class Column:
     """A channel: which component of which sensor, in which unit the logger writes it. Everything else in SI."""
 
     channel: Annotated[str, Key()]
-    """Its name in the log, without the unit."""
+    """Its name as in the log, with the unit in brackets or without."""
     sensor: Annotated[str, Key()]
     component: Annotated[str, Key()]
     """``x``, ``Fz``, ``Mx``, or the joint."""

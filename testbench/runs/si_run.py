@@ -283,7 +283,7 @@ class SIRun:
             for found in self.findings
             if found.code not in RESOLVED_BY_CALIBRATION
             and found.severity >= Severity.WARNING
-            and self._label(found) in used
+            and not used.isdisjoint(self._names(found))
         ]
 
     def calibration(self, column: Column) -> CalibrationInForce | None:
@@ -361,20 +361,21 @@ class SIRun:
         return calibration_history.newest_by_sensor(self.path)
 
     @cached_property
-    def _labels(self) -> dict[str, str]:
-        """A channel's name without its unit, by its name."""
-        return {c.name: c.label for group in self.groups for c in group.channels}
+    def _channels(self) -> dict[str, Channel]:
+        """The channels by their names in the log."""
+        return {c.name: c for group in self.groups for c in group.channels}
 
     def _suspected(self, column: Column) -> tuple[str, str | None]:
         """Code and message of the clipping that ingest suspected of a channel; no message: of none."""
         for found in self.findings:
-            if found.code.startswith("clipping") and self._label(found) == column.channel:
+            if found.code.startswith("clipping") and column.channel in self._names(found):
                 return found.code, found.message
         return "", None
 
-    def _label(self, finding: Finding) -> str:
-        """The channel that a finding is about, by its name without the unit."""
-        return self._labels.get(finding.channel or "", finding.channel or "")
+    def _names(self, finding: Finding) -> frozenset[str]:
+        """What a rig may call the channel that a finding is about."""
+        name = finding.channel or ""
+        return self._channels[name].names if name in self._channels else frozenset({name})
 
     def _finding(self, code: str, channel: str | None, message: str) -> Finding:
         return Finding(code, channel, self.name, message)

@@ -126,6 +126,43 @@ BROKEN = {
 }
 
 
+def _log_of_rig(path, rig, replaced=("", "")):
+    """A log of the logger that its file is named for, with some text of its header replaced."""
+    names = ["Time (s)", *(f"{c.channel} ({c.unit})" for c in rig.columns(path.stem.partition("_")[2]))]
+    rows = [f"{i / 1000}," + ",".join(f"{i * i}" for _ in names[1:]) for i in range(4)]
+    path.write_text("\n".join([",".join(names).replace(*replaced), *rows, ""]))
+
+
+@pytest.mark.parametrize(
+    ("replaced", "said"),
+    [
+        (("AccX", "Acc_X"), ("rig.toml", r"r001, .*: AccX: the rig .*\(logger daq\); the log holds Time, Acc_X,"
+                                r".*did you mean 'Acc_X'\?")),
+        (("(g)", "(N)"), ("rig.toml", r"r001, .*: AccX \(N\): sensors\.base_acc: unit 'g' in the rig, 'N'")),
+        (("Acc", "Beschl"), ("rig.toml", r"r001, .*: nothing is recorded of sensors base_acc \(logger daq\)")),
+        (("AccX (g)", "x,y,z"), ("r001_daq.csv", "line 1 has")),
+        (("(g)", "[g]"), None),
+    ],
+)  # fmt: skip
+def test_the_rigs_channels_against_the_headers_of_the_logs(tmp_path, replaced, said):
+    """A channel that no log has is said once for all runs, and the rig may call channels with the unit or without."""
+    folder = tmp_path / "test"
+    new_project(folder, "four-bar")
+    rig = load_rig(folder / "rig.toml")
+    logs = [tmp_path / line.split(",")[1] for line in (folder / "runs.csv").read_text().splitlines()[1:]]
+    for log in logs:
+        _log_of_rig(log, rig, replaced)
+    if said is None:
+        (folder / "rig.toml").write_text((folder / "rig.toml").read_text().replace('"AccX"', '"AccX [g]"'))
+    problems = [p for p in project_problems(folder, logs) if p not in project_problems(folder)]
+    if said is None:
+        assert problems == []
+    else:
+        found = [p for p in problems if p.file == said[0]]
+        assert re.match(said[1], found[0].message), problems
+        assert len(found) == 1 or replaced[1] == "(N)"
+
+
 def test_logs_and_run_table_against_each_other(tmp_path):
     """A row that is not understood hides no other problem; names that differ by a letter are put together."""
     folder = tmp_path / "test"
@@ -133,8 +170,9 @@ def test_logs_and_run_table_against_each_other(tmp_path):
     lines = (folder / "runs.csv").read_text().splitlines()
     logs = [tmp_path / line.split(",")[1] for line in lines[1:]]
     for log in logs:
-        log.write_text("")
+        _log_of_rig(log, load_rig(folder / "rig.toml"))
     assert project_problems(folder, logs) == project_problems(folder)
+    (tmp_path / "r009_daq.csv").write_text(logs[0].read_text())
     extra = project_problems(folder, [*logs, tmp_path / "r009_daq.csv"])
     assert [one.message for one in extra if "r009" in one.message] == [
         "no line names r009_daq.csv: add one, or leave that log out"

@@ -120,6 +120,11 @@ def test_a_refused_log_does_not_keep_the_others_out(command, log, tmp_path):
     assert code == 1
     assert "bad: refused for ragged_row" in err
     assert names_in(tmp_path / "campaign") == ["r001.h5", "r001.h5.sha256"]
+    sheet = tmp_path / "runs.csv"
+    sheet.write_text("file,run\nbad.csv,a\nr001.csv,a\n")
+    _, out, err = command("ingest", bad, log, "--runs", sheet, "-o", tmp_path / "c")
+    assert "refused for" not in out  # of the other log of the run: said once
+    assert err.count("a: refused for ragged_row") == 1
 
 
 def test_accepting_a_finding(command, log, tmp_path):
