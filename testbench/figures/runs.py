@@ -105,7 +105,7 @@ def force_sensors(with_run: Run, without_run: Run) -> "Figure":
 
 def _draw(axes: "Axes", column: Column, runs: tuple[SIRun, SIRun]) -> list[float]:
     """Draw a channel of both runs, without counter-masses first, and return their peaks [SI]."""
-    signals = [(run.instants(column), DEFAULT_BAND.filtered(*run.signal(column))) for run in runs]
+    signals = [(run.even_instants(column), DEFAULT_BAND.filtered(*run.signal(column))) for run in runs]
     style.two_runs(axes, *signals)
     return [float(np.abs(values).max()) for _, values in signals]
 
@@ -114,7 +114,7 @@ def _limit(bottom: "Sequence[Axes]", columns: Sequence[Column], run: SIRun) -> N
     """Limit the shared time axis to the motion, by the channel that moves most."""
     strongest = max(columns, key=lambda column: float(np.ptp(run.values(column))))
     span = moving_interval(*run.signal(strongest))
-    time = run.instants(strongest)[span]
+    time = run.even_instants(strongest)[span]
     bottom[0].set_xlim(time[0], time[-1])
     for axes in bottom:
         axes.set_xlabel("time of the logger [s]")
@@ -198,7 +198,7 @@ def base_acceleration(
         figure, panels = style.light_grid(len(columns), 1, 1.7, sharex=True)
         for axes, (place, column) in zip(panels[:, 0], columns.items(), strict=True):
             shapes = [measure.shape(*signals[place]) / G0 for signals in found]
-            times = [run.instants(column) for run in runs]
+            times = [run.even_instants(column) for run in runs]
             style.two_runs(axes, (times[0], shapes[0]), (times[1], shapes[1]))
             axes.set_ylabel(f"{column.component} [g0]")
             axes.set_title(f"{place[0]}, {column.component} axis: {_text(reductions[place])}")
@@ -206,7 +206,7 @@ def base_acceleration(
         first, column = next(iter(columns.items()))
         strongest = max(found[0].values(), key=lambda signal: float(abs(measure.shape(*signal)).max()))
         span = moving_interval(measure.shape(*strongest), strongest[1], margin_s=0.1)
-        time = runs[0].instants(column)[span]
+        time = runs[0].even_instants(column)[span]
         panels[-1, 0].set_xlim(time[0], time[-1])
         panels[-1, 0].set_xlabel(f"time of the logger of {first[0]} [s]")
         style.legend(figure, panels[0, 0])

@@ -126,7 +126,7 @@ def command_performance(aligned: AlignedRun, bandwidth_hz: float = BANDWIDTH_HZ)
     time, rate = run.instants(columns[0]), run.rate(columns[0])
     name, sensor = _moving_accelerometer(run)
     sensor_columns, band = list(sensor.columns(name)), Band(0.0, bandwidth_hz)
-    measured = {c.component: (band.filtered(*run.signal(c)), run.instants(c)) for c in sensor_columns}
+    measured = {c.component: (band.filtered(*run.signal(c)), run.even_instants(c)) for c in sensor_columns}
     encoders = _columns(run, Encoder)
     if run.group_of(columns[0]) != aligned.reference:
         raise AnalysisError(

@@ -15,6 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from balance.arrays import Floats
+
 from ..recording import Block, Samples
 
 LENGTH = 4096
@@ -444,3 +446,22 @@ def about_gaps(shown: Sampling, gaps: int, steps: int, unit: str) -> str:
 
 def _kinds(steps: Grid, unit: str) -> str:
     return f"{steps.short * steps.place:.6g} and {(steps.short + 1) * steps.place:.6g} {unit}"
+
+
+_BESIDE = 8
+"""Samples on each side of a long step, by which it is told how many it left out."""
+
+
+def even_steps(time: Floats, rate_hz: float) -> NDArray[np.intp] | None:
+    """Where samples at instants (n,) [s] lie on even steps, (n,) [samples], if steps leave some out; else None.
+
+    A long step left out as many as the clock is ahead of its samples after it, and was not before it, by the medians of
+    those about it: one late time stamp leaves out none.
+    """
+    wide = np.flatnonzero(np.diff(time) * rate_hz > GAP)
+    ahead = (time - time[:1]) * rate_hz - np.arange(len(time))
+    lost = np.zeros(len(time), dtype=np.intp)
+    for before, at, after in zip([-1, *wide], wide, [*wide[1:], len(time) - 1], strict=False):
+        left, right = ahead[max(before + 1, at + 1 - _BESIDE) : at + 1], ahead[at + 1 : min(after, at + _BESIDE) + 1]
+        lost[at + 1] = max(round(float(np.median(right) - np.median(left))), 0)
+    return np.arange(len(time)) + np.cumsum(lost) if lost.any() else None

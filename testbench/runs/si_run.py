@@ -10,6 +10,7 @@ from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from balance.arrays import Floats, Mask
 from balance.errors import UnitError
@@ -78,6 +79,7 @@ class SIRun:
     _sound: dict[str, Floats] = field(default_factory=dict, init=False, repr=False)
     """Those of ``_values`` of which all is known to be numbers that something measures."""
     _times: dict[str, Floats] = field(default_factory=dict, init=False, repr=False)
+    _steps: dict[str, NDArray[np.intp] | None] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(cls, run: Run, rig: Rig | None = None) -> "SIRun":
@@ -211,8 +213,43 @@ class SIRun:
         raise AnalysisError(f"{self.name}: channel {column.channel!r} holds no number {where}, {why}: {_CURE}")
 
     def signal(self, column: Column) -> tuple[Floats, float]:
-        """A channel (n,) [SI] and its rate [Hz]; raises as :meth:`values`."""
-        return self.values(column), self.rate(column)
+        """A channel at even steps (n,) [SI] and its rate [Hz]; raises as :meth:`values` and :meth:`evenly`."""
+        return self.evenly(column, self.values(column)), self.rate(column)
+
+    def evenly(self, column: Column, values: Floats) -> Floats:
+        """Values (n,) of a channel, in any unit, at even steps of its clock, (m,): what it left out is interpolated.
+
+        By the rules of :meth:`values`. Raises AnalysisError where that would be a guess.
+        """
+        steps, rate = self._even_steps(column), self.rate(column)
+        if steps is None:
+            return values
+        lost = np.diff(steps) - 1
+        if (longest := int(lost.max())) > MOST_MISSING:
+            at = self.time(self.group_of(column))[int(lost.argmax())]
+            raise AnalysisError(
+                f"{self.name}: the clock of channel {column.channel!r} leaves out {longest} samples, "
+                f"{longest / rate:.4g} s, after {at:.6g} s; more than {MOST_MISSING} in a row are not interpolated: {_CURE}"
+            )
+        even = np.full(int(steps[-1]) + 1, np.nan)
+        even[steps] = values
+        return self.without_holes(column, even)
+
+    def even_instants(self, column: Column) -> Floats:
+        """Instants of :meth:`signal`, (n,) [s], as :meth:`instants`."""
+        steps, time = self._even_steps(column), self.instants(column)
+        return time if steps is None else np.interp(np.arange(steps[-1] + 1), steps, time)
+
+    def _even_steps(self, column: Column) -> NDArray[np.intp] | None:
+        """Where the samples of a channel lie on even steps of its clock, (n,) [samples]; None: one on each."""
+        group = self.group_of(column)
+        if group not in self._steps:
+            self._steps[group] = None
+            if any(found.code == "time_gap" for found in self.findings):
+                from ..quality.time_steps import even_steps  # most runs need none of it
+
+                self._steps[group] = even_steps(self.time(group), self.rate(column))
+        return self._steps[group]
 
     def stacked(self, columns: Iterable[Column]) -> Floats:
         """Channels of one clock side by side, (n, k) [SI]; in memory one after the other, as they are worked on."""

@@ -66,7 +66,7 @@ class MotionTiming:
         rate, signals = run.rate(columns[0]), []
         for column in columns:
             with suppress(AnalysisError):
-                signals.append(run.without_holes(column, run.as_recorded(column)))
+                signals.append(run.evenly(column, run.without_holes(column, run.as_recorded(column))))
         signals = [signal for signal in signals if np.isfinite(signal).all()]
         seconds = len(signals[0]) / rate if signals else 0.0
         stated = _stated_motion(run)

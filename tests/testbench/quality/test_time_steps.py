@@ -153,3 +153,25 @@ def test_no_seconds_are_printed_where_the_unit_is_unknown():
     for factor, keys in ((1e-3, "_s"), (None, "")):
         group, _ = checked(np.arange(100.0), column=TimeColumn(0, factor))
         assert group_checks.time_in_seconds(group.group.clock, group.clock)[f"t_last{keys}"] == 99.0 * (factor or 1.0)
+
+
+@pytest.mark.parametrize(
+    ("late", "lost"),
+    [
+        (lambda k: 0.0 * k, {}),
+        (lambda k: 0.8 * (k == 300), {}),
+        (lambda k: 0.3 * np.sin(40.0 * k), {}),
+        (lambda k: 1e-4 * k, {}),
+        (lambda k: np.floor(k / 2.0) * 2.0 - k, {}),
+        (lambda k: 219.0 * (k > 300), {301: 219}),
+        (lambda k: 2.0 * (k > 300) + 1.0 * (k > 303) + 0.1 * np.sin(40.0 * k), {301: 2, 304: 1}),
+        (lambda k: 5.0 * (k > 300) - 5.0 * (k > 400), {301: 5}),
+    ],
+)
+def test_how_many_samples_a_clock_left_out(late, lost):
+    """Not by a late stamp, a jitter, a rate that is a little off, or coarse times; by what all that follows lags."""
+    k = np.arange(1000.0)
+    expected = np.arange(1000) + sum((number * (k >= at) for at, number in lost.items()), start=np.zeros(1000, int))
+    found = time_steps.even_steps(1.7e9 + (k + late(k)) / 2000.0, 2000.0)
+    assert (found is None) == (not lost)
+    assert found is None or (found == expected).all()

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 
 import numpy as np
 import pytest
@@ -71,6 +72,41 @@ def test_what_no_sensor_shows_is_named(tmp_path):
         SIRun.of(run).values(column(run))
 
 
+def changed(tmp_path, places, how):
+    """The stored run of a log in which the lines of some samples are changed, or left out."""
+    log = volts.log(tmp_path)
+    head, *lines = log.read_text("utf-8").splitlines()
+    lines = [how(line) if i in places else line for i, line in enumerate(lines)]
+    log.write_text("\n".join([head, *filter(None, lines)]) + "\n", "utf-8")
+    rig = rigs.load_rig(volts.HEAD + volts.SENSITIVITY)
+    (outcome,) = Ingest(tmp_path / "campaign", rig).run(PlannedRun("r1", (log,)))
+    assert outcome.status == "stored"
+    return SIRun.of(open_run(tmp_path / "campaign" / "r1.h5"))
+
+
+@pytest.mark.parametrize(
+    ("lost", "refusal"),
+    [
+        ([69], None),
+        ([69, 140, 141], None),
+        ([69, 70, 71, 72], "the clock of channel 'ch0' leaves out 4 samples, 0.004 s, after 0.068 s; more than 3"),
+        ([50, 69, 140, 200], "holds no number at sample 50, and at 3 more, above 0.1% of them"),
+    ],
+)
+def test_lines_that_the_log_lacks_are_interpolated_or_refused(tmp_path, lost, refusal):
+    """What follows them stays at its time: a signal has even steps, also where the log has none."""
+    run = changed(tmp_path, lost, lambda line: "")
+    one = column(run.recorded)
+    assert len(run.values(one)) == len(volts.ACCELERATION) - len(lost)
+    if refusal:
+        with pytest.raises(AnalysisError, match=re.escape(refusal)):
+            run.signal(one)
+        return
+    curvature = 9.81 * (2.0 * np.pi * 7.0) ** 2
+    np.testing.assert_allclose(run.signal(one)[0], volts.ACCELERATION, atol=0.003**2 / 8.0 * curvature)
+    np.testing.assert_allclose(run.even_instants(one), np.arange(len(volts.ACCELERATION)) / 1000.0, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("missing", "refusal"),
     [
@@ -85,17 +121,7 @@ def test_what_no_sensor_shows_is_named(tmp_path):
 )
 def test_what_is_missing_is_interpolated_or_refused(tmp_path, missing, refusal):
     """Few samples away from the peaks: off by what a straight line is (h^2 / 8 times the curvature), and said so."""
-    log = volts.log(tmp_path)
-    lines = log.read_text("utf-8").splitlines()
-    for at in missing:
-        time, _, *others = lines[1 + at].split(",")
-        lines[1 + at] = ",".join([time, "---", *others])
-    log.write_text("\n".join(lines) + "\n", "utf-8")
-    (outcome,) = Ingest(tmp_path / "campaign", rigs.load_rig(volts.HEAD + volts.SENSITIVITY)).run(
-        PlannedRun("r1", (log,))
-    )
-    assert outcome.status == "stored"
-    run = SIRun.of(open_run(tmp_path / "campaign" / "r1.h5"))
+    run = changed(tmp_path, missing, lambda line: re.sub(r",[^,]*", ",---", line, count=1))
     if refusal:
         with pytest.raises(AnalysisError, match=f"r1: channel 'ch0' holds no number {refusal}"):
             run.values(column(run.recorded))
