@@ -229,7 +229,8 @@ class SIRun:
             at = self.time(self.group_of(column))[int(lost.argmax())]
             raise AnalysisError(
                 f"{self.name}: the clock of channel {column.channel!r} leaves out {longest} samples, "
-                f"{longest / rate:.4g} s, after {at:.6g} s; more than {MOST_MISSING} in a row are not interpolated: {_CURE}"
+                f"{longest / rate:.4g} s, after {at:.6g} s; more than {MOST_MISSING} in a row are not interpolated: "
+                f"{_CURE}"
             )
         even = np.full(int(steps[-1]) + 1, np.nan)
         even[steps] = values
