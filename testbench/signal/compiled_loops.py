@@ -116,4 +116,32 @@ def add_excess(
             found[k, d] += total[k, d]
 
 
+@compiled_by(njit, "void(f8[:,::1], i8, f8[:,:,::1])", fastmath={"contract", "reassoc", "nsz"})
+def lagged_products(rows: NDArray[Any], count: int, products: NDArray[Any]) -> None:
+    """Fill ``products`` (k, m, m) with the sums over ``count`` samples t of x[t + i] x[t + j] of each of ``rows``."""
+    size = products.shape[1]
+    for k in range(len(rows)):
+        x, found = rows[k], products[k]
+        for lag in range(size):
+            total = 0.0
+            for t in range(count):
+                total += x[t] * x[t + lag]
+            found[0, lag] = found[lag, 0] = total
+        for i in range(size - 1):
+            for j in range(i, size - 1):
+                found[i + 1, j + 1] = found[i, j] + x[count + i] * x[count + j] - x[i] * x[j]
+                found[j + 1, i + 1] = found[i + 1, j + 1]
+
+
+@compiled_by(njit, "void(f8[:,::1], f8[:,::1], f8[:,::1])", fastmath={"contract"})
+def predicted(rows: NDArray[Any], weights: NDArray[Any], found: NDArray[Any]) -> None:
+    """Add to ``found`` (k, n - m) what ``weights`` (k, m) of the samples before each make of ``rows`` (k, n)."""
+    for k in range(len(rows)):
+        x, sums = rows[k], found[k]
+        for i in range(weights.shape[1]):
+            weight = weights[k, i]
+            for t in range(len(sums)):
+                sums[t] += weight * x[t + i]
+
+
 config.SLP_VECTORIZE = _usual

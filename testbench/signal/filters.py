@@ -6,10 +6,12 @@ channels side by side, by compiled loops in two threads.
 """
 
 import re
+import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
+from types import ModuleType
 
 import numpy as np
 
@@ -130,6 +132,11 @@ def correlation_lag(late: Floats, early: Floats, rate_hz: float) -> float:
         bend = left - 2.0 * top + right
         shift += float(0.5 * (left - right) / bend) if bend < 0.0 else 0.0
     return shift / rate_hz
+
+
+def loaded_loops() -> ModuleType | None:
+    """The compiled loops, if filters of long records have loaded them before; else none: nothing else pays alone."""
+    return sys.modules.get(f"{__package__}.compiled_loops")
 
 
 def zero_phase(sections: Floats, channels: Floats, padding: int, out: Floats | None = None) -> Floats:

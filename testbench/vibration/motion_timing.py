@@ -20,6 +20,7 @@ from balance.estimation.estimate import chi_square_tail
 from ..errors import AnalysisError
 from ..rig.sensors import Accelerometer, Encoder, Target
 from ..runs.si_run import SIRun
+from ..signal.filters import loaded_loops
 
 MARGIN_S = 0.006
 """Of a rest, before the motion."""
@@ -205,13 +206,21 @@ def _innovations(rows: Floats, known: int) -> Floats:
     """Squares of what is not predicted of rows (k, n), in variances of their first ``known`` samples, (k, n) [-]."""
     order = int(np.clip(known // 5, 2, ORDER))
     centred, found = rows - rows[:, :known].mean(axis=1, keepdims=True), np.zeros(rows.shape)
-    past = np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(centred, order, axis=1)[:, :-1])
-    wanted = centred[:, order:, None]
-    turned = past[:, : known - order].transpose(0, 2, 1)
+    if loops := loaded_loops():
+        products = np.empty((len(rows), order + 1, order + 1))
+        loops.lagged_products(centred, known - order, products)
+    else:
+        past = np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(centred, order + 1, axis=1))
+        products = past[:, : known - order].transpose(0, 2, 1) @ past[:, : known - order]
     flat = 1e-12 * np.mean(centred**2, axis=1) + np.finfo(float).tiny
-    ridge = (1e-6 * np.sum(wanted[:, : known - order] ** 2, axis=(1, 2)) + flat)[:, None, None] * np.eye(order)
-    weights = np.linalg.solve(turned @ past[:, : known - order] + ridge, turned @ wanted[:, : known - order])
-    squares = (wanted - past @ weights)[:, :, 0] ** 2
+    ridge = (1e-6 * products[:, order, order] + flat)[:, None, None] * np.eye(order)
+    weights = np.linalg.solve(products[:, :order, :order] + ridge, products[:, :order, order:])
+    if loops:
+        foreseen = np.zeros((len(rows), rows.shape[1] - order))
+        loops.predicted(centred, np.ascontiguousarray(weights[:, :, 0]), foreseen)
+    else:
+        foreseen = (past[:, :, :order] @ weights)[:, :, 0]
+    squares = (centred[:, order:] - foreseen) ** 2
     variance = squares[:, : known - order].sum(axis=1, keepdims=True) / max(known - 2 * order, 2)
     found[:, order:] = squares / np.maximum(variance, 1e-300)
     return found

@@ -12,12 +12,10 @@ Runs of one noise share the records that are drawn. Only samples near the extrem
 noise is small they are few, and where it is not, few of each draw can become its extreme for any of the signals.
 """
 
-import sys
 import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from types import ModuleType
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -25,6 +23,7 @@ import numpy as np
 from balance.arrays import Floats, Indices
 from balance.estimation.estimate import chi_square_tail, f_tail, normal_probability
 
+from ..signal.filters import loaded_loops
 from .metrics import Measure, gain_of_record
 
 if TYPE_CHECKING:
@@ -347,7 +346,7 @@ class NoiseRecords:
         tops = signals.max(axis=1)
         found = np.full((len(signals), len(self.rounding)), -np.inf, np.float32)
         for noise, at, levels in self._near(samples, signals, tops):
-            if loops := _compiled_loops():
+            if loops := loaded_loops():
                 loops.raise_highest(noise, at, sign, levels, found)
             else:
                 np.maximum(found, (sign * noise[at] + levels[:, :, None]).max(axis=1), out=found)
@@ -361,7 +360,7 @@ class NoiseRecords:
         """
         found, raised = np.zeros((len(signals), len(added))), (added / self.scale).astype(np.float32)
         for noise, at, levels in self._near(samples, signals, tops):
-            if loops := _compiled_loops():
+            if loops := loaded_loops():
                 loops.add_excess(noise, at, sign, levels, raised, found)
             else:
                 above = np.maximum(sign * noise[at] + raised + levels[:, :, None], np.float32(0.0))
@@ -381,11 +380,6 @@ class NoiseRecords:
                 rows = slice(begin, min(begin + at_once, inside.stop))
                 yield part, samples[rows] - first, below[:, rows]
             first += len(part)
-
-
-def _compiled_loops() -> ModuleType | None:
-    """The loops that filters of long records have loaded, in a run or before; else none: they do not pay alone."""
-    return sys.modules.get("testbench.signal.compiled_loops")
 
 
 def noise_draws(noise: Noise, measure: Measure, count: int, rate_hz: float) -> Draws:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from testbench.signal.filters import Band
-from testbench.vibration import Noise, noise_floor
+from testbench.vibration import Noise, motion_timing, noise_floor
 from testbench.vibration.metrics import Measure
 from testbench.vibration.noise_floor import NoiseRecords, Segment, noise_draws, tapers
 
@@ -107,7 +107,7 @@ def test_compiled_loops_find_the_same(monkeypatch):
     tops, found = signals.max(axis=1), {}
     records = NoiseRecords(draws, np.linspace(-0.1, 0.2, len(draws.powers)), 0.7)
     for used in (loops, None):
-        monkeypatch.setattr(noise_floor, "_compiled_loops", lambda used=used: used)
+        monkeypatch.setattr(noise_floor, "loaded_loops", lambda used=used: used)
         found[used] = [
             each
             for sign in (1, -1)
@@ -118,6 +118,17 @@ def test_compiled_loops_find_the_same(monkeypatch):
         ]
     np.testing.assert_array_equal(found[loops], found[None])
     assert found[None][1].min() > 0.0
+
+
+def test_compiled_loops_foresee_the_same(monkeypatch):
+    """Nor does it change, but for rounding, when a motion is found to begin."""
+    loops = pytest.importorskip("testbench.signal.compiled_loops")
+    rows, found = np.random.default_rng(3).normal(size=(3, 500)).cumsum(axis=1), []
+    for used in (loops, None):
+        monkeypatch.setattr(motion_timing, "loaded_loops", lambda used=used: used)
+        found.append(motion_timing._innovations(rows, 300))
+    np.testing.assert_allclose(found[0], found[1], atol=1e-9)
+    assert found[0][:, 300:].mean() == pytest.approx(1.0, abs=0.3)
 
 
 def test_shared_draws():
