@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from balance.balancing.conditions import balance_conditions
-from balance.balancing.feasibility import feasibility
+from balance.balancing.feasibility import _pseudo_inertia, feasibility
 
 from .. import models
 
@@ -56,3 +56,13 @@ def test_it_does_not_depend_on_units_of_mass() -> None:
     one, other = (feasibility(balance_conditions(each, "planar")) for each in (mechanism, light))
     assert other.coefficients == pytest.approx(one.coefficients, abs=1e-3)
     assert other.value == pytest.approx(1e-3 * one.value, rel=1e-3)
+
+
+def test_the_matrix_of_a_body_is_the_sum_over_its_points() -> None:
+    """Of each point mass m at x the matrix is m [x, 1] [x, 1]', from mass, first moments and inertia of all of them."""
+    rng = np.random.default_rng(3)
+    x, m = rng.normal(size=(5, 3)), rng.uniform(1.0, 2.0, 5)
+    inertia = np.einsum("p,pij->ij", m, (x**2).sum(axis=1)[:, None, None] * np.eye(3) - np.einsum("pi,pj->pij", x, x))
+    row = np.array([m.sum(), *(m @ x), *inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
+    whole = np.column_stack([x, np.ones(5)])
+    np.testing.assert_allclose(_pseudo_inertia(row), np.einsum("p,pi,pj->ij", m, whole, whole), atol=1e-12)
