@@ -28,7 +28,7 @@ from ..vibration.run_amplitudes import observed_resolution
 if TYPE_CHECKING:
     from ..store.run import Run, StoredGroup
 
-BLOCK = 256
+BLOCK = 64
 """Samples of which the least and the largest are kept."""
 AT_ONCE = 1 << 20
 """Samples that are read in one go; a whole number of blocks."""
@@ -72,7 +72,7 @@ class Trace:
         begin = max(int(np.searchsorted(edges[:-1], first, "right")) - 1, 0)
         end = max(int(np.searchsorted(edges[:-1], last, "right")), begin + 1)
         count = min(end * BLOCK, self.samples) - begin * BLOCK
-        if count <= max(2 * BLOCK * spans, AT_ONCE):
+        if count <= 2 * BLOCK * spans:
             time, values = self.read(begin * BLOCK, begin * BLOCK + count)
             values = np.where(np.isfinite(values), values, np.nan)
             inside = slice(max(int(np.searchsorted(time, first)) - 1, 0), int(np.searchsorted(time, last)) + 1)
