@@ -162,12 +162,12 @@ def ingest(
     from .ingestion import Ingest
     from .ingestion.log_sources import SiblingLogs, own_files
     from .ingestion.planned_runs import plan_runs
-    from .readers import ReadOptions
 
     files, folder, described = [Path(log) for log in logs], Path(to), _rig(rig)
     files = [file for file in files if file not in own_files(files, folder)]
-    others = SiblingLogs(files if runs is None else (), options or ReadOptions())
-    work = Ingest(folder, described, options, frozenset(accept), sibling_log=others.holding)
+    work = Ingest(folder, described, options, frozenset(accept))
+    others = SiblingLogs(files if runs is None else (), work.reading)
+    work = replace(work, sibling_log=others.holding)
     return [outcome for run in plan_runs(files, None if runs is None else Path(runs)) for outcome in work.run(run)]
 
 

@@ -27,6 +27,7 @@ from balance.units import G0
 
 from .campaign_plan import PlannedRun, load_plan
 from .errors import RecordingError, RigError
+from .ingestion.log_sources import LogReading
 from .ingestion.run_table import RunTableRow, run_table_rows, write_run_table
 from .quality.rig_checks import rig_findings
 from .readers import open_recording
@@ -305,9 +306,14 @@ def _problems(folder: Path, logs: Sequence[Path]) -> Iterator[Problem]:
 def _log_problems(rig: Rig | None, rows: Sequence[RunTableRow], logs: Sequence[Path]) -> Iterator[Problem]:
     """Logs that cannot be opened, and what their headers lack of the rig's channels, run by run; once for all runs."""
     recordings, runs = {}, dict[str, list[Recording]]()
+    try:
+        reading = LogReading(rig=rig)
+    except RecordingError as error:
+        yield Problem(RIG, str(error))
+        return
     for path in logs:
         try:
-            recordings[path.name] = open_recording(path)
+            recordings[path.name] = open_recording(path, reading.options(path))
         except (RecordingError, OSError) as error:
             yield Problem(path.name, str(error).removeprefix(f"{path.name}: "))
     named = [(PurePath(row.file).name, row.run or PurePath(row.file).stem) for row in rows]

@@ -127,7 +127,7 @@ def _ingest(files: Sequence[Path], work: "Ingest", run_table: Path | None, sched
     from ..ingestion.planned_runs import plan_runs
 
     runs = plan_runs(files, run_table)
-    others = SiblingLogs(files if run_table is None else (), work.options)
+    others = SiblingLogs(files if run_table is None else (), work.reading)
     total = sum(path.stat().st_size for run in runs for path in run.files if path.is_file())
     work = replace(work, sibling_log=others.holding)
     if scheduler is None:
@@ -268,7 +268,7 @@ def _live(watching: "Watch") -> Callable[[], None]:
                 size = path.stat().st_size
                 if shown.get(path) != size:
                     shown[path] = size
-                    print_description(describe_log(path, watching.ingest.options), stats=True)
+                    print_description(describe_log(path, watching.ingest.reading.options(path)), stats=True)
             except (CounterpoiseError, OSError) as error:
                 click.echo(f"{plain_text(path.name)}: so far {plain_text(str(error))}")
         stored = len(list(campaign.glob("*.h5")))

@@ -148,6 +148,13 @@ def print_calibrations(found: "Sequence[CalibrationInForce]") -> None:
         say(f"Calibrated {one}, in {first_of(one.runs, 4)}.")
 
 
+def _one_description(_context: click.Context, _parameter: click.Parameter, given: tuple[str, ...]) -> str | None:
+    """The description of all logs of a command: of two, one would be left out in silence."""
+    if len(given) > 1:
+        raise click.UsageError("--as: is of all logs; for several loggers name each in the rig: loggers.NAME.read_as")
+    return given[0] if given else None
+
+
 def text_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options of text logs that replace detection."""
     for one in reversed((
@@ -157,7 +164,7 @@ def text_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--header/--no-header", default=None, help="Whether texts begin with names; else detected."),
         click.option("--date-order", type=Word([*_ORDERS]),
                      help="Order in dates such as 03/04/2024 or 24/03/04; else as a number above 12 shows."),
-        click.option("--as", "described", metavar="DESCRIPTION",
+        click.option("--as", "described", metavar="DESCRIPTION", multiple=True, callback=_one_description,
                      help="An import description, or a shipped one by name; `testbench describe FILE` writes one."),
     )):  # fmt: skip
         command = one(command)

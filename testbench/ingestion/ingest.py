@@ -23,7 +23,7 @@ from ..recording import Finding, Group, Origin, Refusal, findings_by_group, refu
 from ..store import atomic_files, open_run
 from ..store.campaign import CONTINUES, StoredSources
 from ..store.writer import RunWriter
-from .log_sources import Source, distinct_groups, refuse_stored_run, refuse_too_many, refuse_twice
+from .log_sources import LogReading, Source, distinct_groups, refuse_stored_run, refuse_too_many, refuse_twice
 from .planned_runs import PlannedRun
 
 if TYPE_CHECKING:
@@ -104,9 +104,12 @@ class Ingest:
     progress: Progress = lambda count: None
     sibling_log: Callable[[Collection[str]], str | None] = lambda channels: None
     """Names a log outside the run, given to the same command, that holds one of these channels."""
+    reading: LogReading = field(init=False)
+    """How each log is read, by the options and by the rig."""
     _stored: StoredSources = field(init=False)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "reading", LogReading(self.options, self.rig))
         object.__setattr__(self, "_stored", StoredSources(self.folder))
 
     def run(self, planned: PlannedRun) -> list[Outcome]:
@@ -118,7 +121,7 @@ class Ingest:
             if planned.problem:
                 raise RecordingError(planned.problem)
             for path in planned.files:
-                sources.append(Source(path, self.options))
+                sources.append(Source(path, self.reading))
                 refuse_stored_run(sources[-1])
                 refuse_too_many(sources[-1], sources[-1].recording.groups)
             for source, recording in zip(sources, distinct_groups([s.recording for s in sources]), strict=True):
@@ -265,8 +268,8 @@ class Ingest:
         source.findings += rig_checks.rate_findings(self.rig, check.groups.values())
         if not any(group.samples for group in check.groups.values()):
             raise Refusal(source.path.name, Finding("no_data", None, None, "holds no sample that can be kept"))
-        if self.options is not None and self.options.description is not None:
-            source.findings = self.options.description.with_normal_as_notes(source.findings)
+        if source.description is not None:
+            source.findings = source.description.with_normal_as_notes(source.findings)
         for group in check.groups.values():
             writer.group(group.group).finish(group.rate_hz, group.rate_source, group.start_time)
         return [group.group for group in check.groups.values()]

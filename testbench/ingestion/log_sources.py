@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import RecordingError
 from ..readers import ReadOptions, open_recording
@@ -18,8 +18,59 @@ from ..recording import Block, Finding, Group, Recording, Refusal, Report
 from ..store import atomic_files, layout
 from ..store.campaign import KEPT, SUFFIX
 
+if TYPE_CHECKING:
+    from ..rig import Rig
+
 _AT_ONCE = 4 << 20
 """Bytes between two waits for Python's lock, which whoever runs Python holds for milliseconds."""
+
+
+class LogReading:
+    """How each log is read: as the rig's logger says of which it holds channels, else by the options given.
+
+    Raises RecordingError for a description that is not there or wrong, or beside one that the options have.
+    """
+
+    def __init__(self, options: ReadOptions | None = None, rig: "Rig | None" = None) -> None:
+        self._rig, self._options = rig, options or ReadOptions()
+        self._described: dict[str, ReadOptions] = {}
+        for name, logger in {} if rig is None else rig.loggers.items():
+            if logger.read_as:
+                from ..readers.import_description import ImportDescription  # late: few logs have one
+
+                own = ((rig and rig.folder) or Path()) / logger.read_as
+                description = ImportDescription.load(str(own) if own.is_file() else logger.read_as)
+                self._described[name] = replace(self._options, description=description)
+        if self._described and self._options.description is not None:
+            raise RecordingError(
+                f"--as: the rig says it by loggers.{min(self._described)}.read_as: give one of the two"
+            )
+
+    def options(self, path: Path) -> ReadOptions:
+        """Those of a log. Raises RecordingError for one of two descriptions, or that its logger's does not fit."""
+        fitting, failed = dict[str, ReadOptions](), dict[str, RecordingError]()
+        for name, options in self._described.items():
+            try:
+                if self._holds(path, options, name):
+                    fitting[name] = options
+            except RecordingError as error:
+                failed[name] = error
+        if len({options.description.text for options in fitting.values() if options.description}) > 1:
+            raise RecordingError(
+                f"{path.name}: holds channels of the loggers {', '.join(fitting)}, which the rig has read by different "
+                "import descriptions (read_as): expected those of one"
+            )
+        for name, error in failed.items() if not fitting else ():
+            if self._holds(path, self._options, name, unless="simulated"):
+                raise error
+        return next(iter(fitting.values()), self._options)
+
+    def _holds(self, path: Path, options: ReadOptions, logger: str, unless: str = "") -> bool:
+        """Whether a log that is read so holds a channel of a logger, and its origin is not ``unless``."""
+        recording = open_recording(path, options)
+        named = {name for group in recording.groups for channel in group.channels for name in channel.names}
+        called = () if self._rig is None else (column.channel for column in self._rig.columns(logger))
+        return recording.origin != unless and not named.isdisjoint(called)
 
 
 class Source:
@@ -28,14 +79,15 @@ class Source:
     That is of the bytes as the reader reads them, where it reads all; else it is computed in a thread meanwhile.
     """
 
-    def __init__(self, path: Path, options: ReadOptions | None) -> None:
+    def __init__(self, path: Path, reading: LogReading) -> None:
         if not path.is_file():
-            open_recording(path, options)  # says what is there instead
+            open_recording(path)  # says what is there instead
         self.path, self._sha256 = path, ""
         self.findings: list[Finding] = []
         self._state = _state(path)
         self._failed: OSError | None = None
         self._thread: threading.Thread | None = None
+        self.description = (options := reading.options(path)).description
         self.recording = open_recording(path, options)
         if self.recording.content is not None:
             self.recording.content.wanted = True
@@ -124,9 +176,9 @@ def _renamed(recording: Recording, front: str) -> Recording:
 class SiblingLogs:
     """The channels of several logs, by their headers, of which no more are read than are asked for."""
 
-    def __init__(self, files: Sequence[Path], options: ReadOptions | None = None) -> None:
+    def __init__(self, files: Sequence[Path], reading: LogReading) -> None:
         self._unread = list(files)
-        self._options = options
+        self._reading = reading
         self._labels: dict[Path, frozenset[str]] = {}
 
     def changed(self, path: Path) -> None:
@@ -154,7 +206,7 @@ class SiblingLogs:
     def _read(self, path: Path) -> frozenset[str]:
         """What the header of a log names; nothing where it cannot be read, which is said where it is ingested."""
         try:
-            groups = open_recording(path, self._options).groups
+            groups = open_recording(path, self._reading.options(path)).groups
         except (RecordingError, OSError):
             return frozenset()
         return frozenset(name for group in groups for channel in group.channels for name in channel.names)

@@ -153,7 +153,7 @@ class Watch:
     _siblings: SiblingLogs = field(init=False)
 
     def __post_init__(self) -> None:
-        self._siblings = SiblingLogs((), self.ingest.options)
+        self._siblings = SiblingLogs((), self.ingest.reading)
         self.ingest = replace(
             self.ingest, sibling_log=lambda channels: None if self.run_table else self._siblings.holding(channels)
         )

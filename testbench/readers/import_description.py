@@ -51,7 +51,7 @@ from ..recording import (
 )
 from ..units import seconds_per
 from .csv.dialect import DELIMITERS
-from .csv.header import named_channels
+from .csv.header import named_channels, time_column
 from .header_claims import SINCE_1970, start_at
 
 _SINCE = " since "
@@ -238,7 +238,7 @@ class _Plan:
             if (other := stated.get(channel.name) or stated.get(channel.label)) is not None:
                 renamed = named_channels([other], [""])[0]
                 channels[i] = replace(renamed, unit=renamed.unit or channel.unit)
-        clock = self._clock
+        clock = self._clock(channels)
         self.group = replace(self.before, channels=tuple(channels), clock=clock, zero=self._zero(clock))
 
     @property
@@ -252,13 +252,19 @@ class _Plan:
     def _seconds(self) -> list[float | None]:
         return [None if unit is None else seconds_per(unit.split(_SINCE)[0]) for unit in self._units]
 
-    @property
-    def _clock(self) -> Clock | None:
+    def _clock(self, channels: Sequence[Channel]) -> Clock | None:
+        """That of the columns of time, of the rate, or of the reader; of a column that is renamed by its new name."""
         if self.places:
             seconds = self._seconds[0]
             return TimeColumn(self.places[0], 1.0 if seconds is None else seconds, assumed=seconds is None)
-        rate = self.description.rate
-        return self.before.clock if rate is None else UniformClock(rate)
+        if self.description.rate is not None:
+            return UniformClock(self.description.rate)
+        before, own = self.before.clock, self.before.channels
+        renamed = [i for i, (new, old) in enumerate(zip(channels, own, strict=True)) if new != old]
+        if isinstance(before, UniformClock) or (before is not None and before.index not in renamed):
+            return before
+        taken = time_column([channels[i] for i in renamed])
+        return before if taken is None else replace(taken, index=renamed[taken.index])
 
     def _zero(self, clock: Clock | None) -> StartTime | None:
         """When the group's time is zero, as its unit says, else as its log; in the zone that is stated."""

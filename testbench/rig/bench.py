@@ -256,7 +256,7 @@ BUTTERWORTH_DELAY = 2.0 * (math.cos(math.pi / 8.0) + math.cos(3.0 * math.pi / 8.
 
 
 class Logger(Table):
-    """A logger: its clock, and how it writes text. Its own time is (1 + drift) (t - start)."""
+    """A logger: its clock, and how it writes text and is read. Its own time is (1 + drift) (t - start)."""
 
     clock: Literal["uniform", "recorded"] = "recorded"
     """``uniform``: the rate stands in the head of the log; ``recorded``: the log has a column of time."""
@@ -286,6 +286,8 @@ class Logger(Table):
     """Decimal mark of its text."""
     decimals: int = Field(default=6, ge=0, le=15)
     """Digits written after the decimal mark."""
+    read_as: str = ""
+    """Import description of its logs, a file beside the rig or a shipped one; left out: detected."""
 
     @property
     def delay(self) -> float:

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from nptdms import ChannelObject, TdmsWriter
 
+from testbench.errors import RecordingError
 from testbench.ingestion import Ingest
-from testbench.ingestion.log_sources import Source, distinct_groups
+from testbench.ingestion.log_sources import LogReading, Source, distinct_groups
 from testbench.ingestion.planned_runs import PlannedRun
 from testbench.readers.csv import text_blocks
 from testbench.recording import Block, Channel, Group, Recording, UniformClock
+from testbench.rig import load_rig
 from testbench.store import atomic_files, open_run
 
 
@@ -52,7 +54,7 @@ def test_digest_of_what_is_read(tmp_path, monkeypatch, encoding, end, block):
     monkeypatch.setattr(text_blocks, "BLOCK_BYTES", block)
     expected = atomic_files.sha256_of(path)
     monkeypatch.setattr(atomic_files, "sha256_of", lambda *_, **__: pytest.fail("it is read a second time"))
-    source = Source(path, None)
+    source = Source(path, LogReading())
     assert source.sha256 == ""
     assert sum(len(found) for found in source.recording.blocks(lambda finding: None)) == 40
     assert source.digested() == expected
@@ -69,3 +71,76 @@ def test_two_loggers_of_one_kind_make_one_run(tmp_path):
     run = open_run(tmp_path / "campaign" / "r1.h5")
     np.testing.assert_array_equal(run.channel("a", "left DAQ"), np.arange(9.0))
     np.testing.assert_array_equal(run.channel("a", "right DAQ"), -2 * np.arange(9.0))
+
+
+RIG = """mechanism = "none"
+[loggers.daq]
+read_as = "daq.toml"
+[loggers.plc]
+read_as = "plc.toml"
+[sensors.force]
+kind = "force"
+logger = "daq"
+channel = "K1"
+axis = "x"
+position = ["0 m", "0 m", "0 m"]
+[sensors.angle]
+kind = "encoder"
+logger = "plc"
+channel = "angle"
+joint = "A0"
+unit = "deg"
+"""
+DESCRIPTIONS = {
+    "daq.toml": 'channels = { "Clock" = "Time (s)", "Kraft 1" = "K1 (N)" }',
+    "plc.toml": 'channels = { "millis" = "Time (ms)", "winkel" = "angle (deg)" }',
+}
+ROWS = "\n".join(f"{2 * i},{i * i % 7}" for i in range(50))
+
+
+@pytest.fixture
+def bench(tmp_path):
+    """A rig beside the descriptions of its two loggers, and a log of each."""
+    for name, text in {"rig.toml": RIG, **DESCRIPTIONS}.items():
+        (tmp_path / name).write_text(text)
+    (tmp_path / "daq.csv").write_text(f"Clock,Kraft 1\n{ROWS}\n")
+    (tmp_path / "plc.csv").write_text(f"millis,winkel\n{ROWS}\n")
+    return tmp_path
+
+
+def test_each_logger_of_a_rig_has_its_import_description(bench):
+    """A run of logs of both is stored, each at its own rate: a column that is renamed to a time is the clock."""
+    work = Ingest(bench / "c", load_rig(bench / "rig.toml"))
+    outcomes = work.run(PlannedRun("r", (bench / "daq.csv", bench / "plc.csv")))
+    assert [(one.status, one.message) for one in outcomes] == [("stored", "")] * 2
+    run = open_run(bench / "c" / "r.h5")
+    assert {group.channels[1].name: group.rate_hz for group in run.groups} == pytest.approx(
+        {"K1 (N)": 0.5, "angle (deg)": 500.0}
+    )
+    kept = [source["settings"]["import_description"] for source in run.provenance["sources"]]
+    assert kept == list(DESCRIPTIONS.values())
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "said"),
+    [
+        ("rig.toml", "plc.toml", "pcl.toml", "pcl.toml"),
+        ("plc.csv", "winkel", "Kraft 1", r"plc\.csv: holds channels of the loggers daq, plc, .* different import desc"),
+        ("daq.toml", "channels =", 'time = "Clock"\nchannels =', ""),
+        ("daq.csv", "Clock,Kraft 1", "Uhr,K1", r"daq\.csv: no column 'Clock'"),
+    ],
+    ids=["not there", "of two loggers", "stated as well", "its time is not there"],
+)
+def test_a_description_that_does_not_fit_is_said(bench, file, old, new, said):
+    """Nothing is read by another description than its logger's in silence."""
+    (bench / file).write_text((bench / file).read_text().replace(old, new))
+    if file == "plc.csv":
+        (bench / "plc.toml").write_text('channels = { "Kraft 1" = "angle (deg)" }')
+        (bench / "plc.csv").write_text(f"Kraft 1,angle\n{ROWS}\n")
+    if file == "daq.csv":
+        (bench / "daq.toml").write_text('time = "Clock"')
+    if not said:
+        assert LogReading(rig=load_rig(bench / "rig.toml")).options(bench / "daq.csv").description is not None
+        return
+    with pytest.raises(RecordingError, match=said):
+        LogReading(rig=load_rig(bench / "rig.toml")).options(bench / f"{file[:3].replace('rig', 'daq')}.csv")
