@@ -60,9 +60,9 @@ class LogReading:
                 f"{path.name}: holds channels of the loggers {', '.join(fitting)}, which the rig has read by different "
                 "import descriptions (read_as): expected those of one"
             )
-        for name, error in failed.items() if not fitting else ():
+        for name, failure in failed.items() if not fitting else ():
             if self._holds(path, self._options, name, unless="simulated"):
-                raise error
+                raise failure
         return next(iter(fitting.values()), self._options)
 
     def _holds(self, path: Path, options: ReadOptions, logger: str, unless: str = "") -> bool:

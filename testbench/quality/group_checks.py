@@ -381,6 +381,10 @@ def header_findings(group: Group, reported: Collection[str | None] = ()) -> list
     if without:
         one = without[0] if len(without) == 1 else None
         found.append(Finding("unit_missing", one, None, f"no unit is written for {first_of(without, 8)}"))
+    behind = [c.name for c in group.channels if c.unit and c.name.removeprefix(c.label).lstrip().startswith("/")]
+    if behind:
+        message = f"quantity / unit: what is behind the slash is taken as the unit of {first_of(behind, 8)}"
+        found.append(Finding("unit_inferred", None, None, message))
     for channel in group.channels:
         if channel.unit is not None and not is_unit(channel.unit) and not _is_date(channel.unit):
             message = f"{channel.unit!r} is no unit that is known; it is kept as written"

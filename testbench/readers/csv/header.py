@@ -270,12 +270,38 @@ def _names_in_comment(lines: Sequence[str], dialect: Dialect, fields: int) -> li
 def named_channels(names: Sequence[str], second_row: Sequence[str]) -> tuple[Channel, ...]:
     """The channels of these header cells, with the units of a second row where there is one.
 
-    Where every name ends with a unit behind a comma (``Force, N``), that is its unit.
+    Where every name ends with a unit behind a comma (``Force, N``), that is its unit; so is one behind a slash
+    (``K1x/V``), where time or most names are written so.
     """
     behind = [_BEHIND_COMMA.fullmatch(name) for name in names]
     if len(names) > 1 and all(match and is_unit(match[2]) for match in behind):
         return tuple(Channel(match[0], match[2], match[1]) for match in behind if match)
-    return tuple(_channel(name, below) for name, below in zip(names, second_row, strict=True))
+    channels = tuple(_channel(name, below) for name, below in zip(names, second_row, strict=True))
+    split = [None if channel.unit else _quantity_and_unit(channel.name) for channel in channels]
+    timed = any(c.unit and c.label != c.name and c.name.removeprefix(c.label).strip()[:1] == "/" for c in channels)
+    if not timed and (sum(map(bool, split)) < 2 or 2 * sum(map(bool, split)) <= len(names)):
+        return channels
+    return tuple(Channel(c.name, found[1], found[0]) if found else c for c, found in zip(channels, split, strict=True))
+
+
+def _quantity_and_unit(name: str) -> tuple[str, str] | None:
+    """The quantity and the unit of a name such as ``K1x/V``, ``F/N`` (ISO 80000-1:2022, 7.1.4); None of any other name.
+
+    None are units themselves (``km/h``), with a unit before the slash (``v_km/h``, ``acc_m/s^2``), and, but for time,
+    what is per time (``events/s``).
+    """
+    for match in re.finditer("/", name):
+        quantity, unit = name[: match.start()].rstrip(), name[match.end() :].strip()
+        if not quantity or not is_unit(unit):
+            continue
+        if _plain(quantity) in _TIME_NAMES and quantity != "T":  # a temperature
+            return (quantity, unit) if seconds_per(unit) is not None else None
+        bare = seconds_per(unit.rstrip("²³0123456789^- ")) is not None
+        *before, last = re.split(r"[\s_]+", quantity)
+        if bare or (is_unit(last) and (before or len(quantity) > 1)):
+            return None
+        return quantity, unit
+    return None
 
 
 def _channel(name: str, below: str) -> Channel:
@@ -292,8 +318,12 @@ def _channel(name: str, below: str) -> Channel:
         if _SCALED.match(name[match.end() :]):
             break  # F (N) x10: the numbers are of another unit than the brackets'
         if is_unit(text) or _is_written_as_unit(text, square=match[2] is not None):
-            label = (name[: match.start()].rstrip() + " " + name[match.end() :].lstrip()).strip()
+            label = (
+                name[: match.start()].rstrip().removesuffix("/").rstrip() + " " + name[match.end() :].lstrip()
+            ).strip()
             return Channel(name, text, label or name)
+    if (found := _quantity_and_unit(name)) is not None and seconds_per(found[1]) is not None:
+        return Channel(name, found[1], found[0])
     suffixed = _TIME_SUFFIX.fullmatch(name)
     if suffixed is not None and _plain(suffixed[1]) in _TIME_NAMES:
         return Channel(name, suffixed[2], suffixed[1])

@@ -2,6 +2,7 @@ import pytest
 
 from testbench.readers.csv.dialect import UnclearDialect, detect_dialect
 from testbench.readers.csv.header import Header, named_channels, read_header, time_column, unknown_brackets
+from testbench.units import seconds_per
 
 
 def header(text: str, has_header: bool | None = None) -> Header:
@@ -110,6 +111,32 @@ def test_time_is_known_by_name_and_its_unit_is_not_guessed(name: str, factor: fl
     column = time_column(named_channels(["AccX (g)", name], ["", ""]))
     assert column is not None
     assert (column.index, column.seconds_per_unit, column.assumed) == (1, factor, assumed)
+
+
+NOTATION = "Time/s,K1x/V,ax/(m/s^2),F/N,T / °C,Kraft/kN"
+
+
+@pytest.mark.parametrize(
+    ("names", "found"),
+    [
+        (NOTATION, [("Time", "s"), ("K1x", "V"), ("ax", "m/s^2"), ("F", "N"), ("T", "°C"), ("Kraft", "kN")]),
+        ("millis,F/N,a/m/s²", [("millis", None), ("F", "N"), ("a", "m/s²")]),  # most names
+        ("t/ms,km/h,m/s²,events/s,v_km/h,acc_m/s^2,A/D1,in/out,Nm/A,Speed (km/h)",
+         [("t", "ms"), ("km/h", None), ("m/s²", None), ("events/s", None), ("v_km/h", None), ("acc_m/s^2", None),
+          ("A/D1", None), ("in/out", None), ("Nm/A", None), ("Speed", "km/h")]),
+        ("Time (s),S/N,imu/x,imu/g", [("Time", "s"), ("S/N", None), ("imu/x", None), ("imu/g", None)]),  # one or two
+        ("A/D1,B/D2", [("A/D1", None), ("B/D2", None)]),
+        ("time/V,t/s", [("time/V", None), ("t", "s")]),
+    ],
+)  # fmt: skip
+def test_quantity_and_unit_with_a_slash(names: str, found: list[tuple[str, str | None]]) -> None:
+    """As ISO 80000-1 has it, where time or most names are written so; other slashes stay in the names."""
+    channels = named_channels(names.split(","), [""] * len(found))
+    assert [(c.label, c.unit) for c in channels] == found
+    assert [c.name for c in channels] == names.split(",")
+    column = time_column(channels)
+    expected = [(i, seconds_per(unit or "")) for i, (label, unit) in enumerate(found) if label in {"Time", "t"}]
+    assert ([] if column is None else [(column.index, column.seconds_per_unit)]) == expected
 
 
 def test_no_time_column() -> None:
