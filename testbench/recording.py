@@ -113,7 +113,7 @@ _NOTES = {
     "calculated_cells": "Values that the spreadsheet program calculated, as it stored them.",
     "encoding_inferred": "The encoding was inferred from typical letters; it is declared nowhere.",
     "unit_missing": "Channels without a unit.",
-    "unit_inferred": "Units behind a slash in names, such as ``F/N``, as ISO 80000-1 has quantity and unit.",
+    "unit_inferred": "Units behind a slash in names, such as F/N, as ISO 80000-1 has quantity and unit.",
     "no_final_newline": "The last line has no end, but every number of it is as long as those above.",
     "comment_inside": "Comment lines between the rows.",
     "blank_lines": "Blank lines between the rows.",
