@@ -74,7 +74,7 @@ def search_lag(content: PreparedSignals) -> CoarseLag:
         content, float(residual[best]), _chance(independent, sum(c.shape[1] for c in columns), len(residual))
     )
     lag = best - (len(own_signals) - 1)
-    _refuse_ambiguity(content.name, residual, best, _scatter(columns, own_signals, lag, known), step)
+    _refuse_ambiguity(content, residual, best, _scatter(columns, own_signals, lag, known), step)
     lag_s = (lag + _parabola_vertex(residual, best)) * step
     return CoarseLag(content.reference.start + lag_s - begin, 1.0 - float(residual[best]), (begin, end))
 
@@ -199,7 +199,7 @@ def _refuse_chance(content: PreparedSignals, residual: float, chance: float) -> 
         )
     raise AnalysisError(
         f"{content.name}: ambiguous: the best lag explains {1.0 - residual:.1%} of the signal, which is so slow or so "
-        "nearly a pure sine that chance may explain as much; give a tap, or a trigger"
+        f"nearly a pure sine that chance may explain as much; {_cutoff(content)}; else give a tap, or a trigger"
     )
 
 
@@ -214,7 +214,7 @@ def _scatter(columns: list[Floats], own_signals: Floats, lag: int, known: _Known
     return float(np.sqrt(np.sum(power**2) / max(float(np.sum(power)) ** 2, 1e-300)))
 
 
-def _refuse_ambiguity(name: str, residual: Floats, best: int, scatter: float, step: float) -> None:
+def _refuse_ambiguity(content: PreparedSignals, residual: Floats, best: int, scatter: float, step: float) -> None:
     """Raise AnalysisError where a lag beyond the slopes of the best one explains about as much."""
     half = 1.0 - 0.5 * (1.0 - residual[best])
     low, high = _slope_end(residual, best, half, -1), _slope_end(residual, best, half, +1)
@@ -222,18 +222,25 @@ def _refuse_ambiguity(name: str, residual: Floats, best: int, scatter: float, st
     others = troughs[(troughs < low) | (troughs > high)]
     if high - low >= len(residual) - 1:
         raise AnalysisError(
-            f"{name}: ambiguous: every lag explains about the same: the signals are too slow to align by"
+            f"{content.name}: ambiguous: every lag explains about the same: the signals are too slow to align by"
         )
     if not len(others):
         return
     second = int(others[np.argmin(residual[others])])
     margin = float(np.log((residual[second] + EQUAL_SHARE) / (residual[best] + EQUAL_SHARE)))
-    if margin < min(SIGNIFICANCE * scatter, np.log(CLEAR_RATIO)):
+    if margin < (needed := float(min(SIGNIFICANCE * scatter, np.log(CLEAR_RATIO)))):
         raise AnalysisError(
-            f"{name}: ambiguous: lags that are {abs(second - best) * step:.4g} s apart explain "
-            f"{1.0 - residual[best]:.2%} and {1.0 - residual[second]:.2%} of the signal, which is periodic; "
-            "give a record with its beginning, a tap, or a trigger"
+            f"{content.name}: ambiguous: lags that are {abs(second - best) * step:.4g} s apart explain "
+            f"{1.0 - residual[best]:.2%} and {1.0 - residual[second]:.2%} of the signal: the second leaves "
+            f"{np.exp(margin):.2g} times what the best leaves unexplained, expected {np.exp(needed):.2g} times; "
+            f"{_cutoff(content)}; else name channels that recorded the same (--pair), or record where the motion "
+            "begins, a tap, or a trigger"
         )
+
+
+def _cutoff(content: PreparedSignals) -> str:
+    """What to do about what only one side recorded."""
+    return f"a --cutoff below {content.cutoff:.3g} Hz leaves out vibration and noise that one side alone holds"
 
 
 def _slope_end(residual: Floats, best: int, level: float, side: int) -> int:

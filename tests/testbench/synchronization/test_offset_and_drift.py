@@ -1,9 +1,11 @@
 """Alignment by what both saw: precise, with intervals that hold, and refused where the data do not determine it."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, lfilter
 
 from testbench.errors import AnalysisError
 from testbench.synchronization import coarse_lag
@@ -44,8 +46,22 @@ def test_a_pure_sine_is_ambiguous(noise):
     """A sine through the whole record fits at every period: refused by name, with noise or without."""
     rng, t = np.random.default_rng(0), np.arange(20_000) / 1000.0
     one, other = (np.sin(2 * np.pi * 7.3 * (t + s)) + noise * rng.normal(size=len(t)) for s in (0.0, 0.6))
-    with pytest.raises(AnalysisError, match="ambiguous"):
+    with pytest.raises(
+        AnalysisError, match=r"ambiguous: .*(explains about|a --cutoff below 200 Hz leaves out .*; else)"
+    ):
         by_correlation(plain(one, other))
+
+
+def test_a_lower_cutoff_leaves_out_what_one_side_holds():
+    """A sine from rest to rest on a frame that rings: refused with what helps, and that helps."""
+    rng, t = np.random.default_rng(0), np.arange(8000) / 1000.0
+    move = lambda s: np.where((s > 1.5) & (s < 6.5), np.sin(6.0 * np.pi * (s - 1.5)), 0.0)  # noqa: E731
+    ring = lfilter(*butter(2, [0.076, 0.084], "band"), rng.normal(size=len(t) + 200))[200:]
+    shared = plain(move(t + 0.6), move(t) + 0.3 * ring / ring.std())
+    with pytest.raises(AnalysisError, match="a --cutoff below 200 Hz leaves out vibration and noise that one side"):
+        by_correlation(shared, drift=False)
+    clock = by_correlation(replace(shared, cutoff=15.0), drift=False).clock
+    assert float(clock.to_reference(np.array([3.0]))[0]) == pytest.approx(2.4, abs=1e-3)
 
 
 def test_a_sine_with_its_beginning_is_not():
