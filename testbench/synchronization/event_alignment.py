@@ -8,8 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linprog
 
 from balance.arrays import Floats, Indices
+from balance.estimation.estimate import coverage_factor
 
 from ..errors import AnalysisError
 from .clock_map import ASSUMED_DRIFT, MANY_DEGREES_OF_FREEDOM, PPM, ClockMap
@@ -71,41 +73,74 @@ def match_events(name: str, reference: Events, own: Events) -> tuple[Indices, In
 
 
 def clock_map_from_events(name: str, reference: Events, own: Events, drift: bool) -> ClockMap:
-    """The map through matching events. Raises AnalysisError where a drift is not determined."""
+    """The map through matching events. Raises AnalysisError where a drift is not determined.
+
+    Its interval holds every line that passes each event within the sampling steps of both: these errors are common to
+    all events where the events keep their phase to the samples, and shrink where their phases vary.
+    """
     count, error = len(own.time), float(np.hypot(reference.error, own.error))
-    middle = float(own.time.mean())
-    lever = own.time - middle
-    with_drift = drift and count > 1
-    if drift and not with_drift:
+    if drift and count == 1:
         raise AnalysisError(
             f"{name}: one event determines an offset and no drift; align the offset alone, --no-drift, which takes the "
             f"drift to be within {ASSUMED_DRIFT / PPM:g} ppm"
         )
-    difference = reference.time - own.time
-    slope = float(lever @ difference / (lever @ lever)) if with_drift else 0.0
-    residual = difference - difference.mean() - slope * lever
-    degrees_of_freedom = count - 1 - with_drift
-    variance, degrees_of_freedom_known = error**2, MANY_DEGREES_OF_FREEDOM
-    if (
-        degrees_of_freedom >= 2 and residual @ residual / degrees_of_freedom > variance
-    ):  # more scatter than the sampling explains
-        variance, degrees_of_freedom_known = float(residual @ residual / degrees_of_freedom), degrees_of_freedom
-    covariance = np.diag([variance / count, variance / (lever @ lever) if with_drift else (0.5 * ASSUMED_DRIFT) ** 2])
+    middle = float(own.time.mean())
+    lever, difference = own.time - middle, reference.time - own.time
+    possible = _lines_within(lever, difference, np.sqrt(3.0) * (reference.error + own.error), drift)
+    degrees_of_freedom = MANY_DEGREES_OF_FREEDOM
+    if possible is not None:
+        offset, slope = map(float, possible.mean(axis=1))
+        half = 0.5 * np.ptp(possible, axis=1)
+        covariance = np.diag(half**2 / 3.0)
+    else:  # more scatter than the sampling explains, beside what the sampling may have in common
+        slope = float(lever @ difference / (lever @ lever)) if drift else 0.0
+        offset = float(difference.mean())
+        residual = difference - offset - slope * lever
+        degrees_of_freedom = count - 1 - drift
+        variance = float(residual @ residual / degrees_of_freedom)
+        covariance = np.diag([variance / count + error**2, variance / (lever @ lever)])
+    if not drift:
+        slope = 0.0
+        covariance[1, 1] = (ASSUMED_DRIFT / coverage_factor(degrees_of_freedom)) ** 2
     clock = ClockMap(
         middle,
-        middle + float(difference.mean()),
+        middle + offset,
         slope,
         covariance,
-        degrees_of_freedom_known,
+        degrees_of_freedom,
         (float(own.time[0]), float(own.time[-1])),
     )
     low, high = clock.drift_interval
-    if with_drift and 0.5 * (high - low) > LARGEST_DRIFT:
+    if drift and 0.5 * (high - low) > LARGEST_DRIFT:
         raise AnalysisError(
             f"{name}: too short for a drift: events over {clock.span[1] - clock.span[0]:.3g} s determine it to "
             f"{0.5 * (high - low) / PPM:.3g} ppm; align the offset alone"
         )
     return clock
+
+
+def _lines_within(lever: Floats, difference: Floats, within: float, drift: bool) -> Floats | None:
+    """Least and greatest offset [s] and slope [-] of the lines that pass every ``difference`` (n,) [s] at ``lever``
+    (n,) [s] ``within`` [s], (2, 2); None where none does. Without ``drift`` the slope is that of an ordinary crystal.
+    """
+    unit = np.array([within, within / (float(np.max(np.abs(lever))) or 1.0)])
+    rows = np.column_stack([np.ones_like(lever), lever]) * unit / within
+    middle = float(difference.mean())
+    scaled = (difference - middle) / within
+    most = None if drift else ASSUMED_DRIFT / unit[1]
+    ends = [
+        linprog(
+            sign * axis,
+            np.concatenate([rows, -rows]),
+            np.concatenate([scaled + 1.0, 1.0 - scaled]),
+            bounds=[(None, None), (None if most is None else -most, most)],
+        )
+        for axis in np.eye(2)
+        for sign in (1.0, -1.0)
+    ]
+    if any(one.status != 0 for one in ends):
+        return None
+    return np.array([one.x for one in ends]).reshape(2, 2, 2)[[0, 1], :, [0, 1]] * unit[:, None] + [[middle], [0.0]]
 
 
 @dataclass(frozen=True)

@@ -21,16 +21,25 @@ def pulses(instants, seed=0, column_rates=(1000.0, 2000.0), seconds=12.0):
     return SharedSignals("sync", there, (level(there)[:, None],), here, own_signals[:, None])
 
 
-def test_edges():
-    """Edges at uneven intervals give offset and drift within the sampling; intervals hold over seeds."""
+@pytest.mark.parametrize("drift", [True, False])
+@pytest.mark.parametrize("steps", [None, 1e-3], ids=["any phase", "phases kept"])
+def test_edges(steps, drift):
+    """Edges at uneven intervals give offset and drift within the sampling; intervals hold over seeds, also where all
+    edges are at one phase of the reference's samples: what the sampling leaves open is then common to them.
+    """
     hits = []
     for seed in range(40):
-        instants = np.sort(np.random.default_rng([seed, 5]).uniform(0.5, 11.0, 6))
-        clock = by_trigger(pulses(instants, seed)).clock
-        low, high = clock.offset_interval
-        hits.append(low <= OFFSET <= high)
+        rng = np.random.default_rng([seed, 5])
+        instants = np.sort(rng.uniform(0.5, 11.0, 6))
+        instants = np.round(instants / steps) * steps + rng.random() * steps if steps else instants
+        clock = by_trigger(pulses(instants, seed), drift).clock
+        (low, high), (least, most) = clock.offset_interval, clock.drift_interval
+        truth = OFFSET + (1 + DRIFT) * clock.at_own
+        hits += [low <= OFFSET <= high, least <= DRIFT <= most]
+        hits.append(abs(clock.at_reference - truth) <= clock.half_width(clock.at_own) < 1e-3)
         assert clock.offset == pytest.approx(OFFSET, abs=1.5e-3)
-    assert_holds(sum(hits), len(hits))
+        assert drift or (1e6 * least, 1e6 * most) == pytest.approx((-100.0, 100.0))
+    assert np.mean(hits) >= 0.95
 
 
 def test_one_edge():
