@@ -12,6 +12,7 @@ WRONG = [
     ("ingest *.csv -o c", 1, r"^testbench: \*\.csv: no file matches; expected a log file\n$"),
     ("info log --encoding klingon", 1, r"'klingon' is no encoding"),
     ("info log --encoding base64", 1, r"'base64' is no encoding"),
+    ("info log --as a.toml --as b.toml", 2, r"--as: is of all logs; .* name each in the rig: loggers\.NAME\.read_as"),
     ("info log --decimal dot", 2, r"^testbench: Invalid .* 'dot': expected .*\nTry 'testbench info --help'"),
     ("info EMPTY", 2, r"an empty argument"),
     ("ingest log -o EMPTY", 2, r"an empty argument"),

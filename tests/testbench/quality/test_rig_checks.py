@@ -7,7 +7,7 @@ import pytest
 from testbench import rig
 from testbench.quality import rig_checks
 from testbench.quality.group_checks import GroupCheck
-from testbench.recording import Channel, Finding, Group, Recording
+from testbench.recording import Channel, Finding, Group, Recording, SensorRange
 
 
 def test_a_commanded_channel_may_rest_and_hold() -> None:
@@ -29,6 +29,42 @@ def test_a_log_of_a_few_samples(samples, codes):
     bench = rig.load_rig("parallelogram-6bar")
     checks = [GroupCheck(Group("r", (Channel(name, "g"),)), samples=samples) for name in ("AccX", "Temperature")]
     assert [f.code for f in rig_checks.rate_findings(bench, checks)] == codes
+
+
+def test_channels_are_called_with_their_unit_or_without() -> None:
+    """Ranges, rates and what may rest hold for both; of two sensors with one channel between them one is refused."""
+    text = """mechanism = "none"
+[loggers.daq]
+rate = "1 kHz"
+[sensors.acc]
+kind = "accelerometer"
+logger = "daq"
+channels = { x = "Beschl. X [m/s²]" }
+range = "20 m/s^2"
+position = ["0 m", "0 m", "0 m"]
+[sensors.target]
+kind = "target"
+logger = "daq"
+channels = { x = "Soll", y = "Beschl. Y" }
+"""
+    channels = (
+        Channel("Beschl. X [m/s²]", "m/s²", "Beschl. X"),
+        Channel("Beschl. Y [m/s²]", "m/s²", "Beschl. Y"),
+        Channel("Soll [m/s²]", "m/s²", "Soll"),
+    )
+    log = Recording(Path("r.csv"), "CSV", "csv", (Group("r", channels),), lambda report: iter(()))
+    bench = rig.load_rig(text)
+    assert rig_checks.rig_findings(bench, [log]) == []
+    check = GroupCheck(Group("r", channels), channel_ranges={"Beschl. X [m/s²]": SensorRange(20.0, "m/s^2")})
+    assert [known and known.limit for known in map(check._range, channels)] == [20.0, None, None]
+    assert [f.code for f in rig_checks.rate_findings(bench, [GroupCheck(Group("r", channels), samples=3)])] == [
+        "few_samples"
+    ]
+    found = [Finding("constant_channel", c.name, None, "") for c in channels]
+    assert [f.channel for f in rig_checks.without_commanded(bench, log, found)] == ["Beschl. X [m/s²]"]
+    twice = rig.load_rig(text.replace('"Beschl. Y"', '"Beschl. X"'))
+    (finding,) = rig_checks.rig_findings(twice, [log])
+    assert finding.message == "the rig calls this channel 'Beschl. X [m/s²]' too: expected one sensor a channel"
 
 
 def test_a_unit_that_nobody_knows(tmp_path: Path) -> None:
