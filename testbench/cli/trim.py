@@ -110,9 +110,13 @@ def _verdict(result: "Trim", stock: str | None) -> str:
     added = [c for c in result.addition.counter_masses if c.mass > 0.0]
     lacking = [m for m in result.missing if m.is_significant and m.first_moment.value > 0.0]
     parts = []
+    together = {m.site: m.mass.value for m in result.missing}
+    untouched = first_of([site for site in together if site not in {c.site for c in added}], 3)
     for c in added:
         plates = f" = {counted(c.plates)}" if c.plates else ""
-        parts.append(f"Add {c.mass:.3f} kg at {c.site}{plates}.")
+        why = f": best with nothing changed at {untouched}, {together[c.site]:.3f} kg with all that the table has"
+        apart = untouched and not plates and f"{c.mass:.3f}" != f"{together[c.site]:.3f}"
+        parts.append(f"Add {c.mass:.3f} kg at {c.site}{plates}{why if apart else ''}.")
     if lacking and not added:
         masses = ", ".join(f"{m.mass.value:.3f} kg at {m.site}" for m in lacking)
         parts.append(f"No plates of {stock} bring it nearer: what is missing stays: {masses}.")

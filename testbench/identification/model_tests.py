@@ -308,6 +308,10 @@ class ModelTests:
         text = f"by masses known to differ between the runs the torques read {self.scale.value:.3f} times what they are"
         inner = "{:.3f} .. {:.3f}".format(*self.scale.interval())
         text += f" ({LEVEL_TEXT}: {inner}), or the run table's masses are wrong"
+        text += (
+            "; where the masses are right, correct the sensor: testbench calibrate CAMPAIGN SENSOR --sensitivity "
+            f'"{self.scale.value:.4g} N m/(N m)" --reason ..., or what the rig has as sensitivity times that number'
+        )
         return [] if low <= 1.0 <= high else [Doubt("torque_scale", text)]
 
     def _law(self, joint: int) -> Estimate:

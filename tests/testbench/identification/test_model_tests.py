@@ -36,10 +36,13 @@ def identified(kind: str, seed: int):
     ],
 )
 def test_what_deceives_is_named(kind, seed, code):
-    """Each is doubtful for its own reason."""
+    """Each is doubtful for its own reason; a scale with the command that takes it off."""
     result, _ = identified(kind, seed)
     assert result.verdict == "doubtful"
-    assert code in {doubt.code for doubt in result.doubts}
+    doubts = {doubt.code: doubt.text for doubt in result.doubts}
+    assert code in doubts
+    if code == "torque_scale":
+        assert f'SENSOR --sensitivity "{result.tests.scale.value:.4g} N m/(N m)"' in doubts[code]
 
 
 @pytest.mark.parametrize(("seed", "verdict"), [(4, "usable"), (5, "usable up to a torque scale")])

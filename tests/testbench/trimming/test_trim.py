@@ -10,6 +10,7 @@ from balance.errors import CounterpoiseError
 from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from testbench import rig as rigs
+from testbench.cli.trim import _verdict
 from testbench.errors import AnalysisError
 from testbench.trimming import trim_runs
 
@@ -43,6 +44,18 @@ def test_the_built_set(repeats):
         assert one.interval[1] - one.interval[0] < 0.2 * MISSING
         assert added.mass == pytest.approx(0.8205, rel=0.1)
         assert np.linalg.norm(added.position) == pytest.approx(0.03755)
+
+
+def test_an_addition_that_is_not_the_tables_mass_says_why(repeats):
+    """Where a site's interval holds zero, nothing is added there, and the others' masses change with it."""
+    found = trim_runs(repeats[:3])
+    first, *others = found.missing
+    assert "best with nothing changed" not in _verdict(found, None)
+    unknown = replace(first.first_moment, covariance=np.eye(1))
+    alone = replace(found, missing=(replace(first, first_moment=unknown), *others))
+    for added in alone.addition.counter_masses:
+        text = f"Add {added.mass:.3f} kg at {added.site}: best with nothing changed at {first.site}, "
+        assert added.mass == 0.0 or text in _verdict(alone, None)
     assert found.predicted_residual < 0.1 * MISSING
 
 
