@@ -374,7 +374,7 @@ class NoiseRecords:
         near = (signals >= tops[:, None] - self.reach).any(axis=0)
         samples, below = samples[near], ((signals[:, near] - tops[:, None]) / self.scale).astype(np.float32)
         first, at_once = 0, max(_AT_ONCE // (len(tops) * len(self.rounding)), 1)
-        for part in self.draws.parts:
+        for part in map(np.ascontiguousarray, self.draws.parts):
             inside = slice(*np.searchsorted(samples, [first, first + len(part)]))
             for begin in range(inside.start, inside.stop, at_once):
                 rows = slice(begin, min(begin + at_once, inside.stop))
