@@ -10,8 +10,8 @@ table states and in which a pair of runs differs, close the scale. Without them 
 and the interval is wide. Gauss-Newton on products of columns; intervals by a jackknife over blocks of time.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,19 +43,36 @@ class TorqueBalance:
     scale_deviation: Floats
     residual: Floats
     """Share of the torques' variance that is not explained, by run, (r,) [-]."""
+    inflation: Floats
+    """Variance inflation factor of each payload, (r,) [-]: over that beside known scale, friction and inertia."""
+    gain: Floats
+    """Of the unexplained share of all runs, what a held payload's own value would explain, by run, (r,) [-]."""
+
+    @property
+    def determined(self) -> bool:
+        """Whether torques tell payloads from scale, drive inertia and friction."""
+        return bool((self.inflation < MOST_INFLATION).all())
 
 
 def torque_balance(
-    equations: Mapping[str, TorqueEquations], payloads: Mapping[str, float], masses: Mapping[str, Mapping[str, float]]
+    equations: Mapping[str, TorqueEquations],
+    payloads: Mapping[str, float],
+    masses: Mapping[str, Mapping[str, float]],
+    given: Collection[str] = (),
 ) -> TorqueBalance:
-    """Solve the runs of ``equations`` with counter-masses ``masses`` [kg] by run, starting at ``payloads`` [kg]."""
+    """Solve the runs of ``equations`` with counter-masses ``masses`` [kg] by run, starting at ``payloads`` [kg].
+
+    Runs ``given`` carry what is stated: the payload of each is what it alone would be, beside the others.
+    """
     runs = tuple(equations)
     joints = equations[runs[0]].joints
     system = _System([equations[r] for r in runs], [masses[r] for r in runs])
     start = np.array([payloads[r] for r in runs])
     whole = np.ones(BLOCKS, dtype=bool)
-    payload, scale, residual = system.solve(whole, start, np.ones(len(joints)))
-    without = [system.solve(np.arange(BLOCKS) != b, payload, scale) for b in range(BLOCKS)]
+    kept = np.array([r in given for r in runs])
+    payload, scale, residual, inflation, gain = system.solve(whole, start, np.ones(len(joints)), kept)
+    start = np.where(kept, start, payload)
+    without = [system.solve(np.arange(BLOCKS) != b, start, scale, kept) for b in range(BLOCKS)]
     return TorqueBalance(
         runs,
         payload,
@@ -64,6 +81,8 @@ def torque_balance(
         scale,
         _jackknife(np.array([one[1] for one in without])),
         residual,
+        inflation,
+        gain,
     )
 
 
@@ -93,8 +112,13 @@ class _System:
     def _at(self, name: str) -> int:
         return self.names.index(name)
 
-    def solve(self, used: np.ndarray, payload: Floats, scale: Floats) -> tuple[Floats, Floats, Floats]:
-        """Payloads (r,), scales (j,), unexplained shares (r,) from ``used`` blocks (b,)."""
+    def solve(
+        self, used: np.ndarray, payload: Floats, scale: Floats, kept: np.ndarray
+    ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+        """Payloads (r,), scales (j,), unexplained shares, inflation, gain (r,) from ``used`` blocks (b,).
+
+        Payloads ``kept`` (r,) stay as they are; what each alone would be is then one more step.
+        """
         products = self.products[used].sum(axis=0)
         runs, joints, k = products.shape[:3]
         common = len(COMMON)
@@ -102,6 +126,8 @@ class _System:
         factors[:, 0] = scale
         offset = np.zeros((runs, joints))
         size = joints * common + runs + runs * joints
+        at = joints * common + np.arange(runs)
+        free = np.setdiff1d(np.arange(size), held := at[kept])
         for _ in range(ROUNDS):
             normal, right, cost = np.zeros((size, size)), np.zeros(size), np.zeros(runs)
             for r in range(runs):
@@ -124,14 +150,23 @@ class _System:
                     right[places] += columns.T @ gram @ rest
                     cost[r] += rest @ gram @ rest / joints
             width = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-            step = np.linalg.lstsq(normal / np.outer(width, width), right / width, rcond=1e-12)[0] / width
+            normal, right, step = normal / np.outer(width, width), right / width, np.zeros(size)
+            step[free] = np.linalg.lstsq(normal[np.ix_(free, free)], right[free], rcond=1e-12)[0] / width[free]
             factors += step[: joints * common].reshape(joints, common)
             moved = step[joints * common : joints * common + runs]
             payload += moved
             offset += step[joints * common + runs :].reshape(runs, joints)
             if np.abs(moved).max() < 1e-6 * max(float(np.abs(payload).max()), 1.0):
                 break
-        return payload, factors[:, 0], cost
+        inverse = np.linalg.inv(normal[np.ix_(free, free)] + 1e-12 * np.eye(len(free)))
+        inflation, gain = np.zeros(size), np.zeros(size)
+        inflation[free] = np.diag(inverse)
+        beside = inverse @ normal[np.ix_(free, held)]
+        left = np.maximum(1.0 - np.sum(normal[np.ix_(free, held)] * beside, axis=0), 1e-12)
+        rest = right[held] - beside.T @ right[free]
+        payload[kept] += rest / left / width[held]
+        inflation[held], gain[held] = 1.0 / left, rest**2 / left
+        return payload, factors[:, 0], cost, inflation[at], gain[at]
 
 
 REJECTED = 5.0
@@ -139,6 +174,15 @@ REJECTED = 5.0
 than one campaign in twenty."""
 PAYLOAD_SHARE, PAYLOAD_KG = 0.06, 0.06
 """Error of a payload by torques that the model's errors leave: twice the largest of honest simulated campaigns."""
+MOST_INFLATION = 2500.0
+"""Variance inflation factor of a payload from which torques do not tell it from scale, drive inertia and friction: an
+error of the model, as a share of the payload's torque, becomes one fifty times as large of the payload."""
+LEAST_RUNS = 3
+"""With torques, of which one may be told from the others."""
+UNDETERMINED = (
+    f"the torques do not tell payload from drive inertia; {LEAST_RUNS} or more runs are held against each other"
+)
+"""Why torques say nothing of payloads."""
 CAMPAIGN_DEVIATIONS = 6.0
 """Robust standard deviations of witnessed less stated values over the campaign within which a run agrees."""
 ACCELERATION_SHARE = {"command": 0.05, "encoders": 0.15}
@@ -310,30 +354,51 @@ def _masses(masses: Mapping[str, float]) -> str:
 def payloads(
     observations: Sequence[Observation], masses: Mapping[str, Mapping[str, float]]
 ) -> tuple[list[Statement], TorqueBalance | None]:
-    """Payloads by the torques of the campaign, with counter-masses ``masses`` [kg] by run, and the torques' scale."""
+    """Payloads by the torques of the campaign, with counter-masses ``masses`` [kg] by run, and the torques' scale.
+
+    Where they do not determine it, as with one drive whose inertia is not known, each run's payload is what its torques
+    ask for beside those of the other runs, which carried what is stated; fewer than half are told from the others.
+    """
     used = {o.name: o for o in observations if o.name in masses}
     joints = [o.torque.joints for o in used.values() if o.torque is not None]
     used = {name: o for name, o in used.items() if o.torque is not None and o.torque.joints == joints[0]}
     if not used:
         return [], None
     stated = {name: o.conditions["payload_kg"] for name, o in used.items()}
-    solved = torque_balance(
-        {name: o.torque for name, o in used.items() if o.torque is not None},
-        stated,
-        {name: masses[name] for name in used},
-    )
+    equations = {name: o.torque for name, o in used.items() if o.torque is not None}
+    carried = {name: masses[name] for name in used}
+    solved = torque_balance(equations, stated, carried)
+    if solved.determined:
+        return _payload_statements(solved, stated, "the drives' torques"), solved
+    if len(used) < LEAST_RUNS:
+        return [], None
+    witness = "the drives' torques, by what the run table says of the other runs"
+    beside = solved = torque_balance(equations, stated, carried, list(used))
+    if not solved.determined:
+        return [], None
+    found, wrong, apart = _payload_statements(solved, stated, witness), set[str](), list[str]()
+    while 2 * len(apart) + 2 < len(used):
+        # Of the others the run whose own payload explains most; each of them contradicts once none is a witness.
+        gain = [0.0 if name in apart else share for name, share in zip(used, beside.gain, strict=True)]
+        apart.append(tuple(used)[int(np.argmax(gain))])
+        beside = torque_balance(equations, stated, carried, [name for name in used if name not in apart])
+        statements = _payload_statements(beside, stated, witness)
+        if beside.determined and {s.run for s in statements if s.code} >= set(apart):
+            found, solved, wrong = statements, beside, set(apart)
+    return [replace(s, code=None) if wrong and s.run not in wrong else s for s in found], solved
+
+
+def _payload_statements(solved: TorqueBalance, stated: Mapping[str, float], witness: str) -> list[Statement]:
     difference = solved.payload - np.array(list(stated.values()))
-    centre = float(np.median(difference)) if len(used) > 4 else 0.0
-    scatter = 1.4826 * float(np.median(np.abs(difference - centre))) if len(used) > 4 else 0.0
+    centre = float(np.median(difference)) if len(stated) > 4 else 0.0
+    scatter = 1.4826 * float(np.median(np.abs(difference - centre))) if len(stated) > 4 else 0.0
     statements = []
-    for i, name in enumerate(used):
-        value, error, table = float(solved.payload[i]), float(solved.deviation[i]), stated[name]
+    for i, (name, table) in enumerate(stated.items()):
+        value, error = float(solved.payload[i]), float(solved.deviation[i])
         least = max(PAYLOAD_SHARE * table + PAYLOAD_KG, REJECTED * error, CAMPAIGN_DEVIATIONS * scatter)
         wrong = abs(value - table) > least
         half = coverage_factor() * float(np.hypot(error, 0.5 * (PAYLOAD_SHARE * table + PAYLOAD_KG)))
         interval = f"{value:.2f} kg [{value - half:.2f}, {value + half:.2f}]"
         code = "payload_contradiction" if wrong else None
-        statements.append(
-            Statement(name, "payload", None, f"{table:g} kg by the run table", interval, "the drives' torques", code)
-        )
-    return statements, solved
+        statements.append(Statement(name, "payload", None, f"{table:g} kg by the run table", interval, witness, code))
+    return statements

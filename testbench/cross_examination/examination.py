@@ -16,7 +16,7 @@ from ..recording import Finding
 from ..rig.rig import NONE
 from ..runs.si_run import SIRun
 from ..store import Run
-from .conditions import TorqueBalance, accelerations, motions, mounted, payloads, unlike_repeats
+from .conditions import UNDETERMINED, TorqueBalance, accelerations, motions, mounted, payloads, unlike_repeats
 from .copies import copies
 from .encoder_paths import encoder_paths
 from .observation import Observation, observe
@@ -160,6 +160,8 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = ()) -> Examinati
         statements += [*accelerations(one), *motions(one)]
     about_masses, masses = mounted(seen)
     about_payload, torque = payloads(seen, masses)
+    if torque is None:
+        reasons |= {name: reasons[name] | {"payload": UNDETERMINED} for name in masses}
     statements += [*about_masses, *about_payload]
     unsure = frozenset(s.run for s in statements if s.code in CONDITIONS)
     flat = {(s.run, s.channel) for s in statements if s.code == "flat_channel"}

@@ -1,0 +1,112 @@
+"""One drive, whose torques do not tell payload from drive inertia: the runs are held against each other."""
+
+import re
+
+import numpy as np
+import pytest
+
+from studies import lies
+from studies.lies import Witnesses
+from studies.simulated_runs import with_values
+from testbench.campaign_plan import load_plan
+from testbench.project import new_project
+from testbench.rig import load_rig
+
+MECHANISM = """<mujoco model="rocker">
+  <option gravity="0 0 -9.81"/>
+  <custom><text name="payload" data="table"/></custom>
+  <worldbody>
+    <body name="crank" pos="-0.15 0 0" euler="0 0 90">
+      <inertial pos="0.09 0 0" mass="1.2" diaginertia="0.001 0.006 0.006"/>
+      <joint name="A0" type="hinge" axis="0 0 1"/>
+      <site name="counter_crank" pos="-0.1 0 0"/>
+      <body name="table" pos="0.2 0 0" euler="0 0 -81.9964087819">
+        <inertial pos="0.12 0 0" mass="2.0" diaginertia="0.005 0.02 0.02"/>
+        <joint name="A" type="hinge" axis="0 0 1"/>
+        <site name="tableB" pos="0.26 0 0"/>
+      </body>
+    </body>
+    <body name="rocker" pos="0.15 0 0" euler="0 0 100.2078187220">
+      <inertial pos="0.11 0 0" mass="1.4" diaginertia="0.001 0.009 0.009"/>
+      <joint name="B0" type="hinge" axis="0 0 1"/>
+      <site name="counter_rocker" pos="-0.1 0 0"/>
+      <site name="rockerB" pos="0.24 0 0"/>
+    </body>
+  </worldbody>
+  <equality><connect site1="tableB" site2="rockerB"/></equality>
+  <actuator><motor joint="A0"/></actuator>
+</mujoco>
+"""
+PLAN = """mechanism = "rocker.xml"
+repeats = 2
+seed = 1
+[[conditions]]
+payload = ["2 kg", "3.5 kg"]
+counter_masses = { counter_crank = "2.9 kg", counter_rocker = "3.9 kg" }
+motion = "motion"
+"""
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory):
+    """Eight runs: two payloads, with and without counter-masses, twice; observed once."""
+    folder = tmp_path_factory.mktemp("one-drive")
+    (folder / "rocker.xml").write_text(MECHANISM, encoding="utf-8")
+    new_project(folder / "project", str(folder / "rocker.xml"))
+    (folder / "project" / "plan.toml").write_text(PLAN, encoding="utf-8")
+    rig = load_rig(folder / "project" / "rig.toml")
+    return lies.simulated(rig, load_plan(folder / "project" / "plan.toml"), 3), Witnesses()
+
+
+def said(found):
+    """Payload statements by run: value and ends of the interval [kg]."""
+    texts = {s.run: s.witnessed for s in found.statements if s.subject == "payload"}
+    return {run: [float(value) for value in re.findall(r"[-\d.]+", text)] for run, text in texts.items()}
+
+
+def test_intervals_hold_the_payloads(campaign):
+    """Of honest runs, each beside what the others carried; nothing contradicts."""
+    runs, witnesses = campaign
+    found = witnesses.hear(runs)
+    assert not found.findings
+    assert len(said(found)) == len(runs)
+    for run in runs:
+        value, low, high = said(found)[run.name]
+        assert low < run.conditions["payload_kg"] < high
+        assert value == pytest.approx(run.conditions["payload_kg"], abs=0.1)
+
+
+@pytest.mark.parametrize("wrong", [[0], [1, 6]])
+def test_a_payload_unlike_the_other_runs(campaign, wrong):
+    """One run, or two, that carried another payload than the run table's: these alone, with both values."""
+    runs, witnesses = campaign
+    told = list(runs)
+    for i in wrong:
+        told[i] = lies.about(runs[i], payload_kg=5.5 - runs[i].conditions["payload_kg"])
+    found = witnesses.hear(told)
+    liars = {runs[i].name for i in wrong}
+    assert {(s.run, s.code) for s in found.contradictions} == {(run, "payload_contradiction") for run in liars}
+    for i in wrong:
+        low, high = said(found)[runs[i].name][1:]
+        assert low < runs[i].conditions["payload_kg"] < high
+
+
+def test_friction_of_each_run_is_no_payload(campaign):
+    """Dry friction that changes from run to run by a tenth of the torque's peak, as temperature makes it."""
+    runs, _ = campaign
+    told, rng = list(runs), np.random.default_rng(4)
+    for i, run in enumerate(runs):
+        torque, speed = run.channel("tau_A0"), np.gradient(run.channel("q_A0"))
+        friction = rng.uniform(0.0, 0.1) * np.abs(torque).max()
+        told[i] = with_values(run, "tau_A0", torque + friction * np.tanh(speed / (0.05 * np.abs(speed).max())))
+    assert not Witnesses().hear(told).findings
+
+
+def test_too_few_runs_say_nothing(campaign):
+    """Two runs, of which either may be wrong: nothing witnesses a payload, and doctor says so."""
+    runs, witnesses = campaign
+    found = witnesses.hear(runs[:2])
+    assert not said(found)
+    for run in runs[:2]:
+        assert "payload" in found.unwitnessed(run.name)
+        assert "drive inertia" in found.reasons[run.name]["payload"]
