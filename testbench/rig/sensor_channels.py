@@ -16,7 +16,7 @@ from balance.arrays import Floats
 from balance.errors import UnitError
 from balance.input_files import Table
 from balance.results import Key
-from balance.units import factor_to_si
+from balance.units import SI_UNITS, factor_to_si
 
 from ..calibration import evaluation
 from ..calibration.definition import Calibration, Teds
@@ -74,10 +74,15 @@ class Column:
         """Which of the sensor's channels it is."""
         return [s.channel for s in self.siblings].index(self.channel)
 
+    @property
+    def written_unit(self) -> str:
+        """Unit in which its logger is taken to write: that of the rig, else that of SI, as the log would state it."""
+        return self.unit if self.unit or self.calibration is not None else SI_UNITS[self.dimensions[0]]
+
     def written(self, values: Floats) -> Floats:
         """Values (n,) [SI] in the unit of the log, (n,). Raises UnitError where the calibration cannot be inverted."""
         if self.calibration is None:
-            return values / self.factor
+            return values / factor_to_si(self.written_unit, *self.dimensions)
         from ..calibration.evaluation import bind_law
 
         units = [s.unit or self.calibration.unit or "" for s in self.siblings]

@@ -9,7 +9,7 @@ least elastic energy.
 """
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, get_args
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
@@ -341,20 +341,40 @@ def wrench_transport(point: Floats) -> Floats:
     return np.block([[np.eye(3), np.zeros((3, 3))], [skew(point), np.eye(3)]])
 
 
+_CARRIED = 1e-12
+"""Share of the largest flexibility, in units of each component, below which supports carry nothing of a wrench."""
+
+
 def support_wrenches(supports: Mapping[str, Support]) -> dict[str, Floats]:
     """For each support, the matrix from the wrench about the origin to its own about its position, (6, 6) [SI].
 
-    Raises RigError if the supports cannot carry every wrench.
+    Where the rig says of every support that it does not carry what it does not measure (``unloaded``), components that
+    none of them can carry go elsewhere, as weight and tilt of a planar mechanism through its bearings on the table.
+    Raises RigError if the supports cannot carry every wrench else, or leave open what goes elsewhere.
     """
     if not supports:
         return {}
     stiffness = {name: np.diag(support.axis_stiffness) for name, support in supports.items()}
     to_origin = {name: wrench_transport(np.array(support.position)) for name, support in supports.items()}
     total = sum((to_origin[n] @ stiffness[n] @ to_origin[n].T for n in supports), np.zeros((6, 6)))
-    scale = np.sqrt(np.diag(total))
-    if (scale == 0.0).any() or np.linalg.cond(total / np.outer(scale, scale)) > 1e12:
+    scale = np.sqrt(np.where(np.diag(total) > 0.0, np.diag(total), 1.0))
+    scaled = total / np.outer(scale, scale)
+    unstated = [
+        name
+        for name, support in supports.items()
+        if any(c not in support.measured and support.carries(c) for c in get_args(WrenchAxis))
+    ]
+    if not unstated:
+        outside = np.eye(6) - scaled @ np.linalg.pinv(scaled, rcond=_CARRIED, hermitian=True)
+        own = np.sum([np.diag(one) for one in stiffness.values()], axis=0) > 0.0
+        elsewhere = ~own & (np.linalg.norm(outside, axis=0) > np.sqrt(_CARRIED))
+        if round(np.trace(outside)) == np.count_nonzero(elsewhere):
+            scaled = scaled + np.diag(elsewhere.astype(float))
+    if np.linalg.cond(scaled) > 1.0 / _CARRIED:
         raise RigError(
             f"sensors: the supports {', '.join(supports)} cannot carry every force and moment between mechanism and "
             "base: add the supports that are missing, or remove the force sensors"
+            + (f'; or say that {", ".join(unstated)} carry nothing else (unloaded = "rest")' if unstated else "")
         )
-    return {name: stiffness[name] @ to_origin[name].T @ np.linalg.inv(total) for name in supports}
+    flexibility = np.linalg.inv(scaled) / np.outer(scale, scale)
+    return {name: stiffness[name] @ to_origin[name].T @ flexibility for name in supports}

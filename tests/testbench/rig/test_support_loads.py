@@ -1,5 +1,7 @@
 """The load of the mechanism is shared among its supports, and nothing of it is lost."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -58,7 +60,32 @@ def test_stiffer_carries_more():
     assert (found["soft"] @ force)[0] == pytest.approx(0.25, rel=1e-6)
 
 
+@pytest.mark.parametrize("height", [0.0, 0.3])
+def test_a_planar_bench_on_a_table(height):
+    """Cells along x and y that carry nothing else: force and turning moment are theirs, the rest goes elsewhere."""
+    places = ((-0.2, -0.15, height), (0.2, -0.15, height), (0.0, 0.3, height))
+    cell = SUPPORTS["kistler"].model_copy(update={"channels": {"x": "x", "y": "y"}, "unloaded": "rest"})
+    cells = {f"K{k}": cell.model_copy(update={"position": place}) for k, place in enumerate(places)}
+    loads = {name: WRENCHES @ share.T for name, share in support_wrenches(cells).items()}
+    carried = sum(load @ wrench_transport(np.array(cells[name].position)).T for name, load in loads.items())
+    assert carried[:, [0, 1, 5]] == pytest.approx(WRENCHES[:, [0, 1, 5]], abs=1e-9)
+    assert not any(np.any(load[:, 2:]) for load in loads.values())
+    silent = {name: one.model_copy(update={"unloaded": ()}) for name, one in cells.items()}
+    with pytest.raises(RigError, match=r'say that K0, K1, K2 carry nothing else \(unloaded = "rest"\)'):
+        support_wrenches(silent)
+
+
 def test_too_few():
-    """Supports that leave a force uncarried are refused."""
+    """Supports that leave a force uncarried are refused, and such that leave open which moment goes elsewhere."""
+    one = SUPPORTS["futek_1"]
+    askew = {"one": one, "other": one.model_copy(update={"position": (-0.15, 0.2, 0.0)})}
     with pytest.raises(RigError, match="cannot carry"):
-        support_wrenches({name: SUPPORTS[name] for name in ("futek_1", "futek_2")})
+        support_wrenches(askew)
+
+
+def test_without_a_unit_a_simulated_log_is_in_si():
+    """As real logs state their own: the rig need not."""
+    column = next(iter(SUPPORTS["kistler"].columns("kistler")))
+    silent = replace(column, unit="", calibration=None)
+    assert silent.written(np.array([2.0])) == pytest.approx(2.0)
+    assert silent.written_unit == "N"
