@@ -27,7 +27,9 @@ def encoder_paths(observations: Sequence[Observation]) -> list[Statement]:
     for seen in observations:
         if not seen.encoder_speeds.size:
             continue
-        others = [o for o in observations if o is not seen and o.encoder_speeds.size and _command(o) == _command(seen)]
+        others = [
+            o for o in observations if o is not seen and o.encoder_speeds.size and same_motion(o) == same_motion(seen)
+        ]
         by_motion = _errors(seen, seen.commanded_speeds)
         by_runs = [_errors(seen, dict(zip(o.encoders, o.encoder_speeds.T, strict=True))) for o in others]
         for channel in seen.encoders:
@@ -45,7 +47,7 @@ def encoder_paths(observations: Sequence[Observation]) -> list[Statement]:
     return found
 
 
-def _command(seen: Observation) -> dict[str, object]:
+def same_motion(seen: Observation) -> dict[str, object]:
     """What decides how a run moves."""
     apart = {"payload_kg", "payloads", "counter_masses", "repeat"}
     return {key: value for key, value in seen.conditions.items() if key not in apart}

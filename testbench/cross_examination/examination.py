@@ -20,6 +20,7 @@ from .conditions import UNDETERMINED, TorqueBalance, accelerations, motions, mou
 from .copies import copies
 from .encoder_paths import encoder_paths
 from .observation import Observation, observe
+from .repeated_vibration import repeated_vibration
 from .sensors import examined_sensors, levels, unclosed
 from .statement import WITHHOLDING, Statement, decisions
 
@@ -48,6 +49,8 @@ class Examination(Shown, rows="statements"):
     """Codes that a person accepts."""
     unexamined: dict[str, str] = field(default_factory=dict)
     """By run, why nothing can be heard of it."""
+    sensors: dict[str, dict[str, tuple[str, ...]]] = field(default_factory=dict)
+    """By run, accelerometers of several axes and their channels."""
 
     @cached_property
     def contradictions(self) -> tuple[Statement, ...]:
@@ -86,8 +89,15 @@ class Examination(Shown, rows="statements"):
 
     def unwitnessed(self, run: str) -> list[str]:
         """Subjects on which nothing witnesses a run."""
-        heard = {s.subject for s in self.statements if s.run == run}
-        return [subject for subject in WITNESSED if subject not in heard and (subject != "copy" or len(self.runs) < 2)]
+        about = [s for s in self.statements if s.run == run]
+        heard = {s.subject for s in about}
+        found = [subject for subject in WITNESSED if subject not in heard and (subject != "copy" or len(self.runs) < 2)]
+        for sensor, channels in self.sensors.get(run, {}).items():
+            told = {s.subject for s in about if s.channel in channels}
+            found += [
+                f"{subject} of {sensor}" for subject in ("axis", "sign") if subject in heard and subject not in told
+            ]
+        return found
 
     def decided(self, runs: Iterable[Run | SIRun]) -> "Examination":
         """The same with the codes accepted that are recorded as such for all of ``runs`` that contradict by them."""
@@ -167,7 +177,13 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = ()) -> Examinati
     flat = {(s.run, s.channel) for s in statements if s.code == "flat_channel"}
     found = examined_sensors(seen, unsure)
     statements += [s for s in found if s.code != "flat_channel" or (s.run, s.channel) not in flat]
-    return Examination(tuple(reasons), tuple(statements), reasons, torque, frozenset(accepted))
+    known = {(s.run, s.channel) for s in statements if s.code == "axis_contradiction"}
+    repeated = repeated_vibration([one for one in seen if one.name not in unsure])
+    statements += [s for s in repeated if (s.run, s.channel) not in known]
+    sensors = {
+        one.name: {one.records[c[0]].column.sensor: c for c in one.vibrations if c[0] in one.records} for one in seen
+    }
+    return Examination(tuple(reasons), tuple(statements), reasons, torque, frozenset(accepted), sensors=sensors)
 
 
 def observed_or_why(run: Run | SIRun, known: dict[object, Mechanism], given: Mechanism | None) -> Observation | str:

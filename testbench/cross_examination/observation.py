@@ -27,7 +27,7 @@ from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF, bridge_gaps, 
 from ..quality.clipping import is_dead, stuck_value
 from ..recording import Conditions
 from ..rig import Column, Rig
-from ..rig.sensors import Encoder, Target, Torque
+from ..rig.sensors import Accelerometer, Encoder, Target, Torque
 from ..runs.si_run import SIRun
 from .model_loads import BAND_HZ, LEAST_SAMPLES, ModelledRun
 
@@ -49,6 +49,10 @@ SPEED_RATE_HZ = 100.0
 """At which speeds of encoders are kept [Hz]."""
 SPEED_BAND_HZ = 20.0
 """Low pass of these [Hz]."""
+VIBRATION_RATE_HZ = 100.0
+"""At which vibrations below BAND_HZ are kept [Hz]."""
+VIBRATION_S = 30.0
+"""Start of them that is kept [s]."""
 STORED_RATE_HZ = 1000.0
 """At which a stored motion is sampled [Hz]."""
 DRIVE_TERMS = ("offset", "armature", "viscous", "coulomb")
@@ -131,6 +135,8 @@ class Observation:
     """Of each, every 1 / SPEED_RATE_HZ, (n, k) float32 [rad/s, m/s]."""
     commanded_speeds: dict[str, Floats] = field(default_factory=dict)
     """By channel of an encoder whose joint the stored motion drives, likewise, (n,) [rad/s, m/s]."""
+    vibrations: dict[tuple[str, ...], Floats] = field(default_factory=dict)
+    """By the channels of an accelerometer, every 1 / VIBRATION_RATE_HZ below BAND_HZ, (n, k) float32 [m/s2]."""
     motions: dict[Source, list[RecognizedMotion]] = field(default_factory=dict)
     """By ``command``, ``encoders`` and ``acceleration``."""
     torque: TorqueEquations | None = None
@@ -150,6 +156,11 @@ class Observation:
                        responses=[], unclosed=None)  # fmt: skip
 
     @property
+    def condition(self) -> dict[str, object]:
+        """What the run table states of a run and all its repeats."""
+        return {key: value for key, value in self.conditions.items() if key != "repeat"}
+
+    @property
     def counter_masses(self) -> dict[str, float]:
         """Counter-masses above zero by site, by the run table [kg]."""
         return {site: mass for site, mass in self.conditions.get("counter_masses", {}).items() if mass > 0.0}
@@ -164,6 +175,10 @@ def observe(run: SIRun, mechanism: Callable[[], Mechanism]) -> Observation:
     _attempt(seen, "command", partial(_by_command, seen, run))
     _attempt(seen, "acceleration", partial(_by_acceleration, seen, run))
     _attempt(seen, "paths", partial(_keep_speeds, seen, run))
+    for name in run.rig.of_kind(Accelerometer):
+        of_sensor = [column for column in columns if column.sensor == name]
+        if len(of_sensor) > 1:
+            _attempt(seen, name, partial(_keep_vibration, seen, run, of_sensor))
     _attempt(seen, "encoders", partial(_by_model, seen, run, mechanism))
     return seen
 
@@ -224,6 +239,13 @@ def _keep_speeds(seen: Observation, run: SIRun) -> None:
         at = np.arange(wanted.time[0], wanted.time[-1], 1.0 / SPEED_RATE_HZ)
         speeds = {j: np.interp(at, wanted.time, v) for j, v in zip(wanted.joints, wanted.velocity.T, strict=False)}
         seen.commanded_speeds = {c.channel: speeds[c.component] for c in columns if c.component in speeds}
+
+
+def _keep_vibration(seen: Observation, run: SIRun, columns: list[Column]) -> None:
+    time, values = _smooth(run, columns, 1.0 / VIBRATION_RATE_HZ, bridged=True)
+    at = np.arange(time[0], min(time[-1], time[0] + VIBRATION_S), 1.0 / VIBRATION_RATE_HZ)
+    values = np.column_stack([np.interp(at, time, v) for v in (values - np.median(values, axis=0)).T])
+    seen.vibrations[tuple(column.channel for column in columns)] = values.astype(np.float32)
 
 
 def _keep_responses(seen: Observation, readings: "_Readings", group: str) -> None:

@@ -1,6 +1,7 @@
-"""One drive, whose torques do not tell payload from drive inertia: the runs are held against each other."""
+"""A machine of one drive, whose torques leave payload and drive inertia open: runs are held against each other."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -110,3 +111,34 @@ def test_too_few_runs_say_nothing(campaign):
     for run in runs[:2]:
         assert "payload" in found.unwitnessed(run.name)
         assert "drive inertia" in found.reasons[run.name]["payload"]
+
+
+def without_bench(runs):
+    """Runs whose rig does not describe the base."""
+    return [replace(run, rig=run.rig.partition("[bench]")[0]) for run in runs]
+
+
+def test_axes_are_compared_with_repeats(campaign):
+    """Axes exchanged in one run are found there by the repeat, and by other runs which of the two is wrong."""
+    runs, witnesses = without_bench(campaign[0]), Witnesses()
+    honest = witnesses.hear(runs)
+    assert not honest.findings
+    assert all("axis of base_acc" not in honest.unwitnessed(run.name) for run in runs)
+    assert all("sign of base_acc" in honest.unwitnessed(run.name) for run in runs)
+    for i in (2, 7):
+        told = [lies.exchanged_axes(run, None) if run is runs[i] else run for run in runs]
+        found = witnesses.hear(told)
+        assert {(s.run, s.channel, s.code) for s in found.contradictions} == {
+            (runs[i].name, channel, "axis_contradiction") for channel in ("AccX", "AccY")
+        }
+
+
+def test_of_two_repeats_alone_either_may_be_wrong(campaign):
+    """Both are named, each with the other; a run without a repeat has no witness of its accelerometer's axes."""
+    runs, witnesses = without_bench(campaign[0]), Witnesses()
+    found = witnesses.hear([lies.exchanged_axes(runs[2], None), runs[3]])
+    assert {(s.run, s.others) for s in found.contradictions} == {
+        (runs[2].name, (runs[3].name,)),
+        (runs[3].name, (runs[2].name,)),
+    }
+    assert "axis of base_acc" in witnesses.hear([runs[2]]).unwitnessed(runs[2].name)
