@@ -32,7 +32,7 @@ def joined(run: Run, rate: float | str, channels: Sequence[str] | None = None) -
 
     Clocks are mapped by the newest recorded alignment where there is one; a warning names those that have none. Values
     are interpolated between two samples; faster loggers are low-passed first, without phase, those without a rate at
-    that of their median step. In gaps there is no value.
+    that of their median step; of lines of two values the last sample is taken. In gaps there is no value.
     ``attrs`` has what was done.
     """
     frame, problem = joined_table(run, rate, channels)
@@ -68,13 +68,19 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
     grid = first + np.arange(int((last - first) * hertz) + 1) / hertz
     found: dict[str, Floats] = {}
     units: dict[str, str | None] = {}
+    lines: list[str] = []
     for group, index in places:
         if group.name not in times:
             continue
         name = group.channels[index].name
         labels = (name, f"{group.name}: {name}", f"{group.name}: {group.keys[index]}")
         label = next(label for label in labels if label not in found)
-        found[label] = _resampled(run, group, index, times[group.name], grid, hertz)
+        values = np.asarray(run.channel_at(group.name, index), dtype=np.float64)
+        if _is_line(values):
+            lines.append(label)
+            found[label] = _held(times[group.name], values, grid)
+        else:
+            found[label] = _resampled(run, group, index, times[group.name], values, grid, hertz)
         units[label] = group.channels[index].unit
     frame = pandas.DataFrame(found, index=pandas.Index(grid, name="time (s)"))
     unaligned = [name for name in times if name not in clocks] if len(times) > 1 else []
@@ -87,7 +93,8 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
         )
     frame.attrs.update({
         "run": run.name, "origin": run.origin, "units": units, "resampled_to_hz": hertz, "clocks": how,
-        "interpolation": f"linear; below a logger's own rate low-passed at {_PASSED * hertz:g} Hz first",
+        "interpolation": f"linear; below a logger's own rate low-passed at {_PASSED * hertz:g} Hz first"
+        + (f"; the last sample of lines of two values: {', '.join(lines)}" if lines else ""),
     })  # fmt: skip
     if (applied := run.provenance.get("calibrations")) is not None:
         frame.attrs["calibrations"] = json.dumps(applied, ensure_ascii=False)
@@ -108,9 +115,25 @@ def _places(run: Run, channels: Sequence[str] | None) -> list[tuple[StoredGroup,
     return [place for place in places if any(place in found for found in of_name.values())]
 
 
-def _resampled(run: Run, group: StoredGroup, index: int, time: Floats, grid: Floats, rate: float) -> Floats:
-    """A channel at the instants ``grid`` (n,) [s], (n,) [its unit]."""
-    values = np.asarray(run.channel_at(group.name, index), dtype=np.float64)
+def _is_line(values: Floats) -> bool:
+    """Whether values (n,) are two, as of a digital input: nothing lies between them."""
+    low, high = np.min(values, initial=np.inf), np.max(values, initial=-np.inf)
+    return bool(low < high and np.all((values == low) | (values == high)))
+
+
+def _held(time: Floats, values: Floats, grid: Floats) -> Floats:
+    """The last of values (n,) [any unit] at instants ``time`` (n,) [s] before each of ``grid`` (m,) [s], (m,).
+
+    NaN where ``interpolated`` gives it.
+    """
+    last = values[np.clip(np.searchsorted(time, grid, side="right") - 1, 0, None)]
+    return np.where(np.isnan(interpolated(time, values, grid)), np.nan, last)
+
+
+def _resampled(
+    run: Run, group: StoredGroup, index: int, time: Floats, values: Floats, grid: Floats, rate: float
+) -> Floats:
+    """A channel (k,) [its unit] at the instants ``grid`` (n,) [s], (n,) [its unit]."""
     step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     own = group.rate_hz or (1.0 / step if step > 0.0 else 0.0)
     if own <= rate * (1.0 + _SAME):

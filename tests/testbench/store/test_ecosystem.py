@@ -126,9 +126,11 @@ def test_what_is_above_the_new_rate_is_gone_and_gaps_stay_gaps(tmp_path):
     }
     with RunWriter(tmp_path, "run") as writer:
         for name, time in loggers.items():
-            group = Group(name, (Channel("t", "s"), Channel(f"{name} y", "g")), TimeColumn(0, 1.0))
+            group = Group(
+                name, (Channel("t", "s"), Channel(f"{name} y", "g"), Channel(f"{name} on", "")), TimeColumn(0, 1.0)
+            )
             slow, fast = np.sin(2 * np.pi * 3.0 * time), np.sin(2 * np.pi * 190.0 * time)
-            writer.group(group).append([time, slow + fast])
+            writer.group(group).append([time, slow + fast, 1.0 * (slow > 0.3)])
             rate = (None, None) if name == "uneven" else (1000.0, "median_step")
             writer.group(group).finish(*rate)
         writer.describe("simulated", {}, [], {"sources": []}, None)
@@ -139,6 +141,11 @@ def test_what_is_above_the_new_rate_is_gone_and_gaps_stay_gaps(tmp_path):
     for name, most in (("even", 0.01), ("uneven", 0.05), ("gap", 0.015)):
         apart = (table[f"{name} y"] - np.sin(2 * np.pi * 3.0 * grid))[abs(grid - 1.25) > 0.01]
         assert np.sqrt(np.nanmean(apart**2)) < most, name
+        line, clear = table[f"{name} on"], abs(np.sin(2 * np.pi * 3.0 * grid) - 0.3) > 0.05
+        assert set(line.dropna()) == {0.0, 1.0}, "a digital line has no values between"
+        known = clear & line.notna().to_numpy()
+        np.testing.assert_array_equal(line[known], np.sin(2 * np.pi * 3.0 * grid[known]) > 0.3)
+    assert "the last sample of lines of two values: even on, uneven on, gap on" in table.attrs["interpolation"]
     hidden = (grid > 0.999) & (grid < 1.501) & (abs(grid - 1.25) > 5e-3)
     np.testing.assert_array_equal(table["gap y"].isna(), hidden)
     for rate, message in (("1e15 Hz", "are more than .* rows"), ("0 Hz", "expected a positive rate")):
