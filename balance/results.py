@@ -17,6 +17,7 @@ annotation is shown by the names of its fields.
 import dataclasses
 import inspect
 import math
+import textwrap
 import unicodedata
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -124,8 +125,14 @@ class Brief:
         return f"{type(self).__name__}({', '.join(short + ['...'] * (len(short) < len(shown)))})"
 
 
-_SHORT, _LINE = 60, 110
-"""Characters of a value, and of a line of a table, at the prompt."""
+_SHORT, _LINE, _CELL = 60, 80, 26
+"""Characters of a value, and of a line and a cell of a table, at the prompt."""
+
+
+def _names(cell: Any) -> Any:  # noqa: ANN401
+    """A list of objects that have names as these names, as many as fit; anything else as it is."""
+    named = isinstance(cell, list) and all(isinstance(one, dict) and "name" in one for one in cell)
+    return textwrap.shorten(", ".join(one["name"] for one in cell), _CELL, placeholder=" ...") if named else cell
 
 
 class Shown:
@@ -158,8 +165,8 @@ class Shown:
 
         rows = list(getattr(self, self._rows)) if self._rows else []
         header, cells = table(type(rows[0]), rows) if rows else ([], [])
-        shown = DataFrame(cells, columns=header) if header else self.table()
-        width = None if self._rows else _LINE
+        shown = DataFrame(cells, columns=header) if header else self.table().map(_names)
+        width = None if header else _LINE
         return f"{type(self).__name__}\n{shown.to_string(index=bool(shown.index.name), max_rows=20, line_width=width)}"
 
     def _repr_html_(self) -> str:

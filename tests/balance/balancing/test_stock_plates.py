@@ -11,6 +11,13 @@ from balance.balancing.stock_plates import Hole, Rectangle, Ring, plate_section
 from balance.errors import DataError
 
 
+def test_the_described_densities_are_those_shipped() -> None:
+    """Where the key of a stock list is described, so also in the docs."""
+    text = stock_plates.StockRow.model_fields["material"].description
+    for material, density in stock_plates.load_densities().items():
+        assert f"{material} {density:g}" in " ".join(text.split())
+
+
 def test_shipped_stock() -> None:
     """Four plates, two of each."""
     plates = stock_plates.load_stock("kiper2019")

@@ -59,8 +59,11 @@ def test_the_time_may_be_asked_for(run):
 
 
 def test_a_run_prints_as_a_table_and_without_xarray_says_what_to_install(run, monkeypatch):
-    """A line a group, never the texts of rig and logs; a dataset names the extra that it needs."""
+    """A line a group of at most 80 characters, never the texts of rig and logs; a dataset names its extra."""
     assert len(repr(run).splitlines()) == 2 + len(run.groups)
+    assert max(map(len, repr(run).splitlines())) <= 80
+    assert run.groups[0].channels[0].name in repr(run)
+    assert "{" not in repr(run)
     assert repr(run).startswith("Run\n")
     monkeypatch.setitem(sys.modules, "xarray", None)
     with pytest.raises(StoreError, match=r"counterpoise\[xarray\]"):
