@@ -104,8 +104,14 @@ def polar_form(vector: complex, factor: float = 1.0, digits: int = 6, unit: str 
     return f"{factor * abs(vector):.{digits}g}{named} @ {round(angle_deg(vector), 3) % 360.0:.3f} deg"
 
 
+_ROUNDING = 1e-12
+"""Part of a vector's magnitude in which a component is rounding."""
+
+
 def vector_document(vector: complex, unit: str, factor: float = 1.0) -> dict[str, float]:
-    """A vector for JSON: magnitude, angle and components, the magnitude's unit in the keys."""
+    """A vector for JSON: magnitude, angle and components, the magnitude's unit in the keys; rounding is zero."""
+    least = _ROUNDING * abs(vector)
+    vector = complex(*(part if abs(part) > least else 0.0 for part in (vector.real, vector.imag)))
     return {
         f"magnitude_{unit}": factor * abs(vector),
         "angle_deg": angle_deg(vector),

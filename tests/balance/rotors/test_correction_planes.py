@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from balance.errors import DataError, SizingError
 from balance.rotors import correction_planes
 from balance.rotors import rotor as bearings
-from balance.rotors.rotor import Plane, Unbalance, angle_deg, unbalance_couple, unbalance_force
+from balance.rotors.rotor import Plane, Unbalance, angle_deg, unbalance_couple, unbalance_force, vector_document
 from balance.rotors.rotor_files import load_rotor
 
 vectors = st.builds(complex, st.floats(-1, 1), st.floats(-1, 1))
@@ -106,3 +106,11 @@ def test_planes_in_one_place_are_refused():
         correction_planes.correct_planes([Unbalance("u", 1.0, 0.0)], [Plane("a", 0.5), Plane("b", 0.5)])
     with pytest.raises(SizingError, match="no correction plane"):
         correction_planes.correct_planes([Unbalance("u", 1.0, 0.0)], [])
+
+
+@pytest.mark.parametrize("turn", [0.0, np.pi / 2, np.pi, 3 * np.pi / 2])
+def test_rounding_is_zero_in_documents(turn):
+    """A vector along an axis has no other component, and its angle is whole, below a turn; the magnitude stays."""
+    shown = vector_document(2.0 * np.exp(1j * turn) - 1e-16j, "kgm")
+    assert shown["angle_deg"] == round(np.degrees(turn))
+    assert sorted(map(abs, (shown["x_kgm"], shown["y_kgm"]))) == [0.0, pytest.approx(2.0)]
