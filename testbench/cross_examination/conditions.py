@@ -335,11 +335,25 @@ def _gross_torques(seen: Observation, alone: TorqueBalance) -> list[Statement]:
     found = []
     for joint, scale, error in zip(alone.joints, alone.scale, alone.scale_deviation, strict=True):
         apart = not 1.0 / TORQUE_FACTOR <= abs(scale) <= TORQUE_FACTOR
+        # Where drive inertia takes the place of the model, the torque over the model's has to tell the same.
+        if apart and not alone.determined:
+            apart = not 1.0 / TORQUE_FACTOR <= abs(_plain_gain(seen, alone.joints.index(joint))) <= TORQUE_FACTOR
         if apart and abs(abs(scale) - 1.0) > REJECTED * error and alone.payload[0] > 0.0:
             witnessed = f"{scale:.2g} times the model's, expected {1.0 / TORQUE_FACTOR:g} to {TORQUE_FACTOR:g}"
             stated = f"torque of {joint} by the model"
             found.append(Statement(seen.name, "gain", None, stated, witnessed, "its readings", "torque_contradiction"))
     return found
+
+
+def _plain_gain(seen: Observation, joint: int) -> float:
+    """Torque of a drive over that of the model with all that the run table states, drive inertia left out [-]."""
+    assert seen.torque is not None
+    products, names = seen.torque.products[:, joint].sum(axis=0), seen.torque.names
+    constant, torque = names.index("offset"), names.index("torque")
+    products = products - np.outer(products[:, constant], products[constant]) / products[constant, constant]
+    stated = {"model": 1.0, "payload": seen.conditions["payload_kg"], **seen.counter_masses}
+    body = np.array([stated.get(name, 0.0) for name in names])
+    return float(body @ products[:, torque] / max(body @ products @ body, 1e-300))
 
 
 def _alone(seen: Observation, masses: Mapping[str, float]) -> TorqueBalance:

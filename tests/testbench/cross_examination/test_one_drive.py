@@ -10,6 +10,7 @@ from studies import lies
 from studies.lies import Witnesses
 from studies.simulated_runs import with_values
 from testbench.campaign_plan import load_plan
+from testbench.cross_examination.conditions import TorqueBalance, _gross_torques
 from testbench.project import new_project
 from testbench.rig import load_rig
 
@@ -92,15 +93,28 @@ def test_a_payload_unlike_the_other_runs(campaign, wrong):
         assert low < runs[i].conditions["payload_kg"] < high
 
 
+def with_friction(run, peak):
+    """Dry friction added to the drive's torque, as a share of its peak."""
+    torque, speed = run.channel("tau_A0"), np.gradient(run.channel("q_A0"))
+    dry = peak * np.abs(torque).max() * np.tanh(speed / (0.05 * np.abs(speed).max()))
+    return with_values(run, "tau_A0", torque + dry)
+
+
 def test_friction_of_each_run_is_no_payload(campaign):
     """Dry friction that changes from run to run by a tenth of the torque's peak, as temperature makes it."""
-    runs, _ = campaign
-    told, rng = list(runs), np.random.default_rng(4)
-    for i, run in enumerate(runs):
-        torque, speed = run.channel("tau_A0"), np.gradient(run.channel("q_A0"))
-        friction = rng.uniform(0.0, 0.1) * np.abs(torque).max()
-        told[i] = with_values(run, "tau_A0", torque + friction * np.tanh(speed / (0.05 * np.abs(speed).max())))
+    rng = np.random.default_rng(4)
+    told = [with_friction(run, rng.uniform(0.0, 0.1)) for run in campaign[0]]
     assert not Witnesses().hear(told).findings
+
+
+@pytest.mark.parametrize(("factor", "inflation", "said"), [(1.0, 1e11, 0), (1.0, 10.0, 1), (1e3, 1e11, 1)])
+def test_drive_inertia_in_place_of_the_model_is_no_gross_torque(campaign, factor, inflation, said):
+    """A scale of 0.07 with 41 kg, as friction alone may ask of one run; a log in N mm is 1000 times the model's."""
+    run = campaign[0][2]
+    seen = Witnesses()._observed(with_values(run, "tau_A0", factor * run.channel("tau_A0")))
+    one, none = np.ones(1), np.zeros(1)
+    alone = TorqueBalance((run.name,), 41.6 * one, one, ("A0",), 0.069 * one, 5e-4 * one, none, inflation * one, none)
+    assert len(_gross_torques(seen, alone)) == said
 
 
 def test_too_few_runs_say_nothing(campaign):
