@@ -180,7 +180,7 @@ def test_help_has_examples():
     assert "testbench simulate --plan kiper2019-brief --rig parallelogram-6bar-deep" in said
     plain = {"mass", "centre", "inertia", "mounts", "settling"}
     assert not [name for name in Bench.model_fields.keys() - plain if name not in said]
-    written = {"clock", "rate", "start", "drift_ppm", "delimiter", "decimal", "decimals"}
+    written = {"read_as", "clock", "rate", "start", "drift_ppm", "delimiter", "decimal", "decimals"}
     assert not [name for name in Logger.model_fields.keys() - written if name not in said]
 
 
