@@ -29,7 +29,7 @@ SEEN = """(() => {
 """What a page runs first: plots are kept where the benchmark sees them."""
 DRAG = """async ([width, speed, seconds]) => {
   const u = seen.findLast((one) => one.root.isConnected), over = u.over, rect = over.getBoundingClientRect();
-  const ends = [u.data[0][0], u.data[0][u.data[0].length - 1]];
+  const ends = seen.ends ??= [u.data[0][0], u.data[0][u.data[0].length - 1]];  // of the run, before the first drag
   const mouse = (kind, x, target) => target.dispatchEvent(new MouseEvent(kind,
     { bubbles: true, shiftKey: true, button: 0, clientX: x, clientY: rect.top + 50 }));
   const middle = ends[0] + 0.2 * (ends[1] - ends[0]);
