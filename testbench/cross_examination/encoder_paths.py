@@ -27,9 +27,7 @@ def encoder_paths(observations: Sequence[Observation]) -> list[Statement]:
     for seen in observations:
         if not seen.encoder_speeds.size:
             continue
-        others = [
-            o for o in observations if o is not seen and o.encoder_speeds.size and same_motion(o) == same_motion(seen)
-        ]
+        others = [o for o in observations if o is not seen and o.encoder_speeds.size and o.commanded == seen.commanded]
         by_motion = _errors(seen, seen.commanded_speeds)
         by_runs = [_errors(seen, dict(zip(o.encoders, o.encoder_speeds.T, strict=True))) for o in others]
         for channel in seen.encoders:
@@ -45,12 +43,6 @@ def encoder_paths(observations: Sequence[Observation]) -> list[Statement]:
             stated = f"sign and unit of {channel} as in the rig"
             found.append(Statement(seen.name, "axis", None, stated, wrong or "they agree", witness, code))
     return found
-
-
-def same_motion(seen: Observation) -> dict[str, object]:
-    """What decides how a run moves."""
-    apart = {"payload_kg", "payloads", "counter_masses", "repeat"}
-    return {key: value for key, value in seen.conditions.items() if key not in apart}
 
 
 def _errors(seen: Observation, wanted: dict[str, Floats]) -> dict[str, str]:

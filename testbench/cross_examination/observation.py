@@ -53,6 +53,8 @@ VIBRATION_RATE_HZ = 100.0
 """At which vibrations below BAND_HZ are kept [Hz]."""
 VIBRATION_S = 30.0
 """Start of them that is kept [s]."""
+_CARRIED = ("payload_kg", "payloads", "counter_masses")
+"""Of a run's conditions, what does not decide how it moves."""
 STORED_RATE_HZ = 1000.0
 """At which a stored motion is sampled [Hz]."""
 DRIVE_TERMS = ("offset", "armature", "viscous", "coulomb")
@@ -154,6 +156,11 @@ class Observation:
         motions = self.motions | {"encoders": []}
         return replace(self, peak_acceleration=peaks, motions=motions, peak_joint_acceleration=(), torque=None,
                        responses=[], unclosed=None)  # fmt: skip
+
+    @property
+    def commanded(self) -> dict[str, object]:
+        """What the run table states of how a run moves, whatever it carries."""
+        return {key: value for key, value in self.condition.items() if key not in _CARRIED}
 
     @property
     def condition(self) -> dict[str, object]:

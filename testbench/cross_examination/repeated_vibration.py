@@ -7,7 +7,6 @@ import numpy as np
 
 from balance.arrays import Floats
 
-from .encoder_paths import same_motion
 from .observation import Observation
 from .statement import Statement
 
@@ -78,7 +77,7 @@ def _votes(seen: Observation, having: Sequence[Observation], channels: tuple[str
     """By how much more runs of the same motion, that show the same, follow a run as it is than with axes exchanged."""
     total = 0.0
     for other in having:
-        if other is seen or same_motion(other) != same_motion(seen):
+        if other is seen or other.commanded != seen.commanded:
             continue
         own, crosswise = _likeness(seen, other, channels, pair)
         total += own - crosswise if max(own, crosswise) > FOLLOWS else 0.0

@@ -22,7 +22,7 @@ from ..calibration.definition import is_electrical, unit_of_log
 from ..calibration.evaluation import CalibrationLaw, bind_sensor, relative_uncertainty
 from ..errors import AnalysisError
 from ..quality.clipping import flat_tops, is_dead
-from ..recording import Channel, Conditions, Finding, Origin, Samples, Severity
+from ..recording import Channel, Conditions, Finding, Origin, Samples, Severity, TimeColumn
 from ..rig import Column, Rig, rig_from_text
 from ..store.run import Run, StoredGroup
 from .calibration_history import CalibrationInForce, CalibrationRecord
@@ -38,6 +38,8 @@ MOST_MISSING = 3
 """Samples without a number in a row that are interpolated; more of them are refused."""
 MISSING_SHARE = 1e-3
 """Of a channel's samples, up to which they are."""
+INTERPOLATED = ("not_a_number", "time_gap")
+"""Findings of what is interpolated, where it is not refused."""
 _NEAR_PEAK = 0.9
 """Of the largest deviation from the median: beside such a reading what is missing may be an overload."""
 RESOLVED_BY_CALIBRATION = frozenset({"uncalibrated", "calibration_contradiction"})
@@ -246,7 +248,7 @@ class SIRun:
         group = self.group_of(column)
         if group not in self._steps:
             self._steps[group] = None
-            if any(found.code == "time_gap" for found in self.findings):
+            if self.group(group).rate_hz is not None and any(found.code == "time_gap" for found in self.findings):
                 from ..quality.time_steps import even_steps  # most runs need none of it
 
                 self._steps[group] = even_steps(self.time(group), self.rate(column))
@@ -309,14 +311,19 @@ class SIRun:
         return is_dead(self.values(column))
 
     def doubts(self, columns: Iterable[Column]) -> list[Finding]:
-        """Warnings of ingest about channels, except those that a later calibration resolves."""
+        """Warnings of ingest about channels, except those that a later calibration resolves, and about clocks of which
+        :meth:`signal` interpolates what they left out.
+        """
+        columns = list(columns)
         used = {column.channel for column in columns}
+        for group in (self.group(self.group_of(column)) for column in columns if self._even_steps(column) is not None):
+            used |= {group.channels[group.clock.index].name} if isinstance(group.clock, TimeColumn) else set()
         return [
             self._finding(
                 found.code,
                 found.channel,
                 f"{self.name}: {found.channel}: {found.message}"
-                + ("; interpolated between the samples beside them" if found.code == "not_a_number" else ""),
+                + ("; interpolated between the samples beside them" if found.code in INTERPOLATED else ""),
             )
             for found in self.findings
             if found.code not in RESOLVED_BY_CALIBRATION

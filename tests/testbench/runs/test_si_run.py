@@ -104,6 +104,8 @@ def test_lines_that_the_log_lacks_are_interpolated_or_refused(tmp_path, lost, re
         return
     curvature = 9.81 * (2.0 * np.pi * 7.0) ** 2
     np.testing.assert_allclose(run.signal(one)[0], volts.ACCELERATION, atol=0.003**2 / 8.0 * curvature)
+    (said,) = run.doubts([one])
+    assert (said.code, said.message.endswith("interpolated between the samples beside them")) == ("time_gap", True)
     np.testing.assert_allclose(run.even_instants(one), np.arange(len(volts.ACCELERATION)) / 1000.0, atol=1e-9)
 
 
