@@ -393,8 +393,7 @@ def payloads(
     found, wrong, apart = _payload_statements(solved, stated, witness), set[str](), list[str]()
     while 2 * len(apart) + 2 < len(used):
         # Of the others the run whose own payload explains most; each of them contradicts once none is a witness.
-        gain = [0.0 if name in apart else share for name, share in zip(used, beside.gain, strict=True)]
-        apart.append(tuple(used)[int(np.argmax(gain))])
+        apart.append(beside.runs[int(np.argmax(beside.gain))])
         beside = torque_balance(equations, stated, carried, [name for name in used if name not in apart])
         statements = _payload_statements(beside, stated, witness)
         if beside.determined and {s.run for s in statements if s.code} >= set(apart):

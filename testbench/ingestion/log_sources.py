@@ -61,7 +61,11 @@ class LogReading:
                 "import descriptions (read_as): expected those of one"
             )
         for name, failure in failed.items() if not fitting else ():
-            if self._holds(path, self._options, name, unless="simulated"):
+            try:
+                told = self._holds(path, self._options, name, unless="simulated")
+            except RecordingError:
+                raise failure from None  # what is wrong with the description, as nothing else reads the log
+            if told:
                 raise failure
         return next(iter(fitting.values()), self._options)
 

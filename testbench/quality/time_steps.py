@@ -463,5 +463,5 @@ def even_steps(time: Floats, rate_hz: float) -> NDArray[np.intp] | None:
     lost = np.zeros(len(time), dtype=np.intp)
     for before, at, after in zip([-1, *wide], wide, [*wide[1:], len(time) - 1], strict=False):
         left, right = ahead[max(before + 1, at + 1 - _BESIDE) : at + 1], ahead[at + 1 : min(after, at + _BESIDE) + 1]
-        lost[at + 1] = max(round(float(np.median(right) - np.median(left))), 0)
+        lost[at + 1] = max(round(float(np.nan_to_num(np.nanmedian(right) - np.nanmedian(left)))), 0)
     return np.arange(len(time)) + np.cumsum(lost) if lost.any() else None

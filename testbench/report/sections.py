@@ -74,9 +74,9 @@ def base_modes(run: "SIRun", moved: tuple[float, float]) -> Part:
     columns = base_columns(run)
     group = run.group_of(columns[0])
     columns = [c for c in columns if run.group_of(c) == group]
-    time, rate = run.instants(columns[0]), run.rate(columns[0])
+    time, rate = run.even_instants(columns[0]), run.rate(columns[0])
     band = Band(0.0, min(HIGHEST_HZ, 0.2 * rate))
-    values = band.filtered(run.stacked(columns).T, rate).T
+    values = band.filtered(np.array([run.signal(column)[0] for column in columns]), rate).T
     after = time > end + SETTLED_S
     found = free_decay_modes(values[after], rate, band.high_hz, ambient=values[time < start - SETTLED_S])
     return {

@@ -116,9 +116,10 @@ def _places(run: Run, channels: Sequence[str] | None) -> list[tuple[StoredGroup,
 
 
 def _is_line(values: Floats) -> bool:
-    """Whether values (n,) are two, as of a digital input: nothing lies between them."""
-    low, high = np.min(values, initial=np.inf), np.max(values, initial=-np.inf)
-    return bool(low < high and np.all((values == low) | (values == high)))
+    """Whether values (n,) are two, as of a digital input: nothing lies between them; NaN where there is no number."""
+    known = values[~np.isnan(values)]
+    low, high = np.min(known, initial=np.inf), np.max(known, initial=-np.inf)
+    return bool(low < high and np.all((known == low) | (known == high)))
 
 
 def _held(time: Floats, values: Floats, grid: Floats) -> Floats:

@@ -37,11 +37,11 @@ AT_RANGE = 1.0 - 1e-4
 MOST_MISSING = 3
 """Samples without a number in a row that are interpolated; more of them are refused."""
 MISSING_SHARE = 1e-3
-"""Of a channel's samples, up to which they are."""
+"""Largest share of a channel's samples without a number, or left out, that is interpolated [-]."""
 INTERPOLATED = ("not_a_number", "time_gap")
 """Findings of what is interpolated, where it is not refused."""
 _NEAR_PEAK = 0.9
-"""Of the largest deviation from the median: beside such a reading what is missing may be an overload."""
+"""Of the largest deviation from the median [-]: beside such a reading what is missing may be an overload."""
 RESOLVED_BY_CALIBRATION = frozenset({"uncalibrated", "calibration_contradiction"})
 """Findings that a later calibration resolves; until then reading the channel is refused."""
 
@@ -194,7 +194,6 @@ class SIRun:
         edges = np.flatnonzero(np.diff(missing, prepend=False, append=False))
         begins, ends = edges[::2], edges[1::2]
         beside = np.concatenate([begins - 1, np.minimum(ends, len(values) - 1)])
-        reach = np.abs(values - np.nanmedian(values))
         measured = column.level and not column.commanded and "angle" not in column.dimensions  # by what may overload
         where = f"at sample {begins[0]}"
         longest = int(np.argmax(ends - begins))
@@ -205,7 +204,7 @@ class SIRun:
             why = f"more than {MOST_MISSING} in a row"
         elif missing.sum() > max(MISSING_SHARE * len(values), MOST_MISSING):
             why = f"and at {missing.sum() - 1} more, above {MISSING_SHARE:.1%} of them"
-        elif measured and (peak := reach[beside] > _NEAR_PEAK * np.nanmax(reach)).any():
+        elif measured and (peak := _reach(values)[beside] > _NEAR_PEAK).any():
             where = f"at sample {np.tile(begins, 2)[peak][0]}"
             why = "beside its largest readings, where an overload may be hidden"
         else:
@@ -467,6 +466,12 @@ class SIRun:
             if is_electrical(unit):
                 hint = f": calibrate it: testbench calibrate {self.path} {column.sensor} --sensitivity ... --reason ..."
             raise AnalysisError(f"{where}: {error}{hint}") from error
+
+
+def _reach(values: Floats) -> Floats:
+    """Deviations of values (n,) from their median over the largest of them, (n,) [-]; NaN where there is no number."""
+    apart = np.abs(values - np.nanmedian(values))
+    return np.asarray(apart / max(float(np.nanmax(apart)), 1e-300))
 
 
 def calibrations_in_force(runs: Iterable[SIRun]) -> list[CalibrationInForce]:

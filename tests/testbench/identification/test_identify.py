@@ -100,14 +100,14 @@ def test_masses_are_not_filled_in(result):
 
 
 def test_intervals_hold_over_records():
-    """Of three records the intervals of both first moments contain the truth at least twice."""
+    """Of three records the intervals of both first moments contain the truth, but for one of the six at most."""
     inside = np.zeros(2)
     for seed in range(3):
         found = identify([arms.record(ARM, seed=20 + seed, noise=0.1)], ARM, others=False)
         for k, (moment, value) in enumerate(zip(MOMENTS, (0.34912, 0.11106), strict=True)):
             low, high = found.value(moment).interval
             inside[k] += low <= value <= high
-    assert (inside >= 2).all()
+    assert inside.sum() >= 5
 
 
 def test_two_records_together():
