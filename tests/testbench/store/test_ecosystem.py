@@ -133,7 +133,8 @@ def test_what_is_above_the_new_rate_is_gone_and_gaps_stay_gaps(tmp_path):
                 name, (Channel("t", "s"), Channel(f"{name} y", "g"), Channel(f"{name} on", "")), TimeColumn(0, 1.0)
             )
             slow, fast = np.sin(2 * np.pi * 3.0 * time), np.sin(2 * np.pi * 190.0 * time)
-            writer.group(group).append([time, slow + fast, 1.0 * (slow > 0.3)])
+            line = np.where(np.arange(len(time)) == 700, np.nan, slow > 0.3)  # one sample is missing
+            writer.group(group).append([time, slow + fast, line])
             rate = (None, None) if name == "uneven" else (1000.0, "median_step")
             writer.group(group).finish(*rate)
         writer.describe("simulated", {}, [], {"sources": []}, None)
