@@ -115,6 +115,10 @@ def _places(run: Run, channels: Sequence[str] | None) -> list[tuple[StoredGroup,
     return [place for place in places if any(place in found for found in of_name.values())]
 
 
+SAME_INSTANT = 1e-3
+"""Share of a step within which two instants are one: times are written in decimals."""
+
+
 def _is_line(values: Floats) -> bool:
     """Whether values (n,) are two, as of a digital input: nothing lies between them; NaN where there is no number."""
     known = values[~np.isnan(values)]
@@ -127,7 +131,8 @@ def _held(time: Floats, values: Floats, grid: Floats) -> Floats:
 
     NaN where ``interpolated`` gives it.
     """
-    last = values[np.clip(np.searchsorted(time, grid, side="right") - 1, 0, None)]
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    last = values[np.clip(np.searchsorted(time, grid + SAME_INSTANT * step, side="right") - 1, 0, None)]
     return np.where(np.isnan(interpolated(time, values, grid)), np.nan, last)
 
 

@@ -227,6 +227,10 @@ def by_trigger(shared: SharedSignals, drift: bool = True) -> AlignedClock:
     return AlignedClock(clock, "trigger", f"{len(one)} edge{'s' * (len(one) > 1)}, {shared.name}", None)
 
 
+SEPARATION = 2.5
+"""Of two levels of a trigger, in the standard deviations of both together; the halves of noise are 1.3 apart."""
+
+
 def trigger_edges(name: str, time: Floats, values: Floats) -> Events:
     """Instants at which ``values`` (n,) [any unit] at ``time`` (n,) [s] go from off to on.
 
@@ -235,6 +239,9 @@ def trigger_edges(name: str, time: Floats, values: Floats) -> Events:
     low, high = float(np.min(values)), float(np.max(values))
     if not high > low:
         raise AnalysisError(f"{name}: a channel that never changes holds no trigger: name another, --pair")
+    off, on = (values[values <= 0.5 * (low + high)], values[values > 0.5 * (low + high)])
+    if on.mean() - off.mean() < SEPARATION * (on.std() + off.std()):
+        raise AnalysisError(f"{name}: holds no two levels, as noise does not: it is no trigger; name another, --pair")
     level = np.where(values >= low + HIGH * (high - low), 1, np.where(values <= low + LOW * (high - low), -1, 0))
     clear = np.flatnonzero(level)
     rises = np.flatnonzero(np.diff(level[clear]) > 0)

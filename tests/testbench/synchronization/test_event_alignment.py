@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from testbench.errors import AnalysisError
-from testbench.synchronization.event_alignment import by_taps, by_trigger
+from testbench.synchronization.event_alignment import by_taps, by_trigger, trigger_edges
 from testbench.synchronization.signal_preparation import SharedSignals
 
 from ..coverage import assert_holds
@@ -61,6 +61,14 @@ def test_a_quiet_line_holds_no_trigger():
     """A line that never changes is refused."""
     with pytest.raises(AnalysisError, match=r"never changes|rising edges"):
         by_trigger(pulses(np.array([])))
+
+
+def test_noise_of_a_dead_line_holds_no_trigger():
+    """Its largest and smallest values are no levels: refused, however few edges they make."""
+    time = np.arange(0.0, 12.0, 1e-3)
+    for seed in range(20):
+        with pytest.raises(AnalysisError, match="no two levels"):
+            trigger_edges("sync", time, np.random.default_rng(seed).normal(0.0, 0.01, len(time)))
 
 
 def taps(seed, instants, noise=0.02):
