@@ -242,12 +242,17 @@ class SIRun:
         steps, time = self._even_steps(column), self.instants(column)
         return time if steps is None else np.interp(np.arange(steps[-1] + 1), steps, time)
 
+    @cached_property
+    def _has_gaps(self) -> bool:
+        """Whether ingest found a clock that leaves samples out."""
+        return any(found.code == "time_gap" for found in self.findings)
+
     def _even_steps(self, column: Column) -> NDArray[np.intp] | None:
         """Where the samples of a channel lie on even steps of its clock, (n,) [samples]; None: one on each."""
         group = self.group_of(column)
         if group not in self._steps:
             self._steps[group] = None
-            if self.group(group).rate_hz is not None and any(found.code == "time_gap" for found in self.findings):
+            if self._has_gaps and self.group(group).rate_hz is not None:
                 from ..quality.time_steps import even_steps  # most runs need none of it
 
                 self._steps[group] = even_steps(self.time(group), self.rate(column))
@@ -315,7 +320,8 @@ class SIRun:
         """
         columns = list(columns)
         used = {column.channel for column in columns}
-        for group in (self.group(self.group_of(column)) for column in columns if self._even_steps(column) is not None):
+        with_gaps = [column for column in columns if self._has_gaps and self.holds(column)]
+        for group in (self.group(self.group_of(c)) for c in with_gaps if self._even_steps(c) is not None):
             used |= {group.channels[group.clock.index].name} if isinstance(group.clock, TimeColumn) else set()
         return [
             self._finding(
