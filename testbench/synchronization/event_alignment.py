@@ -12,6 +12,7 @@ from scipy.optimize import linprog
 
 from balance.arrays import Floats, Indices
 from balance.estimation.estimate import coverage_factor
+from balance.results import first_of
 
 from ..errors import AnalysisError
 from .clock_map import ASSUMED_DRIFT, MANY_DEGREES_OF_FREEDOM, PPM, ClockMap
@@ -44,32 +45,49 @@ class Events:
         return Events(self.time[indices], self.error, self.span)
 
 
-def match_events(name: str, reference: Events, own: Events) -> tuple[Indices, Indices]:
+def match_events(name: str, reference: Events, own: Events, noun: str) -> tuple[Indices, Indices]:
     """Indices of the matching events of both, (k,) each [-]: those of the shift at which most lie on a line.
 
-    Raises AnalysisError if there are none, or several shifts match as many: a periodic series.
+    Another shift fits as well where it leaves events over at the beginning or the end alone, which a logger may have
+    missed: at even intervals, one interval off. ``noun`` is what an event is called.
+
+    Raises AnalysisError if there are none, if several shifts fit, or if an event that both recorded has no counterpart.
     """
     if not len(reference.time) or not len(own.time):
-        raise AnalysisError(f"{name}: no event on one of the two: name channels that both hold it, --pair")
+        raise AnalysisError(f"{name}: no {noun} on one of the two: name channels that both hold it, --pair")
     if len(reference.time) == len(own.time) == 1:
         return np.array([0]), np.array([0])
     error = MATCHING_DEVIATIONS * float(np.hypot(reference.error, own.error))
-    found: dict[int, _Match] = {}
-    for i in range(len(reference.time)):
-        for j in range(len(own.time)):
-            one = _matches_through(reference, own, i, j, error)
-            if i - j not in found or len(one.own) > len(found[i - j].own):
-                found[i - j] = one
-    best = min(found.values(), key=lambda one: (one.unmatched, -len(one.own)))
-    rivals = [
-        r for r in found.values() if r is not best and r.unmatched <= best.unmatched and 2 * len(r.own) >= len(best.own)
-    ]
-    if len(best.own) < 2 or any(len(r.own) >= 2 for r in rivals):
+    shifts: list[_Match] = []
+    tried: set[tuple[int, int]] = set()
+    for pair in np.ndindex(len(reference.time), len(own.time)):
+        if pair not in tried:  # else at a shift that was looked at
+            shifts.append(_matches_through(reference, own, *pair, error))
+            tried.update(shifts[-1].pairs)
+    found: dict[tuple[int, int], _Match] = {}
+    for one in sorted(shifts, key=lambda one: (-len(one.pairs), len(one.lone))):
+        if found.keys().isdisjoint(one.pairs):
+            found |= dict.fromkeys(one.pairs, one)
+    best, *others = dict.fromkeys(found.values())
+    matching, several = len(best.pairs), min(len(reference.time), len(own.time)) > 1
+    if matching == 1 and several:
         raise AnalysisError(
-            f"{name}: ambiguous: {len(reference.time)} events on the one clock and {len(own.time)} on the other "
-            "match in several ways; give events at uneven intervals, or one alone"
+            f"{name}: no interval between {noun}s of the one clock is one of the other: the loggers did not record the "
+            f"same, or not at one time (jitter); {_OTHER_SIGNALS}"
         )
-    return np.array(best.reference), np.array(best.own)
+    least = min(LEAST_COMMON * min(np.ptp(reference.span), np.ptp(own.span)), best.common)
+    rivals = [r for r in others if 2 * len(r.pairs) >= matching and r.whole and r.common >= least]
+    if several and best.lone and not any(len(r.pairs) > 1 for r in rivals):
+        raise AnalysisError(f"{name}: {best.cause(reference, own, error, noun)}; {_OTHER_SIGNALS}")
+    if rivals or not several:
+        offsets = first_of([f"{one.offset:.4g} s" for one in (best, *(rivals or others))], 4)
+        raise AnalysisError(
+            f"{name}: ambiguous: {len(reference.time)} {noun}s on the one clock and {len(own.time)} on the other fit "
+            f"at offsets of {offsets}, if a logger missed the first or the last; give three or more at uneven "
+            f"intervals, or one alone with --no-drift; {_OTHER_SIGNALS}"
+        )
+    one, other = np.array(best.pairs).T
+    return one, other
 
 
 def clock_map_from_events(name: str, reference: Events, own: Events, drift: bool) -> ClockMap:
@@ -145,26 +163,69 @@ def _lines_within(lever: Floats, difference: Floats, within: float, drift: bool)
 
 @dataclass(frozen=True)
 class _Match:
-    """Matching events, and how many have no match though the other side recorded then."""
+    """What matches at one shift."""
 
-    reference: list[int]
-    own: list[int]
-    unmatched: int
+    offset: float
+    """Reference less own [s]."""
+    pairs: tuple[tuple[int, int], ...]
+    """Matching events of the reference and of the own clock."""
+    lone: tuple[tuple[float, float], ...]
+    """Events without a counterpart though the other side recorded then: instant, and distance to the nearest [s], on
+    the reference's clock."""
+    whole: bool
+    """No event without a counterpart lies between those that match."""
+    common: float
+    """What both recorded at this shift [s]."""
+
+    def cause(self, reference: Events, own: Events, error: float, noun: str) -> str:
+        """Why events that both should hold do not match."""
+        counts = f"{len(self.pairs)} of {len(reference.time)} and {len(own.time)} {noun}s match at {self.offset:.4g} s"
+        intervals = np.concatenate([np.diff(reference.time), np.diff(own.time)])
+        at, distance = max(self.lone, key=lambda one: one[1])
+        if distance < NEAR_SHARE * float(intervals.min()):
+            return (
+                f"{counts}, others are up to {1e3 * distance:.3g} ms apart, where sampling explains "
+                f"{1e3 * error:.2g} ms: the loggers did not record one {noun} at one time (jitter)"
+            )
+        return (
+            f"{counts}, but one at {at:.4g} s of the one clock has no counterpart: a logger missed it, or it is false"
+        )
+
+
+LEAST_COMMON = 0.5
+"""Share of the shorter record that both recorded at any shift that counts: loggers of a run record together."""
+NEAR_SHARE = 0.25
+"""Of the shortest interval, within which two events are meant to be one."""
+_OTHER_SIGNALS = "else align by other common signals, without --by"
 
 
 def _matches_through(reference: Events, own: Events, i: int, j: int, error: float) -> _Match:
     """Events on a line, of a clock's slope, through event i of the reference and j of the own clock."""
-    difference = float(reference.time[i] - own.time[j])
-    one, other = [], []
-    for k, time in enumerate(own.time + difference):
-        near = int(np.argmin(np.abs(reference.time - time)))
-        if abs(reference.time[near] - time) <= error + ASSUMED_DRIFT * abs(time - reference.time[i]):
-            one.append(near)
-            other.append(k)
-    expected = np.count_nonzero(reference.covers(own.time + difference)) + np.count_nonzero(
-        own.covers(reference.time - difference)
+    offset = float(reference.time[i] - own.time[j])
+    own_time = own.time + offset
+    near, apart = _nearest(reference.time, own_time)
+    matching = apart <= error + ASSUMED_DRIFT * np.abs(own_time - reference.time[i])
+    pairs = tuple((int(near[k]), int(k)) for k in np.flatnonzero(matching))
+    there = np.setdiff1d(np.flatnonzero(own.covers(reference.time - offset)), near[matching])
+    here = np.flatnonzero(reference.covers(own_time) & ~matching)
+    lone = np.concatenate([reference.time[there], own_time[here]])
+    distances = np.concatenate([_nearest(own_time, reference.time[there])[1], apart[here]])
+    first, last = own_time[matching][[0, -1]]
+    common = min(reference.span[1], own.span[1] + offset) - max(reference.span[0], own.span[0] + offset)
+    return _Match(
+        offset,
+        pairs,
+        tuple(zip(lone.tolist(), distances.tolist(), strict=True)),
+        not bool(np.any((lone > first) & (lone < last))),
+        float(common),
     )
-    return _Match(one, other, int(expected) - 2 * len(one))
+
+
+def _nearest(times: Floats, instants: Floats) -> tuple[Indices, Floats]:
+    """Index of the nearest of ``times`` (n,) [s] to each of ``instants`` (m,) [s], and its distance, (m,) [s]."""
+    after = np.searchsorted(times, instants).clip(1, max(len(times) - 1, 1))
+    near = np.where(instants - times[after - 1] <= times[after % len(times)] - instants, after - 1, after % len(times))
+    return near, np.abs(times[near] - instants)
 
 
 LEAST_LOUDNESS = 0.3
@@ -182,7 +243,7 @@ def by_taps(shared: SharedSignals, drift: bool = True) -> AlignedClock:
     content = prepare(shared)
     reference = find_taps(content, content.reference.time, np.concatenate(content.reference_columns, axis=1))
     own = find_taps(content, content.own.time, content.own_signals)
-    one, other = match_events(shared.name, reference, own)
+    one, other = match_events(shared.name, reference, own, "tap")
     offset = float(np.mean(reference.time[one] - own.time[other]))
     tap_times = own.time[other]
     middle, half = 0.5 * (tap_times[0] + tap_times[-1]), 0.5 * (tap_times[-1] - tap_times[0]) + WINDOW_S
@@ -222,7 +283,7 @@ def by_trigger(shared: SharedSignals, drift: bool = True) -> AlignedClock:
     """Align by rising edges. Raises AnalysisError if a side has none, or they match in several ways."""
     reference = trigger_edges(shared.name, shared.reference_time, shared.reference_columns[0][:, 0])
     own = trigger_edges(shared.name, shared.own_time, shared.own_signals[:, 0])
-    one, other = match_events(shared.name, reference, own)
+    one, other = match_events(shared.name, reference, own, "edge")
     clock = clock_map_from_events(shared.name, reference.among(one), own.among(other), drift)
     return AlignedClock(clock, "trigger", f"{len(one)} edge{'s' * (len(one) > 1)}, {shared.name}", None)
 

@@ -1,5 +1,7 @@
 """Alignment by trigger edges and by taps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -51,10 +53,35 @@ def test_one_edge():
     assert abs(float(clock.to_reference(np.array([4.37]))[0]) - (OFFSET + (1 + DRIFT) * 4.37)) < clock.half_width(4.37)
 
 
-def test_a_periodic_trigger_is_ambiguous():
-    """A pulse a second, from before both records to after them, fits at every second."""
-    with pytest.raises(AnalysisError, match="ambiguous"):
-        by_trigger(pulses(np.arange(-1.5, 14.0)))
+EVEN = np.arange(2.0, 8.1, 0.5)
+UNEVEN = np.array([1.3, 2.1, 4.0, 7.2, 9.7])
+
+
+@pytest.mark.parametrize(
+    ("there", "here", "says"),
+    [
+        (np.arange(-1.5, 14.0), np.arange(-1.5, 14.0), "ambiguous.* fit at offsets of .*uneven intervals"),
+        (EVEN[1:], EVEN[:-1], r"ambiguous: 12 edges .* 0\.13\d* s, -0\.3[67]\d* s"),
+        (EVEN, EVEN, r"ambiguous.* -0\.3[67]"),
+        (EVEN[:2], EVEN[:2], r"ambiguous: 2 edges .* -0\.3[67]"),
+        (UNEVEN[:1], UNEVEN[:2], r"ambiguous: 1 edges"),
+        (np.delete(UNEVEN, 2), UNEVEN, r"4 of 4 and 5 edges match at -0\.3[67]\d* s, but one at 4\.?\d* s .* missed"),
+        (UNEVEN, UNEVEN + [0, 0.004, 0, -0.004, 0], r"3 of 5 and 5 edges match .* up to 4\.?\d* ms apart.*jitter"),
+        (UNEVEN, UNEVEN + [0, 0.02, 0.05, -0.03, 0.11], r"no interval between edges"),
+    ],
+    ids=["throughout", "first and last missed", "a burst", "two", "one of two", "one missed", "jitter", "much jitter"],
+)  # fmt: skip
+def test_what_several_clocks_or_none_explain_is_refused(there, here, says):
+    """Even intervals fit one interval off wherever a logger may have missed an edge; else the message has the cause."""
+    one, other = pulses(there), pulses(here)
+    with pytest.raises(AnalysisError, match=says):
+        by_trigger(replace(one, own_time=other.own_time, own_signals=other.own_signals))
+
+
+def test_two_edges_of_which_another_match_would_leave_little_in_common():
+    """A pulse at the beginning and one at the end of the records: a shift by the time between is not of one run."""
+    clock = by_trigger(pulses(np.array([1.5, 10.5]))).clock
+    assert clock.offset == pytest.approx(OFFSET, abs=1.5e-3)
 
 
 def test_a_quiet_line_holds_no_trigger():
