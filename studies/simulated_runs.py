@@ -10,7 +10,7 @@ from balance.mechanism.mjcf_parser import load_mechanism
 from balance.units import G0
 from testbench import rig as rigs
 from testbench.campaign_plan import PlannedRun
-from testbench.recording import Channel, TimeColumn
+from testbench.recording import Channel, Finding, TimeColumn
 from testbench.rig import Rig, rig_from_text
 from testbench.rig.sensors import Accelerometer, ForceSensor, Torque, Wrench
 from testbench.runs.aligned_run import AlignedRun
@@ -123,4 +123,5 @@ def without(run: MemoryRun, name: str, begin: float, end: float) -> MemoryRun:
     channels, keys = (Channel("Time", "s"), *group.channels), ("Time", *group.keys)
     cut = replace(group, channels=channels, keys=keys, clock=TimeColumn(0), samples=int(kept.sum()))
     groups = tuple(cut if one.name == name else one for one in run.groups)
-    return replace(run, groups=groups, provenance={"data": data})
+    gap = Finding("time_gap", "Time", None, f"a gap from {begin:g} to {end:g} s")
+    return replace(run, groups=groups, provenance={"data": data}, findings=(*run.findings, gap))

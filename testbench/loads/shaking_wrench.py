@@ -25,7 +25,7 @@ from ..recording import Finding
 from ..rig import Column
 from ..rig.sensors import Support, wrench_transport
 from ..runs.aligned_run import AlignedRun
-from ..runs.si_run import SIRun
+from ..runs.si_run import INTERPOLATED, SIRun
 
 COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 NOTHING = 1e-9
@@ -51,7 +51,7 @@ class MeasuredWrench:
     reasons: Mapping[str, str]
     """Why a component is None."""
     findings: tuple[Finding, ...]
-    """Sensors at the limit of their range, and dead ones."""
+    """Sensors at the limit of their range, dead ones, and what is interpolated."""
     tare: str = ""
     """What was taken off as preload and drift."""
     clipped: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
@@ -63,11 +63,16 @@ class MeasuredWrench:
 
 
 def shaking_wrench(
-    run: SIRun, point: tuple[float, float, float] = (0.0, 0.0, 0.0), preload: bool = False
+    run: SIRun,
+    point: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    preload: bool = False,
+    bridged: bool = False,
 ) -> MeasuredWrench:
     """The wrench of a run about a point of the base frame [m]; with ``preload`` readings at rest are not taken off.
 
-    Raises AnalysisError if the rig has no force sensors, or they are on several loggers.
+    It has even steps: few samples that the clock left out are interpolated, with a finding; with ``bridged`` any
+    number, for who masks gaps (:meth:`SIRun.evenly`). Raises AnalysisError if the clock left out more, the rig has no
+    force sensors, or they are on several loggers.
     """
     supports = run.rig.supports
     if not supports:
@@ -78,15 +83,18 @@ def shaking_wrench(
     columns = {name: list(support.columns(name)) for name, support in supports.items()}
     group = _group(run, [column for some in columns.values() for column in some])
     first = next(iter(columns.values()))[0]
-    time, rate = run.instants(first), run.rate(first)
-    loads, findings, full, dead = {}, [], {}, {}
+    time, rate = run.even_instants(first), run.rate(first)
+    loads, findings, full, dead = {}, run.interpolated(c for some in columns.values() for c in some), {}, {}
     for name, support in supports.items():
-        readings, has_matrix = run.stacked(columns[name]), run.has_matrix(columns[name][0])
+        readings = np.array([run.evenly(column, run.values(column), bridged) for column in columns[name]]).T
+        has_matrix = run.has_matrix(columns[name][0])
         mixed = support.crosstalk is not None or has_matrix
         dead[name] = _dead(run, support, columns[name], mixed)
         findings += [_of_dead(run, channel, readings) for channel in dict.fromkeys(dead[name].values())]
         findings += [f for column in columns[name] if (f := run.saturation(column)) is not None]
-        full[name] = np.column_stack([run.clipped(column) for column in columns[name]])
+        full[name] = (
+            np.column_stack([run.evenly(c, run.clipped(c).astype(float), bridged) for c in columns[name]]) > 0.0
+        )
         if mixed:
             full[name][:] = full[name].any(axis=1, keepdims=True)
         loads[name] = readings if has_matrix else _uncrossed(support, readings)
@@ -258,9 +266,9 @@ def measured_loads(run: AlignedRun, regressor: Floats, bandwidth_hz: float) -> t
     alone. P follows from positions smoothed below ``bandwidth_hz``. Raises AnalysisError where none is determined, a
     sensor is at the end of its range, or clocks cannot be aligned.
     """
-    wrench = shaking_wrench(run.run)
+    wrench = shaking_wrench(run.run, bridged=True)
     for finding in wrench.findings:
-        if finding.code != "constant_channel":
+        if finding.code not in {"constant_channel", *INTERPOLATED}:
             raise AnalysisError(f"{finding.message}: a clipped force determines nothing here; use gentler runs")
     refuse_clipped_base(run.run)
     size = np.abs(regressor).max(axis=(0, 2))

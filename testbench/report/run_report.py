@@ -135,7 +135,7 @@ def _report(run: SIRun, how: Reporting, seen: Observation | None, spans: int | N
         wrench = shaking_wrench(run, point)
         forces = attempt_part(lambda: sections.wrench_part(wrench, band))
         response = attempt_part(lambda: base_response(run, wrench))
-        findings += wrench.findings
+        findings += [found for found in wrench.findings if found not in findings]
     except CounterpoiseError as error:
         forces = response = {"reason": str(error)}
     torque = attempt_part(lambda: sections.torque_part(aligned(), bandwidth_hz))

@@ -172,8 +172,8 @@ def _row(column: "Column", found: FrequencyResponse, i: int) -> Part:
 
 def _at_force_instants(run: "SIRun", wrench: "MeasuredWrench", column: "Column") -> Floats:
     """A channel at the instants of the forces, (n,) [SI]. Raises AnalysisError for clocks that are not aligned."""
-    group, time = run.group_of(column), run.instants(column)
-    values, at = run.values(column), wrench.time
+    group, time = run.group_of(column), run.even_instants(column)
+    values, at = run.signal(column)[0], wrench.time
     if group != wrench.group:
         maps = recorded_clocks(run)
         if missing := [name for name in (group, wrench.group) if name not in maps]:

@@ -217,14 +217,17 @@ class SIRun:
         """A channel at even steps (n,) [SI] and its rate [Hz]; raises as :meth:`values` and :meth:`evenly`."""
         return self.evenly(column, self.values(column)), self.rate(column)
 
-    def evenly(self, column: Column, values: Floats) -> Floats:
+    def evenly(self, column: Column, values: Floats, bridged: bool = False) -> Floats:
         """Values (n,) of a channel, in any unit, at even steps of its clock, (m,): what it left out is interpolated.
 
-        By the rules of :meth:`values`. Raises AnalysisError where that would be a guess.
+        By the rules of :meth:`values`. Raises AnalysisError where that would be a guess; with ``bridged`` gaps of any
+        length are straight lines, for who masks them.
         """
         steps, rate = self._even_steps(column), self.rate(column)
         if steps is None:
             return values
+        if bridged:
+            return np.interp(np.arange(steps[-1] + 1), steps, values)
         lost = np.diff(steps) - 1
         if (longest := int(lost.max())) > MOST_MISSING:
             at = self.time(self.group_of(column))[int(lost.argmax())]
@@ -313,6 +316,10 @@ class SIRun:
     def is_dead(self, column: Column) -> bool:
         """Whether a channel shows one value only."""
         return is_dead(self.values(column))
+
+    def interpolated(self, columns: Iterable[Column]) -> list[Finding]:
+        """Those of :meth:`doubts` that say what is interpolated."""
+        return [found for found in self.doubts(columns) if found.code in INTERPOLATED]
 
     def doubts(self, columns: Iterable[Column]) -> list[Finding]:
         """Warnings of ingest about channels, except those that a later calibration resolves, and about clocks of which

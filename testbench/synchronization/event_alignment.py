@@ -60,9 +60,9 @@ def match_events(name: str, reference: Events, own: Events, noun: str) -> tuple[
     error = MATCHING_DEVIATIONS * float(np.hypot(reference.error, own.error))
     shifts: list[_Match] = []
     tried: set[tuple[int, int]] = set()
-    for pair in np.ndindex(len(reference.time), len(own.time)):
-        if pair not in tried:  # else at a shift that was looked at
-            shifts.append(_matches_through(reference, own, *pair, error))
+    for i, j in np.ndindex(len(reference.time), len(own.time)):
+        if (i, j) not in tried:  # else at a shift that was looked at
+            shifts.append(_matches_through(reference, own, i, j, error))
             tried.update(shifts[-1].pairs)
     found: dict[tuple[int, int], _Match] = {}
     for one in sorted(shifts, key=lambda one: (-len(one.pairs), len(one.lone))):

@@ -42,6 +42,30 @@ def test_all_six_components_at_any_point(moved, point):
     assert not found.findings
 
 
+@pytest.mark.parametrize("lost", [1, 3, 4, 40])
+def test_samples_that_the_clock_left_out(moved, lost):
+    """Few are interpolated, which is said, and what follows stays at its time; more are refused, and the gap named.
+
+    Bridged, for who masks it, the rest is as without a gap.
+    """
+    run, rate = moved.run(0), moved.run(0).group("forces").rate_hz
+    whole = shaking_wrench(SIRun.of(run, moved.rig))
+    begin = whole.time[0] + (1000.0 - 0.5) / rate
+    cut = SIRun.of(memory.without(run, "forces", begin, begin + lost / rate), moved.rig)
+    outside = np.abs(np.arange(len(whole.time)) - 1000.0) > lost
+    bridged = shaking_wrench(cut, bridged=True)
+    np.testing.assert_allclose(bridged.time, whole.time, atol=1e-6)
+    np.testing.assert_allclose(bridged.values["Fx"][outside], whole.values["Fx"][outside], atol=1e-3)
+    if lost > 3:
+        with pytest.raises(AnalysisError, match=rf"leaves out {lost} samples, .* after {whole.time[999]:.6g} s"):
+            shaking_wrench(cut)
+        return
+    found = shaking_wrench(cut)
+    np.testing.assert_array_equal(found.values["Fx"], bridged.values["Fx"])
+    assert {f.code for f in found.findings} == {"time_gap"}
+    assert found.findings[0].message.endswith("interpolated between the samples beside them")
+
+
 def test_what_is_not_determined_is_none_with_the_reason(moved):
     """If the rig does not say that the side sensors carry no sideways force, Fx is unknown, and so are the moments."""
     rig = rigs.rig_from_text(TEXT.replace('unloaded = "rest"', 'unloaded = ["Mx", "My", "Mz"]'))
