@@ -1,9 +1,11 @@
 """Axes of accelerometers against those of a run's repeats, which needs no model of the base."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from balance.arrays import Floats
 
@@ -21,40 +23,75 @@ DECIDED = 0.5
 exchanged."""
 
 
+@dataclass(frozen=True, eq=False)
+class _Vibration:
+    """What the axes of an accelerometer show in one run."""
+
+    seen: Observation
+    condition: dict[str, object]
+    commanded: dict[str, object]
+    spectra: NDArray[np.complexfloating]
+    """Of each axis with as many zeros behind it as any is long, (k, f)."""
+    power: Floats
+    """Sum of the squares of each axis, (k,)."""
+    size: int
+    """Samples of which these are the spectra."""
+
+    def largest(self, other: "_Vibration", own: Sequence[int], others: Sequence[int]) -> float:
+        """Correlation of two of its axes together with two of another, at the lag at which it is largest [-]."""
+        from scipy.fft import irfft
+
+        power = float(self.power[list(own)].sum() * other.power[list(others)].sum()) ** 0.5
+        cross = sum(self.spectra[i] * other.spectra[j].conj() for i, j in zip(own, others, strict=True))
+        return float(irfft(cross, self.size).max()) / power if power > 0.0 else 0.0
+
+    def likeness(self, other: "_Vibration", pair: tuple[int, int]) -> tuple[float, float]:
+        """:meth:`largest` of two axes, as they are and exchanged [-]."""
+        return self.largest(other, pair, pair), self.largest(other, pair, pair[::-1])
+
+
 def repeated_vibration(observations: Sequence[Observation]) -> list[Statement]:
     """Pairs of axes of an accelerometer that in one run show, each, what the other shows in a repeat.
 
     Which of the two is wrong other runs of the motion tell, that show the same; else both are named.
     """
+    from scipy.fft import next_fast_len, rfft
+
     found = []
     for channels in dict.fromkeys(channels for seen in observations for channels in seen.vibrations):
-        having = [seen for seen in observations if channels in seen.vibrations]
+        shown = [(seen, seen.vibrations[channels]) for seen in observations if channels in seen.vibrations]
+        size = next_fast_len(2 * max(len(values) for _, values in shown), real=True)
+        having = [
+            _Vibration(
+                seen, seen.condition, seen.commanded, rfft(values, size, axis=0).T, (values**2).sum(axis=0), size
+            )
+            for seen, values in shown
+        ]
         for pair in combinations(range(len(channels)), 2):
             found += _pair_statements(channels, pair, having)
     return found
 
 
-def _pair_statements(
-    channels: tuple[str, ...], pair: tuple[int, int], having: Sequence[Observation]
-) -> list[Statement]:
+def _pair_statements(channels: tuple[str, ...], pair: tuple[int, int], having: Sequence[_Vibration]) -> list[Statement]:
     same, exchanged = dict[str, str](), dict[str, set[str]]()
-    for n, seen in enumerate(having):
-        repeats = [o for o in having[n + 1 :] if o.condition == seen.condition]
+    for n, one in enumerate(having):
+        repeats = [other for other in having[n + 1 :] if other.condition == one.condition]
         for other in repeats[:MOST_REPEATS]:
-            own, crosswise = _likeness(seen, other, channels, pair)
+            own, crosswise = one.likeness(other, pair)
+            names = one.seen.name, other.seen.name
             if own > FOLLOWS and own > crosswise:
-                same |= {seen.name: other.name, other.name: seen.name}
+                same |= dict([names, names[::-1]])
             if not (crosswise > FOLLOWS and _remainder(crosswise) < EXCHANGED * _remainder(own)):
                 continue
-            votes = [_votes(one, having, channels, pair) for one in (seen, other)]
+            ahead = _votes(one, having, pair) - _votes(other, having, pair)
             apart = DECIDED * (crosswise - own)
-            for one, beside, ahead in ((seen, other, votes[0] - votes[1]), (other, seen, votes[1] - votes[0])):
-                if ahead < apart:
-                    exchanged.setdefault(one.name, set()).add(beside.name)
-    names = [channels[i] for i in pair]
+            for (name, beside), more in ((names, ahead), (names[::-1], -ahead)):
+                if more < apart:
+                    exchanged.setdefault(name, set()).add(beside)
+    axes = [channels[i] for i in pair]
     statements = []
-    for seen in having:
-        columns = [seen.records[name].column for name in names if name in seen.records]
+    for seen in (one.seen for one in having):
+        columns = [seen.records[name].column for name in axes if name in seen.records]
         if len(columns) < 2 or seen.name not in same | exchanged:
             continue
         others = tuple(sorted(exchanged.get(seen.name, ())))
@@ -65,39 +102,23 @@ def _pair_statements(
             else f"they show the same as in {same[seen.name]}"
         )
         statements += [
-            Statement(seen.name, "axis", channel, f"{names[0]} is axis {columns[0].component}, {names[1]} axis "
+            Statement(seen.name, "axis", channel, f"{axes[0]} is axis {columns[0].component}, {axes[1]} axis "
                       f"{columns[1].component} by the rig", witnessed, "its repeats",
                       "axis_contradiction" if others else None, tuple(both))
-            for channel in (names if others else names[:1])
+            for channel in (axes if others else axes[:1])
         ]  # fmt: skip
     return statements
 
 
-def _votes(seen: Observation, having: Sequence[Observation], channels: tuple[str, ...], pair: tuple[int, int]) -> float:
+def _votes(one: _Vibration, having: Sequence[_Vibration], pair: tuple[int, int]) -> float:
     """By how much more runs of the same motion, that show the same, follow a run as it is than with axes exchanged."""
     total = 0.0
     for other in having:
-        if other is seen or other.commanded != seen.commanded:
+        if other is one or other.commanded != one.commanded:
             continue
-        own, crosswise = _likeness(seen, other, channels, pair)
+        own, crosswise = one.likeness(other, pair)
         total += own - crosswise if max(own, crosswise) > FOLLOWS else 0.0
     return total
-
-
-def _likeness(
-    seen: Observation, other: Observation, channels: tuple[str, ...], pair: tuple[int, int]
-) -> tuple[float, float]:
-    """Correlation of two axes together, as they are and exchanged, each at the lag at which it is largest [-]."""
-    a, b = seen.vibrations[channels][:, pair], other.vibrations[channels][:, pair]
-    return _largest(a, b), _largest(a, b[:, ::-1])
-
-
-def _largest(a: Floats, b: Floats) -> float:
-    from scipy.signal import correlate
-
-    power = float(np.linalg.norm(a)) * float(np.linalg.norm(b))
-    total = sum(correlate(x, y, method="fft") for x, y in zip(a.T, b.T, strict=True))
-    return float(np.max(total)) / power if power > 0.0 else 0.0
 
 
 def _remainder(correlation: float) -> float:

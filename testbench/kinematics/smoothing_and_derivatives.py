@@ -88,9 +88,18 @@ def on_grid(time: Floats, values: Floats, grid: Grid) -> Floats:
 def bridge_gaps(time: Floats, values: Floats, step: float) -> tuple[Floats, Floats]:
     """Instants (n,) [s] and values (n, k) [any unit] with straight lines, of points ``step`` [s] apart, across gaps."""
     wide = np.flatnonzero(np.diff(time) > LARGEST_STEP * step)
+    if not wide.size:
+        return time, values
     added = [np.arange(time[i] + step, time[i + 1] - 0.5 * step, step) for i in wide]
     whole = np.sort(np.concatenate([time, *added]))
     return whole, np.column_stack([np.interp(whole, time, v) for v in values.T])
+
+
+def block_means(values: Floats, every: int) -> Floats:
+    """Means of ``every`` samples of ``values`` (..., n) [any unit] after one another, (..., n // every)."""
+    count = values.shape[-1] // every
+    blocks = values[..., : count * every].reshape(*values.shape[:-1], count, every)
+    return np.asarray(blocks @ np.full(every, 1.0 / every))
 
 
 def low_pass(values: Floats, cutoff: float, rate: float) -> Floats:
