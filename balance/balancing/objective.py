@@ -10,7 +10,7 @@ where p = P u and 2 T = u' M u. Neither depends on the base frame, nor on names,
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations, product
 
@@ -23,8 +23,6 @@ from ..dynamics.regressor import driven_torque_regressor, momentum_regressor, to
 from ..errors import ModelError, SizingError
 from ..mechanism.mechanism import PARAMETERS, Mechanism
 
-WORKSPACE_UNIT = "root of kg"
-"""Of momentum per root of twice the kinetic energy."""
 QUANTITIES = {"force": "N", "moment": "Nm", "torque": "Nm"}
 """What can be made small over a motion, and the unit of its root mean square."""
 MADE_SMALL = {
@@ -55,6 +53,8 @@ class Objective:
     """(k, 10 nb + 1) [square root of the unit of J per parameter; the last column without]"""
     unit: str
     """Of the root of J: N, Nm, or for the workspace the root of kg."""
+    over_workspace: bool = field(default=False, kw_only=True)
+    """Whether J is of the momentum over the workspace, with no motion."""
 
     def value(self, mechanism: Mechanism) -> float:
         """J of a mechanism of the same kind with other masses [square of ``unit``]."""
@@ -173,7 +173,7 @@ _ROWS: Mapping[str, Callable[[Mechanism, Trajectory], Iterator[Floats]]] = {
 
 def workspace_objective(mechanism: Mechanism) -> Objective:
     """Mean over the workspace of momentum squared per twice the kinetic energy [kg]: see ``workspace_momentum``."""
-    return Objective(triangle(iter([with_constant(workspace_momentum(mechanism))])), WORKSPACE_UNIT)
+    return Objective(triangle(iter([with_constant(workspace_momentum(mechanism))])), "root of kg", over_workspace=True)
 
 
 def workspace_momentum(mechanism: Mechanism) -> Floats:
