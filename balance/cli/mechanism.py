@@ -114,7 +114,7 @@ def _print_motion(
     peak, rms = response.peak(), response.rms()
     squares = (response.force**2).sum(axis=1)
     force, largest = float(squares.mean() ** 0.5), float(squares.max() ** 0.5)
-    rounding = _NOTHING * _largest_part(model, trajectory)
+    rounding = _ROUNDING * _largest_part(model, trajectory)
     if largest <= rounding:
         say(
             f"{model.name} puts 0 N on its base in motion {motion}: its force is balanced (simulated, weight excluded)."
@@ -153,7 +153,9 @@ def _print_motion(
 
 
 _NOTHING = 1e-9
-"""Value that counts as zero throughout [N, N m]; of the parts that a sum has, the part that is rounding [-]."""
+"""Peak of a component that counts as zero throughout [N, N m]."""
+_ROUNDING = 1e-9
+"""Share of the largest part of a sum up to which the sum is rounding [-]."""
 
 
 def _largest_part(model: "Mechanism", trajectory: "Trajectory") -> float:
