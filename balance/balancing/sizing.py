@@ -15,7 +15,7 @@ from ..mechanism.mechanism import Mechanism, Site
 from ..results import Key, Shown, counted, plain
 from .conditions import Conditions
 from .least_masses import distribute_masses
-from .objective import WORKSPACE_UNIT, Objective, unit_masses, workspace_objective
+from .objective import Objective, unit_masses, workspace_objective
 
 if TYPE_CHECKING:
     from .stock_plates import Plate
@@ -27,11 +27,15 @@ BALANCES = 0.01
 """Residual, relative to the payload's own first moment, up to which a payload counts as balanced."""
 
 
-def _along_axes(vector: Floats, form: str) -> str:
-    """Components that are not zero, such as ``x 130.00, z 4.00``."""
-    shown = {axis: format(float(value), f"z{form}") for axis, value in zip("xyz", vector, strict=True)}
-    kept = [f"{axis} {text}" for axis, text in shown.items() if float(text)]
-    return ", ".join(kept) or format(0.0, form)
+_ROUNDING = 1e-9
+"""Part of a vector in which a component is rounding."""
+
+
+def _along_axes(vector: Floats) -> str:
+    """Components that are not zero, such as ``x 130, z 4``."""
+    kept = np.abs(vector) > _ROUNDING * np.abs(vector).max()
+    shown = [f"{axis} {value:.5g}" for axis, value, keep in zip("xyz", vector, kept, strict=True) if keep]
+    return ", ".join(shown) or "0"
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,7 @@ class CounterMass:
     site: Annotated[str, Key("", "site")]
     mass: Annotated[float, Key("mass_kg", "mass [kg]", ".4f")]
     """[kg]"""
-    position: Annotated[Floats, Key("position_m", "in body [mm]", lambda at: _along_axes(1e3 * at, ".2f"))]
+    position: Annotated[Floats, Key("position_m", "in body [mm]", lambda at: _along_axes(1e3 * at))]
     """Position of the site in its body's frame, (3,) [m]."""
     plates: Annotated[tuple[str, ...], Key("", "plates", counted)] = ()
     """Stock plates that it is made of."""
@@ -58,9 +62,7 @@ class CounterMass:
     """
 
     @property
-    def first_moment(
-        self,
-    ) -> Annotated[Floats, Key("first_moment_kgm", "moment [kg m]", lambda of: _along_axes(of, ".5f"))]:
+    def first_moment(self) -> Annotated[Floats, Key("first_moment_kgm", "moment [kg m]", _along_axes)]:
         """First moment of mass about the body's joint, (3,) [kg m]."""
         return self.mass * self.position
 
@@ -76,13 +78,13 @@ class BodyMoment:
     """
 
     body: Annotated[str, Key("", "body")]
-    given: Annotated[Floats, Key("given_kgm", "sites give [kg m]", lambda of: _along_axes(of, ".5f"))]
+    given: Annotated[Floats, Key("given_kgm", "sites give [kg m]", _along_axes)]
     """What the counter-masses at its sites give, (3,) [kg m]."""
-    missing: Annotated[Floats, Key("missing_kgm", "missing [kg m]", lambda of: _along_axes(of, ".5f"))]
+    missing: Annotated[Floats, Key("missing_kgm", "missing [kg m]", _along_axes)]
     """What is still to be added, on all bodies together: see ``Conditions.required_first_moments``, (3,) [kg m]."""
 
     @property
-    def required(self) -> Annotated[Floats, Key("required_kgm", "required [kg m]", lambda of: _along_axes(of, ".5f"))]:
+    def required(self) -> Annotated[Floats, Key("required_kgm", "required [kg m]", _along_axes)]:
         """What is to be added to the body as it is without counter-masses, (3,) [kg m]."""
         return self.given + self.missing
 
@@ -162,7 +164,7 @@ class Sizing(Shown, rows="counter_masses", figure="balance.figures.mechanism:dra
 
     def first_moments(self) -> list[BodyMoment]:
         """Of each body, the first moment that the conditions require, what the sites give and what is missing."""
-        of_workspace = self.objective if self.objective and self.objective.unit == WORKSPACE_UNIT else None
+        of_workspace = self.objective if self.objective and self.objective.over_workspace else None
         return body_moments(self.conditions, self.after, self.counter_masses, of_workspace)
 
     def is_balanced(self, tol: float) -> bool:

@@ -301,7 +301,8 @@ def test_no_payload_is_balanced_by_unequal_counter_masses() -> None:
 
 
 def test_places_are_printed_along_the_axes_they_are_on():
-    """A site off x showed x and its first moment, both zero."""
-    at = ([0.0, 0.0, 0.04], [-0.1, 0.0, 0.02], [0.0, 0.0, 0.0])
+    """A site off x showed x and its first moment, both zero; a machine of millimetres showed no moment at all."""
+    at = ([0.0, 0.0, 0.04], [-0.1, 1e-12, 0.02], [0.0, 0.0, 0.0], [1.2345678e-6, 0.0, 0.0])
     rows = table(CounterMass, [CounterMass("s", 2.0, np.array(place)) for place in at], "position", "first_moment")[1]
-    assert rows == [["z 40.00", "z 0.08000"], ["x -100.00, z 20.00", "x -0.20000, z 0.04000"], ["0.00", "0.00000"]]
+    expected = [["z 40", "z 0.08"], ["x -100, z 20", "x -0.2, z 0.04"], ["0", "0"], ["x 0.0012346", "x 2.4691e-06"]]
+    assert rows == expected
