@@ -291,18 +291,36 @@ def label(key: str) -> str:
 
 
 _UNITS = {"percent": "%", "kgm": "kg m", "kgm2": "kg m2", "kgmm": "kg mm", "kgmm2": "kg mm2", "gmm": "g mm",
-          "m_s2": "m/s2", "hz": "Hz", "Hz": "Hz"}  # fmt: skip
-_UNIT = re.compile(rf"(.+?)_((?:{'|'.join(_UNITS)}|rad|deg|mm|um|m|Nm|N|kg|g|W|J|s|rpm)(?:_per_(?:rad|s2?|m|g))?)")
+          "m_s2": "m/s2", "hz": "Hz", "Hz": "Hz", "mr": "m r", "mrw2": "m r omega^2", "mrw2a": "m r omega^2 a",
+          "mrw2r": "m r omega^2 r"}  # fmt: skip
+_UNIT = re.compile(rf"(.+?)_((?:{'|'.join(_UNITS)}|rad|deg|mm|um|m|Nm|N|kg|g|W|J|s|rpm|a|SI)(?:_per_(?:rad|s2?|m|g))?)")
 """Units at the end of keys."""
+_READ = {"is": "", "rms": "RMS", "dof": "degrees of freedom", "mr": "m r"}
+"""Parts of keys that are read as other words."""
+_TITLES = {
+    "": "Further", "over_a_turn_exact": "Largest over a turn, all orders together",
+    "left_over_a_turn": "Largest over a turn, before and after balancing",
+}  # fmt: skip
+"""Titles of parts of a document whose keys do not say enough."""
+_ROUNDING = 1e-12
+"""Part of the largest number of its unit in a document up to which a number is rounding, and shown as zero."""
 _MOST_VALUES = 6
 """Values of a list that are shown in a cell, and results of one that is part of another."""
 _LONG_TEXT = 40
 """Characters from which a text is printed below its table."""
 
 
+def words(key: str) -> str:
+    """A key of a document as a heading: ``placed at [m]`` of ``placed_at_m``, ``crankshaft`` of ``is_crankshaft``."""
+    name, bracket, unit = label(key).partition(" [")
+    if not name.isidentifier():  # a name such as mcx[rod_1]
+        return key
+    return " ".join(filter(None, (_READ.get(part, part) for part in name.split("_")))) + bracket + unit
+
+
 def emit_parts(document: Mapping[str, Any], keys: Iterable[str]) -> None:
     """Print parts of a document as tables, each by its key, inner ones after a dot; after a last dot single values."""
-    whole = plain(document)
+    whole = _without_rounding(plain(document))
     for key in keys:
         part = whole
         for name in key.split("."):
@@ -313,8 +331,27 @@ def emit_parts(document: Mapping[str, Any], keys: Iterable[str]) -> None:
             else:
                 part = {name: one for name, one in (part or {}).items() if not _has_parts(one)}
         if part:
-            title = ", ".join(filter(None, key.split("."))).replace("_", " ") or "further"
+            title = _TITLES.get(key) or ", ".join(words(name) for name in key.split(".") if name)
             _emit_part(title[0].upper() + title[1:], part)
+
+
+def _without_rounding(part: Any) -> Any:  # noqa: ANN401
+    """A document whose numbers are zero where they are rounding of others of their unit; without a unit, of 1."""
+    largest = {"": 1.0, "%": 100.0}
+
+    def walk(one: Any, unit: str, found: Callable[[float, str], float]) -> Any:  # noqa: ANN401
+        if isinstance(one, dict):
+            return {key: walk(value, label(key).partition(" [")[2][:-1] or unit, found) for key, value in one.items()}
+        if isinstance(one, list):
+            return [walk(value, unit, found) for value in one]
+        return found(one, unit) if isinstance(one, float) else one
+
+    def measured(value: float, unit: str) -> float:
+        largest[unit] = max(largest.get(unit, 0.0), abs(value)) if unit else 1.0
+        return value
+
+    walk(part, "", measured)
+    return walk(part, "", lambda value, unit: value if abs(value) > _ROUNDING * largest[unit] else 0.0)
 
 
 def _has_parts(value: Any) -> bool:  # noqa: ANN401
@@ -341,16 +378,28 @@ def _emit_part(title: str, part: Any) -> None:  # noqa: ANN401
 
 
 def _flat(part: Any, above: str = "") -> Iterable[tuple[str, str]]:  # noqa: ANN401
-    """Headings and texts of the single values in a part of a document; of a long list none."""
+    """Headings and texts of the single values in a part of a document; of a long list none.
+
+    Keys of a mapping with a unit, and those without one of several results of one kind, are names: they stay.
+    """
     if isinstance(part, dict):
+        kinds = {tuple(one) if isinstance(one, dict) else None for one in part.values()}
+        alike = len(kinds) == 1 and None not in kinds
         for name, one in part.items():
-            yield from _flat(one, f"{above} {label(name)}".strip())
+            named = above.endswith("]") or (alike and label(name) == name)
+            yield from _flat(one, f"{above} {_READ.get(name, name) if named else words(name)}".strip())
     elif _has_parts(part):
-        yield from _flat({str(k): one for k, one in enumerate(part, 1)} if len(part) <= _MOST_VALUES else {}, above)
+        one_of = above[:-2] if above.endswith("sses") else above.removesuffix("s")
+        for k, one in enumerate(part if len(part) <= _MOST_VALUES else (), 1):
+            yield from _flat(one, f"{one_of} {k}".strip())
     elif not isinstance(part, list) or 0 < len(part) <= _MOST_VALUES:
-        values = part if isinstance(part, list) else [part]
-        texts = (f"{one:.5g}" if isinstance(one, float) else NO_VALUE if one is None else str(one) for one in values)
-        yield above or "value", ", ".join(texts)
+        yield above or "value", ", ".join(map(_value_text, part if isinstance(part, list) else [part]))
+
+
+def _value_text(value: Any) -> str:  # noqa: ANN401
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.5g}" if isinstance(value, float) else NO_VALUE if value is None else str(value)
 
 
 def emit_table(title: str, header: list[str], rows: list[list[str]], note: str = "") -> None:

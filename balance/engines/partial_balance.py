@@ -24,6 +24,10 @@ MODELS: tuple[Model, ...] = ("order1", "order2", "exact")
 """First order alone; first and second; the exact motion."""
 
 
+_DEG = 5
+"""Decimals of the angle of a largest value [deg]: it is found to the root of the rounding of the value."""
+
+
 def largest_over_turn(function: Callable[[Floats], Floats]) -> tuple[float, float]:
     """Largest value over a turn of a ``function`` of crank angles (n,) [rad], in its unit, and its angle [rad].
 
@@ -146,7 +150,7 @@ def residual_extremes(crank: SliderCrank, counterweight: float, omega: float, mo
     low, _ = largest_over_turn(lambda theta: -np.abs(force(theta)))
     return Extremes(
         top,
-        float(np.degrees(at)) % 360.0,
+        round(float(np.degrees(at)), _DEG) % 360.0,
         -low,
         float(np.sqrt(np.mean(np.abs(values) ** 2))),
         (float(values.real.min()), float(values.real.max())),

@@ -110,7 +110,7 @@ def test_residual_with_counterweights_and_shafts_over_a_turn(tmp_path):
     boxer = json_of("engine", "free", "boxer-4")["left_over_a_turn"]["before"]
     assert set(boxer["force_x_mrw2"]) == {0.0}  # no rounding error is shown as a force
     assert boxer["largest_force_mrw2"] == 0.0
-    assert "Left over a turn" in call("engine", "free", str(path), "--all").out
+    assert "Largest over a turn, before and after balancing" in call("engine", "free", str(path), "--all").out
     # one cylinder of many is called so, and the counterweights of the file, which are not included, are named
     output = call("engine", "single", str(path)).out
     assert "one of its 3 cylinders" in output

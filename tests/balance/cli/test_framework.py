@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 import pytest
 
-from balance.cli.framework import FirstLine, emit_parts
+from balance.cli.framework import FirstLine, emit_parts, words
 
 from .. import models
 
@@ -256,6 +256,34 @@ def test_all_prints_parts_of_the_document(capsys):
     assert lines[:5] == [[], ["Further"], ["value"], ["mass", "[kg]", "2"], ["of", "-"]]
     assert lines[5][:2] == ["long:", "word"]
     assert lines[6:9] == [[], ["Runs"], ["1", "2"]]
-    assert lines[9:12] == [["F", "[N]", "1", "2.5"], ["at", "-", "1,", "2"], ["trials", "1", "n", "-", "3"]]
+    assert lines[9:12] == [["F", "[N]", "1", "2.5"], ["at", "-", "1,", "2"], ["trial", "1", "n", "-", "3"]]
     assert lines[12:16] == [[], ["Runs,", "trials"], ["n"], ["1", "3"]]
     assert lines[16:] == [[], ["Stages"], ["M", "[N", "m]", "x"], ["a", "1"]]
+
+
+@pytest.mark.parametrize(
+    ("key", "heading"),
+    [
+        ("is_crankshaft", "crankshaft"), ("rms_before_N", "RMS before [N]"), ("at_a", "at [a]"),
+        ("dof", "degrees of freedom"),
+        ("largest_moment_mrw2a", "largest moment [m r omega^2 a]"), ("mcx[rod_1a]", "mcx[rod_1a]"),
+    ],
+)  # fmt: skip
+def test_headings_are_words(key, heading):
+    """Of keys; names in brackets stay."""
+    assert words(key) == heading
+
+
+def test_all_shows_rounding_as_zero_and_names_as_they_are(capsys):
+    """Beside others of its unit, anywhere in the document; names of joints and planes keep what is in them."""
+    document = {
+        "before": {"F_N": 100.0, "share": 1e-13},
+        "after": {"rms": {"torque_Nm": {"arm_left": 2e-30}, "F_N": -9e-11, "share": 1e-11}},
+        "planes": [{"weights": {"left_end": {"x_m": 1.0, "far": True}, "right_end": {"x_m": 2.0, "far": False}}}],
+    }
+    emit_parts(document, ("before", "after.rms", "planes"))
+    rows = [line.rsplit(maxsplit=1) for line in click.unstyle(capsys.readouterr().out).splitlines()]
+    shown = {name.strip(): value for name, value in filter(lambda row: len(row) == 2, rows)}
+    expected = {"F [N]": "0", "torque [N m] arm_left": "2e-30", "share": "1e-11"}
+    expected |= {"weights left_end x [m]": "1", "weights left_end far": "yes", "weights right_end far": "no"}
+    assert shown.items() >= expected.items()

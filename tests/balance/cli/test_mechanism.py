@@ -183,7 +183,7 @@ def test_people_read_equations(balance):
     assert code == 0
     assert "mcx[A0A] + r m[AC] + mcx[BD] + r m[platform] = 0" in out
     assert "4 conditions on linear momentum.\n" in out
-    assert re.search(r"dof +2\n", out)
+    assert re.search(r"degrees of freedom +2\n", out)
     assert "Not balanced" in out
 
 

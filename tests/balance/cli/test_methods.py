@@ -81,7 +81,7 @@ def test_needs_are_printed_with_their_units():
     """As in the keys of the JSON document."""
     output = call("methods", "serial-1r", "--all").out
     assert re.search(r"needs stiffness \[N/m\] .* 36\.624 ", output)
-    assert re.search(r"needs disc_turn \[rad\] .* 6\.2832\n", output)
+    assert re.search(r"needs disc turn \[rad\] .* 6\.2832\n", output)
 
 
 def test_springs_that_leave_a_swing_are_a_finding(tmp_path):

@@ -46,7 +46,7 @@ def test_correct_from_a_table_with_planes_and_bearings_given():
 def test_influence_prints_weights_and_whether_the_trial_stayed_on(tmp_path):
     """Text names the trial's effect and whether it stayed on; JSON holds coefficients and readings."""
     text = call("rotor", "influence", "feese-2004", "--all").out
-    assert re.search(r"trial, aft +True +1\.265\n", text)
+    assert re.search(r"trial, aft +yes +1\.265\n", text)
     assert "phase counts as lead" in text
     for plane in json_of("rotor", "influence", "feese-2004")["planes"]:  # of what is to be there, what is not yet
         for axis in ("x_g", "y_g"):

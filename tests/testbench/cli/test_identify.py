@@ -85,7 +85,7 @@ def test_tables_and_figure(run, tmp_path, monkeypatch):
     monkeypatch.setattr(identify, "params", [one for one in identify.params if "--all" not in one.opts])
     monkeypatch.setattr(Detail, "everything", True)
     text = invoke(ARM, run, "--method", "ls", "--figure", tmp_path / "torque.svg")
-    for words in ("mcx[link_1] + 0.3 m[link_2]", "origin simulated", "rms_ratio_below_cutoff", "ratios of first"):
+    for words in ("mcx[link_1] + 0.3 m[link_2]", "origin simulated", "RMS ratio below cutoff", "ratios of first"):
         assert words in text
     assert text.startswith("Verdict: usable up to a torque scale; ")
     assert "counter_link_1" in text
