@@ -1,4 +1,9 @@
-"""The channels of several loggers in one table: on one clock, at one rate."""
+"""The channels of several loggers in one table: on one clock, at one rate.
+
+Of a line the last sample is taken: of a trigger of the rig, of two values, of a counter (whole numbers that go up by
+one or stay), and where every value stays for some samples and a step of the table, so that none is lost. What is
+measured is none of these, or loses no more than the step of its values.
+"""
 
 import json
 import warnings
@@ -11,8 +16,10 @@ from balance.arrays import Floats
 from balance.units import si
 
 from ..errors import AnalysisError
+from ..rig.sensors import Trigger
 from ..store.run import Run, StoredGroup
 from ..synchronization.run_alignment import stored_clock_maps
+from .si_run import SIRun
 
 if TYPE_CHECKING:
     import pandas
@@ -32,8 +39,8 @@ def joined(run: Run, rate: float | str, channels: Sequence[str] | None = None) -
 
     Clocks are mapped by the newest recorded alignment where there is one; a warning names those that have none. Values
     are interpolated between two samples; faster loggers are low-passed first, without phase, those without a rate at
-    that of their median step; of lines of two values the last sample is taken. In gaps there is no value.
-    ``attrs`` has what was done.
+    that of their median step; of digital lines, counters and states the last sample is taken. In gaps there is no
+    value. ``attrs`` has what was done; a warning names what may be codes, and was taken for a measurement.
     """
     frame, problem = joined_table(run, rate, channels)
     if problem:
@@ -42,7 +49,7 @@ def joined(run: Run, rate: float | str, channels: Sequence[str] | None = None) -
 
 
 def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = None) -> "tuple[pandas.DataFrame, str]":
-    """The table of ``joined``, and which clocks are not aligned; empty if none."""
+    """The table of ``joined``, and what is doubtful about it: clocks not aligned, codes; empty if nothing."""
     import pandas
 
     hertz, places = si(rate, "frequency"), _places(run, channels)
@@ -69,6 +76,8 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
     found: dict[str, Floats] = {}
     units: dict[str, str | None] = {}
     lines: list[str] = []
+    codes: list[str] = []
+    triggers = {column.channel for column in SIRun.of(run).rig.columns_of(Trigger)} if run.rig else set()
     for group, index in places:
         if group.name not in times:
             continue
@@ -76,31 +85,38 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
         labels = (name, f"{group.name}: {name}", f"{group.name}: {group.keys[index]}")
         label = next(label for label in labels if label not in found)
         values = np.asarray(run.channel_at(group.name, index), dtype=np.float64)
-        if _is_line(values):
+        if name in triggers or _is_line(values, times[group.name], 1.0 / hertz):
             lines.append(label)
             found[label] = _held(times[group.name], values, grid)
         else:
             found[label] = _resampled(run, group, index, times[group.name], values, grid, hertz)
+            if _may_be_codes(values):
+                codes.append(label)
         units[label] = group.channels[index].unit
     frame = pandas.DataFrame(found, index=pandas.Index(grid, name="time (s)"))
     unaligned = [name for name in times if name not in clocks] if len(times) > 1 else []
-    how, problem = "as recorded" if len(times) == 1 else "recorded alignments", ""
+    how, doubts = "as recorded" if len(times) == 1 else "recorded alignments", []
     if unaligned:
         how = f"as recorded, not aligned: {', '.join(unaligned)}"
-        problem = (
+        doubts.append(
             f"{run.name}: the clocks of {', '.join(unaligned)} are as recorded, not aligned: one instant may have "
             f"another time in each; align them first: testbench align {run.path.parent.name}"
+        )
+    if codes:
+        doubts.append(
+            f"{run.name}: {', '.join(codes)}: few whole numbers, which change within a step of the table: taken for a "
+            f"measurement, with values between; if they are codes, resample to a logger's own rate"
         )
     frame.attrs.update({
         "run": run.name, "origin": run.origin, "units": units, "resampled_to_hz": hertz, "clocks": how,
         "interpolation": f"linear; below a logger's own rate low-passed at {_PASSED * hertz:g} Hz first"
-        + (f"; the last sample of lines of two values: {', '.join(lines)}" if lines else ""),
+        + (f"; the last sample of digital lines: {', '.join(lines)}" if lines else ""),
     })  # fmt: skip
     if (applied := run.provenance.get("calibrations")) is not None:
         frame.attrs["calibrations"] = json.dumps(applied, ensure_ascii=False)
     if (g0 := run.provenance.get("g0_m_per_s2")) is not None:
         frame.attrs["g0_m_per_s2"] = g0
-    return frame, problem
+    return frame, "; ".join(doubts)
 
 
 def _places(run: Run, channels: Sequence[str] | None) -> list[tuple[StoredGroup, int]]:
@@ -119,11 +135,34 @@ SAME_INSTANT = 1e-3
 """Share of a step within which two instants are one: times are written in decimals."""
 
 
-def _is_line(values: Floats) -> bool:
-    """Whether values (n,) are two, as of a digital input: nothing lies between them; NaN where there is no number."""
-    known = values[~np.isnan(values)]
+_LEAST_STAY = 3
+"""Samples for which each value of a state stays."""
+_MOST_CODES = 16
+"""Different whole numbers that may be codes."""
+
+
+def _is_line(values: Floats, time: Floats, step: float) -> bool:
+    """Whether nothing lies between values (n,) at instants (n,) [s]: two, a counter, or all stay for ``step`` [s].
+
+    NaN where there is no number.
+    """
+    at = np.flatnonzero(~np.isnan(values))
+    known = values[at]
     low, high = np.min(known, initial=np.inf), np.max(known, initial=-np.inf)
-    return bool(low < high and np.all((known == low) | (known == high)))
+    if not low < high or np.all((known == low) | (known == high)):
+        return bool(low < high)
+    rises = np.diff(known)
+    if np.all((rises == 0.0) | (rises == 1.0)) and low == np.rint(low):
+        return True
+    changes = at[1:][rises != 0.0]
+    stay = np.diff(time[changes]) >= step - SAME_INSTANT * float(np.median(np.diff(time)))
+    return bool(np.all(stay & (np.diff(changes) >= _LEAST_STAY)))
+
+
+def _may_be_codes(values: Floats) -> bool:
+    """Whether values (n,) are several whole numbers, but few; of a measurement of small size they are, too."""
+    known = values[~np.isnan(values)]
+    return bool(np.all(known == np.rint(known))) and 2 < len(np.unique(known)) <= _MOST_CODES
 
 
 def _held(time: Floats, values: Floats, grid: Floats) -> Floats:

@@ -149,12 +149,42 @@ def test_what_is_above_the_new_rate_is_gone_and_gaps_stay_gaps(tmp_path):
         assert set(line.dropna()) == {0.0, 1.0}, "a digital line has no values between"
         known = clear & line.notna().to_numpy()
         np.testing.assert_array_equal(line[known], np.sin(2 * np.pi * 3.0 * grid[known]) > 0.3)
-    assert "the last sample of lines of two values: even on, uneven on, gap on" in table.attrs["interpolation"]
+    assert "the last sample of digital lines: even on, uneven on, gap on" in table.attrs["interpolation"]
     hidden = (grid > 0.999) & (grid < 1.501) & (abs(grid - 1.25) > 5e-3)
     np.testing.assert_array_equal(table["gap y"].isna(), hidden)
     for rate, message in (("1e15 Hz", "are more than .* rows"), ("0 Hz", "expected a positive rate")):
         with pytest.raises(CounterpoiseError, match=message):
             run.to_pandas(resample=rate)
+
+
+def test_lines_of_several_values_are_held_and_what_is_measured_is_not(tmp_path):
+    """Counters and states have no values between; a sine of 12 bits has. What may be either is named."""
+    time = np.arange(4000) / 1000.0
+    sine = np.sin(2 * np.pi * 3.0 * time)
+    lines = {
+        "count": np.cumsum(np.arange(4000) % 7 == 0).astype(float),
+        "ticks": np.arange(4000.0),
+        "state": np.array([0.0, 3.0, 1.0, 7.0])[(time // 0.03).astype(int) % 4],
+        "trigger": 2.5 * (sine > 0.3) + 0.001 * np.arange(4000) % 0.01,
+    }
+    measured = {"adc": np.rint(2047 * sine), "small": np.rint(4 * np.sin(2 * np.pi * 30.0 * time))}
+    measured["hops"] = np.array([0.0, 3.0, 1.0, 7.0])[(time // 0.004).astype(int) % 4]
+    sensor = '[sensors.sync]\nkind = "trigger"\nlogger = "daq"\nchannel = "trigger"\n'
+    rig = f'mechanism = "none"\n[loggers.daq]\n{sensor}'
+    with RunWriter(tmp_path, "run") as writer:
+        writer.group(group := Group("daq", tuple(map(Channel, lines | measured)), UniformClock(1000.0)))
+        writer.group(group).append([*lines.values(), *measured.values()])
+        writer.group(group).finish(None, None)
+        writer.describe("simulated", {}, [], {"sources": []}, rig)
+        run = testbench.open_run(writer.commit())
+    with pytest.warns(UserWarning, match="small, hops: few whole numbers") as said:
+        table = run.to_pandas(resample="100 Hz")
+    assert len(said) == 1
+    for name, values in lines.items():
+        np.testing.assert_array_equal(table[name], values[::10], err_msg=name)
+    for name, values in measured.items():
+        assert (table[name] != values[::10]).mean() > 0.5, name
+    assert table.attrs["interpolation"].endswith("digital lines: count, ticks, state, trigger")
 
 
 def test_channels_of_one_name_stay_as_many(tmp_path):
