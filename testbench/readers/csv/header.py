@@ -23,6 +23,8 @@ _BEHIND_COMMA = re.compile(r"(.*\S)\s*,\s*([^,\s]+)")
 _BRACKETS = re.compile(r"\(([^()]*)\)|\[([^][]*)\]")
 _SIGNS_OF_UNITS = re.compile(r"[^\W\d_°%µ‰][^\s]{0,9}(?:\s?[/·⋅*^]\s?[^\s]{1,10}|[²³⁻¹]+)+")
 _SCALED = re.compile(r"\s*[x×*·]\s*1(?:0+|0?[\^eE][+-]?\d+)\b")
+_BARE_POWER = re.compile(r"(?!\w*m[23]$)[^\W\d]+\d+")
+"""A sign and a number as of a channel (``C2``, ``V1``); areas and volumes are written so, too (``mm2``)."""
 _TIME_SUFFIX = re.compile(r"(.*?)[_ ](s|sec|ms|us|µs|ns|min)", re.IGNORECASE)
 _ONE_OF_SEVERAL = re.compile(r"[ .-]*(?:\d+|(?<=[ .-])[abcxyz])$")
 _TIME_NAMES = frozenset({
@@ -292,7 +294,7 @@ def _quantity_and_unit(name: str) -> tuple[str, str] | None:
     """
     for match in re.finditer("/", name):
         quantity, unit = name[: match.start()].rstrip(), name[match.end() :].strip()
-        if not quantity or not is_unit(unit):
+        if not quantity or not is_unit(unit) or _BARE_POWER.fullmatch(unit):
             continue
         if _plain(quantity) in _TIME_NAMES and quantity != "T":  # a temperature
             return (quantity, unit) if seconds_per(unit) is not None else None

@@ -127,6 +127,7 @@ NOTATION = "Time/s,K1x/V,ax/(m/s^2),F/N,T / °C,Kraft/kN"
         ("Time (s),S/N,imu/x,imu/g", [("Time", "s"), ("S/N", None), ("imu/x", None), ("imu/g", None)]),  # one or two
         ("A/D1,B/D2", [("A/D1", None), ("B/D2", None)]),
         ("time/V,t/s", [("time/V", None), ("t", "s")]),
+        ("t/s,B/C2,A/V1,sigma/mm2,G/N", [("t", "s"), ("B/C2", None), ("A/V1", None), ("sigma", "mm2"), ("G", "N")]),
     ],
 )  # fmt: skip
 def test_quantity_and_unit_with_a_slash(names: str, found: list[tuple[str, str | None]]) -> None:
