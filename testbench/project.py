@@ -30,7 +30,6 @@ from .errors import RecordingError, RigError
 from .ingestion.log_sources import LogReading
 from .ingestion.run_table import RunTableRow, run_table_rows, write_run_table
 from .quality.rig_checks import rig_findings
-from .readers import open_recording
 from .recording import Recording, Severity
 from .rig import Rig, load_rig
 from .rig.rig import mechanism_file
@@ -313,7 +312,7 @@ def _log_problems(rig: Rig | None, rows: Sequence[RunTableRow], logs: Sequence[P
         return
     for path in logs:
         try:
-            recordings[path.name] = open_recording(path, reading.options(path))
+            recordings[path.name] = reading.opened(path)[1]
         except (RecordingError, OSError) as error:
             yield Problem(path.name, str(error).removeprefix(f"{path.name}: "))
     named = [(PurePath(row.file).name, row.run or PurePath(row.file).stem) for row in rows]

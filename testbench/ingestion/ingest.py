@@ -104,12 +104,13 @@ class Ingest:
     progress: Progress = lambda count: None
     sibling_log: Callable[[Collection[str]], str | None] = lambda channels: None
     """Names a log outside the run, given to the same command, that holds one of these channels."""
-    reading: LogReading = field(init=False)
+    reading: LogReading = field(default_factory=LogReading)
     """How each log is read, by the options and by the rig."""
     _stored: StoredSources = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "reading", LogReading(self.options, self.rig))
+        if not self.reading.is_of(self.options, self.rig):
+            object.__setattr__(self, "reading", LogReading(self.options, self.rig))
         object.__setattr__(self, "_stored", StoredSources(self.folder))
 
     def run(self, planned: PlannedRun) -> list[Outcome]:

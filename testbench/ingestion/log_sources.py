@@ -12,6 +12,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from balance import datasets
+
 from ..errors import RecordingError
 from ..readers import ReadOptions, open_recording
 from ..recording import Block, Finding, Group, Recording, Refusal, Report
@@ -19,6 +21,7 @@ from ..store import atomic_files, layout
 from ..store.campaign import KEPT, SUFFIX
 
 if TYPE_CHECKING:
+    from ..readers.import_description import ImportDescription
     from ..rig import Rig
 
 _AT_ONCE = 4 << 20
@@ -33,48 +36,73 @@ class LogReading:
 
     def __init__(self, options: ReadOptions | None = None, rig: "Rig | None" = None) -> None:
         self._rig, self._options = rig, options or ReadOptions()
+        self._loggers: dict[str, list[str]] = {}
         self._described: dict[str, ReadOptions] = {}
         for name, logger in {} if rig is None else rig.loggers.items():
             if logger.read_as:
-                from ..readers.import_description import ImportDescription  # late: few logs have one
-
-                own = ((rig and rig.folder) or Path()) / logger.read_as
-                description = ImportDescription.load(str(own) if own.is_file() else logger.read_as)
-                self._described[name] = replace(self._options, description=description)
+                self._loggers.setdefault(logger.read_as, []).append(name)
+        for named, loggers in self._loggers.items():
+            self._described[named] = replace(self._options, description=_description(named, rig, loggers[0]))
         if self._described and self._options.description is not None:
-            raise RecordingError(
-                f"--as: the rig says it by loggers.{min(self._described)}.read_as: give one of the two"
-            )
+            first = min(name for loggers in self._loggers.values() for name in loggers)
+            raise RecordingError(f"--as: the rig says it by loggers.{first}.read_as: give one of the two")
+
+    def is_of(self, options: ReadOptions | None, rig: "Rig | None") -> bool:
+        """Whether it is by these options and this rig."""
+        return self._options == (options or ReadOptions()) and self._rig is rig
 
     def options(self, path: Path) -> ReadOptions:
-        """Those of a log. Raises RecordingError for one of two descriptions, or that its logger's does not fit."""
-        fitting, failed = dict[str, ReadOptions](), dict[str, RecordingError]()
-        for name, options in self._described.items():
+        """Those of a log; raises as :meth:`opened`."""
+        return self.opened(path)[0]
+
+    def opened(self, path: Path) -> tuple[ReadOptions, Recording]:
+        """A log, opened by its options. Raises RecordingError for one of two descriptions, or that does not fit."""
+        fitting, failed = dict[str, tuple[ReadOptions, Recording]](), dict[str, RecordingError]()
+        for named, options in self._described.items():
             try:
-                if self._holds(path, options, name):
-                    fitting[name] = options
+                recording = open_recording(path, options)
             except RecordingError as error:
-                failed[name] = error
-        if len({options.description.text for options in fitting.values() if options.description}) > 1:
+                failed[named] = error
+            else:
+                if self._holds(recording, named):
+                    fitting[named] = options, recording
+        if len({options.description.text for options, _ in fitting.values() if options.description}) > 1:
+            loggers = [name for named in fitting for name in self._loggers[named]]
             raise RecordingError(
-                f"{path.name}: holds channels of the loggers {', '.join(fitting)}, which the rig has read by different "
+                f"{path.name}: holds channels of the loggers {', '.join(loggers)}, which the rig has read by different "
                 "import descriptions (read_as): expected those of one"
             )
-        for name, failure in failed.items() if not fitting else ():
-            try:
-                told = self._holds(path, self._options, name, unless="simulated")
-            except RecordingError:
-                raise failure from None  # what is wrong with the description, as nothing else reads the log
-            if told:
+        if fitting:
+            return fitting.popitem()[1]
+        try:
+            recording = open_recording(path, self._options)
+        except RecordingError:
+            if failed:  # what is wrong with a description, as nothing else reads the log
+                raise next(iter(failed.values())) from None
+            raise
+        for named, failure in failed.items():
+            if recording.origin != "simulated" and self._holds(recording, named):
                 raise failure
-        return next(iter(fitting.values()), self._options)
+        return self._options, recording
 
-    def _holds(self, path: Path, options: ReadOptions, logger: str, unless: str = "") -> bool:
-        """Whether a log that is read so holds a channel of a logger, and its origin is not ``unless``."""
-        recording = open_recording(path, options)
-        named = {name for group in recording.groups for channel in group.channels for name in channel.names}
-        called = () if self._rig is None else (column.channel for column in self._rig.columns(logger))
-        return recording.origin != unless and not named.isdisjoint(called)
+    def _holds(self, recording: Recording, named: str) -> bool:
+        """Whether a log holds a channel of one of the loggers with a description."""
+        held = {name for group in recording.groups for channel in group.channels for name in channel.names}
+        loggers = self._loggers[named]
+        return any(column.channel in held for name in loggers if self._rig for column in self._rig.columns(name))
+
+
+def _description(named: str, rig: "Rig | None", logger: str) -> "ImportDescription":
+    """The import description that a rig names for a logger: in the rig's folder, or a shipped one."""
+    from ..readers.import_description import ImportDescription  # late: few logs have one
+
+    if Path(named).is_absolute() or ".." in Path(named).parts:
+        raise RecordingError(
+            f"loggers.{logger}.read_as: {named!r}: expected a file in the rig's folder, or a shipped description"
+        )
+    own = ((rig and rig.folder) or Path()) / named
+    shipped = not own.is_file() and named in datasets.dataset_names("loggers", ".toml")
+    return ImportDescription.load(named if shipped else str(own))
 
 
 class Source:
@@ -91,8 +119,8 @@ class Source:
         self._state = _state(path)
         self._failed: OSError | None = None
         self._thread: threading.Thread | None = None
-        self.description = (options := reading.options(path)).description
-        self.recording = open_recording(path, options)
+        options, self.recording = reading.opened(path)
+        self.description = options.description
         if self.recording.content is not None:
             self.recording.content.wanted = True
         else:
@@ -210,7 +238,7 @@ class SiblingLogs:
     def _read(self, path: Path) -> frozenset[str]:
         """What the header of a log names; nothing where it cannot be read, which is said where it is ingested."""
         try:
-            groups = open_recording(path, self._reading.options(path)).groups
+            groups = self._reading.opened(path)[1].groups
         except (RecordingError, OSError):
             return frozenset()
         return frozenset(name for group in groups for channel in group.channels for name in channel.names)

@@ -1,5 +1,6 @@
 """Logs of one run: their digests, and groups that are called alike."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,10 +8,12 @@ import pytest
 from nptdms import ChannelObject, TdmsWriter
 
 from testbench.errors import RecordingError
-from testbench.ingestion import Ingest
+from testbench.ingestion import Ingest, log_sources
 from testbench.ingestion.log_sources import LogReading, Source, distinct_groups
 from testbench.ingestion.planned_runs import PlannedRun
+from testbench.readers import open_recording
 from testbench.readers.csv import text_blocks
+from testbench.readers.import_description import ImportDescription
 from testbench.recording import Block, Channel, Group, Recording, UniformClock
 from testbench.rig import load_rig
 from testbench.store import atomic_files, open_run
@@ -121,18 +124,49 @@ def test_each_logger_of_a_rig_has_its_import_description(bench):
     assert kept == list(DESCRIPTIONS.values())
 
 
+def test_logs_and_descriptions_are_opened_no_more_often_than_needed(bench, monkeypatch):
+    """A log once by each description, however many loggers have it; descriptions once, also for a copy of the work."""
+    opened, loaded = [], []
+    load = ImportDescription.load.__func__
+    monkeypatch.setattr(
+        ImportDescription, "load", classmethod(lambda cls, name: loaded.append(name) or load(cls, name))
+    )
+    monkeypatch.setattr(
+        log_sources, "open_recording", lambda path, *given: opened.append(path.name) or open_recording(path, *given)
+    )
+    (bench / "rig.toml").write_text(RIG.replace('"plc.toml"', '"daq.toml"'))
+    work = replace(Ingest(bench / "c", load_rig(bench / "rig.toml")), accepted=frozenset())
+    assert [one.status for one in work.run(PlannedRun("r", (bench / "daq.csv",)))] == ["stored"]
+    assert (opened, len(loaded)) == (["daq.csv"], 1)
+
+
 @pytest.mark.parametrize(
     ("file", "old", "new", "said"),
     [
         ("rig.toml", "plc.toml", "pcl.toml", "pcl.toml"),
+        (
+            "rig.toml",
+            "plc.toml",
+            "../plc.toml",
+            r"loggers\.plc\.read_as: '\.\./plc\.toml': expected a file in the rig's f",
+        ),
+        (
+            "rig.toml",
+            "plc.toml",
+            "/plc.toml",
+            r"loggers\.plc\.read_as: '/plc\.toml': expected a file in the rig's folder",
+        ),
         ("plc.csv", "winkel", "Kraft 1", r"plc\.csv: holds channels of the loggers daq, plc, .* different import desc"),
         ("daq.toml", "channels =", 'time = "Clock"\nchannels =', ""),
         ("daq.csv", "Clock,Kraft 1", "Uhr,K1", r"daq\.csv: no column 'Clock'"),
     ],
-    ids=["not there", "of two loggers", "stated as well", "its time is not there"],
+    ids=["not there", "above", "elsewhere", "of two loggers", "stated as well", "its time is not there"],
 )
-def test_a_description_that_does_not_fit_is_said(bench, file, old, new, said):
-    """Nothing is read by another description than its logger's in silence."""
+def test_a_description_that_does_not_fit_is_said(bench, file, old, new, said, monkeypatch):
+    """Nothing is read by another description than its logger's in silence, nor by one that lies elsewhere."""
+    (bench / "elsewhere").mkdir()
+    (bench / "elsewhere" / "pcl.toml").write_text(DESCRIPTIONS["plc.toml"])
+    monkeypatch.chdir(bench / "elsewhere")
     (bench / file).write_text((bench / file).read_text().replace(old, new))
     if file == "plc.csv":
         (bench / "plc.toml").write_text('channels = { "Kraft 1" = "angle (deg)" }')
