@@ -204,22 +204,22 @@ def workspace_states(mechanism: Mechanism, closure: Closure) -> Floats:
     """Closed configurations that stand for the workspace, home first, (n, nv) [rad, m].
 
     They lie on ways from home: the driven joints (all joints, where those do not determine the mechanism) start at
-    equal rates in all combinations of forwards, backwards and not at all; of more than three of them singly and in
-    pairs, of more than eight singly. A way ends after half a turn or a length of the mechanism, at a limit, or near a
-    singular position.
+    equal rates (slides in lengths of the mechanism) in all combinations of forwards, backwards and not at all; of more
+    than three of them singly and in pairs, of more than eight singly. A way ends after half a turn or a length of the
+    mechanism, at a limit, or near a singular position.
     """
     return closure.rays(_headings(mechanism, closure), _STEP, _TRAVEL)
 
 
 def _headings(mechanism: Mechanism, closure: Closure) -> Floats:
     """Directions of motion from home, (n, nv): see ``workspace_states``."""
-    tangent = closure.tangents(closure.home[None])[0]
+    tangent, scale = closure.tangents(closure.home[None])[0], closure.scales
     driven = [mechanism.coordinate_index(joint) for joint in mechanism.driven]
-    rates = tangent[driven]
+    rates = tangent[driven] / scale[driven, None]
     if len(driven) == closure.dof and np.linalg.cond(rates) < _DETERMINED:
         single = tangent @ np.linalg.inv(rates)
     else:
-        single = tangent @ tangent.T
+        single = tangent @ (tangent / scale[:, None]).T
     count = single.shape[1]
     most = count if count <= _ALL_COMBINATIONS else 2 if count <= _PAIRS else 1
     return np.array(

@@ -24,7 +24,7 @@ With positions rounded like that, redundant loops close to about 1e-7 m only.
 """
 _ITERATIONS = 100
 _LONGEST_STEP = 0.5
-"""Of an iteration [rad, m]."""
+"""Of an iteration [rad, lengths of the mechanism]."""
 _STARTS = 60
 """Random starts from which assembly branches are sought."""
 _SAME = 1e-4
@@ -37,14 +37,15 @@ def nearest_closed(
     """A closed configuration near ``q`` (nv,) [rad, m], and the largest residual there [m, rad]: it tells if it closes.
 
     Levenberg-Marquardt steps of the coordinates ``free``, damped by the squared residual, so that they end as steps of
-    least norm (Yamashita, Fukushima 2001); a step counts only if the residual falls.
+    least norm (Yamashita, Fukushima 2001), slides in lengths of the mechanism; a step counts only if the residual falls.
     """
     gap, damping = engine.constraint_residual(q), 1e-3
+    scale = np.where(engine.turning, 1.0, length)
     for _ in range(_ITERATIONS):
         size = float(np.linalg.norm(gap))
         if np.abs(gap).max(initial=0.0) < 1e-15 * length:
             break
-        u, values, vt = np.linalg.svd(engine.constraint_jacobian(q)[:, free], full_matrices=False)
+        u, values, vt = np.linalg.svd((engine.constraint_jacobian(q) * scale)[:, free], full_matrices=False)
         if not len(values) or not values[0] > 0.0:
             break
         along = (u.T @ gap) * (values > RANK_LIMIT * values[0])
@@ -53,6 +54,7 @@ def nearest_closed(
             step[free] = -vt.T @ (along * values / (values**2 + damping * size**2 + 1e-300))
             longest = float(np.abs(step).max())
             step *= min(1.0, _LONGEST_STEP / max(longest, 1e-300))
+            step *= scale
             trial = engine.constraint_residual(q + step)
             if np.linalg.norm(trial) < size:
                 q, gap, damping = q + step, trial, damping / 10.0

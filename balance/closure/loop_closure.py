@@ -30,7 +30,8 @@ class Closure:
     """Closes a mechanism's loops.
 
     ``home`` (nv,) [rad, m] is the closed configuration at its keyframe, ``rows`` the independent constraint rows,
-    ``dof`` the degrees of freedom, ``length`` [m] a length of the mechanism, ``engine`` its Pinocchio model with data.
+    ``dof`` the degrees of freedom, ``length`` [m] a length of the mechanism, ``scales`` (nv,) that of a slide and 1 rad
+    of what turns, ``engine`` its Pinocchio model with data.
     """
 
     def __init__(self, mechanism: Mechanism, search: bool = False) -> None:
@@ -42,9 +43,14 @@ class Closure:
         self._fixed: dict[tuple[str, ...], Closure] = {}
         self.engine = PinocchioEngine(mechanism)
         # A length of the mechanism: the largest distance within a body, between joints, sites and centres [m].
-        steps = [np.linalg.norm(joint.position) for joint in mechanism.tree.joints]
-        steps += [np.linalg.norm(site.position) for site in mechanism.sites.values()]
+        # Where a slide stands is none, nor where the base frame has its origin.
+        places = [(joint.parent, joint.position) for joint in mechanism.tree.joints if joint.revolute]
+        places += [(site.body, site.position) for site in mechanism.sites.values()]
+        steps = [np.linalg.norm(place) for parent, place in places if parent >= 0]
+        base = np.array([place for parent, place in places if parent < 0]).reshape(-1, 3)
+        steps += [np.linalg.norm(base - place, axis=1).max() for place in base]
         self.length = float(max(steps, default=0.0)) or 1.0
+        self.scales = np.where(self.engine.turning, 1.0, self.length)
         self.home = self._closed_home(search)
         self.rows = independent_rows(self.engine.constraint_jacobian(self.home))
         self.dof = mechanism.tree.size - len(self.rows)
@@ -137,8 +143,12 @@ class Closure:
         return np.array([space @ rng.normal(size=space.shape[1]) for space in spaces])
 
     def tangents(self, q: Floats) -> Floats:
-        """Orthonormal directions that the loops allow at closed configurations ``q`` (n, nv), (n, nv, dof) [rad, m]."""
-        return np.linalg.svd(self._jacobians(q))[2][:, len(self.rows) :].transpose(0, 2, 1)
+        """Directions that the loops allow at closed configurations ``q`` (n, nv), (n, nv, dof) [rad, m].
+
+        Orthonormal in units of ``scales``, so that metres and millimetres give the same.
+        """
+        free = np.linalg.svd(self._jacobians(q) * self.scales)[2][:, len(self.rows) :].transpose(0, 2, 1)
+        return np.asarray(free * self.scales[:, None])
 
     def rays(self, headings: Floats, step: float, travel: float) -> Floats:
         """Closed configurations on ways from home that start along ``headings`` (k, nv), (n, nv) [rad, m].
@@ -147,22 +157,23 @@ class Closure:
         heading is the one before, projected. A way ends at a joint's limit, or where loops are five times nearer to
         singular than at home. They do not depend on the order of joints, bodies and loops. Home alone if there is none.
         """
-        scale = np.array([1.0 if joint.revolute else self.length for joint in self.mechanism.tree.joints])
+        headings, scale = headings / self.scales, self.scales
         low, high = self.mechanism.limits.T
         reach = 0.2 * self._singular_values(self.home[None])[0]
         q, found = np.tile(self.home, (len(headings), 1)), list[Floats]()
         for length in [0.5 * step, *[step] * (round(travel / step) - 1)]:
-            tangents = self.tangents(q)
+            tangents = self.tangents(q) / scale[:, None]
             headings = np.einsum("nid,nd->ni", tangents, np.einsum("njd,nj->nd", tangents, headings))
-            fastest = np.abs(headings / scale).max(axis=1)
+            fastest = np.abs(headings).max(axis=1)
             q, headings, fastest = (x[fastest > RANK_LIMIT] for x in (q, headings, fastest))
-            near = [nearest_closed(self.engine, one, self.length) for one in q + length * headings / fastest[:, None]]
+            ahead = q + length * headings * scale / fastest[:, None]
+            near = [nearest_closed(self.engine, one, self.length) for one in ahead]
             trial = np.array([one for one, _ in near]).reshape(q.shape)
             closed = np.array([gap for _, gap in near]) <= CLOSED_LIMIT * self.length
-            far = np.linalg.norm(trial - q, axis=1) > 2.0 * length * np.linalg.norm(headings, axis=1) / fastest
+            far = np.linalg.norm((trial - q) / scale, axis=1) > 2.0 * length * np.linalg.norm(headings, axis=1) / fastest
             inside = ((trial >= low) & (trial <= high)).all(axis=1)
             stays = closed & ~far & inside & (self._singular_values(trial) >= reach)
-            q, headings = trial[stays], (trial - q)[stays]
+            q, headings = trial[stays], ((trial - q) / scale)[stays]
             found.append(q)
         states = np.concatenate(found)
         return states if len(states) else self.home[None]
@@ -170,7 +181,7 @@ class Closure:
     def _singular_values(self, q: Floats) -> Floats:
         """Smallest of those that redundancy leaves, of all rows, at configurations (n, nv), (n,)."""
         rank = len(self.rows)
-        return np.linalg.svd(self._jacobians(q), compute_uv=False)[:, rank - 1] if rank else np.full(len(q), np.inf)
+        return np.linalg.svd(self._jacobians(q) * self.scales, compute_uv=False)[:, rank - 1] if rank else np.full(len(q), np.inf)
 
     def _jacobians(self, q: Floats) -> Floats:
         """Of the loops, (n, rows, nv), at configurations (n, nv)."""
@@ -236,9 +247,8 @@ class Closure:
         """Indices of the driven coordinates, or of as many others that leave no freedom, (dof,)."""
         mechanism = self.mechanism
         fixed = np.array([mechanism.coordinate_index(name) for name in mechanism.driven], dtype=np.intp)
-        turning = np.array([joint.revolute for joint in mechanism.tree.joints])
         free = _null_space(self.engine.constraint_jacobian(self.home)[self.rows])
-        free /= np.where(turning, 1.0, self.length)[:, None]
+        free /= self.scales[:, None]
         rates = np.linalg.svd(free[fixed], compute_uv=False)
         if len(fixed) != self.dof or not (rates > RANK_LIMIT * np.linalg.norm(free, axis=1).max(initial=0.0)).all():
             fixed = independent_rows(free)

@@ -40,6 +40,8 @@ class PinocchioEngine:
         self._pin = pinocchio
         self.model = mechanism.pinocchio_model()
         self.data = self.model.createData()
+        self.turning = np.array([joint.revolute for joint in mechanism.tree.joints])
+        """Whether a coordinate is an angle, (nv,)."""
         self._bodies = mechanism.tree.bodies
         self._columns = len(PARAMETERS) * len(mechanism.bodies)
         self._constraints = self._pin.StdVec_RigidConstraintModel()

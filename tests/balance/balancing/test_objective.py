@@ -40,6 +40,32 @@ def five_bar(order="lr", masses=(0.42, 0.5)):
     )
 
 
+def slider(scale=1.0, base=0.0, zero=0.0):
+    """A crank, a rod with a slide along it that is driven, and a guide that slides on the base; lengths times scale.
+
+    The base frame has its origin ``base`` [m] away, the guide's zero is moved by ``zero`` [m]; the machine is the same.
+    """
+    x, y = 0.3 * np.cos(0.9) + 0.2 * np.cos(0.9 - 1.4), 0.3 * np.sin(0.9) + 0.2 * np.sin(0.9 - 1.4)
+    at = "{:.17g} {:.17g} 0".format
+    inertial = '<inertial pos="{}" mass="{}" diaginertia="{i} {i} {i}"/>'.format
+    turning = scale**2 * 0.002
+    return models.model(
+        f"""<mujoco model="slider"><compiler angle="radian"/><worldbody><body name="base">
+<body name="crank" pos="{at(base, 0)}"><joint name="crank" axis="0 0 1"/>{inertial(at(0.1 * scale, 0), 0.5, i=turning)}
+<site name="counter_crank" pos="{at(-0.1 * scale, 0)}"/>
+<body name="rod" pos="{at(0.3 * scale, 0)}"><joint name="rod" axis="0 0 1"/>{inertial(at(0.1 * scale, 0), 0.4, i=turning)}
+<site name="counter_rod" pos="{at(-0.1 * scale, 0)}"/>
+<body name="end"><joint name="end" type="slide" axis="1 0 0"/>{inertial(at(0, 0), 0.2, i=turning)}<site name="a"/></body>
+</body></body>
+<body name="guide" pos="{at(base + x * scale - zero, y * scale)}"><joint name="guide" type="slide" axis="0 1 0"/>
+{inertial(at(0, 0), 0.3, i=turning)}
+<body name="across"><joint name="across" type="slide" axis="1 0 0"/><site name="b"/></body></body>
+</body></worldbody><equality><connect name="c" site1="a" site2="b"/></equality>
+<actuator><motor joint="crank"/><motor joint="rod"/><motor joint="end"/></actuator>
+<keyframe><key name="home" qpos="0.9 -1.4 {0.2 * scale:.17g} 0 {zero:.17g}"/></keyframe></mujoco>"""
+    )
+
+
 def masses_of(mechanism):
     """Masses by site over the workspace."""
     sized = balancing.exact_sizing(balance_conditions(mechanism), mechanism)
@@ -52,6 +78,12 @@ def test_the_order_in_the_file_does_not_matter():
     assert set(there) == set(back) == {"counter_l", "counter_r"}
     assert back == pytest.approx(there, rel=1e-9)  # closed to 1e-12 of its size, and as well conditioned
     assert abs(there["counter_l"] - there["counter_r"]) > 0.1
+
+
+@pytest.mark.parametrize("same", [{"scale": 40.0}, {"scale": 0.01}, {"base": 3.0}, {"zero": 2.0}], ids=str)
+def test_neither_units_of_length_nor_origins_matter(same):
+    """Angles and slides in one mechanism: the same masses in metres or millimetres, wherever zeros lie."""
+    assert masses_of(slider(**same)) == pytest.approx(masses_of(slider()), rel=1e-7)  # closed to 1e-12 of its size
 
 
 def test_a_symmetric_mechanism_gets_symmetric_masses():
