@@ -20,11 +20,13 @@ _CODE = "rig_contradiction"
 _FLAT = {"clipping_suspected", "constant_channel"}
 
 
-def range_findings(rig: "Rig | None") -> dict[str, SensorRange]:
-    """The range of each channel that the rig states, in the unit of the log."""
+def range_findings(rig: "Rig | None", recording: Recording) -> dict[str, SensorRange]:
+    """The range of each channel that the rig states, in the unit of the log: its own where the rig states none."""
+    logged = {name: c.unit for group in recording.groups for c in group.channels for name in c.names}
     columns = () if rig is None else rig.columns()
-    limits = ((column, column.written_range()) for column in columns)
-    return {column.channel: SensorRange(limit, column.unit) for column, limit in limits if limit is not None}
+    units = ((c, c.unit if c.stated or c.calibration is not None else logged.get(c.channel) or c.unit) for c in columns)
+    limits = ((column.channel, column.written_range(unit), unit) for column, unit in units)
+    return {channel: SensorRange(limit, unit) for channel, limit, unit in limits if limit is not None}
 
 
 def without_commanded(rig: "Rig | None", recording: Recording, found: Iterable[Finding]) -> list[Finding]:

@@ -92,12 +92,13 @@ class Column:
             )
         return bind_law(self.calibration, self.siblings, units).written(self.index, values)
 
-    def written_range(self) -> float | None:
-        """Range in the unit of the log; None where it is not known, or not symmetric."""
-        if self.range is None or not self.unit:
+    def written_range(self, unit: str) -> float | None:
+        """Range in ``unit``, that of the log; None where it is not known, or not symmetric."""
+        if self.range is None or not unit:
             return None
         try:
-            ends = self.written(np.array([-self.range, self.range]))
+            column = self if self.calibration is not None else replace(self, unit=unit)
+            ends = column.written(np.array([-self.range, self.range]))
         except UnitError:
             return None
         return abs(float(ends[1])) if float(ends[0]) == -float(ends[1]) else None

@@ -67,6 +67,28 @@ channels = { x = "Soll", y = "Beschl. Y" }
     assert finding.message == "the rig calls this channel 'Beschl. X [m/s²]' too: expected one sensor a channel"
 
 
+@pytest.mark.parametrize(
+    ("key", "logged", "limit"), [("", "kN", 0.5), ("", "mN", 5e5), ("", None, 500.0), ('unit = "N"', "kN", 500.0)]
+)
+def test_a_range_holds_in_the_unit_of_the_log(key, logged, limit):
+    """A log that states its unit, where the rig states none, is held against the range in that unit."""
+    bench = rig.load_rig(
+        f"""mechanism = "none"
+[loggers.daq]
+[sensors.plate]
+kind = "force"
+logger = "daq"
+channels = {{ x = "Fx" }}
+range = "500 N"
+position = ["0 m", "0 m", "0 m"]
+{key}
+"""
+    )
+    log = Recording(Path("r.csv"), "CSV", "csv", (Group("r", (Channel("Fx", logged),)),), lambda report: iter(()))
+    (found,) = rig_checks.range_findings(bench, log).values()
+    assert found.limit == pytest.approx(limit, rel=1e-12)
+
+
 def test_a_unit_that_nobody_knows(tmp_path: Path) -> None:
     """The cure is said, with a calibration and without one; with the unit in the rig it is no contradiction."""
     text = """mechanism = "none"
