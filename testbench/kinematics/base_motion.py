@@ -21,6 +21,7 @@ from balance.mechanism.sparse_components import dense
 
 from ..rig import Column
 from ..runs.si_run import SIRun
+from .encoder_motion import rest_before
 
 NEAR = 1e-3
 """Lever below which the base's rotation is not taken out [m]."""
@@ -36,7 +37,7 @@ class BaseAcceleration:
     time: Floats
     """On the group's clock, (m,) [s]."""
     values: Floats
-    """(m, k) [m/s2]"""
+    """Less their level at rest (or mean): a sensor's offset, or its share of weight, (m, k) [m/s2]."""
     columns: tuple[Column, ...]
     """The channels, (k,)."""
 
@@ -63,7 +64,11 @@ def _in_group(run: SIRun, group: str) -> BaseAcceleration | None:
         return None
     rows = np.array([displacement_at(np.array(p))["xyz".index(c.component)] for p, c in columns])
     channels = tuple(c for _, c in columns)
-    return BaseAcceleration(group, rows, run.instants(channels[0]), run.stacked(channels), channels)
+    time, values = run.instants(channels[0]), run.stacked(channels)
+    rate = (len(time) - 1) / float(time[-1] - time[0])
+    still = (rest_before([column], rate) for column in values.T)
+    level = [column[slice(None) if at is None else at].mean() for column, at in zip(values.T, still, strict=True)]
+    return BaseAcceleration(group, rows, time, values - np.array(level), channels)
 
 
 def projector(rows: Floats, accelerometers: Floats) -> Floats:
