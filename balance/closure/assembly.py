@@ -37,7 +37,7 @@ def nearest_closed(
     """A closed configuration near ``q`` (nv,) [rad, m], and the largest residual there [m, rad]: it tells if it closes.
 
     Levenberg-Marquardt steps of the coordinates ``free``, damped by the squared residual, so that they end as steps of
-    least norm (Yamashita, Fukushima 2001), slides in lengths of the mechanism; a step counts only if the residual falls.
+    least norm (Yamashita, Fukushima 2001) in rad and lengths; a step counts only if the residual falls.
     """
     gap, damping = engine.constraint_residual(q), 1e-3
     scale = np.where(engine.turning, 1.0, length)

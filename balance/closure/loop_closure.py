@@ -147,7 +147,7 @@ class Closure:
 
         Orthonormal in units of ``scales``, so that metres and millimetres give the same.
         """
-        free = np.linalg.svd(self._jacobians(q) * self.scales)[2][:, len(self.rows) :].transpose(0, 2, 1)
+        free = np.linalg.svd(self._jacobians(q))[2][:, len(self.rows) :].transpose(0, 2, 1)
         return np.asarray(free * self.scales[:, None])
 
     def rays(self, headings: Floats, step: float, travel: float) -> Floats:
@@ -166,11 +166,11 @@ class Closure:
             headings = np.einsum("nid,nd->ni", tangents, np.einsum("njd,nj->nd", tangents, headings))
             fastest = np.abs(headings).max(axis=1)
             q, headings, fastest = (x[fastest > RANK_LIMIT] for x in (q, headings, fastest))
-            ahead = q + length * headings * scale / fastest[:, None]
-            near = [nearest_closed(self.engine, one, self.length) for one in ahead]
+            ahead = length * headings / fastest[:, None]
+            near = [nearest_closed(self.engine, one, self.length) for one in q + ahead * scale]
             trial = np.array([one for one, _ in near]).reshape(q.shape)
             closed = np.array([gap for _, gap in near]) <= CLOSED_LIMIT * self.length
-            far = np.linalg.norm((trial - q) / scale, axis=1) > 2.0 * length * np.linalg.norm(headings, axis=1) / fastest
+            far = np.linalg.norm((trial - q) / scale, axis=1) > 2.0 * np.linalg.norm(ahead, axis=1)
             inside = ((trial >= low) & (trial <= high)).all(axis=1)
             stays = closed & ~far & inside & (self._singular_values(trial) >= reach)
             q, headings = trial[stays], ((trial - q) / scale)[stays]
@@ -181,12 +181,13 @@ class Closure:
     def _singular_values(self, q: Floats) -> Floats:
         """Smallest of those that redundancy leaves, of all rows, at configurations (n, nv), (n,)."""
         rank = len(self.rows)
-        return np.linalg.svd(self._jacobians(q) * self.scales, compute_uv=False)[:, rank - 1] if rank else np.full(len(q), np.inf)
+        return np.linalg.svd(self._jacobians(q), compute_uv=False)[:, rank - 1] if rank else np.full(len(q), np.inf)
 
     def _jacobians(self, q: Floats) -> Floats:
-        """Of the loops, (n, rows, nv), at configurations (n, nv)."""
+        """Of the loops, (n, rows, nv), at configurations (n, nv), per ``scales`` of the coordinates."""
         rows = len(self.engine.constraint_jacobian(self.home))
-        return np.array([self.engine.constraint_jacobian(state) for state in q]).reshape(len(q), rows, q.shape[1])
+        found = [self.engine.constraint_jacobian(state) * self.scales for state in q]
+        return np.array(found).reshape(len(q), rows, q.shape[1])
 
     def _idle(self, drive: Drive) -> tuple[str, ...]:
         """Coordinates of the freedoms that move neither ``drive``, nor a centre of mass, nor a counter-mass's site.

@@ -53,9 +53,11 @@ def slider(scale=1.0, base=0.0, zero=0.0):
         f"""<mujoco model="slider"><compiler angle="radian"/><worldbody><body name="base">
 <body name="crank" pos="{at(base, 0)}"><joint name="crank" axis="0 0 1"/>{inertial(at(0.1 * scale, 0), 0.5, i=turning)}
 <site name="counter_crank" pos="{at(-0.1 * scale, 0)}"/>
-<body name="rod" pos="{at(0.3 * scale, 0)}"><joint name="rod" axis="0 0 1"/>{inertial(at(0.1 * scale, 0), 0.4, i=turning)}
+<body name="rod" pos="{at(0.3 * scale, 0)}"><joint name="rod" axis="0 0 1"/>
+{inertial(at(0.1 * scale, 0), 0.4, i=turning)}
 <site name="counter_rod" pos="{at(-0.1 * scale, 0)}"/>
-<body name="end"><joint name="end" type="slide" axis="1 0 0"/>{inertial(at(0, 0), 0.2, i=turning)}<site name="a"/></body>
+<body name="end"><joint name="end" type="slide" axis="1 0 0"/>
+{inertial(at(0, 0), 0.2, i=turning)}<site name="a"/></body>
 </body></body>
 <body name="guide" pos="{at(base + x * scale - zero, y * scale)}"><joint name="guide" type="slide" axis="0 1 0"/>
 {inertial(at(0, 0), 0.3, i=turning)}
