@@ -1,8 +1,8 @@
 """Independent tasks in other processes: copies of this one, or on a Dask cluster (extra ``distributed``).
 
-Copies (fork) begin within some milliseconds, with all that this process holds in memory: tasks need not travel, results
-do. Linux alone has them, where no other thread of Python runs that might be in the middle of something; elsewhere this
-process takes the tasks in two threads.
+Copies (fork) begin within some milliseconds, with all that this process holds in memory: tasks need not travel, nor do
+results of this process, which takes its share of them. Linux alone has them, where no other thread of Python runs that
+might be in the middle of something; elsewhere this process takes the tasks in two threads.
 
 A worker of a cluster that dies loses nothing: its tasks run again elsewhere, up to ATTEMPTS times. Results come as they
 are ready, each with the place of its task, so that what is written to disk can be resumed. What works on tasks travels
@@ -16,7 +16,6 @@ import os
 import signal
 import sys
 import threading
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
@@ -40,7 +39,7 @@ THREADS = 2
 WORTH = 8
 """Tasks from which copies of this process pay: they cost about as much as one run of ten seconds takes."""
 MOST = 8
-"""Copies, at most: this process takes in what all of them find."""
+"""Processes, at most: this one takes in what all of them find."""
 _MMAP_THRESHOLD, _TRIM_THRESHOLD = -3, -1
 """Numbers of glibc's settings (malloc.h)."""
 _LARGEST, _KEPT = 32 << 20, 1 << 28
@@ -49,8 +48,8 @@ with what the C library does otherwise, a quarter of a run's time goes there."""
 _CONNECT_S = 10.0
 _own = threading.local()
 """What this thread of a worker works with, and the bytes that it came as."""
-_inherited: list[Any] = []
-"""In a copy of this process: what works, and its tasks."""
+_PLACE_BYTES = 8
+"""Of the place of a task."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class TaskPool:
     client: "Client | None"
     """None runs them on this machine."""
     processes: int = 1
-    """So many copies of this process take them, or it alone; without ``client``."""
+    """So many take them, this one and copies of it; without ``client``."""
 
     def results(self, work: Callable[[Task], Result], tasks: Sequence[Task]) -> Iterator[tuple[int, Result]]:
         """``work`` of each task with the task's place, in order of completion; what ``work`` raises is raised here."""
@@ -139,7 +138,7 @@ HERE = TaskPool(None)
 
 
 def cores(tasks: int) -> TaskPool:
-    """A copy of this process for each core, where there are so many tasks that it pays; else HERE."""
+    """A process for each core, where there are so many tasks that it pays; else HERE."""
     if tasks < WORTH or not _can_fork():
         return HERE
     number = min(len(os.sched_getaffinity(0)), MOST)
@@ -152,30 +151,83 @@ def _can_fork() -> bool:
 
 
 def _shared(work: Callable[[Task], Result], tasks: Sequence[Task], processes: int) -> Iterator[tuple[int, Result]]:
-    """By copies of this process; by itself what copies that died had not done."""
-    from concurrent.futures.process import BrokenProcessPool, ProcessPoolExecutor
-    from multiprocessing import get_context
+    """By this process and copies of it; by itself what copies that died had not done.
 
-    pool = ProcessPoolExecutor(min(processes, len(tasks)), get_context("fork"), _begin, (work, tasks))
+    Each takes the next task when it is done with one: the file of places is read through one offset.
+    """
+    from multiprocessing import connection, get_context
+    from tempfile import TemporaryFile
+
+    context, ends, copies = get_context("fork"), list[Any](), list[Any]()
+    left, failed = dict.fromkeys(range(len(tasks))), dict[int, Exception]()
+    with TemporaryFile(buffering=0) as places:
+        places.write(b"".join(place.to_bytes(_PLACE_BYTES, "little") for place in left))
+        places.seek(0)
+        try:
+            for _ in range(min(processes, len(tasks)) - 1):
+                receiver, sent = context.Pipe(duplex=False)
+                copies.append(context.Process(target=_copy, args=(work, tasks, places.fileno(), sent), daemon=True))
+                copies[-1].start()
+                sent.close()
+                ends.append(receiver)
+            _keep_memory()
+            while left:
+                place, found = _next(places.fileno()), list[tuple[int, Any, Exception | None]]()
+                if place is None and not ends:  # copies died
+                    place = next(iter(left))
+                if place is not None:
+                    found.append(_tried(work, tasks, place))
+                heard: list[Any] = connection.wait(ends, None if place is None else 0.0)
+                for end in heard:
+                    try:
+                        found.append(end.recv())
+                    except (EOFError, OSError):
+                        ends.remove(end)
+                for at, result, error in found:
+                    left.pop(at, None)
+                    if error is None:
+                        yield at, result
+                    else:
+                        failed[at] = error
+                        places.seek(0, os.SEEK_END)  # nobody takes another
+                        left = {other: None for other in left if other < at}
+            if failed:  # of several the first, as it would without copies
+                raise failed[min(failed)]
+        finally:
+            places.seek(0, os.SEEK_END)
+            for end in ends:
+                end.close()
+            for copy in copies:
+                copy.join()
+
+
+def _next(places: int) -> int | None:
+    """The place of the task that nobody has taken yet; None if all are taken."""
+    found = os.read(places, _PLACE_BYTES)
+    return int.from_bytes(found, "little") if found else None
+
+
+def _tried(work: Callable[[Task], Result], tasks: Sequence[Task], place: int) -> tuple[int, Any, Exception | None]:
+    """Place, result and error of a task."""
     try:
-        futures = deque(enumerate([pool.submit(_task_at, place) for place in range(len(tasks))]))
-        while futures:  # in their order: of several that raise, the first does so here, as it would without copies
-            place, future = futures.popleft()
-            try:
-                found = future.result()
-            except BrokenProcessPool:
-                found = work(tasks[place])
-            yield place, found
-    finally:
-        pool.shutdown(cancel_futures=True)
+        return place, work(tasks[place]), None
+    except Exception as error:
+        return place, None, error
 
 
-def _begin(*inherited: object) -> None:
+def _copy(work: Callable[[Task], Result], tasks: Sequence[Task], places: int, sent: Any) -> None:  # noqa: ANN401
     """In a copy of this process: the terminal's interrupt is for this process, with which the copy ends."""
-    _inherited[:] = inherited
     gc.freeze()  # what is inherited is never garbage: looking for any would copy its pages
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    _keep_memory()
+    with ThreadPoolExecutor(1) as sender:  # who works need not wait until this process takes in what was found
+        while (place := _next(places)) is not None:
+            sender.submit(sent.send, _tried(work, tasks, place))
+
+
+def _keep_memory() -> None:
+    """Large arrays from memory that is kept."""
     with suppress(AttributeError, OSError):  # another C library
         for setting, limit in ((_MMAP_THRESHOLD, _LARGEST), (_TRIM_THRESHOLD, _KEPT)):
             ctypes.CDLL(None).mallopt(setting, limit)
@@ -188,11 +240,6 @@ def _end_with_parent() -> None:
     assert parent is not None
     parent.join()
     os._exit(1)
-
-
-def _task_at(place: int) -> Any:  # noqa: ANN401
-    work, tasks = _inherited
-    return work(tasks[place])
 
 
 @contextmanager
