@@ -11,11 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Floats
-from ..closure import Closure, Trajectory
+from ..closure import Trajectory
 from ..dynamics.inverse_dynamics import driven_rates, momentum
 from ..mechanism import forward_kinematics
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.sparse_components import dense
+from .objective import workspace_motions
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,6 @@ def _rates_about_z(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> tup
     return omega, alpha
 
 
-_STATES = 60
 COMPLETE = 1e-9
 """Residual share of the angular momentum up to which wheels count as complete."""
 
@@ -75,7 +75,7 @@ class Wheels:
 
     wheels: tuple[Wheel, ...]
     residual_share: float
-    """Largest residual angular momentum over the largest without wheels, at other states than those of the fit [-]."""
+    """Largest residual angular momentum over the largest without wheels, over the workspace [-]."""
 
     def is_complete(self, tol: float = COMPLETE) -> bool:
         """Whether the residual share is at most ``tol`` [-]."""
@@ -83,33 +83,28 @@ class Wheels:
 
 
 def fit_wheels(mechanism: Mechanism) -> Wheels:
-    """Wheels of least residual angular momentum about z, against bodies pivoted on the base if those are enough."""
-    closure = Closure(mechanism)
+    """Wheels of least residual angular momentum about z, against bodies pivoted on the base if those are enough.
+
+    Least squares over the ``workspace_motions``.
+    """
+    q, v = workspace_motions(mechanism)
+    states = angular_velocity(mechanism, q, v), momentum(mechanism, q, v)[:, 5]
     ground = [b for b, j in enumerate(mechanism.tree.bodies) if _on_the_base(mechanism, j)]
     turning = [b for b in range(len(mechanism.bodies)) if _turns(mechanism, b)]
-    best = _fitted(mechanism, closure, [b for b in ground if b in turning])
+    best = _fitted(*states, [b for b in ground if b in turning])
     if best.is_complete() or set(turning) <= set(ground):
         return best
-    everywhere = _fitted(mechanism, closure, [*ground, *(b for b in turning if b not in ground)])
+    everywhere = _fitted(*states, [*ground, *(b for b in turning if b not in ground)])
     return everywhere if everywhere.residual_share < best.residual_share else best
 
 
-def _fitted(mechanism: Mechanism, closure: Closure, bodies: Sequence[int]) -> Wheels:
-    rows, target = _states(mechanism, closure, 0)
+def _fitted(rows: Floats, target: Floats, bodies: Sequence[int]) -> Wheels:
     columns = _independent(rows, bodies)
     solved = np.linalg.lstsq(rows[:, columns], target, rcond=None)[0] if columns else np.empty(0)
-    rows, target = _states(mechanism, closure, 1)
     size = float(np.abs(target).max()) or 1.0
     residual = float(np.abs(target - rows[:, columns] @ solved).max()) / size
     wheels = [Wheel(b, float(j)) for b, j in zip(columns, solved, strict=True) if abs(j) > 1e-12 * np.abs(solved).max()]
     return Wheels(tuple(wheels), residual)
-
-
-def _states(mechanism: Mechanism, closure: Closure, seed: int) -> tuple[Floats, Floats]:
-    """Angular velocities of all bodies (n, bodies), and the angular momentum about z (n,)."""
-    q = closure.states(_STATES, seed)
-    v = closure.velocities(q, seed)
-    return angular_velocity(mechanism, q, v), momentum(mechanism, q, v)[:, 5]
 
 
 def _independent(rows: Floats, bodies: Sequence[int]) -> list[int]:

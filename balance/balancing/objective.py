@@ -182,6 +182,11 @@ def workspace_momentum(mechanism: Mechanism) -> Floats:
     At each of the ``workspace_states``, along as many directions of motion as there are degrees of freedom, which
     share no kinetic energy. Raises ModelError where a direction has none.
     """
+    return momentum_regressor(mechanism, *workspace_motions(mechanism))[:, :3]
+
+
+def workspace_motions(mechanism: Mechanism) -> tuple[Floats, Floats]:
+    """Configurations (n, nv) [rad, m] and rates (n, nv) with a kinetic energy of 1/2: see ``workspace_momentum``."""
     closure = Closure(mechanism).without_idle()
     q, dof = workspace_states(mechanism, closure), closure.dof
     tangents = closure.tangents(q)
@@ -197,18 +202,18 @@ def workspace_momentum(mechanism: Mechanism) -> Floats:
             "one with --motion, or those bodies a mass"
         )
     unit = np.einsum("nid,ndk,nk->nki", tangents, turns, 1.0 / np.sqrt(sizes)).reshape(states.shape)
-    return momentum_regressor(mechanism, states, np.ascontiguousarray(unit))[:, :3]
+    return states, np.ascontiguousarray(unit)
 
 
-def workspace_states(mechanism: Mechanism, closure: Closure) -> Floats:
+def workspace_states(mechanism: Mechanism, closure: Closure, travel: float = _TRAVEL) -> Floats:
     """Closed configurations that stand for the workspace, home first, (n, nv) [rad, m].
 
     They lie on ways from home: the driven joints (all joints, where those do not determine the mechanism) start at
     equal rates (slides in lengths of the mechanism) in all combinations of forwards, backwards and not at all; of more
-    than three of them singly and in pairs, of more than eight singly. A way ends after half a turn or a length of the
-    mechanism, at a limit, or near a singular position.
+    than three of them singly and in pairs, of more than eight singly. A way ends after a ``travel`` [rad, lengths of
+    the mechanism] of the fastest joint, at a limit, or near a singular position.
     """
-    return closure.rays(_headings(mechanism, closure), _STEP, _TRAVEL)
+    return closure.rays(_headings(mechanism, closure), _STEP, travel)
 
 
 def _headings(mechanism: Mechanism, closure: Closure) -> Floats:

@@ -24,7 +24,6 @@ from .objective import Objective, triangle, with_constant, workspace_states
 from .springs import End, Spring, joint_torques, spring_energy, spring_lengths, unit_energies
 
 _STATES, _SEED = 120, 11
-_CHECK_SEED = 12
 _LEVEL = 1e-12
 """Swing of potential energy, relative to the weight times the mechanism's length, that is rounding."""
 _BETWEEN_LINKS = 2.0
@@ -87,9 +86,10 @@ def design_springs(
     return evaluate_springs(mechanism, springs)
 
 
-def evaluate_springs(mechanism: Mechanism, springs: Sequence[Spring], count: int = 200) -> Springs:
-    """Given springs, at ``count`` configurations of the workspace."""
-    return Springs(mechanism, tuple(springs), Closure(mechanism).states(count, _CHECK_SEED))
+def evaluate_springs(mechanism: Mechanism, springs: Sequence[Spring]) -> Springs:
+    """Given springs, at the ``workspace_states`` up to a whole turn of the fastest joint: extremes count."""
+    closure = Closure(mechanism).without_idle()
+    return Springs(mechanism, tuple(springs), workspace_states(mechanism, closure, 2.0 * np.pi))
 
 
 def spring_layout(mechanism: Mechanism, reach: float, height: float) -> list[Spring]:
