@@ -110,6 +110,8 @@ def _print_motion(
     model: "Mechanism", motion: str, trajectory: "Trajectory", response: "Response", found: "Reactions | None"
 ) -> None:
     """Force, moment and drives' torques, reactions where they are asked for, and what the motion exceeds."""
+    from ..dynamics.inverse_dynamics import NOTHING
+
     left_out = model.left_out if response.torque else ()
     peak, rms = response.peak(), response.rms()
     squares = (response.force**2).sum(axis=1)
@@ -128,7 +130,7 @@ def _print_motion(
     shown = {
         n: value
         for n, value in rms.items()
-        if n not in of_drives and peak[n] > max(_NOTHING, rounding * n.startswith("F"))
+        if n not in of_drives and peak[n] > max(NOTHING, rounding * n.startswith("F"))
     }
     rows = [[label(name), f"{value:.4g}", f"{peak[name]:.4g}"] for name, value in shown.items()]
     emit_table(
@@ -152,8 +154,6 @@ def _print_motion(
     emit_findings(("left_out", f"{drives} leave out {what}, which the file has") for what in left_out)
 
 
-_NOTHING = 1e-9
-"""Peak of a component that counts as zero throughout [N, N m]."""
 _ROUNDING = 1e-9
 """Share of the largest part of a sum up to which the sum is rounding [-]."""
 

@@ -279,12 +279,11 @@ def _grouped(values: dict[str, float]) -> dict[str, Any]:
 
 def print_responses(responses: "dict[str, Response]") -> None:
     """Print a motion before and after balancing, components that are not zero throughout."""
-    before, after = responses["before"], responses["after"]
-    rows = []
-    for name, peak in before.peak().items():
-        if max(peak, after.peak()[name]) > 1e-9:
-            values = [before.rms()[name], after.rms()[name], peak, after.peak()[name]]
-            rows.append([label(name), *(f"{value:.4g}" for value in values)])
+    from ..dynamics.inverse_dynamics import compared
+
+    rows = [
+        [label(name), *(f"{value:.4g}" for value in sizes)] for name, *sizes in map(dict.values, compared(responses))
+    ]
     emit_table("Simulated motion", ["component", "RMS before", "RMS after", "peak before", "peak after"], rows)
 
 

@@ -56,8 +56,7 @@ def report(
     model = options.load_mechanism_option(mechanism, payload)
     bodies = options.payload_bodies(model, payload)
     found = size(model, motion, stock, sites=site, payload_bodies=bodies)
-    assert found.trajectory is not None
-    page = design_page(found.best, found.verdict, found.trajectory, motion)
+    page = design_page(found)
     path = page.write(output)
     text = f"{model.name}: {page.document['verdict']}\nWrote {path}."
     return Answer({**page.document, "written": str(path)}, lambda: say(text), found.has_finding)

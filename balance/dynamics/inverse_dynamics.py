@@ -7,7 +7,7 @@ of the joint's frame: a unit row gives a column of a regressor, the body's own r
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -43,6 +43,8 @@ from ..results import Shown
 if TYPE_CHECKING:
     import pandas
 
+NOTHING = 1e-9
+"""Peak up to which a component counts as zero throughout [N, N m]."""
 _DEAD_CENTRE = 1e-6
 """Share of their largest effect on the mechanism at which driven joints count as having none."""
 
@@ -180,6 +182,15 @@ class Response(Shown, figure="balance.figures.balancing:draw_response"):
         import pandas
 
         return pandas.DataFrame(self.columns(), index=pandas.Index(self.time, name="time_s"))
+
+
+def compared(responses: Mapping[str, Response]) -> list[dict[str, Any]]:
+    """A row for each component that is not zero throughout in all ``responses``: ``rms_before``, ``peak_before`` ..."""
+    sizes = {f"{what}_{name}": getattr(one, what)() for what in ("rms", "peak") for name, one in responses.items()}
+    rows = [
+        {"component": name, **{key: size[name] for key, size in sizes.items()}} for name in next(iter(sizes.values()))
+    ]
+    return [row for row in rows if max(row[f"peak_{name}"] for name in responses) > NOTHING]
 
 
 def simulate(mechanism: Mechanism, trajectory: Trajectory) -> Response:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..dynamics.inverse_dynamics import Response
+from ..dynamics.inverse_dynamics import NOTHING, Response
 from ..linkages.published_values import COLUMNS
 from ..linkages.verification import Verification
 from . import panels
@@ -136,7 +136,7 @@ def draw_tolerances(found: "ToleranceAnalysis") -> "Figure":
 
 def draw_response(found: Response) -> "Figure":
     """Shaking force, shaking moment and drives over time, a panel a component that is not always zero."""
-    shown = [name for name, values in found.columns().items() if np.abs(values).max() > 1e-9]
+    shown = [name for name, values in found.columns().items() if np.abs(values).max() > NOTHING]
     return draw_responses({"alone": found}, shown)
 
 

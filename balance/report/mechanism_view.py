@@ -20,7 +20,7 @@ from ..balancing.objective import workspace_states
 from ..balancing.sizing import chosen_sites
 from ..balancing.sizing_study import study_sizing
 from ..closure import Closure, Trajectory
-from ..dynamics.inverse_dynamics import Response, simulate
+from ..dynamics.inverse_dynamics import NOTHING, Response, simulate
 from ..dynamics.regressor import first_moment
 from ..errors import ClosureError, CounterpoiseError, DataError
 from ..figures.balancing import titled
@@ -29,7 +29,7 @@ from ..mechanism.mechanism import Mechanism
 from ..motion import DEFAULT_RATE_HZ, Motion, Samples
 from ..motion.motion_files import load_motion
 from ..units import parse
-from .design_page import ZERO, plotted_response
+from .design_page import plotted_response
 from .loopback import Loopback
 from .moving import OBLIQUE, drawn_points, moving
 from .page import Page, document_of
@@ -78,7 +78,7 @@ class _Driven:
     def shown(self) -> list[str]:
         """Components that are not zero throughout, whatever is mounted."""
         peaks = [one.peak() for one in (self.without, *self.units)]
-        return [name for name in peaks[0] if max(peak[name] for peak in peaks) > ZERO]
+        return [name for name in peaks[0] if max(peak[name] for peak in peaks) > NOTHING]
 
 
 @dataclass(eq=False)

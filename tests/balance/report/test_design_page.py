@@ -50,8 +50,12 @@ def test_sizing_is_that_of_size(made):
 @pytest.mark.parametrize(
     ("words", "code", "verdict"),
     [
-        (["four-bar", "--motion", "four-bar", "--site", "counter_A0A"], 3, "with a site on body"),
-        (["parallelogram-6bar", "-p", "platform=5kg", "--motion", "x", "--stock", "kiper2019"], 0, "of the RMS force"),
+        (["four-bar", "--motion", "four-bar", "--site", "counter_A0A"], 3, "With a site on body"),
+        (
+            ["parallelogram-6bar", "-p", "platform=5kg", "--motion", "x", "--stock", "kiper2019"],
+            0,
+            "of the RMS shaking force",
+        ),
     ],
 )
 def test_what_remains_comes_first(words, code, verdict, tmp_path):
