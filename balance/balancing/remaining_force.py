@@ -30,14 +30,20 @@ class RemainingDirection:
 
 
 def remaining_directions(before: Floats, after: Floats) -> tuple[RemainingDirection, ...]:
-    """Principal directions of what is left, most first, from samples (n, 3) without and with counter-masses [N]."""
+    """Principal directions of what is left, most first, from samples (n, 3) without and with counter-masses [N].
+
+    Along several in which as much is left, to rounding, those of what there was: samples alone do not tell them apart.
+    """
     sizes, axes = np.linalg.eigh(after.T @ after / len(after))
+    whole = before.T @ before / len(before)
+    rounding = COMPLETE**2 * np.trace(whole)
+    steps = np.flatnonzero(np.diff(sizes) > rounding) + 1
+    axes = np.hstack([alike @ np.linalg.eigh(alike.T @ whole @ alike)[1] for alike in np.split(axes, steps, axis=1)])
+    sizes = np.where(sizes > rounding, sizes, 0.0)
     found = []
     for size, axis in zip(sizes[::-1], axes.T[::-1], strict=True):
         axis = np.where(np.abs(axis) > 1e-6, axis, 0.0) * np.sign(axis[np.argmax(np.abs(axis))]) + 0.0
-        found.append(
-            RemainingDirection(axis, float(np.sqrt(np.mean((before @ axis) ** 2))), float(max(size, 0.0) ** 0.5))
-        )
+        found.append(RemainingDirection(axis, float(np.sqrt(np.mean((before @ axis) ** 2))), float(size**0.5)))
     return tuple(found)
 
 

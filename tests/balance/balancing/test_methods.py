@@ -211,6 +211,15 @@ def with_images(name: str, copies: tuple[str, ...]) -> Mechanism:
     return mechanism_from_text(ElementTree.tostring(root, encoding="unicode"), "copies")
 
 
+def test_the_inertia_of_an_image_is_about_the_axis_that_it_turns_about():
+    """A pendulum in x-y whose frame has its own x axis along the joint: as with z there."""
+    pendulum = '<body name="b" {}><joint name="b" axis="{}"/><inertial pos="{}" mass="2" diaginertia="{}"/></body>'
+    upright = models.model(models.mjcf(pendulum.format("", "0 0 1", "0.1 0.2 0", "0.02 0.03 0.04")))
+    turned = models.model(models.mjcf(pendulum.format('xyaxes="0 1 0 0 0 1"', "0 1 0", "0.2 0 0.1", "0.03 0.04 0.02")))
+    found = [methods.mirror_outcomes(one, waving(one))[0].added_inertia for one in (upright, turned)]
+    assert found == pytest.approx([0.04 + 2.0 * 0.05] * 2, rel=1e-9)
+
+
 @pytest.mark.parametrize("method", IMAGES)
 @pytest.mark.parametrize("name", ["serial-1r", "serial-2r", "serial-3r"])
 def test_images_in_pinocchio(name, method):

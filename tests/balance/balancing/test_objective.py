@@ -7,13 +7,14 @@ from balance import balancing
 from balance.balancing.conditions import balance_conditions
 from balance.balancing.counter_inertia import fit_wheels
 from balance.balancing.objective import motion_objective, workspace_objective
-from balance.balancing.remaining_force import verdict_of
+from balance.balancing.remaining_force import remaining_directions, verdict_of
 from balance.balancing.static_balancing import evaluate_springs
 from balance.dynamics.inverse_dynamics import simulate
 from balance.front_door import follow
 
 from .. import models
 
+RANDOM = np.random.default_rng(29)
 FIVE_BAR = """<mujoco model="five-bar"><compiler angle="radian"/><option gravity="0 -9.81 0"/>
 <worldbody><body name="base">{arms}</body></worldbody>
 <equality><connect name="tool" site1="end_{a}" site2="end_{b}"/></equality><actuator>{motors}</actuator>
@@ -161,6 +162,20 @@ def test_what_remains_and_which_body_lacks_a_site():
     assert sum(one.after**2 for one in verdict.directions) == pytest.approx(verdict.after**2, rel=1e-9)
     assert np.mean((response @ verdict.directions[0].direction) ** 2) == pytest.approx(verdict.directions[0].after ** 2)
     assert [({one.body, *one.alternatives}, one.after) for one in verdict.needed] == [({"AB", "B0B"}, 0.0)]
+
+
+def test_directions_in_which_nothing_is_left_are_those_of_what_there_was():
+    """Of x and y both balanced, which rounding alone told apart: the greater force first, whatever rounding is left."""
+    time = np.linspace(0.0, 2.0 * np.pi, 200, endpoint=False)
+    turn = np.linalg.qr(RANDOM.normal(size=(3, 3)))[0]
+    before = np.stack([3.0 * np.sin(time), 2.0 * np.cos(time), np.sin(2.0 * time)], axis=1) @ turn
+    left = before @ np.outer(turn[2], turn[2])
+    for _ in range(3):
+        found = remaining_directions(before, left + 1e-9 * RANDOM.normal(size=left.shape))
+        assert np.abs(np.array([one.direction for one in found]) @ turn.T) == pytest.approx(
+            np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), abs=1e-6
+        )
+        assert [one.after for one in found] == pytest.approx([np.sqrt(0.5), 0.0, 0.0], rel=1e-6)
 
 
 def test_complete_balance_needs_nothing():
