@@ -10,7 +10,7 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from scipy.optimize import linprog
+from scipy.optimize import linprog, nnls
 
 from ..arrays import Floats
 from ..closure import Closure
@@ -123,6 +123,7 @@ def _softest(mechanism: Mechanism, columns: Floats, target: Floats, cost: Floats
     rough = np.asarray(found.x)
     used = rough > 1e-7 * rough.max(initial=0.0)
     exact = np.zeros_like(rough)
+    used[used] = nnls(columns[:, used], target)[0] > 0.0  # rounding may have left one more than are needed
     exact[used] = np.linalg.lstsq(columns[:, used], target, rcond=None)[0]
     if (exact < 0.0).any():
         raise SizingError(f"{mechanism.name}: springs did not converge: a stiffness came out below zero")

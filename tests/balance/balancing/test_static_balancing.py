@@ -1,6 +1,7 @@
 """Static balance by counter-masses and by springs of zero free length."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio
@@ -173,3 +174,13 @@ def test_wrong_spring_files_are_named(tmp_path, text, message):
     path.write_text(text, encoding="utf-8")
     with pytest.raises((DataError, ModelError), match=message):
         load_springs(path, models.load("parallelogram-6bar"))
+
+
+def test_a_spring_that_rounding_holds(monkeypatch):
+    """Linear programming may hold more springs than are needed, at rounding: dependent, they took others below zero."""
+    a, b = np.random.default_rng(29).normal(size=(2, 30))
+    held = SimpleNamespace(success=True, x=np.array([1.0, 2e-6, 3e-6]))
+    monkeypatch.setattr(static_balancing, "linprog", lambda *_, **__: held)
+    columns = np.column_stack([a, b, a + b])
+    found = static_balancing._softest(models.load("four-bar"), columns, a, np.ones(3))
+    assert found == pytest.approx([1.0, 0.0, 0.0], abs=1e-12)
