@@ -10,7 +10,10 @@ from balance.cli.options import FIGURE, Quantity, argument, command, draw, optio
 from balance.results import document
 
 if TYPE_CHECKING:
-    from ..rotating import Disc, Edges, SteadySpeedFit
+    from balance.arrays import Floats
+
+    from ..rotating import Edges, SteadySpeedFit
+    from ..rotating.speed_results import PitchErrors
 
 _SPEED = Quantity("angular velocity", positive=True)
 _FILE = click.Path(path_type=Path, dir_okay=False)
@@ -20,7 +23,10 @@ _FILE = click.Path(path_type=Path, dir_okay=False)
     epilog="""\b
 LOG is a table with one column, the instants of the edges, its unit in the header (t_us, t (s)),
 or a stored run of such a table. A log with lost edges is refused, each place named, unless
---bridge counts them. A pitch file has the columns slot,ahead_deg; slot 0 is that of the first edge.
+--bridge counts them; so is a log of a disc with missing lines. A pitch file has the columns
+slot,ahead_deg (empty where the disc lacks the line); slot 0 is that of its log's first edge. A log
+begins at any line: which one, the errors of single lines tell, or missing lines, or index pulses;
+where they leave it open, or fit nowhere, nothing is given ("this calibration does not fit").
 
 \b
 Examples:
@@ -28,6 +34,7 @@ Examples:
   testbench speed edges.csv --pulses 100 --drive inverted-slider-crank --reading ungeared --first-edge-at 0deg
   testbench speed motor.csv --pulses 100 --ratio 3.61 --nominal 76.45rpm --figure speed.png
   testbench speed free.csv --pulses 100 --calibrate pitch.csv
+  testbench speed edges.csv --pulses 100 --pitch pitch.csv
   testbench speed start.csv --pulses 100 --drive inverted-slider-crank --reading geared --start-up 4
 \b
 Exit codes: 0 done, 3 done with findings, 1 refused."""
@@ -53,6 +60,7 @@ def speed(
     ),
     pitch: Path | None = option("Errors of the disc, from --calibrate.", _FILE),
     calibrate: Path | None = option("Write them, from a free run.", _FILE),
+    index: Path | None = option("Instants of the disc's index pulses, on the clock of LOG.", _FILE),
     csv: Path | None = option("Write the speed edge by edge.", _FILE),
     figure: str | None = FIGURE,
 ) -> Answer:
@@ -60,7 +68,9 @@ def speed(
 
     Pulses are timed, never counted in a window. Time over angle is fitted with a few harmonics, so jitter does not
     push the extremes apart; intervals (95 %) contain jitter, errors of the disc, changes from turn to turn, and the
-    answers with one and two harmonics more. A slow error of the disc (an eccentric one) needs a calibration.
+    answers with one and two harmonics more. They hold for a concentric disc: what an eccentric one adds once a turn is
+    no other than a fluctuation, and needs a calibration (from a free run, the shaft uncoupled), or a disc on another
+    shaft than the crank's.
     """
     for name, value, least, most in (("ratio", ratio, 1e-3, 1e3), ("steady-within", steady_within, 1e-9, 50.0)):
         if not least <= value <= most:  # NaN is in no range of click's
@@ -68,18 +78,23 @@ def speed(
     of_a_drive = {"reading": reading, "motor-speed": motor_speed, "first-edge-at": first_edge_at}
     if idle := [name for name, value in of_a_drive.items() if value is not None and not drive]:
         raise click.UsageError(f"--{idle[0]} goes with --drive")
+    if pitch and calibrate:
+        raise click.UsageError("--calibrate writes what --pitch reads: give one of them")
+    if index and not (pitch or calibrate):
+        raise click.UsageError("--index goes with --calibrate or --pitch")
     from .. import rotating
     from ..rotating import speed_results
 
     disc = rotating.Disc(pulses, ratio)
-    offset = speed_results.read_pitch_errors(pitch, disc.pulses) if pitch else None
-    edges = rotating.number_edges(log.name, rotating.read_edge_times(log), disc, bridge, offset)
+    errors = speed_results.read_pitch_errors(pitch, disc.pulses) if pitch else None
+    edges = rotating.number_edges(log.name, rotating.read_edge_times(log), disc, bridge)
+    pulse = rotating.read_edge_times(index) if index else None
     if calibrate:
-        found = speed_results.pitch_from_free_run(edges)
+        found = speed_results.pitch_from_free_run(edges, pulse)
         speed_results.write_pitch_errors(found, calibrate)
         text = f"Slots are {100 * found.rms:.3g} % of the pitch out of place (rms); written to {calibrate.name}"
         return Answer(speed_results.edges_document(edges) | {"pitch": document(found)}, lambda: say(text))
-    result, turn = _measured(edges, disc, harmonics, steady_within / 100.0, start_up is not None)
+    edges, result, turn = _measured(edges, errors, pulse, harmonics, steady_within / 100.0, start_up is not None)
     result = speed_results.edges_document(edges) | {"origin": rotating.log_origin(log)} | result
     course = rotating.speed_history(edges)
     result |= {"findings": speed_results.speed_findings(edges, turn), "course": document(course)}
@@ -106,9 +121,16 @@ def speed(
 
 
 def _measured(
-    edges: "Edges", disc: "Disc", harmonics: int | None, within: float, starts: bool
-) -> "tuple[dict[str, Any], SteadySpeedFit | None]":
-    """The steady turn, None where a log that ``starts`` has none, with what was found beside it."""
+    edges: "Edges",
+    errors: "PitchErrors | None",
+    index: "Floats | None",
+    harmonics: int | None,
+    within: float,
+    starts: bool,
+) -> "tuple[Edges, dict[str, Any], SteadySpeedFit | None]":
+    """The edges corrected for the disc's errors; what was found of these; the steady turn, None where a log that
+    ``starts`` has none.
+    """
     from .. import rotating
     from ..errors import AnalysisError
     from ..rotating import speed_results
@@ -116,15 +138,18 @@ def _measured(
     turn: SteadySpeedFit | None = None
     found: dict[str, Any] = {}
     try:
+        if errors is not None:
+            edges, place = speed_results.place_pitch_errors(edges, errors, within, index)
+            found["calibration"] = document(place)
         turn = rotating.periodic_turn(edges, harmonics, within)
-        if disc.pitch_is_separable and edges.offset is None and turn.turns >= 3:
+        if edges.disc.pitch_is_separable and edges.offset is None and turn.turns >= speed_results.TURNS_TO_SEPARATE:
             freed, turn = speed_results.pitch_from_record(edges, harmonics, within)
             found["pitch"] = document(freed)
     except AnalysisError as error:
         if not starts:
             raise
         found["not_steady"] = str(error)
-    return found, turn
+    return edges, found, turn
 
 
 def _machine(name: str, motor_speed: float | None, reading: str | None, mean: float) -> Any:  # noqa: ANN401
@@ -141,9 +166,15 @@ def _print(result: dict[str, Any]) -> None:
     """The speed and its fluctuation in one sentence, then how they are known."""
     if "steady" in result:
         mean, fluctuation = (result["steady"][name] for name in ("mean_rpm", "fluctuation"))
+        per_degree = result["steady"]["fluctuation_by_eccentricity_per_deg"]
         say(
             f"{result['log']}: {mean['value']:.3f} rpm [{mean['low']:.3f}, {mean['high']:.3f}], the speed fluctuates "
-            f"by {fluctuation['value']:z.5f} [{fluctuation['low']:z.5f}, {fluctuation['high']:z.5f}] over a turn."
+            f"by {fluctuation['value']:z.5f} [{fluctuation['low']:z.5f}, {fluctuation['high']:z.5f}] over a turn"
+            + (
+                "."
+                if per_degree is None
+                else f", if the disc is concentric (0.1 deg: {0.1 * per_degree:.2g} more or less)."
+            )
         )
     step = result["clock_step_us"]
     clock = "finer than 1 ns" if step is None else f"in steps of {step:g} us"
@@ -158,6 +189,9 @@ def _print(result: dict[str, Any]) -> None:
         say(result["not_steady"])
     if "start_up" in result:
         _print_start(result)
+    if "calibration" in result:
+        place = result["calibration"]
+        say(f"The first edge is that of line {place['first_edge_is_line']} of the calibration, by {place['evidence']}.")
     if "pitch" in result:
         error = result["pitch"]["rms_percent_of_pitch"]
         say(f"Errors of the disc, estimated and corrected: {error:.2g} % of the pitch.")

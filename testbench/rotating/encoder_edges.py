@@ -1,11 +1,11 @@
 """Encoder edges: their instants, the number of each pulse, and checks that the log is what it claims to be.
 
 Lost and spurious edges show as intervals much longer or shorter than their neighbours, unless a wide or narrow slot of
-the disc explains them, which comes again a turn later. A wrong number of edges per turn shows by autocorrelation: the
-motion then repeats after another number of edges than stated.
+the disc explains them, which comes again a turn later. Lines without an edge in any turn are worn lines of the disc, no
+lost edges. A wrong number of edges per turn shows by autocorrelation: the motion then repeats after another number.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated
@@ -37,6 +37,8 @@ _MOST_TURNS = 5
 """Stated turns over which a repetition is searched."""
 _ROUNDING_STEPS = 3.0
 """Scatter in steps of the clock up to which it may be rounding."""
+_LEAST_TURNS = 2
+"""Turns of the disc in none of which a worn line has an edge."""
 _CLEAR = 0.35
 """Scatter at a lag over that at its neighbours below which the motion repeats."""
 
@@ -64,8 +66,8 @@ class Gap:
 def lost_edges(time: Floats, pulses: int) -> list[Gap]:
     """Gaps in the instants of edges (n,) [s] of a disc with so many pulses a turn.
 
-    An interval that is as long one turn of the disc before or after is a wide slot, no loss; a slot that is missing on
-    the disc comes one edge earlier each turn, and counts as a loss.
+    An interval that is as long one turn of the disc before or after is a wide slot, no loss; a line that is missing on
+    the disc comes one edge earlier each turn, and is a gap.
     """
     ratio = interval_ratios(time)
     return [
@@ -122,16 +124,26 @@ def _spread(rows: Floats) -> Floats:
 
 
 class LostEdges(RecordingError):
-    """A log with lost edges; the message names each place."""
+    """A log with lost edges, or of a disc with worn lines; the message names each place."""
 
-    def __init__(self, name: str, gaps: list[Gap]) -> None:
+    def __init__(self, name: str, gaps: list[Gap], worn: tuple[int, ...] = ()) -> None:
         places = "; ".join(gap.text() for gap in gaps[:8]) + ("; ..." if len(gaps) > 8 else "")
         count = sum(gap.missing for gap in gaps)
+        odd = [f"{count} edge{'s' * (count > 1)} lost: {places}"] * bool(gaps) + [worn_text(worn)] * bool(worn)
         super().__init__(
-            f"{name}: {count} edge{'s' * (count > 1)} lost: {places}. Through a gap the speed would be wrong, and the "
-            "angle of every later edge; --bridge counts the lost edges and goes on"
+            f"{name}: {'; '.join(odd)}. Through a gap the speed would be wrong, and the angle of every later edge; "
+            "--bridge counts what lacks and goes on, also to --calibrate the lines that there are"
         )
-        self.gaps = gaps
+        self.gaps, self.worn = gaps, worn
+
+
+def worn_text(worn: tuple[int, ...]) -> str:
+    """Lines that lack in each turn, in words."""
+    named, several = ", ".join(str(k) for k in worn[:20]) + ", ..." * (len(worn) > 20), len(worn) > 1
+    return (
+        f"line{'s' * several} {named} of the disc {'are' if several else 'is'} missing in each turn (the first edge is "
+        "line 0): worn, dirty, or left out for reference"
+    )
 
 
 @dataclass(frozen=True)
@@ -174,6 +186,8 @@ class Edges:
     """Where edges are lost."""
     offset: Floats | None = None
     """Angle by which each slot of the disc is ahead of its even place, (pulses,) [rad of the encoder's shaft]."""
+    worn: tuple[int, ...] = ()
+    """Slots of the disc that have no edge in any turn, from that of the first edge [-]."""
 
     @cached_property
     def angle(self) -> Floats:
@@ -191,7 +205,7 @@ class Edges:
 
     def part(self, where: Indices) -> "Edges":
         """The edges with indices ``where`` (k,) [-], pulses still counted from the same first edge."""
-        return Edges(self.name, self.disc, self.time[where], self.pulse[where], self.gaps, self.offset)
+        return replace(self, time=self.time[where], pulse=self.pulse[where])
 
 
 def number_edges(name: str, time: Floats, disc: Disc, bridge: bool = False, offset: Floats | None = None) -> Edges:
@@ -211,12 +225,21 @@ def number_edges(name: str, time: Floats, disc: Disc, bridge: bool = False, offs
             "from noise on the signal, or both flanks counted: remove them from the log"
         )
     gaps = lost_edges(time, disc.pulses)
-    if gaps and not bridge:
-        raise LostEdges(name, gaps)
     step = np.ones(len(time) - 1, dtype=np.intp)
     for gap in gaps:
         step[gap.after] += gap.missing
-    return Edges(name, disc, time, np.concatenate([[0], np.cumsum(step)]), tuple(gaps), offset)
+    pulse = np.concatenate([[0], np.cumsum(step)])
+    worn = np.bincount(pulse % disc.pulses, minlength=disc.pulses) == 0
+    worn &= pulse[-1] + 1 >= _LEAST_TURNS * disc.pulses
+    gaps = [
+        replace(gap, missing=lost)
+        for gap in gaps
+        if (lost := gap.missing - int(worn[(pulse[gap.after] + 1 + np.arange(gap.missing)) % disc.pulses].sum()))
+    ]
+    slots = tuple(np.flatnonzero(worn).tolist())
+    if (gaps or slots) and not bridge:
+        raise LostEdges(name, gaps, slots)
+    return Edges(name, disc, time, pulse, tuple(gaps), offset, slots)
 
 
 def read_edge_times(path: Path) -> Floats:

@@ -5,7 +5,8 @@ The speed edge by edge, start-up included, is the slope of local cubics of time 
 Errors of an encoder disc: slots that are not at their even places.
 
 They are estimated from a free run of the disc at nearly constant speed, or together with the steady turn where the disc
-has another period than the crank.
+has another period than the crank. A log begins at any line of its disc: which one, the errors of single lines tell, or
+lines that are missing, or an index pulse.
 """
 
 import math
@@ -21,57 +22,190 @@ from balance.estimation.estimate import coverage_factor
 from balance.results import Key, per_cent, plain, rpm
 
 from ..errors import AnalysisError
-from .encoder_edges import Edges, repetition
-from .speed_fit import STEADY, SpeedEstimate, SteadySpeedFit, periodic_turn
+from .encoder_edges import Edges, repetition, worn_text
+from .speed_fit import MOST_HARMONICS, STEADY, SpeedEstimate, SteadySpeedFit, periodic_turn, time_regressor
 
 if TYPE_CHECKING:
     from balance.drives.harmonic_balance import SteadyRotation
     from balance.drives.machine import Machine
     from balance.drives.time_integration import StartUp
 
-COLUMNS = ("slot", "ahead_deg")
+COLUMNS = ("slot", "ahead_deg", "half_width_deg", "lines_from_index")
+"""Of a file of errors; the first two are required. A line that is missing has an empty ``ahead_deg``."""
 _ROUNDS = 8
 """Alternating estimates of the turn and the errors."""
+_OTHER_PLACES = 1e-3
+"""Probability of all other places of a calibration together, up to which the best one is taken."""
+TURNS_TO_SEPARATE = 3
+"""Turns of the crank from which a log tells errors of a disc on another shaft."""
+_SAME_LINE = 0.25
+"""Lines by which an index pulse may come elsewhere."""
+
+
+def _degrees(angles: Floats) -> list[float | None]:
+    return [None if math.isnan(angle) else math.degrees(angle) for angle in angles]
 
 
 @dataclass(frozen=True)
 class PitchErrors:
-    """Errors of a disc, slot 0 being that of the first edge."""
+    """Errors of a disc, slot 0 being that of the first edge of the log they are from."""
 
-    ahead: Annotated[Floats, Key("ahead_deg", to=np.degrees)]
-    """Angle by which each slot is ahead of its even place, mean zero, (pulses,) [rad of the encoder's shaft]."""
-    error: Annotated[Floats, Key("half_width_deg", to=np.degrees)]
-    """Half width of the 95 % interval of each, (pulses,) [rad]."""
+    ahead: Annotated[Floats, Key("ahead_deg", to=_degrees)]
+    """Angle by which each slot is ahead of its even place, mean zero, NaN where the disc lacks the line, (pulses,) [rad
+    of the encoder's shaft]."""
+    error: Annotated[Floats, Key("half_width_deg", to=_degrees)]
+    """Half width of the 95 % interval of each, NaN as above, (pulses,) [rad]."""
+    index: Annotated[float | None, Key("index_at_line")] = None
+    """Where the index pulse comes, in lines from slot 0 [-]; None without one."""
 
     @property
     def rms(self) -> Annotated[float, Key("rms_percent_of_pitch", to=per_cent)]:
         """Root mean square of the errors over the pitch [-]."""
-        return float(np.sqrt(np.mean(self.ahead**2)) * len(self.ahead) / (2.0 * np.pi))
+        return float(np.sqrt(np.nanmean(self.ahead**2)) * len(self.ahead) / (2.0 * np.pi))
 
 
-def pitch_from_free_run(edges: Edges) -> PitchErrors:
+def pitch_from_free_run(edges: Edges, index: Floats | None = None) -> PitchErrors:
     """Errors of the disc from a log of its shaft turning freely, at nearly constant speed.
 
-    Each instant is compared with the mean of the turn of the disc about it, over which the errors cancel. A fluctuation
-    that repeats every turn of this shaft would count as an error: the shaft must be uncoupled from the mechanism.
-    Raises AnalysisError for lost edges or fewer than three turns.
+    Each instant is compared with the mean of the turn of the disc about it, over which the errors cancel. A missing
+    line is thought between its neighbours for that mean, and has no error. A fluctuation that repeats every turn of
+    this shaft would count as an error: the shaft must be uncoupled from the mechanism. ``index`` are the instants (n,)
+    [s] of the index pulse. Raises AnalysisError for fewer than three turns.
     """
-    pulses = edges.disc.pulses
-    if edges.gaps:
-        raise AnalysisError(f"{edges.name}: edges are lost: calibrate with a complete log")
-    if len(edges.time) < 3 * pulses:
+    pulses, number = edges.disc.pulses, np.arange(edges.pulse[-1] + 1)
+    if len(number) < 3 * pulses:
         raise AnalysisError(
-            f"{edges.name}: {len(edges.time) / pulses:.1f} turns of the disc: expected 3 or more; take a longer log"
+            f"{edges.name}: {len(number) / pulses:.1f} turns of the disc: expected 3 or more; take a longer log"
         )
+    time = np.interp(number, edges.pulse, edges.time)
     window = np.full(pulses + 1, 1.0 / pulses)
     window[[0, -1]] = 0.5 / pulses
     if pulses % 2:
         window = np.full(pulses, 1.0 / pulses)
     half = len(window) // 2
-    middle = slice(half, len(edges.time) - half)
-    late = edges.time[middle] - np.convolve(edges.time, window, "valid")
-    rate = 2.0 * np.pi / np.gradient(np.convolve(edges.time, window, "valid")) / pulses
-    return _by_slot(rate * late, edges.pulse[middle] % pulses, pulses)
+    middle = slice(half, len(time) - half)
+    late = time[middle] - np.convolve(time, window, "valid")
+    rate = 2.0 * np.pi / np.gradient(np.convolve(time, window, "valid")) / pulses
+    have = np.isin(number[middle], edges.pulse)
+    found = _by_slot((rate * late)[have], number[middle][have] % pulses, pulses)
+    return found if index is None else replace(found, index=_index_line(edges, index))
+
+
+def _index_line(edges: Edges, index: Floats) -> float:
+    """Where the index pulses (n,) [s] come, in lines from the slot of the first edge [-]."""
+    inside = index[(index >= edges.time[0]) & (index <= edges.time[-1])]
+    turn = 2.0 * np.pi * np.interp(inside, edges.time, edges.pulse) / edges.disc.pulses
+    middle = float(np.angle(np.exp(1j * turn).mean())) if len(inside) else 0.0
+    off = np.abs(np.angle(np.exp(1j * (turn - middle)))).max(initial=0.0) * edges.disc.pulses / (2.0 * np.pi)
+    if not len(inside) or off > _SAME_LINE:
+        places = f"come up to {off:.2g} lines apart" if len(inside) else "are not within the log of the edges"
+        raise AnalysisError(
+            f"{edges.name}: the index pulses {places}: expected one a turn of the disc at the same line, on the clock "
+            "of the edges; check --index, --pulses"
+        )
+    return middle % (2.0 * np.pi) * edges.disc.pulses / (2.0 * np.pi)
+
+
+@dataclass(frozen=True)
+class PitchPlace:
+    """Where the errors of a disc fit a log."""
+
+    line: Annotated[int, Key("first_edge_is_line")]
+    """Slot of the calibration that the log's first edge is of [-]."""
+    evidence: Annotated[str, Key()]
+    """What tells: errors of single lines, missing lines, or the index pulse."""
+    others: Annotated[float, Key("odds_of_other_places_by_single_lines")]
+    """Probability that another place, or no errors, make such a log, over that of this place [-]."""
+
+
+def place_pitch_errors(
+    edges: Edges, pitch: PitchErrors, steady_within: float = STEADY, index: Floats | None = None
+) -> tuple[Edges, PitchPlace]:
+    """The edges corrected for a disc's errors, turned to where they fit the log, and where that is.
+
+    All places are compared by what repeats each turn of the disc beyond the harmonics of the crank, its size unknown:
+    odds of (squares / squares)^(freedom / 2). Lines missing from the calibration must lack in the log. Of several
+    places one is taken where all others, and no errors at all, have odds below _OTHER_PLACES together; missing lines
+    and an index pulse (instants (n,) [s]) decide where nothing contradicts them as clearly. Raises AnalysisError else.
+    """
+    turn = periodic_turn(edges, None, steady_within)
+    cost = _place_costs(turn, pitch.ahead)
+    possible, evidence = np.isfinite(cost[:-1]), "missing lines"
+    if index is not None:
+        if pitch.index is None:
+            raise _misfit(edges, f"it has no column {COLUMNS[3]}: give --index when calibrating, too, or leave it out")
+        shift = pitch.index - _index_line(edges, index)
+        if abs(shift - round(shift)) > _SAME_LINE:
+            raise _misfit(edges, f"its index pulse comes {abs(shift - round(shift)):.2g} lines elsewhere between lines")
+        possible, evidence = possible & (np.arange(len(possible)) == round(shift) % len(possible)), "index pulse"
+    if not possible.any():
+        raise _misfit(edges, "lines that it lacks have edges here, wherever it is put")
+    best, decided = int(np.argmin(np.where(possible, cost[:-1], np.inf))), possible.sum() == 1
+    if decided:  # errors of single lines, mostly jitter of the calibration, may be less than they are said to be
+        cost = _place_costs(turn, pitch.ahead, at_most=True)
+    odds = np.exp(0.5 * np.minimum(cost[best] - np.delete(cost, best), 700.0))
+    if decided:
+        if odds.max() * _OTHER_PLACES > 1.0:
+            raise _misfit(edges, f"by {evidence} its line {best} comes first, by the errors of single lines not")
+    elif odds.sum() > _OTHER_PLACES:
+        raise _misfit(
+            edges,
+            "whichever of its lines comes first, its errors of single lines are not in this log, or jitter hides them"
+            if odds[-1] > _OTHER_PLACES
+            else f"line {best} comes first, or one of {int((odds > _OTHER_PLACES).sum())} others; jitter hides which",
+        )
+    else:
+        evidence = "errors of single lines"
+    offset, width = np.roll(pitch.ahead, -best), np.nan_to_num(np.roll(pitch.error, -best))
+    if edges.disc.pitch_is_separable and turn.turns >= TURNS_TO_SEPARATE:
+        own, _ = pitch_from_record(edges, None, steady_within)
+        if np.nanmean((own.ahead - offset) ** 2 / (own.error**2 + width**2)) > 1.0:
+            raise _misfit(edges, "the log itself shows other errors: nothing is needed but to leave --pitch out")
+    return replace(edges, offset=offset), PitchPlace(best, evidence, float(odds.sum()))
+
+
+def _misfit(edges: Edges, why: str) -> AnalysisError:
+    return AnalysisError(
+        f"{edges.name}: this calibration does not fit: {why}. It must be of this disc, turning the same way; calibrate "
+        "again, with --index in both logs where the disc has an index pulse, take longer logs, or leave --pitch out"
+    )
+
+
+def _place_costs(turn: SteadySpeedFit, ahead: Floats, at_most: bool = False) -> Floats:
+    """Minus twice the log likelihood of a steady turn for each slot of errors (P,) [rad] as that of its first edge,
+    infinite where edges are at missing lines, and last for no errors, (P + 1,). ``at_most``: or a share of the errors.
+
+    What counts is the residual summed by slot, in which jitter averages out; an error moves an instant by slope times
+    error, of which harmonics of the crank take their part. As many are left to the crank as its edges carry: what its
+    motion may be tells nothing.
+    """
+    used, pulses = turn.edges, turn.edges.disc.pulses
+    slot, slope = used.pulse % pulses, turn.slope(used.angle) / used.disc.ratio
+    most = max(1, min(MOST_HARMONICS, int(used.disc.per_turn // 4)))
+    basis = np.linalg.qr(time_regressor(used.angle, most))[0]
+    time = used.time - used.time[0]
+
+    def by_slot(values: Floats) -> Floats:
+        return np.bincount(slot, values, pulses).astype(float)
+
+    have, late, rate = np.bincount(slot, minlength=pulses), by_slot(time - basis @ (basis.T @ time)), by_slot(slope)
+    count = np.maximum(have, 1)
+    waves = np.stack([by_slot(column) for column in basis.T], axis=1)
+    moving = np.stack([by_slot(slope * column) for column in basis.T], axis=1)
+    freedom = (have > 0).sum() - float((waves**2 / count[:, None]).sum())
+
+    def costs(errors: Floats) -> Floats:
+        known = np.nan_to_num(errors)
+        change = rate * known - known @ moving @ waves.T
+        size, common = (change**2 / count).sum(axis=1), (late * change / count).sum(axis=1)
+        share = np.clip(common / np.maximum(size, 1e-40), 0.0, 1.0) if at_most else 1.0
+        squares = (late**2 / count).sum() - share * (2.0 * common - share * size)
+        cost = max(freedom, 0.0) * np.log(np.maximum(squares, 1e-40))
+        return np.where((np.isnan(errors) & (have > 0)).any(axis=1), np.inf, cost)
+
+    parts = np.array_split(np.arange(pulses), -(-pulses // 256))
+    by_place = [costs(ahead[(np.arange(pulses) + part[:, None]) % pulses]) for part in parts]
+    return np.concatenate([*by_place, costs(np.zeros((1, pulses)))])
 
 
 def pitch_from_record(
@@ -100,35 +234,40 @@ def pitch_from_record(
 
 def _by_slot(late: Floats, slot: "np.ndarray[Any, np.dtype[np.signedinteger[Any]]]", pulses: int) -> PitchErrors:
     """Mean of angles (n,) [rad] by slot, a late slot being ahead, and its interval from their scatter."""
-    have = np.bincount(slot, minlength=pulses)
-    if (have == 0).any():
-        raise AnalysisError(f"slot {int(np.argmin(have))} of the disc does not appear in the log")
+    count = np.bincount(slot, minlength=pulses)
+    have = np.where(count > 0, count, np.nan)
     mean = np.bincount(slot, late, pulses) / have
     spread = late - mean[slot]
-    degrees_of_freedom = max(len(late) - pulses, 1)
+    degrees_of_freedom = max(len(late) - int((count > 0).sum()), 1)
     error = coverage_factor(degrees_of_freedom) * np.sqrt((spread**2).sum() / degrees_of_freedom / have)
-    return PitchErrors(mean - mean.mean(), error)
+    return PitchErrors(mean - np.nanmean(mean), error)
 
 
 def write_pitch_errors(pitch: PitchErrors, path: Path) -> None:
     """Write the errors of a disc as CSV, in the columns COLUMNS."""
-    rows = [f"{k},{np.degrees(angle):.9g}" for k, angle in enumerate(pitch.ahead)]
-    path.write_text("\n".join([",".join(COLUMNS), *rows, ""]), encoding="utf-8")
+    columns: list[Any] = [range(len(pitch.ahead)), _degrees(pitch.ahead), _degrees(pitch.error)]
+    if pitch.index is not None:
+        columns.append([k - pitch.index for k in columns[0]])
+    rows = [",".join("" if cell is None else f"{cell:.9g}" for cell in row) for row in zip(*columns, strict=True)]
+    path.write_text("\n".join([",".join(COLUMNS[: len(columns)]), *rows, ""]), encoding="utf-8")
 
 
-def read_pitch_errors(path: Path, pulses: int) -> Floats:
-    """Errors of a disc with ``pulses`` slots from a CSV, (pulses,) [rad]. Raises DataError for another table."""
+def read_pitch_errors(path: Path, pulses: int) -> PitchErrors:
+    """Errors of a disc with ``pulses`` slots from a CSV of the columns COLUMNS. Raises DataError for another table."""
     import csv
 
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             rows = list(csv.DictReader(file, strict=True))
-        slots, ahead = [int(row["slot"]) for row in rows], [float(row["ahead_deg"]) for row in rows]
-    except (csv.Error, UnicodeDecodeError, KeyError, ValueError, TypeError) as error:
-        raise DataError(f"{path.name}: expected the columns {','.join(COLUMNS)} of numbers") from error
-    if slots != list(range(pulses)) or not np.isfinite(ahead).all():
+        slots, cells = [int(row[COLUMNS[0]]) for row in rows], [row[COLUMNS[1]].strip() for row in rows]
+        ahead = {slot: float(cell) for slot, cell in zip(slots, cells, strict=True) if cell}
+        error = [float(row.get(COLUMNS[2]) or "nan") for row in rows]
+        index = -float(rows[0][COLUMNS[3]]) if rows and COLUMNS[3] in rows[0] else None
+    except (csv.Error, UnicodeDecodeError, KeyError, ValueError, TypeError, AttributeError) as wrong:
+        raise DataError(f"{path.name}: expected the columns {','.join(COLUMNS[:2])} of numbers") from wrong
+    if slots != list(range(pulses)) or not ahead or not np.isfinite([*ahead.values(), index or 0.0]).all():
         raise DataError(f"{path.name}: {len(slots)} slots; expected slots 0 to {pulses - 1} in order, finite angles")
-    return np.radians(ahead)
+    return PitchErrors(np.radians([ahead.get(k, np.nan) for k in slots]), np.radians(error), index)
 
 
 HALF_WIDTH = 4
@@ -273,12 +412,19 @@ def edges_document(record: Edges) -> dict[str, Any]:
         "motion_repeats_every_edges": repetition(record),
         "clock_step_us": None if step is None else step * 1e6,
         "lost_edges": plain(record.gaps),
+        "missing_lines": list(record.worn),
     }
 
 
 def turn_document(found: SteadySpeedFit, nominal: float | None) -> dict[str, Any]:
-    """The steady turn with its 95 % intervals as JSON."""
-    phi = np.radians(_DEGREES)
+    """The steady turn with its 95 % intervals as JSON.
+
+    An eccentric disc whose lines are ahead by e sin(angle) adds up to 2 e to the fluctuation, which no log of a disc on
+    the crank's own shaft tells from it.
+    """
+    phi, disc = np.radians(_DEGREES), found.edges.disc
+    unknown = found.edges.offset is None and not disc.pitch_is_separable
+    per_degree = math.radians(2.0) * (found.mean.value / nominal if nominal else 1.0)
     return {
         "turns_used": found.turns,
         "turns_left_out": found.unsteady_turns,
@@ -293,6 +439,7 @@ def turn_document(found: SteadySpeedFit, nominal: float | None) -> dict[str, Any
         "mean_rpm": _interval(found.mean, RPM),
         "fluctuation": _interval(found.fluctuation(nominal), 1.0),
         "fluctuation_by": "mean speed over time" if nominal is None else "nominal speed",
+        "fluctuation_by_eccentricity_per_deg": per_degree if unknown else None,
         "turn": {
             "angle_deg_from_first_edge": _DEGREES.tolist(),
             "speed_rpm": (found.speed(phi) / RPM).tolist(),
@@ -339,7 +486,7 @@ def start_up_document(computed: "StartUp", later: float) -> dict[str, Any]:
 
 def speed_findings(record: Edges, found: SteadySpeedFit | None) -> list[str]:
     """Findings about a log and its steady turn."""
-    odd = [f"lost edges bridged: {gap.text()}" for gap in record.gaps]
+    odd = [worn_text(record.worn)] * bool(record.worn) + [f"lost edges bridged: {gap.text()}" for gap in record.gaps]
     interval, step = float(np.median(np.diff(record.time))), record.clock_step
     if step is not None and step > COARSE_CLOCK * interval:
         odd.append(
@@ -353,9 +500,12 @@ def speed_findings(record: Edges, found: SteadySpeedFit | None) -> list[str]:
             "times as high; check --pulses"
         )
     if found is not None and found.repeated > 0.0:
+        beyond = (
+            "; --pitch takes a calibration" if record.offset is None else " beyond the calibration; calibrate again"
+        )
         odd.append(
             f"slots of the disc are {100 * found.repeated:.2g} % of the pitch out of place: in the speed edge by edge "
-            "that looks like fluctuation, the steady turn suppresses it; --pitch takes a calibration"
+            f"that looks like fluctuation, the steady turn suppresses it line by line{beyond}"
         )
     return odd
 

@@ -85,8 +85,21 @@ def test_errors_of_the_disc_are_named(tmp_path):
     free = written(tmp_path / "free.csv", 20.0 * (k + ahead[k % 100] * 100 / 2 / np.pi) / 1000)
     pitch = str(tmp_path / "pitch.csv")
     assert run(free, "--pulses", "100", "--calibrate", pitch)[0] == 0
-    code, output = run(log, "--pulses", "100", "--pitch", pitch, "--json")
-    assert json.loads(output)["steady"]["fluctuation"]["value"] == pytest.approx(0.22175, abs=2e-4)
+    later = written(tmp_path / "later.csv", discs.turning(ahead=np.roll(ahead, -37)))
+    for path, line in ((log, 0), (later, 37)):
+        code, output = run(path, "--pulses", "100", "--pitch", pitch, "--json")
+        assert json.loads(output)["steady"]["fluctuation"]["value"] == pytest.approx(0.22175, abs=2e-4)
+        assert json.loads(output)["calibration"]["first_edge_is_line"] == line
+    assert "if the disc is concentric" not in run(log, "--pulses", "100", "--pitch", pitch)[1]
+
+
+def test_what_an_eccentric_disc_would_add_is_said(log, tmp_path):
+    """A disc on the crank, not calibrated: 0.1 deg once a turn adds up to 2 x 0.1 deg; of one on the motor nothing."""
+    assert "over a turn, if the disc is concentric (0.1 deg: 0.0035 more or less)." in " ".join(
+        run(log, "--pulses", "100", "--nominal", "76.454rpm")[1].split()
+    )
+    geared = written(tmp_path / "motor.csv", discs.turning(ratio=3.61))
+    assert "concentric" not in run(geared, "--pulses", "100", "--ratio", "3.61")[1]
 
 
 def test_start_up_beside_the_computed_one(tmp_path):
@@ -124,6 +137,7 @@ def test_what_proves_the_edges_a_turn(log, tmp_path):
         ("--reading", "geared"),
         ("--motor-speed", "276rpm"),
         ("--first-edge-at", "3deg"),
+        ("--index", "index.csv"),
     ],
 )
 def test_options_that_cannot_be_meant(log, options):

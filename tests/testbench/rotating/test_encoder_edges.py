@@ -27,12 +27,18 @@ def test_lost_edges_are_counted_where_they_are(lost):
     np.testing.assert_array_equal(numbers, np.delete(np.arange(801), lost))
 
 
-def test_a_slot_missing_from_the_disc_is_a_loss_every_turn():
-    """Slot 30 filled with dirt: eight gaps, not a wide slot."""
-    lost = 30 + 100 * np.arange(8)
-    with pytest.raises(LostEdges) as caught:
-        number_edges("log", without(discs.turning(), *lost), Disc(100))
-    assert [gap.missing for gap in caught.value.gaps] == [1] * 8
+def test_lines_missing_from_the_disc_are_named_once():
+    """Lines 30 and 31 filled with dirt, and two edges lost, one beside them: no wide slot, not sixteen edges lost."""
+    worn = np.add.outer(100 * np.arange(8), [30, 31]).ravel()
+    time = without(discs.turning(), *worn, 332, 450)
+    with pytest.raises(
+        LostEdges, match=r"2 edges lost: 1 after edge 323.*lines 30, 31 of the disc are missing in each"
+    ):
+        number_edges("log", time, Disc(100))
+    log = number_edges("log", time, Disc(100), bridge=True)
+    np.testing.assert_array_equal(log.pulse, np.delete(np.arange(801), [*worn, 332, 450]))
+    assert (log.worn, [gap.missing for gap in log.gaps]) == ((30, 31), [1, 1])
+    assert sum("missing in each turn" in text for text in speed_findings(log, None)) == 1
 
 
 def test_a_wide_slot_is_no_loss():
