@@ -379,7 +379,7 @@ def _group(file: "h5py.File", known: Mapping[str, Any], number: int, digests: An
     )
     node = safe_hdf5.member(file, group.path) if group.keys else file
     for key in group.keys:
-        if (found := safe_hdf5.member(node, key).shape) != (group.samples,):
+        if (found := safe_hdf5.shape(node, key)) != (group.samples,):
             raise StoreError(f"{file.filename}: {group.path}/{key} holds {found}, expected {group.samples} samples")
     return group
 

@@ -63,34 +63,57 @@ def member(group: "h5py.Group", path: str) -> Any:  # noqa: ANN401
     """The object at ``path`` below ``group``; links to elsewhere on the way are refused by name."""
     import h5py
 
+    node = _sound(group, path)
+    kinds = {h5py.h5d.DatasetID: h5py.Dataset, h5py.h5g.GroupID: h5py.Group}
+    return kinds.get(type(node), h5py.Datatype)(node)
+
+
+def shape(group: "h5py.Group", path: str) -> tuple[int, ...]:
+    """That of the dataset at ``path`` below ``group``."""
+    found: tuple[int, ...] = _sound(group, path).shape
+    return found
+
+
+def _sound(group: "h5py.Group", path: str) -> Any:  # noqa: ANN401
+    """What h5py's lower level has at ``path``, no dataset whose data are elsewhere."""
+    import h5py
+
     node = _followed(group, path)
-    if isinstance(node, h5py.Dataset):
-        _refuse_outside(node)
+    if isinstance(node, h5py.h5d.DatasetID):
+        _refuse_outside(node, group, path)
     return node
 
 
-def _followed(group: "h5py.Group", path: str) -> Any:  # noqa: ANN401
-    import h5py
+def _where(group: "h5py.Group", path: str) -> str:
+    return f"{group.file.filename}: {(group.name or '').rstrip('/')}/{path}"
 
-    node = group
-    for name in path.split("/"):
-        links = node.id.links
-        if not links.exists(name.encode()):
+
+def _followed(group: "h5py.Group", path: str) -> Any:  # noqa: ANN401
+    from h5py import h5l, h5o
+
+    node = group.id  # group[name] and its objects take four times as long
+    for name in path.encode().split(b"/"):
+        links = node.links
+        if not links.exists(name):
             raise StoreError(f"{group.file.filename}: holds no {path}; it is not a stored run, or damaged")
-        if links.get_info(name.encode()).type != h5py.h5l.TYPE_HARD:
-            raise StoreError(f"{group.file.filename}: {node.name}/{name} is a link to elsewhere, which is refused")
-        found = h5py.h5o.open(node.id, name.encode())  # group[name] takes four times as long
-        kinds = {h5py.h5d.DatasetID: h5py.Dataset, h5py.h5g.GroupID: h5py.Group}
-        node = kinds.get(type(found), h5py.Datatype)(found)
+        if links.get_info(name).type != h5l.TYPE_HARD:
+            raise StoreError(f"{_where(group, path)}: {name.decode()} is a link to elsewhere, which is refused")
+        node = h5o.open(node, name)
     return node
 
 
 def texts(group: "h5py.Group", path: str, largest: int) -> list[str]:
     """The texts of a dataset, of fixed length each; of no more than ``largest`` bytes together if they are deflated."""
-    dataset = member(group, path)
-    if dataset.dtype.kind != "S" or dataset.nbytes > max(largest, dataset.id.get_storage_size()):
+    from h5py import h5s
+
+    dataset = _sound(group, path)
+    kind, stored = dataset.dtype, dataset.get_storage_size()
+    if kind.kind != "S" or math.prod(dataset.shape) * kind.itemsize > max(largest, stored):
         raise StoreError(f"{group.file.filename}: {path} does not hold texts as we store them")
-    return [bytes(text).decode("utf-8") for text in dataset[()]]
+    found = np.empty(dataset.shape, kind)
+    if found.size:
+        dataset.read(h5s.ALL, h5s.ALL, found)
+    return [bytes(text).decode("utf-8") for text in found]
 
 
 def numbers(
@@ -127,25 +150,25 @@ def has(group: "h5py.Group", path: str) -> bool:
     return True
 
 
-def _refuse_outside(dataset: "h5py.Dataset") -> None:
+def _refuse_outside(dataset: "h5py.h5d.DatasetID", group: "h5py.Group", path: str) -> None:
     """Refuse data that lie in another file, that need a foreign filter, or that were never written."""
-    import h5py
+    from h5py import h5d
 
-    plist, shape, stored = dataset.id.get_create_plist(), dataset.id.shape, dataset.id.get_storage_size()
+    plist, shape, stored = dataset.get_create_plist(), dataset.shape, dataset.get_storage_size()
     kind = plist.get_layout()
-    if kind == h5py.h5d.VIRTUAL or plist.get_external_count():
-        raise StoreError(f"{dataset.file.filename}: {dataset.name} lies in another file, which is refused")
+    if kind == h5d.VIRTUAL or plist.get_external_count():
+        raise StoreError(f"{_where(group, path)} lies in another file, which is refused")
     filters = {plist.get_filter(n)[0] for n in range(plist.get_nfilters())}
     if not filters <= _FILTERS:
-        raise StoreError(f"{dataset.file.filename}: {dataset.name} needs a filter that is not a standard one")
-    ratio, item = _LARGEST_RATIO if _DEFLATE in filters else 1, dataset.id.dtype.itemsize
+        raise StoreError(f"{_where(group, path)} needs a filter that is not a standard one")
+    ratio, item = _LARGEST_RATIO if _DEFLATE in filters else 1, dataset.dtype.itemsize
     holes = False  # a chunk that was never written: HDF5 would make up its values
-    if kind == h5py.h5d.CHUNKED:
+    if kind == h5d.CHUNKED:
         chunk = plist.get_chunk()
         count = math.prod(-(-length // size) for length, size in zip(shape, chunk, strict=True))
         if _DEFLATE in filters:
-            holes = int(dataset.id.get_num_chunks()) < count
+            holes = int(dataset.get_num_chunks()) < count
         else:
             holes = stored < count * (math.prod(chunk) * item + (_CHECKSUM if _FLETCHER32 in filters else 0))
     if holes or math.prod(shape) * item > ratio * stored:
-        raise StoreError(f"{dataset.file.filename}: {dataset.name} declares more values than the file holds")
+        raise StoreError(f"{_where(group, path)} declares more values than the file holds")
