@@ -179,17 +179,17 @@ def _page(runs: tuple[Path, ...], output: Path, scheduler: str | None, **how: An
     unopened = {one.run: one.message for one in refused}
     with task_pool(scheduler, tasks=len(opened)) as pool:
         found = campaign_report(name, opened, unopened=unopened, pool=pool, **how)
-    path = found.page().write(output)
-    findings = found.document["findings"]
+    page = found.page()
+    path, findings = page.write(output), page.document["findings"]
 
     def show() -> None:
-        say(f"{name}: {found.document['verdict']}")
+        say(f"{name}: {page.document['verdict']}")
         for finding in findings:
             more = f" (and {finding['count'] - 1} more)" if finding["count"] > 1 else ""
             say(f"  {finding['code']}: {finding['messages'][0]}{more}; {finding['decision']}")
         say(f"Wrote {path}.")
 
-    document = {**found.document, "refused": refused, "written": [str(path)]}
+    document = {**page.document, "refused": refused, "written": [str(path)]}
     return Answer(document, show, bool(findings), refused=refused)
 
 

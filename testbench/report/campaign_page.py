@@ -122,7 +122,7 @@ class CampaignReport:
 
     def page(self) -> Page:
         """The page, with pictures and what its script draws."""
-        figure, pictures = self._drawn()
+        pictures, figure, document = self._drawn()
         runs = [one.plotted for one in self.reports.values() if one.plotted]
         data = {
             "runs": [run.as_dict() for run in runs],
@@ -137,17 +137,19 @@ class CampaignReport:
             "pictures": pictures,
             "calibrations": [str(one) for one in calibrations_in_force(SIRun.of(run) for run in self.runs if run.rig)],
         }
-        return Page(Path(__file__).with_name("campaign.html"), self.document, data, about)
+        return Page(Path(__file__).with_name("campaign.html"), document, data, about)
 
-    def _drawn(self) -> tuple["Markup | None", "list[Markup]"]:
-        """The figure of the reductions and those of the strongest condition; of many runs each in a process."""
+    def _drawn(self) -> tuple["list[Markup]", "Markup | None", dict[str, Any]]:
+        """Figures of the strongest condition and of the reductions, and the document; of many runs side by side."""
         if isinstance(self.comparison, str):
-            return None, []
-        draws: list[Callable[[], Any]] = [
-            partial(reductions_svg, self.comparison), partial(strongest_condition, self.comparison, self.runs)
-        ]  # fmt: skip
-        drawn: dict[int, Any] = dict(cores(len(self.runs)).results(_called, draws))
-        return drawn[0], drawn[1]
+            return [], None, self.document
+        parts: list[Callable[[], Any]] = [
+            partial(strongest_condition, self.comparison, self.runs),  # the longest first
+            partial(reductions_svg, self.comparison),
+            lambda: self.document,
+        ]
+        drawn: dict[int, Any] = dict(cores(len(self.runs)).results(_called, parts))
+        return drawn[0], drawn[1], drawn[2]
 
 
 def _called(work: Callable[[], Any]) -> Any:  # noqa: ANN401
