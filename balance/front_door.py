@@ -173,13 +173,12 @@ def check(mechanism: Mechanism | str | Path, counter_masses: Mapping[str, float 
     4.5
     """
     from .balancing import sizing_of_given
-    from .balancing.objective import workspace_objective
 
     model = _mechanism(mechanism)
     found, masses = conditions(model), _masses(counter_masses)
     model.with_counter_mass(masses)  # refuses what no counter-mass is
     try:
-        return sizing_of_given(found, model, masses, objective=workspace_objective(model))
+        return sizing_of_given(found, model, masses, objective=found.objective)
     except ModelError:  # massless bodies move alone: the momentum has no measure, the conditions have
         return sizing_of_given(found, model, masses)
 

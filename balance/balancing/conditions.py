@@ -220,14 +220,12 @@ class Conditions:
         blocks = zip(least.reshape(bodies, 3, len(rows)), weights.T.reshape(bodies, 3, len(rows)), strict=True)
         return np.array([np.linalg.pinv(own @ weight.T, rcond=_ZERO) @ own @ rows for own, weight in blocks])
 
-    def required_first_moments(
-        self, mechanism: Mechanism | None = None, bodies: Sequence[str] = (), objective: "Objective | None" = None
-    ) -> Floats:
+    def required_first_moments(self, mechanism: Mechanism | None = None, bodies: Sequence[str] = ()) -> Floats:
         """First moments that, added to all bodies together, meet the conditions on linear momentum, (nb, 3) [kg m].
 
         Each in its body's frame. Least in squares on other bodies than ``bodies`` [default: those with sites named
         counter...], then on these. No first moment meets conditions on masses alone: with such the ``objective`` is
-        least, by default the momentum over the workspace. The mass that gives a first moment counts too, apart.
+        least. The mass that gives a first moment counts too, apart.
 
         >>> import balance
         >>> balance.conditions("four-bar").required_first_moments()[:, 0].round(4).tolist()
@@ -236,9 +234,7 @@ class Conditions:
         model = mechanism or self.mechanism
         sites = (model.site(name).body for name in model.counter_sites)
         first = {model.body_index(body) for body in bodies} or {body for body in sites if body >= 0}
-        rows = self.matrix
-        if "kg" in self.units:
-            rows = objective.factor[:, :-1] if objective else self.weights @ rows
+        rows = self.objective.factor[:, :-1] if "kg" in self.units else self.matrix
         blocks = rows.reshape(len(rows), -1, len(PARAMETERS))[:, :, 1:4]
         cheap = np.array([body in first for body in range(blocks.shape[1])], dtype=bool)
         given, others = (blocks[:, which].reshape(len(rows), -1) for which in (cheap, ~cheap))
@@ -255,11 +251,16 @@ class Conditions:
         return float(np.abs(self.values(mechanism)).max(initial=0.0)) <= tol
 
     @cached_property
-    def weights(self) -> Floats:
-        """S (k, rank) [root of kg / kg m]: |S values|^2 is the objective of sizing, the momentum over the workspace."""
+    def objective(self) -> "Objective":
+        """The momentum over the workspace, which sizing makes small where it has no motion."""
         from .objective import workspace_objective
 
-        return workspace_objective(self.mechanism).factor[:, :-1] @ np.linalg.pinv(self.matrix)
+        return workspace_objective(self.mechanism)
+
+    @property
+    def weights(self) -> Floats:
+        """S (k, rank) [root of kg / kg m]: |S values|^2 is the ``objective``."""
+        return self.objective.factor[:, :-1] @ np.linalg.pinv(self.matrix)
 
     def coefficients(self, row: int) -> dict[str, float]:
         """Coefficients of one condition by parameter name, without zeros."""

@@ -10,7 +10,7 @@ where p = P u and 2 T = u' M u. Neither depends on the base frame, nor on names,
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations, product
 
@@ -53,8 +53,6 @@ class Objective:
     """(k, 10 nb + 1) [square root of the unit of J per parameter; the last column without]"""
     unit: str
     """Of the root of J: N, Nm, or for the workspace the root of kg."""
-    over_workspace: bool = field(default=False, kw_only=True)
-    """Whether J is of the momentum over the workspace, with no motion."""
 
     def value(self, mechanism: Mechanism) -> float:
         """J of a mechanism of the same kind with other masses [square of ``unit``]."""
@@ -173,7 +171,7 @@ _ROWS: Mapping[str, Callable[[Mechanism, Trajectory], Iterator[Floats]]] = {
 
 def workspace_objective(mechanism: Mechanism) -> Objective:
     """Mean over the workspace of momentum squared per twice the kinetic energy [kg]: see ``workspace_momentum``."""
-    return Objective(triangle(iter([with_constant(workspace_momentum(mechanism))])), "root of kg", over_workspace=True)
+    return Objective(triangle(iter([with_constant(workspace_momentum(mechanism))])), "root of kg")
 
 
 def workspace_momentum(mechanism: Mechanism) -> Floats:

@@ -90,17 +90,14 @@ class BodyMoment:
 
 
 def body_moments(
-    conditions: Conditions,
-    mechanism: Mechanism,
-    counter_masses: Sequence[CounterMass] = (),
-    objective: Objective | None = None,
+    conditions: Conditions, mechanism: Mechanism, counter_masses: Sequence[CounterMass] = ()
 ) -> list[BodyMoment]:
     """What each body of ``mechanism``, with its ``counter_masses``, is given and misses; none where both are zero."""
     given = np.zeros((len(mechanism.bodies), 3))
     for one in counter_masses:
         given[mechanism.site(one.site).body] += one.first_moment
     carrying = list(dict.fromkeys(mechanism.bodies[mechanism.site(one.site).body] for one in counter_masses))
-    missing = conditions.required_first_moments(mechanism, carrying, objective)
+    missing = conditions.required_first_moments(mechanism, carrying)
     every = zip(mechanism.bodies, given, missing, strict=True)
     return [BodyMoment(body, has, lacks) for body, has, lacks in every if has.any() or lacks.any()]
 
@@ -126,7 +123,7 @@ class Sizing(Shown, rows="counter_masses", figure="balance.figures.mechanism:dra
 
     def root_mean_squares(self) -> tuple[float, float]:
         """Root of the objective without and with the counter-masses [its unit]."""
-        objective = self.objective or workspace_objective(self.before)
+        objective = self.objective or self.conditions.objective
         return objective.value(self.before) ** 0.5, objective.value(self.after) ** 0.5
 
     def is_complete(self) -> bool:
@@ -164,8 +161,7 @@ class Sizing(Shown, rows="counter_masses", figure="balance.figures.mechanism:dra
 
     def first_moments(self) -> list[BodyMoment]:
         """Of each body, the first moment that the conditions require, what the sites give and what is missing."""
-        of_workspace = self.objective if self.objective and self.objective.over_workspace else None
-        return body_moments(self.conditions, self.after, self.counter_masses, of_workspace)
+        return body_moments(self.conditions, self.after, self.counter_masses)
 
     def is_balanced(self, tol: float) -> bool:
         """Whether no condition is off by more than ``tol`` [kg m, kg]."""
@@ -279,7 +275,7 @@ def exact_sizing(
     squares of the masses. Raises SizingError if there is no site or the solver does not converge.
     """
     names = chosen_sites(mechanism, sites)
-    objective = objective or workspace_objective(conditions.mechanism)
+    objective = objective or conditions.objective
     columns, target = objective.system(mechanism, names)
     groups = site_groups(names, equal)
     upper = upper_limits(names, limits)
@@ -381,7 +377,7 @@ def best_sets_from_stock(
     from .stock_search import best_plates  # late: masses of any size are found without it
 
     names = chosen_sites(mechanism, sites)
-    objective = objective or workspace_objective(conditions.mechanism)
+    objective = objective or conditions.objective
     columns, target = objective.system(mechanism, names)
     groups = [group for group in site_groups(names, equal) if len(group) > 1]
     masses, quantities = _stock_arrays(plates)

@@ -209,7 +209,7 @@ def study_sizing(
         vibration = base_vibration.vibration_objective(model, trajectory, measured, weights)
         any_mass = base_vibration.least_vibration(conditions, model, sites, vibration, limits, equal)
     else:
-        any_mass = sized(objective.objective_of(model, trajectory, weights))
+        any_mass = sized(objective.motion_objective(model, trajectory, weights) if trajectory else conditions.objective)
     sets: Sequence[Sizing] = [any_mass]
     if stock:
         from .stock_plates import load_stock

@@ -277,7 +277,7 @@ def test_headings_are_words(key, heading):
 def test_all_shows_rounding_as_zero_and_names_as_they_are(capsys):
     """Beside others of its unit, anywhere in the document; names of joints and planes keep what is in them."""
     document = {
-        "before": {"F_N": 100.0, "share": 1e-13},
+        "before": {"F_N": 100.0, "share": 1e-13, "condition": 1e9},
         "after": {"rms": {"torque_Nm": {"arm_left": 2e-30}, "F_N": -9e-11, "share": 1e-11}},
         "planes": [{"weights": {"left_end": {"x_m": 1.0, "far": True}, "right_end": {"x_m": 2.0, "far": False}}}],
     }

@@ -83,6 +83,12 @@ def test_best_fraction_is_not_beaten(ratio):
     assert best.largest == pytest.approx(other.fun, rel=1e-6)
 
 
+def test_the_largest_force_is_at_an_angle_below_a_turn():
+    """Unbalanced it is at top dead centre, 0 deg; the search may end on either side of it."""
+    extremes = [partial_balance.residual_extremes(CRANK, 0.0, OMEGA, model) for model in ("order1", "order2", "exact")]
+    assert [str(each.at_deg) for each in extremes] == ["0.0"] * 3  # neither -0 nor 360
+
+
 def test_a_half_has_the_least_mean_square():
     """The mean square is least at half the reciprocating mass, whatever the rod."""
     crank = SliderCrank(1.0, 2.0, piston_mass=1.0)

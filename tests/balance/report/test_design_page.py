@@ -39,6 +39,7 @@ def test_sizing_is_that_of_size(made):
     """The same counter-masses, residual and responses as the command that sizes."""
     sized = call(main, "balance", "size", "four-bar", "--motion", "four-bar", "--json").json
     assert {name: sized[name] for name in made[1]["sizing"]} == made[1]["sizing"]
+    assert {"Fx_N", "Fy_N", "Mz_Nm"} <= {row["component"] for row in made[1]["responses"]}  # forces that are gone too
     for row in made[1]["responses"]:
         name = re.sub(r"^torque_(.*)_Nm$", r"\1", row["component"])
         for kind in ("rms", "peak"):
