@@ -28,6 +28,7 @@ from balance.units import G0
 from .campaign_plan import PlannedRun, load_plan
 from .errors import RecordingError, RigError
 from .ingestion.log_sources import LogReading
+from .ingestion.planned_runs import plan_rows
 from .ingestion.run_table import RunTableRow, run_table_rows, write_run_table
 from .quality.rig_checks import rig_findings
 from .recording import Recording, Severity
@@ -231,8 +232,8 @@ def _template(file: str, /, **values: str) -> str:
 def project_problems(folder: Path, logs: Sequence[Path] = ()) -> list[Problem]:
     """All that is missing in a project's folder, or contradicts, at once, and what is to be known before simulating.
 
-    ``logs``: files that the run table's rows must name, and that must be named; their headers are held against the
-    rig's channels.
+    ``logs``: files that the run table's rows must name, and that must be named; their headers, or those of the logs in
+    the folder that the table names, are held against the rig's channels.
     """
     if not folder.is_dir():
         raise RigError(f"{folder}: no such folder; `testbench new {folder}` writes one")
@@ -276,6 +277,8 @@ def _problems(folder: Path, logs: Sequence[Path]) -> Iterator[Problem]:
     stated += [(runs, f"line {row.line}: ", _run(row)) for row in rows]
     there = {path.name for path in logs} | {row.file for row in rows if (folder / row.file).is_file()}
     named = {PurePath(row.file).name for row in rows}
+    given = [path for path in logs if path.name != runs]
+    held = given or [path for path in dict.fromkeys(folder / row.file for row in rows) if path.is_file()]
     missing = [row for row in rows if row.file not in there and PurePath(row.file).name not in there]
     if logs:
         for row in missing:
@@ -283,10 +286,14 @@ def _problems(folder: Path, logs: Sequence[Path]) -> Iterator[Problem]:
             yield Problem(runs, f"line {row.line}: names {row.file}, which is not among the logs{hint}")
         for name in sorted({path.name for path in logs if path.name != runs} - named) if not wrong else ():
             yield Problem(runs, f"no line names {name}: add one, or leave that log out")
-        yield from _log_problems(rig, [] if wrong else rows, [path for path in logs if path.name != runs])
     elif missing and len(missing) < len(rows):
         files = ", ".join(row.file for row in missing)
         yield Problem(runs, f"names {files}, not in the folder: add the logs, or remove their rows")
+    yield from _log_problems(rig, [] if wrong else rows, held, runs)
+    try:
+        plan_rows(rows, given or [folder / row.file for row in rows], folder / runs)
+    except RigError as error:
+        yield from _rows(folder, runs, error)
     said = set()
     motions: dict[tuple[object, ...], list[Problem]] = {}
     for file, where, run in stated:  # a plan is simulated, and so what it needs is no note: it comes first
@@ -302,7 +309,7 @@ def _problems(folder: Path, logs: Sequence[Path]) -> Iterator[Problem]:
                 yield Problem(found[0], message, problem.is_note and file == runs)
 
 
-def _log_problems(rig: Rig | None, rows: Sequence[RunTableRow], logs: Sequence[Path]) -> Iterator[Problem]:
+def _log_problems(rig: Rig | None, rows: Sequence[RunTableRow], logs: Sequence[Path], table: str) -> Iterator[Problem]:
     """Logs that cannot be opened, and what their headers lack of the rig's channels, run by run; once for all runs."""
     recordings, runs = {}, dict[str, list[Recording]]()
     try:
@@ -327,8 +334,8 @@ def _log_problems(rig: Rig | None, rows: Sequence[RunTableRow], logs: Sequence[P
                 message = f"{one.channel}: {one.message}" if one.channel else one.message
                 key = (one.code, one.channel, one.message.partition(":")[0])
                 said.setdefault(key, (message, []))[1].append(run)
-    for message, where in said.values():
-        yield Problem(RIG, f"{first_of(where, 4)}: {message}")
+    for (code, *_), (message, where) in said.items():
+        yield Problem(table if code == "logger_twice" else RIG, f"{first_of(where, 4)}: {message}")
 
 
 def _rows(folder: Path, file: str, error: Exception, is_note: bool = False) -> Iterator[Problem]:

@@ -50,6 +50,7 @@ _ERRORS = {
     "stored_run": "A run that a campaign holds, or its archive, and no log.",
     "not_stored": "The run could not be stored, for a reason that lies not in the log alone.",
     "rig_contradiction": "The rig names channels that the recording does not hold, or other units than its.",
+    "logger_twice": "Two logs of a run hold the same channels of a logger, as where a run table uses one name twice.",
     "calibration_contradiction": "A calibration of the rig that does not lead from the log's unit to what is measured.",
     "unknown_site": "The run table puts a counter-mass or payload where the rig's mechanism has no such site or body.",
 }

@@ -60,8 +60,8 @@ Exit codes: 0 nothing is missing, 3 something is, 1 no such folder."""
 )
 def check(folder: Path = argument(), logs: tuple[Path, ...] = argument("[LOG]...", required=False)) -> Answer:
     """List all that is missing or contradicts in FOLDER: rig.toml, plan.toml, the run table (runs.csv, else
-    runs.xlsx), mechanism and motions; with LOGS also which of them the run table does not name, and the reverse,
-    and which channels of the rig their headers do not hold.
+    runs.xlsx), mechanism and motions; with LOGS also which of them the run table does not name, and the reverse.
+    Headers of the logs, given or in FOLDER, are held against the rig; what `ingest` refuses in a run table is listed.
     """
     from ..project import Problem, project_problems
 

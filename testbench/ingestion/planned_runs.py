@@ -1,7 +1,7 @@
 """Which of the files that are given make which runs, by the run table or without one, or why one cannot be stored."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
@@ -50,8 +50,8 @@ def plan_runs(files: Sequence[Path], run_table: Path | None) -> list[PlannedRun]
 def plan_rows(rows: "Sequence[RunTableRow]", files: Sequence[Path], run_table: Path) -> list[PlannedRun]:
     """The runs of a run table, also those of which logs are missing; then files that it does not name, each as a run.
 
-    Raises RigError if rows of one run differ in their conditions, or runs would have one name, or one row means several
-    files.
+    Raises RigError, a line for each, if rows of one run differ in their conditions, or runs would have one name, or two
+    rows name one file; and if one row means several files.
     """
     files = list(dict.fromkeys(files))
     places: dict[Path, list[Path]] = {}
@@ -61,15 +61,19 @@ def plan_rows(rows: "Sequence[RunTableRow]", files: Sequence[Path], run_table: P
     given = {row.file: _given(row, files, places.get((folder / row.file).resolve(), []), run_table) for row in rows}
     paths = {name: path for name, path in given.items() if path is not None}
     named = list(paths.values())
-    for row in rows:
-        if row.file in paths and named.count(paths[row.file]) > 1:
-            raise RigError(f"{run_table.name}, line {row.line}: names {row.file} a second time")
+    wrong = [
+        f"{run_table.name}, line {row.line}: names {row.file} a second time"
+        for place, row in enumerate(rows)
+        if row.file in paths and paths[row.file] in [paths.get(earlier.file) for earlier in rows[:place]]
+    ]
     groups: dict[str, list[RunTableRow]] = {}
     for row in rows:
         groups.setdefault(row.run or PurePath(row.file).stem, []).append(row)
+    for name, together in groups.items():
+        wrong += _contradictions(name, together, run_table)
     runs = [_run(name, together, paths, run_table) for name, together in groups.items()]
-    for problem in _problems(runs).values():
-        raise RigError(problem)
+    if wrong := [*wrong, *_problems(runs).values()]:
+        raise RigError("\n".join(dict.fromkeys(wrong)))
     unnamed = f"{run_table.name} does not name it: add a row for it, or do not give it"
     return runs + [
         PlannedRun(path.stem, (path,), problem=f"{path.name}: {unnamed}") for path in files if path not in named
@@ -95,15 +99,19 @@ def _problems(runs: Sequence[PlannedRun]) -> dict[str, str]:
     return found
 
 
-def _run(name: str, rows: "Sequence[RunTableRow]", paths: Mapping[str, Path], run_table: Path) -> PlannedRun:
+def _contradictions(name: str, rows: "Sequence[RunTableRow]", run_table: Path) -> Iterator[str]:
+    """Why rows of one name are no run."""
     first = rows[0]
     for row in rows[1:]:
+        line = f"{run_table.name}, line {row.line}"
         if row.run is None:
-            raise RigError(
-                f"{run_table.name}, line {row.line}: {row.file} would be stored as {name!r}, as line {first.line}"
-            )
-        if (row.conditions, row.origin) != (first.conditions, first.origin):
-            raise RigError(f"{run_table.name}, line {row.line}: run {name!r} has other conditions in line {first.line}")
+            yield f"{line}: {row.file} would be stored as {name!r}, as line {first.line}"
+        elif (row.conditions, row.origin) != (first.conditions, first.origin):
+            yield f"{line}: run {name!r} has other conditions in line {first.line}: is the name used twice?"
+
+
+def _run(name: str, rows: "Sequence[RunTableRow]", paths: Mapping[str, Path], run_table: Path) -> PlannedRun:
+    first = rows[0]
     missing = tuple(row.file for row in rows if row.file not in paths)
     given = tuple(paths[row.file] for row in rows if row.file in paths)
     problem = f"waits for {', '.join(missing)}, of the same run {name!r}" if missing else ""

@@ -93,6 +93,7 @@ def rig_findings(
             logs = [recording.path.name for recording in recordings]
             absent.append(_absent(logger, columns, logs, labels) if other is None else _apart(logger, columns, other))
         found += _units(present, channels)
+        found += _logged_twice(logger, columns, recordings)
     found += _taken_twice([column for column in rig.columns() if column.channel in channels], channels)
     if len(absent) == sum(any(rig.columns(logger)) for logger in rig.loggers):
         message = (
@@ -101,6 +102,20 @@ def rig_findings(
         )
         return [*found, Finding(_CODE, None, None, message)]
     return found + absent
+
+
+def _logged_twice(logger: str, columns: "Sequence[Column]", recordings: "Sequence[Recording]") -> list[Finding]:
+    """Logs of the run that hold the same channels of one logger."""
+    held = [{name for g in r.groups for c in g.channels for name in c.names} for r in recordings]
+    shared = [column.channel for column in columns if sum(column.channel in names for names in held) > 1]
+    if not shared:
+        return []
+    logs = [r.path.name for r, names in zip(recordings, held, strict=True) if not names.isdisjoint(shared)]
+    message = (
+        f"{' and '.join(logs)} {'both' if len(logs) == 2 else 'all'} hold {first_of(shared, 4)} of logger {logger}: "
+        "expected one log of a logger in a run; is the run's name used twice in the run table?"
+    )
+    return [Finding("logger_twice", None, None, message)]
 
 
 def _taken_twice(present: Iterable["Column"], channels: Mapping[str, Channel]) -> list[Finding]:

@@ -163,6 +163,42 @@ def test_the_rigs_channels_against_the_headers_of_the_logs(tmp_path, replaced, s
         assert len(found) == 1 or replaced[1] == "(N)"
 
 
+@pytest.mark.parametrize(
+    ("second", "file", "said"),
+    [
+        (
+            ("r002,measured", "r001,measured"),
+            "runs.csv",
+            "r001: r001_daq.csv and r002_daq.csv both hold AccX, .* of logger",
+        ),
+        (
+            ("r002,measured,0", "r001,measured,1"),
+            "runs.csv",
+            "line 3: run 'r001' has other conditions in line 2: is the",
+        ),
+    ],
+)
+def test_a_name_used_twice_is_said_by_check_as_by_ingest(tmp_path, monkeypatch, second, file, said):
+    """Two logs of one logger for one run; rows of one run with other conditions: refused in the same words."""
+    folder = tmp_path / "test"
+    new_project(folder, "four-bar", loggers=1)
+    monkeypatch.chdir(folder)
+    logs = ["r001_daq.csv", "r002_daq.csv"]
+    for log in logs:
+        _log_of_rig(folder / log, load_rig(folder / "rig.toml"))
+    rows = ["file,run,origin,repeat", "r001_daq.csv,r001,measured,0", "r002_daq.csv,r002,measured,0"]
+    Path("runs.csv").write_text("\n".join(rows))
+    assert [p for p in project_problems(Path()) if p.file == "runs.csv" and not p.is_note] == []
+    Path("runs.csv").write_text("\n".join(rows).replace(*second))
+    for given in ((), tuple(map(Path, logs))):
+        assert any(p.file == file and re.match(said, p.message) for p in project_problems(Path(), given))
+    done = call(
+        testbench.cli.main, "testbench", "ingest", *logs, "--rig", "rig.toml", "--runs", "runs.csv", "-o", "campaign"
+    )
+    assert done.code == 1
+    assert re.search(said.partition(": ")[2], " ".join((done.out + done.err).split()))
+
+
 def test_logs_and_run_table_against_each_other(tmp_path):
     """A row that is not understood hides no other problem; names that differ by a letter are put together."""
     folder = tmp_path / "test"
