@@ -119,7 +119,7 @@ def _ranked(question: Question, unit: str, proposals: Sequence[Proposal], notes:
 def next_for_reduction(
     runs: Iterable[Run],
     measure: Measure,
-    payload_kg: float | None = None,
+    payloads: Sequence[tuple[str, float]] = (),
     motions: Sequence[str] = (),
     peaks: Sequence[Measured[float]] = (),
     axes: Sequence[str] = (),
@@ -127,18 +127,23 @@ def next_for_reduction(
 ) -> Design:
     """The repeat that narrows the reductions of a campaign most, or those of some conditions and axes [points].
 
-    Raises AnalysisError where there is none with an interval.
+    ``payloads`` [kg] are by body or site, by an empty name that which has none. Raises AnalysisError where there is
+    none with an interval.
     """
     analysis = analyze(runs, measure, accept)
     wanted = [
         one
         for one in analysis.reductions
-        if (payload_kg is None or np.isclose(one.key.payload_kg or 0.0, payload_kg))
+        if _carries(one.key.payload_kg, one.key.payloads_kg, payloads)
         and (not motions or one.key.motion in motions)
         and (not peaks or any(_has_peak(one.key, peak) for peak in peaks))
         and (not axes or one.axis in axes)
     ]
     rows = [one for one in wanted if one.interval is not None and one.uncertainty is not None]
+    if not wanted and analysis.reductions:
+        conditions = "; ".join(dict.fromkeys(str(one.key) for one in analysis.reductions))
+        along = ", ".join(dict.fromkeys(one.axis for one in analysis.reductions))
+        raise AnalysisError(f"no reduction is of what is asked; there are those of {conditions}; along {along}")
     if not rows:
         reasons = "; ".join(dict.fromkeys(finding.message for finding in analysis.findings)) or "none is of them"
         raise AnalysisError(f"no reduction that is asked has an interval to narrow: {reasons}")
@@ -152,6 +157,13 @@ def next_for_reduction(
             "No run is repeated: what repeats differ by beyond noise is not known, and not in the predictions."
         )
     return _ranked("reduction", "points", [_repeat(runs_of_side, rows) for runs_of_side in sides], notes)
+
+
+def _carries(payload_kg: float | None, payloads_kg: Mapping[str, float], asked: Sequence[tuple[str, float]]) -> bool:
+    """Whether what a run table states of payloads [kg] is what is asked; where it names one alone, without name too."""
+    alone = next(iter(payloads_kg.values())) if len(payloads_kg) == 1 else 0.0
+    stated = {"": alone if payload_kg is None else payload_kg, **payloads_kg}
+    return all(name in stated and bool(np.isclose(stated[name], mass)) for name, mass in asked)
 
 
 def _has_peak(key: ConditionKey, peak: Measured[float]) -> bool:
@@ -186,16 +198,17 @@ def next_for_first_moment(
     runs: Sequence[Run],
     question: Question = "first-moment",
     sites: Sequence[str] = (),
-    payload_kg: float | None = None,
+    payloads: Sequence[tuple[str, float]] = (),
     motions: Sequence[str] = (),
     peaks: Sequence[Measured[float]] = (),
 ) -> Design:
     """The run that tells most of what first moment is missing at the sites [kg m], or which counter-mass [kg].
 
-    Of the mounting (payload and counter-masses) with the most runs, or with the most among those of a payload. Raises
-    AnalysisError where nothing that a run shows depends on it, or no run can be simulated.
+    Of the mounting (payload and counter-masses) with the most runs, or with the most among those of ``payloads``, as
+    for :func:`next_for_reduction`. Raises AnalysisError where nothing that a run shows depends on it, or no run can be
+    simulated.
     """
-    mounted, notes = _of_one_mounting(runs, payload_kg)
+    mounted, notes = _of_one_mounting(runs, payloads)
     model = mechanism_of(mounted[0], None)
     made = [AlignedRun(run, model, recorded_clocks(run)) for run in mounted]
     problem = trim_problem(made, sites, None)
@@ -224,18 +237,16 @@ def _proposal(candidate: Candidate, known: "_Knowledge", number: int, question: 
     return Proposal(candidate, f"{what} at {site}", now, after, share)
 
 
-def _of_one_mounting(runs: Sequence[Run], payload_kg: float | None) -> tuple[list[SIRun], list[str]]:
+def _of_one_mounting(runs: Sequence[Run], payloads: Sequence[tuple[str, float]]) -> tuple[list[SIRun], list[str]]:
     """The runs of the mounting with the most, bound to their rigs, and what is left out."""
     groups: dict[tuple[object, ...], list[Run]] = {}
     for run in runs:
-        payload = run.conditions.get("payload_kg")
-        asked = payload_kg is None or (payload is not None and np.isclose(payload, payload_kg))
-        if asked and run.rig is not None and "motion" in run.conditions:
+        payload, named = run.conditions.get("payload_kg"), run.conditions.get("payloads", {})
+        if _carries(payload, named, payloads) and run.rig is not None and "motion" in run.conditions:
             masses = run.conditions.get("counter_masses", {})
-            others = tuple(sorted(run.conditions.get("payloads", {}).items()))
-            groups.setdefault((payload, others, *sorted(masses.items())), []).append(run)
+            groups.setdefault((payload, tuple(sorted(named.items())), *sorted(masses.items())), []).append(run)
     if not groups:
-        wanted = "" if payload_kg is None else f" of {payload_kg:g} kg"
+        wanted = "".join(f" of {name + ' ' if name else ''}{mass:g} kg" for name, mass in payloads)
         raise AnalysisError(
             f"no run{wanted} has a rig and a motion: the rig says what a run would show; ingest with --rig and --runs"
         )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from balance.cli.framework import Answer, Word, emit_table, plain_text, say
-from balance.cli.options import argument, command, option
+from balance.cli.options import Read, argument, command, option
 from balance.results import document, table
 
 from . import options
@@ -83,6 +83,17 @@ def plan() -> None:
     """Which run to make next."""
 
 
+def _payload(text: str) -> tuple[str, float]:
+    """A mass, with or without its unit, and the name before it."""
+    from balance.units import si
+
+    name, _, mass = text.rpartition("=")
+    try:
+        return name.strip(), float(mass)
+    except ValueError:
+        return name.strip(), si(mass, "mass")
+
+
 @command(
     "next",
     group=plan,
@@ -90,6 +101,7 @@ def plan() -> None:
 Examples:
   testbench plan next campaign
   testbench plan next campaign --for reduction --payload 5 --motion x --axis x --axis y
+  testbench plan next campaign --payload tool=1.5kg
   testbench plan next campaign --for first-moment
   testbench plan next campaign --for counter-mass --site counter_A0A --motion triangle --peak "2 g0" --peak "4 g0"
 \b
@@ -103,7 +115,11 @@ def next_run(
         "--for",
         default="reduction",
     ),
-    payload: float | None = option("Of the runs with this payload alone.", metavar="KG"),
+    payload: tuple[tuple[str, float], ...] = option(
+        "Of the runs with this payload alone; where several bodies or sites carry one, with its name.",
+        Read("payload", _payload),
+        metavar="[NAME=]KG",
+    ),
     site: tuple[str, ...] = option("At these sites alone; those named counter... unless given."),
     motion: tuple[str, ...] = option(
         "Reductions of these alone; of first moments candidates besides the motions made."

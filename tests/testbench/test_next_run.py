@@ -183,5 +183,21 @@ def test_no_reduction_to_narrow():
     runs = [replace(one, path=Path(f"r{k}.h5")) for k, one in enumerate(runs)]
     with pytest.raises(AnalysisError, match="no two runs can be compared"):
         next_for_reduction(runs[:1], MEASURE)
-    with pytest.raises(AnalysisError, match="no reduction that is asked has an interval to narrow"):
-        next_for_reduction(runs, MEASURE, payload_kg=5.0)
+    for asked, stated in (((("", 5.0),), {}), ((("tool", 3.4116),), {}), ((("tool", 0.5),), {"tool": 1.5})):
+        held = [replace(one, conditions={**one.conditions, "payloads": stated}) for one in runs]
+        with pytest.raises(AnalysisError, match=r"no reduction is of what is asked; there are those of 3\.4116 kg"):
+            next_for_reduction(held, MEASURE, asked)
+
+
+def test_a_payload_is_asked_by_its_name_or_as_the_only_one():
+    """One body or site alone that carries something needs no name; the payload without a name is not of another."""
+    for payload_kg, named, asked, carried in (
+        (None, {"tool": 1.5}, [("", 1.5)], True),
+        (None, {"tool": 1.5}, [("tool", 1.5)], True),
+        (None, {"tool": 1.5, "gripper": 0.5}, [("", 1.5)], False),
+        (None, {"tool": 1.5, "gripper": 0.5}, [("gripper", 0.5), ("tool", 1.5)], True),
+        (2.0, {"tool": 1.5}, [("", 1.5)], False),
+        (None, {}, [("", 0.0)], True),
+        (None, {}, [("tool", 0.0)], False),
+    ):
+        assert next_run._carries(payload_kg, named, asked) is carried
