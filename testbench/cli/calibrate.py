@@ -100,6 +100,8 @@ def calibrate(words: tuple[str, ...], listed: bool, reason: str | None, **given:
 
     def show() -> None:
         say(f"{words[-1]}: {calibration}, from now on for {', '.join(done.runs)}.")
+        if not done.changes:
+            say("It changes no reading: they are converted by it as they were before.")
         if done.without:
             say(f"Runs without this sensor: {', '.join(done.without)}.")
         say(f"Recorded in {plain_text(str(done.record))}.")
@@ -110,6 +112,7 @@ def calibrate(words: tuple[str, ...], listed: bool, reason: str | None, **given:
         "calibration": calibration.document(),
         "reason": reason,
         "runs": list(done.runs),
+        "changes_readings": done.changes,
         "runs_without_the_sensor": list(done.without),
         "refused": damaged,
     }

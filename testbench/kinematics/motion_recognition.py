@@ -256,19 +256,25 @@ def _legs_by_encoders(run: AlignedRun) -> tuple[str, list[Leg], Floats]:
     path, gaps = run.trajectory(bandwidth), list(run.gaps().spans.values())
     body, position = _followed_point(run)
     at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(path.q.T))
-    place = dense(at.point(mechanism.tree.bodies[mechanism.body_index(body)], position), at.count).T
+    place = dense(at.point(mechanism.tree.bodies[body], position), at.count).T
     speed = np.linalg.norm(np.gradient(place, run.grid.step, axis=0), axis=1)
     return run.reference, legs_of_path(run.grid.time, place, speed, REST_SHARE["encoders"]), gaps[0] if gaps else NO_GAP
 
 
-def _followed_point(run: AlignedRun) -> tuple[str, Floats]:
-    """Body and position of the point whose path is the motion: an accelerometer on a moving body, else the payload."""
+def _followed_point(run: AlignedRun) -> tuple[int, Floats]:
+    """Body's index and position of the point whose path is the motion: an accelerometer on a moving body, else the
+    payload; of several that the run table states by body or site, the heaviest.
+    """
     mechanism = run.unloaded
     for sensor in run.run.rig.of_kind(Accelerometer).values():
         if sensor.attached_to != "base":
-            return sensor.attached_to, np.array(sensor.position)
-    body = mechanism.payload_body
-    return body, np.array(mechanism.centre(body))
+            return mechanism.body_index(sensor.attached_to), np.array(sensor.position)
+    stated = {} if len(mechanism.payload_bodies) == 1 else run.run.conditions.get("payloads", {})
+    carries = max(stated, key=lambda name: stated[name], default="")
+    if carries in mechanism.sites and not (carries in mechanism.own_mass and mechanism.mass(carries) > 0.0):
+        return mechanism.sites[carries].body, mechanism.sites[carries].position
+    carries = carries or mechanism.payload_body
+    return mechanism.body_index(carries), np.array(mechanism.centre(carries))
 
 
 def legs_by_accelerometer(run: SIRun) -> tuple[str, list[Leg], Floats]:

@@ -5,12 +5,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from balance.errors import UnitError, suggestion
 
 from ..calibration import certificate
 from ..calibration.definition import Calibration
-from ..calibration.evaluation import bind_sensor
-from ..errors import RigError, StoreError
+from ..calibration.evaluation import CalibrationLaw, bind_sensor
+from ..errors import AnalysisError, RigError, StoreError
 from ..rig import Column
 from ..store import Run, atomic_files
 from . import calibration_history
@@ -26,6 +28,8 @@ class Corrected:
     without: tuple[str, ...]
     left_out: dict[str, str]
     """Why a run cannot be named in a record, by its name: its digest file is missing or damaged."""
+    changes: bool
+    """Whether a reading is another than before in any of the runs."""
 
 
 def calibrate(runs: Sequence[Run], sensor: str, calibration: Calibration, reason: str) -> Corrected:
@@ -42,6 +46,7 @@ def calibrate(runs: Sequence[Run], sensor: str, calibration: Calibration, reason
     calibrated: list[Run] = []
     without: list[str] = []
     left_out: dict[str, str] = {}
+    changes = False
     for run in runs:
         si = SIRun.of(run)
         columns = _columns(si, sensor)
@@ -49,7 +54,7 @@ def calibrate(runs: Sequence[Run], sensor: str, calibration: Calibration, reason
             without.append(run.name)
             continue
         try:
-            bind_sensor(calibration, columns, [si.written_unit(column) for column in columns])
+            law = bind_sensor(calibration, columns, [si.written_unit(column) for column in columns])
         except UnitError as error:
             raise RigError(f"{run.name}: sensor {sensor}: {error}") from error
         try:
@@ -58,6 +63,7 @@ def calibrate(runs: Sequence[Run], sensor: str, calibration: Calibration, reason
             left_out[run.name] = str(error)
         else:
             calibrated.append(run)
+            changes = changes or not _reads_as_before(si, columns, law)
     if left_out and not calibrated:
         raise StoreError("; ".join(left_out.values()))
     if not calibrated:
@@ -65,7 +71,20 @@ def calibrate(runs: Sequence[Run], sensor: str, calibration: Calibration, reason
     record = calibration_history.write_calibration(
         folders.pop(), [run.path for run in calibrated], sensor, calibration, reason.strip()
     )
-    return Corrected(record, tuple(run.name for run in calibrated), tuple(without), left_out)
+    return Corrected(record, tuple(run.name for run in calibrated), tuple(without), left_out, changes)
+
+
+def _reads_as_before(run: SIRun, columns: Sequence[Column], law: CalibrationLaw) -> bool:
+    """Whether a law leads the readings of a sensor to what they are already."""
+    try:
+        return all(
+            np.allclose(
+                law.component(c.index, lambda i: run.as_recorded(columns[i])), run.readings(c), rtol=1e-9, atol=0.0
+            )
+            for c in columns
+        )
+    except AnalysisError:  # nothing led to SI before
+        return False
 
 
 def certified(run: Run, sensor: str, file: Path, frequency_hz: float | None, quantity: str) -> dict[str, Any]:

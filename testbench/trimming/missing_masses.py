@@ -2,8 +2,11 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from balance.balancing import conditions
 from balance.balancing.stock_plates import Plate
+from balance.dynamics.regressor import driven_torque_regressor
 from balance.errors import CounterpoiseError
 from balance.estimation.first_moment_imbalance import can_be_met, combine, masses_per_value
 from balance.estimation.identifiability import NotIdentifiable
@@ -16,6 +19,10 @@ from .problem import NAMES, Source, SourceEstimate, TrimProblem
 from .result import Share, Trim
 
 _PAYLOAD = ("payload_kg", "payloads")
+_STATES = 40
+"""Random states of a chain for each of its joints."""
+_ROUNDING, _NO_PART = 1e-9, 1e-6
+"""Singular values over the largest that are rounding; parts of conditions that are."""
 RESOLUTION = 0.25
 """Half of an interval, as a part of the first moment that the site lacks without counter-masses, from which a record
 cannot tell what is missing."""
@@ -146,12 +153,32 @@ def _estimated(problem: TrimProblem, sources: list[Source], named: bool) -> tupl
     return found, [f"{NAMES[source].capitalize()} cannot tell: {error}" for source, error in failed.items()]
 
 
+def _shown_by_torques(problem: TrimProblem) -> bool:
+    """Whether some motion of an open chain makes its drives' torques show all that balances it; others are not asked."""
+    mechanism = problem.mechanism
+    if mechanism.loops:
+        return True
+    joints = len(mechanism.coordinates)
+    q, v, a = np.random.default_rng(0).normal(size=(3, _STATES * joints, joints))
+    drives = np.eye(joints)[:, [mechanism.coordinate_index(joint) for joint in mechanism.driven]]
+    rows = driven_torque_regressor(mechanism, q, v, a, np.broadcast_to(drives, (len(q), *drives.shape)))
+    shown = np.linalg.svd(rows.reshape(-1, rows.shape[-1]), full_matrices=True)
+    unseen = shown.Vh[int((_ROUNDING * shown.S[0] < shown.S).sum()) :]
+    return bool(np.abs(problem.conditions.matrix @ unseen.T).max(initial=0.0) < _NO_PART)
+
+
 def _refuse_wide(estimate: SourceEstimate, problem: TrimProblem) -> None:
     """Raise AnalysisError where nothing is determined, or intervals are so wide that they say next to nothing."""
     hint = "; ".join([HINTS[estimate.source], *(finding.message for finding in estimate.findings)])
     try:
         missing = estimate.imbalance.missing(problem.mounted, problem.sites)
     except NotIdentifiable as error:
+        if estimate.source == "torque" and not _shown_by_torques(problem):
+            raise AnalysisError(
+                f"{problem.names}: torques of the drives do not show what balances, whatever the motion: part of it needs "
+                "no torque (as of a body that turns about an axis along gravity); what does are force sensors under the "
+                "base, the vibration of a base that the rig states (--from vibration), or trial masses (--from trials)"
+            ) from error
         raise AnalysisError(f"{problem.names}: {error}; {hint}") from error
     largest = max((abs(value) for value in lacking(problem)), default=0.0)
     for one in missing:

@@ -1,7 +1,9 @@
+import ast
 from pathlib import Path
 
 import pytest
 
+import testbench
 from testbench.cli.options import print_reading_findings
 from testbench.ingestion import Ingest
 from testbench.ingestion.planned_runs import PlannedRun
@@ -30,6 +32,19 @@ def test_every_code_is_documented_with_its_severity():
         (section,) = [text for text in sections if text.startswith(title)]
         assert f"| `{code}` | {meaning} |" in section
     assert sum(line.startswith("| `") for line in PAGE.read_text("utf-8").splitlines()) == len(MEANING)
+
+
+def test_every_code_of_an_analysis_is_documented():
+    """Each code that stands in the source, also in the table of the findings about reductions, has a line on the page."""
+    package, codes = Path(testbench.__file__).parent, set(MEANING)
+    for path in package.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Finding":
+                codes |= {one.value for one in node.args[:1] if isinstance(one, ast.Constant)}
+            if isinstance(node, ast.Tuple) and path.name == "reduction.py" and len(node.elts) == 3:
+                codes |= {one.value for one in node.elts[:1] if isinstance(one, ast.Constant)}
+    lines = {line.partition(" | ")[0].strip("| `") for line in PAGE.read_text("utf-8").splitlines()}
+    assert {"vibrates_more", "durations_differ"} <= codes <= lines
 
 
 def test_only_accepted_errors_pass():

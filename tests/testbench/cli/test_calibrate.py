@@ -5,6 +5,7 @@ import re
 import shlex
 import shutil
 import sys
+import tomllib
 from pathlib import Path
 
 import click
@@ -59,6 +60,18 @@ def test_what_holds_and_since_when(campaign, capsys):
     assert [r["reason"] for r in listed["records"]] == ["certificate 12"] * 2
     assert calibrate.main([str(campaign), "--list"], standalone_mode=False) == 0
     assert "holds for r1" in capsys.readouterr().out
+
+
+def test_a_record_that_changes_nothing_is_told_so(campaign, capsys):
+    """The same sensitivity in another unit; a tenth of it does change the readings, and so does the first one after."""
+    why, same = ("--reason", "certificate 12"), "It changes no reading"
+    rig = tomllib.loads(open_run(campaign / "r1.h5").rig)["sensors"]["acc"]["calibration"]["sensitivity"]
+    offset = ("--offset", "2500 mV")
+    for sensitivity, changes in ((rig, False), ("9 mV/g", True), ("0.009 V/g", False)):
+        words = [campaign, "acc", "--sensitivity", sensitivity, *offset, *why]
+        assert said(capsys, *words)["changes_readings"] is changes
+    assert calibrate.main([*map(str, words)], standalone_mode=False) == 0
+    assert same in capsys.readouterr().out
 
 
 def test_a_matrix_of_a_file(campaign, tmp_path, capsys):

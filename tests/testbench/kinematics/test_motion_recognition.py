@@ -1,5 +1,7 @@
 """Motions found in a record: x, y and triangle by each source; what is none of them is unknown."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -90,6 +92,22 @@ def test_slow_encoders_tell_the_motion():
     scene = memory.scene("x", rig=rigs.rig_from_text(text.replace('rate = "1 kHz"', 'rate = "200 Hz"')))
     by, _ = found_in(scene.run(0), scene.rig)
     assert [m.name for m in by["encoders"]] == ["x"]
+
+
+@pytest.mark.parametrize("payload", ["platform", "C_platform"])
+def test_a_payload_that_the_run_table_states_is_followed(payload):
+    """Where the file names no body of the payload, the body or site that the run table names; else it is asked for."""
+    scene = memory.scene("x")
+    left = {n: s for n, s in scene.rig.sensors.items() if s.kind == "encoder"}
+    rig = scene.rig.model_copy(update={"sensors": left})
+    unnamed = replace(MECHANISM, payload_bodies=())
+    run = scene.run(0)
+    for payloads, source in (({payload: 1.0}, "by"), ({}, "reasons")):
+        stated = replace(run, conditions={"motion": "x", "payloads": payloads})
+        si = SIRun.of(stated, rig)
+        by, reasons = recognized_motions(si, lambda si=si: AlignedRun(si, unnamed))
+        assert ("encoders" in by) is (source == "by"), reasons
+    assert "state the payload by body or site" in reasons["encoders"]
 
 
 def test_what_a_source_lacks_is_said():

@@ -191,3 +191,11 @@ def test_a_serial_arm_by_torque():
         moment = mass * np.linalg.norm(one.position)
         assert one.interval[0] < moment < one.interval[1]
         assert one.first_moment.value == pytest.approx(moment, rel=0.1)
+
+
+def test_what_no_motion_shows_by_torque():
+    """An arm lying flat: the first joint's torque holds no first moment of the first link, however it moves."""
+    flat = replace(load_mechanism("serial-2r"), gravity=np.array([0.0, 0.0, -9.81]))
+    run = linkages.run(flat, plate=False, seconds=10.0, rate=250.0)
+    with pytest.raises(AnalysisError, match=r"do not show what balances, whatever the motion.*--from vibration"):
+        trim_runs(memory.aligned([run], flat))
