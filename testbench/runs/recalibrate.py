@@ -77,14 +77,11 @@ def calibrate(runs: Sequence[Run], sensor: str, calibration: Calibration, reason
 def _reads_as_before(run: SIRun, columns: Sequence[Column], law: CalibrationLaw) -> bool:
     """Whether a law leads the readings of a sensor to what they are already."""
     try:
-        return all(
-            np.allclose(
-                law.component(c.index, lambda i: run.as_recorded(columns[i])), run.readings(c), rtol=1e-9, atol=0.0
-            )
-            for c in columns
-        )
+        before = [run.readings(column) for column in columns]
     except AnalysisError:  # nothing led to SI before
         return False
+    converted = [law.component(column.index, lambda i: run.as_recorded(columns[i])) for column in columns]
+    return all(np.allclose(*pair, rtol=1e-9, atol=0.0, equal_nan=True) for pair in zip(converted, before, strict=True))
 
 
 def certified(run: Run, sensor: str, file: Path, frequency_hz: float | None, quantity: str) -> dict[str, Any]:

@@ -154,7 +154,7 @@ def _estimated(problem: TrimProblem, sources: list[Source], named: bool) -> tupl
 
 
 def _shown_by_torques(problem: TrimProblem) -> bool:
-    """Whether some motion of an open chain makes its drives' torques show all that balances it; others are not asked."""
+    """Whether some motion of an open chain makes its drives' torques show all that balances it; True of others."""
     mechanism = problem.mechanism
     if mechanism.loops:
         return True
@@ -175,9 +175,10 @@ def _refuse_wide(estimate: SourceEstimate, problem: TrimProblem) -> None:
     except NotIdentifiable as error:
         if estimate.source == "torque" and not _shown_by_torques(problem):
             raise AnalysisError(
-                f"{problem.names}: torques of the drives do not show what balances, whatever the motion: part of it needs "
-                "no torque (as of a body that turns about an axis along gravity); what does are force sensors under the "
-                "base, the vibration of a base that the rig states (--from vibration), or trial masses (--from trials)"
+                f"{problem.names}: torques of the drives do not show what balances, whatever the motion: part of it "
+                "needs no torque (as of a body that turns about an axis along gravity); what does are force sensors "
+                "under the base, the vibration of a base that the rig states (--from vibration), or trial masses "
+                "(--from trials)"
             ) from error
         raise AnalysisError(f"{problem.names}: {error}; {hint}") from error
     largest = max((abs(value) for value in lacking(problem)), default=0.0)

@@ -35,7 +35,7 @@ def test_every_code_is_documented_with_its_severity():
 
 
 def test_every_code_of_an_analysis_is_documented():
-    """Each code that stands in the source, also in the table of the findings about reductions, has a line on the page."""
+    """Each code that stands in the source, and in the table about reductions, has a line on the page."""
     package, codes = Path(testbench.__file__).parent, set(MEANING)
     for path in package.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
