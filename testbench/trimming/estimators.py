@@ -30,9 +30,17 @@ from .problem import (
     shared_unknowns,
     with_shared_unknowns,
 )
+from .result import DOUBTFUL_SHARE
 from .trial_mass_runs import CUTOFF_HZ as TRIALS_CUTOFF_HZ
 from .trial_mass_runs import trial_mass_runs_imbalance, without_gaps
-from .vibration_regression import shaken_base, states_base, step_covariance, vibration_regression
+from .vibration_regression import (
+    ShakenBase,
+    shaken_base,
+    states_base,
+    step_covariance,
+    step_readings,
+    vibration_regression,
+)
 
 T = TypeVar("T")
 
@@ -60,6 +68,10 @@ FIXED = "What no mass at the sites can change is taken from the mechanism's file
 DETERMINED = 0.02
 """Half of an interval of a condition, as a part of the largest of the mechanism without counter-masses, up to which a
 source determines it; else the file's value is taken where no mass at the sites changes it."""
+UNSTATED = (
+    "the rig states no resolution of the encoders {}: whether their steps leave what is unexplained is not known, and "
+    'no interval contains it; state it, such as resolution = "0.04 deg"'
+)
 STEPS = "what the encoders' resolution leaves open"
 
 
@@ -172,14 +184,28 @@ def by_vibration(problem: TrimProblem) -> SourceEstimate:
         "the conditions.",
     )
     text = (*about, *fixed, _jackknife(measured, [*within, STEPS]))
+    by_steps = _share_of_steps(bases, problem, found, pi)
     doubts = []
+    if by_steps == 0.0 and found.regression.unexplained > DOUBTFUL_SHARE["vibration"]:
+        names = ", ".join(column.sensor for column in problem.runs[0].encoders)
+        doubts += [UNSTATED.format(names)] * (not any(column.total_noise for column in problem.runs[0].encoders))
     if any(run.run.origin != "simulated" and not run.rig.bench.weight for run in problem.runs):
         doubts.append(WEIGHTLESS)
     moving = [run.run.origin != "simulated" or run.rig.bench.coupling == "moving" for run in problem.runs]
     change = max((one.inertia_change for one, moves in zip(bases, moving, strict=True) if moves), default=0.0)
     if (change * np.abs(measured.values) > 2.0 * np.sqrt(np.diag(measured.covariance))).any():
         doubts.append(MOVING_INERTIA.format(change))
-    return SourceEstimate("vibration", measured, text, tuple(doubts), tuple(findings), problem.runs)
+    return SourceEstimate("vibration", measured, text, tuple(doubts), tuple(findings), problem.runs, by_steps)
+
+
+def _share_of_steps(bases: Sequence[ShakenBase], problem: TrimProblem, found: ImbalanceFit, pi: Floats) -> float:
+    """Share of what was measured that the encoders' steps and noise may leave; zero where little is unexplained."""
+    regression = found.regression
+    if regression.unexplained <= DOUBTFUL_SHARE["vibration"]:
+        return 0.0
+    shown = np.concatenate([step_readings(b, r.encoders, pi) for b, r in zip(bases, problem.runs, strict=True)])
+    left = sum(rms**2 for rms in regression.residual_rms.values())
+    return regression.unexplained * float(np.sqrt((shown**2).mean(axis=0).sum() / max(left, 1e-300)))
 
 
 def by_trials(problem: TrimProblem) -> SourceEstimate:

@@ -59,7 +59,8 @@ def trim_runs(
         tuple(run.name for run in runs),
         common_origin(run.run.origin for run in runs),
         tuple(
-            Share(one.source, tuple(one.imbalance.missing(mounted, names)), one.imbalance.unexplained) for one in found
+            Share(one.source, tuple(one.imbalance.missing(mounted, names)), one.imbalance.unexplained, one.by_steps)
+            for one in found
         ),
         tuple(measured.missing(mounted, names)),
         measured,

@@ -170,6 +170,8 @@ class SourceEstimate:
     findings: tuple[Finding, ...] = ()
     runs: Sequence[AlignedRun] = ()
     """Those of which the regression has a record, in its order."""
+    by_steps: float = 0.0
+    """Share of what was measured that the encoders' steps leave unexplained; zero where it was not asked."""
 
 
 def parameter_basis(conditions: Conditions) -> Floats:

@@ -31,6 +31,8 @@ DOUBTFUL_SHARE: dict[Source, float] = {"wrench": 0.1, "torque": 0.15, "vibration
 """Of what was measured that stays unexplained, from which a result is doubtful: noise leaves half of that where
 sensors are as their data sheets say, and what is systematic is not in the intervals; of trial masses it is noise, which
 they contain."""
+_STEPS_MATTER = 0.5
+"""Part of what stays unexplained that the encoders' steps may leave, from which they are named for it."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +43,26 @@ class Share:
     missing: Annotated[tuple[MissingMass, ...], Key()]
     unexplained: Annotated[float, Key()]
     """Share of what it measured."""
+    by_steps: Annotated[float, Key("unexplained_by_encoder_steps")] = 0.0
+    """Share that the encoders' steps may leave, which the interval contains; zero where it was not asked."""
 
     @property
     def doubtful(self) -> bool:
         """Whether too much stays unexplained."""
         return self.unexplained > DOUBTFUL_SHARE[self.source]
+
+    @property
+    def why(self) -> str:
+        """What may leave so much, and what to do."""
+        if self.by_steps > _STEPS_MATTER * self.unexplained:
+            return (
+                f"the encoders' steps may leave {self.by_steps:.0%}, which the intervals contain, and hide what is "
+                "systematic beside them; finer encoders, or a lower --cutoff, tell"
+            )
+        return (
+            "more than noise leaves; what is systematic (sensors, levers, the model"
+            f"{_LEFT_OUT.get(self.source, '')}) may exceed the intervals"
+        )
 
 
 _MEASURED: dict[Source, str] = {
@@ -192,9 +209,7 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
         for share in self.shares:
             if share.doubtful:
                 found.append(
-                    f"{share.unexplained:.0%} of the measured {_MEASURED[share.source]} stays unexplained: more than "
-                    "noise leaves; what is systematic (sensors, levers, the model"
-                    f"{_LEFT_OUT.get(share.source, '')}) may exceed the intervals"
+                    f"{share.unexplained:.0%} of the measured {_MEASURED[share.source]} stays unexplained: {share.why}"
                 )
         return found + [finding.message for finding in self.findings if finding.code != GAP_FINDING]
 

@@ -213,6 +213,20 @@ def step_covariance(run: ShakenBase, encoders: Sequence[Column], gain: Floats, p
     return np.asarray(np.einsum("j,njk,njl->kl", variances, moves, moves))
 
 
+def step_readings(run: ShakenBase, encoders: Sequence[Column], pi: Floats) -> Floats:
+    """What the model shows of the encoders' steps and noise, drawn once as white noise of their variance, (samples that
+    count, channels) [m/s2].
+    """
+    deviations = np.array([column.total_noise for column in encoders])
+    if not deviations.any():
+        return np.zeros((run.used.stop - run.used.start, len(run.sensors.rows)))
+    drawn = deviations * np.random.default_rng(0).normal(size=(run.grid.count, len(encoders)))
+    moved = smoothed_derivatives(drawn, POSITION_BANDWIDTH * run.cutoff, run.grid.rate)
+    slopes = wrench_slopes(run, [column.component for column in encoders], pi)
+    wrench = sum(np.einsum("nij,nj->ni", *pair) for pair in zip(slopes, (moved.q, moved.v, moved.a), strict=True))
+    return run.smooth(run.answers(np.asarray(wrench)[:, :, None]))[..., 0]
+
+
 def per_reading(run: ShakenBase, joints: Sequence[str], gain: Floats, pi: Floats) -> Floats:
     """What the values rise by per unit of each encoder's reading, (n, joints, rank) [kg m / rad or m]."""
     weight = backwards(run, gain)
