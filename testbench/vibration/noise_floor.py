@@ -4,9 +4,10 @@ The spectrum is pooled over all segments that show noise alone: the rests of the
 repeat between aligned repeats (which shows noise that acts in motion only; of single runs: ``noise_in_motion``). By
 sine tapers (Riedel and Sidorenko, IEEE Trans. Signal Process. 43, 188, 1995) a segment of T seconds resolves 4 / T; in
 a cell so wide the power may be that of a narrow mode, of which each segment shows one complex amplitude: two degrees
-of freedom, however many the segment has elsewhere. Below 1 / T nothing is known but that spectra of floors and drift
-rise towards low frequencies: there the density is extrapolated by a power of the frequency between 0 and -2, drawn at
-random (JCGM 101:2008, 6.4).
+of freedom, however many the segment has elsewhere. What stands above the median of the cells about it counts so; what
+that median has too is alike all over a cell, of which a segment shows several. Below 1 / T nothing is known but
+that spectra of floors and drift rise towards low frequencies: there the density is extrapolated by a power of the
+frequency between 0 and -2, drawn at random (JCGM 101:2008, 6.4).
 
 Runs of one noise share the records that are drawn. Only samples near the extremes of a signal are looked at: where
 noise is small they are few, and where it is not, few of each draw can become its extreme for any of the signals.
@@ -46,6 +47,11 @@ _STATED = 30.0
 """Degrees of freedom of a cell of a stated spectrum: data sheets are good to a quarter."""
 _PRIOR = 1.0
 """Degrees of freedom that a cell has beyond those of its segments: its neighbours are much like it."""
+_INDEPENDENT = 2.5
+"""Complex amplitudes that a segment shows of noise that is alike all over a cell: 4, less what tapers leave out, and
+less where noise comes and goes with the motion (as the square of a sine: two thirds)."""
+_NEAR = 7
+"""Cells of which the median is what they have in common."""
 _MOST_SCATTER = 2.0
 """Of powers of segments: a factor of seven."""
 _STEEPEST = 2.0
@@ -135,6 +141,8 @@ class Noise:
     """Degrees of freedom of a cell."""
     scatter: float = 0.0
     """Standard deviation of the logarithm of the power from run to run, beyond chance [-]."""
+    freedom_broad: float | None = None
+    """Of a cell that is like those about it, so that its power is no narrow mode's; None: as of any other."""
 
     @classmethod
     def of(cls, segments: Sequence[Segment], least: float = 0.0) -> "Noise | None":
@@ -168,6 +176,7 @@ class Noise:
             lowest,
             2.0 * float(effective) + _PRIOR,
             _scatter(some, densities, round(4.0 * lowest * size / rate)),
+            2.0 * _INDEPENDENT * float(effective) + _PRIOR,
         )
 
     @classmethod
@@ -199,10 +208,11 @@ class Noise:
         """
         cell = (frequency / self.resolution_hz).astype(int)
         levels = np.sqrt(self.at(frequency)) * gain
-        factors = np.sqrt(self.freedom / rng.chisquare(self.freedom, (count, int(cell.max(initial=0)) + 1)))
+        freedoms = self._freedoms(int(cell.max(initial=0)) + 1)
+        factors = np.sqrt(freedoms / rng.chisquare(freedoms, (count, len(freedoms))))
         powers = np.bincount(cell, levels**2)
         alone = float((powers**2).sum() / max(float(powers.sum()) ** 2, 1e-300))
-        factors /= np.sqrt(1.0 + (1.0 - alone) * 2.0 / (self.freedom - 2.0))
+        factors /= np.sqrt(1.0 + (1.0 - alone) * 2.0 / (freedoms - 2.0))
         factors *= np.exp(0.5 * self.scatter * rng.standard_normal((count, 1)))
         found = factors.astype(np.float32)[:, cell] * levels.astype(np.float32)
         slopes = np.clip(rng.normal(self._slope, 0.7, (count, 1)), 0.0, _STEEPEST)
@@ -245,6 +255,24 @@ class Noise:
         gain = band.gain(fine, 2.0 * float(self.frequency[-1]) * 1.0001) if band else np.ones_like(fine)
         cells = np.bincount((fine / width_hz).astype(int), self.at(fine) * gain**2)
         return np.asarray(cells * float(self.frequency[1]))
+
+    def _freedoms(self, count: int) -> Floats:
+        """Degrees of freedom of so many cells, (count,): as much of each as the median of its neighbours has too is
+        noise that is alike all over it, the rest may be one narrow mode.
+        """
+        if self.freedom_broad is None:
+            return np.full(count, self.freedom)
+        cell = (self.frequency / self.resolution_hz).astype(int)
+        powers = np.bincount(cell, self.density) / np.bincount(cell)
+        broad = np.minimum(self._about(powers) / np.maximum(powers, 1e-300), 1.0)
+        found = 1.0 / (broad / self.freedom_broad + (1.0 - broad) / self.freedom)
+        return np.pad(found, (0, max(count - len(found), 0)), "edge")[:count]
+
+    @staticmethod
+    def _about(powers: Floats) -> Floats:
+        """Median of the cells (k,) about each, (k,)."""
+        medians = np.median(np.lib.stride_tricks.sliding_window_view(powers, min(_NEAR, len(powers))), axis=1)
+        return np.asarray(medians[np.clip(np.arange(len(powers)) - _NEAR // 2, 0, len(medians) - 1)])
 
     @cached_property
     def _slope(self) -> float:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from testbench.signal.filters import Band
 from testbench.vibration import Noise, motion_timing, noise_floor
@@ -20,6 +21,11 @@ PASSED = 0.875 * (np.pi / 8) / np.sin(np.pi / 8)
 def white(seed: int, count: int, size: float = 1.0) -> Segment:
     """A rest in white noise."""
     return Segment(size * np.random.default_rng(seed).normal(size=count), RATE)
+
+
+def white_of(rng: np.random.Generator, count: int) -> np.ndarray:
+    """White noise of power one."""
+    return rng.normal(size=count)
 
 
 def test_tapers():
@@ -44,6 +50,42 @@ def test_how_well_it_is_known():
     powers, freedom = np.array([Noise.of([white(k, 400)]).power(band) for k in range(200)]).T
     assert powers.std() / powers.mean() <= np.sqrt(2.0 / np.median(freedom))
     assert powers.std() / powers.mean() == pytest.approx(np.sqrt(2.0 / np.median(freedom)), rel=0.6)
+
+
+def mode(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Noise of power one: a mode of 12 Hz with 1 % damping, hit by white noise for long, and beside it white noise."""
+    pole = np.exp(2j * np.pi * 12.0 / RATE * np.exp(1j * np.arccos(-0.01)) / 1j)
+    wave = lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], rng.normal(size=count + 8000))[8000:]
+    power = (1.0 + abs(pole) ** 2) / (1.0 - abs(pole) ** 2) / abs(1.0 - pole**2) ** 2
+    return np.sqrt(0.8 / power) * wave + np.sqrt(0.2) * rng.normal(size=count)
+
+
+@pytest.mark.parametrize(
+    ("made", "seconds", "narrower"), [(white_of, 1.0, 0.5), (white_of, 0.3, 0.6), (mode, 0.3, 1.1)]
+)
+def test_powers_that_a_rest_allows(made, seconds, narrower):
+    """Powers drawn from one rest hold the true one about as often as if every cell were a narrow mode; of white noise,
+    which is known by all its frequencies, they are much closer together. Of a narrow mode a rest shows one amplitude.
+    """
+    hits, widths, frequency = [], [], np.arange(0.0, 500.0, 0.25)
+    for seed in range(60):
+        noise = Noise.of([Segment(made(np.random.default_rng([seed, 4]), round(seconds * RATE)), RATE)])
+        for one in (noise, replace(noise, freedom_broad=None)):
+            drawn = one.draws(frequency, np.ones(len(frequency)), 400, np.random.default_rng(seed)).astype(float)
+            low, high = np.quantile((drawn**2).sum(axis=1) * 0.25, (0.025, 0.975))
+            hits.append(low <= 1.0 <= high)
+            widths.append(np.log(high / low))
+    assert sum(hits[::2]) >= sum(hits[1::2]) - 4  # Monte Carlo of 300 rests with a mode: 87 % and 90 %
+    assert sum(hits[::2]) >= (46 if made is mode else 55)
+    assert np.median(widths[::2]) < narrower * np.median(widths[1::2])
+
+
+def test_a_mode_is_known_to_its_own_cells_alone():
+    """What stands above the cells about it may be one amplitude; what all cells have is known by all of each."""
+    noise = Noise.of([Segment(mode(np.random.default_rng(3), 1000), RATE)])
+    freedoms = noise._freedoms(120)
+    assert freedoms[3] == pytest.approx(noise.freedom, rel=0.1)  # 12 to 16 Hz
+    assert np.median(freedoms[10:]) > 0.7 * noise.freedom_broad > 1.2 * noise.freedom
 
 
 def test_pooling():
