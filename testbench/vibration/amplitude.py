@@ -331,6 +331,14 @@ class Amplitude:
             return None
         return Segment(self.plateaus[self.moving or slice(0, len(self.plateaus))], self.rate_hz)
 
+    @property
+    def unsure_lines(self) -> list[Segment]:
+        """What the lines that were taken out may be wrong by in the motion, in segments that are one together: their
+        mean density is that of the sum; none where no line was.
+        """
+        errors, part = () if self.line_errors is None else self.line_errors, self.moving or slice(None)
+        return [Segment(len(errors) ** 0.5 * one[part], self.rate_hz, 1.0 / len(errors)) for one in errors]
+
     def noises(self, noise: Noise) -> NoiseRecords:
         """Records of noise in the band, and of what else is not known, seeded by the record."""
         draws = noise_draws(noise, self.measure, len(self.course), self.rate_hz)

@@ -234,6 +234,7 @@ class CampaignNoise:
         residuals: dict[tuple[Place, int], list[Segment]] = {}
         least: dict[tuple[Place, int], float] = {}
         rounded: dict[tuple[Place, int], list[Segment]] = {}
+        unsure: dict[tuple[Place, int], list[Segment]] = {}
         undithered: dict[tuple[Place, int], list[Amplitude]] = {}
         for name, side in sides.items():
             for place, one in (item for record in side.records for item in record.items()):
@@ -243,6 +244,8 @@ class CampaignNoise:
                     undithered.setdefault(key, []).append(one)
                 if aligned[name] is not None and one.rounded is not None:
                     rounded.setdefault(key, []).append(one.rounded)
+                if aligned[name] is not None and one.line_errors is not None:
+                    unsure.setdefault(key, []).extend(one.unsure_lines)
                 if one.resting is not None and not one.dead:
                     rests.setdefault(key, []).append(one.resting)
             for place, some in (both.residuals if (both := aligned[name]) else {}).items():
@@ -253,7 +256,7 @@ class CampaignNoise:
         noises: dict[tuple[Place, int], Noise | None] = {}
         in_motion: dict[Place, bool] = {}
         band = conditions[0].measure.band if conditions else None
-        shown = [(least[key], *(some.get(key, []) for some in (rests, residuals, rounded))) for key in least]
+        shown = [(least[key], *(some.get(key, []) for some in (rests, residuals, rounded, unsure))) for key in least]
         for key, (noise, louder) in zip(least, pool.map(partial(_pooled, band), shown), strict=True):
             noises[key], in_motion[key[0]] = noise, louder or in_motion.get(key[0], False)
         found = cls(noises, in_motion, aligned, rounding_in_common=rounding_in_common(aligned.values()))
@@ -391,20 +394,27 @@ def noise_behind_steps(runs: Sequence[Amplitude]) -> tuple[float, list[Segment]]
 
 
 def _pooled(
-    band: "Band | None", shown: tuple[float, Sequence[Segment], Sequence[Segment], Sequence[Segment]]
+    band: "Band | None", shown: tuple[float, Sequence[Segment], Sequence[Segment], Sequence[Segment], Sequence[Segment]]
 ) -> tuple[Noise | None, bool]:
     """The noise of rests and of what does not repeat; of the latter alone where that is louder, and whether it is.
 
     What does not repeat shows steps that no noise dithers too, which have an error of their own: it is louder only if
     it is so than rests and ``rounded`` together, and then what these add is taken off; else rests alone show the noise.
+    It shows too by how much the lines of the mains were wrong that were taken out, of which records are drawn by
+    themselves: what the ``unsure`` lines may be wrong by is taken off first.
     """
-    least, rest, left, rounded = shown
-    at_rest, moving, steps = (Noise.of(some, least) for some in (rest, left, rounded))
+    least, rest, left, rounded, unsure = shown
+    at_rest, moving, steps, lines = (Noise.of(some, least) for some in (rest, left, rounded, unsure))
+    if moving is not None and lines is not None:
+        moving = moving.without_lines(lines)
     if moving is None or (steps is None and at_rest is None):
         return at_rest or moving, False
     if steps is None:
         louder = at_rest is not None and moving.exceeds(at_rest, band)
-        return moving if louder else Noise.of([*rest, *left], least), louder
+        if louder:
+            return moving, True
+        both = Noise.of([*rest, *left], least)
+        return both.without_lines(lines) if both and lines else both, False
     quiet = at_rest or replace(moving, density=np.full_like(moving.density, least))
     louder = moving.exceeds(steps.plus(quiet), band)
     return moving.without(steps, quiet) if louder else quiet, louder

@@ -195,6 +195,14 @@ class Noise:
         """Its density less that of another, and nowhere below that of ``least``."""
         return replace(self, density=np.maximum(self.density - other.at(self.frequency), least.at(self.frequency)))
 
+    def without_lines(self, errors: "Noise") -> "Noise":
+        """Its density less that of errors of lines, which are drawn by themselves, and nowhere lowered below the median
+        of the cells about it.
+        """
+        cell = (self.frequency / self.resolution_hz).astype(int)
+        least = np.minimum(self._about(np.bincount(cell, self.density) / np.bincount(cell))[cell], self.density)
+        return replace(self, density=np.maximum(self.density - errors.at(self.frequency), least))
+
     def at(self, frequency: Floats) -> Floats:
         """The density at frequencies (k,) [Hz], (k,) [unit^2/Hz]."""
         return np.interp(frequency, self.frequency, self.density)

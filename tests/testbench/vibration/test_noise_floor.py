@@ -88,6 +88,23 @@ def test_a_mode_is_known_to_its_own_cells_alone():
     assert np.median(freedoms[10:]) > 0.7 * noise.freedom_broad > 1.2 * noise.freedom
 
 
+@pytest.mark.parametrize(("line", "left"), [(1.0, 0.0), (2.0, 3.0)])
+def test_errors_of_lines_are_taken_off(line, left):
+    """Where lines were taken out, what repeats do not share shows by how much they were wrong, which is drawn by
+    itself; more than that, as of a drive that hums, stays. Nothing falls below the noise about it.
+    """
+    rng, time = np.random.default_rng(5), np.arange(1000) / RATE
+    waves = np.stack([np.cos(2.0 * np.pi * 50.0 * time), np.sin(2.0 * np.pi * 50.0 * time)])
+    shown = [Segment(0.3 * rng.normal(size=1000) + line * phase @ waves, RATE) for phase in np.eye(2)[[0, 1, 0, 1]]]
+    noise, band = Noise.of(shown), Band(42.0, 58.0)
+    found = noise.without_lines(Noise.of([Segment(wave, RATE) for wave in waves]))
+    beside, before, after = (one.power(b)[0] for one, b in ((found, Band(62.0, 78.0)), (noise, band), (found, band)))
+    assert before == pytest.approx(beside + 0.5 * line**2, rel=0.1)
+    assert after == pytest.approx(beside + 0.5 * left, abs=0.02 * before)
+    far = abs(noise.frequency - 50.0) > 12.0
+    assert found.density[far] == pytest.approx(noise.density[far], rel=0.02)
+
+
 def test_pooling():
     """Four rests know as much as one of four times their degrees of freedom."""
     one, four = Noise.of([white(1, 400)]), Noise.of([white(k, 400) for k in range(4)])
