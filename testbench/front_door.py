@@ -106,7 +106,8 @@ def encoder_speed(log: str | Path, pulses: int, ratio: float = 1.0) -> SteadySpe
     """The steady turn of a crank from the instants of encoder edges: speed over angle, fluctuation, with intervals.
 
     ``log``: a table of one column, unit in its header (``t (s)``). ``pulses``: edges in a turn of the disc, which turns
-    ``ratio`` times in a turn of the crank. Time over angle is fitted with a few harmonics. Raises LostEdges.
+    ``ratio`` times in a turn of the crank. Time over angle is fitted with a few harmonics. Intervals hold for a
+    concentric disc: ``testbench speed --pitch`` takes a calibration. Raises LostEdges.
 
     >>> import testbench
     >>> print(f"{testbench.encoder_speed('edges.csv', pulses=60).mean.value:.2f} rad/s")
