@@ -65,10 +65,15 @@ def _in_group(run: SIRun, group: str) -> BaseAcceleration | None:
     rows = np.array([displacement_at(np.array(p))["xyz".index(c.component)] for p, c in columns])
     channels = tuple(c for _, c in columns)
     time, values = run.instants(channels[0]), run.stacked(channels)
+    return BaseAcceleration(group, rows, time, without_rest(values, time), channels)
+
+
+def without_rest(values: Floats, time: Floats) -> Floats:
+    """Readings (n, k) [any unit] at instants (n,) [s], each less its level at rest, or mean: offsets and weight."""
     rate = (len(time) - 1) / float(time[-1] - time[0])
     still = (rest_before([column], rate) for column in values.T)
     level = [column[slice(None) if at is None else at].mean() for column, at in zip(values.T, still, strict=True)]
-    return BaseAcceleration(group, rows, time, values - np.array(level), channels)
+    return values - np.array(level)
 
 
 def projector(rows: Floats, accelerometers: Floats) -> Floats:

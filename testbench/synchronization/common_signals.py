@@ -198,13 +198,14 @@ def support_forces(
 
 
 def _sums(motion: RunMotion, columns: list[Column]) -> tuple[Floats, Floats]:
-    """Sums of force channels by axis, (n, 3) [N], and their noise by the rig, (3,) [N]."""
-    own_signals, power = np.zeros((len(motion.run.instants(columns[0])), 3)), np.zeros(3)
+    """Sums of force channels by axis, less the weight that they show at rest, (n, 3) [N], and their noise, (3,) [N]."""
+    time = motion.run.instants(columns[0])
+    own_signals, power = np.zeros((len(time), 3)), np.zeros(3)
     for column in columns:
         axis = "xyz".index(column.component[1])
         own_signals[:, axis] += motion.run.values(column)
         power[axis] += column.total_noise**2
-    return own_signals, np.sqrt(power)
+    return base_motion.without_rest(own_signals, time), np.sqrt(power)
 
 
 def _smooth(values: Floats, time: Floats, cutoff: float) -> Floats:
