@@ -104,7 +104,7 @@ def block_means(values: Floats, every: int) -> Floats:
 
 def low_pass(values: Floats, cutoff: float, rate: float) -> Floats:
     """``values`` (n, ...) [any unit] smoothed along the first axis with zero phase; ``cutoff`` and ``rate`` in Hz."""
-    from scipy.signal import sosfiltfilt
+    from ..signal.filters import both_ways
 
     if not 0.0 < cutoff <= HIGHEST_CUTOFF * rate:
         raise AnalysisError(
@@ -112,7 +112,7 @@ def low_pass(values: Floats, cutoff: float, rate: float) -> Floats:
             f"expected at most {HIGHEST_CUTOFF * rate:g} Hz"
         )
     padding = min(len(values) - 1, int(3.0 * rate / cutoff))
-    return np.asarray(sosfiltfilt(_sections(cutoff, rate), values, axis=0, padlen=padding))
+    return np.moveaxis(both_ways(_sections(cutoff, rate), np.moveaxis(values, 0, -1), padding, odd=True), -1, 0)
 
 
 @cache

@@ -93,10 +93,11 @@ def _followed(group: "h5py.Group", path: str) -> Any:  # noqa: ANN401
 
     node = group.id  # group[name] and its objects take four times as long
     for name in path.encode().split(b"/"):
-        links = node.links
-        if not links.exists(name):
-            raise StoreError(f"{group.file.filename}: holds no {path}; it is not a stored run, or damaged")
-        if links.get_info(name).type != h5l.TYPE_HARD:
+        try:
+            link = node.links.get_info(name)
+        except RuntimeError:
+            raise StoreError(f"{group.file.filename}: holds no {path}; it is not a stored run, or damaged") from None
+        if link.type != h5l.TYPE_HARD:
             raise StoreError(f"{_where(group, path)}: {name.decode()} is a link to elsewhere, which is refused")
         node = h5o.open(node, name)
     return node

@@ -120,8 +120,9 @@ class AmplitudeLikelihood:
 def _shares(draws: Floats, noises: NoiseRecords) -> tuple[float, float]:
     """Shares of the variance of readings (d,) that the noise's power explains, and beyond it what a step adds."""
     basis = np.column_stack([np.ones_like(noises.powers), np.sqrt(noises.powers), noises.rounding])
-    left = [(draws - some @ np.linalg.lstsq(some, draws, rcond=None)[0]).var() for some in (basis[:, :2], basis)]
-    by_power, both = 1.0 - np.clip(np.array(left) / max(float(draws.var()), 1e-300), 0.0, 1.0)
+    each = (basis[:, :2], basis) if noises.rounding.any() else (basis[:, :2],)
+    left = [(draws - some @ np.linalg.lstsq(some, draws, rcond=None)[0]).var() for some in each]
+    by_power, both = 1.0 - np.clip(np.array([left[0], left[-1]]) / max(float(draws.var()), 1e-300), 0.0, 1.0)
     return float(by_power), float(both - by_power)
 
 
