@@ -144,12 +144,13 @@ class CampaignReport:
         if isinstance(self.comparison, str):
             return [], None, self.document
         parts: list[Callable[[], Any]] = [
-            partial(strongest_condition, self.comparison, self.runs),  # the longest first
+            *strongest_condition(self.comparison, self.runs),  # the longest first
             partial(reductions_svg, self.comparison),
             lambda: self.document,
         ]
         drawn: dict[int, Any] = dict(cores(len(self.runs)).results(_called, parts))
-        return drawn[0], drawn[1], drawn[2]
+        *pictures, figure, document = (drawn[place] for place in range(len(parts)))
+        return [picture for picture in pictures if picture is not None], figure, document
 
 
 def _called(work: Callable[[], Any]) -> Any:  # noqa: ANN401

@@ -1,6 +1,7 @@
 """What the page of a campaign draws: every channel of its rig with peaks kept, spectra, the mechanism along the log."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -153,8 +154,10 @@ def reductions_svg(found: "Comparison") -> "Markup":
     return inline_svg(figures.reductions(found), name)
 
 
-def strongest_condition(found: "Comparison", runs: "Sequence[Run]") -> "list[Markup]":
-    """Figures of the condition whose base vibrates most without counter-masses; those that can be drawn."""
+def strongest_condition(found: "Comparison", runs: "Sequence[Run]") -> "list[Callable[[], Markup | None]]":
+    """What draws each figure of the condition whose base vibrates most without counter-masses; None of one that cannot
+    be drawn.
+    """
     row = max(found.rows, key=lambda row: row.analyzed.amplitudes[1])
     by_name = {run.name: run for run in runs}
     names, (count, _) = row.analyzed.runs, row.analyzed.n
@@ -165,10 +168,11 @@ def strongest_condition(found: "Comparison", runs: "Sequence[Run]") -> "list[Mar
         ("Torques of the drives", lambda: figures.motor_torques(balanced, unbalanced)),
         ("Spectrum of the base's acceleration without counter-masses", lambda: figures.base_spectrum(unbalanced)),
     )
-    drawn = []
-    for name, draw in draws:
+
+    def drawn(name: str, draw: "Callable[[], Figure]") -> "Markup | None":
         try:
-            drawn.append(inline_svg(draw(), f"{name}, {row.analyzed.key}"))
+            return inline_svg(draw(), f"{name}, {row.analyzed.key}")
         except CounterpoiseError:
-            continue
-    return drawn
+            return None
+
+    return [partial(drawn, *one) for one in draws]
