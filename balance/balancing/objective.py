@@ -31,6 +31,8 @@ MADE_SMALL = {
 """What people call each, and vibration (``base_vibration``)."""
 _STEP = 0.25
 """Travel of the fastest joint between two states of the workspace [rad, or lengths of the mechanism]."""
+_FEWEST, _HALVINGS = 12, 8
+"""States for each degree of freedom, where limits leave fewer of which the step is halved, and how often at most."""
 _TRAVEL = np.pi
 """Travel of the fastest joint from home [rad, or lengths of the mechanism]."""
 _ALL_COMBINATIONS, _PAIRS = 3, 8
@@ -209,9 +211,15 @@ def workspace_states(mechanism: Mechanism, closure: Closure, travel: float = _TR
     They lie on ways from home: the driven joints (all joints, where those do not determine the mechanism) start at
     equal rates (slides in lengths of the mechanism) in all combinations of forwards, backwards and not at all; of more
     than three of them singly and in pairs, of more than eight singly. A way ends after a ``travel`` [rad, lengths of
-    the mechanism] of the fastest joint, at a limit, or near a singular position.
+    the mechanism] of the fastest joint, at a limit, or near a singular position. Steps are _STEP long, and shorter
+    where limits leave little room.
     """
-    return closure.rays(_headings(mechanism, closure), _STEP, travel)
+    headings, states = _headings(mechanism, closure), closure.home[None]
+    for halvings in range(_HALVINGS + 1):
+        states = closure.rays(headings, _STEP / 2**halvings, travel)
+        if len(states) >= _FEWEST * closure.dof:
+            break
+    return states
 
 
 def _headings(mechanism: Mechanism, closure: Closure) -> Floats:

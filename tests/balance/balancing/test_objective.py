@@ -10,6 +10,7 @@ from balance.balancing.objective import motion_objective, workspace_objective
 from balance.balancing.remaining_force import remaining_directions, verdict_of
 from balance.balancing.static_balancing import evaluate_springs
 from balance.dynamics.inverse_dynamics import simulate
+from balance.dynamics.regressor import potential
 from balance.front_door import follow
 
 from .. import models
@@ -94,6 +95,19 @@ def test_the_order_in_the_file_does_not_matter_to_springs_and_wheels():
     wheels = [{one.bodies[w.body]: w.momentum for w in fit_wheels(one).wheels} for one in (there, back)]
     assert wheels[1] == pytest.approx(wheels[0], rel=1e-6)  # least squares of what is left in part
     assert len(wheels[0]) > 1
+
+
+@pytest.mark.parametrize("limit", [0.02, 0.1, 0.3])
+def test_a_workspace_narrower_than_a_step_is_no_single_state(limit):
+    """At one state wheels cancel all and nothing swings: a mechanism of little room counted as balanced."""
+    link = '<body name="{0}" pos="{1} 0 0"><joint name="{0}" axis="0 0 1" range="-{2} {2}" limited="true"/>'
+    link += '<inertial pos="0.1 0.2 0" mass="2" diaginertia="0.02 0.03 0.04"/>{3}</body>'
+    arm = link.format("a", 0, limit, link.format("b", 0.3, limit, ""))
+    arm = models.model(models.mjcf(arm, '<actuator><motor joint="a"/><motor joint="b"/></actuator>'))
+    assert 1e-5 < fit_wheels(arm).residual_share < 0.5  # the momentum depends on the angle between the links
+    corners = limit * np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])  # the weight turns it everywhere
+    swing = np.ptp(potential(arm, corners))
+    assert 0.75 * swing < evaluate_springs(arm, ()).swing() <= swing
 
 
 @pytest.mark.parametrize("same", [{"scale": 40.0}, {"scale": 0.01}, {"base": 3.0}, {"zero": 2.0}], ids=str)
