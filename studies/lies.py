@@ -216,6 +216,21 @@ def copied(runs: Campaign, i: int, rng: np.random.Generator) -> tuple[Campaign, 
     return [*runs, copy], {copy.name}
 
 
+def cut_short(run: MemoryRun, rng: np.random.Generator) -> MemoryRun:
+    """All logs of a run stopped while the encoders move, between a fifth and nine tenths of their way."""
+    data, encoders = dict(run.provenance["data"]), SIRun.of(run).rig.columns_of(Encoder)
+    moved = np.abs(np.diff(np.column_stack([run.channel(column.channel) for column in encoders]), axis=0)).sum(axis=1)
+    moved, span = np.convolve(moved, np.ones(9), "same"), np.cumsum(moved) / moved.sum()
+    instants = np.flatnonzero((moved > 0.3 * moved.max()) & (span[: len(moved)] > 0.2) & (span[: len(moved)] < 0.9))
+    share, groups = float(rng.choice(instants)) / len(moved), []
+    for group in run.groups:
+        count = round(share * group.samples)
+        for key in group.keys:
+            data[f"{group.path}/{key}"] = data[f"{group.path}/{key}"][:count]
+        groups.append(replace(group, samples=count))
+    return replace(run, groups=tuple(groups), provenance={"data": data})
+
+
 def reversed_encoder(run: MemoryRun, rng: np.random.Generator) -> MemoryRun:
     """One encoder counts the other way from where it starts."""
     channel = str(rng.choice([column.channel for column in SIRun.of(run).rig.columns_of(Encoder)]))
@@ -262,6 +277,7 @@ LIES = {
     "sign of an accelerometer": Lie(_one(reversed_sign), frozenset({"sign_contradiction"})),
     "accelerometer reversed": Lie(_one(reversed_sensor), frozenset({"sign_contradiction"})),
     "force channel turned": Lie(_one(turned_force), frozenset({"force_sign"})),
+    "record cut in mid-motion": Lie(_one(cut_short), frozenset({"short_record"})),
     "accelerometer reversed in all runs": Lie(_all(reversed_sensor), frozenset({"sign_contradiction"})),
 }
 
@@ -272,6 +288,7 @@ LIES_BESIDE_REPEATS = {
     "encoder of one run reversed": Lie(_one(reversed_encoder), ENCODERS),
     "encoders in degrees": Lie(_all(in_degrees), ENCODERS),
     "axes exchanged in one run": LIES["axes exchanged in one run"],
+    "record cut in mid-motion": LIES["record cut in mid-motion"],
 }
 """Told of three repeats, each side, of a machine whose motion drives its joints."""
 

@@ -16,6 +16,8 @@ UNIT_SHARE = 0.1
 DEGREES = 180.0 / np.pi
 LEAST_SHARE = 0.05
 """Of the fastest joint's speed, below which a joint is not compared."""
+LEAST_POWER = 1e-6
+"""Of the wanted path's power, below which an encoder shows nothing of it: one in radians for degrees shows 3e-4."""
 
 
 def encoder_paths(observations: Sequence[Observation]) -> list[Statement]:
@@ -73,12 +75,12 @@ def _compared(shown: Floats, wanted: Floats) -> tuple[Floats, Floats]:
     from scipy.signal import correlate
 
     count = len(wanted)
-    shown = np.pad(shown, ((count, count), (0, 0)))
+    wanted, shown = wanted.astype(float), np.pad(shown.astype(float), ((count, count), (0, 0)))
     power = np.cumsum(np.pad(shown**2, ((1, 0), (0, 0))), axis=0)
     own, energy = (wanted**2).sum(axis=0), power[count:] - power[:-count]
     products = np.column_stack([correlate(a, b, "valid", "fft") for a, b in zip(shown.T, wanted.T, strict=True)])
     least = LEAST_SHARE**2 * energy.max(axis=0)
     correlation = products / np.sqrt(np.maximum(np.maximum(energy, least) * own, 1e-300))
-    correlation[:, own < LEAST_SHARE**2 * own.max()] = 0.0
+    correlation[:, (own < LEAST_SHARE**2 * own.max()) | (energy.max(axis=0) < LEAST_POWER * own)] = 0.0
     best = int(np.argmax((correlation**2).sum(axis=1)))
     return correlation[best], products[best] / np.maximum(own, 1e-300)

@@ -20,6 +20,7 @@ from .conditions import UNDETERMINED, TorqueBalance, accelerations, motions, mou
 from .copies import copies
 from .encoder_paths import encoder_paths
 from .observation import Observation, observe
+from .record_ends import record_ends
 from .repeated_vibration import repeated_vibration
 from .sensors import examined_sensors, levels, unclosed
 from .statement import WITHHOLDING, Statement, decisions
@@ -164,7 +165,10 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = ()) -> Examinati
     reasons = {one.name: one.reasons for one in seen}
     statements = [*copies(seen), *levels(seen), *(paths := encoder_paths(seen))]
     wrong = {s.run for s in paths if s.code}
-    seen = [one.without_encoders() if one.name in wrong else one for one in seen]
+    statements += (short := record_ends(seen))
+    reasons |= {s.run: reasons[s.run] | {"record": "nothing else is examined of a part of the motion"} for s in short}
+    incomplete = {s.run for s in short}
+    seen = [one.without_encoders() if one.name in wrong else one for one in seen if one.name not in incomplete]
     statements += [*unclosed(seen), *unlike_repeats(seen)]
     for one in seen:
         statements += [*accelerations(one), *motions(one)]

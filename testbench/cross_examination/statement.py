@@ -25,6 +25,7 @@ WITHHOLDING = {
     "gain_contradiction": "gain",
     "flat_channel": "dead",
     "copied_run": "copy",
+    "short_record": "record",
 }
 """Contradictions after which a number is withheld, and their subjects."""
 MARKING = {
@@ -46,6 +47,7 @@ ADVICE = {
     "flat_channel": "check the sensor, its cable and its supply; repeat the run",
     "level_drift": "check the sensor's zero and its supply; amplitudes leave it out unless --band starts at 0",
     "copied_run": "it counts once; remove the copy from the campaign, or ingest the log that was meant",
+    "short_record": "repeat the run, or leave it out (testbench remove): a part of the motion has other numbers",
     "payload_contradiction": "weigh what the platform carried, correct the run table and ingest again",
     "acceleration_contradiction": "correct {column} in the run table and ingest again",
     "motion_contradiction": "correct the motion in the run table and ingest again",
@@ -63,7 +65,8 @@ class Statement:
 
     run: Annotated[str, Key("", "run")]
     subject: Annotated[str, Key("", "about")]
-    """``payload``, ``acceleration``, ``axis``, ``sign``, ``gain``, ``copy``, ``rest``, ``dead``, ``counter-masses``."""
+    """``payload``, ``acceleration``, ``axis``, ``sign``, ``gain``, ``copy``, ``rest``, ``dead``, ``counter-masses``,
+    ``record``."""
     channel: Annotated[str | None, Key("", "channel", lambda channel: channel or "-")]
     """The channel that it is about; None: the whole run."""
     stated: Annotated[str, Key("", "stated")]

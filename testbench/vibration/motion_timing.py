@@ -132,7 +132,7 @@ def _encoded_motion(values: Floats, time: Floats) -> tuple[np.ndarray, Floats]:
     moved = np.arange(left[0], arrived[-1] + 1) if left.size and arrived.size else np.array([], dtype=int)
     rate = (len(time) - 1) / float(time[-1] - time[0])
     bent = gaussian_filter1d(values, 0.006 * rate, axis=0, order=2, mode="nearest")
-    return moved, ((bent / np.maximum(reach, 1e-300)) ** 2).sum(axis=1)
+    return moved, ((bent / np.where(reach > 0.0, reach, np.inf)) ** 2).sum(axis=1)
 
 
 def coarse_lag(signals: Sequence[Floats], rate_hz: float, time: Floats, power: Floats) -> float | None:

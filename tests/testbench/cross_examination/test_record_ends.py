@@ -1,0 +1,153 @@
+"""Records that end or begin in mid-motion are named; honest ones of any length, and motions that repeat, are not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from studies import lies
+from studies.lies import Witnesses
+from testbench.campaign_plan import load_plan
+from testbench.cross_examination.observation import Observation
+from testbench.cross_examination.record_ends import record_ends
+from testbench.project import new_project
+from testbench.rig import load_rig
+from testbench.vibration.metrics import Measure
+from testbench.vibration.reduction import analyze
+
+ARM = """<mujoco model="arm">
+  <option gravity="0 0 0"/>
+  <worldbody>
+    <body name="upper">
+      <inertial pos="0.1 0 0" mass="3" diaginertia="0.01 0.02 0.02"/>
+      <joint name="J1" type="hinge" axis="0 0 1"/>
+      <site name="counter_upper" pos="-0.15 0 0"/>
+      <body name="fore" pos="0.25 0 0">
+        <inertial pos="0.08 0 0" mass="2" diaginertia="0.004 0.01 0.01"/>
+        <joint name="J2" type="hinge" axis="0 0 1"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor joint="J1"/><motor joint="J2"/></actuator>
+</mujoco>
+"""
+MOTION = """driven = "joints"
+joints = ["J1", "J2"]
+start = ["0 rad", "0.5 rad"]
+peak_acceleration = "40 rad/s^2"
+rest = "0.15 s"
+moves = [{ joint = "J1", to = ["40 deg", "0 deg"] }, { joint = "J2", to = ["-30 deg", "28.6 deg"] }]
+"""
+PLAN = """mechanism = "arm.xml"
+repeats = 2
+seed = 1
+[[conditions]]
+counter_masses = { counter_upper = "2 kg" }
+motion = "swing.toml"
+"""
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory):
+    """Four runs of an own arm, with and without its counter-mass, twice; observed once."""
+    folder = tmp_path_factory.mktemp("arm")
+    (folder / "arm.xml").write_text(ARM, encoding="utf-8")
+    new_project(folder / "project", str(folder / "arm.xml"))
+    (folder / "project" / "swing.toml").write_text(MOTION, encoding="utf-8")
+    (folder / "project" / "plan.toml").write_text(PLAN, encoding="utf-8")
+    rig = load_rig(folder / "project" / "rig.toml")
+    return lies.simulated(rig, load_plan(folder / "project" / "plan.toml"), 3), Witnesses()
+
+
+@pytest.mark.parametrize("cut", [(0,), (1, 3)])
+@pytest.mark.parametrize("stored", [True, False])
+def test_a_record_cut_in_mid_motion_is_withheld(campaign, cut, stored):
+    """By the stored motion, or without it by the other runs; the cut runs alone, and what is made of them."""
+    runs, rng = (
+        [run if stored else replace(run, inputs={"mechanism": run.inputs["mechanism"]}) for run in campaign[0]],
+        None,
+    )
+    assert all(("motion" in run.inputs) is stored for run in runs)
+    assert not Witnesses().hear(runs).findings
+    rng = np.random.default_rng(len(cut))
+    told = [lies.cut_short(run, rng) if i in cut else run for i, run in enumerate(runs)]
+    found = Witnesses().hear(told)
+    assert {(s.run, s.code) for s in found.contradictions} == {(runs[i].name, "short_record") for i in cut}
+    assert all("ends in mid-motion" in s.witnessed for s in found.contradictions)
+    analysis = analyze(told, Measure())
+    assert all(r.interval is None and "short_record" in r.doubts for r in analysis.reductions)
+    given = analyze(told, Measure(), ["short_record"])
+    assert any(r.interval is not None and "short_record" in r.doubts for r in given.reductions)
+
+
+def bump(duration):
+    """Speeds of one joint, 100 a second, that turns and rests again."""
+    return np.sin(np.pi * np.linspace(0.0, 1.0, round(100 * duration))) ** 2
+
+
+def seen(name, *parts, motion="swing", stored=None):
+    """A run whose encoder shows speeds one after the other, and noise."""
+    speeds = np.concatenate([np.atleast_1d(part) for part in parts])[:, None]
+    noise = np.random.default_rng(len(name)).normal(0.0, 0.005, speeds.shape)
+    one = Observation(name, {"motion": motion}, load_rig("parallelogram-6bar"), encoders=("q",))
+    one.encoder_speeds = (speeds + noise).astype(np.float32)
+    one.commanded_speeds = {} if stored is None else {"q": stored}
+    return one
+
+
+REST = np.zeros(40)
+SWING = np.concatenate([REST, bump(0.4), REST, -bump(0.7), REST, bump(0.5), REST])
+TURNS = np.sin(2.0 * np.pi * np.arange(1000) / 80.0)
+STEADY = np.concatenate([REST, np.linspace(0.0, 1.0, 30), np.ones(600), np.linspace(1.0, 0.0, 30), REST])
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "stored", "said"),
+    [
+        (SWING, SWING, None, ""),
+        (SWING[30:-35], SWING, SWING, ""),
+        (SWING[:160], SWING, None, "ends in mid-motion"),
+        (SWING[150:], SWING, None, "begins"),
+        (SWING[:75], SWING[:150], None, ""),
+        (SWING[:200], None, SWING, "ends in mid-motion"),
+        (SWING[140:205], None, SWING, "begins and ends"),
+        (SWING[:110], None, SWING, "ends in mid-motion"),
+        (SWING[:110], SWING, None, ""),
+        (SWING[30:-35], np.concatenate([SWING, bump(0.9), REST]), None, ""),
+        (TURNS[:370], TURNS, None, ""),
+        (TURNS[:370], np.concatenate([REST, TURNS, REST]), np.concatenate([REST, TURNS, REST]), ""),
+        (STEADY[:300], STEADY, STEADY, ""),
+        (bump(3.0)[:150], SWING, SWING, ""),
+    ],
+    ids=["whole", "hardly any rest", "cut", "begun late", "all cut", "by the motion", "both ends",
+         "a move less by the motion", "a move less than a run that goes home", "goes home", "turns on",
+         "turns of a whole record", "steady", "another motion"],
+)  # fmt: skip
+def test_where_a_record_ends(one, other, stored, said):
+    """Beside another run of the motion, or the motion that is stored."""
+    runs = [seen("r1", one, stored=stored), *([] if other is None else [seen("r22", other)])]
+    found = record_ends(runs)
+    assert [s.run for s in found] == (["r1"] if said else [])
+    assert all(said in s.witnessed for s in found)
+    assert not record_ends([seen("r1", one), seen("r22", SWING, motion="another")])
+
+
+def test_an_accelerometer_alone_is_compared_with_its_repeats():
+    """Without encoders; of records that are cut before they are kept nothing is said."""
+
+    def shaken(name, samples, begin=0):
+        one = Observation(name, {"motion": "swing"}, load_rig("parallelogram-6bar"))
+        t = np.arange(samples) / 100.0
+        envelope = np.exp(-2.0 * np.abs(t - 1.0)) * (t > 0.4) * (t < 1.8)
+        values = np.column_stack([envelope * np.sin(40.0 * t), 0.5 * envelope * np.cos(40.0 * t)])
+        noise = np.random.default_rng(len(name)).normal(0.0, 0.01, values.shape)
+        one.vibrations = {("x", "y"): (values + noise)[begin:].astype(np.float32)}
+        return one
+
+    assert not record_ends([shaken("r1", 300), shaken("r22", 260)])
+    (late,) = record_ends([shaken("r1", 300, 100), shaken("r22", 300)])
+    (early,) = record_ends([shaken("r1", 110), shaken("r22", 300)])
+    assert (early.run, late.run) == ("r1", "r1")
+    assert "ends in mid-motion" in early.witnessed
+    assert "begins in mid-motion" in late.witnessed
+    assert not record_ends([shaken("r1", 110), shaken("r22", 3000)])
