@@ -153,13 +153,14 @@ class TimeCheck:
         clock, shown, unit = self.clock, self._shown, self._unit
         parts, places = [], None
         if gaps := clock.steps.above(shown.longest):
-            longest = sorted((step, where) for step, where in clock.longest if step > shown.longest)[::-1]
-            listed = ", ".join(f"{step:.6g} {unit} before {where}" for step, where in longest)
+            longest = sorted((-number, step, where) for step, number, where in clock.longest if step > shown.longest)
+            listed = ", ".join(f"{step:.6g} {unit} before {where}" for _, step, where in longest)
+            listed = f"the longest: {listed}" if gaps > len(longest) else listed
             limit = f"{shown.longest:.6g} {unit}, a sample taking {shown.step:.6g} {unit} on average"
             if not is_cause(shown):
                 limit = f"{GAP:g} times the median {clock.steps.quantile(0.5):.6g} {unit}"
             parts.append(f"steps longer than {limit}: {gaps} ({listed})")
-            places = ", ".join(where for _, where in longest)
+            places = ", ".join(where for *_, where in longest)
         if text := about_gaps(shown, gaps, clock.steps.above(0.0), unit):
             parts.append(text)
         return [Finding("time_gap", self._name, places, "; ".join(parts))] if parts else []

@@ -158,7 +158,9 @@ class ClockStats:
     non_increasing: int = 0
     unreadable: int = 0
     falls: list[tuple[str, float]] = field(default_factory=list)
-    longest: list[tuple[float, str]] = field(default_factory=list)
+    longest: list[tuple[float, int, str]] = field(default_factory=list)
+    """The longest steps, the first of equal ones: each with minus its number, and where it is."""
+    _count: int = 0
     steps: Steps = field(default_factory=Steps)
     segments: StepReservoir = field(default_factory=StepReservoir)
 
@@ -193,9 +195,11 @@ class ClockStats:
         least = self.longest[0][0] if len(self.longest) == SHOWN else -math.inf
         if largest > least:
             longer = np.flatnonzero(steps > least)
-            for i in longer[np.argpartition(steps[longer], -min(SHOWN, len(longer)))[-SHOWN:]]:
+            cut = np.partition(steps[longer], -min(SHOWN, len(longer)))[-min(SHOWN, len(longer))]
+            for i in [*longer[steps[longer] > cut], *longer[steps[longer] == cut][:SHOWN]]:
                 keep = heappush if len(self.longest) < SHOWN else heappushpop
-                keep(self.longest, (float(steps[i]), block.where(int(index[i]))))
+                keep(self.longest, (float(steps[i]), -self._count - int(i), block.where(int(index[i]))))
+        self._count += len(steps)
 
 
 _NEIGHBOURS, _SHARE = 8, 2.0**-16

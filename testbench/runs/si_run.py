@@ -22,7 +22,7 @@ from ..calibration.definition import is_electrical, unit_of_log
 from ..calibration.evaluation import CalibrationLaw, bind_sensor, relative_uncertainty
 from ..errors import AnalysisError
 from ..quality.clipping import flat_tops, is_dead
-from ..recording import Channel, Conditions, Finding, Origin, Samples, Severity, TimeColumn
+from ..recording import Channel, Conditions, Finding, Origin, Samples, Severity, TimeColumn, worst_severity
 from ..rig import Column, Rig, rig_from_text
 from ..store.run import Run, StoredGroup
 from .calibration_history import CalibrationInForce, CalibrationRecord
@@ -183,9 +183,10 @@ class SIRun:
             self._sound[column.channel] = values
         return values
 
-    def without_holes(self, column: Column, values: Floats) -> Floats:
+    def without_holes(self, column: Column, values: Floats, steps: NDArray[np.intp] | None = None) -> Floats:
         """Values (n,) of a channel, in any unit, with what is missing (NaN) from those about it: see :meth:`values`.
 
+        ``steps`` (m,) [samples] are those that its clock has, where it left out the others.
         Raises AnalysisError where that would be a guess.
         """
         missing = np.isnan(values)
@@ -195,23 +196,33 @@ class SIRun:
         begins, ends = edges[::2], edges[1::2]
         beside = np.concatenate([begins - 1, np.minimum(ends, len(values) - 1)])
         measured = column.level and not column.commanded and "angle" not in column.dimensions  # by what may overload
-        where = f"at sample {begins[0]}"
-        longest = int(np.argmax(ends - begins))
+        first, longest = 0, int(np.argmax(ends - begins))
         if begins[0] == 0 or ends[-1] == len(values):
             why = "at the beginning or end of the record, where nothing is to interpolate from"
         elif ends[longest] - begins[longest] > MOST_MISSING:
-            where = f"at samples {begins[longest]} to {ends[longest] - 1}"
-            why = f"more than {MOST_MISSING} in a row"
+            first, why = longest, f"more than {MOST_MISSING} in a row"
         elif missing.sum() > max(MISSING_SHARE * len(values), MOST_MISSING):
-            why = f"and at {missing.sum() - 1} more, above {MISSING_SHARE:.1%} of them"
+            more = missing.sum() - ends[0] + begins[0]
+            why = f"and {f'at {more}' if steps is None else more} more, above {MISSING_SHARE:.1%} of them"
         elif measured and (peak := _reach(values)[beside] > _NEAR_PEAK).any():
-            where = f"at sample {np.tile(begins, 2)[peak][0]}"
-            why = "beside its largest readings, where an overload may be hidden"
+            first, why = (
+                int(np.flatnonzero(peak)[0]) % len(begins),
+                "beside its largest readings, where an overload may be hidden",
+            )
         else:
             return np.where(
                 missing, np.interp(np.arange(len(values)), np.flatnonzero(~missing), values[~missing]), values
             )
-        raise AnalysisError(f"{self.name}: channel {column.channel!r} holds no number {where}, {why}: {_CURE}")
+        begin, end = int(begins[first]), int(ends[first])
+        many = end - begin
+        if steps is None:
+            where = f"at sample {begin}" if many == 1 else f"at samples {begin} to {end - 1}"
+            raise AnalysisError(f"{self.name}: channel {column.channel!r} holds no number {where}, {why}: {_CURE}")
+        at = self.time(self.group_of(column))[int(np.searchsorted(steps, begin)) - 1]
+        raise AnalysisError(
+            f"{self.name}: the clock of channel {column.channel!r} leaves out {many} sample{'s' * (many > 1)}, "
+            f"{many / self.rate(column):.4g} s, after {at:.6g} s, {why}: {_CURE}"
+        )
 
     def signal(self, column: Column) -> tuple[Floats, float]:
         """A channel at even steps (n,) [SI] and its rate [Hz]; raises as :meth:`values` and :meth:`evenly`."""
@@ -238,7 +249,7 @@ class SIRun:
             )
         even = np.full(int(steps[-1]) + 1, np.nan)
         even[steps] = values
-        return self.without_holes(column, even)
+        return self.without_holes(column, even, steps)
 
     def even_instants(self, column: Column) -> Floats:
         """Instants of :meth:`signal`, (n,) [s], as :meth:`instants`."""
@@ -322,25 +333,32 @@ class SIRun:
         return [found for found in self.doubts(columns) if found.code in INTERPOLATED]
 
     def doubts(self, columns: Iterable[Column]) -> list[Finding]:
-        """Warnings of ingest about channels, except those that a later calibration resolves, and about clocks of which
-        :meth:`signal` interpolates what they left out.
+        """Warnings of ingest about channels, except those that a later calibration resolves; about clocks of which
+        :meth:`signal` interpolates what they left out; and what a person accepted, for which a run is else refused.
         """
         columns = list(columns)
-        used = {column.channel for column in columns}
-        with_gaps = [column for column in columns if self._has_gaps and self.holds(column)]
-        for group in (self.group(self.group_of(c)) for c in with_gaps if self._even_steps(c) is not None):
-            used |= {group.channels[group.clock.index].name} if isinstance(group.clock, TimeColumn) else set()
+        used, accepted = {column.channel for column in columns}, set[str | None]({None})
+        for column in columns if self._has_gaps or worst_severity(self.findings) is Severity.ERROR else ():
+            if self.holds(column) and isinstance(
+                clock := (group := self.group(self.group_of(column))).clock, TimeColumn
+            ):
+                accepted.add(group.channels[clock.index].name)
+                used |= set() if self._even_steps(column) is None else {group.channels[clock.index].name}
         return [
             self._finding(
                 found.code,
                 found.channel,
                 f"{self.name}: {found.channel}: {found.message}"
-                + ("; interpolated between the samples beside them" if found.code in INTERPOLATED else ""),
+                + ("; interpolated between the samples beside them" if found.code in INTERPOLATED else "")
+                + ("; accepted when it was stored" if found.severity is Severity.ERROR else ""),
             )
             for found in self.findings
             if found.code not in RESOLVED_BY_CALIBRATION
             and found.severity >= Severity.WARNING
-            and not used.isdisjoint(self._names(found))
+            and (
+                not used.isdisjoint(self._names(found))
+                or (found.severity is Severity.ERROR and found.channel in accepted)
+            )
         ]
 
     def calibration(self, column: Column) -> CalibrationInForce | None:

@@ -229,3 +229,13 @@ def test_the_command(tmp_path, monkeypatch, capsys, rate, decimals, header, code
     (group,) = json.loads(text)["runs"][0]["groups"]
     assert group["rate_hz"] == pytest.approx(rate, rel=3e-4)
     assert group["rate_source"] == ("median_step" if rate == 1000 else "mean_step")
+
+
+def test_gaps_are_listed_as_they_come():
+    """The longest of them, of equal ones the first, each in the order of the record."""
+    times = np.delete(np.arange(5000.0), np.r_[1000:4000:100, 1500:1503, 2500:2502])
+    message = checked(times, column=MS)[1]["time_gap"].message
+    listed = [(int(step), int(line)) for step, line in re.findall(r"(\d) s before line (\d+)", message)]
+    assert "30 (the longest: 2 s before line 1002, " in message
+    assert [step for step, _ in listed] == [2, 2, 2, 2, 2, 4, 2, 2, 2, 3]
+    assert [line for _, line in listed] == sorted(line for _, line in listed)

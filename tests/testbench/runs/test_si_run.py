@@ -90,7 +90,11 @@ def changed(tmp_path, places, how):
         ([69], None),
         ([69, 140, 141], None),
         ([69, 70, 71, 72], "the clock of channel 'ch0' leaves out 4 samples, 0.004 s, after 0.068 s; more than 3"),
-        ([50, 69, 140, 200], "holds no number at sample 50, and at 3 more, above 0.1% of them"),
+        (
+            [50, 69, 140, 200],
+            "the clock of channel 'ch0' leaves out 1 sample, 0.001 s, after 0.049 s, and 3 more, above 0.1%",
+        ),
+        ([69, 107], "the clock of channel 'ch0' leaves out 1 sample, 0.001 s, after 0.106 s, beside its largest"),
     ],
 )
 def test_lines_that_the_log_lacks_are_interpolated_or_refused(tmp_path, lost, refusal):
@@ -109,6 +113,20 @@ def test_lines_that_the_log_lacks_are_interpolated_or_refused(tmp_path, lost, re
     np.testing.assert_allclose(run.even_instants(one), np.arange(len(volts.ACCELERATION)) / 1000.0, atol=1e-9)
 
 
+def test_what_was_accepted_is_said(tmp_path):
+    """A run that is stored for somebody's acceptance says so wherever its channels are used."""
+    log = volts.log(tmp_path)
+    head, *lines = log.read_text("utf-8").splitlines()
+    lines[100], lines[101] = lines[101], lines[100]
+    log.write_text("\n".join([head, *lines]) + "\n", "utf-8")
+    rig = rigs.load_rig(volts.HEAD + volts.SENSITIVITY)
+    (stored,) = Ingest(tmp_path / "c", rig, accepted=frozenset({"time_not_increasing"})).run(PlannedRun("r1", (log,)))
+    assert stored.status == "stored"
+    run = SIRun.of(open_run(tmp_path / "c" / "r1.h5"))
+    said = {f.code: f.message for f in run.doubts([column(run.recorded)])}
+    assert said["time_not_increasing"].endswith("accepted when it was stored")
+
+
 @pytest.mark.parametrize(
     ("missing", "refusal"),
     [
@@ -116,7 +134,7 @@ def test_lines_that_the_log_lacks_are_interpolated_or_refused(tmp_path, lost, re
         ([69, 140, 141], None),
         ([69, 70, 71, 72], "at samples 69 to 72, more than 3 in a row"),
         ([0], "at sample 0, at the beginning or end"),
-        ([398, 399], "at sample 398, at the beginning or end"),
+        ([398, 399], "at samples 398 to 399, at the beginning or end"),
         ([50, 69, 140, 200], "at sample 50, and at 3 more, above 0.1% of them"),
         ([69, 107], "at sample 107, beside its largest readings, where an overload may be hidden"),
     ],
