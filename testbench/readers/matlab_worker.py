@@ -36,8 +36,8 @@ _SPARSE_4 = 2
 _MOST_VARIABLES, _LONGEST_NAME, _LONGEST_TEXT = 100_000, 256, 1 << 16
 _MOST_RATIO, _ALWAYS_ALLOWED, _MOST_BYTES = 200, 64 << 20, 2 << 30
 """A variable may unpack to so many times its bytes, or to so many; all of a file to so many."""
-_ERRORS = (ValueError, TypeError, KeyError, IndexError, OSError, OverflowError, AttributeError, NotImplementedError,
-           struct.error, zlib.error, MatReadError)  # fmt: skip
+_ERRORS = (ValueError, TypeError, KeyError, IndexError, OSError, OverflowError, AttributeError, struct.error,
+           zlib.error, MatReadError)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -121,6 +121,8 @@ def _variables_5(source: ByteSource, found: Contents) -> Iterator[_Variable]:
     if head[126:128] not in (b"IM", b"MI"):
         raise damaged(source.path, f"byte order {head[126:128]!r} at byte 126; expected IM or MI")
     order = "<" if head[126:128] == b"IM" else ">"
+    if (version := head[125 if order == "<" else 124]) != 1:
+        raise damaged(source.path, f"version {version} at byte 124; expected 1, of a file of version 5, 6 or 7")
     found.metadata["header"] = head[:116].decode("latin-1").strip(" \0")
     offset, last = _HEADER_5, ""
     for _ in range(_MOST_VARIABLES):

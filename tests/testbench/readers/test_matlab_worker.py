@@ -147,8 +147,9 @@ def stream(packed):
             lambda: OLD + struct.pack("<5i", 0, -1, 1, 0, 2) + b"x\0" + bytes(8),
             "damaged_file.*a matrix of type 0, -1 x 1",
         ),
+        (lambda: HEAD + b"\x00\x02IM" + stream(EARLY)[128:], "damaged_file.*version 2 at byte 124; expected 1"),
     ],
-    ids=["a stream that ends early", "a bomb", "no type of version 4", "sides below zero"],
+    ids=["a stream that ends early", "a bomb", "no type of version 4", "sides below zero", "of version 7.3"],
 )
 def test_hostile_variables_are_refused(saved, content, message):
     """By what is wrong, before anything is allocated for them."""
