@@ -6,7 +6,7 @@ marked so, to be edited.
 
 import math
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 from string import Template
@@ -25,7 +25,7 @@ from balance.motion.motion_files import load_motion, motion_from_table
 from balance.results import Key, first_of
 from balance.units import G0
 
-from .campaign_plan import PlannedRun, load_plan
+from .campaign_plan import Plan, PlannedRun, load_plan
 from .errors import RecordingError, RigError
 from .ingestion.log_sources import LogReading
 from .ingestion.planned_runs import plan_rows
@@ -263,40 +263,62 @@ def _problems(folder: Path, logs: Sequence[Path]) -> Iterator[Problem]:
             rig.bench.elastic()
         except DataError as error:
             yield from _rows(folder, RIG, error)
-    stated: list[tuple[str, str, PlannedRun]] = []
+    planned = [] if plan is None else plan.runs()
     if plan is not None:
-        if rig is not None and plan.mechanism != rig.mechanism:
-            yield Problem(PLAN, f"mechanism is {plan.mechanism!r}, that of {RIG} {rig.mechanism!r}: make them the same")
-        stated += [(PLAN, f"{run.name}: ", run) for run in plan.runs()]
-        if model is not None and not any(run.counter_masses for run in plan.runs()):
-            sites = ", ".join(model.counter_sites) or "none yet: name sites counter... in its file"
-            yield Problem(PLAN, f"no run has counter-masses, so nothing can be compared: put some on sites ({sites})")
+        yield from _plan_problems(plan, planned, rig, model)
     rows, wrong = read.get(runs, ([], []))
     if wrong:
         yield from _rows(folder, runs, RigError("\n".join(wrong)))
-    stated += [(runs, f"line {row.line}: ", _run(row)) for row in rows]
-    there = {path.name for path in logs} | {row.file for row in rows if (folder / row.file).is_file()}
-    named = {PurePath(row.file).name for row in rows}
+    yield from _missing_logs(folder, runs, rows, logs, whole=not wrong)
     given = [path for path in logs if path.name != runs]
     held = given or [path for path in dict.fromkeys(folder / row.file for row in rows) if path.is_file()]
-    missing = [row for row in rows if row.file not in there and PurePath(row.file).name not in there]
-    if logs:
-        for row in missing:
-            hint = suggestion(row.file, there - named) or ": add the log, or remove the row"
-            yield Problem(runs, f"line {row.line}: names {row.file}, which is not among the logs{hint}")
-        for name in sorted({path.name for path in logs if path.name != runs} - named) if not wrong else ():
-            yield Problem(runs, f"no line names {name}: add one, or leave that log out")
-    elif missing and len(missing) < len(rows):
-        files = ", ".join(row.file for row in missing)
-        yield Problem(runs, f"names {files}, not in the folder: add the logs, or remove their rows")
     yield from _log_problems(rig, [] if wrong else rows, held, runs)
     try:
         plan_rows(rows, given or [folder / row.file for row in rows], folder / runs)
     except RigError as error:
         yield from _rows(folder, runs, error)
+    # a plan is simulated, and so what it needs is no note: it comes first
+    stated = [(PLAN, f"{run.name}: ", run) for run in planned]
+    stated += [(runs, f"line {row.line}: ", _run(row)) for row in rows]
+    yield from _condition_problems(folder, rig, model, stated)
+
+
+def _plan_problems(
+    plan: Plan, planned: Sequence[PlannedRun], rig: Rig | None, model: Mechanism | None
+) -> Iterator[Problem]:
+    """A mechanism that is not the rig's, and runs that compare nothing."""
+    if rig is not None and plan.mechanism != rig.mechanism:
+        yield Problem(PLAN, f"mechanism is {plan.mechanism!r}, that of {RIG} {rig.mechanism!r}: make them the same")
+    if model is not None and not any(run.counter_masses for run in planned):
+        sites = ", ".join(model.counter_sites) or "none yet: name sites counter... in its file"
+        yield Problem(PLAN, f"no run has counter-masses, so nothing can be compared: put some on sites ({sites})")
+
+
+def _missing_logs(
+    folder: Path, runs: str, rows: Sequence[RunTableRow], logs: Sequence[Path], whole: bool
+) -> Iterator[Problem]:
+    """Rows of the run table without a log; logs without a row, if the table could be read ``whole``."""
+    there = {path.name for path in logs} | {row.file for row in rows if (folder / row.file).is_file()}
+    named = {PurePath(row.file).name for row in rows}
+    missing = [row for row in rows if row.file not in there and PurePath(row.file).name not in there]
+    if logs:
+        for row in missing:
+            hint = suggestion(row.file, there - named) or ": add the log, or remove the row"
+            yield Problem(runs, f"line {row.line}: names {row.file}, which is not among the logs{hint}")
+        for name in sorted({path.name for path in logs if path.name != runs} - named) if whole else ():
+            yield Problem(runs, f"no line names {name}: add one, or leave that log out")
+    elif missing and len(missing) < len(rows):
+        files = ", ".join(row.file for row in missing)
+        yield Problem(runs, f"names {files}, not in the folder: add the logs, or remove their rows")
+
+
+def _condition_problems(
+    folder: Path, rig: Rig | None, model: Mechanism | None, stated: Iterable[tuple[str, str, PlannedRun]]
+) -> Iterator[Problem]:
+    """What the runs, each its file, its place there and itself, say of motions and masses; once a file."""
     said = set()
     motions: dict[tuple[object, ...], list[Problem]] = {}
-    for file, where, run in stated:  # a plan is simulated, and so what it needs is no note: it comes first
+    for file, where, run in stated:
         moved = (run.motion, run.peak_acceleration, run.turning)
         if moved not in motions:
             motions[moved] = list(_motion_problems(folder, rig, model, run)) if run.motion else []
@@ -306,7 +328,7 @@ def _problems(folder: Path, logs: Sequence[Path]) -> Iterator[Problem]:
             if found not in said:
                 said.add(found)
                 message = problem.message if problem.file else f"{where}{problem.message}"
-                yield Problem(found[0], message, problem.is_note and file == runs)
+                yield Problem(found[0], message, problem.is_note and file != PLAN)
 
 
 def _log_problems(rig: Rig | None, rows: Sequence[RunTableRow], logs: Sequence[Path], table: str) -> Iterator[Problem]:
