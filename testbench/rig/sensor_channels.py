@@ -60,11 +60,6 @@ class Column:
     """All channels of the sensor in the order of the rig, this one among them."""
 
     @property
-    def factor(self) -> float:
-        """SI units in one unit of the log, where the log is in physical units. Raises UnitError elsewhere."""
-        return factor_to_si(self.unit, *self.dimensions)
-
-    @property
     def total_noise(self) -> float:
         """Standard deviation of one sample [SI], a resolution of q counted as noise of q^2 / 12."""
         return float(np.hypot(self.noise, self.resolution / np.sqrt(12.0)))
@@ -75,14 +70,14 @@ class Column:
         return [s.channel for s in self.siblings].index(self.channel)
 
     @property
-    def written_unit(self) -> str:
+    def assumed_unit(self) -> str:
         """Unit in which its logger is taken to write: that of the rig, else that of SI, as the log would state it."""
         return self.unit if self.unit or self.calibration is not None else SI_UNITS[self.dimensions[0]]
 
     def written(self, values: Floats) -> Floats:
         """Values (n,) [SI] in the unit of the log, (n,). Raises UnitError where the calibration cannot be inverted."""
         if self.calibration is None:
-            return values / factor_to_si(self.written_unit, *self.dimensions)
+            return values / factor_to_si(self.assumed_unit, *self.dimensions)
         from ..calibration.evaluation import bind_law
 
         units = [s.unit or self.calibration.unit or "" for s in self.siblings]

@@ -123,7 +123,7 @@ def memory_run(path: str, rig: Rig, planned: PlannedRun, recorded: Mapping[str, 
     data: dict[str, Floats] = {}
     groups = []
     for name, columns in recorded.items():
-        logger, units = rig.loggers[name], {"Time": "s"} | {c.channel: c.written_unit for c in rig.columns(name)}
+        logger, units = rig.loggers[name], {"Time": "s"} | {c.channel: c.assumed_unit for c in rig.columns(name)}
         data |= {f"{name}/{key}": values for key, values in columns.items()}
         timed = "Time" in columns and logger.clock != "uniform"
         clock = TimeColumn(0) if timed else UniformClock(logger.rate)

@@ -88,4 +88,4 @@ def test_without_a_unit_a_simulated_log_is_in_si():
     column = next(iter(SUPPORTS["kistler"].columns("kistler")))
     silent = replace(column, unit="", calibration=None)
     assert silent.written(np.array([2.0])) == pytest.approx(2.0)
-    assert silent.written_unit == "N"
+    assert silent.assumed_unit == "N"
