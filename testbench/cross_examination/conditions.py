@@ -29,24 +29,30 @@ COMMON = ("model", "base", *DRIVE_TERMS[1:])
 
 
 @dataclass(frozen=True)
-class TorqueBalance:
-    """What the torques of a campaign say."""
+class _Solution:
+    """The torque equations of a campaign solved once."""
 
-    runs: tuple[str, ...]
     payload: Floats
     """By run, (r,) [kg]."""
-    deviation: Floats
-    """Standard uncertainty of each, (r,) [kg]."""
-    joints: tuple[str, ...]
     scale: Floats
     """Readings per torque, by joint, (j,) [-]."""
-    scale_deviation: Floats
     residual: Floats
     """Share of the torques' variance that is not explained, by run, (r,) [-]."""
     inflation: Floats
     """Variance inflation factor of each payload, (r,) [-]: over that beside known scale, friction and inertia."""
     gain: Floats
     """Of the unexplained share of all runs, what a held payload's own value would explain, by run, (r,) [-]."""
+
+
+@dataclass(frozen=True)
+class TorqueBalance(_Solution):
+    """What the torques of a campaign say."""
+
+    runs: tuple[str, ...]
+    joints: tuple[str, ...]
+    deviation: Floats
+    """Standard uncertainty of each payload, (r,) [kg]."""
+    scale_deviation: Floats
 
     @property
     def determined(self) -> bool:
@@ -70,19 +76,19 @@ def torque_balance(
     start = np.array([payloads[r] for r in runs])
     whole = np.ones(BLOCKS, dtype=bool)
     kept = np.array([r in given for r in runs])
-    payload, scale, residual, inflation, gain = system.solve(whole, start, np.ones(len(joints)), kept)
-    start = np.where(kept, start, payload)
-    without = [system.solve(np.arange(BLOCKS) != b, start, scale, kept) for b in range(BLOCKS)]
+    found = system.solve(whole, start, np.ones(len(joints)), kept)
+    start = np.where(kept, start, found.payload)
+    without = [system.solve(np.arange(BLOCKS) != b, start, found.scale, kept) for b in range(BLOCKS)]
     return TorqueBalance(
+        found.payload,
+        found.scale,
+        found.residual,
+        found.inflation,
+        found.gain,
         runs,
-        payload,
-        _jackknife(np.array([one[0] for one in without])),
         joints,
-        scale,
-        _jackknife(np.array([one[1] for one in without])),
-        residual,
-        inflation,
-        gain,
+        _jackknife(np.array([one.payload for one in without])),
+        _jackknife(np.array([one.scale for one in without])),
     )
 
 
@@ -112,10 +118,8 @@ class _System:
     def _at(self, name: str) -> int:
         return self.names.index(name)
 
-    def solve(
-        self, used: np.ndarray, payload: Floats, scale: Floats, kept: np.ndarray
-    ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-        """Payloads (r,), scales (j,), unexplained shares, inflation, gain (r,) from ``used`` blocks (b,).
+    def solve(self, used: np.ndarray, payload: Floats, scale: Floats, kept: np.ndarray) -> _Solution:
+        """The solution of ``used`` blocks (b,) that starts at payloads (r,) [kg] and scales (j,).
 
         Payloads ``kept`` (r,) stay as they are; what each alone would be is then one more step.
         """
@@ -166,7 +170,7 @@ class _System:
         rest = right[held] - beside.T @ right[free]
         payload[kept] += rest / left / width[held]
         inflation[held], gain[held] = 1.0 / left, rest**2 / left
-        return payload, factors[:, 0], cost, inflation[at], gain[at]
+        return _Solution(payload, factors[:, 0], cost, inflation[at], gain[at])
 
 
 REJECTED = 5.0

@@ -15,12 +15,12 @@ from .statement import Statement
 FOLLOWS = 0.9
 """Correlation of two axes together from which one run shows what the other does."""
 EXCHANGED = 0.35
-"""Remainder with two axes exchanged over that without from which they are exchanged."""
+"""Two axes are exchanged where exchanging them leaves less than this share of what stays unexplained without."""
 MOST_REPEATS = 5
 """With which a run is compared."""
 DECIDED = 0.5
-"""Of what one comparison shows, by which all of one run must differ from those of its repeat to tell whose axes are
-exchanged."""
+"""Of two runs the other runs say whose axes are exchanged: their votes for the one must exceed those for the other by
+this share of what exchanging changes in the comparison of the two. Below that, both are named."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,5 +122,8 @@ def _votes(one: _Vibration, having: Sequence[_Vibration], pair: tuple[int, int])
 
 
 def _remainder(correlation: float) -> float:
-    """What is left, over the power of both: 0 nothing, 1 all."""
+    """Share that two signals of this correlation leave unexplained of each other: 0 of equal ones, 1 of unrelated ones.
+
+    (1 - c^2) / (1 + c^2): what is left of both, scaled to each other, over the power of both.
+    """
     return (1.0 - correlation**2) / (1.0 + correlation**2) if correlation > 0.0 else 1.0

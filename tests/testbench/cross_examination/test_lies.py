@@ -218,12 +218,17 @@ def test_numbers_obey(campaign):
     marked = analyze([lies.about(run, payload_kg=3.4) for run in pair], Measure()).reductions
     assert all(r.doubts == ("payload_contradiction",) and r.interval for r in marked)
     halved = [runs[0], lies.scaled(runs[1], 0.5), *runs[2:]]
-    withheld = [r for r in analyze(halved, Measure()).reductions if runs[1].name in r.runs and r.axis == "x"]
-    given = [r for r in analyze(halved, Measure(), ["gain_contradiction"]).reductions if r.runs == withheld[0].runs]
-    assert withheld[0].interval is None
-    assert "withheld" in withheld[0].text
-    assert given[0].interval is not None
-    assert given[0].doubts == withheld[0].doubts == ("gain_contradiction",)
+
+    def of_x(accept):
+        """Along x, of the run with the gain."""
+        reductions = analyze(halved, Measure(), accept).reductions
+        return next(r for r in reductions if runs[1].name in r.runs and r.axis == "x")
+
+    withheld, given = of_x([]), of_x(["gain_contradiction"])
+    assert withheld.interval is None
+    assert "withheld" in withheld.text
+    assert given.interval is not None
+    assert given.doubts == withheld.doubts == ("gain_contradiction",)
 
 
 def test_doctor(brief, command):
