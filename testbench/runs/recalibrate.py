@@ -78,7 +78,7 @@ def _reads_as_before(run: SIRun, columns: Sequence[Column], law: CalibrationLaw)
     """Whether a law leads the readings of a sensor to what they are already."""
     try:
         before = [run.readings(column) for column in columns]
-    except AnalysisError:  # nothing led to SI before
+    except (AnalysisError, StoreError):  # nothing led to SI before, or a calibration of other bytes
         return False
     converted = [law.component(column.index, lambda i: run.as_recorded(columns[i])) for column in columns]
     return all(np.allclose(*pair, rtol=1e-9, atol=0.0, equal_nan=True) for pair in zip(converted, before, strict=True))
