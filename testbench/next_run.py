@@ -160,9 +160,12 @@ def next_for_reduction(
 
 
 def _carries(payload_kg: float | None, payloads_kg: Mapping[str, float], asked: Sequence[tuple[str, float]]) -> bool:
-    """Whether what a run table states of payloads [kg] is what is asked; where it names one alone, without name too."""
-    alone = next(iter(payloads_kg.values())) if len(payloads_kg) == 1 else 0.0
-    stated = {"": alone if payload_kg is None else payload_kg, **payloads_kg}
+    """Whether what a run table states of payloads [kg] is what is asked; where it names one alone, without name too.
+
+    Of several that are named none is meant without its name, nor is then the payload without a name 0 kg.
+    """
+    unnamed = [payload_kg] if payload_kg is not None else list(payloads_kg.values()) or [0.0]
+    stated = {**({"": unnamed[0]} if len(unnamed) == 1 else {}), **payloads_kg}
     return all(name in stated and bool(np.isclose(stated[name], mass)) for name, mass in asked)
 
 

@@ -2,6 +2,7 @@
 
 import atexit
 import gc
+import math
 import os
 import re
 import sys
@@ -347,11 +348,12 @@ def _without_rounding(part: Any) -> Any:  # noqa: ANN401
         return found(one, unit) if isinstance(one, float) else one
 
     def measured(value: float, unit: str) -> float:
-        largest[unit] = max(largest.get(unit, 0.0), abs(value)) if unit else 1.0
+        if unit and math.isfinite(value):
+            largest[unit] = max(largest.get(unit, 0.0), abs(value))
         return value
 
     walk(part, "", measured)
-    return walk(part, "", lambda value, unit: value if abs(value) > _ROUNDING * largest[unit] else 0.0)
+    return walk(part, "", lambda value, unit: 0.0 if abs(value) <= _ROUNDING * largest.get(unit, 0.0) else value)
 
 
 def _has_parts(value: Any) -> bool:  # noqa: ANN401

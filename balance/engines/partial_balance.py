@@ -22,10 +22,8 @@ _SAMPLES = 7200
 Model = Literal["order1", "order2", "exact"]
 MODELS: tuple[Model, ...] = ("order1", "order2", "exact")
 """First order alone; first and second; the exact motion."""
-
-
-_DEG = 5
-"""Decimals of the angle of a largest value [deg]: it is found to the root of the rounding of the value."""
+_ANGLE_DECIMALS = 5
+"""Of the angle of a largest value [deg]: about a largest value, rounding of the value hides changes of the angle."""
 
 
 def largest_over_turn(function: Callable[[Floats], Floats]) -> tuple[float, float]:
@@ -150,7 +148,7 @@ def residual_extremes(crank: SliderCrank, counterweight: float, omega: float, mo
     low, _ = largest_over_turn(lambda theta: -np.abs(force(theta)))
     return Extremes(
         top,
-        round(float(np.degrees(at)), _DEG) % 360.0,
+        round(float(np.degrees(at)), _ANGLE_DECIMALS) % 360.0,
         -low,
         float(np.sqrt(np.mean(np.abs(values) ** 2))),
         (float(values.real.min()), float(values.real.max())),

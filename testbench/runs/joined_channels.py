@@ -1,8 +1,8 @@
 """The channels of several loggers in one table: on one clock, at one rate.
 
 Of a line the last sample is taken: of a trigger of the rig, of two values, of a counter (whole numbers that go up by
-one or stay), and where every value stays for some samples and a step of the table, so that none is lost. What is
-measured is none of these, or loses no more than the step of its values.
+one, stay, or begin again at the lowest), and where every value stays for some samples and a step of the table, so that
+none is lost. What is measured is none of these, or loses no more than the step of its values.
 """
 
 import json
@@ -85,7 +85,7 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
         labels = (name, f"{group.name}: {name}", f"{group.name}: {group.keys[index]}")
         label = next(label for label in labels if label not in found)
         values = np.asarray(run.channel_at(group.name, index), dtype=np.float64)
-        if name in triggers or _is_line(values, times[group.name], 1.0 / hertz):
+        if not triggers.isdisjoint(group.channels[index].names) or _is_line(values, times[group.name], 1.0 / hertz):
             lines.append(label)
             found[label] = _held(times[group.name], values, grid)
         else:
@@ -152,7 +152,7 @@ def _is_line(values: Floats, time: Floats, step: float) -> bool:
     if not low < high or np.all((known == low) | (known == high)):
         return bool(low < high)
     rises = np.diff(known)
-    if np.all((rises == 0.0) | (rises == 1.0)) and low == np.rint(low):
+    if np.all((rises == 0.0) | (rises == 1.0) | (rises == low - high)) and low == np.rint(low):
         return True
     changes = at[1:][rises != 0.0]
     stay = np.diff(time[changes]) >= step - SAME_INSTANT * float(np.median(np.diff(time)))

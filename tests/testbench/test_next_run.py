@@ -195,6 +195,7 @@ def test_a_payload_is_asked_by_its_name_or_as_the_only_one():
         (None, {"tool": 1.5}, [("", 1.5)], True),
         (None, {"tool": 1.5}, [("tool", 1.5)], True),
         (None, {"tool": 1.5, "gripper": 0.5}, [("", 1.5)], False),
+        (None, {"tool": 1.5, "gripper": 0.5}, [("", 0.0)], False),
         (None, {"tool": 1.5, "gripper": 0.5}, [("gripper", 0.5), ("tool", 1.5)], True),
         (2.0, {"tool": 1.5}, [("", 1.5)], False),
         (None, {}, [("", 0.0)], True),

@@ -287,3 +287,10 @@ def test_all_shows_rounding_as_zero_and_names_as_they_are(capsys):
     expected = {"F [N]": "0", "torque [N m] arm_left": "2e-30", "share": "1e-11"}
     expected |= {"weights left_end x [m]": "1", "weights left_end far": "yes", "weights right_end far": "no"}
     assert shown.items() >= expected.items()
+
+
+def test_what_is_no_number_hides_no_other(capsys):
+    """Infinite and undefined values are shown as such, and set no scale for others."""
+    emit_parts({"a": {"F_N": float("inf"), "G_N": 2.0, "H_N": float("nan"), "I_N": 1e-13, "k": float("nan")}}, ("a",))
+    rows = [line.split() for line in click.unstyle(capsys.readouterr().out).splitlines()]
+    assert [row[-1] for row in rows if row and row[0] in "FGHIk"] == ["inf", "2", "nan", "0", "nan"]

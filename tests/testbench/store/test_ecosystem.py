@@ -164,15 +164,17 @@ def test_lines_of_several_values_are_held_and_what_is_measured_is_not(tmp_path):
     lines = {
         "count": np.cumsum(np.arange(4000) % 7 == 0).astype(float),
         "ticks": np.arange(4000.0),
+        "byte": np.arange(4000.0) % 256,
         "state": np.array([0.0, 3.0, 1.0, 7.0])[(time // 0.03).astype(int) % 4],
         "trigger": 2.5 * (sine > 0.3) + 0.001 * np.arange(4000) % 0.01,
     }
     measured = {"adc": np.rint(2047 * sine), "small": np.rint(4 * np.sin(2 * np.pi * 30.0 * time))}
     measured["hops"] = np.array([0.0, 3.0, 1.0, 7.0])[(time // 0.004).astype(int) % 4]
-    sensor = '[sensors.sync]\nkind = "trigger"\nlogger = "daq"\nchannel = "trigger"\n'
+    sensor = '[sensors.sync]\nkind = "trigger"\nlogger = "daq"\nchannel = "Sync"\n'
     rig = f'mechanism = "none"\n[loggers.daq]\n{sensor}'
     with RunWriter(tmp_path, "run") as writer:
-        writer.group(group := Group("daq", tuple(map(Channel, lines | measured)), UniformClock(1000.0)))
+        channels = tuple(Channel(name, label="Sync" if name == "trigger" else "") for name in lines | measured)
+        writer.group(group := Group("daq", channels, UniformClock(1000.0)))
         writer.group(group).append([*lines.values(), *measured.values()])
         writer.group(group).finish(None, None)
         writer.describe("simulated", {}, [], {"sources": []}, rig)
@@ -184,7 +186,7 @@ def test_lines_of_several_values_are_held_and_what_is_measured_is_not(tmp_path):
         np.testing.assert_array_equal(table[name], values[::10], err_msg=name)
     for name, values in measured.items():
         assert (table[name] != values[::10]).mean() > 0.5, name
-    assert table.attrs["interpolation"].endswith("digital lines: count, ticks, state, trigger")
+    assert table.attrs["interpolation"].endswith("digital lines: count, ticks, byte, state, trigger")
 
 
 def test_channels_of_one_name_stay_as_many(tmp_path):
