@@ -42,7 +42,7 @@ class Closure:
         self.mechanism = mechanism
         self._fixed: dict[tuple[str, ...], Closure] = {}
         self.engine = PinocchioEngine(mechanism)
-        # A length of the mechanism: the largest distance within a body, between joints, sites and centres [m].
+        # A length of the mechanism: the largest distance within a body, from its joint to other joints and sites [m].
         # Where a slide stands is none, nor where the base frame has its origin.
         places = [(joint.parent, joint.position) for joint in mechanism.tree.joints if joint.revolute]
         places += [(site.body, site.position) for site in mechanism.sites.values()]

@@ -70,7 +70,7 @@ def _in_group(run: SIRun, group: str) -> BaseAcceleration | None:
 
 def without_rest(values: Floats, time: Floats) -> Floats:
     """Readings (n, k) [any unit] at instants (n,) [s], each less its level at rest, or mean: offsets and weight."""
-    rate = (len(time) - 1) / float(time[-1] - time[0])
+    rate = (len(time) - 1) / (float(np.ptp(time)) or 1.0)  # one sample is its own mean
     still = (rest_before([column], rate) for column in values.T)
     level = [column[slice(None) if at is None else at].mean() for column, at in zip(values.T, still, strict=True)]
     return values - np.array(level)

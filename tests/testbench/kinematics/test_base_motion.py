@@ -54,3 +54,12 @@ def test_mass_centre():
     force = -scene.bench.mechanism.total_mass * np.gradient(np.gradient(centre, step, axis=0), step, axis=0)
     assert np.abs(force - scene.bench.response.force).max() < 0.02 * np.abs(force).max()
     assert isinstance(scene.bench.mechanism, Mechanism)
+
+
+def test_a_level_needs_no_two_samples():
+    """Rest is at its own level, whatever it is; a record of one sample, which has no rate, is at rest."""
+    time = np.arange(400) / 100.0
+    moved = np.where(time > 1.0, np.sin(20.0 * time), 0.0)
+    found = base_motion.without_rest(np.column_stack([moved - 9.8, 2.0 * moved + 3.0]), time)
+    np.testing.assert_allclose(found, np.column_stack([moved, 2.0 * moved]), atol=1e-12)
+    np.testing.assert_array_equal(base_motion.without_rest(np.array([[3.0, -1.0]]), np.array([0.5])), [[0.0, 0.0]])
