@@ -132,7 +132,7 @@ class LostEdges(RecordingError):
         odd = [f"{count} edge{'s' * (count > 1)} lost: {places}"] * bool(gaps) + [worn_text(worn)] * bool(worn)
         super().__init__(
             f"{name}: {'; '.join(odd)}. Through a gap the speed would be wrong, and the angle of every later edge; "
-            "--bridge counts what lacks and goes on, also to --calibrate the lines that there are"
+            "--bridge counts what is missing and goes on, also to --calibrate the lines that there are"
         )
         self.gaps, self.worn = gaps, worn
 

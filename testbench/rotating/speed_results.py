@@ -35,7 +35,7 @@ COLUMNS = ("slot", "ahead_deg", "half_width_deg", "lines_from_index")
 _ROUNDS = 8
 """Alternating estimates of the turn and the errors."""
 _OTHER_PLACES = 1e-3
-"""Probability of all other places of a calibration together, up to which the best one is taken."""
+"""Odds of all other places of a calibration together, against the best one, up to which that is taken [-]."""
 TURNS_TO_SEPARATE = 3
 """Turns of the crank from which a log tells errors of a disc on another shaft."""
 _SAME_LINE = 0.25
@@ -115,7 +115,7 @@ class PitchPlace:
     evidence: Annotated[str, Key()]
     """What tells: errors of single lines, missing lines, or the index pulse."""
     others: Annotated[float, Key("odds_of_other_places_by_single_lines")]
-    """Probability that another place, or no errors, make such a log, over that of this place [-]."""
+    """Odds of all other places and of no errors, together, against this place [-]."""
 
 
 def place_pitch_errors(
@@ -137,7 +137,10 @@ def place_pitch_errors(
         shift = pitch.index - _index_line(edges, index)
         if abs(shift - round(shift)) > _SAME_LINE:
             raise _misfit(edges, f"its index pulse comes {abs(shift - round(shift)):.2g} lines elsewhere between lines")
-        possible, evidence = possible & (np.arange(len(possible)) == round(shift) % len(possible)), "index pulse"
+        first, evidence = round(shift) % len(possible), "index pulse"
+        if possible.any() and not possible[first]:
+            raise _misfit(edges, f"by the index pulse its line {first} comes first, and lines that it lacks have edges")
+        possible &= np.arange(len(possible)) == first
     if not possible.any():
         raise _misfit(edges, "lines that it lacks have edges here, wherever it is put")
     best, decided = int(np.argmin(np.where(possible, cost[:-1], np.inf))), possible.sum() == 1

@@ -143,6 +143,9 @@ def test_an_index_pulse_places_what_single_lines_do_not(tmp_path):
         AnalysisError, match="by index pulse its line 24 comes first, by the errors of single lines not"
     ):
         speed_results.place_pitch_errors(run(rough, first), calibrated(rough, index=pulses), index=index(at - 1))
+    worn = run(rough, first, 1.0, WORN)
+    with pytest.raises(AnalysisError, match="by the index pulse its line 24 comes first, and lines that it lacks have"):
+        speed_results.place_pitch_errors(worn, calibrated(rough, WORN, index=pulses), index=index(at - 1))
 
 
 def test_worn_lines_and_lost_edges_do_not_hinder_a_calibration(tmp_path):
