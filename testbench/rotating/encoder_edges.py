@@ -31,8 +31,10 @@ _NEAR_TICK = 0.01
 """Distance of an interval from whole nanoseconds at which its clock is finer than that [ns]."""
 _COARSEST = 0.35
 """Step of the clock over the interval, up to which rounding makes no interval half as long again as its neighbours."""
-_LEAST_LAG = 8
-"""Shortest repetition that is searched [edges]."""
+_LEAST_LAG = _NEIGHBOURS + 1
+"""Shortest repetition that is searched [edges]: of shorter ones, a lag's neighbours repeat as well."""
+_AS_WELL = 1.5
+"""Scatter at a part of a lag over that at the lag up to which the part repeats as well."""
 _MOST_TURNS = 5
 """Stated turns over which a repetition is searched."""
 _ROUNDING_STEPS = 3.0
@@ -374,6 +376,8 @@ def _repetition_lags(edges: Edges, lags: Indices, scatter: Floats) -> list[int]:
     found, least = [], _ROUNDING_STEPS * (edges.clock_step or 0.0)
     for k in range(_NEIGHBOURS, len(lags) - _NEIGHBOURS):
         nearby = np.r_[scatter[k - _NEIGHBOURS : k], scatter[k + 1 : k + 1 + _NEIGHBOURS]]
-        if np.median(nearby) > max(least, scatter[k] / _CLEAR) and scatter[k] < nearby.min():
+        shorter = [scatter[part - lags[0]] for part in range(2, _LEAST_LAG) if lags[k] % part == 0]
+        as_well = min(shorter, default=np.inf) < _AS_WELL * scatter[k]
+        if np.median(nearby) > max(least, scatter[k] / _CLEAR) and scatter[k] < nearby.min() and not as_well:
             found.append(int(lags[k]))
     return found

@@ -5,7 +5,7 @@ import pytest
 
 from testbench.errors import AnalysisError, RecordingError
 from testbench.rotating import Disc, LostEdges, number_edges, periodic_turn, read_edge_times
-from testbench.rotating.encoder_edges import repetition
+from testbench.rotating.encoder_edges import repetition, require_stated_turn
 from testbench.rotating.speed_results import speed_findings
 
 from . import discs
@@ -141,6 +141,18 @@ def test_parts_of_the_number_are_refused_with_the_right_one(stated):
     log = number_edges("log", discs.turning(turns=8), Disc(stated))
     with pytest.raises(RecordingError, match=f"repeats every 100 edges, not every {stated}"):
         periodic_turn(log)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("lines", "shown"), [(2, None), (3, None), (4, 4), (5, 5), (6, 6), (7, 7), (12, 12)])
+def test_of_a_disc_of_few_lines_no_multiple_is_named(lines, shown, seed):
+    """From four lines on the log shows their number; of fewer it shows none, and refuses none that is right."""
+    log = discs.turning(pulses=lines, turns=60, jitter=2e-5, seed=seed)
+    right, twice = (number_edges("log", log, Disc(pulses)) for pulses in (lines, 2 * lines))
+    require_stated_turn(right)
+    assert repetition(right) == shown
+    assert repetition(twice) == shown
+    assert any("check --pulses" in text for text in speed_findings(twice, periodic_turn(twice))) == (shown is not None)
 
 
 def test_the_right_number_is_shown_by_the_log_itself():
