@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -306,13 +306,20 @@ def _record(run: SIRun, column: Column) -> ChannelRecord:
     rough = np.diff(values[starts[:, None] + np.arange(length)], 3, axis=1)
     noise = float(np.interp(0.1 * (SPANS - 1), np.arange(SPANS), np.sort(rough.std(axis=1)))) / 20.0**0.5
     thin = values[:: max(count // THIN_SAMPLES, 1)]
-    x = np.linspace(-0.5, 0.5, len(thin))
-    slope = float(np.sum(x * thin)) / max(float(np.sum(x * x)), 1e-300)
+    x, square = _line(len(thin))
+    slope = float(np.sum(x * thin)) / square
     kept = np.asarray(values[: min(round(RECORD_S * rate), RECORD_SAMPLES)], dtype=np.float32)
     span = float(np.ptp(thin - slope * x))
     clipped = column.dimensions[0] == "acceleration" and run.saturation(column) is not None
     stuck = stuck_value(values, rate) if not rough.any(axis=1).all() else None
     return ChannelRecord(column, run.group_of(column), kept, rate, is_dead(values), stuck, clipped, noise, slope, span)
+
+
+@lru_cache(maxsize=8)
+def _line(count: int) -> tuple[Floats, float]:
+    """From -1/2 to 1/2, (count,) [-], and the sum of its squares."""
+    x = np.linspace(-0.5, 0.5, count)
+    return x, max(float(np.sum(x * x)), 1e-300)
 
 
 def _by_command(seen: Observation, run: SIRun) -> None:

@@ -88,7 +88,7 @@ class AmplitudeLikelihood:
     def distance(self, amplitude: Floats) -> Floats:
         """What each amplitude (k,) [unit] reads above an amplitude of zero, (k,) [standard deviations]."""
         if self.amplitudes[0] > 0.0:
-            return self.deviation(np.zeros(1)) - self.deviation(amplitude)
+            return self._at_zero - self.deviation(amplitude)
         beyond = self.deviations[-1] - self.deviation(amplitude)
         return np.interp(amplitude, self.amplitudes, self.rises) + np.maximum(beyond, 0.0)
 
@@ -98,6 +98,11 @@ class AmplitudeLikelihood:
         low, high = np.maximum(near, 0.0)
         fallen = self.deviation(np.array([low, high]))
         return float(amplitude * (fallen[0] - fallen[1]) / (high - low))
+
+    @cached_property
+    def _at_zero(self) -> float:
+        """The deviation of an amplitude of zero."""
+        return float(self.deviation(np.zeros(1))[0])
 
     @cached_property
     def noise_scale(self) -> float:

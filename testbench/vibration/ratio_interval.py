@@ -104,14 +104,13 @@ class Ratio:
 
     def _standardized_anew(self, ratio: float) -> tuple[float, float]:
         tried, lower = self.unbalanced.amplitudes, self._lower
-        upper = self.balanced.deviation(ratio * tried)
-        best = int(np.argmin(upper**2 + lower**2))
+        upper = self.balanced.deviation(ratio * np.append(tried, self.unbalanced.amplitude))
+        sign, best = np.sign(upper[-1]), int(np.argmin(upper[:-1] ** 2 + lower**2))
         tried = np.linspace(tried[max(best - 1, 0)], tried[min(best + 1, len(tried) - 1)], _FINE)
         upper, lower = self.balanced.deviation(ratio * tried), self.unbalanced.deviation(tried)
         best = int(np.argmin(upper**2 + lower**2))
         above, below, amplitude = upper[best], lower[best], tried[best]
         total = max(above**2 + below**2, 1e-300)
-        sign = np.sign(self.balanced.deviation(np.array([ratio * self.unbalanced.amplitude]))[0])
         free = pooled_degrees_of_freedom((self.balanced, self.unbalanced), (above**2 / total, below**2 / total))
         score = normal_deviates(np.array([sign * total**0.5]), free)[0]
         distance = self.balanced.distance(np.array([ratio * amplitude]))
