@@ -1,8 +1,9 @@
 """The channels of several loggers in one table: on one clock, at one rate.
 
 Of a line the last sample is taken: of a trigger of the rig, of two values, of a counter (whole numbers that go up by
-one, stay, or begin again at the lowest), and where every value stays for some samples and a step of the table, so that
-none is lost. What is measured is none of these, or loses no more than the step of its values.
+one, stay, or begin again at the lowest, but for losses; or down), and where every value stays for some samples and a
+step of the table, so that none is lost. What is measured is none of these, or loses no more than the step of its
+values.
 """
 
 import json
@@ -90,7 +91,7 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
             found[label] = _held(times[group.name], values, grid)
         else:
             found[label] = _resampled(run, group, index, times[group.name], values, grid, hertz)
-            if _may_be_codes(values):
+            if _may_be_codes(values) and not np.isin(found[label][~np.isnan(found[label])], values).all():
                 codes.append(label)
         units[label] = group.channels[index].unit
     frame = pandas.DataFrame(found, index=pandas.Index(grid, name="time (s)"))
@@ -104,8 +105,8 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
         )
     if codes:
         doubts.append(
-            f"{run.name}: {', '.join(codes)}: few whole numbers, which change within a step of the table: taken for a "
-            f"measurement, with values between; if they are codes, resample to a logger's own rate"
+            f"{run.name}: {', '.join(codes)}: whole numbers, few or each for some samples, taken for a measurement, "
+            "with values between; if they are codes, take them as recorded, without resampling"
         )
     frame.attrs.update({
         "run": run.name, "origin": run.origin, "units": units, "resampled_to_hz": hertz, "clocks": how,
@@ -138,7 +139,9 @@ SAME_INSTANT = 1e-3
 _LEAST_STAY = 3
 """Samples for which each value of a state stays."""
 _MOST_CODES = 16
-"""Different whole numbers that may be codes."""
+"""Different whole numbers that may be codes, however short they stay."""
+_COUNTS = 0.9
+"""Share of a counter's changes that are by one, or to its begin: the others are losses."""
 
 
 def _is_line(values: Floats, time: Floats, step: float) -> bool:
@@ -152,17 +155,21 @@ def _is_line(values: Floats, time: Floats, step: float) -> bool:
     if not low < high or np.all((known == low) | (known == high)):
         return bool(low < high)
     rises = np.diff(known)
-    if np.all((rises == 0.0) | (rises == 1.0) | (rises == low - high)) and low == np.rint(low):
+    changes, by = at[1:][rises != 0.0], rises[rises != 0.0]
+    counts = max(np.mean((by == one) | (by == one * (low - high))) for one in (1.0, -1.0))
+    if counts >= _COUNTS and np.all(known == np.rint(known)):
         return True
-    changes = at[1:][rises != 0.0]
     stay = np.diff(time[changes]) >= step - SAME_INSTANT * float(np.median(np.diff(time)))
     return bool(np.all(stay & (np.diff(changes) >= _LEAST_STAY)))
 
 
 def _may_be_codes(values: Floats) -> bool:
-    """Whether values (n,) are several whole numbers, but few; of a measurement of small size they are, too."""
+    """Whether values (n,) are whole numbers, few or each for some samples; of a coarse measurement they are, too."""
     known = values[~np.isnan(values)]
-    return bool(np.all(known == np.rint(known))) and 2 < len(np.unique(known)) <= _MOST_CODES
+    if not np.all(known == np.rint(known)):
+        return False
+    stays = np.diff(np.flatnonzero(np.diff(known)))
+    return len(np.unique(known)) <= _MOST_CODES or bool(np.all(stays >= _LEAST_STAY))
 
 
 def _held(time: Floats, values: Floats, grid: Floats) -> Floats:

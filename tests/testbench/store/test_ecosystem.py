@@ -165,11 +165,14 @@ def test_lines_of_several_values_are_held_and_what_is_measured_is_not(tmp_path):
         "count": np.cumsum(np.arange(4000) % 7 == 0).astype(float),
         "ticks": np.arange(4000.0),
         "byte": np.arange(4000.0) % 256,
+        "lost": (np.arange(4000.0) + 3.0 * (np.arange(4000) > 2000)) % 1000,
+        "down": 4000.0 - np.arange(4000) // 7,
         "state": np.array([0.0, 3.0, 1.0, 7.0])[(time // 0.03).astype(int) % 4],
         "trigger": 2.5 * (sine > 0.3) + 0.001 * np.arange(4000) % 0.01,
     }
     measured = {"adc": np.rint(2047 * sine), "small": np.rint(4 * np.sin(2 * np.pi * 30.0 * time))}
     measured["hops"] = np.array([0.0, 3.0, 1.0, 7.0])[(time // 0.004).astype(int) % 4]
+    measured["mask"] = np.repeat(np.random.default_rng(1).permutation(1000), 4).astype(float)
     sensor = '[sensors.sync]\nkind = "trigger"\nlogger = "daq"\nchannel = "Sync"\n'
     rig = f'mechanism = "none"\n[loggers.daq]\n{sensor}'
     with RunWriter(tmp_path, "run") as writer:
@@ -179,14 +182,16 @@ def test_lines_of_several_values_are_held_and_what_is_measured_is_not(tmp_path):
         writer.group(group).finish(None, None)
         writer.describe("simulated", {}, [], {"sources": []}, rig)
         run = testbench.open_run(writer.commit())
-    with pytest.warns(UserWarning, match="small, hops: few whole numbers") as said:
+    with pytest.warns(UserWarning, match="small, hops, mask: whole numbers, few or each for some samples") as said:
         table = run.to_pandas(resample="100 Hz")
     assert len(said) == 1
     for name, values in lines.items():
         np.testing.assert_array_equal(table[name], values[::10], err_msg=name)
     for name, values in measured.items():
         assert (table[name] != values[::10]).mean() > 0.5, name
-    assert table.attrs["interpolation"].endswith("digital lines: count, ticks, byte, state, trigger")
+    assert table.attrs["interpolation"].endswith(f"digital lines: {', '.join(lines)}")
+    own = run.to_pandas(resample="1 kHz")  # at the logger's own rate no values are between: nothing is said
+    np.testing.assert_array_equal(own[[*measured]], np.column_stack([*measured.values()]))
 
 
 def test_channels_of_one_name_stay_as_many(tmp_path):
