@@ -183,6 +183,8 @@ def _shared(work: Callable[[Task], Result], tasks: Sequence[Task], processes: in
                         found.append(end.recv())
                     except (EOFError, OSError):
                         ends.remove(end)
+                    except Exception:  # an error whose words do not travel: its task is done here
+                        continue
                 for at, result, error in found:
                     left.pop(at, None)
                     if error is None:

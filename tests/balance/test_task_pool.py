@@ -103,6 +103,31 @@ def death() -> None:
     assert COPIES.map(work, range(12)) == list(range(12))
 
 
+class Worded(DataError):
+    """An error that makes its text itself."""
+
+    def __init__(self, name: str, number: int) -> None:
+        super().__init__(f"{name}: {number}")
+        self.number = number
+
+
+def error_of_other_words() -> None:
+    """An error that cannot be made again of its text is raised as it was."""
+
+    def work(number: int) -> int:
+        time.sleep(0.05)
+        if number >= 3:
+            raise Worded("log", number)
+        return number
+
+    raised = None
+    try:
+        COPIES.map(work, range(12))
+    except Worded as error:
+        raised = error.number
+    assert raised == 3
+
+
 def where_they_pay() -> None:
     """Not for a few tasks, nor where another thread runs, which a copy would lack."""
     assert cores(WORTH - 1) is HERE
@@ -117,10 +142,11 @@ def where_they_pay() -> None:
 
 
 @forks
-@pytest.mark.parametrize("checked", [same, first_error, death, where_they_pay])
+@pytest.mark.parametrize("checked", [same, first_error, death, error_of_other_words, where_they_pay])
 def test_copies_of_a_process(checked):
     """In a process of its own: this one may have threads of other tests."""
     head = "import os, signal, threading, time\nfrom balance.errors import DataError\nfrom balance.task_pool import *\n"
+    head += getsource(Worded)
     code = f"{head}COPIES = TaskPool(None, 2)\n{getsource(checked)}\n{checked.__name__}()"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
