@@ -502,6 +502,11 @@ def speed_findings(record: Edges, found: SteadySpeedFit | None) -> list[str]:
             f"disc has {record.disc.pulses / times:g} edges a turn, not {record.disc.pulses}, all speeds are {times} "
             "times as high; check --pulses"
         )
+    if found is not None and 2 * (found.harmonics + 1) >= found.edges.disc.per_turn:
+        odd.append(
+            f"{found.edges.disc.per_turn:g} edges a turn do not show harmonic {found.harmonics + 1} of the turn: how "
+            "far it changes the speeds is not in their intervals; a disc of more edges shows it"
+        )
     if found is not None and found.repeated > 0.0:
         beyond = (
             "; --pitch takes a calibration" if record.offset is None else " beyond the calibration; calibrate again"

@@ -152,7 +152,9 @@ def test_of_a_disc_of_few_lines_no_multiple_is_named(lines, shown, seed):
     require_stated_turn(right)
     assert repetition(right) == shown
     assert repetition(twice) == shown
-    assert any("check --pulses" in text for text in speed_findings(twice, periodic_turn(twice))) == (shown is not None)
+    said = " ".join(speed_findings(twice, periodic_turn(twice)))
+    assert ("check --pulses" in said) == (shown is not None)
+    assert ("4 edges a turn do not show harmonic 2 of the turn" in said) == (lines == 2)
 
 
 def test_the_right_number_is_shown_by_the_log_itself():
