@@ -285,7 +285,25 @@ def by_trigger(shared: SharedSignals, drift: bool = True) -> AlignedClock:
     own = trigger_edges(shared.name, shared.own_time, shared.own_signals[:, 0])
     one, other = match_events(shared.name, reference, own, "edge")
     clock = clock_map_from_events(shared.name, reference.among(one), own.among(other), drift)
-    return AlignedClock(clock, "trigger", f"{len(one)} edge{'s' * (len(one) > 1)}, {shared.name}", None)
+    return AlignedClock(
+        clock,
+        "trigger",
+        f"{len(one)} edge{'s' * (len(one) > 1)}, {shared.name}",
+        None,
+        _doubts(reference, own, int(one[0]), int(other[0])) if len(one) == 1 else (),
+    )
+
+
+def _doubts(reference: Events, own: Events, i: int, j: int) -> tuple[str, ...]:
+    """What speaks against event i of the reference and j of the own clock, the only ones, being the same."""
+    match = _matches_through(reference, own, i, j, 0.0)
+    shorter = min(np.ptp(reference.span), np.ptp(own.span))
+    if match.common >= LEAST_COMMON * shorter:
+        return ()
+    return (
+        f"one edge alone gives the offset, {match.offset:.4g} s, by which both recorded {max(match.common, 0.0):.3g} s "
+        f"of the shorter record's {shorter:.3g} s: the edges may be of two events",
+    )
 
 
 SEPARATION = 2.5

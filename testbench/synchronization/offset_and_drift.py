@@ -444,7 +444,7 @@ class AlignedClock:
     content: Annotated[str, Key("", "by")]
     explained: Annotated[float | None, Key()]
     findings: Annotated[tuple[str, ...], Key()] = ()
-    """Gaps in the records, as text."""
+    """Gaps in the records, and what speaks against the match, as text."""
 
 
 def by_correlation(shared: SharedSignals, drift: bool = True) -> AlignedClock:

@@ -49,8 +49,14 @@ def test_one_edge():
     one = pulses(np.array([4.0]))
     with pytest.raises(AnalysisError, match="no drift"):
         by_trigger(one)
-    clock = by_trigger(one, drift=False).clock
+    found = by_trigger(one, drift=False)
+    clock = found.clock
+    assert found.findings == ()
     assert abs(float(clock.to_reference(np.array([4.37]))[0]) - (OFFSET + (1 + DRIFT) * 4.37)) < clock.half_width(4.37)
+    stop = pulses(np.array([11.0]))
+    other = replace(one, own_time=stop.own_time, own_signals=stop.own_signals)
+    (said,) = by_trigger(other, drift=False).findings
+    assert "both recorded 4.63 s of the shorter record's 12 s: the edges may be of two events" in said
 
 
 EVEN = np.arange(2.0, 8.1, 0.5)
