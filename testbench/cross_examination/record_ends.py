@@ -18,8 +18,8 @@ LEAST_S = 0.05
 SEEN_S = {"motion": LEAST_S, "vibration": 0.2}
 """First or last part of a record that shows whether it is at rest there: longer than a period of vibration [s]."""
 REPEATS, REPEATED_SHARE, LIKE = 2, 0.25, 0.1
-"""A motion repeats where its last quarter stood there twice before, but for a tenth of its power: where such a record
-begins or ends does not matter."""
+"""A motion repeats where its last quarter stood there twice before, but for a tenth of its power: where a record of a
+period of it, or more, begins or ends does not matter."""
 
 
 def record_ends(observations: Sequence[Observation]) -> list[Statement]:
@@ -72,7 +72,7 @@ def _by_encoders(seen: Observation) -> tuple[str, str, str] | None:
     moving = np.flatnonzero(_moving(seen.encoder_speeds, "motion")) if seen.encoder_speeds.size else np.zeros(0, int)
     for channels, values in seen.vibrations.items() if moving.size else ():
         held, moved = len(values) / VIBRATION_RATE_HZ, (moving[-1] - moving[0]) / SPEED_RATE_HZ
-        if held + LEAST_S < min(moved, VIBRATION_S) and not _repeats(seen.encoder_speeds):
+        if held + LEAST_S < min(moved, VIBRATION_S) and _period(seen.encoder_speeds) > held * SPEED_RATE_HZ:
             stated = f"the encoders move for {moved:.3g} s"
             return "its readings", stated, f"{seen.records[channels[0]].column.sensor} was recorded for {held:.3g} s"
     return None
@@ -82,7 +82,7 @@ def _said(
     witness: str, what: str, part: Floats, whole: Floats, lacks: tuple[float, float], kind: str
 ) -> tuple[str, str, str] | None:
     """Witness, what it states and what the run holds, where it lacks something of ``whole`` [s]."""
-    if max(lacks) < LEAST_S or _repeats(part):
+    if max(lacks) < LEAST_S or min(_period(part), _period(whole)) <= len(part):
         return None
     moving = np.flatnonzero(_moving(whole, kind))
     moved, (before, after) = (moving[-1] + 1 - moving[0]) / SPEED_RATE_HZ, lacks
@@ -128,8 +128,11 @@ def _rests(values: Floats, end: int, kind: str) -> bool:
     return not _moving(values, kind)[slice(-count, None) if end else slice(count)].any()
 
 
-def _repeats(values: Floats) -> bool:
-    """Whether the last quarter of what moves stood there before, at REPEATS places, half of it apart, or more."""
+def _period(values: Floats) -> float:
+    """Samples after which what moves repeats, 0 of a steady turn; infinite where it does not.
+
+    It repeats where its last quarter stood there before at REPEATS places, half of it apart, or more.
+    """
     from scipy.signal import correlate
 
     moving = np.flatnonzero(_moving(values, "motion"))
@@ -137,7 +140,7 @@ def _repeats(values: Floats) -> bool:
     count = max(round(REPEATED_SHARE * len(values)), 4)
     last, earlier = values[-count:], values[:-count]
     if len(earlier) < REPEATS * count:
-        return False
+        return np.inf
     power = np.cumsum(np.pad((earlier**2).sum(axis=1), (1, 0)))
     products = sum(correlate(a, b, "valid", "fft") for a, b in zip(earlier.T, last.T, strict=True))
     own = float((last**2).sum())
@@ -146,4 +149,7 @@ def _repeats(values: Floats) -> bool:
     for place in map(int, places):
         if place >= free:
             found, free = found + 1, place + count // 2
-    return found >= REPEATS
+    if found < REPEATS:
+        return np.inf
+    groups = np.concatenate((places[:1], places[1:][np.diff(places) > LEAST_S * SPEED_RATE_HZ]))
+    return float(np.diff(groups).min()) if len(groups) > 1 else 0.0

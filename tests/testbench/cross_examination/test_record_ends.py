@@ -63,10 +63,7 @@ def campaign(tmp_path_factory):
 @pytest.mark.parametrize("stored", [True, False])
 def test_a_record_cut_in_mid_motion_is_withheld(campaign, cut, stored):
     """By the stored motion, or without it by the other runs; the cut runs alone, and what is made of them."""
-    runs, rng = (
-        [run if stored else replace(run, inputs={"mechanism": run.inputs["mechanism"]}) for run in campaign[0]],
-        None,
-    )
+    runs = [run if stored else replace(run, inputs={"mechanism": run.inputs["mechanism"]}) for run in campaign[0]]
     assert all(("motion" in run.inputs) is stored for run in runs)
     assert not Witnesses().hear(runs).findings
     rng = np.random.default_rng(len(cut))
@@ -97,6 +94,7 @@ def seen(name, *parts, motion="swing", stored=None):
 
 REST = np.zeros(40)
 SWING = np.concatenate([REST, bump(0.4), REST, -bump(0.7), REST, bump(0.5), REST])
+PICKS = np.concatenate([REST, np.tile(np.concatenate([bump(0.4), REST[:10], -bump(0.4), REST[:10]]), 10), REST])
 TURNS = np.sin(2.0 * np.pi * np.arange(1000) / 80.0)
 STEADY = np.concatenate([REST, np.linspace(0.0, 1.0, 30), np.ones(600), np.linspace(1.0, 0.0, 30), REST])
 
@@ -118,10 +116,15 @@ STEADY = np.concatenate([REST, np.linspace(0.0, 1.0, 30), np.ones(600), np.linsp
         (TURNS[:370], np.concatenate([REST, TURNS, REST]), np.concatenate([REST, TURNS, REST]), ""),
         (STEADY[:300], STEADY, STEADY, ""),
         (bump(3.0)[:150], SWING, SWING, ""),
+        (PICKS[:170], PICKS, None, ""),
+        (PICKS[:60], PICKS, PICKS, "ends in mid-motion"),
+        (TURNS[20:140], np.concatenate([REST, TURNS, REST]), None, ""),
+        (SWING, np.tile(SWING, 3), np.tile(SWING, 3), ""),
     ],
     ids=["whole", "hardly any rest", "cut", "begun late", "all cut", "by the motion", "both ends",
          "a move less by the motion", "a move less than a run that goes home", "goes home", "turns on",
-         "turns of a whole record", "steady", "another motion"],
+         "turns of a whole record", "steady", "another motion", "one cycle and a part of ten",
+         "a part of a cycle", "a turn and a half", "one of three swings"],
 )  # fmt: skip
 def test_where_a_record_ends(one, other, stored, said):
     """Beside another run of the motion, or the motion that is stored."""
