@@ -93,7 +93,7 @@ def rig_findings(
             logs = [recording.path.name for recording in recordings]
             absent.append(_absent(logger, columns, logs, labels) if other is None else _apart(logger, columns, other))
         found += _units(present, channels)
-        found += _logged_twice(logger, columns, recordings)
+    found += _logged_twice({column.channel: column.logger for column in rig.columns()}, recordings)
     found += _taken_twice([column for column in rig.columns() if column.channel in channels], channels)
     if len(absent) == sum(any(rig.columns(logger)) for logger in rig.loggers):
         message = (
@@ -104,18 +104,27 @@ def rig_findings(
     return found + absent
 
 
-def _logged_twice(logger: str, columns: "Sequence[Column]", recordings: "Sequence[Recording]") -> list[Finding]:
-    """Logs of the run that hold the same channels of one logger."""
-    held = [{name for g in r.groups for c in g.channels for name in c.names} for r in recordings]
-    shared = [column.channel for column in columns if sum(column.channel in names for names in held) > 1]
-    if not shared:
-        return []
-    logs = [r.path.name for r, names in zip(recordings, held, strict=True) if not names.isdisjoint(shared)]
-    message = (
-        f"{' and '.join(logs)} {'both' if len(logs) == 2 else 'all'} hold {first_of(shared, 4)} of logger {logger}: "
-        "expected one log of a logger in a run; is the run's name used twice in the run table?"
-    )
-    return [Finding("logger_twice", None, None, message)]
+def _logged_twice(loggers: Mapping[str, str], recordings: "Sequence[Recording]") -> list[Finding]:
+    """Logs of the run that hold the same of the rig's channels, which its ``loggers`` record.
+
+    Of logs that hold others, too, one may hold what another logger's channel is called: only who reads that needs one.
+    """
+    logs: dict[frozenset[str], list[str]] = {}
+    for recording in recordings:
+        held = frozenset(loggers.keys() & {name for g in recording.groups for c in g.channels for name in c.names})
+        logs.setdefault(held, []).append(recording.path.name)
+    return [
+        Finding(
+            "logger_twice",
+            None,
+            None,
+            f"{' and '.join(names)} {'both' if len(names) == 2 else 'all'} hold {first_of(sorted(held), 4)} of logger "
+            f"{first_of(sorted({loggers[name] for name in held}), 4)}: expected one log of a logger in a run; is the "
+            "run's name used twice in the run table?",
+        )
+        for held, names in logs.items()
+        if held and len(names) > 1
+    ]
 
 
 def _taken_twice(present: Iterable["Column"], channels: Mapping[str, Channel]) -> list[Finding]:

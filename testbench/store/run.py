@@ -188,7 +188,10 @@ class Run(Shown, rows="groups", figure="testbench.figures.runs:draw_run"):
             return found[0]
         if found:
             groups = _listed(g.name for g, _ in found)
-            raise StoreError(f"{self.path.name}: channel {channel!r} is in several groups, {groups}; name one")
+            raise StoreError(
+                f"{self.path.name}: channel {channel!r} is in several groups, {groups}: name one, or rename it in the "
+                "other's log by an import description (channels) and ingest into another folder"
+            )
         known = _listed(c.name for g in among for c in g.channels)
         raise StoreError(f"{self.path.name}: no channel {channel!r}, or not only one; there are {known}")
 

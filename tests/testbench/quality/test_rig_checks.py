@@ -89,6 +89,28 @@ position = ["0 m", "0 m", "0 m"]
     assert found.limit == pytest.approx(limit, rel=1e-12)
 
 
+def test_a_log_may_hold_a_column_that_is_called_as_one_of_another_logger() -> None:
+    """Two logs of the same channels are one too many; a copy of one among others is the other logger's own matter."""
+    text = 'mechanism = "none"\n[loggers.daq]\n[loggers.plc]\n' + "".join(
+        f'[sensors.{name}]\nkind = "trigger"\nlogger = "{logger}"\nchannel = "{name}"\n'
+        for name, logger in (("a", "daq"), ("b", "plc"), ("c", "plc"))
+    )
+
+    def said(*logs: str) -> list[str]:
+        groups = [
+            (name, Group("r", tuple(Channel(one) for one in held))) for name, held in zip("PQR", logs, strict=False)
+        ]
+        found = rig_checks.rig_findings(
+            rig.load_rig(text),
+            [Recording(Path(name), "CSV", "csv", (g,), lambda report: iter(())) for name, g in groups],
+        )
+        return [one.message.partition(":")[0] for one in found if one.code == "logger_twice"]
+
+    assert said("ab", "bc") == said("a", "bc", "x") == []
+    assert said("ax", "bc", "ay") == ["P and R both hold a of logger daq"]
+    assert said("abc", "abc", "cba") == ["P and Q and R all hold a, b, c of logger daq, plc"]
+
+
 def test_a_unit_that_nobody_knows(tmp_path: Path) -> None:
     """The cure is said, with a calibration and without one; with the unit in the rig it is no contradiction."""
     text = """mechanism = "none"
