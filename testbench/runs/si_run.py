@@ -207,7 +207,8 @@ class SIRun:
         elif measured and (peak := _reach(values)[beside] > _NEAR_PEAK).any():
             first, why = (
                 int(np.flatnonzero(peak)[0]) % len(begins),
-                "beside its largest readings, where an overload may be hidden",
+                "beside its largest readings, where "
+                + ("an overload may be hidden" if steps is None else "the largest may be missing"),
             )
         else:
             return np.where(
