@@ -225,21 +225,11 @@ class CampaignNoise:
     """
 
     @classmethod
-    def of(
-        cls,
-        conditions: Iterable[Condition],
-        pool: TaskPool = HERE,
-        before: Mapping[tuple[int, ...], Synchronous | None] = MappingProxyType({}),
-    ) -> "CampaignNoise":
-        """Pooled over all runs with one setting of the logger; repeats that were aligned ``before``, by the ``id`` of
-        their records, are not aligned again.
-        """
+    def of(cls, conditions: Iterable[Condition], pool: TaskPool = HERE) -> "CampaignNoise":
+        """Pooled over all runs with one setting of the logger."""
         conditions = list(conditions)
         sides = {side.key: side for condition in conditions for side in condition.sides}
-        ids = {key: tuple(map(id, side.records)) for key, side in sides.items()}
-        lacking = [key for key in sides if ids[key] not in before]
-        anew = dict(zip(lacking, pool.map(Synchronous.of, [sides[key].records for key in lacking]), strict=True))
-        aligned = {key: anew[key] if key in anew else before[ids[key]] for key in sides}
+        aligned = dict(zip(sides, pool.map(Synchronous.of, [s.records for s in sides.values()]), strict=True))
         rests: dict[tuple[Place, int], list[Segment]] = {}
         residuals: dict[tuple[Place, int], list[Segment]] = {}
         least: dict[tuple[Place, int], float] = {}

@@ -5,14 +5,13 @@ and from what the repeats differ by beyond that noise.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
@@ -34,7 +33,7 @@ from .amplitude import Place
 from .amplitude_uncertainty import SIDES, AmplitudesUncertainty, Interval
 from .condition import CampaignNoise, Condition
 from .metrics import Measure
-from .repeatability import CLEAR, Group, Repeatability, Synchronous
+from .repeatability import CLEAR, Group, Repeatability
 from .run_amplitudes import AmplitudesOfRun, amplitudes_or_reason
 from .run_pairs import ConditionKey, Pair, pairs
 
@@ -214,41 +213,26 @@ def analyze(
     Each run is a task of the ``pool``, its channels read once; an ``examination`` of the same runs is not made again,
     with which amplitudes are ``known`` by the ``id`` of the run, or why there are none.
     """
-    runs, accept, aligned = list(runs), tuple(accept), dict[tuple[int, ...], Synchronous | None]()
+    runs, accept = list(runs), tuple(accept)
     if examination is None:
-        sides = {tuple(map(id, side)) for pair in pairs(runs)[0] for side in (pair.balanced, pair.unbalanced)}
-        paired = {run for side in sides for run in side}
+        paired = {id(run) for pair in pairs(runs)[0] for run in pair.runs}
         work = partial(_observed_and_read, known={}, given=mechanism)
         tasks = [(run, measure if id(run) in paired else None) for run in runs]
         seen, read = zip(*pool.map(work, tasks, imports=True), strict=True) if tasks else ((), ())
+        examination = examined(runs, seen, accept)
         known = {id(run): one for run, one in zip(runs, read, strict=True) if id(run) in paired}
-        repeats = {tuple(map(id, some)): some for some in _readable_repeats(sides, known)}
-        jobs: list[Callable[[], Any]] = [partial(examined, runs, seen, accept)]
-        jobs += [partial(Synchronous.of, some) for some in repeats.values()]
-        examination, *each = pool.in_memory.map(lambda job: job(), jobs)
-        aligned = dict(zip(repeats, each, strict=True))
     found, findings = pairs(run for run in runs if run.name not in examination.copied)
     findings += examination.findings
     if not found:
         raise AnalysisError("no two runs can be compared:\n" + "\n".join(f"  {f.message}" for f in findings))
     conditions = _conditions(found, measure, findings, known or {})
-    judged, reductions = CampaignLikelihoods.of(conditions, pool.in_memory, aligned), []
+    judged, reductions = CampaignLikelihoods.of(conditions, pool.in_memory), []
     for condition, some in zip(conditions, pool.in_memory.map(judged.calibrated, conditions), strict=True):
         findings += [*condition.findings, *reduction_findings(condition, some)]
         findings += [*judged.scatter_findings(condition), *condition.doubts]
         reductions += _doubted(condition.pair, some, examination)
     found_pairs = tuple(condition.pair for condition in conditions)
     return Analysis(found_pairs, tuple(reductions), tuple(dict.fromkeys(findings)), measure, examination)
-
-
-def _readable_repeats(
-    sides: Iterable[tuple[int, ...]], known: Mapping[int, AmplitudesOfRun | str]
-) -> Iterator[list[AmplitudesOfRun]]:
-    """The amplitudes of the runs of each side, by their ``id``, where all can be read and have the same sensors."""
-    for side in sides:
-        some = [one for run in side if not isinstance(one := known[run], str)]
-        if len(some) == len(side) and all(one.keys() == some[0].keys() for one in some):
-            yield some
 
 
 def _observed_and_read(
@@ -317,17 +301,12 @@ class CampaignLikelihoods:
     """Of the aligned repeats of each side, by condition and place."""
 
     @classmethod
-    def of(
-        cls,
-        conditions: Sequence[Condition],
-        pool: TaskPool = HERE,
-        aligned: Mapping[tuple[int, ...], Synchronous | None] = MappingProxyType({}),
-    ) -> "CampaignLikelihoods":
+    def of(cls, conditions: Sequence[Condition], pool: TaskPool = HERE) -> "CampaignLikelihoods":
         """Runs that are compared with several sets of counter-masses count once; place by place, for its noise.
 
         Of so many places as copies of this process share evenly each is one task, so that its noise is drawn once.
         """
-        found = cls(CampaignNoise.of(conditions, pool, aligned), {}, {}, {})
+        found = cls(CampaignNoise.of(conditions, pool), {}, {}, {})
         once: dict[Place, dict[tuple[int, ...], Group]] = {}
         places = list(dict.fromkeys(place for condition in conditions for place in condition.places))
         some = {place: [condition for condition in conditions if place in condition.places] for place in places}
