@@ -156,8 +156,9 @@ def _is_line(values: Floats, time: Floats, step: float) -> bool:
         return bool(low < high)
     rises = np.diff(known)
     changes, by = at[1:][rises != 0.0], rises[rises != 0.0]
-    counts = max(np.mean((by == one) | (by == one * (low - high))) for one in (1.0, -1.0))
-    if counts >= _COUNTS and np.all(known == np.rint(known)):
+    counted = max(((by == one) | (by == one * (low - high)) for one in (1.0, -1.0)), key=np.mean)
+    spikes = ~counted[1:] & ~counted[:-1] & (by[1:] * by[:-1] < 0.0)  # there and back; losses stay
+    if np.mean(counted) >= _COUNTS and not spikes.any() and np.all(known == np.rint(known)):
         return True
     stay = np.diff(time[changes]) >= step - SAME_INSTANT * float(np.median(np.diff(time)))
     return bool(np.all(stay & (np.diff(changes) >= _LEAST_STAY)))

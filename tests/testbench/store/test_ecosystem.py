@@ -172,6 +172,7 @@ def test_lines_of_several_values_are_held_and_what_is_measured_is_not(tmp_path):
     }
     measured = {"adc": np.rint(2047 * sine), "small": np.rint(4 * np.sin(2 * np.pi * 30.0 * time))}
     measured["hops"] = np.array([0.0, 3.0, 1.0, 7.0])[(time // 0.004).astype(int) % 4]
+    measured["spiky"] = np.cumsum(np.arange(4000) % 9 < 4) + 40.0 * (np.arange(4000) % 500 == 250)
     measured["mask"] = np.repeat(np.random.default_rng(1).permutation(1000), 4).astype(float)
     sensor = '[sensors.sync]\nkind = "trigger"\nlogger = "daq"\nchannel = "Sync"\n'
     rig = f'mechanism = "none"\n[loggers.daq]\n{sensor}'
