@@ -28,6 +28,7 @@ from ..store.run import Run, StoredGroup
 from .calibration_history import CalibrationInForce, CalibrationRecord
 
 _CURE = "correct the log and ingest it into another folder, or leave the run out"
+_CURE_OF_GAPS = "export the log again, where that lost them, and ingest it into another folder, or leave the run out"
 _LARGEST = 1e100
 """What no sensor shows [SI]; squares of larger values could not be added up."""
 KEPT_SAMPLES = 1 << 20
@@ -222,7 +223,7 @@ class SIRun:
         at = self.time(self.group_of(column))[int(np.searchsorted(steps, begin)) - 1]
         raise AnalysisError(
             f"{self.name}: the clock of channel {column.channel!r} leaves out {many} sample{'s' * (many > 1)}, "
-            f"{many / self.rate(column):.4g} s, after {at:.6g} s, {why}: {_CURE}"
+            f"{many / self.rate(column):.4g} s, after {at:.6g} s, {why}: {_CURE_OF_GAPS}"
         )
 
     def signal(self, column: Column) -> tuple[Floats, float]:
@@ -246,7 +247,7 @@ class SIRun:
             raise AnalysisError(
                 f"{self.name}: the clock of channel {column.channel!r} leaves out {longest} samples, "
                 f"{longest / rate:.4g} s, after {at:.6g} s; more than {MOST_MISSING} in a row are not interpolated: "
-                f"{_CURE}"
+                f"{_CURE_OF_GAPS}"
             )
         even = np.full(int(steps[-1]) + 1, np.nan)
         even[steps] = values

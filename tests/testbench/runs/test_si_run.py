@@ -94,7 +94,7 @@ def changed(tmp_path, places, how):
             [50, 69, 140, 200],
             "the clock of channel 'ch0' leaves out 1 sample, 0.001 s, after 0.049 s, and 3 more, above 0.1%",
         ),
-        ([69, 107], "after 0.106 s, beside its largest readings, where the largest may be missing: correct the log"),
+        ([69, 107], "after 0.106 s, beside its largest readings, where the largest may be missing: export the log"),
     ],
 )
 def test_lines_that_the_log_lacks_are_interpolated_or_refused(tmp_path, lost, refusal):
