@@ -19,6 +19,7 @@ from balance.arrays import Floats
 from balance.estimation.estimate import coverage_factor
 from balance.units import G0
 
+from ..rig.sensors import Torque
 from .observation import BLOCKS, DRIVE_TERMS, Observation, TorqueEquations
 from .statement import Statement
 
@@ -194,7 +195,9 @@ ACCELERATION_SHARE = {"command": 0.05, "encoders": 0.15}
 UNLIKE = float(np.log(1.5))
 """Distance of a run from its nearest repeat from which it is none [logarithm of sizes]."""
 LIKE = 0.25
-"""Most of that distance by which it differs from a run with other counter-masses, as which it counts."""
+"""Most of that distance by which it differs from a run with other counter-masses, as which it counts; or UNLIKE."""
+FOLLOWS = 0.95
+"""Correlation from which torques follow the model with the masses of the run table."""
 ABOVE_NOISE = 30.0
 """Span of a channel over its noise from which sizes are compared: white noise alone spans eight to ten."""
 NAMED_MOTIONS = frozenset({"x", "y", "z", "triangle"})
@@ -252,21 +255,22 @@ def motions(seen: Observation) -> list[Statement]:
 def unlike_repeats(observations: Sequence[Observation]) -> list[Statement]:
     """Runs whose forces, torques and base accelerations are unlike all their repeats, and like runs with other masses.
 
-    Sizes of channels are compared, which needs no model.
+    Sizes of channels are compared, which needs no model. Where both of two repeats are, torques that follow the model
+    with the masses of the run table tell which of them carries these.
     """
     found, conditions = [], [_condition(seen) for seen in observations]
     for seen, condition in zip(observations, conditions, strict=True):
         same = [o for o, other in zip(observations, conditions, strict=True) if other == condition]
+        apart = {o.name: _apart(seen, o, same) for o in same if o is not seen}
         repeats = [o for o in same if o is not seen and o.counter_masses == seen.counter_masses]
-        others = [
-            (d, o) for o in same if o.counter_masses != seen.counter_masses and (d := _apart(seen, o)) is not None
-        ]
-        away = [d for o in repeats if (d := _apart(seen, o)) is not None]
+        others = [(d, o) for o in same if o.counter_masses != seen.counter_masses and (d := apart[o.name]) is not None]
+        away = [d for o in repeats if (d := apart[o.name]) is not None]
         if not away or not others:
             continue
         near, like = min(others, key=lambda one: one[0])
-        wrong = min(away) > UNLIKE and near < LIKE * min(away)
-        size = f"{np.exp(min(away)):.2g} on average"
+        wrong = min(away) > UNLIKE and near < min(LIKE * min(away), UNLIKE)
+        wrong = wrong and not (_follows(seen, same) and not any(_follows(o, same) for o in repeats))
+        size = f"{np.exp(min(away)):.2g}, the median of its channels"
         witnessed = f"its channels differ from those of {repeats[0].name}, a repeat, by a factor of {size}"
         witnessed += f", and agree with those of {like.name}, with {_masses(like.counter_masses)}" if wrong else ""
         found.append(
@@ -280,8 +284,25 @@ def _condition(seen: Observation) -> dict[str, object]:
     return {k: v for k, v in seen.conditions.items() if k not in {"counter_masses", "repeat"}}
 
 
-def _apart(seen: Observation, other: Observation) -> float | None:
-    """Root mean square of the logarithms of sizes' ratios, of all that shakes above the noise; None of nothing."""
+def _follows(seen: Observation, same: Sequence[Observation]) -> bool:
+    """Whether all torques follow the model with the masses of the run table, in size too unless their gain is odd."""
+    found = []
+    for one in seen.responses:
+        yy, yp, pp = (np.diag(m.sum(axis=0)) for m in (one.yy, one.yp, one.pp))
+        for i, column in enumerate(one.columns):
+            if isinstance(seen.rig.sensors.get(column.sensor), Torque):
+                sized = abs(np.log(max(yp[i], 1e-300) / max(pp[i], 1e-300))) < UNLIKE
+                sized = sized or _is_odd(seen, column.channel, same)
+                found.append(bool(yp[i] > FOLLOWS * np.sqrt(yy[i] * pp[i]) and sized))
+    return bool(found) and all(found)
+
+
+def _apart(seen: Observation, other: Observation, same: Sequence[Observation]) -> float | None:
+    """Median over channels of the logarithms of sizes' ratios, of all that shakes above the noise; None of nothing.
+
+    A channel that is larger or smaller in one of the two than in all other runs of the ``same`` condition, with and
+    without counter-masses, is another gain and no other mass.
+    """
     found = []
     for channel, record in seen.records.items():
         beside, column = other.records.get(channel), record.column
@@ -289,9 +310,20 @@ def _apart(seen: Observation, other: Observation) -> float | None:
             continue
         moved = column.dimensions[0] == "acceleration" and column.sensor not in seen.rig.base_accelerometers
         small, large = sorted((record.span, beside.span))
-        if not moved and large > ABOVE_NOISE * max(record.noise, beside.noise) and small > 0.0:
+        if moved or not large > ABOVE_NOISE * max(record.noise, beside.noise) or not small > 0.0:
+            continue
+        if not any(_is_odd(one, channel, same) for one in (seen, other)):
             found.append(np.log(large / small))
-    return float(np.sqrt(np.mean(np.square(found)))) if found else None
+    return float(np.median(found)) if found else None
+
+
+def _is_odd(seen: Observation, channel: str, same: Sequence[Observation]) -> bool:
+    """Whether a channel's size is outside all of at least three other runs' by a factor that is no scatter."""
+    if channel not in seen.records:
+        return False
+    own = seen.records[channel].span
+    spans = [o.records[channel].span for o in same if o is not seen and channel in o.records]
+    return len(spans) > 2 and not min(spans) / np.exp(UNLIKE) < own < max(spans) * np.exp(UNLIKE)
 
 
 def mounted(observations: Sequence[Observation]) -> tuple[list[Statement], dict[str, Mapping[str, float]]]:

@@ -47,6 +47,7 @@ Method = Literal["repeats", "propagation"]
 Limit = Literal["at_least", "at_most"]
 REPEATS_DIFFER = "repeats_differ"
 WITHHELD = frozenset({*WITHHOLDING, REPEATS_DIFFER})
+MASSES = "counter_mass_contradiction"
 """Doubts after which there is no interval."""
 ONE_RUN = (
     "Where nothing is repeated, noise that acts only during the motion, such as that of drives and bearings, is told "
@@ -226,8 +227,15 @@ def analyze(
     if not found:
         raise AnalysisError("no two runs can be compared:\n" + "\n".join(f"  {f.message}" for f in findings))
     conditions = _conditions(found, measure, findings, known or {})
-    judged, reductions = CampaignLikelihoods.of(conditions, pool.in_memory), []
-    for condition, some in zip(conditions, pool.in_memory.map(judged.calibrated, conditions), strict=True):
+    mixed = {run for run in examination.runs if examination.withheld({MASSES} & {*examination.doubts([run])})}
+    unlike = [not mixed.isdisjoint(run.name for run in condition.pair.runs) for condition in conditions]
+    # What differs between runs of unlike masses is no noise of the other conditions.
+    apart = [[c for c, one in zip(conditions, unlike, strict=True) if one is wrong] for wrong in (False, True)]
+    judges = [CampaignLikelihoods.of(some, pool.in_memory) for some in apart]
+    known_of = [iter(pool.in_memory.map(one.calibrated, some)) for one, some in zip(judges, apart, strict=True)]
+    reductions: list[Reduction] = []
+    for condition, wrong in zip(conditions, unlike, strict=True):
+        judged, some = judges[wrong], next(known_of[wrong])
         findings += [*condition.findings, *reduction_findings(condition, some)]
         findings += [*judged.scatter_findings(condition), *condition.doubts]
         reductions += _doubted(condition.pair, some, examination)
@@ -522,8 +530,17 @@ def sets_differ(reductions: Sequence[Reduction]) -> bool:
     return any(masses != some[0] for some in sets.values() for masses in some)
 
 
+def _change(values: Sequence[float]) -> str:
+    """``reduced by 1.0 to 2.0 %``, ``raised by`` where the vibration grows, both where it does either."""
+    low, high = min(values), max(values)
+    if low < 0.0 <= high:
+        return f"between raised by {-low:.1f} % and reduced by {high:.1f} %"
+    word, least, most = ("reduced", low, high) if low >= 0.0 else ("raised", -high, -low)
+    return f"{word} by {least:.1f} to {most:.1f} %" if len(values) > 1 else f"{word} by {least:.1f} %"
+
+
 def verdict(reductions: Sequence[Reduction]) -> str:
-    """By how much each axis is reduced, and how many reductions are bounds, withheld, or none."""
+    """By how much each axis is reduced or raised, and how many reductions are bounds, withheld, or none."""
     withheld = [r for r in reductions if r.interval is None and not WITHHELD.isdisjoint(r.doubts)]
     bounds = [r for r in reductions if r.at_least is not None]
     sound = [r for r in reductions if r.percent is not None and r.interval is not None and r.limit is None]
@@ -532,17 +549,20 @@ def verdict(reductions: Sequence[Reduction]) -> str:
     for sensor, axis in dict.fromkeys((r.sensor, r.axis) for r in sound):
         some = [r for r in sound if (r.sensor, r.axis) == (sensor, axis)]
         values = [r.percent for r in some if r.percent is not None]
-        low, high = (f"{value:.1f}" for value in (min(values), max(values)))
-        interval = [f"{end:.1f}" for end in some[0].interval or ()]
-        size = f"{low} to {high} % in {len(some)} conditions" if len(some) > 1 else f"{low} % [{', '.join(interval)}]"
-        parts.append(f"{f'{sensor} ' if several else ''}{axis}: reduced by {size}")
+        size = f"{_change(values)} in {len(some)} conditions"
+        if len(some) == 1:
+            ends = list(some[0].interval or ())
+            ends = ends if values[0] >= 0.0 else [-end for end in reversed(ends)]
+            size = f"{_change(values)} [{', '.join(f'{end:.1f}' for end in ends)}]"
+        parts.append(f"{f'{sensor} ' if several else ''}{axis}: {size}")
     of_all = f"of {len(reductions)} reductions"
     for sensor, axis in dict.fromkeys((r.sensor, r.axis) for r in bounds):
         some = [r for r in bounds if (r.sensor, r.axis) == (sensor, axis)]
         why = "the rest is below noise" if some[0].below_noise else "clipped without counter-masses"
         note = f"in {len(some)} conditions" if len(some) > 1 else f"({why})"
         least = min(r.at_least for r in some if r.at_least is not None)
-        parts.append(f"{f'{sensor} ' if several else ''}{axis}: reduced by at least {least:.1f} % {note}")
+        bound = f"raised by at most {-least:.1f} %" if least < 0.0 else f"reduced by at least {least:.1f} %"
+        parts.append(f"{f'{sensor} ' if several else ''}{axis}: {bound} {note}")
     counts = [f"{len(bounds)} {of_all} are lower bounds, below noise or clipped"] if len(bounds) > 1 else []
     if withheld:
         codes = ", ".join(sorted({code for r in withheld for code in r.doubts} & WITHHELD))

@@ -7,11 +7,14 @@ import pytest
 
 from studies import lies
 from studies.lies import Witnesses
+from studies.simulated_runs import with_values
 from testbench.campaign_plan import load_plan
 from testbench.cross_examination.observation import Observation
 from testbench.cross_examination.record_ends import record_ends
 from testbench.project import new_project
 from testbench.rig import load_rig
+from testbench.rig.sensors import Torque
+from testbench.runs.si_run import SIRun
 from testbench.vibration.metrics import Measure
 from testbench.vibration.reduction import analyze
 
@@ -42,7 +45,7 @@ PLAN = """mechanism = "arm.xml"
 repeats = 2
 seed = 1
 [[conditions]]
-counter_masses = { counter_upper = "2 kg" }
+counter_masses = { counter_upper = "9 kg" }
 motion = "swing.toml"
 """
 
@@ -75,6 +78,27 @@ def test_a_record_cut_in_mid_motion_is_withheld(campaign, cut, stored):
     assert all(r.interval is None and "short_record" in r.doubts for r in analysis.reductions)
     given = analyze(told, Measure(), ["short_record"])
     assert any(r.interval is not None and "short_record" in r.doubts for r in given.reductions)
+
+
+def test_a_gain_is_no_other_mass(campaign):
+    """Torques in another unit in one run accuse no repeat of it, of other counter-masses."""
+    runs = campaign[0]
+    odd = next(i for i, run in enumerate(runs) if run.conditions["counter_masses"])
+    torques = [column.channel for column in SIRun.of(runs[odd]).rig.columns_of(Torque)]
+    told = list(runs)
+    for channel in torques:
+        told[odd] = with_values(told[odd], channel, 100.0 * told[odd].channel(channel))
+    found = campaign[1].hear(told).contradictions
+    assert {(s.run, s.code) for s in found} == {(runs[odd].name, "gain_contradiction")}
+
+
+def test_exchanged_masses_of_repeats(campaign):
+    """The torques tell which two of four runs."""
+    runs, witnesses = campaign
+    told, liars = lies.LIES["with and without exchanged"].tell(runs, 0, np.random.default_rng(1))
+    found = witnesses.hear(told)
+    assert {(s.run, s.code) for s in found.contradictions} == {(r, "counter_mass_contradiction") for r in liars}
+    assert len(liars) == 2
 
 
 def bump(duration):

@@ -95,6 +95,17 @@ def test_the_verdict_counts_what_is_no_number(brief_analysis):
     )
 
 
+def test_the_verdict_says_what_is_raised(brief_analysis):
+    """No reduction by less than nothing: raised, or between raised and reduced."""
+    sound = next(r for r in brief_analysis("peak_to_peak").reductions if r.limit is None)
+    more, most, less = (replace(sound, percent=p, interval=(p - 2.0, p + 3.0)) for p in (-1.5, -13.25, 4.0))
+    assert verdict([more]) == f"{sound.axis}: raised by 1.5 % [-1.5, 3.5]."
+    assert verdict([more, most]) == f"{sound.axis}: raised by 1.5 to 13.2 % in 2 conditions."
+    assert verdict([most, less]) == f"{sound.axis}: between raised by 13.2 % and reduced by 4.0 % in 2 conditions."
+    bound = next(r for r in brief_analysis("peak_to_peak").reductions if r.below_noise)
+    assert "raised by at most 12.0 % (" in verdict([replace(bound, interval=(-12.0, 100.0))])
+
+
 def _true_amplitude(logs, run: str, axis: str, measure: Measure) -> float:
     """Amplitude of the base without noise, over the span that the logger recorded [m/s2]."""
     table = polars.read_parquet(logs / "truth" / f"{run}.parquet")
