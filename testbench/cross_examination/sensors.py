@@ -10,6 +10,7 @@ from balance.arrays import Floats
 from balance.units import G0
 
 from ..rig import Column
+from ..rig.sensors import Torque
 from .observation import BLOCKS, Observation, Response
 from .statement import Statement
 
@@ -173,7 +174,7 @@ def examined_sensors(observations: Sequence[Observation], unsure: frozenset[str]
         first = one.columns[0]
         reversed_whole = others.prove_reversed(seen, one)
         for i in map(int, np.flatnonzero(one.witnessed)):
-            if first.dimensions == ACCELERATION or others.follow(seen, one, i):
+            if first.dimensions == ACCELERATION or others.follow(seen, one, i) or _opposes(seen, one, i):
                 statements.append(_sign(seen, one, i, reversed_whole or others.follow(seen, one, i)))
             if one.readings[i] < FLAT * one.expected[i] and others.is_flat(seen, one, i):
                 statements.append(_flat(seen, one, i))
@@ -337,6 +338,12 @@ def _sign(seen: Observation, one: Gains, i: int, proven: bool) -> Statement:
         f"{'reversed: ' if wrong else ''}correlation {one.correlation[i]:.2f} with the model, expected near 1",
         "the model of the motion", code if wrong else None,
     )  # fmt: skip
+
+
+def _opposes(seen: Observation, one: Gains, i: int) -> bool:
+    """Whether a torque is as large as the model's, and the other way round: so it may be in all runs of a campaign."""
+    is_torque = isinstance(seen.rig.sensors.get(one.columns[i].sensor), Torque)
+    return is_torque and bool(one.correlation[i] < -WHOLE) and 1.0 / GAIN_FACTOR < -one.gain[i] < GAIN_FACTOR
 
 
 def _is_support(seen: Observation, column: Column) -> bool:

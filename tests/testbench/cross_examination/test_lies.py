@@ -65,6 +65,15 @@ def test_a_lie_is_found_on_the_deep_bench(deep, name):
     assert lies.is_found(witnesses.hear(changed), LIES[name], liars)
 
 
+def test_a_torque_that_is_reversed_in_all_runs(campaign):
+    """No run has it right: the model alone is the witness, as of forces."""
+    runs, witnesses = campaign
+    found = witnesses.hear([with_values(run, "tau1", -run.channel("tau1")) for run in runs])
+    named = {(s.run, s.channel) for s in found.contradictions if s.code == "sign_contradiction"}
+    assert {channel for _, channel in named} == {"tau1"}
+    assert {run for run, _ in named} >= {runs[i].name for i in lies.shaking(runs)}
+
+
 def test_a_reversed_sensor_is_found_where_no_other_run_shakes():
     """The balanced run of the pair shows noise alone: the model, right in all but the sign, is the only witness.
 
