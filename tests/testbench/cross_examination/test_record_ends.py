@@ -52,14 +52,15 @@ motion = "swing.toml"
 
 @pytest.fixture(scope="module")
 def campaign(tmp_path_factory):
-    """Four runs of an own arm, with and without its counter-mass, twice; observed once."""
+    """Four runs of an own arm, with and without its counter-mass, twice; observed once; four more."""
     folder = tmp_path_factory.mktemp("arm")
     (folder / "arm.xml").write_text(ARM, encoding="utf-8")
     new_project(folder / "project", str(folder / "arm.xml"))
     (folder / "project" / "swing.toml").write_text(MOTION, encoding="utf-8")
     (folder / "project" / "plan.toml").write_text(PLAN, encoding="utf-8")
     rig = load_rig(folder / "project" / "rig.toml")
-    return lies.simulated(rig, load_plan(folder / "project" / "plan.toml"), 3), Witnesses()
+    plan = load_plan(folder / "project" / "plan.toml")
+    return lies.simulated(rig, plan, 3), Witnesses(), lies.simulated(rig, plan, 4)
 
 
 @pytest.mark.parametrize("cut", [(0,), (1, 3)])
@@ -94,11 +95,24 @@ def test_a_gain_is_no_other_mass(campaign):
 
 def test_exchanged_masses_of_repeats(campaign):
     """The torques tell which two of four runs."""
-    runs, witnesses = campaign
+    runs, witnesses, _ = campaign
     told, liars = lies.LIES["with and without exchanged"].tell(runs, 0, np.random.default_rng(1))
     found = witnesses.hear(told)
     assert {(s.run, s.code) for s in found.contradictions} == {(r, "counter_mass_contradiction") for r in liars}
     assert len(liars) == 2
+
+
+def test_exchanged_masses_are_no_noise_of_other_conditions(campaign):
+    """Another condition has the intervals that it has alone."""
+    runs, _, more = campaign
+    again = [
+        replace(r, path=r.path.with_name(f"{r.name}b.h5"), conditions={**r.conditions, "motion": "again"}) for r in more
+    ]
+    told, _ = lies.LIES["with and without exchanged"].tell(runs, 0, np.random.default_rng(1))
+    alone = {r.axis: r.interval for r in analyze(again, Measure()).reductions}
+    both = {r.axis: r.interval for r in analyze([*told, *again], Measure()).reductions if r.key.motion == "again"}
+    assert both == alone
+    assert any(alone.values())
 
 
 def bump(duration):
