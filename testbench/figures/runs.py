@@ -220,7 +220,7 @@ def _pair(with_run: Run, without_run: Run) -> Pair:
 
 
 def _text(found: Reduction) -> str:
-    """``peak-to-peak reduced by 94.2 % [93.1, 95.0]``."""
+    """``peak-to-peak reduced by 94.2 % [93.1, 95.0]``, or ``raised by``."""
     name = found.measure.metric.replace("_", "-")
     if found.percent is None:
         return "nothing moves above the noise"
@@ -228,8 +228,10 @@ def _text(found: Reduction) -> str:
         return f"{name} reduced by at least {found.at_least:.1f} %"
     if found.text.startswith("withheld"):
         return f"{name}: {found.text}, contradicted by {', '.join(found.doubts)}"
-    between = f" [{found.interval[0]:.1f}, {found.interval[1]:.1f}]" if found.interval else ""
-    return f"{name} reduced by {found.percent:.1f} %{between}"
+    word, sign = ("reduced", 1.0) if found.percent >= 0.0 else ("raised", -1.0)
+    ends = sorted(sign * end for end in found.interval or ())
+    between = f" [{ends[0]:.1f}, {ends[1]:.1f}]" if ends else ""
+    return f"{name} {word} by {sign * found.percent:.1f} %{between}"
 
 
 def _draw_noise(axes: "Axes", found: Reduction) -> None:

@@ -157,7 +157,7 @@ def _is_line(values: Floats, time: Floats, step: float) -> bool:
     rises = np.diff(known)
     changes, by = at[1:][rises != 0.0], rises[rises != 0.0]
     counted = max(((by == one) | (by == one * (low - high)) for one in (1.0, -1.0)), key=np.mean)
-    spikes = ~counted[1:] & ~counted[:-1] & (by[1:] * by[:-1] < 0.0)  # there and back; losses stay
+    spikes = ~counted[1:] & ~counted[:-1] & (np.sign(by[1:]) != np.sign(by[:-1]))  # there and back; losses stay
     if np.mean(counted) >= _COUNTS and not spikes.any() and np.all(known == np.rint(known)):
         return True
     stay = np.diff(time[changes]) >= step - SAME_INSTANT * float(np.median(np.diff(time)))

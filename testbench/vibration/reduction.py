@@ -535,7 +535,8 @@ def _change(values: Sequence[float]) -> str:
     low, high = min(values), max(values)
     if low < 0.0 <= high:
         return f"between raised by {-low:.1f} % and reduced by {high:.1f} %"
-    word, least, most = ("reduced", low, high) if low >= 0.0 else ("raised", -high, -low)
+    word = "reduced" if low >= 0.0 else "raised"
+    least, most = sorted((abs(low), abs(high)))
     return f"{word} by {least:.1f} to {most:.1f} %" if len(values) > 1 else f"{word} by {least:.1f} %"
 
 
