@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from importlib import import_module, metadata
 from importlib.util import find_spec
-from itertools import accumulate
+from itertools import accumulate, chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -72,32 +72,22 @@ def needs(extra: str) -> str:
 Open = Callable[[Path, ReadOptions], Recording]
 
 
-def _in_module(module: str, function: str, extra: str = "") -> Open:
-    """A reader's function, its module imported once a file is of its format; what ``extra`` installs must be there."""
+def _in(module: str, function: str = "", extra: str = "") -> Open:
+    """A reader's function, its module imported once a file is of its format; what ``extra`` installs must be there.
+
+    Without a name of one: ``open_library`` of the module, in a process of its own.
+    """
 
     def opened(path: Path, options: ReadOptions) -> Recording:
-        _require(path, extra)
+        for name in EXTRAS.get(extra, ()):  # none is imported
+            if any(find_spec(part) is None for part in accumulate(name.split("."), "{}.{}".format)):  # outer one first
+                raise RecordingError(f"{path}: reading it needs {name}: pip install '{needs(extra)}'")
+        if not function:
+            return open_in_subprocess(path, f"{__package__}.{module}")
         recording: Recording = getattr(import_module(f"{__package__}.{module}"), function)(path, options)
         return recording
 
     return opened
-
-
-def _in_subprocess(module: str, extra: str = "") -> Open:
-    """The ``open_library`` of a module in a process of its own; what ``extra`` installs must be there."""
-
-    def opened(path: Path, options: ReadOptions) -> Recording:
-        _require(path, extra)
-        return open_in_subprocess(path, f"{__package__}.{module}")
-
-    return opened
-
-
-def _require(path: Path, extra: str) -> None:
-    for name in EXTRAS.get(extra, ()):  # none is imported
-        outer_first = accumulate(name.split("."), "{}.{}".format)
-        if any(find_spec(part) is None for part in outer_first):
-            raise RecordingError(f"{path}: reading it needs {name}: pip install '{needs(extra)}'")
 
 
 def _begins_with(*marks: bytes) -> Callable[[bytes], bool]:
@@ -120,9 +110,7 @@ def _is_c3d(head: bytes) -> bool:
 def _is_matlab_4(head: bytes) -> bool:
     """A header of version 4: small sides, and a name that MATLAB takes."""
     size = struct.calcsize("5i")
-    for order in "<>":
-        if len(head) < size:
-            return False
+    for order in "<>" if len(head) >= size else "":
         kind, rows, columns, is_complex, length = struct.unpack_from(f"{order}5i", head)
         name = head[size : size + max(0, min(length, 256))]
         known = kind // 1000 == (order == ">") and 0 <= kind % 1000 <= 52 and kind % 10 <= 2
@@ -145,53 +133,31 @@ _IS_WAV = _matches(rb"(?s)(?:RIFF|RIFX|RF64|BW64).{4}WAVE")
 _HDF5_MARK = b"\x89HDF\r\n\x1a\n"
 _FAR_BLOCKS = [HEAD_BYTES << i for i in range(10)]
 _HDF5_EXTENSIONS = (".h5", ".hdf5", ".nxs", ".nc", ".mat")
-_TDMS_NEEDS = f"{needs('tdms')} for scales of thermocouples, bridges and tables"
 BUILT_IN = (
-    Reader("Cortex forces", (".forces",), _begins_with(b"[Force Data]"), _in_module("cortex", "open_forces")),
-    Reader("C3D", (".c3d",), _is_c3d, _in_module("c3d", "open_c3d")),
-    Reader("enDAQ IDE", (".ide",), _IS_ENDAQ, _in_subprocess("endaq_ide", "ide"), needs("ide")),
-    Reader("LabVIEW LVM", (".lvm",), _IS_LVM, _in_module("lvm", "open_lvm")),
-    Reader("MATLAB v5", (".mat",), _IS_MATLAB_5, _in_subprocess("matlab_worker")),
-    Reader("MATLAB v4", (".mat",), _is_matlab_4, _in_subprocess("matlab_worker")),
-    Reader("HDF5, NeXus, netCDF 4, MATLAB v7.3", _HDF5_EXTENSIONS, _IS_HDF5, _in_subprocess("hdf5.worker")),
-    Reader("ASAM MDF", (".mf4", ".mdf"), _begins_with(b"MDF     ", b"UnFinMF "), _in_module("mdf.reader", "open_mdf")),
-    Reader(
-        "Parquet",
-        (".parquet", ".pq"),
-        _begins_with(b"PAR1"),
-        _in_subprocess("parquet_worker", "parquet"),
-        needs("parquet"),
-    ),
-    Reader("MCAP", (".mcap",), _begins_with(b"\x89MCAP0\r\n"), _in_subprocess("mcap_worker", "mcap"), needs("mcap")),
-    Reader(
-        "ROS 1 bag", (".bag",), _begins_with(b"#ROSBAG V2"), _in_subprocess("rosbag_worker", "rosbag"), needs("rosbag")
-    ),
-    Reader(
-        "ROS 2 bag",
-        (".db3",),
-        _begins_with(b"SQLite format 3\0"),
-        _in_subprocess("ros2_bag_worker", "rosbag"),
-        needs("rosbag"),
-    ),
-    Reader(
-        "ULog",
-        (".ulg", ".ulog"),
-        _begins_with(b"ULog\x01\x12\x35"),
-        _in_subprocess("ulog_worker", "ulog"),
-        needs("ulog"),
-    ),
-    Reader("NI TDMS", (".tdms",), _begins_with(b"TDSm", b"TDSh"), _in_module("tdms.reader", "open_tdms"), _TDMS_NEEDS),
-    Reader(
-        "Excel workbook",
-        (".xlsx", ".xlsm"),
-        lambda head: format_name(head) == "an .xlsx workbook",
-        _in_module("xlsx", "open_workbook", "excel"),
-        needs("excel"),
-    ),
-    Reader("UFF", (".uff", ".unv"), _IS_UFF, _in_module("uff", "open_uff")),
-    Reader("WAV", (".wav",), _IS_WAV, _in_module("wav", "open_wav")),
-    Reader("CSV", (".csv", ".txt", ".tsv", ".dat", ".asc"), _is_text, _in_module("csv.reader", "open_text")),
-)
+    Reader("Cortex forces", (".forces",), _begins_with(b"[Force Data]"), _in("cortex", "open_forces")),
+    Reader("C3D", (".c3d",), _is_c3d, _in("c3d", "open_c3d")),
+    Reader("enDAQ IDE", (".ide",), _IS_ENDAQ, _in("endaq_ide", "", "ide"), needs("ide")),
+    Reader("LabVIEW LVM", (".lvm",), _IS_LVM, _in("lvm", "open_lvm")),
+    Reader("MATLAB v5", (".mat",), _IS_MATLAB_5, _in("matlab_worker")),
+    Reader("MATLAB v4", (".mat",), _is_matlab_4, _in("matlab_worker")),
+    Reader("HDF5, NeXus, netCDF 4, MATLAB v7.3", _HDF5_EXTENSIONS, _IS_HDF5, _in("hdf5.worker")),
+    Reader("ASAM MDF", (".mf4", ".mdf"), _begins_with(b"MDF     ", b"UnFinMF "), _in("mdf.reader", "open_mdf")),
+    Reader("Parquet", (".parquet", ".pq"), _begins_with(b"PAR1"), _in("parquet_worker", "", "parquet"),
+           needs("parquet")),
+    Reader("MCAP", (".mcap",), _begins_with(b"\x89MCAP0\r\n"), _in("mcap_worker", "", "mcap"), needs("mcap")),
+    Reader("ROS 1 bag", (".bag",), _begins_with(b"#ROSBAG V2"), _in("rosbag_worker", "", "rosbag"), needs("rosbag")),
+    Reader("ROS 2 bag", (".db3",), _begins_with(b"SQLite format 3\0"), _in("ros2_bag_worker", "", "rosbag"),
+           needs("rosbag")),
+    Reader("ULog", (".ulg", ".ulog"), _begins_with(b"ULog\x01\x12\x35"), _in("ulog_worker", "", "ulog"),
+           needs("ulog")),
+    Reader("NI TDMS", (".tdms",), _begins_with(b"TDSm", b"TDSh"), _in("tdms.reader", "open_tdms"),
+           f"{needs('tdms')} for scales of thermocouples, bridges and tables"),
+    Reader("Excel workbook", (".xlsx", ".xlsm"), lambda head: format_name(head) == "an .xlsx workbook",
+           _in("xlsx", "open_workbook", "excel"), needs("excel")),
+    Reader("UFF", (".uff", ".unv"), _IS_UFF, _in("uff", "open_uff")),
+    Reader("WAV", (".wav",), _IS_WAV, _in("wav", "open_wav")),
+    Reader("CSV", (".csv", ".txt", ".tsv", ".dat", ".asc"), _is_text, _in("csv.reader", "open_text")),
+)  # fmt: skip
 """The formats that are read, in the order in which they are asked; any other text is CSV, so that it comes last."""
 
 
@@ -213,13 +179,11 @@ def find_reader(path: Path) -> Reader:
     if not head:
         raise Refusal(path.name, Finding("empty_file", None, None, "the file is empty (0 bytes)"))
     known = readers()
-    for reader in known:
-        if reader.identify(head):
-            return reader
-    if (kind := format_name(head)) is None:
-        for reader in known:
-            if path.suffix.lower() in reader.extensions:
-                return reader
+    kind = format_name(head)
+    by_content = (reader for reader in known if reader.identify(head))
+    by_extension = (reader for reader in known if kind is None and path.suffix.lower() in reader.extensions)
+    if (found := next(chain(by_content, by_extension), None)) is not None:
+        return found
     formats = ", ".join(reader.name for reader in known)
     packed = (kind or "").endswith(("archive", "-compressed"))
     advice = "unpack it and give the log inside" if packed else _ADVICE.get(kind, f"can be read: {formats}")
@@ -304,7 +268,4 @@ def format_name(head: bytes) -> str | None:
     """The name of the format that begins with these bytes, if it is one of the above."""
     if head.startswith(b"PK\x03\x04") and any(part in head for part in _WORKBOOK):
         return "a document of Office, no workbook" if any(p in head for p in _OTHER_OFFICE) else "an .xlsx workbook"
-    for magic, name in _MAGIC.items():
-        if head.startswith(magic):
-            return name
-    return None
+    return next((name for magic, name in _MAGIC.items() if head.startswith(magic)), None)

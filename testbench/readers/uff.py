@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,141 +29,120 @@ _KIND = re.compile(rb"[ \t]*(\d{1,6})([bB]?)([^\r\n]*)\r?\n")
 _DATE = re.compile(r"(\d{1,2})-([A-Za-z]{3})-(\d{2}|\d{4})(?:\s+(\d\d:\d\d:\d\d))?")
 _FIRST_YEAR = 70
 """Years of two digits from here on are of the last century."""
-_PIECE = 1 << 20
+_PIECE = _TEXT_BYTES = 1 << 20
 _LONGEST_LINE = 4096
 _MOST = 1_000_000
 
 
 @dataclass(frozen=True)
-class Binary:
-    """How the numbers of a binary function lie: byte order and sizes of abscissa (0: none) and number [bytes].
-
-    ``agrees`` is false where the header declares another number of bytes than follow.
-    """
-
-    order: str
-    abscissa: int
-    number: int
-    agrees: bool = True
-
-
-@dataclass(frozen=True)
 class Dataset:
-    """One dataset: its number, the file's bytes of its content, and how a binary one is laid out.
+    """One dataset: its number and the file's bytes of its content.
 
-    ``whole`` is false for a dataset without its closing line: the file ends inside it.
+    ``rows`` is how a sample of a binary function lies, ``agrees`` false where the header declares another number of
+    bytes than follow. ``whole`` is false without the closing line: the file ends inside the dataset.
     """
 
     kind: int
-    binary: Binary | None
     begin: int
     end: int
     whole: bool = True
+    rows: np.dtype[Any] | None = None
+    agrees: bool = True
 
 
-def line_at(source: ByteSource, offset: int) -> bytes:
+def _line_at(source: ByteSource, offset: int) -> bytes:
     """The line from ``offset`` on, with its end."""
     data = source.read(offset, min(_LONGEST_LINE, source.size - offset), "a line")
     end = data.find(b"\n") + 1
     return data[:end] if end else data
 
 
-def datasets(source: ByteSource) -> Iterator[Dataset]:
+def _lines(source: ByteSource, offset: int, count: int) -> tuple[list[bytes], int]:
+    """``count`` lines, fewer if the file ends; and where they end."""
+    lines: list[bytes] = []
+    while len(lines) < count and offset < source.size:
+        lines.append(_line_at(source, offset))
+        offset += len(lines[-1])
+    return lines, offset
+
+
+def _datasets(source: ByteSource) -> Iterator[Dataset]:
     """All datasets in turn; at last one that is not whole, if the file is cut."""
     offset = 0
     for _ in range(_MOST):
-        while offset < source.size and not (line := line_at(source, offset)).strip():
+        while offset < source.size and not (line := _line_at(source, offset)).strip():
             offset += len(line)
         if offset >= source.size:
             return
         if not _DELIMITER.fullmatch(line):
             raise damaged(source.path, f"byte {offset}: {line[:40]!r}; expected a line '-1' before the next dataset")
         offset += len(line)
-        kind = _KIND.fullmatch(line_at(source, offset)) if offset < source.size else None
-        if kind is None:
-            if offset >= source.size or not line_at(source, offset).endswith(b"\n"):
-                yield Dataset(0, None, offset, source.size, False)
-                return
-            raise damaged(source.path, f"byte {offset}: {line_at(source, offset)[:40]!r} is no number of a dataset")
+        line = _line_at(source, offset) if offset < source.size else b""
+        if (kind := _KIND.fullmatch(line)) is None:
+            if line.endswith(b"\n"):
+                raise damaged(source.path, f"byte {offset}: {line[:40]!r} is no number of a dataset")
+            yield Dataset(0, offset, source.size, whole=False)
+            return
         found = _dataset(source, kind, offset + kind.end())
         yield found
         if not found.whole:
             return
-        offset = found.end + len(line_at(source, found.end))
+        offset = found.end + len(_line_at(source, found.end))
     raise damaged(source.path, f"more than {_MOST} datasets")
 
 
 def _dataset(source: ByteSource, kind: re.Match[bytes], begin: int) -> Dataset:
-    number = int(kind[1])
+    """The dataset whose content lies from ``begin`` on; a binary one ends where a closing line follows."""
+    number, cut = int(kind[1]), Dataset(int(kind[1]), begin, source.size, whole=False)
     if not kind[2]:
         end = _end(source, begin)
-        return Dataset(number, None, begin, source.size if end is None else end, end is not None)
+        return cut if end is None else Dataset(number, begin, end)
     try:
         order, form, lines, declared = (int(text) for text in kind[3].split()[:4])
         heads, data = _lines(source, begin, min(lines, 100))
         if len(heads) < lines:
-            return Dataset(number, Binary("<", 0, 4), begin, source.size, False)
-        layouts = _layouts(heads[6].split()) if number == 58 else {}
+            return cut
+        layouts = _layouts(heads[6].split(), "<" if order == 1 else ">") if number == 58 else [(None, declared)]
     except (ValueError, IndexError) as error:
         raise damaged(source.path, f"byte {begin}: header of dataset {number}b cannot be read ({error})") from error
+    where = f"dataset {number}b at byte {begin}"
     if number == 58 and (order not in (1, 2) or form != 2):
         message = f"byte order {order} and floating-point format {form}; expected 1 or 2, and 2 (IEEE 754)"
-        raise damaged(source.path, f"dataset 58b at byte {begin}: {message}")
-    return _closed(source, number, begin, data, declared, "<" if order == 1 else ">", layouts)
+        raise damaged(source.path, f"{where}: {message}")
+    for rows, count in sorted(layouts, key=lambda layout: layout[1] != declared):
+        if (closing := _closing(source, data + count)) is not None:
+            return Dataset(number, begin, closing, rows=rows, agrees=count == declared)
+    if data + declared >= source.size:
+        return cut
+    message = f"{declared} bytes of data are declared, but no '-1' follows them"
+    if declared not in (count for _, count in layouts):
+        message += f"; its samples take {layouts[0][1]} bytes"
+    raise damaged(source.path, f"{where}: {message}")
 
 
-def _lines(source: ByteSource, offset: int, count: int) -> tuple[list[bytes], int]:
-    """``count`` lines, fewer if the file ends; and where they end."""
-    lines: list[bytes] = []
-    while len(lines) < count and offset < source.size:
-        lines.append(line_at(source, offset))
-        offset += len(lines[-1])
-    return lines, offset
-
-
-def _layouts(form: list[bytes]) -> dict[tuple[int, int], int]:
-    """Bytes that the data take, by the sizes of abscissa and number; the standard's layout first.
+def _layouts(form: list[bytes], order: str) -> list[tuple[np.dtype[Any] | None, int]]:
+    """How a sample may lie, and the bytes that all take; the standard's layout first.
 
     The standard has abscissae of single precision; there are programs that write doubles whatever they declare.
     """
     kind, count, uneven = int(form[0]), int(form[1]), int(form[2]) == 0
-    numbers = 2 if kind in (5, 6) else 1
+    parts = ("re", "im") if kind in (5, 6) else ("re",)
     sizes = [(4, 8), (8, 8)] if kind in (4, 6) else [(4, 4), (4, 8), (8, 8)]
-    return {(x * uneven, size): count * (x * uneven + numbers * size) for x, size in sizes}
-
-
-def _closed(
-    source: ByteSource,
-    number: int,
-    begin: int,
-    data: int,
-    declared: int,
-    order: str,
-    layouts: dict[tuple[int, int], int],
-) -> Dataset:
-    """The binary dataset whose end is where a closing line follows."""
-    fitting = [(sizes, count) for sizes, count in layouts.items() if count == declared]
-    others = [(sizes, count) for sizes, count in layouts.items() if count != declared]
-    for (x, size), count in [*fitting, *others] if number == 58 else [((0, 0), declared)]:
-        end = data + count
-        if (closing := _closing(source, end)) is not None:
-            return Dataset(number, Binary(order, x, size, count == declared), begin, closing)
-    if data + declared >= source.size:
-        return Dataset(number, Binary(order, 0, 4), begin, source.size, False)
-    message = f"{declared} bytes of data are declared, but no '-1' follows them"
-    if layouts and declared not in layouts.values():
-        message += f"; its samples take {next(iter(layouts.values()))} bytes"
-    raise damaged(source.path, f"dataset {number}b at byte {begin}: {message}")
+    rows = [
+        np.dtype([*([("x", f"{order}f{x}")] if uneven else []), *((part, f"{order}f{size}") for part in parts)])
+        for x, size in sizes
+    ]
+    return [(each, count * each.itemsize) for each in rows]
 
 
 def _closing(source: ByteSource, end: int) -> int | None:
     """Where the closing line is if one lies at ``end``; some writers put a line feed before it."""
     if end >= source.size:
         return None
-    line = line_at(source, end)
+    line = _line_at(source, end)
     if not line.strip() and end + len(line) < source.size:
         end += len(line)
-        line = line_at(source, end)
+        line = _line_at(source, end)
     return end if _DELIMITER.fullmatch(line) else None
 
 
@@ -173,8 +153,7 @@ def _end(source: ByteSource, begin: int) -> int | None:
         piece = keep + source.read(offset, min(_PIECE, source.size - offset), "a dataset")
         start = offset - len(keep)
         offset += len(piece) - len(keep)
-        last = offset >= source.size
-        whole = piece if last else piece[: piece.rfind(b"\n") + 1]
+        whole = piece if offset >= source.size else piece[: piece.rfind(b"\n") + 1]
         if (match := _END.search(whole)) is not None:
             return start + match.start()
         keep = piece[len(whole) :]
@@ -183,9 +162,9 @@ def _end(source: ByteSource, begin: int) -> int | None:
     return None
 
 
-TIME = 17
+_TIME = 17
 """Specific data type of an abscissa of time."""
-NAMES = {
+_NAMES = {
     0: "General", 1: "Time response", 2: "Auto spectrum", 3: "Cross spectrum", 4: "Frequency response",
     5: "Transmissibility", 6: "Coherence", 7: "Auto correlation", 8: "Cross correlation",
     9: "Power spectral density", 10: "Energy spectral density", 11: "Probability density", 12: "Spectrum",
@@ -198,8 +177,7 @@ _AXES = {17: "Time", 18: "Frequency", 16: "Temperature", 20: "Order"}
 _DIRECTIONS = {0: "scalar", 1: "+X", 2: "+Y", 3: "+Z", 4: "+RX", 5: "+RY", 6: "+RZ"}
 
 
-@dataclass(frozen=True)
-class Axis:
+class _Axis(NamedTuple):
     """Specific data type, label and unit of an axis, as written; None where the file says NONE."""
 
     kind: int
@@ -209,7 +187,11 @@ class Axis:
 
 @dataclass(frozen=True)
 class Function:
-    """The header of one function; ``step_text`` is the abscissa's step as written, ``data`` where the numbers begin."""
+    """The header of one function; ``step_text`` is the abscissa's step as written, ``data`` where the numbers begin.
+
+    ``node`` and ``reference`` are name, number and direction; ``declared`` the samples that the header declares where
+    the text holds fewer.
+    """
 
     ids: tuple[str, ...]
     kind: int
@@ -222,13 +204,12 @@ class Function:
     start: float
     step: float
     step_text: str
-    abscissa: Axis
-    ordinate: Axis
-    denominator: Axis
+    abscissa: _Axis
+    ordinate: _Axis
+    denominator: _Axis
     dataset: Dataset
     data: int
     declared: int | None = None
-    """Samples that the header declares where the text holds fewer."""
 
     @property
     def name(self) -> str:
@@ -243,96 +224,100 @@ class Function:
         return f"node {node} {sign.replace('+', '-') if direction < 0 else sign}"
 
     @property
-    def unit(self) -> str | None:
-        """Unit of the ordinate, over that of its denominator if there is one."""
-        if self.ordinate.unit is None or self.denominator.unit is None:
-            return self.ordinate.unit
-        return f"{self.ordinate.unit}/{self.denominator.unit}"
+    def channels(self) -> list[Channel]:
+        """Its channels, real and imaginary part; the unit is that of the ordinate, over that of its denominator."""
+        unit = self.ordinate.unit
+        if unit is not None and self.denominator.unit is not None:
+            unit = f"{unit}/{self.denominator.unit}"
+        return [Channel(f"{self.name}{part}", unit) for part in ((" (real)", " (imag)") if self.is_complex else ("",))]
+
+    @property
+    def width(self) -> int:
+        """Numbers of a sample."""
+        return (not self.even) + 1 + self.is_complex
+
+    @property
+    def widths(self) -> tuple[int, ...]:
+        """Letters of each number in a full line, by the standard's formats E13.5 and E20.12."""
+        if not self.is_double:
+            return (13,) * 6
+        if self.even:
+            return (20,) * 4
+        return (13, 20, 20) if self.is_complex else (13, 20, 13, 20)
 
 
-def parse_function(source: ByteSource, dataset: Dataset) -> Function:
-    """The header of the dataset 58 that ``dataset`` is."""
-    lines, offset = _lines(source, dataset.begin, 11)
+def _function(source: ByteSource, dataset: Dataset) -> Function:
+    """The header of a dataset 58."""
+    raw, offset = _lines(source, dataset.begin, 11)
     with refusing(source.path, f"the header of dataset 58 at byte {dataset.begin}", ValueError, IndexError):
-        found = _parsed([decoded(line).rstrip("\r\n") for line in lines], dataset, offset)
-        width = _width(found)
+        lines = [decoded(line).rstrip("\r\n") for line in raw]
+        dof, form = lines[5], lines[6].split()
+        kind, count = int(form[0]), int(form[1])
+        if kind not in (2, 4, 5, 6) or not 0 <= count < 1 << 40:
+            raise ValueError(f"data type {kind} with {count} values")
+        start, step = (float(text.replace("D", "E")) for text in form[3:5])
+        found = Function(
+            ids=tuple(line.strip() for line in lines[:5]),
+            kind=_integer(dof[0:5]),
+            node=(dof[31:41].strip(), _integer(dof[41:51]), _integer(dof[51:55])),
+            reference=(dof[56:66].strip(), _integer(dof[66:76]), _integer(dof[76:80])),
+            is_complex=kind in (5, 6),
+            is_double=kind in (4, 6),
+            samples=count,
+            even=int(form[2]) != 0,
+            start=start,
+            step=step,
+            step_text=form[4],
+            abscissa=_axis(lines[7]),
+            ordinate=_axis(lines[8]),
+            denominator=_axis(lines[9]),
+            dataset=dataset,
+            data=offset,
+        )
         there = dataset.end - offset
-        if dataset.binary or there > _TEXT_BYTES or 2 * width * found.samples <= there:
+        if dataset.rows is not None or there > _TEXT_BYTES or 2 * found.width * count <= there:
             return found
-        numbers = parsed_numbers(source.read(offset, there, "its numbers"), _widths(found))
-        return replace(found, samples=len(numbers) // width, declared=found.samples)
+        numbers = parsed_numbers(source.read(offset, there, "its numbers"), found.widths)
+        return replace(found, samples=len(numbers) // found.width, declared=count)
 
 
-def _parsed(lines: list[str], dataset: Dataset, offset: int) -> Function:
-    dof, form = lines[5], lines[6].split()
-    kind, count, even = int(form[0]), int(form[1]), int(form[2]) != 0
-    if kind not in (2, 4, 5, 6) or not 0 <= count < 1 << 40:
-        raise ValueError(f"data type {kind} with {count} values")
-    start, step = (float(text.replace("D", "E")) for text in form[3:5])
-    return Function(
-        ids=tuple(line.strip() for line in lines[:5]),
-        kind=_integer(dof[0:5]),
-        node=(dof[31:41].strip(), _integer(dof[41:51]), _integer(dof[51:55])),
-        reference=(dof[56:66].strip(), _integer(dof[66:76]), _integer(dof[76:80])),
-        is_complex=kind in (5, 6),
-        is_double=kind in (4, 6),
-        samples=count,
-        even=even,
-        start=start,
-        step=step,
-        step_text=form[4],
-        abscissa=_axis(lines[7]),
-        ordinate=_axis(lines[8]),
-        denominator=_axis(lines[9]),
-        dataset=dataset,
-        data=offset,
-    )
-
-
-def _axis(line: str) -> Axis:
+def _axis(line: str) -> _Axis:
     """Label and unit in their columns: of letters, or of bytes where a letter stands in the blank before the unit."""
+    columns = [line[26:46], line[47:67]]
     if line[46:47].strip():
-        line = line.encode("utf-8").decode("latin-1")
-        columns = ((line[a : a + 20].encode("latin-1").decode("utf-8", "replace")).strip() for a in (26, 47))
-    else:
-        columns = (line[a : a + 20].strip() for a in (26, 47))
-    label, unit = (None if text in ("", "NONE") else text for text in columns)
-    return Axis(_integer(line[0:10]), label, unit)
+        raw = line.encode("utf-8")
+        columns = [raw[a : a + 20].decode("utf-8", "replace") for a in (26, 47)]
+    label, unit = (None if text.strip() in ("", "NONE") else text.strip() for text in columns)
+    return _Axis(_integer(line[0:10]), label, unit)
 
 
 def _integer(text: str) -> int:
     return int(text) if text.strip() else 0
 
 
-_TEXT_BYTES = 1 << 20
-
-
-def function_pieces(source: ByteSource, function: Function, samples: int) -> Iterator[NDArray[np.float64]]:
+def _pieces(source: ByteSource, function: Function, samples: int) -> Iterator[NDArray[np.float64]]:
     """The samples in pieces of ``samples``, each (p, n) [units of the function]: abscissa, real, imaginary part."""
-    what = f"function {function.name!r}"
-    if (layout := function.dataset.binary) is None:
-        yield from _text(source, function, samples, what)
+    what, rows = f"function {function.name!r}", function.dataset.rows
+    if rows is None:
+        yield from _text_pieces(source, function, samples, what)
         return
-    number = [(name, f"{layout.order}f{layout.number}") for name in ("re", "im")[: 1 + function.is_complex]]
-    kind = np.dtype([("x", f"{layout.order}f{layout.abscissa}"), *number] if layout.abscissa else number)
     for begin in range(0, function.samples, samples):
         count = min(samples, function.samples - begin)
-        raw = source.read(function.data + begin * kind.itemsize, count * kind.itemsize, what)
-        rows = np.frombuffer(raw, dtype=kind)
-        yield np.stack([as_float64(rows[name]) for name in kind.names or ()])
+        raw = source.read(function.data + begin * rows.itemsize, count * rows.itemsize, what)
+        table = np.frombuffer(raw, dtype=rows)
+        yield np.stack([as_float64(table[name]) for name in rows.names or ()])
 
 
-def _text(source: ByteSource, function: Function, samples: int, what: str) -> Iterator[NDArray[np.float64]]:
-    width = _width(function)
+def _text_pieces(source: ByteSource, function: Function, samples: int, what: str) -> Iterator[NDArray[np.float64]]:
+    width, end = function.width, function.dataset.end
     offset, keep, waiting, found = function.data, b"", np.empty(0), 0
-    while offset < function.dataset.end:
-        count = min(_TEXT_BYTES, function.dataset.end - offset)
-        text = keep + source.read(offset, count, what)
-        offset += count
-        whole = len(text) if offset == function.dataset.end else text.rfind(b"\n") + 1
+    while offset < end:
+        text = keep + source.read(offset, min(_TEXT_BYTES, end - offset), what)
+        offset = min(offset + _TEXT_BYTES, end)
+        whole = len(text) if offset == end else text.rfind(b"\n") + 1
         keep = text[whole:]
         with refusing(source.path, what, ValueError):
-            waiting = np.concatenate([waiting, parsed_numbers(text[:whole], _widths(function))])
+            waiting = np.concatenate([waiting, parsed_numbers(text[:whole], function.widths)])
         while len(waiting) >= samples * width:
             yield waiting[: samples * width].reshape(-1, width).T
             waiting, found = waiting[samples * width :], found + samples
@@ -341,20 +326,6 @@ def _text(source: ByteSource, function: Function, samples: int, what: str) -> It
         raise damaged(source.path, f"{what}: declares {function.samples} samples, {found} are there")
     if len(waiting):
         yield waiting.reshape(-1, width).T
-
-
-def _width(function: Function) -> int:
-    """Numbers of a sample."""
-    return (not function.even) + 1 + function.is_complex
-
-
-def _widths(function: Function) -> tuple[int, ...]:
-    """Widths of the numbers in a full line, by the standard's formats E13.5 and E20.12."""
-    if not function.is_double:
-        return (13,) * 6
-    if function.even:
-        return (20,) * 4
-    return (13, 20, 20) if function.is_complex else (13, 20, 13, 20)
 
 
 def parsed_numbers(text: bytes, widths: tuple[int, ...]) -> NDArray[np.float64]:
@@ -376,121 +347,94 @@ _COMPONENTS = {
 _MOST_BYTES = 1 << 28
 
 
-@dataclass(frozen=True)
-class NodalData:
-    """The rows of one dataset 55, one a node, and the texts of its header."""
-
-    group: Group
-    columns: tuple[Samples, ...]
-    metadata: dict[str, str]
+_Shape = tuple[Group, tuple[Samples, ...], dict[str, str]]
+"""The rows of one dataset 55, one a node, and the texts of its header."""
 
 
-def parse_nodal_data(source: ByteSource, dataset: Dataset, name: str) -> NodalData:
-    """The data at nodes that ``dataset`` holds."""
+def _nodal_data(source: ByteSource, dataset: Dataset, name: str) -> _Shape:
     if dataset.end - dataset.begin > _MOST_BYTES:
         raise damaged(source.path, f"dataset 55 at byte {dataset.begin} is larger than {_MOST_BYTES >> 20} MiB")
-    raw = source.read(dataset.begin, dataset.end - dataset.begin, "dataset 55")
+    lines = decoded(source.read(dataset.begin, dataset.end - dataset.begin, "dataset 55")).splitlines()
     with refusing(source.path, f"dataset 55 at byte {dataset.begin}", ValueError, IndexError):
-        return _parsed_nodal(decoded(raw).splitlines(), name)
-
-
-def _parsed_nodal(lines: list[str], name: str) -> NodalData:
-    form = [int(text) for text in lines[5].split()]
-    characteristic, kind, values = form[2], form[4], form[5]
-    if kind not in (2, 5) or not 0 < values <= 1000:
-        raise ValueError(f"data type {kind} with {values} values a node")
-    width = values * (2 if kind == 5 else 1)
-    integers, reals = (int(text) for text in lines[6].split()[:2])
-    begin = 6 + -(-(2 + integers) // 8) + -(-reals // 6)  # after the integers and reals that record 7 counts
-    data, nodes, rows = lines[begin:], [], []
-    per_node = -(-width // 6)
-    if len(data) % (per_node + 1):
-        raise ValueError(f"{len(data)} lines of data; expected {per_node + 1} a node")
-    for i in range(0, len(data), per_node + 1):
-        nodes.append(float(int(data[i].split()[0])))
-        row = parsed_numbers("\n".join(data[i + 1 : i + 1 + per_node]).encode("latin-1"), (13,) * 6)
-        if len(row) != width:
-            raise ValueError(f"node {nodes[-1]:g} has {len(row)} numbers, expected {width}")
-        rows.append(row)
-    table = np.array(rows, dtype=np.float64).reshape(len(nodes), width).T
+        form = [int(text) for text in lines[5].split()]
+        characteristic, kind, values = form[2], form[4], form[5]
+        if kind not in (2, 5) or not 0 < values <= 1000:
+            raise ValueError(f"data type {kind} with {values} values a node")
+        width = values * (2 if kind == 5 else 1)
+        integers, reals = (int(text) for text in lines[6].split()[:2])
+        begin = 6 + -(-(2 + integers) // 8) + -(-reals // 6)  # after the integers and reals that record 7 counts
+        data, per_node, nodes, rows = lines[begin:], 1 + -(-width // 6), [], []
+        if len(data) % per_node:
+            raise ValueError(f"{len(data)} lines of data; expected {per_node} a node")
+        for i in range(0, len(data), per_node):
+            nodes.append(float(int(data[i].split()[0])))
+            row = parsed_numbers("\n".join(data[i + 1 : i + per_node]).encode("latin-1"), (13,) * 6)
+            if len(row) != width:
+                raise ValueError(f"node {nodes[-1]:g} has {len(row)} numbers, expected {width}")
+            rows.append(row)
+        table = np.array(rows, dtype=np.float64).reshape(len(nodes), width).T
     labels = _COMPONENTS.get(characteristic, ())
     labels = labels if len(labels) == values else tuple(f"value {i + 1}" for i in range(values))
     if kind == 5:
         labels = tuple(f"{label} ({part})" for label in labels for part in ("real", "imag"))
-    group = Group(name, tuple(Channel(label) for label in ("node", *labels)))
     texts = {f"line {i + 1}": line.strip() for i, line in enumerate(lines[:5]) if line.strip() not in ("", "NONE")}
     texts["real values"] = " ".join(" ".join(lines[7:begin]).split())
-    return NodalData(group, (np.array(nodes), *table), texts)
+    return Group(name, tuple(Channel(label) for label in ("node", *labels))), (np.array(nodes), *table), texts
 
 
 _HEADERS = {151: "header", 164: "units"}
 
 
-@dataclass(frozen=True)
-class _FunctionSet:
-    """Functions of one abscissa and the group that they make."""
-
-    group: Group
-    functions: tuple[Function, ...]
-
-
 def open_uff(path: Path, options: ReadOptions) -> Recording:
     """Find the datasets and read their headers; the numbers are read when asked for."""
     with ByteSource(path) as source:
-        found, findings = list(datasets(source)), list[Finding]()
+        found, findings = list(_datasets(source)), list[Finding]()
         whole = [dataset for dataset in found if dataset.whole]
         if len(whole) < len(found):
             place = f"the file ends inside dataset {len(found)}, of kind {found[-1].kind}, which has no closing line"
             message = f"{place}; the {len(whole)} before it are whole"
             findings.append(Finding("cut_file", None, f"byte {found[-1].begin}", message))
-        functions = [parse_function(source, d) for d in whole if d.kind == 58]
-        functions = [f for f in functions if f.samples]
+        functions = [f for dataset in whole if dataset.kind == 58 and (f := _function(source, dataset)).samples]
         sets = _sets(path.stem, functions)
-        shapes = [parse_nodal_data(source, d, f"{path.stem} dataset 55 {i}")
-                  for i, d in enumerate((d for d in whole if d.kind == 55), 1)]  # fmt: skip
+        nodal = (dataset for dataset in whole if dataset.kind == 55)
+        shapes = [_nodal_data(source, each, f"{path.stem} dataset 55 {i}") for i, each in enumerate(nodal, 1)]
         metadata = _metadata(source, whole, functions, shapes)
     if not sets and not shapes:
         raise nothing_to_read(path, findings, "holds no dataset 58, 58b or 55 with values")
-    groups = (*(s.group for s in sets), *(shape.group for shape in shapes))
     return Recording(
         path=path,
         format="UFF",
         reader="testbench.readers.uff",
-        groups=groups,
+        groups=(*(group for group, _ in sets), *(group for group, _, _ in shapes)),
         read=lambda report: watch_nonfinite(_blocks(path, sets, shapes), report),
         metadata=metadata,
         findings=(*findings, *_header_findings(functions, whole)),
     )
 
 
-def _sets(stem: str, functions: Sequence[Function]) -> list[_FunctionSet]:
+def _sets(stem: str, functions: Sequence[Function]) -> list[tuple[Group, list[Function]]]:
     """Functions gathered by kind, abscissa and time of measurement; one with recorded abscissae stands alone."""
     gathered: dict[tuple[object, ...], list[Function]] = {}
     for i, f in enumerate(functions):
         alone = () if f.even else (i,)
         gathered.setdefault((f.kind, f.samples, f.start, f.step, f.abscissa, f.ids[2], *alone), []).append(f)
-    taken: set[str] = set()
-    sets = []
+    sets: dict[str, tuple[Group, list[Function]]] = {}
     for members in gathered.values():
-        kind = NAMES.get(members[0].kind, f"Function {members[0].kind}")
+        kind = _NAMES.get(members[0].kind, f"Function {members[0].kind}")
         name = stem if len(gathered) == 1 else f"{stem} {kind}"
-        name = next(n for n in (name, *(f"{name} {i}" for i in range(2, len(gathered) + 2))) if n not in taken)
-        taken.add(name)
-        sets.append(_FunctionSet(_group(name, members), tuple(members)))
-    return sets
+        name = next(n for n in (name, *(f"{name} {i}" for i in range(2, len(gathered) + 2))) if n not in sets)
+        sets[name] = (_group(name, members), members)
+    return list(sets.values())
 
 
 def _group(name: str, members: Sequence[Function]) -> Group:
     """The group of functions of one abscissa, which is a clock if it is of time, else a channel."""
     first = members[0]
-    zero = _start(first.ids[2])
-    channels = [c for f in members for c in _channels(f)]
-    clock = None
+    zero, channels = _start(first.ids[2]), [channel for f in members for channel in f.channels]
     axis = Channel(first.abscissa.label or _AXES.get(first.abscissa.kind, "Abscissa"), first.abscissa.unit)
-    if first.abscissa.kind == TIME:
-        clock = recorded_time(0, axis.unit)
-        if first.even and (factor := clock.seconds_per_unit) is not None:
-            return Group(name, tuple(channels), clock_of_step(first.step * factor, first.start * factor), zero)
+    clock = recorded_time(0, axis.unit) if first.abscissa.kind == _TIME else None
+    if clock is not None and first.even and (factor := clock.seconds_per_unit) is not None:
+        return Group(name, tuple(channels), clock_of_step(first.step * factor, first.start * factor), zero)
     return Group(name, (axis, *channels), clock, zero)
 
 
@@ -503,57 +447,45 @@ def _start(text: str) -> StartTime | None:
     return start_at(f"{written[1]}-{written[2]}-{year} {written[4] or ''}".strip(), "date of the function")
 
 
-def _channels(f: Function) -> list[Channel]:
-    if not f.is_complex:
-        return [Channel(f.name, f.unit)]
-    return [Channel(f"{f.name} ({part})", f.unit, f"{f.name} ({part})") for part in ("real", "imag")]
-
-
-def _blocks(path: Path, sets: Sequence[_FunctionSet], shapes: Sequence[NodalData]) -> Iterator[Block]:
+def _blocks(path: Path, sets: Sequence[tuple[Group, Sequence[Function]]], shapes: Sequence[_Shape]) -> Iterator[Block]:
+    """The samples of the functions of each group, side by side; then the data at nodes."""
     with ByteSource(path) as source:
-        for each in sets:
-            yield from _set_blocks(source, each)
-        for shape in shapes:
-            if len(shape.columns[0]):
-                yield Block(shape.group, shape.columns, 0, bytes_read=source.size)
-
-
-def _set_blocks(source: ByteSource, each: _FunctionSet) -> Iterator[Block]:
-    """The samples of the functions of one group, side by side."""
-    first, samples = each.functions[0], block_samples(len(each.group.channels))
-    readers = [function_pieces(source, f, samples) for f in each.functions]
-    has_axis = len(each.group.channels) > sum(len(_channels(f)) for f in each.functions)
-    start = 0
-    for parts in zip(*readers, strict=True):
-        columns: list[Samples] = [row for part in parts for row in part]
-        if has_axis and first.even:
-            with np.errstate(all="ignore"):
-                index = np.arange(start, start + len(columns[0]), dtype=np.float64)
-                columns.insert(0, first.start + first.step * index)
-        yield Block(each.group, tuple(columns), start, bytes_read=first.dataset.begin)
-        start += len(columns[0])
+        for group, functions in sets:
+            first, start, samples = functions[0], 0, block_samples(len(group.channels))
+            has_axis = first.even and len(group.channels) > sum(len(f.channels) for f in functions)
+            for parts in zip(*(_pieces(source, f, samples) for f in functions), strict=True):
+                columns: list[Samples] = [row for part in parts for row in part]
+                if has_axis:
+                    with np.errstate(all="ignore"):
+                        index = np.arange(start, start + len(columns[0]), dtype=np.float64)
+                        columns.insert(0, first.start + first.step * index)
+                yield Block(group, tuple(columns), start, bytes_read=first.dataset.begin)
+                start += len(columns[0])
+        for group, columns_of_nodes, _ in shapes:
+            if len(columns_of_nodes[0]):
+                yield Block(group, columns_of_nodes, 0, bytes_read=source.size)
 
 
 def _header_findings(functions: Sequence[Function], whole: Sequence[Dataset]) -> list[Finding]:
     """Contradictions, doubles and rounded steps in the headers; kinds of datasets that are not kept."""
     findings: list[Finding] = []
     others = sorted({d.kind for d in whole} - {55, 58, *_HEADERS})
-    by_dof: dict[tuple[object, ...], list[str]] = {}
+    by_dof: dict[tuple[object, ...], list[Function]] = {}
     for f in functions:
-        by_dof.setdefault((f.kind, f.ids[2], f.node, f.reference), []).append(f.name)
-        if f.dataset.binary and not f.dataset.binary.agrees:
+        by_dof.setdefault((f.kind, f.ids[2], f.node, f.reference), []).append(f)
+        if not f.dataset.agrees:
             message = "the header declares another number of bytes than its samples take; all of them are there"
             findings.append(Finding("header_contradiction", f.name, None, message))
         if f.declared is not None:
             message = f"declares {f.declared} samples, {f.samples} are there"
             findings.append(Finding("count_contradiction", f.name, None, message))
-        if f.even and f.abscissa.kind == TIME:
+        if f.even and f.abscissa.kind == _TIME:
             findings += header_claims.step_findings(f.step_text, "the abscissa's step")
-    for (_, _, node, _), names in by_dof.items():
-        if len(names) > 1 and isinstance(node, tuple) and node[1]:
-            dof = next(f.dof for f in functions if f.node == node)
-            message = f"{dof} is that of {', '.join(names)}: identify them by name, not by node"
-            findings.append(Finding("duplicate_dof", names[-1], None, message))
+    for members in by_dof.values():
+        if len(members) > 1 and members[0].node[1]:
+            listed = ", ".join(f.name for f in members)
+            message = f"{members[0].dof} is that of {listed}: identify them by name, not by node"
+            findings.append(Finding("duplicate_dof", members[-1].name, None, message))
     if others:
         message = f"datasets of kind {', '.join(map(str, others))} hold no measured series; they are not kept"
         findings.append(Finding("left_out", None, None, message))
@@ -561,7 +493,7 @@ def _header_findings(functions: Sequence[Function], whole: Sequence[Dataset]) ->
 
 
 def _metadata(
-    source: ByteSource, whole: Sequence[Dataset], functions: Sequence[Function], shapes: Sequence[NodalData]
+    source: ByteSource, whole: Sequence[Dataset], functions: Sequence[Function], shapes: Sequence[_Shape]
 ) -> dict[str, str]:
     metadata: dict[str, str] = {}
     for dataset in whole:
@@ -574,6 +506,6 @@ def _metadata(
         metadata[f"{f.name}: dof"] = f.dof if not f.reference[1] else f"{f.dof}, reference node {f.reference[1]}"
         metadata[f"{f.name}: quantity"] = f.ordinate.label or ""
         metadata |= {f"{f.name}: id": "; ".join(ids)} if ids else {}
-    for shape in shapes[:200]:
-        metadata |= {f"{shape.group.name}: {key}": text for key, text in shape.metadata.items()}
+    for group, _, texts in shapes[:200]:
+        metadata |= {f"{group.name}: {key}": text for key, text in texts.items()}
     return metadata
