@@ -7,7 +7,7 @@ Intel, DEC or SGI machines. Source: The C3D File Format (https://www.c3d.org/doc
 """
 
 import struct
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -69,42 +69,36 @@ def floats(raw: bytes, processor: int) -> NDArray[np.float64]:
     return as_float64(np.frombuffer(raw, dtype=">f4" if processor == SGI else "<f4"))
 
 
-def read_parameters(source: ByteSource, head: bytes) -> Parameters:
+def _parameters(source: ByteSource, head: bytes) -> Parameters:
     """The parameter section to which the file's header leads; it ends at the data where it is declared shorter."""
     begin = (head[0] - 1) * BLOCK
-    data = {order: (struct.unpack_from(f"{order}H", head, 16)[0] - 1) * BLOCK for order in "<>"}
-    head = source.read(begin, 4, "the head of the parameters")
-    blocks, processor = head[2], head[3]
+    _, _, blocks, processor = source.read(begin, 4, "the head of the parameters")
     if processor not in (INTEL, DEC, SGI):
         raise damaged(source.path, f"processor {processor} at byte {begin + 3}; expected 84, 85 or 86")
-    end = max(begin + max(1, blocks) * BLOCK, data[">" if processor == SGI else "<"])
-    section = source.read(begin, min(end, source.size) - begin, "the parameters")
-    try:
-        return Parameters(processor, _parsed(section, processor))
-    except (struct.error, IndexError, ValueError) as error:
-        raise damaged(source.path, f"the parameters from byte {begin} on cannot be read ({error})") from error
-
-
-def _parsed(section: bytes, processor: int) -> dict[str, Values]:
     order = ">" if processor == SGI else "<"
+    end = max(begin + max(1, blocks) * BLOCK, (struct.unpack_from(f"{order}H", head, 16)[0] - 1) * BLOCK)
+    section = source.read(begin, min(end, source.size) - begin, "the parameters")
     groups: dict[int, str] = {}
     found: list[tuple[int, str, Values]] = []
     at = 4
-    while at + 2 <= len(section):
-        length, number = struct.unpack_from("bb", section, at)
-        if length == 0 or number == 0:
-            break
-        name = section[at + 2 : at + 2 + abs(length)].decode("latin-1").strip().upper()
-        after = at + 2 + abs(length)
-        (offset,) = struct.unpack_from(f"{order}H", section, after)
-        if number < 0:
-            groups[-number] = name
-        else:
-            found.append((number, name, _value(section, after + 2, processor)))
-        if offset < 3:
-            break
-        at = after + offset
-    return {f"{groups.get(number, number)}:{name}": value for number, name, value in found}
+    try:
+        while at + 2 <= len(section):
+            length, number = struct.unpack_from("bb", section, at)
+            if length == 0 or number == 0:
+                break
+            after = at + 2 + abs(length)
+            name = section[at + 2 : after].decode("latin-1").strip().upper()
+            (offset,) = struct.unpack_from(f"{order}H", section, after)
+            if number < 0:
+                groups[-number] = name
+            else:
+                found.append((number, name, _value(section, after + 2, processor)))
+            if offset < 3:
+                break
+            at = after + offset
+    except (struct.error, IndexError, ValueError) as error:
+        raise damaged(source.path, f"the parameters from byte {begin} on cannot be read ({error})") from error
+    return Parameters(processor, {f"{groups.get(number, number)}:{name}": value for number, name, value in found})
 
 
 def _value(section: bytes, at: int, processor: int) -> Values:
@@ -155,18 +149,13 @@ class Header:
         """Bytes of a frame."""
         return self.words * (4 if self.is_float else 2)
 
-    @property
-    def is_unsigned(self) -> bool:
-        """Whether the numbers of analog channels are."""
-        return any(word.upper() == "UNSIGNED" for word in self.parameters.texts("ANALOG:FORMAT"))
 
-
-def read_header(source: ByteSource) -> Header:
+def _header(source: ByteSource) -> Header:
     """Header and parameters."""
     raw = source.read(0, BLOCK, "the header")
     if raw[1] != 0x50 or raw[0] == 0:
         raise damaged(source.path, f"begins with {raw[:2].hex()}; expected the parameters' block and 50 (hexadecimal)")
-    given = read_parameters(source, raw)
+    given = _parameters(source, raw)
     points, analog, first, last = struct.unpack_from(f"{given.order}4H", raw, 2)
     data_block, per_frame = struct.unpack_from(f"{given.order}2H", raw, 16)
     scale, rate = floats(raw[12:16] + raw[20:24], given.processor)
@@ -186,14 +175,13 @@ def read_header(source: ByteSource) -> Header:
     frames, scale = _frames(given, first, last, findings), float(scale)
     head = Header(given, begin, frames, first, points, channels, per_frame, float(rate), abs(scale), scale < 0)
     if not head.words or data_block < 1:
-        message = f"{points} points and {channels} analog channels from block {data_block} on: no data"
-        raise damaged(source.path, message)
+        what = f"{points} points and {channels} analog channels from block {data_block} on: no data"
+        raise damaged(source.path, what)
     findings += _against_size(source, head)
     stated, rate = given.number("ANALOG:RATE"), head.rate_hz * per_frame
     if stated is not None and channels and stated != rate:
-        message = (
-            f"the analog rate is {stated:g} Hz in the parameters, and {rate:g} Hz by frame rate and samples a frame"
-        )
+        message = f"the analog rate is {stated:g} Hz in the parameters, "
+        message += f"and {rate:g} Hz by frame rate and samples a frame"
         code = "rate_rounded" if rate and abs(stated / rate - 1) < 1e-6 else "rate_contradiction"
         findings.append(Finding(code, None, None, message))
     return replace(head, findings=tuple(findings))
@@ -260,66 +248,50 @@ class Frames:
     end_byte: int
 
 
-def frame_blocks(source: ByteSource, head: Header) -> Iterator[Frames]:
+def _frame_blocks(source: ByteSource, head: Header) -> Iterator[Frames]:
     """All whole frames, in blocks of bounded size."""
+    given = head.parameters
     frames = min(head.frames, (source.size - head.begin) // head.frame_bytes)
-    scale, offset = analog_law(head)
+    is_unsigned = any(word.upper() == "UNSIGNED" for word in given.texts("ANALOG:FORMAT"))
+    # value = (number - offset) * scale of the channel * general scale; 0, 1 and 1 where none is stated
+    offset, scale = np.zeros((head.channels, 1)), np.ones((head.channels, 1))
+    for column, name in ((offset, "OFFSET"), (scale, "SCALE")):
+        stated = given.numbers(f"ANALOG:{name}")[: head.channels]
+        column[: len(stated), 0] = stated
+    offset = np.where(is_unsigned & (offset < 0), offset + 65536.0, offset)
+    general = given.number("ANALOG:GEN_SCALE")
     for start, end in block_spans(frames, head.words):
         begin = head.begin + start * head.frame_bytes
         raw = source.read(begin, (end - start) * head.frame_bytes, f"frames {start} to {end - 1}")
-        integers = np.dtype(f"{head.parameters.order}i2")
-        numbers = floats(raw, head.parameters.processor) if head.is_float else np.frombuffer(raw, integers)
+        numbers = floats(raw, given.processor) if head.is_float else np.frombuffer(raw, f"{given.order}i2")
         words = as_float64(numbers).reshape(end - start, head.words)
         points = words[:, : 4 * head.points].reshape(end - start, head.points, 4).transpose(1, 2, 0).copy()
         if not head.is_float:
             points[:, :3] *= min(head.scale, _LARGEST)  # coordinate = integer * scale
         analog = words[:, 4 * head.points :].reshape((end - start) * head.per_frame, head.channels).T
-        if not head.is_float and head.is_unsigned:
+        if is_unsigned and not head.is_float:
             analog = np.where(analog < 0, analog + 65536.0, analog)
-        # value = (number - offset) * scale of the channel * general scale
         with np.errstate(all="ignore"):
-            physical = (analog - offset) * scale
+            physical = (analog - offset) * (scale * (1.0 if general is None else general))
         yield Frames(points, physical, start, begin + len(raw))
 
 
-def analog_law(head: Header) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Scale [unit of the channel] and offset [-] of the analog channels, each (c, 1); 1 and 0 where none is stated."""
-
-    def filled(name: str, otherwise: float) -> NDArray[np.float64]:
-        values = head.parameters.numbers(name)[: head.channels]
-        return np.concatenate([values, np.full(head.channels - len(values), otherwise)])[:, None]
-
-    general = head.parameters.number("ANALOG:GEN_SCALE")
-    with np.errstate(all="ignore"):
-        scale = filled("ANALOG:SCALE", 1.0) * (1.0 if general is None else general)
-    offset = filled("ANALOG:OFFSET", 0.0)
-    return scale, np.where(offset < 0, offset + 65536.0, offset) if head.is_unsigned else offset
-
-
 _LONGEST_TEXT = 2000
-
-
-@dataclass(frozen=True)
-class _Member:
-    """A group of the file: how many samples a frame it has, and which columns of a block of frames are its own."""
-
-    group: Group
-    per_frame: int
-    columns: Callable[[Frames], tuple[Samples, ...]]
+_TYPE_GROUPS = ("ANGLES", "ANGLE", "FORCES", "FORCE", "MOMENTS", "MOMENT", "POWERS", "POWER", "SCALARS", "SCALAR")
 
 
 def open_c3d(path: Path, options: ReadOptions) -> Recording:
     """Read header and parameters; the frames are read when asked for."""
     with ByteSource(path) as source:
-        head = read_header(source)
+        head = _header(source)
         if not head.frames:
             raise Refusal(path.name, Finding("no_data", None, None, "the header declares no frame"))
         spoken = np.zeros(head.points, dtype=bool)  # fourth words that are anything but 0 (seen) and -1 (not seen)
-        for piece in frame_blocks(source, head) if head.points else ():
+        for piece in _frame_blocks(source, head) if head.points else ():
             words = piece.points[:, 3]
             spoken |= ((words != 0) & (words != -1)).any(axis=1)
-    members = list(_members(path.stem, head, tuple(map(int, np.flatnonzero(spoken)))))
-    points = next((member.group for member in members if member.columns is _seen), None)
+    residuals = np.flatnonzero(spoken)
+    groups = _groups(path.stem, head, residuals)
     known = ("LABELS", "UNITS", "DESCRIPTIONS", "SCALE", "OFFSET", "GAIN")
     metadata = {}
     for name, value in head.parameters.values.items():
@@ -331,62 +303,55 @@ def open_c3d(path: Path, options: ReadOptions) -> Recording:
         path=path,
         format="C3D",
         reader="testbench.readers.c3d",
-        groups=tuple(member.group for member in members),
-        read=lambda report: watch_nonfinite(_blocks(path, head, members, report), report, but=points),
+        groups=tuple(groups.values()),
+        read=lambda report: watch_nonfinite(
+            _blocks(path, head, groups, residuals, report), report, but=groups.get("points")
+        ),
         metadata=metadata,
         findings=head.findings,
     )
 
 
-def _members(stem: str, head: Header, residuals: tuple[int, ...]) -> Iterator[_Member]:
+def _groups(stem: str, head: Header, residuals: NDArray[np.intp]) -> dict[str, Group]:
     """Analog channels, points, and fourth words that state more than seen or not seen, each if there are any."""
-    given = head.parameters
+    given, groups = head.parameters, dict[str, Group]()
     start = max(head.first_frame - 1, 0) / head.rate_hz if head.rate_hz > 0 else 0.0
     clock = clock_of_rate(head.rate_hz, start)
     if head.channels:
         names = _labels(given.texts("ANALOG:LABELS"), head.channels, "analog")
         units = [*given.texts("ANALOG:UNITS"), *[""] * head.channels]
         channels = tuple(Channel(name, unit or None) for name, unit in zip(names, units, strict=False))
-        group = Group(f"{stem} analog", channels, clock_of_rate(head.rate_hz * head.per_frame, start))
-        yield _Member(group, head.per_frame, lambda piece: tuple(piece.analog))
+        groups["analog"] = Group(f"{stem} analog", channels, clock_of_rate(head.rate_hz * head.per_frame, start))
     if head.points:
         names = _labels(given.texts("POINT:LABELS"), head.points, "point")
-        others = _units_of_points(given)
-        length = next(iter(given.texts("POINT:UNITS")), "") or None
+        length, others = next(iter(given.texts("POINT:UNITS")), "") or None, dict[str, str | None]()
+        # points that are no positions: angles, forces, moments, powers, as the file sorts them
+        kinds = given.texts("POINT:TYPE_GROUPS") or _TYPE_GROUPS
+        for several, one in zip(kinds[::2], kinds[1::2], strict=False):
+            unit = next(iter(given.texts(f"POINT:{one}_UNITS")), "") or None
+            others |= dict.fromkeys(given.texts(f"POINT:{several}"), unit)
         axes = tuple(Channel(f"{name} {axis}", others.get(name, length)) for name in names for axis in "XYZ")
-        yield _Member(Group(f"{stem} points", axes, clock), 1, _seen)
-        if residuals:
+        groups["points"] = Group(f"{stem} points", axes, clock)
+        if len(residuals):
             words = tuple(Channel(f"{names[i]} residual") for i in residuals)
-            group = Group(f"{stem} residuals", words, clock)
-            yield _Member(group, 1, lambda piece: tuple(piece.points[i, 3].copy() for i in residuals))
+            groups["residuals"] = Group(f"{stem} residuals", words, clock)
+    return groups
 
 
-def _units_of_points(given: Parameters) -> dict[str, str | None]:
-    """Units of points that are no positions: angles, forces, moments, powers, as the file sorts them."""
-    kinds = given.texts("POINT:TYPE_GROUPS")
-    kinds = kinds or ("ANGLES", "ANGLE", "FORCES", "FORCE", "MOMENTS", "MOMENT", "POWERS", "POWER", "SCALARS", "SCALAR")
-    units: dict[str, str | None] = {}
-    for several, one in zip(kinds[::2], kinds[1::2], strict=False):
-        unit = next(iter(given.texts(f"POINT:{one}_UNITS")), "") or None
-        units |= dict.fromkeys(given.texts(f"POINT:{several}"), unit)
-    return units
-
-
-def _blocks(path: Path, head: Header, members: Sequence[_Member], report: Report) -> Iterator[Block]:
-    """Frames as blocks of each group; positions that were not seen are counted."""
+def _blocks(
+    path: Path, head: Header, groups: Mapping[str, Group], residuals: NDArray[np.intp], report: Report
+) -> Iterator[Block]:
+    """Frames as blocks of each group; positions that were not seen are NaN, and counted."""
     missing = 0
     with ByteSource(path) as source:
-        for piece in frame_blocks(source, head):
-            missing += int((piece.points[:, 3] < 0).sum())
-            for member in members:
-                start = piece.start * member.per_frame
-                yield Block(member.group, member.columns(piece), start, None, piece.end_byte)
+        for piece in _frame_blocks(source, head):
+            unseen = piece.points[:, 3] < 0
+            missing += int(unseen.sum())
+            seen = np.where(unseen[:, None], np.nan, piece.points[:, :3]).reshape(3 * head.points, unseen.shape[1])
+            columns = {"analog": piece.analog, "points": seen, "residuals": piece.points[residuals, 3]}
+            for kind, group in groups.items():
+                start = piece.start * (head.per_frame if kind == "analog" else 1)
+                yield Block(group, tuple(columns[kind]), start, None, piece.end_byte)
     if missing:
         message = f"{missing} positions are marked as not seen (their fourth word is negative): NaN"
         report(Finding("invalid_samples", None, None, message))
-
-
-def _seen(piece: Frames) -> tuple[Samples, ...]:
-    """Coordinates of all points; NaN for one that was not seen, whose fourth word is negative."""
-    points, unseen = piece.points, piece.points[:, 3] < 0
-    return tuple(np.where(unseen[:, None], np.nan, points[:, :3]).reshape(3 * len(points), -1))
