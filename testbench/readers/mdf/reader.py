@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...recording import Block, Channel, Finding, Group, Recording, Report, Samples, TextLog, TimeColumn
+from ...recording import Block, Channel, Finding, Group, Recording, Report, Samples, TextLog
 from ..byte_source import ByteSource, block_spans
 from ..format_findings import (
     damaged,
@@ -35,9 +35,6 @@ from .records import (
     Records,
     TextMember,
     UnknownIdentifier,
-    invalid_samples,
-    may_be_rounded,
-    physical_values,
     record_parts,
     sorted_records,
 )
@@ -47,53 +44,37 @@ from .version4 import read_version4
 _NO_ROWS: Bytes = np.empty((0, 0), dtype=np.uint8)
 
 
-@dataclass(frozen=True)
-class ColumnSet:
-    """Records of one group, each in its own stream; the first hold the time."""
-
-    streams: tuple[tuple[DataGroup, Records], ...]
-
-    @property
-    def first(self) -> Records:
-        """The records of the master, or the only ones."""
-        return self.streams[0][1]
-
-    @property
-    def members(self) -> tuple[Member, ...]:
-        """All channels, stream by stream."""
-        return tuple(member for _, records in self.streams for member in records.members)
-
-    @property
-    def declared(self) -> set[int | None]:
-        """How many samples the streams declare."""
-        return {records.declared for _, records in self.streams}
-
-    def rows(self) -> Iterator[list[Bytes]]:
-        """Successive records of all streams, as many of each; what one has more than another is dropped."""
-        pieces = [(rows for _, rows in record_parts(group) if len(rows)) for group, _ in self.streams]
-        waiting = [next(piece, _NO_ROWS) for piece in pieces]
-        while count := min(map(len, waiting)):
-            yield [rows[:count] for rows in waiting]
-            rest = [rows[count:] for rows in waiting]
-            waiting = [rows if len(rows) else next(piece, _NO_ROWS) for rows, piece in zip(rest, pieces, strict=True)]
+Streams = Sequence[tuple[DataGroup, Records]]
+"""Records of one group, each in its own stream; the first hold the time."""
 
 
-def column_sets(file: File) -> tuple[list[ColumnSet], str]:
-    """The groups of a file that are stored by column; the name of one whose time is not there, if there is one."""
+def _rows_in_step(streams: Streams) -> Iterator[list[Bytes]]:
+    """Successive records of all streams, as many of each; what one has more than another is dropped."""
+    pieces = [(rows for _, rows in record_parts(group) if len(rows)) for group, _ in streams]
+    waiting = [next(piece, _NO_ROWS) for piece in pieces]
+    while count := min(map(len, waiting)):
+        yield [rows[:count] for rows in waiting]
+        rest = [rows[count:] for rows in waiting]
+        waiting = [rows if len(rows) else next(piece, _NO_ROWS) for rows, piece in zip(rest, pieces, strict=True)]
+
+
+def _column_sets(path: Path, file: File) -> list[Streams]:
+    """The groups of a file that are stored by column. Raises Refusal for one whose time is not there."""
     every = [(group, records) for group in file.groups for records in group.records]
     by_address = {records.address: (group, records) for group, records in every}
     followers: dict[int, list[tuple[DataGroup, Records]]] = {}
     for group, records in every:
         if records.master:
             followers.setdefault(records.master, []).append((group, records))
-    found = []
+    found: list[Streams] = []
     for address, members in followers.items():
-        streams = (*([by_address[address]] if address in by_address else []), *members)
+        streams = [*([by_address[address]] if address in by_address else []), *members]
         unmixed = all(not group.identifier_size and len(group.records) == 1 for group, _ in streams)
         if len(streams) == len(members) or streams[0][1].master or not unmixed:
-            return [], members[0][1].name or "without a name"
-        found.append(ColumnSet(streams))
-    return found, ""
+            lost = members[0][1].name or "without a name"
+            raise damaged(path, f"channel group {lost!r}: its time lies in another group, which cannot be read with it")
+        found.append(streams)
+    return found
 
 
 _MARKS = (b"MDF     ", b"UnFinMF ")
@@ -108,13 +89,6 @@ class _Odd:
     invalid: Counter[str] = field(default_factory=Counter)
     rounded: dict[str, None] = field(default_factory=dict)
 
-    def findings(self) -> Iterator[Finding]:
-        for name, number in self.invalid.items():
-            message = f"{number} samples are marked as invalid in the file: NaN"
-            yield Finding("invalid_samples", name, None, message)
-        for name in self.rounded:
-            yield rounded_integers(name)
-
 
 def open_mdf(path: Path, options: ReadOptions) -> Recording:
     """Walk through the blocks; the records are read when asked for."""
@@ -126,19 +100,15 @@ def open_mdf(path: Path, options: ReadOptions) -> Recording:
     for i, data in enumerate(file.groups):
         if unfinished or any(records.frames for records in data.records):
             file.groups[i] = _counted(path, data, file, unfinished)
-    sets, lost = column_sets(file)
-    if lost:
-        raise damaged(path, f"channel group {lost!r}: its time lies in another group, which cannot be read with it")
+    sets = _column_sets(path, file)
     groups, texts = _groups(path.stem, file, sets), TextLog()
     findings = [*file.findings, *_header_findings(file, groups, sets)]
     if unfinished:
         (flags, custom) = struct.unpack_from("<HH", head, 60)
-        message = "its writer never finished the file: what was in memory then is lost"
+        code, message = "cut_file", "its writer never finished the file: what was in memory then is lost"
         if version >= 400 and flags and not custom:
-            message = (
-                "the logger left the file to be finalized, with counts and lengths unwritten; whole records are read"
-            )
-        code = "not_finalized" if version >= 400 and flags and not custom else "cut_file"
+            code, message = "not_finalized", "the logger left the file to be finalized, with counts and lengths "
+            message += "unwritten; whole records are read"
         findings.insert(0, Finding(code, None, None, message))
     if not groups:
         raise nothing_to_read(path, findings, "no channel has samples")
@@ -169,47 +139,40 @@ def _counted(path: Path, data: DataGroup, file: File, unfinished: bool) -> DataG
     except UnknownIdentifier as error:
         raise damaged(path, str(error)) from error
     by_address = {records.address: longest[records.identifier] for records in data.records}
-    return replace(
-        data,
-        records=tuple(
-            _with_frames(replace(r, declared=counts[r.identifier]) if unfinished else r, by_address, file)
-            for r in data.records
-        ),
-    )
+    records = (replace(r, declared=counts[r.identifier]) if unfinished else r for r in data.records)
+    return replace(data, records=tuple(_with_frames(r, by_address, file) for r in records))
 
 
 def _with_frames(records: Records, longest: Mapping[int, int], file: File) -> Records:
     """Records with a channel for each byte of their frames, or with their text; longer ones are left out by name."""
     if (frames := records.frames) is None:
         return records
-    count, size, most = (
-        longest.get(frames.address, 0),
-        records.size or 0,
-        LONGEST_TEXT if frames.encoding else LONGEST_FRAME,
-    )
+    count, size = longest.get(frames.address, 0), records.size or 0
+    kind, most = ("text", LONGEST_TEXT) if frames.encoding else ("bytes", LONGEST_FRAME)
     if count > most or frames.address not in longest:
-        file.left_out.append(
-            f"{frames.name} ({'text' if frames.encoding else 'bytes'} of records apart, up to {count})"
-        )
+        file.left_out.append(f"{frames.name} ({kind} of records apart, up to {count})")
     if not 0 < count <= most:
         return replace(records, frames=None)
+    frames = replace(frames, longest=count)
     if frames.encoding:
         text = TextMember(frames.name, size + 1, count, frames.encoding)
-        return replace(records, texts=(*records.texts, text), frames=replace(frames, longest=count))
+        return replace(records, texts=(*records.texts, text), frames=frames)
     own = [Member(f"{frames.name}[{i}]", None, "u", "<", size + 1 + i, 0, 8, within=(size, i)) for i in range(count)]
     members = (*records.members[: frames.place], *own, *records.members[frames.place :])
-    return replace(records, members=members, frames=replace(frames, longest=count))
+    return replace(records, members=members, frames=frames)
 
 
-def _groups(stem: str, file: File, sets: Sequence[ColumnSet]) -> dict[int, Group]:
+def _groups(stem: str, file: File, sets: Sequence[Streams]) -> dict[int, Group]:
     """A group for each kind of records that has channels and samples; the key is that of its records.
 
     Records stored by column are one group together, whose key is that of the records with their time.
     """
     followers = _followers(sets)
-    members = {id(one.first): one.members for one in sets}
-    kept = [r for g in file.groups for r in g.records if r.members and _has_samples(g, r)]
-    kept = [r for r in kept if id(r) not in followers]
+    members = {id(streams[0][1]): [m for _, records in streams for m in records.members] for streams in sets}
+    kept = [
+        r for g in file.groups for r in g.records if r.members and id(r) not in followers
+        and (0 < (r.declared or 0) <= _MOST_VIRTUAL if r.size == 0 else g.bytes and r.declared)
+    ]  # fmt: skip
     names = Counter(r.name for r in kept)
     groups, numbers = {}, Counter[str]()
     for records in kept:
@@ -218,35 +181,24 @@ def _groups(stem: str, file: File, sets: Sequence[ColumnSet]) -> dict[int, Group
         if names[records.name] > 1:
             name = f"{name} {numbers[records.name]}"
         own = members.get(id(records), records.members)
-        groups[id(records)] = Group(name, tuple(Channel(m.name, m.unit) for m in own), _clock(own), file.zero)
+        clock = next((recorded_time(i, member.unit) for i, member in enumerate(own) if member.is_time), None)
+        groups[id(records)] = Group(name, tuple(Channel(m.name, m.unit) for m in own), clock, file.zero)
     return groups
 
 
-def _followers(sets: Sequence[ColumnSet]) -> set[int]:
+def _followers(sets: Sequence[Streams]) -> set[int]:
     """Keys of the records whose time lies in others."""
-    return {id(records) for one in sets for _, records in one.streams[1:]}
-
-
-def _has_samples(group: DataGroup, records: Records) -> bool:
-    if records.size == 0:
-        return 0 < (records.declared or 0) <= _MOST_VIRTUAL
-    return bool(group.bytes and records.declared)
-
-
-def _clock(members: Sequence[Member]) -> TimeColumn | None:
-    for i, member in enumerate(members):
-        if member.is_time:
-            return recorded_time(i, member.unit)
-    return None
+    return {id(records) for streams in sets for _, records in streams[1:]}
 
 
 def _blocks(
-    path: Path, file: File, sets: Sequence[ColumnSet], groups: Mapping[int, Group], texts: TextLog, report: Report
+    path: Path, file: File, sets: Sequence[Streams], groups: Mapping[int, Group], texts: TextLog, report: Report
 ) -> Iterator[Block]:
     odd = _Odd(texts)
-    by_column = _followers(sets) | {id(one.first) for one in sets}
-    for one in sets:
-        yield from _set_blocks(one, groups, odd, report)
+    for streams in sets:
+        if (group := groups.get(id(streams[0][1]))) is not None:
+            yield from _set_blocks(streams, group, odd, report)
+    by_column = {id(records) for streams in sets for _, records in streams}
     for data in file.groups:
         if any(id(records) in by_column for records in data.records):
             continue
@@ -266,24 +218,25 @@ def _blocks(
             if data.identifier_size and id(records) in groups and found != declared:
                 message = f"group {groups[id(records)].name!r} declares {declared} samples, {found} are there"
                 report(Finding("count_contradiction", None, None, message))
-    for finding in odd.findings():
-        report(finding)
+    for name, number in odd.invalid.items():
+        report(Finding("invalid_samples", name, None, f"{number} samples are marked as invalid in the file: NaN"))
+    for name in odd.rounded:
+        report(rounded_integers(name))
 
 
-def _set_blocks(one: ColumnSet, groups: Mapping[int, Group], odd: _Odd, report: Report) -> Iterator[Block]:
+def _set_blocks(streams: Streams, group: Group, odd: _Odd, report: Report) -> Iterator[Block]:
     """Records of several streams as blocks of one group."""
-    if (group := groups.get(id(one.first))) is None:
-        return
     start = 0
-    for rows in one.rows():
+    for rows in _rows_in_step(streams):
         for begin, end in block_spans(len(rows[0]), len(group.channels)):
             columns: list[Samples] = []
-            for (_, records), piece in zip(one.streams, rows, strict=True):
+            for (_, records), piece in zip(streams, rows, strict=True):
                 columns += _columns(records, piece[begin:end], start, odd, group.name)
             yield Block(group, tuple(columns), start)
             start += len(columns[0])
-    if one.declared != {start}:
-        listed = ", ".join(sorted(map(str, one.declared)))
+    declared = {records.declared for _, records in streams}
+    if declared != {start}:
+        listed = ", ".join(sorted(map(str, declared)))
         message = f"group {group.name!r}: its columns declare {listed} samples, {start} of all of them are there"
         report(Finding("count_contradiction", None, None, message))
 
@@ -295,16 +248,16 @@ def _columns(records: Records, rows: Bytes, first: int, odd: _Odd, group: str) -
             if not odd.texts.take(group, text.name, first + i, letters):
                 break
     for member in records.members:
-        values = physical_values(member, rows, first)
-        if (bad := invalid_samples(member, rows, records)) is not None and bad.any():
+        values, bad = member.values(rows, first, records.data)
+        if bad is not None and bad.any():
             values = np.where(bad, np.nan, values)
             odd.invalid[member.name] += int(bad.sum())
-        if may_be_rounded(member) and is_beyond_exact(values):
+        if member.may_be_rounded and is_beyond_exact(values):
             odd.rounded[member.name] = None
         yield values
 
 
-def _header_findings(file: File, groups: Mapping[int, Group], sets: Sequence[ColumnSet]) -> list[Finding]:
+def _header_findings(file: File, groups: Mapping[int, Group], sets: Sequence[Streams]) -> list[Finding]:
     findings = []
     if file.converted:
         message = f"raw numbers of {file.converted} channels were made physical by the conversions in the file"

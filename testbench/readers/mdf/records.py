@@ -19,6 +19,12 @@ Pieces = Callable[[], Iterator[bytes]]
 Bytes = NDArray[np.uint8]
 
 
+LONGEST_FRAME, LONGEST_TEXT = 64, 128
+"""Bytes of the longest frame of a bus (CAN FD), and of a text whose records lie among others."""
+_ROUND = (8, 16, 32, 64)
+_BITS_OF_FLOAT = 53
+
+
 @dataclass(frozen=True)
 class Member:
     """A channel: where its bits lie in a record, and the conversion that makes its number physical.
@@ -39,6 +45,61 @@ class Member:
     invalid_bit: int | None = None
     within: tuple[int, int] | None = None
     """Of a byte of a frame: which byte says how long the frame is, and its number; NaN where that is shorter."""
+
+    @property
+    def may_be_rounded(self) -> bool:
+        """Whether it holds whole numbers as they are, with more bits than float64 has."""
+        return self.kind in ("u", "i") and self.bits > _BITS_OF_FLOAT and self.conversion is None
+
+    def fits(self, size: int) -> bool:
+        """Whether its bits lie within a record of ``size`` bytes, and are a number that can be read."""
+        if self.kind == "index":
+            return True
+        if not 0 < self.bits <= 64 or not 0 <= self.bit < 8 or self.byte < 0:
+            return False
+        if self.kind == "f" and (self.bits not in (16, 32, 64) or self.bit):
+            return False
+        return self.byte + -(-(self.bit + self.bits) // 8) <= size
+
+    def values(self, rows: Bytes, first: int, data: int) -> tuple[Samples, NDArray[np.bool_] | None]:
+        """Physical values (n,) [unit of the channel] in ``rows`` (n, size), of which the first is record ``first``.
+
+        And which samples the file marks as invalid, (n,) [-]; None if it marks none. ``data`` is where the bits of
+        that begin in a record.
+        """
+        with np.errstate(all="ignore"):
+            values = self.raw_values(rows, first)
+            if self.conversion is not None:
+                values = np.asarray(self.conversion(values), dtype=np.float64)
+        if self.invalid_bit is None:
+            return values, None
+        if self.invalid_bit < 0:
+            return values, np.ones(len(rows), dtype=bool)
+        at = data + self.invalid_bit // 8
+        if at >= rows.shape[1]:
+            return values, None
+        return values, np.asarray((rows[:, at] >> (self.invalid_bit % 8)) & 1, dtype=bool)
+
+    def raw_values(self, rows: Bytes, first: int) -> Samples:
+        """Raw numbers (n,) [-] in ``rows`` (n, size) as float64; the first is record ``first``."""
+        if self.kind == "index":
+            return np.arange(first, first + len(rows), dtype=np.float64)
+        if self.kind == "f" or (self.bit == 0 and self.bits in _ROUND):
+            kind = np.dtype(f"{self.order}{self.kind}{self.bits // 8}")
+            view = np.ndarray((len(rows),), kind, rows, offset=self.byte, strides=(rows.strides[0],))
+            values = np.asarray(view.astype(np.float64))
+            return values if self.within is None else np.where(rows[:, self.within[0]] > self.within[1], values, np.nan)
+        # a number of any count of bits: its bytes in two words, shifted down, and by its length up and down again
+        count = -(-(self.bit + self.bits) // 8)
+        words = np.zeros((len(rows), 16), dtype=np.uint8)
+        words[:, :count] = rows[:, self.byte : self.byte + count][:, :: -1 if self.order == ">" else 1]
+        low, high = words.view("<u8").T
+        number = low >> np.uint64(self.bit)
+        if count == 9:
+            number |= high << np.uint64(64 - self.bit)
+        unused = np.uint64(64 - self.bits)
+        signed = "<i8" if self.kind == "i" else "<u8"
+        return ((number << unused).view(signed) >> unused.astype(signed)).astype(np.float64)
 
 
 @dataclass(frozen=True)
@@ -127,77 +188,6 @@ class File:
     """Channels with a conversion."""
     zero: StartTime | None = None
     """When the times of all groups are zero."""
-
-
-LONGEST_FRAME, LONGEST_TEXT = 64, 128
-"""Bytes of the longest frame of a bus (CAN FD), and of a text whose records lie among others."""
-_ROUND = (8, 16, 32, 64)
-_BITS_OF_FLOAT = 53
-
-
-def physical_values(member: Member, rows: Bytes, first: int) -> Samples:
-    """Physical values (n,) [unit of the channel] of ``member`` in ``rows`` (n, size); the first is record ``first``."""
-    with np.errstate(all="ignore"):
-        values = raw_values(member, rows, first)
-        return values if member.conversion is None else np.asarray(member.conversion(values), dtype=np.float64)
-
-
-def raw_values(member: Member, rows: Bytes, first: int) -> Samples:
-    """Raw numbers (n,) [-] of ``member`` in ``rows`` (n, size) as float64; the first is record ``first``."""
-    if member.kind == "index":
-        return np.arange(first, first + len(rows), dtype=np.float64)
-    if member.kind == "f" or (member.bit == 0 and member.bits in _ROUND):
-        kind = np.dtype(f"{member.order}{member.kind}{member.bits // 8}")
-        view = np.ndarray((len(rows),), kind, rows, offset=member.byte, strides=(rows.strides[0],))
-        values = np.asarray(view.astype(np.float64))
-        return (
-            values if member.within is None else np.where(rows[:, member.within[0]] > member.within[1], values, np.nan)
-        )
-    # Numbers of any count of bits: gathered from their bytes, shifted, cut, and their sign extended.
-    count = -(-(member.bit + member.bits) // 8)
-    picked = rows[:, member.byte : member.byte + count]
-    if member.order == ">":
-        picked = picked[:, ::-1]
-    gathered = np.zeros(len(rows), dtype=np.uint64)
-    for i in range(min(count, 8)):
-        gathered |= picked[:, i].astype(np.uint64) << np.uint64(8 * i)
-    gathered >>= np.uint64(member.bit)
-    if count == 9:
-        gathered |= picked[:, 8].astype(np.uint64) << np.uint64(64 - member.bit)
-    if member.bits < 64:
-        gathered &= np.uint64((1 << member.bits) - 1)
-    if member.kind == "u":
-        return gathered.astype(np.float64)
-    unused = np.uint64(64 - member.bits)
-    return ((gathered << unused).view(np.int64) >> np.int64(64 - member.bits)).astype(np.float64)
-
-
-def may_be_rounded(member: Member) -> bool:
-    """Whether a channel holds whole numbers as they are, with more bits than float64 has."""
-    return member.kind in ("u", "i") and member.bits > _BITS_OF_FLOAT and member.conversion is None
-
-
-def fits(member: Member, size: int) -> bool:
-    """Whether the bits of a channel lie within a record of ``size`` bytes, and are a number that can be read."""
-    if member.kind == "index":
-        return True
-    if not 0 < member.bits <= 64 or not 0 <= member.bit < 8 or member.byte < 0:
-        return False
-    if member.kind == "f" and (member.bits not in (16, 32, 64) or member.bit):
-        return False
-    return member.byte + -(-(member.bit + member.bits) // 8) <= size
-
-
-def invalid_samples(member: Member, rows: Bytes, records: Records) -> NDArray[np.bool_] | None:
-    """Which samples of ``rows`` (n, size) the file marks as invalid, (n,) [-]; None if it marks none."""
-    if member.invalid_bit is None:
-        return None
-    if member.invalid_bit < 0:
-        return np.ones(len(rows), dtype=bool)
-    at = records.data + member.invalid_bit // 8
-    if at >= rows.shape[1]:
-        return None
-    return np.asarray((rows[:, at] >> (member.invalid_bit % 8)) & 1, dtype=bool)
 
 
 class UnknownIdentifier(Exception):

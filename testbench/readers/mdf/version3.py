@@ -15,7 +15,7 @@ from ..byte_source import BLOCK_BYTES, ByteSource
 from ..format_findings import damaged
 from . import conversions
 from .conversions import Conversion
-from .records import DataGroup, File, Member, Records, TextMember, fits
+from .records import DataGroup, File, Member, Records, TextMember
 
 _MOST = 1_000_000
 _LETTERS, _BYTES = 7, 8
@@ -114,12 +114,12 @@ def _data_group(walk: Walk, raw: bytes, number: int) -> None:
     records = tuple(_records(walk, group, number, i) for i, group in enumerate(walk.chain(first, b"CG"), 1))
     if not records or not any(r.members for r in records):
         return
-    size = sum((records_.size or 0) + identifiers for records_ in records[:1])
+    size = (records[0].size or 0) + identifiers
     total = sum(((r.size or 0) + identifiers) * (r.declared or 0) for r in records)
-    there = max(0, min(total, walk.source.size - begin)) if begin else 0
-    if walk.unfinished:
-        there = max(0, walk.source.size - begin)
-    elif there < total:
+    there = max(0, walk.source.size - begin)
+    if not walk.unfinished:
+        there = min(total, there) if begin else 0
+    if there < total and not walk.unfinished:
         message = f"the file is cut: {total - there} of {total} bytes of data group {number} are missing"
         if len(records) == 1:
             message += f"; {there // max(size, 1)} of {records[0].declared} samples are there"
@@ -156,24 +156,18 @@ def _member(walk: Walk, raw: bytes, size: int) -> Member | TextMember | None:
     if form in (_LETTERS, _BYTES):
         walk.file.texts.append(name)
         return None
-    known = _form(form, walk.order)
+    # 0 to 3 are in the file's byte order, 9 to 12 big-endian, 13 to 16 little-endian
+    own: tuple[tuple[int, Literal["<", ">"]], ...] = ((0, walk.order), (9, ">"), (13, "<"))
+    known = next(((_KINDS[form - base], order) for base, order in own if base <= form <= base + 3), None)
     if known is None:
         walk.file.left_out.append(f"{name} (of data type {form})")
         return None
     conversion, unit = _conversion(walk, address, name)
     member = Member(name, unit, known[0], known[1], extra + start // 8, start % 8, bits, conversion, kind == 1)
-    if not fits(member, size):
+    if not member.fits(size):
         message = f"channel {name!r}: {bits} bits from bit {start} of {size} bytes a record"
         raise damaged(walk.source.path, message)
     return member
-
-
-def _form(form: int, order: Literal["<", ">"]) -> tuple[Literal["u", "i", "f"], Literal["<", ">"]] | None:
-    """Kind and byte order of a data type: 0 to 3 in the file's order, 9 to 12 big-endian, 13 to 16 little-endian."""
-    for base, own in ((0, order), (9, ">"), (13, "<")):
-        if base <= form <= base + 3:
-            return _KINDS[form - base], own
-    return None
 
 
 def _conversion(walk: Walk, address: int, name: str) -> tuple[Conversion | None, str | None]:

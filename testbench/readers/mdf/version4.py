@@ -1,7 +1,7 @@
 """MDF version 4: the data groups of a file, their channel groups, channels and conversions (ASAM MDF 4.2)."""
 
 import struct
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
@@ -12,7 +12,7 @@ from ..byte_source import ByteSource
 from ..format_findings import damaged
 from . import conversions
 from .conversions import Conversion
-from .records import LONGEST_FRAME, DataGroup, File, Frames, Member, Records, TextMember, fits
+from .records import LONGEST_FRAME, DataGroup, File, Frames, Member, Records, TextMember
 from .version4_blocks import (
     Block,
     DataBlock,
@@ -113,21 +113,17 @@ def _records(source: ByteSource, block: Block, file: File) -> Records:
     master = block.links[6] if flags & _REMOTE_MASTER and len(block.links) > 6 else 0
     if flags & _REMOTE_MASTER and not master:
         raise damaged(source.path, f"channel group {name!r}: its time lies in another group, which is not named")
-    members: list[Member] = []
-    frames: list[Frames] = []
-    texts: list[TextMember] = []
-    for found in _members(source, block.links[1], file, size, ""):
-        if isinstance(found, TextMember):
-            texts.append(found)
-        elif isinstance(found, Frames):
-            frames.append(replace(found, place=len(members)))
-        else:
-            members.append(found)
-    file.texts += [one.name for one in frames[1:]]
+    found = list(_members(source, block.links[1], file, size, ""))
+    members = tuple(each for each in found if isinstance(each, Member))
+    texts = tuple(each for each in found if isinstance(each, TextMember))
+    frames = [
+        replace(each, place=sum(isinstance(before, Member) for before in found[:i]))
+        for i, each in enumerate(found)
+        if isinstance(each, Frames)
+    ]
+    file.texts += [each.name for each in frames[1:]]
     own = frames[0] if frames else None
-    return Records(
-        name, identifier, size + invalidation, size, declared, tuple(members), block.address, master, own, tuple(texts)
-    )
+    return Records(name, identifier, size + invalidation, size, declared, members, block.address, master, own, texts)
 
 
 def _members(
@@ -187,10 +183,9 @@ def _own_members(
         is_time=kind in (_MASTER, _VIRTUAL_MASTER) and sync == _TIME,
         invalid_bit=-1 if flags & _INVALID_ALL else invalid if flags & _INVALID_BIT else None,
     )
-    if not fits(member, size):
-        raise damaged(
-            source.path, f"channel {name!r}: {bits} bits from byte {byte}, bit {bit} of {size} bytes a record"
-        )
+    if not member.fits(size):
+        place = f"{bits} bits from byte {byte}, bit {bit} of {size} bytes a record"
+        raise damaged(source.path, f"channel {name!r}: {place}")
     yield member
 
 
@@ -208,12 +203,14 @@ def _text_member(source: ByteSource, block: Block, name: str, size: int) -> Text
     refuse_oversized(source, blocks)
     if missing or sum(one.unpacked for one in blocks) > _LARGEST_SIGNAL:
         return None
-    return TextMember(name, byte, width, _TEXTS[form], cache(partial(_signal, source.path, blocks)))
 
+    @cache
+    def letters() -> bytes:
+        with ByteSource(path) as again:
+            return b"".join(data_pieces(again, blocks))
 
-def _signal(path: Path, blocks: Sequence[DataBlock]) -> bytes:
-    with ByteSource(path) as source:
-        return b"".join(data_pieces(source, blocks))
+    path = source.path
+    return TextMember(name, byte, width, _TEXTS[form], letters)
 
 
 def _conversion(
@@ -234,9 +231,8 @@ def _conversion(
         links = block.links[4:]
         if kind in (7, 8):  # of one value, or of all from one to another
             size = kind - 6
-            labels = (
-                " to ".join(f"{v:g}" for v in values[i : i + size]) for i in range(0, min(len(values), 64 * size), size)
-            )
+            spans = (values[i : i + size] for i in range(0, min(len(values), 64 * size), size))
+            labels = (" to ".join(f"{value:g}" for value in span) for span in spans)
             file.metadata[f"{name}: meaning"] = "; ".join(
                 f"{label} = {block_text(source, link)}"
                 for label, link in zip(labels, links, strict=False)
@@ -244,25 +240,30 @@ def _conversion(
             )
         return None, unit
     try:
-        conversion = _law(kind, values, lambda: block_text(source, block.links[4]), is_float)
+        if kind == _FORMULA:
+            conversion: Conversion | None = conversions.formula(block_text(source, block.links[4]))
+        elif kind in _LAWS and len(values) >= _LAWS[kind][0]:
+            conversion = _LAWS[kind][1](values, is_float)
+        else:
+            raise ValueError(f"{len(values)} values; it is not known, or has more")
     except (ValueError, IndexError) as error:
         raise damaged(source.path, f"channel {name!r}: its conversion of type {kind}: {error}") from error
     file.converted += conversion is not None
     return conversion, unit
 
 
-def _law(kind: int, p: Sequence[float], formula: Callable[[], str], is_float: bool) -> Conversion | None:
-    """The law of a conversion from its numbers, or from its formula. Raises ValueError for one that is none."""
+def _ranges(p: Sequence[float], is_float: bool) -> Conversion:
     whole = len(p) // 3 * 3
-    laws: dict[int, tuple[int, Callable[[], Conversion | None]]] = {
-        0: (0, lambda: None),
-        1: (2, lambda: conversions.linear(p[0], p[1])),
-        2: (6, lambda: conversions.rational(p)),
-        3: (0, lambda: conversions.formula(formula())),
-        4: (2, lambda: conversions.table(p[::2], p[1::2], interpolate=True)),
-        5: (2, lambda: conversions.table(p[::2], p[1::2], interpolate=False)),
-        6: (1, lambda: conversions.ranges(p[:whole:3], p[1:whole:3], p[2:whole:3], p[-1], ends_belong=not is_float)),
-    }
-    if kind not in laws or len(p) < laws[kind][0]:
-        raise ValueError(f"{len(p)} values; it is not known, or has more")
-    return laws[kind][1]()
+    return conversions.ranges(p[:whole:3], p[1:whole:3], p[2:whole:3], p[-1], ends_belong=not is_float)
+
+
+_FORMULA = 3
+_LAWS: Mapping[int, tuple[int, Callable[[Sequence[float], bool], Conversion | None]]] = {
+    0: (0, lambda p, is_float: None),
+    1: (2, lambda p, is_float: conversions.linear(p[0], p[1])),
+    2: (6, lambda p, is_float: conversions.rational(p)),
+    4: (2, lambda p, is_float: conversions.table(p[::2], p[1::2], interpolate=True)),
+    5: (2, lambda p, is_float: conversions.table(p[::2], p[1::2], interpolate=False)),
+    6: (1, _ranges),
+}
+"""How many numbers a conversion of each type has at least, and its law."""

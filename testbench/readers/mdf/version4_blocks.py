@@ -101,11 +101,6 @@ class DataBlock:
     columns: int | None = None
     invalidation: "DataBlock | None" = None
 
-    @property
-    def is_packed(self) -> bool:
-        """Whether it is deflated."""
-        return self.columns is not None
-
 
 def data_blocks(source: ByteSource, address: int, unfinished: bool) -> tuple[list[DataBlock], str]:
     """All data blocks of the samples at ``address``, and what of them is missing because the file is cut."""
@@ -186,9 +181,9 @@ def _data_block(source: ByteSource, block: Block, unfinished: bool) -> tuple[lis
 def refuse_oversized(source: ByteSource, blocks: Sequence[DataBlock]) -> None:
     """Refuse data blocks that overlap, or that unpack to far more than the file holds."""
     blocks = [*blocks, *(block.invalidation for block in blocks if block.invalidation)]
-    plain = sum(block.unpacked for block in blocks if not block.is_packed)
-    packed = sum(block.end - block.begin for block in blocks if block.is_packed)
-    unpacked = sum(block.unpacked for block in blocks if block.is_packed)
+    plain = sum(block.unpacked for block in blocks if block.columns is None)
+    packed = sum(block.end - block.begin for block in blocks if block.columns is not None)
+    unpacked = sum(block.unpacked for block in blocks if block.columns is not None)
     if plain + packed > source.size or unpacked > max(_ALWAYS_ALLOWED, _MOST_RATIO * packed):
         message = f"{plain + unpacked} bytes of samples are declared in a file of {source.size} bytes"
         raise Refusal(source.path.name, Finding("too_large", None, None, message))
@@ -197,7 +192,7 @@ def refuse_oversized(source: ByteSource, blocks: Sequence[DataBlock]) -> None:
 def data_pieces(source: ByteSource, blocks: Sequence[DataBlock]) -> Iterator[bytes]:
     """The bytes of all data blocks, in pieces of bounded size."""
     for block in blocks:
-        if block.is_packed:
+        if block.columns is not None:
             yield _unpacked(source, block)
             continue
         for begin in range(block.begin, block.end, BLOCK_BYTES):
@@ -245,13 +240,11 @@ def column_pieces(
         count = block.unpacked // width if width else 0
         bits = block.invalidation
         if width * count != block.unpacked or (bits and bits.unpacked != count * invalidation_width):
-            message = (
-                f"byte {block.begin}: {block.unpacked} bytes are no whole records of {width} bytes with their bits"
-            )
-            raise damaged(source.path, message)
+            what = f"{block.unpacked} bytes are no whole records of {width} bytes with their bits"
+            raise damaged(source.path, f"byte {block.begin}: {what}")
         step = max(1, BLOCK_BYTES // (width + invalidation_width))
-        values = _unpacked(source, block) if block.is_packed else None
-        flags = _unpacked(source, bits) if bits and bits.is_packed else None
+        values = _unpacked(source, block) if block.columns is not None else None
+        flags = _unpacked(source, bits) if bits and bits.columns is not None else None
         for begin in range(0, count, step):
             end = min(begin + step, count)
             table = np.zeros((end - begin, width + invalidation_width), dtype=np.uint8)

@@ -9,7 +9,7 @@ import pytest
 from asammdf import MDF, Signal
 from asammdf.blocks import conversion_utils, v4_blocks
 
-from testbench.readers.mdf import conversions, records
+from testbench.readers.mdf import conversions
 from testbench.readers.mdf.records import Member
 from testbench.recording import refusing_findings
 
@@ -109,8 +109,8 @@ def test_bits_are_cut_out_of_bytes(order, bit, bits):
     rows = RANDOM.integers(0, 256, (50, count + 3)).astype(np.uint8)
     for kind in "ui":
         member = Member("a", None, kind, order, 2, bit, bits)
-        assert records.fits(member, count + 3)
-        for row, value in zip(rows, records.raw_values(member, rows, 0), strict=True):
+        assert member.fits(count + 3)
+        for row, value in zip(rows, member.raw_values(rows, 0), strict=True):
             number = int.from_bytes(row[2 : 2 + count].tobytes(), "little" if order == "<" else "big") >> bit
             number &= (1 << bits) - 1
             number -= (1 << bits) if kind == "i" and number >> (bits - 1) else 0
