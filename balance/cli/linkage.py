@@ -186,12 +186,9 @@ def _print_balance(document: dict[str, Any], with_equations: bool) -> None:
     for link, inertia in document["reshaped_inertia_kgm2"].items():
         say(f"Link {link} must be shaped to an inertia of {inertia:.4g} kg m2: then two point masses replace it.")
     for equation in document["equations"] if with_equations else ():
-        values = [(equation[f"value_{unit}"], text) for unit, text in _MASS_UNITS if f"value_{unit}" in equation]
-        value = "".join(f"   = {value:.5g} {text}" for value, text in values)
-        say(f"  [{equation['body']}]  {equation['equation']}{value}")
-
-
-_MASS_UNITS = (("kg", "kg"), ("kgm2", "kg m2"))
+        unit = "kg" if equation.unit == "kg" else "kg m2"
+        value = "" if equation.value is None else f"   = {equation.value:.5g} {unit}"
+        say(f"  [{equation.body}]  {equation.text}{value}")
 
 
 def _print_bearings(check: "Verification") -> None:

@@ -7,7 +7,6 @@ import numpy as np
 from ..arrays import Floats
 from ..linkages.assembly import Assembly
 from ..linkages.equivalence_method import LinkageBalance
-from ..linkages.force_balance import joint_point
 from ..linkages.linkage import GROUND
 from ..linkages.moment_balance import GearResult
 from . import panels
@@ -36,7 +35,7 @@ def draw_linkage(result: LinkageBalance) -> "Figure":
         axes.plot(*np.array([*round_it, round_it[0]]).T, color=LINK, lw=4, alpha=0.9, zorder=3)
         axes.annotate(body.name, middle, (6, 5), textcoords="offset points", color=LINK, zorder=6)
     for body_name, counter in result.counters():
-        pivot = joint_point(linkage, result.tree[body_name], body_name).at(result.values)
+        pivot = result.joint_point(result.tree[body_name], body_name).at(result.values)
         at = [start.point(body_name, pivot), start.point(body_name, pivot + counter.position)]
         axes.plot(*np.array(at).T, color=COUNTER, lw=2, zorder=2)
         _circle(axes, at[1], np.sqrt(counter.mass / (np.pi * STEEL_KG_PER_M2)), COUNTER, f"{counter.symbol}")
@@ -51,12 +50,12 @@ def draw_linkage(result: LinkageBalance) -> "Figure":
 
 
 def _place(result: LinkageBalance, start: Assembly, joint: str, body: str) -> Floats:
-    return start.point(body, joint_point(result.linkage, joint, body).at(result.values))
+    return start.point(body, result.joint_point(joint, body).at(result.values))
 
 
 def _draw_gear(axes: "Axes", result: LinkageBalance, start: Assembly, gear: GearResult) -> None:
     """Pitch circles of both gears; where the counter-gear's pivot is not given apart from its axis, the name alone."""
-    pivot, axis = (start.point(gear.carrier, at) for at in gear.centres(result.linkage, result.tree, result.values))
+    pivot, axis = (start.point(gear.carrier, at) for at in gear.centres(result))
     distance, teeth = float(np.linalg.norm(pivot - axis)), gear.gear.teeth
     if distance == 0.0:
         place = (float(axis[0]), float(axis[1]))

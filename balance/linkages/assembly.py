@@ -7,7 +7,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import ClosureError, ModelError
-from .linkage import GROUND, Joint, Linkage, rotation_groups
+from .linkage import GROUND, Joint, Linkage
 
 
 @dataclass(frozen=True)
@@ -29,13 +29,22 @@ def assemble(linkage: Linkage, values: Mapping[str, float]) -> Assembly:
     """
     from scipy.optimize import least_squares
 
-    pins = {j.name: tuple(_pin(linkage, j, k, values) for k in (0, 1)) for j in linkage.joints.values()}
+    pins: dict[str, list[Floats]] = {name: [] for name in linkage.joints}
+    for name, joint in linkage.joints.items():
+        for end in joint.ends:
+            if end.point is None:
+                raise ModelError(
+                    f"{linkage.name} cannot be simulated: where joint {name} is on the ground is not given"
+                )
+            pins[name].append(end.point.at(values))
     if linkage.drive is None:
         raise ModelError(f"{linkage.name} has no driven joint: add drive = 'JOINT'")
     joint = linkage.joint(linkage.drive)
     if not joint.revolute or not joint.joins(GROUND):
         raise ModelError(f"{linkage.name}: the driven joint {joint.name} must be a revolute joint on the ground")
-    angles, driven = _angles(linkage), joint.other(GROUND)
+    if unknown := [b for b in linkage.bodies if b not in linkage.start and b not in linkage.translating]:
+        raise ModelError(f"{linkage.name}: [start] has no angle of body {unknown[0]}: add it, approximately")
+    angles, driven = dict.fromkeys(linkage.bodies, 0.0) | dict(linkage.start), joint.other(GROUND)
 
     def state(x: Floats) -> Assembly:  # of x, y and angle of each body in turn
         parts = dict(zip(linkage.bodies, x.reshape(-1, 3), strict=True))
@@ -61,25 +70,6 @@ def assemble(linkage: Linkage, values: Mapping[str, float]) -> Assembly:
             f"{linkage.name} cannot be closed near the angles under [start]: {np.abs(found.fun).max():.3g} m stays open"
         )
     return state(found.x)
-
-
-def _angles(linkage: Linkage) -> dict[str, float]:
-    """Approximate angle of every body; those that only translate need none."""
-    group = rotation_groups(linkage)
-    angles = dict(linkage.start)
-    for body in linkage.bodies:
-        if body not in angles:
-            if group[body] != group[GROUND]:
-                raise ModelError(f"{linkage.name}: [start] has no angle of body {body}: add it, approximately")
-            angles[body] = 0.0
-    return angles
-
-
-def _pin(linkage: Linkage, joint: Joint, side: int, values: Mapping[str, float]) -> Floats:
-    end = joint.ends[side]
-    if end.point is None:
-        raise ModelError(f"{linkage.name} cannot be simulated: where joint {joint.name} is on the ground is not given")
-    return end.point.at(values)
 
 
 def _gaps(joint: Joint, at: Assembly, first: Floats, second: Floats) -> list[float]:

@@ -20,10 +20,8 @@ from ..mechanism import forward_kinematics
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.sparse_components import dense
 from .equivalence_method import LinkageBalance
-from .expressions import ORIGIN
-from .force_balance import joint_point
 from .linkage import GROUND
-from .mjcf_writer import Skeleton, skeleton
+from .mjcf_writer import skeleton
 from .moment_balance import GearResult
 
 PRESSURE_ANGLE = np.radians(20.0)
@@ -73,7 +71,7 @@ class _FreeBodies:
 
     def __init__(self, result: LinkageBalance, mechanism: Mechanism, path: Trajectory) -> None:
         self.result, self.mechanism, self.count = result, mechanism, len(path.time)
-        self.tree: Skeleton = skeleton(result)
+        self.tree = skeleton(result)
         self.at = forward_kinematics.pose(mechanism.tree, path.q.T)
         moving = forward_kinematics.motion(mechanism.tree, self.at, path.v.T, path.a.T)
         self.load = np.empty((self.count, len(mechanism.bodies), 3))
@@ -83,9 +81,8 @@ class _FreeBodies:
             self.load[:, i, :2] = dense(needed.force, self.count)[:2].T
             self.load[:, i, 2] = dense(needed.moment, self.count)[2]
         self.columns: list[Floats] = []
-        geared = set(mechanism.bodies)
         gears = result.moment.gears if result.moment else {}
-        self.gears = {name: gear for name, gear in gears.items() if f"{name}*" in geared}
+        self.gears = {name: gear for name, gear in gears.items() if f"{name}*" in mechanism.bodies}
         for name, gear in self.gears.items():
             if gear.counter_mass is None:  # on a pivot at rest, of a mass that is not known: its inertia alone
                 load, at = self.load[:, mechanism.body_index(f"{name}*")], self._axes(gear)[0]
@@ -98,7 +95,7 @@ class _FreeBodies:
         pins, slides, pivots, teeth, directions = {}, {}, {}, {}, {}
         for joint in linkage.joints.values():
             first, second = (end.body for end in joint.ends)
-            place = self._point(second, joint_point(linkage, joint.name, second).at(self.result.values))
+            place = self._point(second, self.result.joint_point(joint.name, second).at(self.result.values))
             if joint.revolute:
                 pins[joint.name] = self._pin(first, second, place)
             else:
@@ -174,19 +171,15 @@ class _FreeBodies:
 
     def _axes(self, gear: GearResult) -> tuple[Floats, Floats]:
         """Pivot of the counter-gear and axis of the gear on the body, in the base, (n, 2) [m]."""
-        centres = gear.centres(self.result.linkage, self.result.tree, self.result.values)
-        pivot, axis = (self._point(gear.carrier, at) for at in centres)
+        pivot, axis = (self._point(gear.carrier, at) for at in gear.centres(self.result))
         return pivot, axis
 
     def _point(self, body: str, place: Floats) -> Floats:
         """A point (2,) [m] of a body's described frame in the base, (n, 2) [m]."""
         if body == GROUND:
             return np.tile(place, (self.count, 1))
-        towards_base = self.tree.parent[body]
-        origin = joint_point(self.result.linkage, towards_base.name, body) if not towards_base.both else ORIGIN
-        joint = self._frame(body)
-        corner = dense(self.at.position[joint], self.count)[:2].T
-        return corner + self._arm(body, place - origin.at(self.result.values))
+        corner = dense(self.at.position[self._frame(body)], self.count)[:2].T
+        return corner + self._arm(body, place - self.tree.origin(body).at(self.result.values))
 
     def _arm(self, body: str, vector: Floats) -> Floats:
         """A vector of a body's frame (2,) in base axes, (n, 2)."""

@@ -1,10 +1,12 @@
 """The method's equations in symbols, as the source writes them: counter-masses, inertias, gears, two-point masses."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
+from ..results import Key
 from .equivalence_method import LinkageBalance
-from .expressions import Expression, Point
-from .force_balance import CounterMass, ForceBalance, joint_point
+from .expressions import Expression
+from .force_balance import EquivalentLoad, ForceBalance
 from .linkage import Disc
 from .moment_balance import BodyMoment, GearResult
 
@@ -13,10 +15,15 @@ from .moment_balance import BodyMoment, GearResult
 class Equation:
     """One equation of a body."""
 
-    body: str
-    text: str
-    value: float | None = None
+    body: Annotated[str, Key()]
+    text: Annotated[str, Key("equation")]
+    value: Annotated[float | None, Key("value_{0.unit}", optional=True)] = None
     """Of its left-hand side, in SI; None where it is a condition."""
+
+    @property
+    def unit(self) -> str:
+        """Of its value, as in keys: masses in kg, inertias in kg m2."""
+        return "kg" if self.text.startswith("m") else "kgm2"
 
 
 def linkage_equations(result: LinkageBalance) -> list[Equation]:
@@ -43,49 +50,38 @@ def _force(result: LinkageBalance, balance: ForceBalance) -> list[Equation]:
     """sum(m r) + sum(m* p) = 0 about the reduction joint, an axis a line; solved where one counter-mass is in it."""
     if not balance.counters:
         return []
-    lines: list[Equation | None]
-    if balance.counters[0].place.radius is not None:
-        counter = balance.counters[0]
-        assert counter.place.radius is not None
-        loads = " + ".join(f"{load.text} r[{load.source}]" for load in balance.loads if not load.at.is_zero)
-        text = f"{counter.symbol} = |{loads}| / {counter.place.radius.factor_text()}, on the other side"
-        lines = [Equation(balance.body, text, counter.mass)]
-    elif balance.body in result.linkage.two_point:
-        lines = [_across(result, balance)]
+    place, body = balance.counters[0].place, balance.body
+    off_origin = [load for load in balance.loads if not load.at.is_zero]
+    if place.radius is not None:
+        loads = " + ".join(f"{load.text} r[{load.source}]" for load in off_origin)
+        text = f"|{loads}| / {place.radius.factor_text()}, on the other side"
+    elif shaped := result.linkage.two_point.get(body):  # its centre of mass comes onto the line of its joints
+        loads, line = " + ".join(f"{load.text} n[{load.source}]" for load in off_origin), " ".join(shaped.joints)
+        text = f"({loads}) / -n[{balance.counters[0].symbol}], n across the line {line}"
     else:
-        lines = [_axis(result, balance, axis) for axis in ("x", "y")]
-    rules = [_rule(balance.body, counter) for counter in balance.counters]
-    return [line for line in (*lines, *rules) if line is not None]
+        text = ""
+    (first, *_) = balance.counters
+    lines = [Equation(body, f"{first.symbol} = {text}", first.mass)] if text else _axes(result, balance)
+    rules = [(counter.place.inertia_text(), counter.inertia) for counter in balance.counters]
+    return [*lines, *(Equation(body, rule, inertia) for rule, inertia in rules if rule)]
 
 
-def _axis(result: LinkageBalance, balance: ForceBalance, axis: str) -> Equation | None:
-    loads = [
-        f"{load.text} {_on(load.at, axis).factor_text()}" for load in balance.loads if not _on(load.at, axis).is_zero
-    ]
-    origin = joint_point(result.linkage, balance.joint, balance.body)
-    arms = [(c, _on(c.place.point.plus(origin, -1.0), axis)) for c in balance.counters if c.place.point is not None]
-    arms = [(counter, arm) for counter, arm in arms if not arm.is_zero]
-    if len(arms) != 1:
-        terms = [*loads, *(f"{counter.symbol} {arm.factor_text()}" for counter, arm in arms)]
-        return Equation(balance.body, f"{axis}: {' + '.join(terms)} = 0") if terms else None
-    counter, arm = arms[0]
-    sum_text = " + ".join(loads) if len(loads) == 1 else f"({' + '.join(loads)})"
-    divisor = arm.times(-1.0).factor_text()
-    return Equation(balance.body, f"{counter.symbol} = {sum_text or '0'} / {divisor}", counter.mass)
-
-
-def _across(result: LinkageBalance, balance: ForceBalance) -> Equation:
-    """A two-point body's counter-mass brings the centre of mass onto the line of its joints."""
-    first, second = result.linkage.two_point[balance.body].joints
-    (counter,) = balance.counters
-    loads = " + ".join(f"{load.text} n[{load.source}]" for load in balance.loads if not load.at.is_zero)
-    text = f"{counter.symbol} = ({loads}) / -n[{counter.symbol}], n across the line {first} {second}"
-    return Equation(balance.body, text, counter.mass)
-
-
-def _rule(body: str, counter: CounterMass) -> Equation | None:
-    text = counter.place.inertia_text()
-    return None if text is None else Equation(body, text, counter.inertia)
+def _axes(result: LinkageBalance, balance: ForceBalance) -> list[Equation]:
+    found = []
+    places = [(c, c.place.point) for c in balance.counters if c.place.point is not None]
+    for axis in "xy":
+        at: list[tuple[EquivalentLoad, Expression]] = [(load, getattr(load.at, axis)) for load in balance.loads]
+        loads = [f"{load.text} {arm.factor_text()}" for load, arm in at if not arm.is_zero]
+        arms = [(counter, getattr(result.arm(place, balance.body), axis)) for counter, place in places]
+        arms = [(counter, arm) for counter, arm in arms if not arm.is_zero]
+        if len(arms) == 1:
+            ((counter, arm),) = arms
+            total = " + ".join(loads) if len(loads) == 1 else f"({' + '.join(loads)})"
+            divisor = arm.times(-1.0).factor_text()
+            found.append(Equation(balance.body, f"{counter.symbol} = {total or '0'} / {divisor}", counter.mass))
+        elif terms := [*loads, *(f"{counter.symbol} {arm.factor_text()}" for counter, arm in arms)]:
+            found.append(Equation(balance.body, f"{axis}: {' + '.join(terms)} = 0"))
+    return found
 
 
 def _gear(gear: GearResult) -> list[Equation]:
@@ -129,7 +125,3 @@ def _shares(balance: ForceBalance, mass: str, joints: tuple[str, str]) -> list[E
         ),
         Equation(balance.body, f"{first} = {total} - {second}", balance.shares[joints[0]]),
     ]
-
-
-def _on(point: Point, axis: str) -> Expression:
-    return point.x if axis == "x" else point.y

@@ -17,7 +17,7 @@ from ..errors import DataError
 from ..results import Shown
 from ..units import parse
 from .assembly import Assembly, assemble
-from .force_balance import CounterMass, ForceBalance, force_balance, joint_point, reduction_tree
+from .force_balance import CounterMass, ForceBalance, ReducedLinkage, force_balance, reduction_tree
 from .linkage import Linkage
 from .moment_balance import GearResult, MomentBalance, moment_balance
 
@@ -29,14 +29,9 @@ NOTHING: Mapping[str, Collection[str]] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
-class LinkageBalance(Shown, figure="balance.figures.linkage:draw_linkage"):
+class LinkageBalance(Shown, ReducedLinkage, figure="balance.figures.linkage:draw_linkage"):
     """A linkage balanced by the method: force balance, and with gears moment balance."""
 
-    linkage: Linkage
-    values: Mapping[str, float]
-    """Symbols at which it was computed, SI."""
-    tree: Mapping[str, str]
-    """Reduction joint of every body."""
     force: Mapping[str, ForceBalance]
     moment: MomentBalance | None
 
@@ -98,11 +93,11 @@ def balance_linkage(
     Raises ModelError or SizingError, naming the body, where the method cannot do it.
     """
     at = linkage.values if values is None else values
-    tree = reduction_tree(linkage, at) if tree is None else tree
-    force = force_balance(linkage, tree, at)
+    reduced = reduction_tree(linkage, at) if tree is None else ReducedLinkage(linkage, at, tree)
+    force = force_balance(reduced)
     complete = bool(linkage.gears or linkage.two_point) if gears is None else gears
-    moment = moment_balance(linkage, tree, at, force, omit) if complete else None
-    return LinkageBalance(linkage, at, tree, force, moment)
+    moment = moment_balance(reduced, force, omit) if complete else None
+    return LinkageBalance(linkage, at, reduced.tree, force, moment)
 
 
 @dataclass(frozen=True)
@@ -130,12 +125,12 @@ def composite_bodies(result: LinkageBalance, stage: str) -> dict[str, list[Compo
     }
     if stage != "before":
         for body, counter in result.counters(stage):
-            origin = joint_point(linkage, result.tree[body], body).at(values)
+            origin = result.joint_point(result.tree[body], body).at(values)
             pieces[body].append(CompositeBody(counter.mass, counter.inertia, origin + counter.position))
     if stage == "complete" and result.moment:
         for gear in result.moment.gears.values():
             if gear.wheel_mass:
-                at = joint_point(linkage, gear.joint, gear.gear.body).at(values)
+                at = result.joint_point(gear.joint, gear.gear.body).at(values)
                 pieces[gear.gear.body].append(CompositeBody(gear.wheel_mass, gear.wheel_inertia, at))
     return pieces
 

@@ -18,7 +18,7 @@ import numpy as np
 from ..arrays import Floats
 from ..errors import ModelError, SizingError
 from .expressions import Point
-from .linkage import GROUND, Body, Linkage, Place, translating_bodies
+from .linkage import GROUND, Body, Linkage, Place
 
 ROUNDING = 1e-13
 """Share of its terms below which a first moment is rounding error."""
@@ -92,7 +92,59 @@ class ForceBalance:
         return (*symbols, *counters)
 
 
-def reduction_tree(linkage: Linkage, values: Mapping[str, float]) -> dict[str, str]:
+@dataclass(frozen=True)
+class ReducedLinkage:
+    """A linkage with its reduction tree: the revolute joint of every body to which its mass is reduced."""
+
+    linkage: Linkage
+    values: Mapping[str, float]
+    """Symbols at which it is computed, SI."""
+    tree: Mapping[str, str]
+    """Reduction joint of every body."""
+
+    def parents(self, body: str) -> list[tuple[str, str]]:
+        """Joints to which a body's mass is reduced, each with the body across: one, or two of a two-point body."""
+        shaped = self.linkage.two_point.get(body)
+        names = shaped.joints if shaped else (self.tree[body],)
+        return [(name, self.linkage.joints[name].other(body)) for name in names]
+
+    def depth(self, body: str, most: int | None = None) -> float:
+        """Joints between a body and the ground; infinite in a circle, where they are more than ``most``."""
+        most = len(self.tree) if most is None else most
+        if body == GROUND:
+            return 0
+        return 1 + max(self.depth(parent, most - 1) for _, parent in self.parents(body)) if most >= 0 else inf
+
+    def leaves_first(self) -> list[str]:
+        """Bodies so that every one comes before the bodies that carry it."""
+        return sorted(self.linkage.bodies, key=lambda body: -self.depth(body))
+
+    def joint_point(self, joint: str, body: str) -> Point:
+        """A joint's place in a body's frame. Raises ModelError for a place on the ground that is not given."""
+        point = self.linkage.joints[joint].end(body).point
+        if point is None:
+            raise ModelError(f"joint {joint} of {self.linkage.name}: its place on {body} is not given")
+        return point
+
+    def arm(self, point: Point, body: str) -> Point:
+        """From a body's reduction joint to a point, in the body's frame."""
+        return point.plus(self.joint_point(self.tree[body], body), -1.0)
+
+    def span(self, body: str) -> Floats:
+        """Between the joints of a two-point body, (2,) [m]. Raises ModelError where they are none of the body's."""
+        joints = self.linkage.two_point[body].joints
+        for joint in joints:
+            if not self.linkage.joints[joint].joins(body) or not self.linkage.joints[joint].revolute:
+                raise ModelError(f"two_point of {body}: joint {joint} is not a revolute joint of it")
+        arm = self.joint_point(joints[1], body).plus(self.joint_point(joints[0], body), -1.0).at(self.values)
+        if not arm.any():
+            raise ModelError(
+                f"two_point of {body}: joints {' and '.join(joints)} are in one point: give two that are apart"
+            )
+        return arm
+
+
+def reduction_tree(linkage: Linkage, values: Mapping[str, float]) -> ReducedLinkage:
     """Reduction joint of every body: as stated, or else the choice of least counter-mass.
 
     Raises ModelError, naming the body, where one has no revolute path to the ground.
@@ -100,21 +152,33 @@ def reduction_tree(linkage: Linkage, values: Mapping[str, float]) -> dict[str, s
     choices = {body: _choices(linkage, body) for body in linkage.bodies}
     _check_paths(linkage)
     if prod(len(joints) for joints in choices.values()) > MOST_TREES:
-        choices = {body: [_shortest(linkage, choices, body)] for body in linkage.bodies}
+        distance = {GROUND: 0.0}  # joints to the ground by the shortest path
+        for _ in linkage.bodies:
+            for body, joints in choices.items():
+                distance[body] = 1 + min(distance.get(linkage.joints[j].other(body), inf) for j in joints)
+        choices = {
+            body: [min(joints, key=lambda joint: distance[linkage.joints[joint].other(body)])]
+            for body, joints in choices.items()
+        }
     best, least, refusal = None, inf, None
-    for joints in product(*choices.values()):
-        tree = dict(zip(choices, joints, strict=True))
-        if not all(tree_depth(linkage, tree, body) < inf for body in tree):
+    for names in product(*choices.values()):
+        reduced = ReducedLinkage(linkage, values, dict(zip(choices, names, strict=True)))
+        if not all(reduced.depth(body) < inf for body in choices):
             continue
         try:
-            mass = sum(c.mass for balanced in force_balance(linkage, tree, values).values() for c in balanced.counters)
+            mass = sum(c.mass for balanced in force_balance(reduced).values() for c in balanced.counters)
         except SizingError as error:
             refusal = refusal or error
             continue
         if best is None or mass < least - 1e-9 * abs(least):
-            best, least = tree, mass
+            best, least = reduced, mass
     if best is None:
-        raise refusal or ModelError(_circle(linkage, choices))
+        first = ReducedLinkage(linkage, values, {body: joints[0] for body, joints in choices.items()})
+        circular = [body for body in choices if first.depth(body) == inf]
+        stated = [f"{body} at {' and '.join(joint for joint, _ in first.parents(body))}" for body in circular]
+        raise refusal or ModelError(
+            f"{linkage.name}: the reductions of {', '.join(stated)} lead in a circle, not to the ground: change one"
+        )
     return best
 
 
@@ -145,56 +209,55 @@ def _check_paths(linkage: Linkage) -> None:
             )
 
 
-def _circle(linkage: Linkage, choices: Mapping[str, list[str]]) -> str:
-    tree = {body: joints[0] for body, joints in choices.items()}
-    circular = [body for body in tree if tree_depth(linkage, tree, body) == inf]
-    stated = [f"{b} at {' and '.join(joint for joint, _ in tree_parents(linkage, tree, b))}" for b in circular]
-    return f"{linkage.name}: the reductions of {', '.join(stated)} lead in a circle, not to the ground: change one"
+def force_balance(reduced: ReducedLinkage) -> dict[str, ForceBalance]:
+    """Counter-masses of every body, leaves first. Raises SizingError, naming the body, where its places cannot."""
+    done: dict[str, ForceBalance] = {}
+    for name in reduced.leaves_first():
+        body = reduced.linkage.bodies[name]
+        loads = [
+            EquivalentLoad((part.mass,), reduced.values[part.mass], reduced.arm(part.centre, name), part.link)
+            for part in body.parts
+        ]
+        done[name] = balanced_body(reduced, body, [*loads, *received_load(reduced, done, name)], body.places)
+    return done
 
 
-def _shortest(linkage: Linkage, choices: Mapping[str, list[str]], body: str) -> str:
-    """The joint that leads to the ground over the fewest joints."""
-    distance = {GROUND: 0.0}
-    for _ in linkage.bodies:
-        for b, joints in choices.items():
-            distance[b] = 1 + min(distance.get(linkage.joints[j].other(b), inf) for j in joints)
-    return min(choices[body], key=lambda joint: distance[linkage.joints[joint].other(body)])
+def received_load(
+    reduced: ReducedLinkage, done: Mapping[str, ForceBalance], body: str, mass: str = "m"
+) -> list[EquivalentLoad]:
+    """Point masses that a body receives from those that it carries; ``mass`` begins the symbols of two-point ones."""
+    found = []
+    for child, balance in done.items():
+        for joint, parent in reduced.parents(child):
+            if parent == body and balance.shares[joint]:
+                symbols = balance.symbols if len(balance.shares) == 1 else (f"{mass}[{child} at {joint}]",)
+                at = reduced.arm(reduced.joint_point(joint, body), body)
+                found.append(EquivalentLoad(symbols, balance.shares[joint], at, child))
+    return found
 
 
-def leaves_first(linkage: Linkage, tree: Mapping[str, str]) -> list[str]:
-    """Bodies so that every one comes before the bodies that carry it."""
-    return sorted(linkage.bodies, key=lambda body: -tree_depth(linkage, tree, body))
+def balanced_body(
+    reduced: ReducedLinkage, body: Body, loads: Sequence[EquivalentLoad], places: Sequence[Place]
+) -> ForceBalance:
+    """Counter-masses against the loads of one body; one that only translates needs no place for any."""
+    joint, values = reduced.tree[body.name], reduced.values
+    at = np.array([load.at.at(values) for load in loads]).reshape(-1, 2)
+    mass = np.array([load.mass for load in loads])
+    first, terms = mass @ at, np.abs(mass) @ np.abs(at)
+    first[np.abs(first) <= ROUNDING * terms] = 0.0
+    total = float(mass.sum())
+    if body.name in reduced.linkage.two_point:
+        return _two_point_balance(reduced, body, tuple(loads), places, first, total)
+    if not places and body.name in reduced.linkage.translating:
+        return ForceBalance(body.name, joint, tuple(loads), (), {joint: total}, first)
+    counters = solve_force_balance(first, places, reduced.joint_point(joint, body.name), values, body.name)
+    total += sum(c.mass for c in counters)
+    residual = first + sum((c.mass * c.position for c in counters), np.zeros(2))
+    return ForceBalance(body.name, joint, tuple(loads), counters, {joint: total}, residual)
 
 
-def tree_parents(linkage: Linkage, tree: Mapping[str, str], body: str) -> list[tuple[str, str]]:
-    """Joints to which a body's mass is reduced, each with the body across: one, or two of a two-point body."""
-    shaped = linkage.two_point.get(body)
-    names = shaped.joints if shaped else (tree[body],)
-    return [(name, linkage.joints[name].other(body)) for name in names]
-
-
-def tree_depth(linkage: Linkage, tree: Mapping[str, str], body: str, most: int | None = None) -> float:
-    """Joints between a body and the ground; infinite in a circle, where they are more than ``most``."""
-    most = len(tree) if most is None else most
-    if body == GROUND:
-        return 0
-    if most < 0:
-        return inf
-    return 1 + max(tree_depth(linkage, tree, parent, most - 1) for _, parent in tree_parents(linkage, tree, body))
-
-
-def joint_point(linkage: Linkage, joint: str, body: str) -> Point:
-    """A joint's place in a body's frame. Raises ModelError for a place on the ground that is not given."""
-    point = linkage.joints[joint].end(body).point
-    if point is None:
-        raise ModelError(f"joint {joint} of {linkage.name}: its place on {body} is not given")
-    return point
-
-
-def two_point_balance(
-    linkage: Linkage,
-    tree: Mapping[str, str],
-    values: Mapping[str, float],
+def _two_point_balance(
+    reduced: ReducedLinkage,
     body: Body,
     loads: tuple[EquivalentLoad, ...],
     places: Sequence[Place],
@@ -205,15 +268,14 @@ def two_point_balance(
 
     ``first`` is the first moment of the loads about the reduction joint, (2,) [kg m], ``total`` their mass [kg].
     """
-    joints = linkage.two_point[body.name].joints
-    arm = span_vector(linkage, values, body.name)
+    joints = reduced.linkage.two_point[body.name].joints
+    arm = reduced.span(body.name)
     length = float(np.linalg.norm(arm))
     across = np.array([-arm[1], arm[0]]) / length
     counters: tuple[CounterMass, ...] = ()
-    origin = joint_point(linkage, tree[body.name], body.name)
     off = float(across @ first)
     if abs(off) > ROUNDING * total * length:
-        at = [(place, place.point.plus(origin, -1.0).at(values)) for place in places if place.point is not None]
+        at = [(place, reduced.arm(place.point, body.name).at(reduced.values)) for place in places if place.point]
         fit = [(-off / float(across @ x), place, x) for place, x in at if across @ x * off < 0]
         if not fit:
             raise SizingError(
@@ -222,7 +284,7 @@ def two_point_balance(
                 "counter_mass place on the other side"
             )
         mass, place, position = min(fit, key=lambda found: found[0])
-        counters = (CounterMass(place, mass, position, place.inertia(mass, values)),)
+        counters = (CounterMass(place, mass, position, place.inertia(mass, reduced.values)),)
         first, total = first + mass * position, total + mass
     share = float(first @ arm) / length**2
     if total and not 0.0 < share < total:
@@ -231,80 +293,7 @@ def two_point_balance(
             f"point masses would be {min(share, total - share):.4g} kg: choose other joints"
         )
     shares = {joints[0]: total - share, joints[1]: share}
-    return ForceBalance(body.name, tree[body.name], loads, counters, shares, np.zeros(2))
-
-
-def span_vector(linkage: Linkage, values: Mapping[str, float], body: str) -> Floats:
-    """From the first to the second of the two joints, (2,) [m]. Raises ModelError where they are none of the body's."""
-    joints = linkage.two_point[body].joints
-    for joint in joints:
-        if not linkage.joints[joint].joins(body) or not linkage.joints[joint].revolute:
-            raise ModelError(f"two_point of {body}: joint {joint} is not a revolute joint of it")
-    arm = joint_point(linkage, joints[1], body).plus(joint_point(linkage, joints[0], body), -1.0).at(values)
-    if not arm.any():
-        raise ModelError(
-            f"two_point of {body}: joints {' and '.join(joints)} are in one point: give two that are apart"
-        )
-    return arm
-
-
-def force_balance(linkage: Linkage, tree: Mapping[str, str], values: Mapping[str, float]) -> dict[str, ForceBalance]:
-    """Counter-masses of every body, leaves first. Raises SizingError, naming the body, where its places cannot."""
-    done: dict[str, ForceBalance] = {}
-    translating = translating_bodies(linkage)
-    for name in leaves_first(linkage, tree):
-        body = linkage.bodies[name]
-        origin = joint_point(linkage, tree[name], name)
-        loads = [
-            EquivalentLoad((part.mass,), values[part.mass], part.centre.plus(origin, -1.0), part.link)
-            for part in body.parts
-        ]
-        loads += received_load(linkage, tree, done, name)
-        done[name] = balanced_body(
-            linkage, tree, values, body, loads, body.places, free=name in translating and not body.places
-        )
-    return done
-
-
-def received_load(
-    linkage: Linkage, tree: Mapping[str, str], done: Mapping[str, ForceBalance], body: str, mass: str = "m"
-) -> list[EquivalentLoad]:
-    """Point masses that a body receives from those that it carries; ``mass`` begins the symbols of two-point ones."""
-    origin = joint_point(linkage, tree[body], body)
-    found = []
-    for child, balance in done.items():
-        for joint, parent in tree_parents(linkage, tree, child):
-            if parent == body and balance.shares[joint]:
-                symbols = balance.symbols if len(balance.shares) == 1 else (f"{mass}[{child} at {joint}]",)
-                at = joint_point(linkage, joint, body).plus(origin, -1.0)
-                found.append(EquivalentLoad(symbols, balance.shares[joint], at, child))
-    return found
-
-
-def balanced_body(
-    linkage: Linkage,
-    tree: Mapping[str, str],
-    values: Mapping[str, float],
-    body: Body,
-    loads: Sequence[EquivalentLoad],
-    places: Sequence[Place],
-    free: bool = False,
-) -> ForceBalance:
-    """Counter-masses against the loads of one body; ``free`` of a body that only translates and needs none."""
-    at = np.array([load.at.at(values) for load in loads]).reshape(-1, 2)
-    mass = np.array([load.mass for load in loads])
-    first = mass @ at if len(loads) else np.zeros(2)
-    first[np.abs(first) <= ROUNDING * (np.abs(mass) @ np.abs(at) if len(loads) else np.zeros(2))] = 0.0
-    total = float(mass.sum())
-    if body.name in linkage.two_point:
-        return two_point_balance(linkage, tree, values, body, tuple(loads), places, first, total)
-    if free:
-        return ForceBalance(body.name, tree[body.name], tuple(loads), (), {tree[body.name]: total}, first)
-    origin = joint_point(linkage, tree[body.name], body.name)
-    counters = solve_force_balance(first, places, origin, values, body.name)
-    total += sum(c.mass for c in counters)
-    residual = first + sum((c.mass * c.position for c in counters), np.zeros(2))
-    return ForceBalance(body.name, tree[body.name], tuple(loads), counters, {tree[body.name]: total}, residual)
+    return ForceBalance(body.name, reduced.tree[body.name], loads, counters, shares, np.zeros(2))
 
 
 def solve_force_balance(

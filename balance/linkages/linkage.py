@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
@@ -49,28 +50,24 @@ class Place:
     point: Point | None
     """In the body's frame; None for a place at a radius."""
     radius: Expression | None = None
-    bar: Expression | None = None
-    """Length of the homogeneous bar that the counter-mass is made as."""
-    gyration: Expression | None = None
-    """Its radius of gyration about its own centre; a point mass where neither is given."""
+    shape: tuple[Expression, int] | None = None
+    """Length l and divisor d of its inertia m l^2 / d: 12 of a homogeneous bar, 1 of a radius of gyration, None of a
+    point mass."""
     stated_inertia: bool = False
     """Whether its inertia is stated as a number, under the symbol ``I<name>*``, whatever the mass."""
 
     def inertia(self, mass: float, values: Mapping[str, float]) -> float:
-        """Inertia about its own centre [kg m2]: m l^2 / 12 of a bar, m k^2, or as given."""
+        """Inertia about its own centre [kg m2]: m l^2 / d, or as stated."""
         if self.stated_inertia:
             return values[f"I{self.name}*"] if mass > 0 else 0.0
-        if self.bar is not None:
-            return mass * self.bar.at(values) ** 2 / 12.0
-        return mass * self.gyration.at(values) ** 2 if self.gyration is not None else 0.0
+        return mass * self.shape[0].at(values) ** 2 / self.shape[1] if self.shape else 0.0
 
     def inertia_text(self) -> str | None:
         """How its inertia follows from its mass, in symbols; None where it does not."""
-        if self.stated_inertia or (self.bar is None and self.gyration is None):
+        if self.stated_inertia or self.shape is None:
             return None
-        length = self.bar or self.gyration
-        assert length is not None
-        return f"I{self.name}* = m{self.name}* {length.power_text()}^2{'/12' if self.bar is not None else ''}"
+        length, divisor = self.shape
+        return f"I{self.name}* = m{self.name}* {length.power_text()}^2{f'/{divisor}' if divisor > 1 else ''}"
 
 
 @dataclass(frozen=True)
@@ -242,6 +239,25 @@ class Linkage:
         """Whether the places of all joints on the ground are given, so that it can be simulated."""
         return all(end.point is not None for joint in self.joints.values() for end in joint.ends)
 
+    @cached_property
+    def rotation_groups(self) -> dict[str, str]:
+        """For every body and the ground, a name that it shares with those that always turn together with it.
+
+        They are joined by a prismatic joint, or stated to turn together, as in a parallelogram.
+        """
+        group = {name: name for name in (GROUND, *self.bodies)}
+        pairs = [(j.ends[0].body, j.ends[1].body) for j in self.joints.values() if not j.revolute]
+        for first, second in [*pairs, *self.turns_with]:
+            old, new = group[second], group[first]
+            group = {body: new if value == old else value for body, value in group.items()}
+        return group
+
+    @cached_property
+    def translating(self) -> frozenset[str]:
+        """Bodies that cannot turn."""
+        group = self.rotation_groups
+        return frozenset(body for body in self.bodies if group[body] == group[GROUND])
+
     def body(self, name: str) -> Body:
         """A moving body by the name of one of its links. Raises ModelError, listing the bodies, if there is none."""
         for body in self.bodies.values():
@@ -258,22 +274,3 @@ class Linkage:
     def joints_of(self, body: str, revolute: bool = True) -> list[Joint]:
         """Revolute or prismatic joints of a body."""
         return [joint for joint in self.joints.values() if joint.revolute is revolute and joint.joins(body)]
-
-
-def rotation_groups(linkage: Linkage) -> dict[str, str]:
-    """For every body and the ground, a name that it shares with those that always turn together with it.
-
-    They are joined by a prismatic joint, or stated to turn together, as in a parallelogram.
-    """
-    group = {name: name for name in (GROUND, *linkage.bodies)}
-    pairs = [(j.ends[0].body, j.ends[1].body) for j in linkage.joints.values() if not j.revolute]
-    for first, second in [*pairs, *linkage.turns_with]:
-        old, new = group[second], group[first]
-        group = {body: new if value == old else value for body, value in group.items()}
-    return group
-
-
-def translating_bodies(linkage: Linkage) -> set[str]:
-    """Bodies that cannot turn."""
-    group = rotation_groups(linkage)
-    return {body for body in linkage.bodies if group[body] == group[GROUND]}

@@ -395,7 +395,15 @@ class _Builder:
             for_gears[body] = for_gears[body] or [
                 replace(place, name=f"{place.name}z", stated_inertia=False) for place in own[body]
             ]
-        _check_distinct({body: [*own[body], *for_gears[body]] for body in parts})
+        seen: dict[str, str] = {}
+        for body in parts:
+            for place in (*own[body], *for_gears[body]):
+                if place.name in seen:  # only one of them would be among the results
+                    raise DataError(
+                        f"counter-masses on {seen[place.name]} and {body} are both named {place.name!r}: give one of "
+                        "them another name = '...'"
+                    )
+                seen[place.name] = body
         return {body: Body(body, tuple(parts[body]), tuple(own[body]), tuple(for_gears[body])) for body in parts}
 
     def _places(self, link: str, tables: tuple[PlaceTable, ...], mark: str) -> list[Place]:
@@ -406,8 +414,10 @@ class _Builder:
             at = self.where[link].of(Point(*table.at)) if table.at else None
             if table.inertia is not None:
                 self.symbols[f"I{called}*"] = table.inertia
-            known = table.inertia is not None
-            places.append(Place(called, at, table.radius, table.bar, table.radius_of_gyration, known))
+            shape = (
+                (table.bar, 12) if table.bar else (table.radius_of_gyration, 1) if table.radius_of_gyration else None
+            )
+            places.append(Place(called, at, table.radius, shape, table.inertia is not None))
         return places
 
     def _joint(self, name: str, table: RevoluteTable | PrismaticTable) -> Joint:
@@ -442,16 +452,3 @@ class _Builder:
             name, body, table.joint, table.teeth, table.disc or table.wheel, pivot, carrier, counter.mass,
             counter.radius_of_gyration,
         )  # fmt: skip
-
-
-def _check_distinct(places: Mapping[str, list[Place]]) -> None:
-    """Raise DataError for two counter-masses of one name: only one of them would be among the results."""
-    seen: dict[str, str] = {}
-    for body, on_body in places.items():
-        for place in on_body:
-            if place.name in seen:
-                raise DataError(
-                    f"counter-masses on {seen[place.name]} and {body} are both named {place.name!r}: give one of them "
-                    "another name = '...'"
-                )
-            seen[place.name] = body

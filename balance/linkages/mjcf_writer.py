@@ -22,8 +22,8 @@ from ..errors import ModelError
 from ..mechanism.mechanism import Mechanism
 from .assembly import rotated
 from .equivalence_method import CompositeBody, LinkageBalance, composite_bodies, merged_body
-from .expressions import ORIGIN
-from .linkage import GROUND, End, Joint, translating_bodies
+from .expressions import ORIGIN, Point
+from .linkage import GROUND, End, Joint
 from .moment_balance import GearResult
 
 Z_AXIS = np.array([0.0, 0.0, 1.0])
@@ -45,14 +45,25 @@ class Skeleton:
     """Joint towards the base, by body."""
     loops: tuple[Joint, ...]
 
-    def path(self, body: str) -> list[tuple[str, Joint]]:
-        """Bodies and their joints from ``body`` down to the ground."""
-        path = []
+    def origin(self, body: str) -> Point:
+        """Origin of a body's frame in the model, in its described frame: its joint towards the base."""
+        return ORIGIN if body == GROUND else joint_place(self.parent[body], body)
+
+    def turning(self, body: str) -> list[str]:
+        """Revolute joints from a body to the ground: the sum of their coordinates is its angle."""
+        names = []
         while body != GROUND:
             joint = self.parent[body]
-            path.append((body, joint))
+            names += [joint.name] if joint.revolute else []
             body = joint.other(body)
-        return path
+        return names
+
+
+def joint_place(joint: Joint, body: str) -> Point:
+    """Place of a joint, which is given, in a body's described frame."""
+    point = joint.end(body).point
+    assert point is not None
+    return point
 
 
 def skeleton(result: LinkageBalance, together: bool = True) -> Skeleton:
@@ -84,11 +95,6 @@ def skeleton(result: LinkageBalance, together: bool = True) -> Skeleton:
             raise ModelError(f"{linkage.name}: prismatic joint {joint.name} closes a loop of slides: not supported")
     if loose := [body for body in linkage.bodies if group[body] != group[GROUND]]:
         raise ModelError(f"{linkage.name}: body {loose[0]} is not connected to the ground")
-    return Skeleton(_rooted(edges), tuple(loops))
-
-
-def _rooted(edges: list[Joint]) -> dict[str, Joint]:
-    """Joints towards the ground by body."""
     parents: dict[str, Joint] = {}
     reached = {GROUND}
     while len(parents) < len(edges):
@@ -98,48 +104,30 @@ def _rooted(edges: list[Joint]) -> dict[str, Joint]:
                 body = second if first in reached else first
                 parents[body] = joint
                 reached.add(body)
-    return parents
+    return Skeleton(parents, tuple(loops))
 
 
-@dataclass(frozen=True)
-class Couplings:
-    """Rates of the counter-gears' joints per rate of the linkage's."""
-
-    rates: Mapping[str, Mapping[str, float]]
-    """By counter-gear joint: factors by joint of the linkage."""
-
-    @classmethod
-    def of(cls, result: LinkageBalance) -> "Couplings":
-        """The couplings of all gears of a balanced linkage."""
-        tree, rates = skeleton(result), {}
-        for name, gear in (result.moment.gears if result.moment else {}).items():
-            relative = dict(_turns(tree, gear.gear.body))
-            for joint, factor in _turns(tree, gear.carrier).items():
-                relative[joint] = relative.get(joint, 0.0) - factor
-            rates[f"{name}*"] = {joint: -gear.gear.ratio * factor for joint, factor in relative.items() if factor}
-        return cls(rates)
-
-    def extend(self, trajectory: Trajectory, linkage: Mechanism, geared: Mechanism) -> Trajectory:
-        """A trajectory of the linkage as one of the same linkage with its counter-gears."""
-        matrix = np.zeros((len(geared.coordinates), len(linkage.coordinates)))
-        for row, name in enumerate(geared.coordinates):
-            for joint, factor in self.rates.get(name, {name: 1.0}).items():
-                matrix[row, linkage.coordinate_index(joint)] = factor
-        return replace(
-            trajectory,
-            mechanism=geared.name,
-            q=np.ascontiguousarray(trajectory.q @ matrix.T),
-            v=np.ascontiguousarray(trajectory.v @ matrix.T),
-            a=np.ascontiguousarray(trajectory.a @ matrix.T),
-            per_drive=np.einsum("ij,njk->nik", matrix, trajectory.per_drive),
-        )
+def coupling_rates(result: LinkageBalance) -> dict[str, dict[str, float]]:
+    """Rates of the counter-gears' joints per rate of the linkage's joints, by name [-, 1/m]."""
+    tree, rates = skeleton(result), {}
+    for name, gear in (result.moment.gears if result.moment else {}).items():
+        relative = dict.fromkeys(tree.turning(gear.gear.body), 1.0)
+        for joint in tree.turning(gear.carrier):
+            relative[joint] = relative.get(joint, 0.0) - 1.0
+        rates[f"{name}*"] = {joint: -gear.gear.ratio * factor for joint, factor in relative.items() if factor}
+    return rates
 
 
-def _turns(tree: Skeleton, body: str) -> dict[str, float]:
-    """Revolute coordinates whose sum is the angle of a body."""
-    if body == GROUND:
-        return {}
-    return {joint.name: 1.0 for _, joint in tree.path(body) if joint.revolute}
+def geared_trajectory(result: LinkageBalance, path: Trajectory, linkage: Mechanism, geared: Mechanism) -> Trajectory:
+    """A trajectory of the ``linkage`` as one of the same linkage with its counter-gears."""
+    rates = coupling_rates(result)
+    matrix = np.zeros((len(geared.coordinates), len(linkage.coordinates)))
+    for row, name in enumerate(geared.coordinates):
+        for joint, factor in rates.get(name, {name: 1.0}).items():
+            matrix[row, linkage.coordinate_index(joint)] = factor
+    q, v, a = (np.ascontiguousarray(each @ matrix.T) for each in (path.q, path.v, path.a))
+    per_drive = np.einsum("ij,njk->nik", matrix, path.per_drive)
+    return replace(path, mechanism=geared.name, q=q, v=v, a=a, per_drive=per_drive)
 
 
 def linkage_mjcf(result: LinkageBalance, stage: str, couplings: bool = False, together: bool = True) -> str:
@@ -171,7 +159,7 @@ class _Writer:
     """Writes bodies depth first, and with each joint its position in the start configuration."""
 
     def __init__(self, result: LinkageBalance, stage: str, tree: Skeleton) -> None:
-        self.linkage, self.result, self.tree, self.start = result.linkage, result, tree, result.start
+        self.result, self.tree, self.start = result, tree, result.start
         self.pieces = composite_bodies(result, stage)
         self.gears = list(result.moment.gears.values()) if stage == "complete" and result.moment else []
         self.positions: list[float] = []
@@ -180,8 +168,7 @@ class _Writer:
         """Bodies whose tree joint is on ``parent``, its sites, and the counter-gears that it carries."""
         for joint in self.tree.loops:
             if joint.joins(parent):
-                at = self._own(parent, joint)
-                SubElement(element, "site", name=f"{joint.name}.{parent}", pos=_text(*at, 0.0))
+                SubElement(element, "site", name=f"{joint.name}.{parent}", pos=self._pos(joint, parent))
         for body, joint in self.tree.parent.items():
             if joint.other(body) == parent:
                 self._body(element, parent, body, joint)
@@ -196,7 +183,7 @@ class _Writer:
         """
         tendons = None
         start = {joint.name: self._position(body, joint) for body, joint in self.tree.parent.items()}
-        for gear, rates in Couplings.of(self.result).rates.items():
+        for gear, rates in coupling_rates(self.result).items():
             offset = -sum(rate * start[joint] for joint, rate in rates.items())
             if len(rates) == 1:
                 ((joint, rate),) = rates.items()
@@ -220,21 +207,20 @@ class _Writer:
         else:
             along = joint.end(parent).along - joint.end(name).along
             turn = along + np.pi * float(np.rint((angle - along) / np.pi))
-        body = SubElement(element, "body", name=name, pos=_text(*self._own(parent, joint), 0.0))
+        body = SubElement(element, "body", name=name, pos=self._pos(joint, parent))
         if turn:
             body.set("quat", _text(np.cos(turn / 2), 0.0, 0.0, np.sin(turn / 2)))
         for label, axis in _axes(joint, name):
             kind = "hinge" if joint.revolute else "slide"
             SubElement(body, "joint", name=label, type=kind, axis=_text(*axis))
             self.positions.append(self._position(name, joint, axis))
-        least = TRANSLATING_GYRATION if name in translating_bodies(self.linkage) else POINT_GYRATION
-        self._inertial(body, merged_body(self.pieces[name]), self._origin(name), least)
+        least = TRANSLATING_GYRATION if name in self.result.linkage.translating else POINT_GYRATION
+        self._inertial(body, merged_body(self.pieces[name]), self._at(self.tree.origin(name)), least)
         self.children(body, name)
 
     def _counter_gear(self, element: Element, gear: GearResult) -> None:
         """A disc that turns about its pivot on its carrier."""
-        pivot, _ = gear.centres(self.linkage, self.result.tree, self.result.values)
-        at = pivot - self._origin(gear.carrier)
+        at = gear.centres(self.result)[0] - self._at(self.tree.origin(gear.carrier))
         body = SubElement(element, "body", name=f"{gear.gear.name}*", pos=_text(*at, 0.0))
         SubElement(body, "joint", name=f"{gear.gear.name}*", type="hinge", axis="0 0 1")
         self.positions.append(0.0)
@@ -249,27 +235,19 @@ class _Writer:
             element, "inertial", pos=_text(*(body.at - origin), 0.0), mass=_text(body.mass), diaginertia=diagonal
         )
 
-    def _origin(self, body: str) -> Floats:
-        """Origin of a body's model frame in its described frame, (2,) [m]."""
-        if body == GROUND:
-            return np.zeros(2)
-        return self._described(body, self.tree.parent[body])
+    def _at(self, place: Point) -> Floats:
+        return place.at(self.result.values)
 
-    def _own(self, body: str, joint: Joint) -> Floats:
-        """A joint's place in a body's model frame, (2,) [m]."""
-        return self._described(body, joint) - self._origin(body)
-
-    def _described(self, body: str, joint: Joint) -> Floats:
-        point = joint.end(body).point
-        assert point is not None
-        return point.at(self.result.values)
+    def _pos(self, joint: Joint, body: str) -> str:
+        """A joint's place in a body's frame in the model."""
+        return _text(*(self._at(joint_place(joint, body)) - self._at(self.tree.origin(body))), 0.0)
 
     def _position(self, body: str, joint: Joint, axis: Floats = Z_AXIS) -> float:
         """Joint coordinate in the start configuration [rad, m]; ``axis`` in the body's frame."""
         parent = joint.other(body)
         if joint.revolute:
             return self.start.angle[body] - self.start.angle[parent]
-        places = (self.start.point(name, self._described(name, joint)) for name in (body, parent))
+        places = (self.start.point(name, self._at(joint_place(joint, name))) for name in (body, parent))
         gap = next(places) - next(places)
         return float(rotated(-self.start.angle[body], gap) @ axis[:2])
 

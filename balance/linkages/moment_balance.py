@@ -7,7 +7,7 @@ with it. A real gear as a disc has the pitch diameter 2 a Z / (Z + Z*), a the di
 """
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from graphlib import CycleError, TopologicalSorter
 from typing import Annotated
@@ -19,79 +19,14 @@ from ..errors import ModelError, SizingError
 from ..results import INLINE, NO_VALUE, Key
 from .expressions import Point
 from .force_balance import (
-    CounterMass,
     EquivalentLoad,
     ForceBalance,
+    ReducedLinkage,
     balanced_body,
     check_point_mass,
-    joint_point,
     received_load,
-    span_vector,
-    tree_parents,
 )
-from .linkage import GROUND, Gear, Linkage, Wheel, rotation_groups, translating_bodies
-
-
-@dataclass(frozen=True)
-class Gearing:
-    """Gears by body."""
-
-    own: Mapping[str, Gear]
-    """The gear of every body that has one."""
-    joint: Mapping[str, str]
-    """The joint that every gear sits at."""
-    carrier: Mapping[str, str]
-    """The body that carries every gear pair, or the ground."""
-    passes_to: Mapping[str, str]
-    """Bodies without a gear of their own, and the one that turns with them to which their inertia is added."""
-
-
-def gearing(linkage: Linkage, tree: Mapping[str, str]) -> Gearing:
-    """Assign gears. Raises ModelError, naming the body, where one that turns has none, or two."""
-    translating = translating_bodies(linkage)
-    for body in linkage.bodies.values():
-        for part in body.parts:
-            if not part.turns and body.name not in translating:
-                raise ModelError(f"link {part.link} of {linkage.name} turns: give its inertia")
-    own: dict[str, Gear] = {}
-    joint: dict[str, str] = {}
-    for gear in linkage.gears.values():
-        if gear.body in own:
-            raise ModelError(
-                f"gears {own[gear.body].name} and {gear.name} are both on body {gear.body}: keep one of them"
-            )
-        if gear.body in linkage.two_point:
-            raise ModelError(f"gear {gear.name}: body {gear.body} is two point masses and needs no gear: remove it")
-        own[gear.body] = gear
-        at = linkage.joint(gear.joint or tree[gear.body])
-        if not at.joins(gear.body) or not at.revolute:
-            raise ModelError(f"gear {gear.name}: joint {at.name} is not a revolute joint of body {gear.body}")
-        joint[gear.name] = at.name
-    carrier = {name: linkage.joints[joint[name]].other(gear.body) for name, gear in linkage.gears.items()}
-    for gear in linkage.gears.values():
-        on = carrier[gear.name]
-        if gear.pivot_on not in (None, on):
-            raise ModelError(
-                f"gear {gear.name}: its counter-gear is stated to be pivoted on {gear.pivot_on}, but the pair is "
-                f"carried by {on}: give its place on {on}, or another joint for the gear"
-            )
-    return Gearing(own, joint, carrier, _passes_to(linkage, own, carrier))
-
-
-def _passes_to(linkage: Linkage, own: Mapping[str, Gear], carrier: Mapping[str, str]) -> dict[str, str]:
-    """Prismatic transport: to the body that turns with it and has a gear, best one pivoted on the ground."""
-    group, translating, passes_to = rotation_groups(linkage), translating_bodies(linkage), {}
-    for body in linkage.bodies:
-        if body in own or body in translating or body in linkage.two_point:
-            continue
-        partners = [other for other in own if group[other] == group[body]]
-        if not partners:
-            raise ModelError(
-                f"{linkage.name}: body {body} turns and has no gear, nor has one that always turns with it; add for "
-                f'example [gears.z{body}] with body = "{body}"'
-            )
-        passes_to[body] = min(partners, key=lambda other: carrier[own[other].name] != GROUND)
-    return passes_to
+from .linkage import GROUND, Gear, TwoPoint, Wheel
 
 
 @dataclass(frozen=True)
@@ -139,14 +74,17 @@ class GearResult:
     counter_mass: Annotated[float | None, Key("counter_gear_mass_kg", "m_z* [kg]", ".4f")]
     """Of the counter-gear [kg]; None where it is not given and its pivot is fixed."""
 
-    def centres(self, linkage: Linkage, tree: Mapping[str, str], values: Mapping[str, float]) -> tuple[Floats, Floats]:
+    def centres(self, reduced: ReducedLinkage) -> tuple[Floats, Floats]:
         """Pivot of the counter-gear and axis of the gear on the body, in the carrier's frame, (2,) each [m].
 
         The pivot is by default the carrier's own reduction joint; of a fixed pair, whose place has no effect, its axis.
         """
-        own = self.joint if self.carrier == GROUND else tree[self.carrier]
-        pivot = self.gear.pivot if self.gear.pivot is not None else joint_point(linkage, own, self.carrier)
-        return pivot.at(values), joint_point(linkage, self.joint, self.carrier).at(values)
+        own = self.joint if self.carrier == GROUND else reduced.tree[self.carrier]
+        places = (
+            self.gear.pivot or reduced.joint_point(own, self.carrier),
+            reduced.joint_point(self.joint, self.carrier),
+        )
+        return places[0].at(reduced.values), places[1].at(reduced.values)
 
 
 @dataclass(frozen=True)
@@ -160,48 +98,89 @@ class MomentBalance:
 
 
 def moment_balance(
-    linkage: Linkage,
-    tree: Mapping[str, str],
-    values: Mapping[str, float],
-    force: Mapping[str, ForceBalance],
-    omit: Mapping[str, Collection[str]],
+    reduced: ReducedLinkage, force: Mapping[str, ForceBalance], omit: Mapping[str, Collection[str]]
 ) -> MomentBalance:
     """Size the gears; ``omit`` names terms that a source omits from a body's inertia.
 
     Raises ModelError or SizingError, naming the body, where the method cannot balance it.
     """
-    step = _Step(linkage, tree, values, force, omit, gearing(linkage, tree))
+    step = _Step(reduced, force, omit)
     for body in step.order():
         step.visit(body)
     return MomentBalance(step.bodies, step.gears, step.reshaped)
 
 
-@dataclass
 class _Step:
     """Visits bodies one by one, each after all that it depends on."""
 
-    linkage: Linkage
-    tree: Mapping[str, str]
-    values: Mapping[str, float]
-    force: Mapping[str, ForceBalance]
-    omit: Mapping[str, Collection[str]]
-    pairs: Gearing
-    bodies: dict[str, BodyMoment] = field(default_factory=dict)
-    gears: dict[str, GearResult] = field(default_factory=dict)
-    reshaped: dict[str, float] = field(default_factory=dict)
+    def __init__(
+        self, reduced: ReducedLinkage, force: Mapping[str, ForceBalance], omit: Mapping[str, Collection[str]]
+    ) -> None:
+        self.reduced, self.linkage, self.values = reduced, reduced.linkage, reduced.values
+        self.force, self.omit = force, omit
+        for body in self.linkage.bodies.values():
+            for part in body.parts:
+                if not part.turns and body.name not in self.linkage.translating:
+                    raise ModelError(f"link {part.link} of {self.linkage.name} turns: give its inertia")
+        self.own: dict[str, Gear] = {}
+        """The gear of every body that has one."""
+        self.joint: dict[str, str] = {}
+        """The joint that every gear sits at."""
+        self.carrier: dict[str, str] = {}
+        """The body that carries every gear pair, or the ground."""
+        self._assign_gears()
+        self.passes_to: dict[str, str] = {}
+        """Bodies without a gear of their own, and the one that turns with them to which their inertia is added."""
+        self._pass_on()
+        self.bodies: dict[str, BodyMoment] = {}
+        self.gears: dict[str, GearResult] = {}
+        self.reshaped: dict[str, float] = {}
 
-    def __post_init__(self) -> None:
-        self.translating = translating_bodies(self.linkage)
+    def _assign_gears(self) -> None:
+        """Raises ModelError for a gear at a joint, on a body or pivoted on a carrier that cannot have it."""
+        linkage = self.linkage
+        for gear in linkage.gears.values():
+            if gear.body in self.own:
+                first = self.own[gear.body].name
+                raise ModelError(f"gears {first} and {gear.name} are both on body {gear.body}: keep one of them")
+            if gear.body in linkage.two_point:
+                raise ModelError(f"gear {gear.name}: body {gear.body} is two point masses and needs no gear: remove it")
+            at = linkage.joint(gear.joint or self.reduced.tree[gear.body])
+            if not at.joins(gear.body) or not at.revolute:
+                raise ModelError(f"gear {gear.name}: joint {at.name} is not a revolute joint of body {gear.body}")
+            self.own[gear.body], self.joint[gear.name] = gear, at.name
+            self.carrier[gear.name] = at.other(gear.body)
+        for gear in linkage.gears.values():
+            on = self.carrier[gear.name]
+            if gear.pivot_on not in (None, on):
+                raise ModelError(
+                    f"gear {gear.name}: its counter-gear is stated to be pivoted on {gear.pivot_on}, but the pair is "
+                    f"carried by {on}: give its place on {on}, or another joint for the gear"
+                )
+
+    def _pass_on(self) -> None:
+        """Prismatic transport: to the body that turns with it and has a gear, best one pivoted on the ground."""
+        linkage, group = self.linkage, self.linkage.rotation_groups
+        for body in linkage.bodies:
+            if body in self.own or body in linkage.translating or body in linkage.two_point:
+                continue
+            partners = [other for other in self.own if group[other] == group[body]]
+            if not partners:
+                raise ModelError(
+                    f"{linkage.name}: body {body} turns and has no gear, nor has one that always turns with it; add "
+                    f'for example [gears.z{body}] with body = "{body}"'
+                )
+            self.passes_to[body] = min(partners, key=lambda other: self.carrier[self.own[other].name] != GROUND)
 
     def order(self) -> Iterable[str]:
         """Bodies after those that they carry, whose gears they carry, or whose inertia passes to them."""
         before: dict[str, list[str]] = {body: [] for body in self.linkage.bodies}
         for body in self.linkage.bodies:
-            for _, parent in tree_parents(self.linkage, self.tree, body):
+            for _, parent in self.reduced.parents(body):
                 before.get(parent, []).append(body)
         for gear in self.linkage.gears.values():
-            before.get(self.pairs.carrier[gear.name], []).append(gear.body)
-        for body, target in self.pairs.passes_to.items():
+            before.get(self.carrier[gear.name], []).append(gear.body)
+        for body, target in self.passes_to.items():
             before[target].append(body)
         try:
             return list(TopologicalSorter(before).static_order())
@@ -212,45 +191,44 @@ class _Step:
             ) from error
 
     def visit(self, body: str) -> None:
-        """Balance the gear masses on a body, sum its inertia, size its gear."""
-        extra = self._extra(body)
-        if body not in self.translating:
-            terms = [term for term in self._terms(body, extra) if term.text not in self.omit.get(body, ())]
-        else:
+        """Balance the gear masses on a body, sum its inertia, size its gear: I_z = (Z*/Z) I, and what it weighs."""
+        extra = balanced_body(
+            self.reduced, self.linkage.bodies[body], self._gear_loads(body), self.linkage.bodies[body].gear_places
+        )
+        if body in self.linkage.translating:
             check_point_mass(self.linkage, self.force[body], extra)
-            terms = []
+            self.bodies[body] = BodyMoment(body, extra, ())
+            return
+        terms = [term for term in self._terms(body, extra) if term.text not in self.omit.get(body, ())]
         self.bodies[body] = BodyMoment(body, extra, tuple(terms))
         if shaped := self.linkage.two_point.get(body):
-            self.reshaped[shaped.reshaped] = self._reshaped(body, shaped.reshaped, shaped.joints)
-        elif body not in self.translating and body not in self.pairs.passes_to:
-            self._size(self.pairs.own[body])
+            self.reshaped[shaped.reshaped] = self._reshaped(body, shaped)
+        elif body not in self.passes_to:
+            gear = self.own[body]
+            inertia, gyration = self.bodies[body].inertia / gear.ratio, gear.counter_gyration
+            weight = gear.counter_mass if gyration is None else inertia / gyration**2
+            self.gears[gear.name] = GearResult(
+                gear, self.joint[gear.name], self.carrier[gear.name], inertia, *self._wheel(gear), weight
+            )
 
-    def _extra(self, body: str) -> ForceBalance:
-        linkage, tree, values = self.linkage, self.tree, self.values
+    def _gear_loads(self, body: str) -> list[EquivalentLoad]:
+        """Masses of gears on a body, its own and received."""
         extras = {name: done.extra for name, done in self.bodies.items()}
-        loads = [load for load in received_load(linkage, tree, extras, body, "m_z") if load.mass]
-        origin = joint_point(linkage, tree[body], body)
+        loads = [load for load in received_load(self.reduced, extras, body, "m_z") if load.mass]
         for done in self.gears.values():
             if done.carrier == body:
-                at = joint_point(linkage, done.joint, body).plus(origin, -1.0)
-                loads += self._load(done.gear.name, done.wheel_mass, at)
-                pivot = done.gear.pivot.plus(origin, -1.0) if done.gear.pivot is not None else Point()
-                loads += self._load(f"{done.gear.name}*", self._carried(done, pivot), pivot)
-        places = linkage.bodies[body].gear_places
-        return balanced_body(
-            linkage, tree, values, linkage.bodies[body], loads, places, body in self.translating and not places
-        )
-
-    @staticmethod
-    def _load(gear: str, mass: float, at: Point) -> list[EquivalentLoad]:
-        return [EquivalentLoad((f"m_{gear}",), mass, at, gear)] if mass else []
+                name = done.gear.name
+                at = self.reduced.arm(self.reduced.joint_point(done.joint, body), body)
+                pivot = self.reduced.arm(done.gear.pivot, body) if done.gear.pivot is not None else Point()
+                pair = ((name, done.wheel_mass, at), (f"{name}*", self._carried(done, pivot), pivot))
+                loads += [EquivalentLoad((f"m_{gear}",), mass, place, gear) for gear, mass, place in pair if mass]
+        return loads
 
     def _carried(self, done: GearResult, pivot: Point) -> float:
         """Mass of a counter-gear that rides on a carrier. Raises ModelError where it moves and is not given."""
         if done.counter_mass is not None:
             return done.counter_mass
-        rides = GROUND not in (parent for _, parent in tree_parents(self.linkage, self.tree, done.carrier))
-        if rides or not pivot.is_zero:
+        if GROUND not in (parent for _, parent in self.reduced.parents(done.carrier)) or not pivot.is_zero:
             raise ModelError(
                 f"gear {done.gear.name}: its counter-gear rides on {done.carrier}, whose pivot moves: give "
                 "counter = { mass = '...' } or { radius_of_gyration = '...' }"
@@ -259,52 +237,35 @@ class _Step:
 
     def _terms(self, body: str, extra: ForceBalance) -> list[Term]:
         """I = sum(I_cg + m r^2) + received m r^2 + counter-masses' I* + m* p^2 + gears."""
-        balance, terms = self.force[body], []
-        for part in self.linkage.bodies[body].parts:
-            terms.append(Term(part.inertia, self.values.get(part.inertia, 0.0)))
+        balance, parts = self.force[body], self.linkage.bodies[body].parts
+        terms = [Term(part.inertia, self.values.get(part.inertia, 0.0)) for part in parts]
         for load in (*balance.loads, *extra.loads):
             if not load.at.is_zero:
                 r2 = float(load.at.at(self.values) @ load.at.at(self.values))
                 terms.append(Term(f"{load.text} {load.at.squared_text()}", load.mass * r2))
         for counter in (*balance.counters, *extra.counters):
-            terms += self._counter_terms(counter, body)
-        for source, target in self.pairs.passes_to.items():
-            if target == body:
-                terms.append(Term(f"I[{source}]", self.bodies[source].inertia))
+            place, squared = counter.place, float(counter.position @ counter.position)
+            if counter.inertia:
+                terms.append(Term(f"I{place.name}*", counter.inertia))
+            if place.point is not None:
+                text = self.reduced.arm(place.point, body).squared_text()
+            else:
+                assert place.radius is not None
+                text = f"{place.radius.power_text()}^2"
+            terms.append(Term(f"{counter.symbol} {text}", counter.mass * squared))
+        terms += [Term(f"I[{one}]", self.bodies[one].inertia) for one, to in self.passes_to.items() if to == body]
         for done in self.gears.values():
             if done.carrier == body:
                 terms.append(Term(f"I_{done.gear.name}", done.inertia))
                 terms.append(Term(f"I_{done.gear.name} Z/Z*", done.inertia * done.gear.ratio))
-        own = self.pairs.own.get(body)
+        own = self.own.get(body)
         if own is not None and own.wheel is not None:
             terms.append(Term(f"I_m_{own.name}", self._wheel(own)[1]))
         return terms
 
-    def _counter_terms(self, counter: CounterMass, body: str) -> list[Term]:
-        """Its own inertia, and its mass at its place."""
-        squared = float(counter.position @ counter.position)
-        place = counter.place
-        if place.point is not None:
-            text = place.point.plus(joint_point(self.linkage, self.tree[body], body), -1.0).squared_text()
-        else:
-            assert place.radius is not None
-            text = f"{place.radius.power_text()}^2"
-        own = [Term(f"I{place.name}*", counter.inertia)] if counter.inertia else []
-        return [*own, Term(f"{counter.symbol} {text}", counter.mass * squared)]
-
-    def _size(self, gear: Gear) -> None:
-        """I_z = (Z*/Z) I, and what it weighs."""
-        inertia = self.bodies[gear.body].inertia / gear.ratio
-        mass, own = self._wheel(gear)
-        weight = gear.counter_mass
-        if gear.counter_gyration is not None:
-            weight = inertia / gear.counter_gyration**2
-        joint, carrier = self.pairs.joint[gear.name], self.pairs.carrier[gear.name]
-        self.gears[gear.name] = GearResult(gear, joint, carrier, inertia, mass, own, weight)
-
     def _wheel(self, gear: Gear) -> tuple[float, float]:
         """Mass [kg] and inertia [kg m2] of the gear on the body: m d^2 / 8 of a disc; zero where nothing is given."""
-        wheel, joint, carrier = gear.wheel, self.pairs.joint[gear.name], self.pairs.carrier[gear.name]
+        wheel, carrier = gear.wheel, self.carrier[gear.name]
         if wheel is None:
             return 0.0, 0.0
         if isinstance(wheel, Wheel):
@@ -314,20 +275,20 @@ class _Step:
                 f"gear {gear.name}: a disc on the ground needs the pivot of its counter-gear: "
                 "counter = { on = 'ground', at = [...] }"
             )
-        pivot = gear.pivot if gear.pivot is not None else joint_point(self.linkage, self.tree[carrier], carrier)
-        distance = float(np.linalg.norm(pivot.plus(joint_point(self.linkage, joint, carrier), -1.0).at(self.values)))
+        pivot = gear.pivot or self.reduced.joint_point(self.reduced.tree[carrier], carrier)
+        axis = self.reduced.joint_point(self.joint[gear.name], carrier)
+        distance = float(np.linalg.norm(pivot.plus(axis, -1.0).at(self.values)))
         if not distance > 0:
             raise ModelError(f"gear {gear.name}: both gears would be on one axis: give its counter-gear another pivot")
         diameter = 2.0 * distance * gear.teeth[0] / sum(gear.teeth)
         mass = wheel.mass * (diameter / wheel.diameter) ** 2
         return mass, mass * diameter**2 / 8.0
 
-    def _reshaped(self, body: str, link: str, joints: tuple[str, str]) -> float:
+    def _reshaped(self, body: str, shaped: TwoPoint) -> float:
         """Own inertia of the link that makes the body's I about A equal to m_B L^2."""
-        arm = span_vector(self.linkage, self.values, body)
-        share = self.force[body].shares[joints[1]] + self.bodies[body].extra.shares[joints[1]]
-        others = self.bodies[body].inertia - self.values.get(f"I{link}", 0.0)
-        inertia = share * float(arm @ arm) - others
+        arm, link, at = self.reduced.span(body), shaped.reshaped, shaped.joints[1]
+        share = self.force[body].shares[at] + self.bodies[body].extra.shares[at]
+        inertia = share * float(arm @ arm) - (self.bodies[body].inertia - self.values.get(f"I{link}", 0.0))
         if not inertia > 0:
             raise SizingError(
                 f"two_point of {body}: link {link} would need an inertia of {inertia:.4g} kg m2: its other parts alone "

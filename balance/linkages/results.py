@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .bearing_forces import BearingForces
-from .equations import Equation, linkage_equations
+from .equations import linkage_equations
 from .equivalence_method import Built, LinkageBalance
 from .linkage import GROUND
 from .published_values import Comparison
@@ -44,7 +43,7 @@ def linkage_document(
         "reshaped_inertia_kgm2": dict(result.moment.reshaped) if result.moment else {},
         "built": {name: text if isinstance(text, str) else list(text) for name, text in built.items()},
         "findings": [*findings],
-        "equations": [_equation(equation) for equation in linkage_equations(result)],
+        "equations": linkage_equations(result),
         "simulated": None
         if check is None
         else {
@@ -91,14 +90,6 @@ def linkage_findings(result: LinkageBalance) -> list[str]:
     return found
 
 
-def _equation(equation: Equation) -> dict[str, Any]:
-    """Its text, and the value of its left-hand side: masses in kg, inertias in kg m2, none of a condition."""
-    found: dict[str, Any] = {"body": equation.body, "equation": equation.text}
-    if equation.value is not None:
-        found["value_kg" if equation.text.startswith("m") else "value_kgm2"] = equation.value
-    return found
-
-
 def _counter_masses(result: LinkageBalance) -> list[dict[str, Any]]:
     count = len(result.counters("force"))
     return [
@@ -117,7 +108,11 @@ def _counter_masses(result: LinkageBalance) -> list[dict[str, Any]]:
 def _run(run: SimulatedLinkage) -> dict[str, Any]:
     return {
         "bearing_forces": {  # None where it is statically indeterminate
-            stage: None if forces is None else _bearings(forces) for stage, forces in run.bearings.items()
+            stage: None
+            if forces is None
+            else {f"largest_{name}_N": peaks for name, peaks in forces.peaks().items()}
+            | {"undetermined_gears": list(forces.undetermined)}
+            for stage, forces in run.bearings.items()
         },
         "rms": {stage: run.rms(stage) for stage in run.responses},
         "share_of_before": {  # None where it was zero before and is not now
@@ -126,10 +121,4 @@ def _run(run: SimulatedLinkage) -> dict[str, Any]:
         },
         "time_s": run.trajectory.time.tolist(),
         "series": {stage: {k: v.tolist() for k, v in run.series(stage).items()} for stage in run.responses},
-    }
-
-
-def _bearings(forces: BearingForces) -> dict[str, Any]:
-    return {f"largest_{name}_N": of for name, of in forces.peaks().items()} | {
-        "undetermined_gears": list(forces.undetermined)
     }

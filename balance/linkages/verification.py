@@ -21,7 +21,7 @@ from ..motion import Samples
 from .bearing_forces import BearingForces, bearing_forces
 from .equivalence_method import LinkageBalance, composite_bodies
 from .linkage import Linkage
-from .mjcf_writer import Couplings, linkage_mjcf, skeleton
+from .mjcf_writer import geared_trajectory, linkage_mjcf, skeleton
 from .moment_balance import GearResult
 from .published_values import COLUMNS, STAGES
 
@@ -45,9 +45,8 @@ def check_turns(result: LinkageBalance) -> None:
     rates = closure.velocities(closure.states(STATES, step=0.02))
     tree = skeleton(result, together=False)
 
-    def spin(body: str) -> np.ndarray:
-        joints = [mechanism.coordinate_index(joint.name) for _, joint in tree.path(body) if joint.revolute]
-        return rates[:, joints].sum(axis=1)
+    def spin(body: str) -> Floats:
+        return rates[:, [mechanism.coordinate_index(joint) for joint in tree.turning(body)]].sum(axis=1)
 
     for first, second in linkage.turns_with:
         apart = float(np.abs(spin(first) - spin(second)).max())
@@ -152,7 +151,7 @@ def verify_linkage(
     ]
     runs = [
         {
-            stage: Couplings.of(made).extend(path, models["before"], models[stage]) if kind == "complete" else path
+            stage: geared_trajectory(made, path, models["before"], models[stage]) if kind == "complete" else path
             for stage, (made, kind) in stages.items()
         }
         for path in paths

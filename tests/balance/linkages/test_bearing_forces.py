@@ -10,7 +10,7 @@ from balance.figures.linkage import draw_linkage
 from balance.linkages.bearing_forces import PRESSURE_ANGLE, bearing_forces
 from balance.linkages.equivalence_method import as_built, balance_linkage
 from balance.linkages.linkage_files import linkage_from_table, load_linkage
-from balance.linkages.mjcf_writer import Couplings, linkage_mjcf
+from balance.linkages.mjcf_writer import geared_trajectory, linkage_mjcf
 from balance.linkages.results import linkage_findings
 from balance.linkages.verification import turn_samples, verify_linkage
 from balance.mechanism.mjcf_parser import mechanism_from_text
@@ -25,7 +25,7 @@ def run_of(result, stage="complete", count=48):
     closure = Closure(plain)
     start = float(closure.home[plain.coordinate_index(linkage.drive)])
     path = closure.follow(turn_samples(linkage, linkage.speed, 0.4, start, count))
-    path = Couplings.of(result).extend(path, plain, model) if stage == "complete" else path
+    path = geared_trajectory(result, path, plain, model) if stage == "complete" else path
     return model, path, bearing_forces(result, model, path)
 
 

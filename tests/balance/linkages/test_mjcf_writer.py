@@ -11,7 +11,7 @@ from balance.closure import Closure
 from balance.errors import ClosureError, ModelError
 from balance.linkages.equivalence_method import balance_linkage
 from balance.linkages.linkage_files import load_linkage
-from balance.linkages.mjcf_writer import Couplings, linkage_mjcf
+from balance.linkages.mjcf_writer import geared_trajectory, linkage_mjcf
 from balance.linkages.verification import turn_samples
 from balance.mechanism.mjcf_parser import mechanism_from_text
 
@@ -25,7 +25,7 @@ def test_gears_in_mujoco_follow_their_ratios():
     plain, geared = (mechanism_from_text(linkage_mjcf(result, stage), "x") for stage in ("before", "complete"))
     closure = Closure(plain)
     start = float(closure.home[plain.coordinate_index("A0")])
-    path = Couplings.of(result).extend(closure.follow(turn_samples(linkage, 10.0, 0.2, start, 12)), plain, geared)
+    path = geared_trajectory(result, closure.follow(turn_samples(linkage, 10.0, 0.2, start, 12)), plain, geared)
     model = mujoco.MjModel.from_xml_string(linkage_mjcf(result, "complete", couplings=True))
     data = mujoco.MjData(model)
     first = path.q[0]

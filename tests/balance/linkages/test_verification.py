@@ -9,7 +9,7 @@ from balance.closure import Closure
 from balance.errors import ClosureError, ModelError
 from balance.linkages.equivalence_method import balance_linkage
 from balance.linkages.linkage_files import linkage_from_table, load_linkage
-from balance.linkages.mjcf_writer import Couplings, linkage_mjcf
+from balance.linkages.mjcf_writer import geared_trajectory, linkage_mjcf
 from balance.linkages.verification import turn_samples, verify_linkage
 from balance.mechanism.mjcf_parser import mechanism_from_text
 
@@ -24,7 +24,7 @@ def geared_path(result, count=60, variation=0.4):
     closure = Closure(models["before"])
     start = float(closure.home[models["before"].coordinate_index(linkage.drive)])
     path = closure.follow(turn_samples(linkage, linkage.speed, variation, start, count))
-    geared = Couplings.of(result).extend(path, models["before"], models["complete"])
+    geared = geared_trajectory(result, path, models["before"], models["complete"])
     return texts, {"before": path, "force": path, "complete": geared}
 
 
