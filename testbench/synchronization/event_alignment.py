@@ -16,7 +16,6 @@ from balance.results import first_of
 
 from ..errors import AnalysisError
 from .clock_map import ASSUMED_DRIFT, MANY_DEGREES_OF_FREEDOM, PPM, ClockMap
-from .coarse_lag import CoarseLag
 from .offset_and_drift import LARGEST_DRIFT, AlignedClock, by_correlation, refine_clock
 from .run_alignment import AlignmentMethod
 from .signal_preparation import PreparedSignals, SharedSignals, prepare
@@ -248,10 +247,8 @@ def by_taps(shared: SharedSignals, drift: bool = True) -> AlignedClock:
     tap_times = own.time[other]
     middle, half = 0.5 * (tap_times[0] + tap_times[-1]), 0.5 * (tap_times[-1] - tap_times[0]) + WINDOW_S
     near = np.min(np.abs(content.own.time[:, None] - tap_times[None, :]), axis=1) <= WINDOW_S
-    found = refine_clock(content, CoarseLag(offset, 0.0, (middle - half, middle + half)), drift, near)
-    return AlignedClock(
-        found.clock, "tap", f"{len(one)} taps, {shared.name}", 1.0 - found.residual_share, content.findings
-    )
+    clock, explained = refine_clock(content, offset, (middle - half, middle + half), drift, near)
+    return AlignedClock(clock, "tap", f"{len(one)} taps, {shared.name}", explained, content.findings)
 
 
 def find_taps(content: PreparedSignals, time: Floats, values: Floats) -> Events:

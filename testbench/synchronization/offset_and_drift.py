@@ -32,7 +32,7 @@ from balance.results import INLINE, Key
 
 from ..errors import AnalysisError
 from .clock_map import ASSUMED_DRIFT, PPM, ClockMap
-from .coarse_lag import CoarseLag, search_lag
+from .coarse_lag import search_lag
 from .signal_preparation import PERIODS, Flags, PreparedSignals, SharedSignals, prepare, whitener, with_history
 from .signal_preparation import whitened as filtered
 
@@ -62,6 +62,10 @@ class Segment:
 
     own: Floats
     """(n,) [s]"""
+    lever: Floats
+    """The same less the middle of the fit, (n,) [s]."""
+    instants: Floats
+    """On the reference's clock by the trial clock, (n,) [s]."""
     own_signals: Floats
     """(n, signals)"""
     own_nuisance: Floats
@@ -76,16 +80,14 @@ class Segment:
 
 
 class Signal:
-    """One signal of the own clock fitted by its columns at a trial clock; constant, trend and factors are solved for.
+    """One signal of the own clock fitted by its columns; constant, trend and factors are solved for.
 
     Nuisance columns, those of the segment and the last ``reference_nuisances`` of the spline, are what the model of the
     other columns lacks.
     """
 
-    def __init__(
-        self, segment: Segment, index: int, spline: "BSpline", trial: TrialClock, taps: Floats, reference_nuisances: int
-    ) -> None:
-        at, used, lever = trial.instants(segment.own), segment.used, segment.own - trial.middle
+    def __init__(self, segment: Segment, index: int, spline: "BSpline", taps: Floats, reference_nuisances: int) -> None:
+        used, lever = segment.used, segment.lever
         self.lever = np.column_stack([np.ones_like(lever), lever])[used]
         own_columns = np.column_stack([np.ones_like(lever), lever / np.abs(lever).max(), segment.own_nuisance])
         self.own_count = own_columns.shape[1]
@@ -94,7 +96,7 @@ class Signal:
         nuisance[len(nuisance) - reference_nuisances :] = True
         self.nuisance = nuisance
         """Which columns are nuisance columns, (columns,)."""
-        raw = [np.asarray(spline(at, order)) for order in (0, 1, 2)]
+        raw = [np.asarray(spline(segment.instants, order)) for order in (0, 1, 2)]
         value, rate, curvature = (filtered(x, taps)[used] for x in raw)
         self.columns = np.column_stack([filtered(own_columns, taps)[used], value[:, 1:]])
         self.readings = filtered(segment.own_signals[:, index], taps)[used]
@@ -132,20 +134,15 @@ class Signal:
         return -self.weight * (design.T @ self.residual), self.weight * hessian
 
 
-def joint_equations(signals: list[Signal], trial: TrialClock, drift_prior: float | None) -> tuple[Floats, Floats]:
-    """Gradient (p,) and Hessian (p, p) [SI] of all signals; they share the clock's parameters alone.
-
-    ``drift_prior``: standard deviation of a drift that is not estimated, about zero [-]; None: it is estimated.
-    """
-    size = int(parameter_indices(signals)[-1][-1]) + 1
+def joint_equations(signals: list[Signal]) -> tuple[Floats, Floats]:
+    """Gradient (p,) and Hessian (p, p) [SI] of all signals; they share the clock's parameters alone."""
+    indices = parameter_indices(signals)
+    size = int(indices[-1][-1]) + 1
     gradient, hessian = np.zeros(size), np.zeros((size, size))
-    for signal, index in zip(signals, parameter_indices(signals), strict=True):
+    for signal, index in zip(signals, indices, strict=True):
         own_gradient, own_hessian = signal.equations()
         gradient[index] += own_gradient
         hessian[index[:, None], index] += own_hessian
-    if drift_prior is not None:
-        gradient[1] += trial.drift / drift_prior**2
-        hessian[1, 1] += 1.0 / drift_prior**2
     return gradient, hessian
 
 
@@ -186,7 +183,14 @@ def clock_covariance(signals: list[Signal], hessian: Floats, used: Flags, width:
         np.array([s.weight * s.design(rate) @ inverse[index] for (s, index), rate in zip(pairs, rates, strict=True)])
         for rates in ([s.fitted_rate for s in signals], [s.observed_rate for s in signals])
     )
-    residual_spectra, first, second = (_spectra(x, where, length) for x in (residual[:, :, None], one, other))
+
+    def spectra(values: Floats) -> Floats:
+        """Of values (signals, n, k) at the samples, zero elsewhere, (signals, frequencies, k)."""
+        padded = np.zeros((len(values), length, values.shape[2]))
+        padded[:, where] = values
+        return np.asarray(np.fft.rfft(padded, axis=1))
+
+    residual_spectra, first, second = (spectra(x) for x in (residual[:, :, None], one, other))
     twice = np.full(first.shape[1], 2.0 / length)
     twice[[0, -1]] = 1.0 / length
     both, alone = np.zeros((2, CLOCK_SIZE, CLOCK_SIZE))
@@ -228,13 +232,6 @@ def fixed_time_effect(signals: list[Signal], hessian: Floats) -> Floats:
     return np.asarray(np.linalg.solve(hessian, joint)[:CLOCK_SIZE])
 
 
-def _spectra(values: Floats, where: Indices, length: int) -> Floats:
-    """Spectra of values (signals, n, k) at samples ``where`` (n,), zero elsewhere, (signals, frequencies, k)."""
-    padded = np.zeros((len(values), length, values.shape[2]))
-    padded[:, where] = values
-    return np.asarray(np.fft.rfft(padded, axis=1))
-
-
 def _heteroscedastic_widening(influence: Floats, residual: Floats) -> Floats:
     """Factor on the variance for a residual that is uneven in time, at least 1, (2,)."""
     total = np.einsum("snm,sn->nm", influence, residual)
@@ -264,54 +261,72 @@ _SETTLED = 1e-9
 
 
 @dataclass(frozen=True)
-class RefinedClock:
-    """A clock's map, and the share of the energy that it leaves unexplained."""
-
-    clock: ClockMap
-    residual_share: float
-
-
-@dataclass(frozen=True)
 class _Fit:
     """A settled fit."""
 
     trial: TrialClock
     segment: Segment
     signals: list[Signal]
+    hessian: Floats
+    """Of half the weighted sum of squares, (p, p) [SI]."""
+
+    @property
+    def residual_share(self) -> float:
+        """Share of the energy in the residual."""
+        used = self.segment.used
+        residual = sum(np.sum(s.raw_residual[used] ** 2) for s in self.signals)
+        return float(residual / np.sum(self.segment.own_signals[used] ** 2))
 
 
 class _Problem:
-    """Two clocks to be fitted; ``drift_prior``: standard deviation of a drift that is not estimated, else None."""
+    """Two clocks to be fitted by the own samples ``among`` (m,)."""
 
     def __init__(self, content: PreparedSignals, among: Flags, drift_prior: float | None) -> None:
-        self.content, self.among, self.drift_prior = content, among, drift_prior
-        # For each signal, splines of its fixed part, its columns, and the reference's nuisance columns.
         from scipy.interpolate import make_interp_spline
 
+        self.content, self.among = content, among
+        self.drift_prior = drift_prior
+        """Standard deviation of a drift that is not estimated, about zero [-]; None: it is estimated."""
         columns = [
             np.column_stack([f, c, content.reference_nuisance])
             for f, c in zip(content.fixed.T, content.reference_columns, strict=True)
         ]
         self.splines = [make_interp_spline(content.reference.time, b, 5) for b in columns]
+        """For each signal, of its fixed part, its columns, and the reference's nuisance columns."""
 
     def settled(self, trial: TrialClock, half: float, taps: list[Floats]) -> _Fit:
         """Newton's method on the segment of the own clock within ``half`` [s] of the middle."""
         content, reach = self.content, 0.125 / self.content.cutoff
         nuisances, history = content.reference_nuisance.shape[1], max(len(t) for t in taps) - 1
         for _ in range(_STEPS):
-            segment = _segment_near(content, trial, half, self.among, history)
+            segment = self._segment(trial, half, history)
             signals = [
-                Signal(segment, i, spline, trial, t, nuisances)
-                for i, (spline, t) in enumerate(zip(self.splines, taps, strict=True))
+                Signal(segment, i, *both, nuisances) for i, both in enumerate(zip(self.splines, taps, strict=True))
             ]
-            gradient, hessian = joint_equations(signals, trial, self.drift_prior)
+            gradient, hessian = joint_equations(signals)
+            if self.drift_prior is not None:
+                gradient[1] += trial.drift / self.drift_prior**2
+                hessian[1, 1] += 1.0 / self.drift_prior**2
             move = -np.linalg.lstsq(hessian, gradient, rcond=1e-13)[0]
             shift = float(np.clip(move[0], -reach, reach))
             turn = float(np.clip(move[1], -LARGEST_DRIFT, LARGEST_DRIFT))
             trial = TrialClock(trial.middle, trial.at + shift, trial.drift + turn)
             if abs(shift) < _SETTLED and abs(turn) * half < _SETTLED:
-                return _Fit(trial, segment, signals)
+                return _Fit(trial, segment, signals, hessian)
         raise AnalysisError(f"{content.name}: the offset does not settle: the two have too little in common")
+
+    def _segment(self, trial: TrialClock, half: float, history: int) -> Segment:
+        """The segment near the middle that the reference's record covers; samples in gaps are not used."""
+        content, own, grid = self.content, self.content.own.time, self.content.reference
+        lever, instants = own - trial.middle, trial.instants(own)
+        rows = np.flatnonzero((np.abs(lever) <= half) & (instants >= grid.start) & (instants <= grid.time[-1]))
+        valid = content.valid[rows] & ~content.in_gap(instants[rows])
+        used = self.among[rows] & with_history(valid, history)
+        if np.count_nonzero(used) < 2 * sum(c.shape[1] + 2 for c in content.reference_columns) + 4:
+            raise AnalysisError(f"{content.name}: the two records overlap in {np.count_nonzero(used)} samples: too few")
+        return Segment(
+            own[rows], lever[rows], instants[rows], content.own_signals[rows], content.own_nuisance[rows], used
+        )
 
     def whitened(self, fit: _Fit, half: float) -> _Fit:
         """The same with residuals whitened."""
@@ -323,69 +338,77 @@ class _Problem:
 
     def covariance_of(self, fit: _Fit) -> ClockCovariance:
         """Covariance of the clock by a fit."""
-        hessian = joint_equations(fit.signals, fit.trial, self.drift_prior)[1]
-        return clock_covariance(
-            fit.signals, hessian, fit.segment.used, SMOOTHED * self.content.cutoff * self.content.own.step
-        )
+        width = SMOOTHED * self.content.cutoff * self.content.own.step
+        return clock_covariance(fit.signals, fit.hessian, fit.segment.used, width)
 
     def clock_map(self, fit: _Fit, by: ClockCovariance) -> ClockMap:
         """The map with its covariance. Raises AnalysisError where there are too few degrees of freedom."""
-        content, signals, total = self.content, fit.signals, by.degrees_of_freedom
-        hessian = joint_equations(signals, fit.trial, self.drift_prior)[1]
+        content, signals, used = self.content, fit.signals, fit.segment.used
+        own = fit.segment.own[used]
         fitted = CLOCK_SIZE + sum(s.columns.shape[1] for s in signals) / len(signals)
-        own = fit.segment.own[fit.segment.used]
-        degrees_of_freedom = total - fitted
+        degrees_of_freedom = by.degrees_of_freedom - fitted
         if degrees_of_freedom < LEAST_FREEDOM:
             raise AnalysisError(
                 f"{content.name}: too short: {own[-1] - own[0]:.3g} s at {content.cutoff:.3g} Hz leave "
                 f"{max(degrees_of_freedom, 0.0):.1f} degrees of freedom, expected at least {LEAST_FREEDOM:g}; "
                 "record for longer, or compare up to a higher --cutoff"
             )
-        covariance = by.covariance * total / degrees_of_freedom
-        for effect in (
-            misspecification_deviation(signals, hessian, float(covariance[0, 0])),
-            content.fixed_time_deviation * fixed_time_effect(signals, hessian),
-        ):
-            covariance += np.outer(effect, effect)
+        covariance = by.covariance * by.degrees_of_freedom / degrees_of_freedom
+        effects = [
+            misspecification_deviation(signals, fit.hessian, float(covariance[0, 0])),
+            content.fixed_time_deviation * fixed_time_effect(signals, fit.hessian),
+        ]
         if self.drift_prior is not None:
-            assumed = np.linalg.inv(hessian)[:CLOCK_SIZE, 1] / self.drift_prior
-            covariance += np.outer(assumed, assumed)
-        if content.partial:
-            covariance[0, 0] += _largest_bias(fit) ** 2
+            effects.append(np.linalg.inv(fit.hessian)[:CLOCK_SIZE, 1] / self.drift_prior)
+        for effect in effects:
+            covariance += np.outer(effect, effect)
+        if content.partial:  # the whole residual as a shift is half an interval of 95 %
+            rate = np.gradient(fit.segment.own_signals, fit.segment.step, axis=0)[used]
+            slope = np.sqrt(np.sum(rate**2) / np.sum(fit.segment.own_signals[used] ** 2))
+            covariance[0, 0] += float(0.5 * np.sqrt(fit.residual_share) / slope) ** 2
         span = float(own[0]), float(own[-1])
-        return ClockMap(
-            fit.trial.middle, fit.trial.at, fit.trial.drift, covariance, max(1, int(degrees_of_freedom)), span
-        )
+        trial = fit.trial
+        return ClockMap(trial.middle, trial.at, trial.drift, covariance, max(1, int(degrees_of_freedom)), span)
 
 
 def refine_clock(
-    content: PreparedSignals, rough: CoarseLag, drift: bool = True, among: Flags | None = None
-) -> RefinedClock:
-    """Offset and drift (or the offset, and a drift within ASSUMED_DRIFT) with their covariance.
+    content: PreparedSignals,
+    offset: float,
+    part: tuple[float, float],
+    drift: bool = True,
+    among: Flags | None = None,
+) -> tuple[ClockMap, float]:
+    """The clock by a rough ``offset`` [s] found on a ``part`` of the own clock [s], and the share of energy explained.
 
-    Only own samples ``among`` (m,) [-] are used, all by default.
+    Offset and drift, or the offset and a drift within ASSUMED_DRIFT, with their covariance. Only own samples ``among``
+    (m,) [-] are used, all by default.
     Raises AnalysisError where too little overlaps, the steps do not settle, or the drift is not determined.
     """
-    # Own samples near which the signals change, (m,); at rest, noise would pass for information.
     from scipy.ndimage import uniform_filter1d
 
+    # own samples near which the signals change: at rest, noise would pass for information
     own = content.own
-    change = np.sum(
-        np.gradient(content.own_signals / content.own_signals.std(axis=0).max(), own.step, axis=0) ** 2, axis=1
-    )
+    scaled = content.own_signals / content.own_signals.std(axis=0).max()
+    change = np.sum(np.gradient(scaled, own.step, axis=0) ** 2, axis=1)
     near = uniform_filter1d(change, max(3, round(CHANGE_PERIODS / content.cutoff / own.step)), mode="constant")
-    changing = np.asarray(near >= LEAST_CHANGE * near.max())
-    among = (changing if among is None else changing & among) & content.valid
-    problem = _Problem(content, among, None if drift else 0.5 * ASSUMED_DRIFT)
-    begin, end = rough.segment
-    middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
-    trial = TrialClock(middle, middle + rough.offset)
+    used = np.asarray(near >= LEAST_CHANGE * near.max()) & content.valid
+    problem = _Problem(content, used if among is None else used & among, None if drift else 0.5 * ASSUMED_DRIFT)
+    middle, half = 0.5 * (part[0] + part[1]), 0.5 * (part[1] - part[0])
+    trial = TrialClock(middle, middle + offset)
     while True:
         plain = problem.settled(trial, half, [np.ones(1)] * len(problem.splines))
-        if middle - half <= content.own.start and middle + half >= content.own.time[-1]:
+        if middle - half <= own.start and middle + half >= own.time[-1]:
             break
         trial, half = plain.trial, 4.0 * half
-    clock = _more_precise(problem, plain, half)
+    chosen, by = plain, problem.covariance_of(plain)
+    try:
+        white = problem.whitened(plain, half)
+    except AnalysisError:  # whitened, both sides have nothing in common
+        pass
+    else:
+        if (other := problem.covariance_of(white)).upper_variance < by.upper_variance:
+            chosen, by = white, other
+    clock = problem.clock_map(chosen, by)
     low, high = clock.drift_interval
     if drift and 0.5 * (high - low) > LARGEST_DRIFT:
         raise AnalysisError(
@@ -393,46 +416,7 @@ def refine_clock(
             f"{0.5 * (high - low) / PPM:.3g} ppm; align the offset alone, which takes the drift to "
             f"be within {ASSUMED_DRIFT / PPM:g} ppm"
         )
-    return RefinedClock(clock, _residual_share(plain))
-
-
-def _more_precise(problem: _Problem, plain: _Fit, half: float) -> ClockMap:
-    """The map of the plain or of the whitened fit, whichever has the smaller variance of the offset."""
-    chosen, by = plain, problem.covariance_of(plain)
-    try:
-        white = problem.whitened(plain, half)
-    except AnalysisError:  # whitened, both sides have nothing in common
-        return problem.clock_map(chosen, by)
-    if (other := problem.covariance_of(white)).upper_variance < by.upper_variance:
-        chosen, by = white, other
-    return problem.clock_map(chosen, by)
-
-
-def _segment_near(content: PreparedSignals, trial: TrialClock, half: float, among: Flags, history: int) -> Segment:
-    """The segment near the middle that the reference's record covers; samples in gaps are not used."""
-    own, grid = content.own.time, content.reference
-    instants = trial.instants(own)
-    rows = np.flatnonzero((np.abs(own - trial.middle) <= half) & (instants >= grid.start) & (instants <= grid.time[-1]))
-    valid = content.valid[rows] & ~content.in_gap(instants[rows])
-    used = among[rows] & with_history(valid, history)
-    if np.count_nonzero(used) < 2 * sum(c.shape[1] + 2 for c in content.reference_columns) + 4:
-        raise AnalysisError(f"{content.name}: the two records overlap in {np.count_nonzero(used)} samples: too few")
-    return Segment(own[rows], content.own_signals[rows], content.own_nuisance[rows], used)
-
-
-def _residual_share(fit: _Fit) -> float:
-    """Share of the energy in the residual."""
-    used = fit.segment.used
-    return float(
-        sum(np.sum(s.raw_residual[used] ** 2) for s in fit.signals) / np.sum(fit.segment.own_signals[used] ** 2)
-    )
-
-
-def _largest_bias(fit: _Fit) -> float:
-    """Standard deviation of the offset [s] for which the whole residual as a shift is half an interval of 95 %."""
-    rate = np.gradient(fit.segment.own_signals, fit.segment.step, axis=0)[fit.segment.used]
-    slope = np.sqrt(np.sum(rate**2) / np.sum(fit.segment.own_signals[fit.segment.used] ** 2))
-    return float(0.5 * np.sqrt(_residual_share(fit)) / slope)
+    return clock, 1.0 - plain.residual_share
 
 
 @dataclass(frozen=True)
@@ -450,5 +434,5 @@ class AlignedClock:
 def by_correlation(shared: SharedSignals, drift: bool = True) -> AlignedClock:
     """Align by all of the record. Raises AnalysisError, saying why, where the data do not determine the clock."""
     content = prepare(shared)
-    found = refine_clock(content, search_lag(content), drift)
-    return AlignedClock(found.clock, "correlation", shared.name, 1.0 - found.residual_share, content.findings)
+    clock, explained = refine_clock(content, *search_lag(content), drift)
+    return AlignedClock(clock, "correlation", shared.name, explained, content.findings)

@@ -1,7 +1,6 @@
 """Alignment by what both saw: precise, with intervals that hold, and refused where the data do not determine it."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -110,6 +109,6 @@ def test_long_records_with_drift():
 
 def test_a_white_residual_has_half_its_samples_independent():
     """The logarithm of its mean square scatters by sqrt(4 / n): by the power of each frequency, not its amplitude."""
-    rng, whole = np.random.default_rng(1), SimpleNamespace(own=np.ones(4000), reference=np.ones(4000))
+    rng, whole = np.random.default_rng(1), (np.ones(4000), np.ones(4000))
     scatter = coarse_lag._scatter([rng.normal(size=(4000, 1))], rng.normal(size=(4000, 1)), 0, whole)
     assert scatter == pytest.approx((4.0 / 4000.0) ** 0.5, rel=0.05)  # by amplitudes: 20 % less
