@@ -7,11 +7,11 @@ equal ones, is refused.
 
 import numpy as np
 
-from balance.arrays import Floats
+from balance.arrays import Floats, Mask
 from balance.estimation.estimate import beta_quantile
 
 from ..errors import AnalysisError
-from .signal_preparation import Flags, PreparedSignals
+from .signal_preparation import PreparedSignals
 
 MOST_SAMPLES = 1 << 17
 """Of either side in the search; longer signals are decimated further."""
@@ -58,8 +58,9 @@ def search_lag(content: PreparedSignals) -> tuple[float, tuple[float, float]]:
     best = int(np.argmin(residual))
     independent = _independent(columns, own_signals) * float(overlap[best])
     _refuse_chance(content, residual, independent, sum(c.shape[1] for c in columns))
-    lag = best - (len(own_signals) - 1)
-    _refuse_ambiguity(content, residual, _scatter(columns, own_signals, lag, known), step)
+    whole = best - (len(own_signals) - 1)
+    _refuse_ambiguity(content, residual, _scatter(columns, own_signals, whole, known), step)
+    lag = float(whole)
     if 0 < best < len(residual) - 1:  # the vertex of the parabola through the least value and its neighbours
         before, least, after = residual[best - 1 : best + 2]
         hessian = before - 2.0 * least + after
@@ -98,7 +99,7 @@ def _residual_shares(
     return share.clip(0.0, 1.0), energy
 
 
-def _explained(basis: Floats, signal: Floats, signed: bool, known: Known) -> tuple[Floats, Floats, Flags]:
+def _explained(basis: Floats, signal: Floats, signed: bool, known: Known) -> tuple[Floats, Floats, Mask]:
     """At each lag: energy of the signal in the overlap, the part that the basis explains, and whether that is enough.
 
     The overlap is where both sides are known.

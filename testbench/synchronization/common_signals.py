@@ -40,7 +40,7 @@ CUTOFF_HZ = 80.0
 """Bandwidth of what is compared with encoders [Hz]: twice that of the motions, below most of the encoders' noise."""
 
 
-def restored_base_acceleration(run: "SIRun", group: str | None = None) -> base_motion.BaseAcceleration | None:
+def restored_base_acceleration(run: SIRun, group: str | None = None) -> base_motion.BaseAcceleration | None:
     """The accelerometers on the base (``base_motion.base_acceleration``), with AC coupling inverted."""
     found = base_motion.base_acceleration(run, group)
     if found is None:
@@ -69,7 +69,7 @@ def high_pass_inverted(values: Floats, rate_hz: float, corner: float | None) -> 
 class RunMotion:
     """A run and, where signals follow from its encoders, its mechanism."""
 
-    run: "SIRun"
+    run: SIRun
     mechanism: Callable[[], Mechanism]
     cutoff: float | None = None
     """Highest frequency that is compared [Hz]; by kind of signal unless given."""
@@ -114,7 +114,7 @@ def same_quantity(motion: RunMotion, reference: Column, own: Column, first: Cloc
 
 
 def body_accelerations(
-    motion: RunMotion, sensor: "Accelerometer", columns: list[Column], first: ClockMap | None
+    motion: RunMotion, sensor: Accelerometer, columns: list[Column], first: ClockMap | None
 ) -> SharedSignals:
     """An accelerometer on a moving body, less the base's acceleration where one logger has both, with the encoders."""
     grid, path = motion.trajectory
@@ -248,8 +248,13 @@ SignalBuilder = Callable[[ClockMap | None], SharedSignals]
 
 def signal_pairs(motion: RunMotion, reference: str, own: str, known: Mapping[str, ClockMap]) -> Iterator[SignalBuilder]:
     """Common signals of the groups ``reference`` and ``own``, best first; ``known`` are clocks aligned already."""
-    for one, other in _equal_quantities(motion, reference, own):
-        yield partial(same_quantity, motion, one, other)
+    measured: dict[object, Column] = {}
+    for column in motion.columns(motion.run.rig.columns(), reference):
+        measured.setdefault(_quantity(motion.run.rig, column), column)
+    for column in motion.columns(motion.run.rig.columns(), own):
+        quantity = _quantity(motion.run.rig, column)
+        if quantity is not None and quantity in measured:
+            yield partial(same_quantity, motion, measured[quantity], column)
     if not motion.columns(motion.run.rig.columns_of(Encoder), reference):
         return
     for name, sensor in motion.run.rig.of_kind(Accelerometer).items():
@@ -270,7 +275,18 @@ def trigger_pairs(
     motion: RunMotion, reference: str, own: str, _known: Mapping[str, ClockMap]
 ) -> Iterator[SignalBuilder]:
     """The trigger that the groups ``reference`` and ``own`` recorded, by the rig."""
-    yield partial(_common_trigger, motion, reference, own)
+
+    def common_trigger(_first: ClockMap | None) -> SharedSignals:
+        found = {group: motion.columns(motion.run.rig.columns_of(Trigger), group) for group in (reference, own)}
+        for group, columns in found.items():
+            if not columns:
+                raise AnalysisError(
+                    f"the rig has no sensor of kind 'trigger' in {group}: add one for each logger that recorded the "
+                    "trigger, or name its channels, --pair REFERENCE=OWN"
+                )
+        return named_channels(motion.run.recorded, found[reference][0].channel, found[own][0].channel)
+
+    yield common_trigger
 
 
 def trigger_groups(runs: Iterable[SIRun]) -> list[str]:
@@ -279,57 +295,33 @@ def trigger_groups(runs: Iterable[SIRun]) -> list[str]:
     return list(dict.fromkeys(group for groups in found for group in groups))
 
 
-def _common_trigger(motion: RunMotion, reference: str, own: str, _first: ClockMap | None) -> SharedSignals:
-    """Raises AnalysisError where one of the groups has no trigger sensor."""
-    found = {group: motion.columns(motion.run.rig.columns_of(Trigger), group) for group in (reference, own)}
-    for group, columns in found.items():
-        if not columns:
-            raise AnalysisError(
-                f"the rig has no sensor of kind 'trigger' in {group}: add one for each logger that recorded the "
-                "trigger, or name its channels, --pair REFERENCE=OWN"
-            )
-    return named_channels(motion.run.recorded, found[reference][0].channel, found[own][0].channel)
-
-
 def named_channels(run: Run, reference: str, own: str, cutoff: float | None = None) -> SharedSignals:
-    """Two channels that the user names; units and signs do not matter, and the run needs no rig."""
+    """Two channels that the user names; units and signs do not matter, and the run needs no rig.
+
+    The delays of their loggers' filters are taken off where a stored rig states them.
+    """
+    si = None if run.rig is None else SIRun.of(run)
+
+    def instants(channel: str) -> Floats:
+        where, index = run.find(channel)
+        columns = [] if si is None else [c for c in si.rig.columns() if where.index(c.channel) == index]
+        return si.instants(columns[0]) if si and columns else run.time(where.name)
+
     return SharedSignals(
         f"{own} with {reference}",
-        _channel_instants(run, reference),
+        instants(reference),
         (run.channel(reference)[:, None],),
-        _channel_instants(run, own),
+        instants(own),
         run.channel(own)[:, None],
         cutoff=cutoff,
     )
 
 
-def delay_of(run: "SIRun", group: str) -> float | None:
+def delay_of(run: SIRun, group: str) -> float | None:
     """Delay of the filter of a group's logger [s] by the rig; None where it states none."""
     loggers = {column.logger for column in run.rig.columns() if run.holds(column, group)}
     stated = [run.rig.loggers[name].delay for name in loggers if run.rig.loggers[name].low_pass is not None]
     return max(stated, default=None)
-
-
-def _channel_instants(run: Run, channel: str) -> Floats:
-    """Instants of a channel's samples (n,) [s], less its filter's delay where the stored rig states one."""
-    where, index = run.find(channel)
-    if run.rig is not None:
-        si = SIRun.of(run)
-        for column in si.rig.columns():
-            if where.index(column.channel) == index:
-                return si.instants(column)
-    return run.time(where.name)
-
-
-def _equal_quantities(motion: RunMotion, reference: str, own: str) -> Iterator[tuple[Column, Column]]:
-    """Pairs of channels of the same quantity, one in each group."""
-    own_signals: dict[object, Column] = {}
-    for column in motion.columns(motion.run.rig.columns(), reference):
-        if (quantity := _quantity(motion.run.rig, column)) is not None:
-            own_signals.setdefault(quantity, column)
-    for column in motion.columns(motion.run.rig.columns(), own):
-        if (quantity := _quantity(motion.run.rig, column)) in own_signals:
-            yield own_signals[quantity], column
 
 
 def _quantity(rig: Rig, column: Column) -> object:

@@ -7,10 +7,9 @@ match only roughly: they choose the samples by which the clocks are then fitted.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from balance.arrays import Floats, Indices
+from balance.arrays import Floats, Indices, Mask
 from balance.estimation.estimate import coverage_factor
 from balance.results import first_of
 
@@ -35,7 +34,7 @@ class Events:
     span: tuple[float, float]
     """Start and end of the record [s]."""
 
-    def covers(self, time: Floats) -> NDArray[np.bool_]:
+    def covers(self, time: Floats) -> Mask:
         """Which instants (n,) [s] lie within the record, (n,) [-]."""
         return (time > self.span[0]) & (time < self.span[1])
 
@@ -63,11 +62,11 @@ def match_events(name: str, reference: Events, own: Events, noun: str) -> tuple[
         if (i, j) not in tried:  # else at a shift that was looked at
             shifts.append(_matches_through(reference, own, i, j, error))
             tried.update(shifts[-1].pairs)
-    found: dict[tuple[int, int], _Match] = {}
+    kept: list[_Match] = []
     for one in sorted(shifts, key=lambda one: (-len(one.pairs), len(one.lone))):
-        if found.keys().isdisjoint(one.pairs):
-            found |= dict.fromkeys(one.pairs, one)
-    best, *others = dict.fromkeys(found.values())
+        if all(set(one.pairs).isdisjoint(better.pairs) for better in kept):
+            kept.append(one)
+    best, *others = kept
     matching, several = len(best.pairs), min(len(reference.time), len(own.time)) > 1
     if matching == 1 and several:
         raise AnalysisError(
@@ -85,8 +84,8 @@ def match_events(name: str, reference: Events, own: Events, noun: str) -> tuple[
             f"at offsets of {offsets}, if a logger missed the first or the last; give three or more at uneven "
             f"intervals, or one alone with --no-drift; {_OTHER_SIGNALS}"
         )
-    one, other = np.array(best.pairs).T
-    return one, other
+    there, here = np.array(best.pairs).T
+    return there, here
 
 
 def clock_map_from_events(name: str, reference: Events, own: Events, drift: bool) -> ClockMap:
@@ -282,25 +281,17 @@ def by_trigger(shared: SharedSignals, drift: bool = True) -> AlignedClock:
     own = trigger_edges(shared.name, shared.own_time, shared.own_signals[:, 0])
     one, other = match_events(shared.name, reference, own, "edge")
     clock = clock_map_from_events(shared.name, reference.among(one), own.among(other), drift)
-    return AlignedClock(
-        clock,
-        "trigger",
-        f"{len(one)} edge{'s' * (len(one) > 1)}, {shared.name}",
-        None,
-        _doubts(reference, own, int(one[0]), int(other[0])) if len(one) == 1 else (),
-    )
-
-
-def _doubts(reference: Events, own: Events, i: int, j: int) -> tuple[str, ...]:
-    """What speaks against event i of the reference and j of the own clock, the only ones, being the same."""
-    match = _matches_through(reference, own, i, j, 0.0)
-    shorter = min(np.ptp(reference.span), np.ptp(own.span))
-    if match.common >= LEAST_COMMON * shorter:
-        return ()
-    return (
-        f"one edge alone gives the offset, {match.offset:.4g} s, by which both recorded {max(match.common, 0.0):.3g} s "
-        f"of the shorter record's {shorter:.3g} s: the edges may be of two events",
-    )
+    edges, findings = f"{len(one)} edge{'s' * (len(one) > 1)}, {shared.name}", list[str]()
+    if len(one) == 1:
+        match = _matches_through(reference, own, int(one[0]), int(other[0]), 0.0)
+        shorter = min(np.ptp(reference.span), np.ptp(own.span))
+        if match.common < LEAST_COMMON * shorter:
+            findings.append(
+                f"one edge alone gives the offset, {match.offset:.4g} s, by which both recorded "
+                f"{max(match.common, 0.0):.3g} s of the shorter record's {shorter:.3g} s: the edges may be of two "
+                "events"
+            )
+    return AlignedClock(clock, "trigger", edges, None, tuple(findings))
 
 
 SEPARATION = 2.5

@@ -27,13 +27,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from balance.arrays import Floats, Indices
+from balance.arrays import Floats, Indices, Mask
 from balance.results import INLINE, Key
 
 from ..errors import AnalysisError
 from .clock_map import ASSUMED_DRIFT, PPM, ClockMap
 from .coarse_lag import search_lag
-from .signal_preparation import PERIODS, Flags, PreparedSignals, SharedSignals, prepare, whitener, with_history
+from .signal_preparation import PERIODS, PreparedSignals, SharedSignals, prepare, whitener, with_history
 from .signal_preparation import whitened as filtered
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class Segment:
     """(n, signals)"""
     own_nuisance: Floats
     """Nuisance columns on the own clock, (n, k)."""
-    used: Flags
+    used: Mask
     """(n,)"""
 
     @property
@@ -169,7 +169,7 @@ class ClockCovariance:
     degrees_of_freedom: float
 
 
-def clock_covariance(signals: list[Signal], hessian: Floats, used: Flags, width: float) -> ClockCovariance:
+def clock_covariance(signals: list[Signal], hessian: Floats, used: Mask, width: float) -> ClockCovariance:
     """Covariance of the clock; by the reference's rates alone where those of both sides determine none.
 
     ``hessian`` (p, p) [SI] of the fit, ``used`` (n,) [-] its samples, ``width`` of the smoothing [periods/sample].
@@ -281,7 +281,7 @@ class _Fit:
 class _Problem:
     """Two clocks to be fitted by the own samples ``among`` (m,)."""
 
-    def __init__(self, content: PreparedSignals, among: Flags, drift_prior: float | None) -> None:
+    def __init__(self, content: PreparedSignals, among: Mask, drift_prior: float | None) -> None:
         from scipy.interpolate import make_interp_spline
 
         self.content, self.among = content, among
@@ -376,7 +376,7 @@ def refine_clock(
     offset: float,
     part: tuple[float, float],
     drift: bool = True,
-    among: Flags | None = None,
+    among: Mask | None = None,
 ) -> tuple[ClockMap, float]:
     """The clock by a rough ``offset`` [s] found on a ``part`` of the own clock [s], and the share of energy explained.
 

@@ -11,7 +11,6 @@ from balance.results import INLINE, Key, plain
 
 from ..errors import AnalysisError
 from ..kinematics import base_motion
-from ..recording import StartTime
 from ..rig.sensors import Encoder
 from ..runs.si_run import SIRun
 from ..store import Run, append_only_records
@@ -39,15 +38,8 @@ class RunClocks:
     refused: Mapping[str, str]
     delays: Mapping[str, float | None] = field(default_factory=dict)
     """Delay of the filter of each group's logger [s], which is taken off; None where the rig states no filter."""
-    zeros: Mapping[str, StartTime | None] = field(default_factory=dict)
-    """When the own clock of each group shows zero, by its log."""
-
-    def by_start_times(self, group: str) -> float | None:
-        """The offset of a group's clock [s] as the start times of the two logs have it; None where they do not say."""
-        own, other = self.zeros.get(group), self.zeros.get(self.reference)
-        if own is None or other is None or own.has_zone != other.has_zone:
-            return None
-        return (own.nanoseconds - other.nanoseconds) / 1e9
+    by_start_times: Mapping[str, float] = field(default_factory=dict)
+    """Offset of each group's clock [s] as the start times of the two logs have it, where they say."""
 
     def map_of(self, group: str) -> ClockMap:
         """The map of a group's clock. Raises AnalysisError, saying why, if there is none."""
@@ -64,8 +56,8 @@ class RunClocks:
         """Gaps that were masked, by run and group; logs whose start times say that they are of different times."""
         found = [f"{self.run}: {group}: {text}" for group, one in self.aligned.items() for text in one.findings]
         for group, one in self.aligned.items():
-            stated = self.by_start_times(group)
-            if stated is not None and abs(stated - one.clock.offset) > _START_TIMES_AGREE_S:
+            stated = self.by_start_times.get(group, one.clock.offset)
+            if abs(stated - one.clock.offset) > _START_TIMES_AGREE_S:
                 found.append(
                     f"{self.run}: {group}: by the start times of the logs its offset is {stated:.3f} s, by the signals "
                     f"{one.clock.offset:.3f} s: a logger's calendar is wrong, or the logs are of different runs"
@@ -75,18 +67,9 @@ class RunClocks:
     @property
     def rows(self) -> "list[GroupClock]":
         """The alignments, as they are stored and shown."""
-        own = self.delays.get(self.reference)
+        shared, own = (self.run, self.origin, self.reference), self.delays.get(self.reference)
         return [
-            GroupClock(
-                self.run,
-                self.origin,
-                self.reference,
-                group,
-                one,
-                self.delays.get(group),
-                own,
-                self.by_start_times(group),
-            )
+            GroupClock(*shared, group, one, self.delays.get(group), own, self.by_start_times.get(group))
             for group, one in self.aligned.items()
         ]
 
@@ -125,20 +108,42 @@ def align_run(
     """
     if len(run.groups) < 2:
         raise AnalysisError(f"{run.name}: one logger, one clock: there is nothing to align")
-    reference = reference or _reference(run)
+    if reference is None:
+        encoders = run.rig.columns_of(Encoder)
+        recording = (g.name for column in encoders for g in run.groups if run.holds(column, g.name))
+        reference = next(recording, run.groups[0].name)
     run.group(reference)
     motion = RunMotion(run, mechanism, cutoff)
     known = {reference: same_clock((0.0, 0.0))}
     aligned: dict[str, AlignedClock] = {}
     refused: dict[str, str] = {}
-    for group in _base_first(run, reference, among):
+    base = base_motion.base_acceleration(run)
+    first = base.group if base is not None else None
+    others = [g.name for g in run.groups if g.name != reference and (among is None or g.name in {first, *among})]
+    for group in sorted(others, key=lambda name: name != first):
         found = _first_determined(pairs(motion, reference, group, known), drift, method)
         if isinstance(found, AlignedClock):
             aligned[group], known[group] = found, found.clock
         else:
             refused[group] = found
     delays = {group.name: delay_of(run, group.name) for group in run.groups}
-    return RunClocks(run.name, run.origin, reference, aligned, refused, delays, _zeros(run))
+    return RunClocks(run.name, run.origin, reference, aligned, refused, delays, _stated_offsets(run, reference))
+
+
+def _first_determined(found: Iterable[SignalBuilder], drift: bool, method: AlignmentMethod) -> AlignedClock | str:
+    """The first candidate that determines the clock, or why none does."""
+    reasons: list[str] = []
+    for build in found:
+        try:
+            shared = build(None)
+            if shared.partial:  # a first map lets the base's motion be taken out of the signals
+                shared = build(method(shared, False).clock)
+            return method(shared, drift)
+        except CounterpoiseError as error:
+            reasons.append(str(error))
+    return "; ".join(reasons) or (
+        "the rig names nothing that both loggers recorded; name a channel of each, --pair A=B, or record a trigger"
+    )
 
 
 def align_named(
@@ -150,48 +155,16 @@ def align_named(
         raise AnalysisError(f"{run.name}: {reference!r} and {own!r} are in one group, {here}: they share a clock")
     found = method(named_channels(run, reference, own, cutoff), drift)
     delays = {group: delay_of(SIRun.of(run), group) for group in (there, here)} if run.rig is not None else {}
-    return RunClocks(run.name, run.origin, there, {here: found}, {}, delays, _zeros(run))
+    return RunClocks(run.name, run.origin, there, {here: found}, {}, delays, _stated_offsets(run, there))
 
 
-def _zeros(run: Run | SIRun) -> dict[str, StartTime | None]:
-    return {group.name: group.zero for group in run.groups}
-
-
-def _reference(run: SIRun) -> str:
-    """The group that holds the encoders, else the first."""
-    columns = run.rig.columns_of(Encoder)
-    return next((g.name for column in columns for g in run.groups if run.holds(column, g.name)), run.groups[0].name)
-
-
-def _base_first(run: SIRun, reference: str, among: Collection[str] | None) -> list[str]:
-    """The other groups, that of the base's accelerometers first: the forces are aligned with their help."""
-    base = base_motion.base_acceleration(run)
-    first = base.group if base is not None else None
-    others = [group.name for group in run.groups if group.name != reference]
-    kept = [name for name in others if among is None or name in among or name == first]
-    return sorted(kept, key=lambda name: name != first)
-
-
-def _first_determined(found: Iterable[SignalBuilder], drift: bool, method: AlignmentMethod) -> AlignedClock | str:
-    """The first candidate that determines the clock, or why none does."""
-    reasons: list[str] = []
-    for build in found:
-        try:
-            return _align_in_two_steps(build, drift, method)
-        except CounterpoiseError as error:
-            reasons.append(str(error))
-    return "; ".join(reasons) or (
-        "the rig names nothing that both loggers recorded; name a channel of each, --pair A=B, or record a trigger"
-    )
-
-
-def _align_in_two_steps(build: SignalBuilder, drift: bool, method: AlignmentMethod) -> AlignedClock:
-    """Align once; where a first map lets the base's motion be taken out of the signals, again by those."""
-    rough_content = build(None)
-    if not rough_content.partial:
-        return method(rough_content, drift)
-    first = method(rough_content, False)
-    return method(build(first.clock), drift)
+def _stated_offsets(run: Run | SIRun, reference: str) -> dict[str, float]:
+    """Offsets of the groups' clocks [s] by when the logs say that each shows zero."""
+    zeros = {group.name: group.zero for group in run.groups if group.zero is not None}
+    if (there := zeros.get(reference)) is None:
+        return {}
+    alike = {group: zero for group, zero in zeros.items() if zero.has_zone == there.has_zone}
+    return {group: (zero.nanoseconds - there.nanoseconds) / 1e9 for group, zero in alike.items()}
 
 
 KIND = "alignment"

@@ -9,15 +9,12 @@ in point: large at the highest frequencies, where motions have little content.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from balance.arrays import Floats
+from balance.arrays import Floats, Mask
 
 from ..errors import AnalysisError
 from ..kinematics.gaps import gap_spans
 from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF, Grid, low_pass
-
-Flags = NDArray[np.bool_]
 
 CUTOFF_SHARE = 0.2
 """Of the slower sampling rate: the highest frequency that is compared by default."""
@@ -70,43 +67,41 @@ class PreparedSignals:
     name: str
     cutoff: float
     """[Hz]"""
+    signed: bool
+    partial: bool
+    fixed_time_deviation: float
     reference: Grid
     reference_columns: tuple[Floats, ...]
     fixed: Floats
     """Zero where nothing is."""
-    own: Grid
-    own_signals: Floats
-    signed: bool
-    partial: bool
-    fixed_time_deviation: float
-    own_nuisance: Floats
-    """Of unit mean square, (m, k)."""
     reference_nuisance: Floats
-    """(n, k)"""
+    """Of unit mean square, (n, k)."""
     gaps: Floats
     """Of the reference, start and end, (g, 2) [s]."""
+    own: Grid
+    own_signals: Floats
+    own_nuisance: Floats
+    """Of unit mean square, (m, k)."""
     own_gaps: Floats
     """Of the own record, (g, 2) [s]."""
 
     @property
-    def valid(self) -> Flags:
+    def valid(self) -> Mask:
         """Own samples that no gap of the own record disturbs, (m,) [-]."""
         return ~self.in_own_gap(self.own.time)
 
-    def in_own_gap(self, instants: Floats) -> Flags:
+    def in_own_gap(self, instants: Floats) -> Mask:
         """Instants (m,) [s] of the own clock that a gap of the own record disturbs, (m,) [-]."""
         return self._disturbed(self.own_gaps, instants)
 
-    def in_gap(self, instants: Floats) -> Flags:
+    def in_gap(self, instants: Floats) -> Mask:
         """Instants (n,) [s] of the reference's clock that a gap of its record disturbs, (n,) [-]."""
         return self._disturbed(self.gaps, instants)
 
-    def _disturbed(self, gaps: Floats, instants: Floats) -> Flags:
+    def _disturbed(self, gaps: Floats, instants: Floats) -> Mask:
         reach = GAP_PERIODS / self.cutoff
-        found = np.zeros(len(instants), dtype=bool)
-        for begin, end in gaps:
-            found |= (instants > begin - reach) & (instants < end + reach)
-        return found
+        near = [(instants > begin - reach) & (instants < end + reach) for begin, end in gaps]
+        return np.any(near, axis=0) if near else np.zeros(len(instants), dtype=bool)
 
     @property
     def findings(self) -> tuple[str, ...]:
@@ -131,31 +126,28 @@ def prepare(shared: SharedSignals) -> PreparedSignals:
             f"{shared.name}: nothing can be compared up to {cutoff:g} Hz at {rate:g} samples per second: expected at "
             f"most {HIGHEST_CUTOFF * rate:g} Hz"
         )
-    own_signals = _smooth(shared.name, shared.own_time, shared.own_signals, own, cutoff)
-    columns = [_smooth(shared.name, shared.reference_time, c, reference, cutoff) for c in shared.reference_columns]
-    zero = np.zeros((len(shared.reference_time), shared.own_signals.shape[1]))
-    fixed = _smooth(
-        shared.name, shared.reference_time, zero if shared.fixed is None else shared.fixed, reference, cutoff
-    )
+    here, there = (shared.name, shared.own_time, own, cutoff), (shared.name, shared.reference_time, reference, cutoff)
+    own_signals = _smooth(shared.own_signals, *here)
+    columns = [_smooth(c, *there) for c in shared.reference_columns]
     if not (np.ptp(own_signals, axis=0) > 0.0).all() or not all(np.ptp(c, axis=0).max() > 0.0 for c in columns):
         raise AnalysisError(f"{shared.name}: one of the two never changes: name channels that both recorded the motion")
-    bases = tuple(_thin(_basis(c), reference, cutoff) for c in columns)
+    nothing = np.zeros((len(shared.reference_time), shared.own_signals.shape[1]))
+    fixed = _smooth(nothing if shared.fixed is None else shared.fixed, *there)
+    every, other = (max(1, int(grid.rate / (OVERSAMPLING * cutoff))) for grid in (own, reference))
     return PreparedSignals(
         shared.name,
         cutoff,
-        _thinned(reference, cutoff),
-        bases,
-        _thin(fixed, reference, cutoff),
-        _thinned(own, cutoff),
-        _thin(own_signals, own, cutoff),
         shared.signed,
         shared.partial,
         shared.fixed_time_deviation,
-        _thin(_unit(shared.name, shared.own_time, shared.own_nuisance, own, cutoff), own, cutoff),
-        _thin(
-            _unit(shared.name, shared.reference_time, shared.reference_nuisance, reference, cutoff), reference, cutoff
-        ),
+        _thinned(reference, other),
+        tuple(_basis(c)[::other].copy() for c in columns),
+        fixed[::other].copy(),
+        _unit(shared.reference_nuisance, *there)[::other].copy(),
         gap_spans(np.sort(shared.reference_time), LARGEST_STEP) if shared.gaps is None else shared.gaps,
+        _thinned(own, every),
+        own_signals[::every].copy(),
+        _unit(shared.own_nuisance, *here)[::every].copy(),
         gap_spans(np.sort(shared.own_time), LARGEST_STEP),
     )
 
@@ -172,7 +164,11 @@ def even_grid(time: Floats, what: str) -> Grid:
     return Grid(float(time.min()), span / (len(time) - 1), len(time))
 
 
-def _smooth(name: str, time: Floats, values: Floats, grid: Grid, cutoff: float) -> Floats:
+def _thinned(grid: Grid, stride: int) -> Grid:
+    return Grid(grid.start, grid.step * stride, (grid.count + stride - 1) // stride)
+
+
+def _smooth(values: Floats, name: str, time: Floats, grid: Grid, cutoff: float) -> Floats:
     """Values (n, k) at scattered instants (n,) on a grid, low-passed, mean removed."""
     if not np.isfinite(values).all():
         raise AnalysisError(f"{name}: samples that are no numbers cannot be aligned: repair the channel first")
@@ -182,11 +178,11 @@ def _smooth(name: str, time: Floats, values: Floats, grid: Grid, cutoff: float) 
     return smooth - smooth.mean(axis=0)
 
 
-def _unit(name: str, time: Floats, values: Floats | None, grid: Grid, cutoff: float) -> Floats:
+def _unit(values: Floats | None, name: str, time: Floats, grid: Grid, cutoff: float) -> Floats:
     """Smoothed, of unit mean square; (count, 0) where there is none."""
     if values is None or not values.shape[1]:
         return np.zeros((grid.count, 0))
-    smooth = _smooth(name, time, values, grid, cutoff)
+    smooth = _smooth(values, name, time, grid, cutoff)
     return smooth / np.maximum(smooth.std(axis=0), 1e-300)
 
 
@@ -195,19 +191,6 @@ def _basis(columns: Floats) -> Floats:
     left, values, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0).max(), full_matrices=False)
     kept = left[:, values > LEAST_SHARE * values[0]] * np.sqrt(len(columns))
     return kept * np.sign(kept[:, 0] @ columns[:, 0]) if columns.shape[1] == 1 else kept
-
-
-def _stride(grid: Grid, cutoff: float) -> int:
-    return max(1, int(grid.rate / (OVERSAMPLING * cutoff)))
-
-
-def _thin(values: Floats, grid: Grid, cutoff: float) -> Floats:
-    return np.ascontiguousarray(values[:: _stride(grid, cutoff)])
-
-
-def _thinned(grid: Grid, cutoff: float) -> Grid:
-    stride = _stride(grid, cutoff)
-    return Grid(grid.start, grid.step * stride, (grid.count + stride - 1) // stride)
 
 
 PERIODS = 4.0
@@ -220,7 +203,7 @@ MOST_ROWS = 200_000
 """Largest number of samples; more are decimated."""
 
 
-def whitener(residual: Floats, used: Flags, longest: int) -> Floats:
+def whitener(residual: Floats, used: Mask, longest: int) -> Floats:
     """Filter (p + 1,) [-] that whitens a residual (n,) [any unit] at ``used`` samples (n,) [-]; p <= ``longest``."""
     power = float(np.mean(residual[used] ** 2))
     order = min(longest, int(np.count_nonzero(used)) // LEAST_ROWS)
@@ -240,7 +223,7 @@ def whitened(values: Floats, taps: Floats) -> Floats:
     return np.asarray(lfilter(taps, [1.0], values, axis=0)) if len(taps) > 1 else values
 
 
-def with_history(used: Flags, order: int) -> Flags:
+def with_history(used: Mask, order: int) -> Mask:
     """Samples (n,) [-] before which ``order`` others are ``used`` (n,) too."""
     count = np.cumsum(np.r_[0, used])
     found = np.zeros(len(used), dtype=bool)
