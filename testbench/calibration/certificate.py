@@ -18,6 +18,7 @@ import numpy as np
 from balance.arrays import Floats
 from balance.errors import UnitError
 from balance.input_files import read_text, xml_root
+from balance.units import SI_UNITS
 
 from ..errors import RigError
 from .definition import electrical_name, si_unit
@@ -33,7 +34,6 @@ _UNITS = {
     "ampere": "A", "coulomb": "C", "ohm": "ohm", "hertz": "Hz", "radian": "rad", "degree": "deg", "kelvin": "K",
     "degreecelsius": "degC", "pascal": "Pa", "farad": "F", "joule": "J", "watt": "W", "minute": "min", "hour": "h",
 }  # fmt: skip
-_SERIAL = re.compile(r"serial", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ def read_certificate(path: Path) -> Certificate:
 def _serials(root: Element) -> Iterator[str]:
     for one in root.iterfind(f"{DCC}administrativeData/{DCC}items//{DCC}identification"):
         said = f"{one.get('refType', '')} {_name(one)}"
-        if _SERIAL.search(said) and (value := one.findtext(f"{DCC}value", "").strip()):
+        if "serial" in said.casefold() and (value := one.findtext(f"{DCC}value", "").strip()):
             yield value
 
 
@@ -250,8 +250,6 @@ def unit_of_dsi(text: str) -> str:
 
 def _is_sensitivity(unit: str, dimensions: Sequence[str]) -> bool:
     """Whether a unit is electrical per unit of one of the dimensions."""
-    from balance.units import SI_UNITS
-
     if unit == "1" or unit.startswith("\\"):
         return False
     own = si_unit(unit, ())

@@ -17,7 +17,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from balance.errors import UnitError
+from balance.errors import DataError, UnitError
 from balance.input_files import Table, read_text
 from balance.units import SI_UNITS, parse_unit
 
@@ -83,13 +83,11 @@ class Uncertainty(Table):
     degrees_of_freedom: float | None = Field(default=None, ge=1.0)
     """Degrees of freedom of the standard uncertainty; left out: it is taken as known."""
 
-    @model_validator(mode="after")
-    def _one_form(self) -> "Uncertainty":
+    def _check(self) -> None:
         if (self.standard is None) == (self.expanded is None):
-            raise ValueError("expected one of standard, expanded")
+            raise DataError("expected one of standard, expanded")
         if (self.expanded is None) != (self.coverage_factor is None):
-            raise ValueError("expanded and coverage_factor go together, such as expanded = '1 %', coverage_factor = 2")
-        return self
+            raise DataError("expanded and coverage_factor go together, such as expanded = '1 %', coverage_factor = 2")
 
     def __str__(self) -> str:
         """On one line, as written."""
@@ -123,18 +121,16 @@ class Calibration(Table):
     reference: str = ""
     """Certificate, laboratory."""
 
-    @model_validator(mode="after")
-    def _one_law(self) -> "Calibration":
+    def _check(self) -> None:
         given = [n for n in ("sensitivity", "polynomial", "matrix") if getattr(self, n) is not None]
         if len(given) > 1:
-            raise ValueError(f"{given[0]} and {given[1]}: expected one of sensitivity, polynomial, matrix")
+            raise DataError(f"{given[0]} and {given[1]}: expected one of sensitivity, polynomial, matrix")
         if not given and self.offset is None and self.uncertainty is None:
-            raise ValueError("expected one of sensitivity, polynomial, matrix, offset, uncertainty")
+            raise DataError("expected one of sensitivity, polynomial, matrix, offset, uncertainty")
         if self.amplifier is not None and self.sensitivity is None:
-            raise ValueError("amplifier: goes with a sensitivity, such as '3.9 pC/N'")
+            raise DataError("amplifier: goes with a sensitivity, such as '3.9 pC/N'")
         if self.offset is not None and self.polynomial is not None:
-            raise ValueError("offset: is the first coefficient of a polynomial; expected one of the two")
-        return self
+            raise DataError("offset: is the first coefficient of a polynomial; expected one of the two")
 
     @property
     def scales(self) -> bool:
@@ -147,17 +143,19 @@ class Calibration(Table):
 
     def __str__(self) -> str:
         """On one line, as written."""
-        parts = [
-            _each(self.sensitivity, "{}"),
-            _each(self.amplifier, "amplifier {}"),
-            _polynomials(self.polynomial),
-            "" if self.matrix is None else _size(self.matrix),
-            _each(self.offset, "offset {}"),
-            str(self.uncertainty or ""),
-            f"calibrated {self.date}" if self.date else "",
-            self.reference,
-        ]
-        return ", ".join(part for part in parts if part)
+        parts = [_each(self.sensitivity, "{}"), _each(self.amplifier, "amplifier {}")]
+        by_name = self.polynomial if isinstance(self.polynomial, dict) else {"": self.polynomial}
+        for name, one in by_name.items():
+            if one is not None:
+                coefficients = " ".join(f"{c:g}" for c in one.coefficients)
+                parts.append(f"{name} polynomial {coefficients} ({one.raw} to {one.physical})".strip())
+        if self.matrix is not None:
+            rows, out = self.matrix.rows, self.matrix.physical
+            given = out if isinstance(out, str) else ", ".join(out.values())
+            parts.append(f"matrix {len(rows)} x {len(rows[0])} ({self.matrix.raw} to {given})")
+        day = f"calibrated {self.date}" if self.date else ""
+        parts += [_each(self.offset, "offset {}"), str(self.uncertainty or ""), day, self.reference]
+        return ", ".join(filter(None, parts))
 
 
 def entry_of_component(each: "Mapping[str, Any] | Any", component: str) -> Any:  # noqa: ANN401
@@ -181,21 +179,6 @@ def _each(each: PerComponent | None, form: str) -> str:
     if each is None:
         return ""
     return form.format(each if isinstance(each, str) else ", ".join(f"{name} {text}" for name, text in each.items()))
-
-
-def _polynomials(found: Polynomial | dict[str, Polynomial] | None) -> str:
-    if found is None:
-        return ""
-    by_name = found if isinstance(found, dict) else {"": found}
-    return ", ".join(
-        f"{name} polynomial {' '.join(f'{c:g}' for c in p.coefficients)} ({p.raw} to {p.physical})".strip()
-        for name, p in by_name.items()
-    )
-
-
-def _size(matrix: Matrix) -> str:
-    out = matrix.physical if isinstance(matrix.physical, str) else ", ".join(matrix.physical.values())
-    return f"matrix {len(matrix.rows)} x {len(matrix.rows[0])} ({matrix.raw} to {out})"
 
 
 _AMOUNT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
@@ -284,23 +267,19 @@ def read_matrix(path: Path) -> list[list[float]]:
     text = read_text(path, RigError).removeprefix("\ufeff")
     lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
     separator = ";" if ";" in text else "\t" if "\t" in text else ","
-    rows = [
-        [_number(path, number, cell, separator) for cell in next(csv.reader([line], delimiter=separator))]
-        for number, line in lines
-    ]
+    rows = list[list[float]]()
+    for number, line in lines:
+        rows.append([])
+        for cell in next(csv.reader([line], delimiter=separator)):
+            try:
+                rows[-1].append(float(cell.replace(",", ".") if separator == ";" else cell))
+            except ValueError as error:
+                raise RigError(
+                    f"{path.name}, line {number}: {cell!r} is no number: expected a matrix of numbers alone"
+                ) from error
     if not rows:
         raise RigError(f"{path.name}: holds no row of numbers")
     return rows
-
-
-def _number(path: Path, line: int, cell: str, separator: str) -> float:
-    text = cell.strip()
-    try:
-        return float(text.replace(",", ".") if separator == ";" else text)
-    except ValueError as error:
-        raise RigError(
-            f"{path.name}, line {line}: {cell!r} is no number: expected a matrix of numbers alone"
-        ) from error
 
 
 BASIC_BYTES = 8

@@ -5,20 +5,20 @@ measures exactly.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
 from balance.arrays import Floats
 from balance.errors import UnitError
-from balance.units import SI_UNITS
+from balance.results import Key
+from balance.units import SI_UNITS, factor_to_si
 
 from .. import units as unit_names
 from .definition import (
     Amount,
     Calibration,
-    Polynomial,
     component_keys,
     electrical_name,
     entry_of_component,
@@ -32,32 +32,77 @@ WORST_CONDITION = 1e8
 """Largest condition number of a matrix whose rows still distinguish the loads."""
 
 
-class Channel(Protocol):
-    """What a calibration must know of a channel; the rig's ``Column`` has it."""
+@dataclass(frozen=True)
+class Column:
+    """A channel: which component of which sensor, in which unit the logger writes it. Everything else in SI."""
+
+    channel: Annotated[str, Key()]
+    """Its name as in the log, with the unit in brackets or without."""
+    sensor: Annotated[str, Key()]
+    component: Annotated[str, Key()]
+    """``x``, ``Fz``, ``Mx``, or the joint."""
+    logger: str
+    unit: str
+    """Of the log; empty where the rig states none."""
+    dimensions: tuple[str, ...]
+    """Quantities that it may measure, such as ("angle", "length")."""
+    range: float | None = None
+    """Largest absolute value that the sensor gives [SI]."""
+    noise: float = 0.0
+    """Standard deviation of one sample [SI]."""
+    resolution: float = 0.0
+    """Step between two values [SI]."""
+    commanded: bool = False
+    """Computed by the controller and not measured: flat tops and constant values are no fault of it."""
+    level: bool = True
+    """Whether its values count; of a trigger the instants of its edges alone do."""
+    stated: bool = True
+    """Whether the rig states the unit, rather than the usual one of the kind being taken."""
+    calibration: Calibration | None = None
+    """Of the sensor by the rig; a later record of the campaign takes precedence."""
+    crosstalk: tuple[tuple[float, ...], ...] | None = None
+    """Of the sensor: readings = crosstalk @ loads, in SI."""
+    delay: float = 0.0
+    """Delay of its logger's filter at low frequencies [s]; zero where the rig states no filter."""
+    siblings: "tuple[Column, ...]" = ()
+    """All channels of the sensor in the order of the rig, this one among them."""
 
     @property
-    def component(self) -> str:
-        """``x``, ``Fz``, or the joint."""
+    def total_noise(self) -> float:
+        """Standard deviation of one sample [SI], a resolution of q counted as noise of q^2 / 12."""
+        return float(np.hypot(self.noise, self.resolution / np.sqrt(12.0)))
 
     @property
-    def dimensions(self) -> tuple[str, ...]:
-        """What it may measure, such as ("angle", "length")."""
+    def index(self) -> int:
+        """Which of the sensor's channels it is."""
+        return [s.channel for s in self.siblings].index(self.channel)
 
     @property
-    def channel(self) -> str:
-        """Its name in the log."""
+    def assumed_unit(self) -> str:
+        """Unit in which its logger is taken to write: that of the rig, else that of SI, as the log would state it."""
+        return self.unit if self.unit or self.calibration is not None else SI_UNITS[self.dimensions[0]]
 
-    @property
-    def sensor(self) -> str:
-        """Its sensor's name in the rig."""
+    def written(self, values: Floats) -> Floats:
+        """Values (n,) [SI] in the unit of the log, (n,). Raises UnitError where the calibration cannot be inverted."""
+        if self.calibration is None:
+            return values / factor_to_si(self.assumed_unit, *self.dimensions)
+        units = [s.unit or self.calibration.unit or "" for s in self.siblings]
+        if not all(units):
+            raise UnitError(
+                f"sensors.{self.sensor}: no unit in which its logger writes: state sensors.{self.sensor}.unit"
+            )
+        return bind_law(self.calibration, self.siblings, units).written(self.index, values)
 
-    @property
-    def unit(self) -> str:
-        """By the rig; empty where it states none."""
-
-    @property
-    def stated(self) -> bool:
-        """Whether the rig states the unit, rather than the usual one of the kind being taken."""
+    def written_range(self, unit: str) -> float | None:
+        """Range in ``unit``, that of the log; None where it is not known, or not symmetric."""
+        if self.range is None or not unit:
+            return None
+        try:
+            column = self if self.calibration is not None else replace(self, unit=unit)
+            ends = column.written(np.array([-self.range, self.range]))
+        except UnitError:
+            return None
+        return abs(float(ends[1])) if float(ends[0]) == -float(ends[1]) else None
 
 
 @dataclass(frozen=True)
@@ -90,7 +135,7 @@ def _value(coefficients: tuple[float, ...], x: Floats) -> Floats:
     return np.asarray(np.polynomial.polynomial.polyval(x, coefficients))
 
 
-def check_law(calibration: Calibration, channels: Sequence[Channel]) -> None:
+def check_law(calibration: Calibration, channels: Sequence[Column]) -> None:
     """Raise UnitError for keys that name no component, or a matrix of another size."""
     components = [channel.component for channel in channels]
     known = {name for component in components for name in component_keys(component)}
@@ -106,13 +151,21 @@ def check_law(calibration: Calibration, channels: Sequence[Channel]) -> None:
         if field not in ("offset", "uncertainty") and missing:
             raise UnitError(f"{field}: is missing for {missing[0]}")
     if calibration.matrix is not None:
-        _check_matrix(calibration.matrix.rows, components)
+        rows, size = calibration.matrix.rows, len(components)
+        if len(rows) != size or any(len(row) != size for row in rows):
+            shape = f"{len(rows)} rows of {sorted({len(row) for row in rows})} numbers"
+            raise UnitError(f"matrix: {shape}: expected {size} rows of {size}, for {', '.join(components)}")
+        scaled = np.array(rows) / np.maximum(np.abs(rows).max(axis=1, keepdims=True), 1e-300)
+        if not np.linalg.cond(scaled) < WORST_CONDITION:
+            raise UnitError(
+                "matrix: its rows depend on each other, so that loads cannot be distinguished: check its rows"
+            )
     if calibration.uncertainty is not None:
         for channel in channels:
             relative_uncertainty(calibration, channel)
 
 
-def relative_uncertainty(calibration: Calibration, channel: Channel) -> float | None:
+def relative_uncertainty(calibration: Calibration, channel: Column) -> float | None:
     """Standard uncertainty of a channel's sensitivity, as a share of it; None where none is stated for it.
 
     Raises UnitError for one that is neither a share nor in the unit of the sensitivity.
@@ -138,42 +191,41 @@ def relative_uncertainty(calibration: Calibration, channel: Channel) -> float | 
     return relative
 
 
-def _check_matrix(rows: Sequence[Sequence[float]], components: Sequence[str]) -> None:
-    size = len(components)
-    if len(rows) != size or any(len(row) != size for row in rows):
-        shape = f"{len(rows)} rows of {sorted({len(row) for row in rows})} numbers"
-        raise UnitError(f"matrix: {shape}: expected {size} rows of {size}, for {', '.join(components)}")
-    scaled = np.array(rows) / np.maximum(np.abs(rows).max(axis=1, keepdims=True), 1e-300)
-    if not np.linalg.cond(scaled) < WORST_CONDITION:
-        raise UnitError("matrix: its rows depend on each other, so that loads cannot be distinguished: check its rows")
-
-
-def bind_law(calibration: Calibration, channels: Sequence[Channel], units: Sequence[str]) -> CalibrationLaw:
+def bind_law(calibration: Calibration, channels: Sequence[Column], units: Sequence[str]) -> CalibrationLaw:
     """The law for channels written in ``units``. Raises UnitError if it does not give the unit of what is measured."""
     check_law(calibration, channels)
-    if calibration.matrix is not None:
-        matrix, lines, out = calibration.matrix, [], []
-        for channel, written in zip(channels, units, strict=True):
-            raw, into = si_unit(written, channel.dimensions), si_unit(matrix.raw, channel.dimensions)
-            if raw.units != into.units:
-                taken = f"the matrix takes {matrix.raw!r}, the channel is in {written!r}"
-                raise UnitError(f"{channel.component}: {taken}{_already_physical(channel, written)}")
-            text = entry_of_component(matrix.physical, channel.component)
-            if text is None:
-                raise UnitError(f"matrix: physical: no unit for {channel.component}")
-            given = si_unit(text, channel.dimensions)
-            if not measures_one_of(given.units, channel.dimensions):
-                raise UnitError(f"matrix: {text!r} for {channel.component} is no {_quantity_text(channel.dimensions)}")
-            raw_offset, physical_offset = _offset(calibration, channel, raw)
-            if physical_offset:
-                raise UnitError(f"{channel.component}: an offset before a matrix is in the unit of the log")
-            lines.append((-raw_offset / into.value, raw.value / into.value))
-            out.append(given.value)
-        return CalibrationLaw(tuple(lines), np.array(matrix.rows) * np.array(out)[:, None])
-    return CalibrationLaw(tuple(_channel_polynomial(calibration, c, u) for c, u in zip(channels, units, strict=True)))
+    written, matrix = list(zip(channels, units, strict=True)), calibration.matrix
+    if matrix is None:
+        return CalibrationLaw(tuple(_channel_polynomial(calibration, channel, unit) for channel, unit in written))
+    lines, out = [], []
+    for channel, unit in written:
+        step = _step(channel, unit, matrix.raw, "matrix")
+        text = entry_of_component(matrix.physical, channel.component)
+        if text is None:
+            raise UnitError(f"matrix: physical: no unit for {channel.component}")
+        given = si_unit(text, channel.dimensions)
+        if not measures_one_of(given.units, channel.dimensions):
+            raise UnitError(f"matrix: {text!r} for {channel.component} is no {_quantity_text(channel.dimensions)}")
+        raw_offset, physical_offset = _offset(calibration, channel, si_unit(unit, channel.dimensions))
+        if physical_offset:
+            raise UnitError(f"{channel.component}: an offset before a matrix is in the unit of the log")
+        lines.append((-raw_offset / si_unit(matrix.raw, channel.dimensions).value, step))
+        out.append(given.value)
+    return CalibrationLaw(tuple(lines), np.array(matrix.rows) * np.array(out)[:, None])
 
 
-def bind_sensor(calibration: Calibration, channels: Sequence[Channel], written: Sequence[str | None]) -> CalibrationLaw:
+def _step(channel: Column, written: str, taken: str, what: str) -> float:
+    """One of the unit of the log in the unit that is ``taken`` by a polynomial or matrix."""
+    raw, into = si_unit(written, channel.dimensions), si_unit(taken, channel.dimensions)
+    if raw.units != into.units:
+        raise UnitError(
+            f"{channel.component}: the {what} takes {taken!r}, the channel is in {written!r}"
+            f"{_already_physical(channel, written)}"
+        )
+    return raw.value / into.value
+
+
+def bind_sensor(calibration: Calibration, channels: Sequence[Column], written: Sequence[str | None]) -> CalibrationLaw:
     """The law of a sensor whose log states these units, None where it states none.
 
     Raises UnitError where a unit is missing, contradicts the rig or does not lead to what the sensor measures.
@@ -183,7 +235,7 @@ def bind_sensor(calibration: Calibration, channels: Sequence[Channel], written: 
     )
 
 
-def _unit_of_log(channel: Channel, calibration: Calibration, written: str | None) -> str:
+def _unit_of_log(channel: Column, calibration: Calibration, written: str | None) -> str:
     """The unit of a channel: of the log, the calibration or the rig, which must not contradict each other."""
     rig = channel.unit if channel.stated else None
     written = unit_of_log(written, rig or calibration.unit)
@@ -203,21 +255,33 @@ def _unit_of_log(channel: Channel, calibration: Calibration, written: str | None
     )
 
 
-def _channel_polynomial(calibration: Calibration, channel: Channel, written: str) -> tuple[float, ...]:
+def _channel_polynomial(calibration: Calibration, channel: Column, written: str) -> tuple[float, ...]:
+    """Coefficients from the unit of the log to SI: of its polynomial, else of sensitivity and offset."""
     dimensions, component = channel.dimensions, channel.component
-    raw = si_unit(written, dimensions)
+    raw, wanted = si_unit(written, dimensions), _quantity_text(dimensions)
     polynomial = entry_of_component(calibration.polynomial, component)
     if polynomial is not None:
-        return _polynomial_in_si(polynomial, channel, written)
+        out, step = si_unit(polynomial.physical, dimensions), _step(channel, written, polynomial.raw, "polynomial")
+        if not measures_one_of(out.units, dimensions):
+            raise UnitError(f"{component}: the polynomial gives {polynomial.physical!r}, no {wanted}")
+        return tuple(c * step**i * out.value for i, c in enumerate(polynomial.coefficients))
     sensitivity, text = _sensitivity(calibration, channel, raw)
     found = raw / sensitivity
     if not measures_one_of(found.units, dimensions):
-        raise UnitError(f"{component}: {_unit_mismatch(channel, written, sensitivity, text)}")
+        takes = electrical_name(sensitivity.units * si_unit(SI_UNITS[dimensions[0]], ()).units)
+        if text and takes and takes != written:
+            mismatch = f"a sensitivity of {text}takes a log in {takes}, this one is in {written!r}"
+            mismatch += _already_physical(channel, written)
+        else:
+            mismatch = (
+                f"{written!r} {f'by {text}' if text else 'without a sensitivity '}is no {wanted}: a unit is wrong"
+            )
+        raise UnitError(f"{component}: {mismatch}")
     raw_offset, physical_offset = _offset(calibration, channel, raw)
     return (-raw_offset / sensitivity.value - physical_offset, found.value)
 
 
-def _sensitivity(calibration: Calibration, channel: Channel, raw: Amount) -> tuple[Amount, str]:
+def _sensitivity(calibration: Calibration, channel: Column, raw: Amount) -> tuple[Amount, str]:
     """Reading for one SI unit of the quantity, and its text as stated."""
     text = entry_of_component(calibration.sensitivity, channel.component)
     if text is None:
@@ -239,7 +303,7 @@ def _sensitivity(calibration: Calibration, channel: Channel, raw: Amount) -> tup
     return both, f"{text!r} and {behind!r} "
 
 
-def _offset(calibration: Calibration, channel: Channel, raw: Amount) -> tuple[float, float]:
+def _offset(calibration: Calibration, channel: Column, raw: Amount) -> tuple[float, float]:
     """What to subtract before and after the sensitivity [SI], by the unit in which the offset is stated."""
     text = entry_of_component(calibration.offset, channel.component)
     if text is None:
@@ -253,29 +317,7 @@ def _offset(calibration: Calibration, channel: Channel, raw: Amount) -> tuple[fl
     raise UnitError(f"{channel.component}: offset {text!r} is neither in the log's unit nor a {wanted}")
 
 
-def _polynomial_in_si(found: Polynomial, channel: Channel, written: str) -> tuple[float, ...]:
-    raw, into = si_unit(written, channel.dimensions), si_unit(found.raw, channel.dimensions)
-    out, wanted = si_unit(found.physical, channel.dimensions), _quantity_text(channel.dimensions)
-    if raw.units != into.units:
-        taken = f"the polynomial takes {found.raw!r}, the channel is in {written!r}"
-        raise UnitError(f"{channel.component}: {taken}{_already_physical(channel, written)}")
-    if not measures_one_of(out.units, channel.dimensions):
-        raise UnitError(f"{channel.component}: the polynomial gives {found.physical!r}, no {wanted}")
-    step = raw.value / into.value
-    return tuple(c * step**i * out.value for i, c in enumerate(found.coefficients))
-
-
-def _unit_mismatch(channel: Channel, written: str, sensitivity: Amount, text: str) -> str:
-    """Why a channel in the unit ``written`` and a sensitivity do not give what is measured, and which unit would."""
-    takes = electrical_name(sensitivity.units * si_unit(SI_UNITS[channel.dimensions[0]], ()).units)
-    if text and takes and takes != written:
-        hint = _already_physical(channel, written)
-        return f"a sensitivity of {text}takes a log in {takes}, this one is in {written!r}{hint}"
-    by = f"by {text}" if text else "without a sensitivity "
-    return f"{written!r} {by}is no {_quantity_text(channel.dimensions)}: a unit is wrong"
-
-
-def _already_physical(channel: Channel, written: str) -> str:
+def _already_physical(channel: Column, written: str) -> str:
     """What to do where a log is in physical units already."""
     if not measures_one_of(si_unit(written, channel.dimensions).units, channel.dimensions):
         return ""

@@ -9,15 +9,25 @@ and nowhere else.
 import math
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field
 
 from balance.dynamics.moving_base import MountedBase
+from balance.errors import DataError
 from balance.input_files import Quantity, Table
 
 from . import key_types
 
 Share = Annotated[float, Field(ge=0.0, lt=1.0)]
-Direction = tuple[float, float, float]
+Vector = tuple[float, float, float]
+
+
+def _not_zero(direction: Vector) -> Vector:
+    if not any(direction):
+        raise ValueError("expected a direction, found 0, 0, 0")
+    return direction
+
+
+Direction = Annotated[Vector, AfterValidator(_not_zero)]
 FloorLevel = Literal["workshop", "office", "residential", "operating theatre", "VC-A", "VC-B", "VC-C", "VC-D", "VC-E"]
 
 
@@ -30,12 +40,6 @@ class Rotor(Table):
     """Turns of the rotor per turn of the joint; negative where the gear reverses."""
     axis: Direction = (0.0, 0.0, 1.0)
     """Direction of its axis in the base frame; with a positive ratio it turns about it as the joint turns."""
-
-    @model_validator(mode="after")
-    def _has_direction(self) -> "Rotor":
-        if not any(self.axis):
-            raise ValueError("axis: expected a direction, found 0, 0, 0")
-        return self
 
 
 Damping = Annotated[float, Quantity("turning damping", at_least=0.0)]
@@ -92,11 +96,9 @@ class DriveTrain(Table):
     control: Control | None = None
     """Position control; left out: the motor follows the command exactly."""
 
-    @model_validator(mode="after")
-    def _states_something(self) -> "DriveTrain":
+    def _check(self) -> None:
         if self.transmission is None and self.control is None:
-            raise ValueError("expected transmission, control or both; leave the table out for a drive without error")
-        return self
+            raise DataError("expected transmission, control or both; leave the table out for a drive without error")
 
 
 class ElasticJoint(Table):
@@ -134,12 +136,6 @@ class ElasticLink(Table):
     inertia: Annotated[tuple[key_types.Inertia, key_types.Inertia, key_types.Inertia], key_types.EACH_AXIS]
     """Its inertia about that centre, along the axes of the body [kg m2]."""
 
-    @model_validator(mode="after")
-    def _has_direction(self) -> "ElasticLink":
-        if not any(self.axis):
-            raise ValueError("axis: expected a direction, found 0, 0, 0")
-        return self
-
 
 class Roughness(Table):
     """Residual broadband wrench of drives, gears and joints on the base: flat within a band, each axis for itself."""
@@ -151,13 +147,11 @@ class Roughness(Table):
     band: tuple[key_types.Frequency, key_types.Frequency] = (20.0, 500.0)
     """Lower and upper end of the band [Hz]."""
 
-    @model_validator(mode="after")
-    def _rises(self) -> "Roughness":
+    def _check(self) -> None:
         if not self.band[0] < self.band[1]:
-            raise ValueError(
+            raise DataError(
                 f"band: expected a lower and a higher frequency, found {self.band[0]:g}, {self.band[1]:g} Hz"
             )
-        return self
 
 
 class Mode(Table):
@@ -169,11 +163,11 @@ class Mode(Table):
     """Share of critical damping."""
     mass: key_types.Mass
     """Modal mass that belongs to the shape as scaled here [kg]."""
-    translation: Direction = (0.0, 0.0, 0.0)
+    translation: Vector = (0.0, 0.0, 0.0)
     """The shape's displacement where the mechanism stands, at the origin of the base frame."""
-    rotation: Direction = (0.0, 0.0, 0.0)
+    rotation: Vector = (0.0, 0.0, 0.0)
     """The shape's rotation there [rad/m]."""
-    at: dict[str, Direction]
+    at: dict[str, Vector]
     """The shape's displacement at accelerometers on the base, by sensor."""
 
 
@@ -196,19 +190,15 @@ class FloorMode(Table):
     centre: key_types.Point = (0.0, 0.0, 0.0)
     """Point of the base frame about which the floor turns [m]."""
 
-    @model_validator(mode="after")
-    def _is_one_mode(self) -> "FloorMode":
+    def _check(self) -> None:
         if (self.acceleration is None) == (self.angle is None):
-            raise ValueError("expected acceleration, of a mode that translates, or angle, of one that turns; not both")
+            raise DataError("expected acceleration, of a mode that translates, or angle, of one that turns; not both")
         if self.angle is None and any(self.centre):
-            raise ValueError("centre: expected only with angle, for a mode that turns")
-        if not any(self.axis):
-            raise ValueError("axis: expected a direction, found 0, 0, 0")
+            raise DataError("centre: expected only with angle, for a mode that turns")
         if not self.frequency < 80.0:
-            raise ValueError(
+            raise DataError(
                 f"frequency: expected less than 80 Hz, up to where noise drives it, found {self.frequency:g} Hz"
             )
-        return self
 
 
 class Contact(Table):

@@ -17,10 +17,11 @@ from balance import datasets
 from balance.errors import DataError, suggestion
 from balance.input_files import Table, in_file, model_from_table, read_text, toml_tables, xml_root
 
+from ..calibration.evaluation import Column
 from ..errors import RigError
 from . import sensors as kinds
 from .bench import Bench, Logger
-from .sensor_channels import Column, LoggedSensor
+from .sensor_channels import LoggedSensor
 
 NONE = "none"
 """The mechanism of a rig that has none, such as a force plate alone."""

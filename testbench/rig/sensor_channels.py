@@ -4,104 +4,34 @@ For a simulated or estimated sensor, the rig also states how far its sensitivity
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
-from typing import Annotated, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
-from pydantic import PrivateAttr, model_validator
+from pydantic import PrivateAttr
 
 from balance.arrays import Floats
-from balance.errors import UnitError
-from balance.input_files import Table
-from balance.results import Key
-from balance.units import SI_UNITS, factor_to_si
+from balance.errors import DataError, UnitError
+from balance.input_files import Measured, Table
+from balance.units import dimension_of
 
-from ..calibration import evaluation
-from ..calibration.definition import Calibration, Teds
+from ..calibration.definition import Calibration, Teds, is_electrical
+from ..calibration.evaluation import Column, bind_law, check_law
 from ..errors import RigError
 from .bench import SensorErrors
-
-
-@dataclass(frozen=True)
-class Column:
-    """A channel: which component of which sensor, in which unit the logger writes it. Everything else in SI."""
-
-    channel: Annotated[str, Key()]
-    """Its name as in the log, with the unit in brackets or without."""
-    sensor: Annotated[str, Key()]
-    component: Annotated[str, Key()]
-    """``x``, ``Fz``, ``Mx``, or the joint."""
-    logger: str
-    unit: str
-    """Of the log; empty where the rig states none."""
-    dimensions: tuple[str, ...]
-    """Quantities that it may measure, such as ("angle", "length")."""
-    range: float | None = None
-    """Largest absolute value that the sensor gives [SI]."""
-    noise: float = 0.0
-    """Standard deviation of one sample [SI]."""
-    resolution: float = 0.0
-    """Step between two values [SI]."""
-    commanded: bool = False
-    """Computed by the controller and not measured: flat tops and constant values are no fault of it."""
-    level: bool = True
-    """Whether its values count; of a trigger the instants of its edges alone do."""
-    stated: bool = True
-    """Whether the rig states the unit, rather than the usual one of the kind being taken."""
-    calibration: Calibration | None = None
-    """Of the sensor by the rig; a later record of the campaign takes precedence."""
-    crosstalk: tuple[tuple[float, ...], ...] | None = None
-    """Of the sensor: readings = crosstalk @ loads, in SI."""
-    delay: float = 0.0
-    """Delay of its logger's filter at low frequencies [s]; zero where the rig states no filter."""
-    siblings: "tuple[Column, ...]" = ()
-    """All channels of the sensor in the order of the rig, this one among them."""
-
-    @property
-    def total_noise(self) -> float:
-        """Standard deviation of one sample [SI], a resolution of q counted as noise of q^2 / 12."""
-        return float(np.hypot(self.noise, self.resolution / np.sqrt(12.0)))
-
-    @property
-    def index(self) -> int:
-        """Which of the sensor's channels it is."""
-        return [s.channel for s in self.siblings].index(self.channel)
-
-    @property
-    def assumed_unit(self) -> str:
-        """Unit in which its logger is taken to write: that of the rig, else that of SI, as the log would state it."""
-        return self.unit if self.unit or self.calibration is not None else SI_UNITS[self.dimensions[0]]
-
-    def written(self, values: Floats) -> Floats:
-        """Values (n,) [SI] in the unit of the log, (n,). Raises UnitError where the calibration cannot be inverted."""
-        if self.calibration is None:
-            return values / factor_to_si(self.assumed_unit, *self.dimensions)
-        from ..calibration.evaluation import bind_law
-
-        units = [s.unit or self.calibration.unit or "" for s in self.siblings]
-        if not all(units):
-            raise UnitError(
-                f"sensors.{self.sensor}: no unit in which its logger writes: state sensors.{self.sensor}.unit"
-            )
-        return bind_law(self.calibration, self.siblings, units).written(self.index, values)
-
-    def written_range(self, unit: str) -> float | None:
-        """Range in ``unit``, that of the log; None where it is not known, or not symmetric."""
-        if self.range is None or not unit:
-            return None
-        try:
-            column = self if self.calibration is not None else replace(self, unit=unit)
-            ends = column.written(np.array([-self.range, self.range]))
-        except UnitError:
-            return None
-        return abs(float(ends[1])) if float(ends[0]) == -float(ends[1]) else None
 
 
 class LoggedSensor(Table, ABC):
     """A sensor whose channels a logger writes."""
 
+    dimensions: ClassVar[tuple[str, ...]] = ()
+    """Quantities that its channels may measure."""
+    commanded: ClassVar[bool] = False
+    """Whether it is computed by the controller and not measured."""
+    level: ClassVar[bool] = True
+    """Whether its values count, and not the instants of its edges alone."""
     logger: str
     """Logger that records it."""
     model: str = ""
@@ -120,10 +50,9 @@ class LoggedSensor(Table, ABC):
     def columns(self, name: str) -> tuple[Column, ...]:
         """The channels of the sensor called ``name``, each knowing its siblings; commands pass no filter."""
         if name not in self._columns:
-            cross = getattr(self, "crosstalk", None)
             columns = tuple(
-                replace(c, calibration=self.calibration, crosstalk=cross, delay=0.0 if c.commanded else self._delay)
-                for c in self._channels(name)
+                self._column(name, component, channel, *self._unit_of_log(component))
+                for component, channel in self.components.items()
             )
             self._columns[name] = tuple(replace(column, siblings=columns) for column in columns)
         return self._columns[name]
@@ -138,36 +67,69 @@ class LoggedSensor(Table, ABC):
         copied.__dict__.pop("_columns", None)
         return copied
 
+    @property
     @abstractmethod
-    def _channels(self, name: str) -> Iterator[Column]:
-        """The channels of this kind of sensor, before calibration, cross-talk and delay."""
+    def components(self) -> Mapping[str, str]:
+        """The channel of each component that it measures, in the order of the rig."""
 
-    def _unit_of_log(self, unit: str | None) -> tuple[str, bool]:
-        """The unit of the log and whether the rig states it; raw values are not in the usual unit of a kind."""
-        if "unit" in self.model_fields_set:
-            return unit or "", bool(unit)
-        return ("", False) if self.calibration is not None and self.calibration.scales else (unit or "", False)
+    def _column(self, name: str, component: str, channel: str, unit: str, stated: bool) -> Column:
+        levels = {key: self._level(key, component) for key in ("range", "noise", "resolution")}
+        return Column(
+            channel, name, component, self.logger, unit, self._dimensions(component),
+            range=levels["range"], noise=levels["noise"] or 0.0, resolution=levels["resolution"] or 0.0,
+            commanded=self.commanded, level=self.level, stated=stated,
+            calibration=self.calibration, crosstalk=getattr(self, "crosstalk", None),
+            delay=0.0 if self.commanded else self._delay,
+        )  # fmt: skip
 
-    @model_validator(mode="after")
-    def _calibrated(self) -> Self:
-        """A calibration that fits the components, and the unit where the rig states one."""
+    def _dimensions(self, component: str) -> tuple[str, ...]:
+        """Quantities that a component may be of."""
+        return self.dimensions
+
+    def _level(self, key: str, component: str) -> float | None:
+        """The range, noise or resolution of a component [SI], of all axes, of forces and moments, or of the joint."""
+        stated: Any = getattr(self, key, None)
+        if isinstance(stated, Table):
+            stated = getattr(stated, component[0])
+        if isinstance(stated, Measured):
+            return float(stated.value)
+        return None if stated is None else stated["xyz".index(component[-1])]
+
+    def _unit_of_log(self, component: str) -> tuple[str, bool]:
+        """The unit of a component in the log, and whether the rig states it."""
+        return self._unit_unless_raw(getattr(self, "unit", None))
+
+    def _unit_unless_raw(self, unit: str | None) -> tuple[str, bool]:
+        """The unit, stated or the usual one of the kind, in which raw values are not."""
+        stated = "unit" in self.model_fields_set
+        is_raw = not stated and self.calibration is not None and self.calibration.scales
+        return "" if is_raw else unit or "", stated and bool(unit)
+
+    def _check(self) -> None:
+        """Levels of the kind of the unit, and a calibration that fits components and unit."""
+        levels = {key: getattr(self, key, None) for key in ("range", "noise", "resolution")}
+        measured = {key: level for key, level in levels.items() if isinstance(level, Measured)}
+        if measured and not is_electrical(unit := getattr(self, "unit", "")):
+            kind = dimension_of(f"1 {unit}", *self.dimensions)
+            for key, level in measured.items():
+                if level.dimension != kind:
+                    raise DataError(f"{key}: is of {level.dimension}, but the sensor's unit {unit!r} is one of {kind}")
         if self.calibration is None:
-            return self
-        channels = list(self.columns(""))
-        given = [c.unit or self.calibration.unit for c in channels]
+            return
+        channels = self.columns("")
         if wrong := [c for c in channels if c.unit and self.calibration.unit not in {None, c.unit}]:
-            raise ValueError(
+            raise DataError(
                 f"calibration.unit: {self.calibration.unit!r}, but unit is {wrong[0].unit!r}: state it once"
             )
         if self.calibration.matrix is not None and getattr(self, "crosstalk", None) is not None:
-            raise ValueError("crosstalk: the calibration has a matrix: expected one of the two")
+            raise DataError("crosstalk: the calibration has a matrix: expected one of the two")
+        units = [c.unit or self.calibration.unit or "" for c in channels]
         try:
-            evaluation.check_law(self.calibration, channels)
-            if all(given):
-                evaluation.bind_law(self.calibration, channels, [unit or "" for unit in given])
+            check_law(self.calibration, channels)
+            if all(units):
+                bind_law(self.calibration, channels, units)
         except UnitError as error:
-            raise ValueError(f"calibration: {error}") from error
-        return self
+            raise DataError(f"calibration: {error}") from error
 
 
 def sensitivity_scatter(name: str, columns: "Sequence[Column]", errors: SensorErrors) -> Floats:

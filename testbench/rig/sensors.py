@@ -8,21 +8,20 @@ base is w = sum J_i' f_i, so f_i = k_i J_i (sum J_i' k_i J_i)^-1 w: of all distr
 least elastic energy.
 """
 
-from collections.abc import Iterator, Mapping
-from typing import Annotated, Literal, Self, get_args
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal, get_args
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from balance.arrays import Floats
 from balance.dynamics.moving_base import skew
-from balance.input_files import Measured, Table
-from balance.units import dimension_of
+from balance.errors import DataError
+from balance.input_files import Table
 
-from ..calibration.definition import is_electrical
 from ..errors import RigError
 from . import key_types
-from .sensor_channels import Column, LoggedSensor
+from .sensor_channels import LoggedSensor
 
 Axis = Literal["x", "y", "z"]
 WrenchAxis = Literal["Fx", "Fy", "Fz", "Mx", "My", "Mz"]
@@ -36,6 +35,7 @@ TURNING_STIFFNESS = 1e6
 class Accelerometer(LoggedSensor):
     """Acceleration of a point of a body, weight not included; axes of that body."""
 
+    dimensions: ClassVar = ("acceleration",)
     kind: Literal["accelerometer"]
     """Kind of sensor."""
     channels: dict[Axis, str] = Field(min_length=1)
@@ -55,13 +55,10 @@ class Accelerometer(LoggedSensor):
     high_pass: key_types.Frequency | None = None
     """Lower corner of an AC-coupled sensor, first order, by its data sheet [Hz]; left out: it responds down to zero."""
 
-    def _channels(self, name: str) -> Iterator[Column]:
-        """One channel an axis."""
-        for axis, channel in self.channels.items():
-            i = AXES.index(axis)
-            unit, stated = self._unit_of_log(self.unit)
-            yield Column(channel, name, axis, self.logger, unit, ("acceleration",), _at(self.range, i),
-                         _at(self.noise, i) or 0.0, _at(self.resolution, i) or 0.0, stated=stated)  # fmt: skip
+    @property
+    def components(self) -> Mapping[str, str]:
+        """Channel of each measured axis."""
+        return dict(self.channels.items())
 
 
 class _ForceAndMoment(Table):
@@ -71,10 +68,6 @@ class _ForceAndMoment(Table):
     """Of forces, the same or one each along x, y, z [N]."""
     M: key_types.Moments | None = None
     """Of moments, the same or one each about x, y, z [N m]."""
-
-    def of(self, component: str) -> float | None:
-        """The value of ``Fx`` ... ``Mz`` [N, N m]."""
-        return _at(self.F if component[0] == "F" else self.M, "xyz".index(component[1]))
 
 
 class _Support(LoggedSensor):
@@ -88,25 +81,26 @@ class _Support(LoggedSensor):
     @property
     def measured(self) -> tuple[str, ...]:
         """The measured components, ``Fx`` ... ``Mz``, in the order of the channels."""
-        return tuple(column.component for column in self.columns(""))
+        return tuple(self.components)
 
     def carries(self, component: str) -> bool:
         """Whether the support may carry a component, as far as the rig says."""
         if self.unloaded == "rest":
-            return component in self.measured
+            return component in self.components
         return component not in self.unloaded
 
-    def _check_support(self) -> None:
+    def _check(self) -> None:
         """Nothing both measured and unloaded; a cross-talk matrix that fits the channels and can be inverted."""
-        if self.unloaded != "rest" and (both := [c for c in self.unloaded if c in self.measured]):
-            raise ValueError(f"unloaded names {both[0]}, which the sensor measures")
+        super()._check()
+        if self.unloaded != "rest" and (both := [c for c in self.unloaded if c in self.components]):
+            raise DataError(f"unloaded names {both[0]}, which the sensor measures")
         if self.crosstalk is None:
             return
-        size = len(self.measured)
+        size = len(self.components)
         if len(self.crosstalk) != size or any(len(row) != size for row in self.crosstalk):
-            raise ValueError(f"crosstalk: expected {size} rows of {size} numbers, for {', '.join(self.measured)}")
+            raise DataError(f"crosstalk: expected {size} rows of {size} numbers, for {', '.join(self.components)}")
         if not 1.0 / np.linalg.cond(np.array(self.crosstalk)) > 1e-6:
-            raise ValueError("crosstalk: cannot be inverted")
+            raise DataError("crosstalk: cannot be inverted")
 
 
 class _WrenchUnits(Table):
@@ -147,19 +141,18 @@ class Wrench(_Support):
     turning_stiffness: key_types.TurningStiffness = TURNING_STIFFNESS
     """Stiffness of the support about each measured axis [N m/rad]."""
 
-    @model_validator(mode="after")
-    def _whole(self) -> "Wrench":
-        self._check_support()
-        return self
+    @property
+    def components(self) -> Mapping[str, str]:
+        """Channel of each measured component."""
+        return dict(self.channels.items())
 
-    def _channels(self, name: str) -> Iterator[Column]:
-        """One channel a component."""
-        for component, channel in self.channels.items():
-            letter, dimension = component[0], "force" if component[0] == "F" else "moment"
-            unit, stated = self._unit_of_log(getattr(self.unit, letter))
-            yield Column(channel, name, component, self.logger, unit, (dimension,), self.range.of(component),
-                         self.noise.of(component) or 0.0, self.resolution.of(component) or 0.0,
-                         stated=stated and letter in self.unit.model_fields_set)  # fmt: skip
+    def _dimensions(self, component: str) -> tuple[str, ...]:
+        return ("force",) if component[0] == "F" else ("moment",)
+
+    def _unit_of_log(self, component: str) -> tuple[str, bool]:
+        letter = component[0]
+        unit, stated = self._unit_unless_raw(getattr(self.unit, letter))
+        return unit, stated and letter in self.unit.model_fields_set
 
     @property
     def axis_stiffness(self) -> tuple[float, ...]:
@@ -172,6 +165,7 @@ class Wrench(_Support):
 class ForceSensor(_Support):
     """Force along one or three axes, that the mechanism exerts on the base through this support."""
 
+    dimensions: ClassVar = ("force",)
     kind: Literal["force"]
     """Kind of sensor."""
     channel: str | None = None
@@ -195,35 +189,27 @@ class ForceSensor(_Support):
     stiffness: key_types.Stiffness = STIFFNESS
     """Stiffness of the support along each measured axis [N/m]."""
 
-    @model_validator(mode="after")
-    def _one_or_several(self) -> "ForceSensor":
+    def _check(self) -> None:
         if bool(self.channels) == (self.channel is not None and self.axis is not None):
-            raise ValueError("expected either channel and axis, or channels = { x = ..., y = ..., z = ... }")
-        self._check_support()
-        return self
+            raise DataError("expected either channel and axis, or channels = { x = ..., y = ..., z = ... }")
+        super()._check()
 
     @property
-    def by_axis(self) -> dict[Axis, str]:
-        """The channel of each measured axis."""
-        return self.channels or {self.axis or "z": self.channel or ""}
-
-    def _channels(self, name: str) -> Iterator[Column]:
-        """One channel an axis."""
-        for axis, channel in self.by_axis.items():
-            i = AXES.index(axis)
-            unit, stated = self._unit_of_log(self.unit)
-            yield Column(channel, name, f"F{axis}", self.logger, unit, ("force",), _at(self.range, i),
-                         _at(self.noise, i) or 0.0, _at(self.resolution, i) or 0.0, stated=stated)  # fmt: skip
+    def components(self) -> Mapping[str, str]:
+        """Channel of each measured axis, ``Fx`` ... ``Fz``."""
+        by_axis = self.channels or {self.axis or "z": self.channel or ""}
+        return {f"F{axis}": channel for axis, channel in by_axis.items()}
 
     @property
     def axis_stiffness(self) -> tuple[float, ...]:
         """Stiffness of the support along and about x, y, z [N/m, N m/rad]; zero where the sensor measures nothing."""
-        return (*(self.stiffness if axis in self.by_axis else 0.0 for axis in AXES), 0.0, 0.0, 0.0)
+        return (*(self.stiffness if f"F{axis}" in self.components else 0.0 for axis in AXES), 0.0, 0.0, 0.0)
 
 
 class Encoder(LoggedSensor):
     """Position of a joint."""
 
+    dimensions: ClassVar = ("angle", "length")
     kind: Literal["encoder"]
     """Kind of sensor."""
     channel: str
@@ -237,21 +223,16 @@ class Encoder(LoggedSensor):
     resolution: key_types.JointStep | None = None
     """Least step of its readings [rad or m]."""
 
-    @model_validator(mode="after")
-    def _of_one_kind(self) -> Self:
-        _refuse_other_kind(self.unit, ("angle", "length"), noise=self.noise, resolution=self.resolution)
-        return self
-
-    def _channels(self, name: str) -> Iterator[Column]:
-        """Its one channel."""
-        unit, stated = self._unit_of_log(self.unit)
-        yield Column(self.channel, name, self.joint, self.logger, unit, ("angle", "length"), None,
-                     _value(self.noise) or 0.0, _value(self.resolution) or 0.0, stated=stated)  # fmt: skip
+    @property
+    def components(self) -> Mapping[str, str]:
+        """Its one channel, by its joint."""
+        return {self.joint: self.channel}
 
 
 class Torque(LoggedSensor):
     """Torque of a drive on its joint, as the drive reports it."""
 
+    dimensions: ClassVar = ("moment", "force")
     kind: Literal["torque"]
     """Kind of sensor."""
     channel: str
@@ -267,22 +248,17 @@ class Torque(LoggedSensor):
     resolution: key_types.DriveLoad | None = None
     """Least step of its readings [N m or N]."""
 
-    @model_validator(mode="after")
-    def _of_one_kind(self) -> Self:
-        levels = {"range": self.range, "noise": self.noise, "resolution": self.resolution}
-        _refuse_other_kind(self.unit, ("moment", "force"), **levels)
-        return self
-
-    def _channels(self, name: str) -> Iterator[Column]:
-        """Its one channel."""
-        unit, stated = self._unit_of_log(self.unit)
-        yield Column(self.channel, name, self.joint, self.logger, unit, ("moment", "force"), _value(self.range),
-                     _value(self.noise) or 0.0, _value(self.resolution) or 0.0, stated=stated)  # fmt: skip
+    @property
+    def components(self) -> Mapping[str, str]:
+        """Its one channel, by its joint."""
+        return {self.joint: self.channel}
 
 
 class Target(LoggedSensor):
     """Commanded acceleration of what is driven, base axes, as the controller writes it."""
 
+    dimensions: ClassVar = ("acceleration",)
+    commanded: ClassVar = True
     kind: Literal["target"]
     """Kind of sensor."""
     channels: dict[Axis, str] = Field(min_length=1)
@@ -290,16 +266,17 @@ class Target(LoggedSensor):
     unit: key_types.AccelerationUnit = "m/s^2"
     """Unit in which the log is written."""
 
-    def _channels(self, name: str) -> Iterator[Column]:
-        """One channel an axis."""
-        for axis, channel in self.channels.items():
-            unit, stated = self._unit_of_log(self.unit)
-            yield Column(channel, name, axis, self.logger, unit, ("acceleration",), commanded=True, stated=stated)
+    @property
+    def components(self) -> Mapping[str, str]:
+        """Channel of each axis."""
+        return dict(self.channels.items())
 
 
 class Trigger(LoggedSensor):
     """A line that several loggers record, each by a trigger sensor of its own: its rising edges align their clocks."""
 
+    dimensions: ClassVar = ("voltage",)
+    level: ClassVar = False
     kind: Literal["trigger"]
     """Kind of sensor."""
     channel: str
@@ -307,33 +284,19 @@ class Trigger(LoggedSensor):
     unit: str = "V"
     """Unit in which the log is written; of no effect, since edges alone count."""
 
-    def _channels(self, name: str) -> Iterator[Column]:
+    @property
+    def components(self) -> Mapping[str, str]:
         """Its one channel."""
-        yield Column(self.channel, name, "trigger", self.logger, self.unit, ("voltage",), stated=False, level=False)
+        return {"trigger": self.channel}
+
+    def _unit_of_log(self, component: str) -> tuple[str, bool]:
+        return self.unit, False
 
 
 Support = Wrench | ForceSensor
 Sensor = Annotated[
     Accelerometer | Wrench | ForceSensor | Encoder | Torque | Target | Trigger, Field(discriminator="kind")
 ]
-
-
-def _value(level: Measured[float] | None) -> float | None:
-    return None if level is None else level.value
-
-
-def _refuse_other_kind(unit: str, kinds: tuple[str, str], **levels: Measured[float] | None) -> None:
-    """Raise ValueError for a level of another kind than the sensor's unit; an electrical unit has no kind."""
-    if is_electrical(unit):
-        return
-    kind = dimension_of(f"1 {unit}", *kinds)
-    for key, level in levels.items():
-        if level is not None and level.dimension != kind:
-            raise ValueError(f"{key}: is of {level.dimension}, but the sensor's unit {unit!r} is one of {kind}")
-
-
-def _at(values: tuple[float, float, float] | None, i: int) -> float | None:
-    return None if values is None else values[i]
 
 
 def wrench_transport(point: Floats) -> Floats:
@@ -362,7 +325,7 @@ def support_wrenches(supports: Mapping[str, Support]) -> dict[str, Floats]:
     unstated = [
         name
         for name, support in supports.items()
-        if any(c not in support.measured and support.carries(c) for c in get_args(WrenchAxis))
+        if any(c not in support.components and support.carries(c) for c in get_args(WrenchAxis))
     ]
     if not unstated:
         outside = np.eye(6) - scaled @ np.linalg.pinv(scaled, rcond=_CARRIED, hermitian=True)

@@ -12,7 +12,7 @@ from balance.arrays import Floats
 from balance.estimation.estimate import coverage_factor
 from balance.results import INLINE, Key, per_cent
 
-from ..rig.sensor_channels import Column
+from ..rig import Column
 from ..runs.si_run import SIRun
 from ..signal.filters import LANES, Band
 from ..signal.welch import SEGMENT, Spectra, welch

@@ -1,25 +1,20 @@
 """From raw values to SI: against calibration sheets worked by hand, and units that do not lead there."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 
 from balance.errors import UnitError
 from testbench.calibration.definition import Calibration, unit_of_log
-from testbench.calibration.evaluation import bind_law, check_law, relative_uncertainty
+from testbench.calibration.evaluation import Column, bind_law, check_law, relative_uncertainty
 
 
-@dataclass(frozen=True)
-class Channel:
-    """A channel of a sensor."""
-
-    component: str
-    dimensions: tuple[str, ...] = ("force",)
+def channel_of(component, *dimensions):
+    """A channel of a sensor, of which the rig states no unit."""
+    return Column("channel", "sensor", component, "daq", "", dimensions)
 
 
-ACC = Channel("x", ("acceleration",))
-FORCE = Channel("Fz")
+ACC = channel_of("x", "acceleration")
+FORCE = channel_of("Fz", "force")
 
 
 def value(calibration, channel, unit, written):
@@ -43,7 +38,7 @@ def value(calibration, channel, unit, written):
         ({"sensitivity": "4.0 pC/N"}, FORCE, "pC", 40.0, 10.0),
         ({"sensitivity": "0.5 mV/V/kN"}, FORCE, "mV/V", 0.25, 500.0),
         ({"sensitivity": "3 counts/N"}, FORCE, "LSB", 12.0, 4.0),
-        ({"sensitivity": "4096 counts/rev"}, Channel("A0", ("angle", "length")), "counts", 1024.0, np.pi / 2),
+        ({"sensitivity": "4096 counts/rev"}, channel_of("A0", "angle", "length"), "counts", 1024.0, np.pi / 2),
         ({"offset": "-0.6 N"}, FORCE, "N", -3.1, -2.5),
         ({"offset": "-600 mN"}, FORCE, "kN", 0.001, 1.6),
         ({"polynomial": {"raw": "V", "physical": "kN", "coefficients": [0.1, 2.0, 0.5]}}, FORCE, "V", 2.0, 6100.0),
@@ -116,7 +111,7 @@ def test_a_unit_that_nobody_knows(written, stated, found):
 def test_matrix():
     """The cross-talk matrix of a six-axis sensor: the loads that made the readings come back, in N and N m."""
     names = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"]
-    channels = [Channel(n, ("force",) if n[0] == "F" else ("moment",)) for n in names]
+    channels = [channel_of(n, "force" if n[0] == "F" else "moment") for n in names]
     rng = np.random.default_rng(4)
     per_volt = np.diag([500.0, 500.0, 2e3, 20.0, 20.0, 20.0]) @ (np.eye(6) + 0.03 * rng.normal(size=(6, 6)))
     loads, zero = rng.normal(size=(6, 50)), rng.normal(size=6) * 1e-3
@@ -133,7 +128,7 @@ def test_matrix():
 
 def test_a_matrix_that_cannot_tell_loads_apart():
     """Two rows that are the same but for a factor."""
-    channels = [Channel("Fx"), Channel("Fy")]
+    channels = [channel_of("Fx", "force"), channel_of("Fy", "force")]
     calibration = {"matrix": {"raw": "V", "physical": "N", "rows": [[1.0, 2.0], [2.0, 4.0]]}}
     with pytest.raises(UnitError, match="depend on each other"):
         bind_law(Calibration.model_validate(calibration), channels, ["V", "V"])
