@@ -195,7 +195,7 @@ def _forked(campaign: Path, work: str, kind: str, number: int, lost: Path, seed:
         def tell(status: str, value: object) -> None:
             os.write(writing, json.dumps([status, value]).encode() + b"\n")
 
-        real = writer.RunWriter._acknowledge
+        real = writer.RunWriter.acknowledge
 
         def acknowledged(run: writer.RunWriter, *given: Any) -> None:  # noqa: ANN401
             real(run, *given)
@@ -204,7 +204,7 @@ def _forked(campaign: Path, work: str, kind: str, number: int, lost: Path, seed:
             tell("synced", sum(kept.samples for kept in atomic_files.read_journal(left.journal).groups))
 
         if work in {"ingest", "watch"}:
-            writer.RunWriter._acknowledge = acknowledged  # type: ignore[method-assign, assignment]
+            writer.RunWriter.acknowledge = acknowledged  # type: ignore[method-assign, assignment]
         calls = Interposed(campaign, kind, number, lost, seed)
         try:
             WORK[work](campaign, tell)

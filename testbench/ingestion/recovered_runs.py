@@ -10,7 +10,7 @@ from ..errors import StoreError
 from ..quality.group_checks import RecordingCheck
 from ..recording import Block, Finding, Recording, findings_by_group
 from ..store import crash_recovery, open_run
-from ..store.atomic_files import Journal, Leftover, leftovers
+from ..store.atomic_files import SUFFIX, Journal, Leftover, leftovers, unfinished
 from ..store.campaign import existing
 from ..store.crash_recovery import MARK, Recovery
 from ..store.ledger import enter_found, remove_digests_alone
@@ -25,9 +25,13 @@ def recover(campaign: Path) -> list[Recovery]:
     outcomes = [crash_recovery.finish(leftover, save) for leftover in leftovers(existing(campaign))]
     found = [outcome for outcome in outcomes if outcome is not None]
     try:
-        for path in crash_recovery.orphans(campaign):
-            if crash_recovery.is_digest(path):
-                path.unlink(missing_ok=True)  # its run has been taken care of
+        there = sorted(campaign.iterdir())  # before the journals, one of which is made before all else of a run
+        with_journal = {leftover.tag for leftover in leftovers(campaign)}
+        for path in there:
+            if (named := unfinished(path)) is None or named["tag"] in with_journal:
+                continue
+            if named["name"].endswith(f".h5{SUFFIX}"):
+                path.unlink(missing_ok=True)  # a digest on its way, whose run has been taken care of
             else:
                 message = f"{path.name} has no journal, which says what it holds; it stays where it is"
                 found.append(Recovery(path.name, "failed", message))

@@ -75,10 +75,17 @@ def archive(run: Run, folder: Path, progress: Progress = lambda count: None) -> 
     with safe_hdf5.open_for_reading(run.path) as file, RunWriter(folder, run.name, {INTENT: run.path.name}) as writer:
         content = {}
         for group in run.groups:
-            found = [_searched(file, group, i, progress) for i in range(len(group.channels))]
-            content[group.name] = [sha256 for _, sha256 in found]
-            to = writer.group(Group(group.name, group.channels, group.clock, group.zero), [form for form, _ in found])
-            for columns in _blocks(file, group):
+            forms, content[group.name] = list[encodings.Form](), list[str]()
+            for index in range(len(group.channels)):
+                search, total = encodings.Search(), hashlib.sha256()
+                for values in _channel(file, group, index):
+                    search.update(values)
+                    total.update(values.tobytes())
+                    progress(values.nbytes)
+                forms.append(search.result())
+                content[group.name].append(total.hexdigest())
+            to = writer.group(Group(group.name, group.channels, group.clock, group.zero), forms)
+            for columns in zip(*(_channel(file, group, i) for i in range(len(group.channels))), strict=True):
                 to.append(columns)
             to.finish(group.rate_hz, group.rate_source, group.start_time)
         known = {"file": run.path.name, "sha256": original, "channels_sha256": content}
@@ -100,23 +107,9 @@ def _measured(run: Run, original: str, status: str) -> Archived:
     return Archived(run.path, status, original, values, size, run.path.stat().st_size, len(channels), whole)
 
 
-def _searched(file: "h5py.File", group: StoredGroup, index: int, progress: Progress) -> tuple[encodings.Form, str]:
-    """The form in which a channel is smallest, and the SHA-256 of its values."""
-    search, total = encodings.Search(), hashlib.sha256()
-    for values in _channel(file, group, index):
-        search.update(values)
-        total.update(values.tobytes())
-        progress(values.nbytes)
-    return search.result(), total.hexdigest()
-
-
 def _channel(file: "h5py.File", group: StoredGroup, index: int) -> Iterator[Samples]:
     for begin in range(0, group.samples, AT_ONCE):
         yield group.samples_of(file, index, begin, min(begin + AT_ONCE, group.samples))
-
-
-def _blocks(file: "h5py.File", group: StoredGroup) -> Iterator[tuple[Samples, ...]]:
-    yield from zip(*(_channel(file, group, i) for i in range(len(group.channels))), strict=True)
 
 
 def _check(part: Path, run: Run) -> None:

@@ -13,6 +13,7 @@ import hashlib
 import json
 import os
 import re
+import sys
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -21,7 +22,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from threading import Lock
 from types import ModuleType
-from typing import IO, Any, NamedTuple
+from typing import IO, Any
 
 from ..errors import StoreError
 from ..recording import Group, group_from_dict
@@ -31,24 +32,23 @@ _BLOCK = 1 << 20
 _LINE = re.compile(r"([0-9a-f]{64}) [ *](.+)\n")
 
 
-def sha256_of(path: Path, progress: Callable[[int], None] = lambda count: None, at_once: int = _BLOCK) -> str:
-    """SHA-256 of a file's content, in hexadecimal; ``progress`` is called with the bytes read since last."""
+def sha256_of(
+    path: Path,
+    progress: Callable[[int], None] = lambda count: None,
+    at_once: int = _BLOCK,
+    size: int = sys.maxsize,
+) -> str:
+    """SHA-256 of a file's content, or of its first ``size`` bytes, in hexadecimal.
+
+    ``progress`` is called with the bytes read since last.
+    """
     total = hashlib.sha256()
     with path.open("rb", buffering=0) as stream:
         room = memoryview(bytearray(max(4096, min(at_once, os.fstat(stream.fileno()).st_size))))
-        while count := stream.readinto(room):
+        while size > 0 and (count := stream.readinto(room[: min(size, len(room))])):
             total.update(room[:count])
             progress(count)
-    return total.hexdigest()
-
-
-def sha256_of_first(path: Path, size: int) -> str:
-    """SHA-256 of the first ``size`` bytes of a file, in hexadecimal."""
-    total = hashlib.sha256()
-    with path.open("rb") as stream:
-        while size > 0 and (content := stream.read(min(size, _BLOCK))):
-            total.update(content)
-            size -= len(content)
+            size -= count
     return total.hexdigest()
 
 
@@ -97,26 +97,19 @@ PART = ".part"
 """Ending of a file that is being written."""
 JOURNAL = ".journal"
 """Ending of the journal of a run that is being written."""
-_HIDDEN = re.compile(rf"\.(.+)\.([0-9a-f]{{12}})({PART}|{JOURNAL}(?:\.new)?)")
+_HIDDEN = re.compile(rf"\.(?P<name>.+)\.(?P<tag>[0-9a-f]{{12}})(?P<ending>{PART}|{JOURNAL}(?:\.new)?)")
 
 
-class Unfinished(NamedTuple):
-    """What the hidden name of a file says that is being written: ``.NAME.TAG.part`` or ``.NAME.TAG.journal``."""
+def unfinished(path: Path) -> re.Match[str] | None:
+    """What a hidden name ``.NAME.TAG.part`` or ``.NAME.TAG.journal`` says that is being written.
 
-    name: str
-    """Of the run, or of the digest's file."""
-    tag: str
-    """Different for all who write at one time."""
-    ending: str
-
-
-def unfinished(path: Path) -> Unfinished | None:
-    """What the name of ``path`` says, if it is one that we give; None for the files of others."""
-    found = _HIDDEN.fullmatch(path.name)
-    return None if found is None else Unfinished(found[1], found[2], found[3])
+    ``name`` is that of the run or of the digest's file, ``tag`` different for all who write at one time; None for the
+    files of others.
+    """
+    return _HIDDEN.fullmatch(path.name)
 
 
-def place_with_digest(part: Path, target: Path, line: str) -> None:
+def place_with_digest(part: Path, target: Path, sha256: str) -> None:
     """Give a synced file its name and write its digest file, that first; never over what is there.
 
     The folder, which holds the names, is not synced yet.
@@ -124,9 +117,9 @@ def place_with_digest(part: Path, target: Path, line: str) -> None:
     digest = digest_file(target)
     named = unfinished(part)
     assert named is not None
-    digest_part = digest.with_name(f".{digest.name}.{named.tag}{PART}")
+    digest_part = digest.with_name(f".{digest.name}.{named['tag']}{PART}")
     try:
-        digest_part.write_text(line, encoding="utf-8", newline="\n")
+        digest_part.write_text(line_for(target.name, sha256), encoding="utf-8", newline="\n")
         sync(digest_part)
         take_name(digest_part, digest)
         try:
@@ -276,11 +269,6 @@ class Journal:
     boot: str = ""
     """Which start of the machine it was written in; empty where that is not known."""
 
-    @property
-    def may_have_lost_power(self) -> bool:
-        """Whether the machine may have stopped since, and with it lost what was not synced."""
-        return not self.boot or self.boot != boot_id()
-
 
 def boot_id() -> str:
     """Which start of this machine this is; empty where the system does not say."""
@@ -353,39 +341,28 @@ def read_journal(path: Path) -> Journal:
     Raises StoreError if a line before that is damaged.
     """
     journal = Journal()
-    lines = path.read_bytes().split(b"\n")
-    for number, line in enumerate(lines[:-1], 1):
+    for number, line in enumerate(path.read_bytes().split(b"\n")[:-1], 1):
         if b"\0" in line:
             break
         checksum, _, text = line.partition(b" ")
         if checksum != b"%08x" % zlib.crc32(text):
             raise StoreError(f"{path.name}, line {number}: damaged; what the lines after it say is not trusted either")
-        _take(journal, json.loads(text))
+        known = json.loads(text)
+        if "intent" in known:
+            journal.intent, journal.boot = known["intent"], known.get("boot", "")
+        elif "sealed" in known:
+            journal.sealed = known["sealed"]
+        elif "synced" in known:
+            for kept in journal.groups:  # journals once said no more than that all was synced
+                of_all = known["synced"] is True
+                kept.synced = len(kept.pieces[0]) if of_all else known["synced"].get(str(kept.number), 0)
+        elif "is" in known:
+            group = group_from_dict(known["is"])
+            journal.groups.append(Kept(group, known["group"], [[] for _ in group.channels]))
+        else:
+            for column, more in zip(journal.groups[known["group"]].pieces, known["pieces"], strict=True):
+                column.extend(Piece(*piece) for piece in more)
     return journal
-
-
-def _take(journal: Journal, line: dict[str, Any]) -> None:
-    if "intent" in line:
-        journal.intent, journal.boot = line["intent"], line.get("boot", "")
-    elif "sealed" in line:
-        journal.sealed = line["sealed"]
-    elif "synced" in line:
-        for kept in journal.groups:  # journals once said no more than that all was synced
-            known = line["synced"]
-            kept.synced = len(kept.pieces[0]) if known is True else known.get(str(kept.number), 0)
-    elif "is" in line:
-        group = group_from_dict(line["is"])
-        journal.groups.append(Kept(group, line["group"], [[] for _ in group.channels]))
-    else:
-        for known, more in zip(journal.groups[line["group"]].pieces, line["pieces"], strict=True):
-            known.extend(Piece(*piece) for piece in more)
-
-
-def journals_in(folder: Path) -> Iterator[Path]:
-    """The journals in ``folder``; files of others are none, whatever their ending."""
-    for path in sorted(folder.iterdir()):
-        if (named := unfinished(path)) is not None and named.ending.startswith(JOURNAL) and path.is_file():
-            yield path
 
 
 @dataclass(frozen=True)
@@ -393,23 +370,26 @@ class Leftover:
     """The files that one stopped ingest left: its journal, and the unfinished run."""
 
     journal: Path
-    part: Path
     run: str
     """The name of the run that it was to become."""
     tag: str
     """What its unfinished files have in common."""
 
     @property
+    def part(self) -> Path:
+        """The unfinished run."""
+        return self.journal.with_name(f".{self.run}.{self.tag}{PART}")
+
+    @property
     def target(self) -> Path:
         """Where the run was to be."""
-        return self.part.with_name(f"{self.run}.h5")
+        return self.journal.with_name(f"{self.run}.h5")
 
 
 def leftovers(campaign: Path) -> list[Leftover]:
-    """What stopped ingests left in a campaign, those that are running included."""
-    found = []
-    for path in journals_in(campaign):
-        if (named := unfinished(path)) is not None:
-            part = path.with_name(f".{named.name}.{named.tag}{PART}")
-            found.append(Leftover(path, part, named.name, named.tag))
-    return found
+    """What stopped ingests left in a campaign, those that are running included; files of others are none."""
+    return [
+        Leftover(path, named["name"], named["tag"])
+        for path in sorted(campaign.iterdir())
+        if (named := unfinished(path)) is not None and named["ending"].startswith(JOURNAL) and path.is_file()
+    ]

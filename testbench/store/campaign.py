@@ -12,7 +12,7 @@ from balance.results import Key, Shown, frame
 
 from ..errors import StoreError
 from . import atomic_files, ledger
-from .atomic_files import Leftover, leftovers, unfinished
+from .atomic_files import leftovers, unfinished
 from .run import Run, open_run
 
 if TYPE_CHECKING:
@@ -107,10 +107,26 @@ class Campaign(Mapping[str, Run], Shown):
         known = {path.name for path in self.run_paths} | {
             atomic_files.digest_file(path).name for path in self.run_paths
         }
-        unfinished_runs = leftovers(self.path)
-        states += [_unfinished(leftover) for leftover in unfinished_runs]
-        known |= {name for leftover in unfinished_runs for name in (leftover.part.name, leftover.journal.name)}
-        states += [_other(path) for path in sorted(self.path.iterdir()) if path.name not in known | KEPT]
+        for leftover in leftovers(self.path):
+            is_running = atomic_files.is_locked(leftover.journal)
+            message = (
+                "an ingest is writing it at this moment"
+                if is_running
+                else ("left by an ingest that was stopped; no run of it: `testbench recover` saves what is in it")
+            )
+            states.append(FileState(leftover.part.name, "unfinished", message))
+            known |= {leftover.part.name, leftover.journal.name}
+        for path in sorted(self.path.iterdir()):
+            if path.name in known | KEPT:
+                continue
+            if path.name.endswith(SUFFIX + atomic_files.SUFFIX) and not path.name.startswith("."):
+                name = path.name.removesuffix(atomic_files.SUFFIX)
+                states.append(FileState(name, "missing", "its digest is there, the run is not"))
+            elif unfinished(path) is not None:
+                message = "left by an ingest that was stopped; no run of it"
+                states.append(FileState(path.name, "unfinished", message))
+            else:
+                states.append(FileState(path.name, "extra", "no stored run"))
         found = {state.name: state for state in states}
         entered = not (self.path / CRATE).exists() and any(_unproven(path) == "" for path in self.run_paths)
         for name, status, message in ledger.cross_check(self.path, entered):
@@ -144,34 +160,15 @@ def open_campaign(folder: str | Path) -> Campaign:
     path = existing(folder)
     campaign = Campaign(path)
     if not campaign.run_paths and not any(path.glob(f"*{SUFFIX}{atomic_files.SUFFIX}")):
-        raise StoreError(f"{path}: holds no run (*{SUFFIX}){_what_else(path)}")
+        stopped = leftovers(path)
+        if any(atomic_files.is_locked(one.journal) for one in stopped):
+            what = " yet; an ingest is writing into it at this moment"
+        elif stopped:
+            what = f", only what a stopped ingest left: `testbench recover {path}` saves what is in it"
+        else:
+            what = f"; `testbench ingest FILE... -o {path}` puts some there"
+        raise StoreError(f"{path}: holds no run (*{SUFFIX}){what}")
     return campaign
-
-
-def _what_else(path: Path) -> str:
-    """What to do about a folder without runs."""
-    stopped = leftovers(path)
-    if any(atomic_files.is_locked(one.journal) for one in stopped):
-        return " yet; an ingest is writing into it at this moment"
-    if stopped:
-        return f", only what a stopped ingest left: `testbench recover {path}` saves what is in it"
-    return f"; `testbench ingest FILE... -o {path}` puts some there"
-
-
-def _unfinished(leftover: Leftover) -> FileState:
-    if atomic_files.is_locked(leftover.journal):
-        return FileState(leftover.part.name, "unfinished", "an ingest is writing it at this moment")
-    message = "left by an ingest that was stopped; no run of it: `testbench recover` saves what is in it"
-    return FileState(leftover.part.name, "unfinished", message)
-
-
-def _other(path: Path) -> FileState:
-    """What is no run and no leftover with a journal."""
-    if path.name.endswith(SUFFIX + atomic_files.SUFFIX) and not path.name.startswith("."):
-        return FileState(path.name.removesuffix(atomic_files.SUFFIX), "missing", "its digest is there, the run is not")
-    if unfinished(path) is not None:
-        return FileState(path.name, "unfinished", "left by an ingest that was stopped; no run of it")
-    return FileState(path.name, "extra", "no stored run")
 
 
 def _state_of(run: Path, progress: Callable[[int], None]) -> FileState:
@@ -250,6 +247,6 @@ class StoredSources:
     def begun_run(self, path: Path, size: int) -> str | None:
         """The file of the newest run of a log of this name that was shorter, and is how this one of ``size`` begins."""
         for stored, sha256 in sorted(self._named.get(path.name, ()), reverse=True):
-            if 0 < stored < size and atomic_files.sha256_of_first(path, stored) == sha256:
+            if 0 < stored < size and atomic_files.sha256_of(path, size=stored) == sha256:
                 return self._runs[stored, sha256]
         return None

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Annotated
 
 from balance.results import Key
@@ -10,16 +9,7 @@ from balance.results import Key
 from ..errors import StoreError
 from ..recording import Samples
 from . import archive, atomic_files
-from .atomic_files import (
-    Journal,
-    Kept,
-    Leftover,
-    leftovers,
-    one_at_a_time,
-    place_with_digest,
-    read_journal,
-    unfinished,
-)  # fmt: skip
+from .atomic_files import Journal, Kept, Leftover, one_at_a_time, place_with_digest, read_journal
 from .chunk_io import checked_samples, digest
 from .ledger import enter_run, read_ledger
 from .run import Run, open_run
@@ -69,8 +59,13 @@ def _recovered(leftover: Leftover, save: Save) -> Recovery | None:
         if leftover.part.exists():
             raise StoreError(f"{leftover.journal.name}: is empty, as after a loss of power; ingest the log again")
         return None
-    if _complete(leftover, known.sealed):
-        return Recovery(leftover.run, "completed", "was written whole; nothing is lost", leftover.target.name)
+    if known.sealed is not None:
+        with one_at_a_time(leftover.target.parent):
+            if _is_placed(leftover, known.sealed):
+                if not read_ledger(leftover.target.parent).holds(leftover.target.name):
+                    enter_run(leftover.target, known.sealed, {"recovered": True})
+                message = "was written whole; nothing is lost"
+                return Recovery(leftover.run, "completed", message, leftover.target.name)
     if archive.INTENT in known.intent:
         message = f"the archive of {known.intent[archive.INTENT]} was not finished; that run is whole: archive it again"
         return Recovery(leftover.run, "superseded", message)
@@ -79,26 +74,16 @@ def _recovered(leftover: Leftover, save: Save) -> Recovery | None:
     _cut_to_the_disk(leftover, known)
     if not any(kept.samples for kept in known.groups):
         return Recovery(leftover.run, "empty", "no sample had been acknowledged; ingest the log again")
-    if (stored := _superseded(leftover, known)) is not None:
-        return Recovery(
-            leftover.run, "superseded", f"the campaign holds all of it as {stored}; nothing is lost", stored
-        )
+    if leftover.target.exists():
+        run, stored = open_run(leftover.target), leftover.target.name
+        if all(_holds(run, kept, leftover) for kept in known.groups if kept.samples):
+            message = f"the campaign holds all of it as {stored}; nothing is lost"
+            return Recovery(leftover.run, "superseded", message, stored)
     return save(leftover, known)
 
 
-def _complete(leftover: Leftover, sealed: str | None) -> bool:
-    """Whether the run was written to its end and is in its place and in the ledger, where it is put if it is not."""
-    if sealed is None:
-        return False
-    with one_at_a_time(leftover.target.parent):
-        if not _is_placed(leftover, sealed):
-            return False
-        if not read_ledger(leftover.target.parent).holds(leftover.target.name):
-            enter_run(leftover.target, sealed, {"recovered": True})
-    return True
-
-
 def _is_placed(leftover: Leftover, sealed: str) -> bool:
+    """Whether a run that was written to its end is in its place, where it is put if it is not."""
     if not leftover.part.exists():
         return leftover.target.exists()  # the part goes only after the run is there
     if atomic_files.sha256_of(leftover.part) != sealed:
@@ -108,30 +93,8 @@ def _is_placed(leftover: Leftover, sealed: str) -> bool:
         return digest.exists() and atomic_files.recorded_digest(leftover.target) == sealed
     if digest.exists() and atomic_files.recorded_digest(leftover.target) == sealed:
         digest.unlink()
-    place_with_digest(leftover.part, leftover.target, atomic_files.line_for(leftover.target.name, sealed))
+    place_with_digest(leftover.part, leftover.target, sealed)
     return True
-
-
-def _superseded(leftover: Leftover, known: Journal) -> str | None:
-    """The stored run that holds every acknowledged sample, if there is one."""
-    if not leftover.target.exists():
-        return None
-    run = open_run(leftover.target)
-    whole = all(_holds(run, kept, leftover) for kept in known.groups if kept.samples)
-    return leftover.target.name if whole else None
-
-
-def orphans(campaign: Path) -> list[Path]:
-    """Unfinished files without a journal: digests whose ingest was killed, and what nobody can read."""
-    there = [(path, named.tag) for path in sorted(campaign.iterdir()) if (named := unfinished(path)) is not None]
-    with_journal = {leftover.tag for leftover in leftovers(campaign)}
-    return [path for path, tag in there if tag not in with_journal]
-
-
-def is_digest(orphan: Path) -> bool:
-    """Whether an unfinished file is a digest on its way, and no run."""
-    named = unfinished(orphan)
-    return named is not None and named.name.endswith(f".h5{atomic_files.SUFFIX}")
 
 
 def _cut_to_the_disk(leftover: Leftover, known: Journal) -> None:
@@ -145,7 +108,8 @@ def _cut_to_the_disk(leftover: Leftover, known: Journal) -> None:
             for _ in blocks(leftover, kept):
                 whole += 1
         except StoreError:
-            if whole < kept.synced or not known.may_have_lost_power:
+            has_not_stopped = bool(known.boot) and known.boot == atomic_files.boot_id()
+            if whole < kept.synced or has_not_stopped:
                 raise
             kept.pieces = [column[:whole] for column in kept.pieces]
 

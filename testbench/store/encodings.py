@@ -6,8 +6,8 @@ k, the numbers have no sign and few digits, which HDF5's own filters compress al
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any, Protocol
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,28 +25,9 @@ _NAN_BITS = np.float64(np.nan).view(np.uint64)
 _COMPRESSED: dict[str, Any] = {"shuffle": True, "compression": "gzip", "compression_opts": GZIP_LEVEL}
 
 
-class Form(Protocol):
-    """What a dataset of samples is made of."""
-
-    @property
-    def kind(self) -> str:
-        """Its type."""
-
-    @property
-    def options(self) -> Mapping[str, Any]:
-        """Its filters without the checksum."""
-
-    @property
-    def attributes(self) -> Mapping[str, Any]:
-        """What tells other people's tools how to read it."""
-
-    def stored(self, values: Samples) -> NDArray[Any]:
-        """The samples (n,) in their unit as they are stored, (n,) [-]."""
-
-
 @dataclass(frozen=True)
 class Plain:
-    """Float64 as parsed."""
+    """Float64 as parsed: type, HDF5's filters but the checksum, and what tells other people's tools how to read it."""
 
     kind: str = "<f8"
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -109,9 +90,8 @@ class Decimals:
             values[np.unpackbits(minus, count=len(values)).astype(bool)] = -0.0
         return values
 
-    def as_dict(self) -> dict[str, Any]:
-        """The form as it is kept in the description of a run."""
-        return asdict(self)
+
+Form = Plain | Decimals
 
 
 def minus_bits(values: Samples) -> NDArray[np.uint8]:

@@ -7,14 +7,12 @@ texts of varying length in a heap, and one flipped bit there makes it search wit
 import json
 import re
 import unicodedata
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from ..errors import StoreError
-from ..recording import Channel
-from . import encodings, safe_hdf5
+from . import safe_hdf5
 from .chunk_io import digest_of_texts
-from .encodings import Decimals
 
 if TYPE_CHECKING:
     import h5py
@@ -87,13 +85,3 @@ def read_texts(file: "h5py.File", path: str, digests: Mapping[str, Any] | None) 
         if (digest_of_texts(found, digests["salt"], path) if found else None) != written:
             raise StoreError(f"{file.filename}: {path} is not what was written")
     return found
-
-
-def channels(document: Iterable[Mapping[str, Any]]) -> tuple[Channel, ...]:
-    """The channels of a group, from its part of the description."""
-    return tuple(Channel(str(c["name"]), c["unit"], str(c["label"])) for c in document)
-
-
-def whole_numbers(document: Iterable[Mapping[str, Any]]) -> tuple[Decimals | None, ...]:
-    """How channels are kept as whole numbers; None for each that is float64."""
-    return tuple(encodings.from_dict(channel.get("whole")) for channel in document)

@@ -11,7 +11,7 @@ Whoever appends holds the lock of the campaign; an entry is on the disk before a
 import hashlib
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -100,19 +100,13 @@ def read_ledger(campaign: Path) -> Ledger:
 
 def ledger_heads(folders: Iterable[Path]) -> list[dict[str, Any]]:
     """What the ledgers of campaigns had come to: number of entries, digest of the last one, what people removed."""
-    return [
-        {
-            "campaign": folder.resolve().name,
-            "entries": len((found := read_ledger(folder)).entries),
-            "head": found.head,
-            "removed": [
-                {"file": one.file, "written": one.written, **one.details}
-                for one in found.entries
-                if one.kind == "removed"
-            ],
-        }
-        for folder in dict.fromkeys(folders)
-    ]
+    heads = []
+    for folder in dict.fromkeys(folders):
+        found = read_ledger(folder)
+        removed = [{"file": e.file, "written": e.written, **e.details} for e in found.entries if e.kind == "removed"]
+        name = folder.resolve().name
+        heads.append({"campaign": name, "entries": len(found.entries), "head": found.head, "removed": removed})
+    return heads
 
 
 def _entries(content: bytes) -> Iterator[Entry]:
@@ -184,19 +178,25 @@ def enter(campaign: Path, kind: str, file: str, sha256: str, details: Mapping[st
     A ledger that begins enters first what is there already, marked ``found``. Raises OSError if it cannot be written.
     """
     ledger = read_ledger(campaign)
-    entries: list[Entry] = []
+    added: list[tuple[str, str, str, Mapping[str, Any]]] = [(kind, file, sha256, details or {})]
     if not ledger.entries:
-        for found, its_kind, digest in _files(campaign):
-            if found != file:
-                entries.append(_next(entries, its_kind, found, digest, {"found": True}))
-    known = entries or ledger.entries
-    entries.append(_next(known, kind, file, sha256, details or {}))
+        there = [one for one in _files(campaign) if one[0] != file]
+        added = [(its_kind, found, digest, {"found": True}) for found, its_kind, digest in there] + added
+    entries = list(ledger.entries)
+    for its_kind, name, digest, about in added:
+        known: dict[str, Any] = {
+            "number": len(entries) + 1,
+            "previous": entries[-1].digest if entries else "",
+            "written": datetime.now(UTC).isoformat(timespec="milliseconds"),
+            "kind": its_kind, "file": name, "sha256": digest, "details": dict(about),
+        }  # fmt: skip
+        entries.append(Entry(**known, digest=_digest(known)))
     path = campaign / FILE
     is_new = not path.exists()
     with path.open("r+b" if not is_new else "x+b", buffering=0) as stream:
         stream.truncate(ledger.whole)  # what a stopped append left was never acknowledged
         stream.seek(ledger.whole)
-        text = b"".join(entry.line() for entry in entries)
+        text = b"".join(entry.line() for entry in entries[len(ledger.entries) :])
         try:
             while text:
                 text = text[stream.write(text) :]
@@ -224,17 +224,6 @@ def enter_run(run: Path, sha256: str, details: Mapping[str, Any]) -> None:
             f"{run.name}: was written and has its name, but the disk did not confirm it, or its entry in the ledger "
             f"({reason}): it may be lost with the machine's power; once the disk is well, `testbench recover` enters it"
         ) from error
-
-
-def _next(before: Sequence[Entry], kind: str, file: str, sha256: str, details: Mapping[str, Any]) -> Entry:
-    previous = before[-1] if before else None
-    known: dict[str, Any] = {
-        "number": previous.number + 1 if previous else 1,
-        "previous": previous.digest if previous else "",
-        "written": datetime.now(UTC).isoformat(timespec="milliseconds"),
-        "kind": kind, "file": file, "sha256": sha256, "details": dict(details),
-    }  # fmt: skip
-    return Entry(**known, digest=_digest(known))
 
 
 def _digest(known: Mapping[str, Any]) -> str:
@@ -301,11 +290,8 @@ def cross_check(campaign: Path, entered: bool) -> Iterator[tuple[str, str, str]]
     there = {file: sha256 for file, _, sha256 in _files(campaign)}
     if not ledger.entries:
         if entered:
-            yield (
-                FILE,
-                "missing",
-                "its runs were entered into a ledger: it was removed, or they are from elsewhere; " + _NEW,
-            )
+            what = "its runs were entered into a ledger: it was removed, or they are from elsewhere"
+            yield FILE, "missing", f"{what}; `testbench recover` begins a new one with what is there"
         elif there:
             yield (
                 FILE,
@@ -325,11 +311,5 @@ def cross_check(campaign: Path, entered: bool) -> Iterator[tuple[str, str, str]]
         elif there[file] != entry.sha256:
             yield file, "damaged", f"other bytes than were entered on {entry.written[:10]} (entry {entry.number})"
     for file in there.keys() - ledger.newest.keys():
-        yield (
-            file,
-            "added",
-            "not in the ledger: its append was stopped, or it is from elsewhere; `testbench recover` enters it",
-        )
-
-
-_NEW = "`testbench recover` begins a new one with what is there"
+        what = "not in the ledger: its append was stopped, or it is from elsewhere; `testbench recover` enters it"
+        yield file, "added", what

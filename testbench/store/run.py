@@ -14,6 +14,7 @@ from balance.results import Key, Shown
 
 from ..errors import StoreError
 from ..recording import (
+    Channel,
     Conditions,
     Finding,
     Group,
@@ -26,7 +27,7 @@ from ..recording import (
     clock_from_dict,
     earliest,
 )
-from . import atomic_files, layout, safe_hdf5
+from . import atomic_files, encodings, layout, safe_hdf5
 from .chunk_io import Digests, digests_from
 from .encodings import Decimals
 
@@ -239,19 +240,7 @@ class Run(Shown, rows="groups", figure="testbench.figures.runs:draw_run"):
             joined: pandas.DataFrame = of_all.joined(self, resample, channels)
             return joined
         if group is None and len(self.groups) > 1 and channels is None:
-            each = {one.name: self.to_pandas(one.name) for one in self.groups}
-            units: dict[str, str | None] = {}
-            for one in each.values():
-                own = one.attrs.pop("units")
-                if len(own) < one.shape[1] or any(units.get(name, unit) != unit for name, unit in own.items()):
-                    raise StoreError(
-                        f"{self.path.name}: a name has several channels or units: name a group, there are "
-                        f"{_listed(g.name for g in self.groups)}"
-                    )
-                units |= own
-            together = pandas.concat(each, names=["group", "time (s) or sample"])
-            together.attrs.update({**self._about(None), "units": units})
-            return together
+            return self._groups_below_each_other()
         where = self.group(group)
         indices = self._selected(where, channels)
         kind, index = self._index(where)
@@ -262,6 +251,23 @@ class Run(Shown, rows="groups", figure="testbench.figures.runs:draw_run"):
         units = {where.channels[i].name: where.channels[i].unit for i in indices}
         frame.attrs.update({**self._about(where), "units": units})
         return frame
+
+    def _groups_below_each_other(self) -> "pandas.DataFrame":
+        import pandas
+
+        each = {one.name: self.to_pandas(one.name) for one in self.groups}
+        units: dict[str, str | None] = {}
+        for one in each.values():
+            own = one.attrs.pop("units")
+            if len(own) < one.shape[1] or any(units.get(name, unit) != unit for name, unit in own.items()):
+                raise StoreError(
+                    f"{self.path.name}: a name has several channels or units: name a group, there are "
+                    f"{_listed(g.name for g in self.groups)}"
+                )
+            units |= own
+        together = pandas.concat(each, names=["group", "time (s) or sample"])
+        together.attrs.update({**self._about(None), "units": units})
+        return together
 
     def to_xarray(
         self, group: str | None = None, channels: Sequence[str] | None = None, resample: float | str | None = None
@@ -361,23 +367,19 @@ def identities(run: Path) -> frozenset[str]:
     return frozenset({own, str(known["sha256"])} if isinstance(known, dict) and "sha256" in known else {own})
 
 
-def _start_time(known: Mapping[str, Any] | None) -> StartTime | None:
-    return None if known is None else StartTime(**known)
-
-
 def _group(file: "h5py.File", known: Mapping[str, Any], number: int, digests: Any) -> StoredGroup:  # noqa: ANN401
     group = StoredGroup(
         name=str(known["name"]),
-        channels=layout.channels(known["channels"]),
+        channels=tuple(Channel(str(c["name"]), c["unit"], str(c["label"])) for c in known["channels"]),
         clock=clock_from_dict(known["clock"]),
         samples=int(known["samples"]),
         rate_hz=known["rate_hz"],
         rate_source=known["rate_source"],
-        zero=_start_time(known.get("zero")),
-        start_time=_start_time(known.get("start_time")),
+        zero=known.get("zero") and StartTime(**known["zero"]),
+        start_time=known.get("start_time") and StartTime(**known["start_time"]),
         path=f"{layout.ENTRY}/{known['key']}",
         keys=tuple(str(channel["key"]) for channel in known["channels"]),
-        whole=layout.whole_numbers(known["channels"]),
+        whole=tuple(encodings.from_dict(channel.get("whole")) for channel in known["channels"]),
         digests=digests_from(digests, number, known["channels"]),
     )
     node = safe_hdf5.member(file, group.path) if group.keys else file

@@ -9,11 +9,9 @@ import errno
 import json
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import AbstractContextManager
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import TYPE_CHECKING, Any
@@ -55,36 +53,25 @@ SYNCED_EVERY_S = 0.5
 
 A loss of power costs twice this, or what was acknowledged in twice the time that the disk takes for it.
 """
-Acknowledge = Callable[[Sequence[Sequence[Piece]]], None]
-Writing = AbstractContextManager[None]
 _NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable. %10d"
 _SLOTS = 7
 """Places in HDF5's cache of chunks: chunks come one after the other; HDF5's own 8191 take 64 KB a channel."""
 
 
 class GroupWriter:
-    """The samples of one group, gathered to whole chunks and written.
+    """The samples of one group of a run, gathered to whole chunks and written; chunks that lie there are acknowledged.
 
-    ``acknowledge`` is given where the chunks of each channel lie, once they do; ``writing`` puts failures in words;
-    ``out`` is the file below HDF5; ``place``, the run's salt and the number of the group, is part of each digest.
     ``forms`` says how the samples of each channel are stored; without it as they are.
     """
 
     def __init__(
-        self,
-        node: "h5py.Group",
-        group: Group,
-        acknowledge: Acknowledge,
-        writing: Callable[[], Writing],
-        out: OutFile,
-        place: tuple[str, int],
-        forms: Sequence[Form] | None = None,
+        self, run: "RunWriter", number: int, node: "h5py.Group", group: Group, forms: Sequence[Form] | None = None
     ) -> None:
         self.node, self.group, self.samples = node, group, 0
         self.forms = [PLAIN] * len(group.channels) if forms is None else list(forms)
         self._form_of_time = PLAIN if forms is None else COMPRESSED
         self._minus: list[list[NDArray[np.uint8]]] = [[] for _ in group.channels]
-        self._acknowledge, self._writing, self._out, self._place = acknowledge, writing, out, place
+        self._run, self._number = run, number
         self.rate_hz: float | None = None
         self.rate_source: str | None = None
         self.start_time: StartTime | None = None
@@ -109,7 +96,7 @@ class GroupWriter:
             waiting.append(column)
         self.samples += len(columns[0])
         if self.samples - self._written >= GATHERED:
-            with self._writing():
+            with self._run.writing():
                 self._write((self.samples - self._written) // CHUNK * CHUNK)
 
     def _write(self, count: int) -> None:
@@ -131,9 +118,9 @@ class GroupWriter:
                 self._minus[i].append(minus_bits(samples))
             for begin in range(0, count, CHUNK):
                 self._note_digest(i, self._written + begin, samples[begin : begin + CHUNK])
-        self._out.check()
+        self._run.out.check()
         if pieces:
-            self._acknowledge(pieces)
+            self._run.acknowledge(self._number, pieces)
         self._written += count
 
     def _taken(self, index: int, count: int) -> list[Samples]:
@@ -151,31 +138,29 @@ class GroupWriter:
         for first in range(self._written, self._written + count, chunk.length):
             block = chunk.fill(self._taken(index, min(chunk.length, self._written + count - first)))
             size = chunk.write(dataset, first)
-            at, seen = self._out.last
+            at, seen = self._run.out.last
             if seen != size:
                 at = dataset.id.get_chunk_info_by_coord((first,)).byte_offset
             pieces.append(Piece(at, size, len(block), self._note_digest(index, first, block).hex()))
         return pieces
 
     def _note_digest(self, index: int, first: int, block: Samples) -> bytes:
-        salt, group = self._place
-        found = digest(np.ascontiguousarray(block, "<f8"), salt, group, index, first)
+        found = digest(np.ascontiguousarray(block, "<f8"), self._run.salt, self._number, index, first)
         self.digests[index] += found
         return found
 
     def finish(self, rate_hz: float | None, rate_source: str | None, start_time: StartTime | None = None) -> None:
         """Write what waits, then names, units and clock."""
-        self.start_time = start_time
-        with self._writing():
+        self.rate_hz, self.rate_source, self.start_time = rate_hz, rate_source, start_time
+        with self._run.writing():
             self._write(self.samples - self._written)
-            self.rate_hz, self.rate_source = rate_hz, rate_source
             clock = self.group.clock
             self.node.attrs.update({"NX_class": "NXdata", "name": self.group.name, "samples": self.samples})
             self.node.attrs["channels"] = self.keys
             if rate_hz is not None:
                 self.node.attrs.update({"rate_hz": rate_hz, "rate_source": rate_source})
-            if self.start_time is not None:
-                self.node.attrs["start_time"] = self.start_time.time
+            if start_time is not None:
+                self.node.attrs["start_time"] = start_time.time
             if isinstance(clock, UniformClock):
                 self.node.attrs.update({"clock": "uniform", "rate_hz": clock.rate_hz, "start_s": clock.start_s})
             elif clock is not None:
@@ -228,6 +213,26 @@ class GroupWriter:
             self.node.attrs["signal"] = signals[0] if signals else layout.TIME
             self.node.attrs["axes"] = [layout.TIME if scale.name.endswith(layout.TIME) and others else "."]
 
+    def description(self) -> dict[str, Any]:
+        """Its part of the description of the run."""
+        return {
+            "key": self.key,
+            "name": self.group.name,
+            "samples": self.samples,
+            "rate_hz": self.rate_hz,
+            "rate_source": self.rate_source,
+            "clock": self.group.clock and asdict(self.group.clock),
+            "zero": self.group.zero and asdict(self.group.zero),
+            "start_time": self.start_time and asdict(self.start_time),
+            "channels": [
+                {"key": key, "name": channel.name, "label": channel.label, "unit": channel.unit, "digests": found.hex()}
+                | ({"whole": asdict(form)} if isinstance(form, Decimals) else {})
+                for key, channel, form, found in zip(
+                    self.keys, self.group.channels, self.forms, self.digests, strict=True
+                )
+            ],
+        }
+
 
 def _dataset(node: "h5py.Group", key: str, chunk: int, form: Form) -> "h5py.Dataset":
     return node.create_dataset(
@@ -276,12 +281,14 @@ class RunWriter:
 
     def __init__(self, campaign: Path, name: str, intent: Mapping[str, Any] | None = None) -> None:
         self.target = campaign / f"{name}.h5"
-        self._salt = uuid4().hex[:12]
-        self._part = campaign / f".{name}.{self._salt}{PART}"
+        self.salt = uuid4().hex[:12]
+        """Of its digests, and in the names of its unfinished files."""
+        self.part = campaign / f".{name}.{self.salt}{PART}"
+        """The file while it is written."""
         self._intent = {"run": name, **(intent or {})}
         self._journal: JournalWriter | None = None
         self._out: OutFile | None = None
-        self._line = ""
+        self._sha256 = ""
         self._groups: dict[str, GroupWriter] = {}
         self._taken: set[str] = {"conditions", "provenance", "notes", "start_time"}
         self._file: h5py.File | None = None
@@ -296,7 +303,7 @@ class RunWriter:
     def __enter__(self) -> "RunWriter":
         self._made_folder = not self.target.parent.exists()
         try:
-            with self._writing():
+            with self.writing():
                 self._begin()
         except BaseException:
             self.__exit__(None, None, None)
@@ -304,24 +311,25 @@ class RunWriter:
         return self
 
     @property
-    def part(self) -> Path:
-        """The file while it is written."""
-        return self._part
+    def out(self) -> OutFile:
+        """The file below HDF5."""
+        assert self._out is not None
+        return self._out
 
     def _begin(self) -> None:
         import h5py
 
         self.target.parent.mkdir(parents=True, exist_ok=True)
         read_ledger(self.target.parent)  # one that is damaged takes no entry: better known before the log is read
-        self._journal = JournalWriter(self._part.with_suffix(JOURNAL), self._intent)
-        self._out = OutFile(self._part)
+        self._journal = JournalWriter(self.part.with_suffix(JOURNAL), self._intent)
+        self._out = OutFile(self.part)
         self._file = h5py.File(self._out, "w", libver=("v108", "v110"))
         self._file.attrs.update({"NX_class": "NXroot", "default": layout.ENTRY, "creator": "counterpoise"})
         self._file.attrs[layout.MARK] = layout.LAYOUT
         self._file.create_group(layout.ENTRY).attrs["NX_class"] = "NXentry"
 
     @contextlib.contextmanager
-    def _writing(self) -> Iterator[None]:
+    def writing(self) -> Iterator[None]:
         """What the system or HDF5 cannot write becomes one clear error."""
         try:
             yield
@@ -338,18 +346,15 @@ class RunWriter:
         """The writer of this group's samples; a new one if there is none of its name, that stores in these forms."""
         assert self._file is not None
         assert self._journal is not None
-        assert self._out is not None
         if group.name not in self._groups:
             key, number = layout.safe_name(group.name, self._taken), len(self._groups)
-            with self._writing():
+            with self.writing():
                 node = self._file[layout.ENTRY].create_group(key)
                 self._journal.group(number, group)
-            acknowledge = partial(self._acknowledge, number)
-            place = self._salt, number
-            self._groups[group.name] = GroupWriter(node, group, acknowledge, self._writing, self._out, place, forms)
+            self._groups[group.name] = GroupWriter(self, number, node, group, forms)
         return self._groups[group.name]
 
-    def _acknowledge(self, number: int, pieces: Sequence[Sequence[Piece]]) -> None:
+    def acknowledge(self, number: int, pieces: Sequence[Sequence[Piece]]) -> None:
         """Note chunks in the journal; from time to time begin to sync all that are in it."""
         assert self._journal is not None
         self._journal.acknowledge(number, pieces)
@@ -361,8 +366,7 @@ class RunWriter:
     def _sync(self, acknowledged: Mapping[int, int]) -> None:
         """Wait until so many chunks of each group are on the disk, and the journal that says so."""
         assert self._journal is not None
-        assert self._out is not None
-        self._out.sync()
+        self.out.sync()
         self._journal.sync(acknowledged)
         sync(self.target.parent)
 
@@ -389,11 +393,11 @@ class RunWriter:
         texts = {place: list(inputs.get(place.rpartition("/")[2], ())) for place in layout.TEXTS}
         texts[layout.FINDINGS] = [json.dumps(finding.as_dict(), ensure_ascii=False) for finding in findings]
         texts[layout.RIG] = [] if rig is None else [rig]
-        digests = {place: digest_of_texts(found, self._salt, place) for place, found in texts.items() if found}
+        digests = {place: digest_of_texts(found, self.salt, place) for place, found in texts.items() if found}
         known = {"layout": layout.LAYOUT, "origin": origin, "conditions": conditions, "provenance": provenance,
-                 "digests": {"kind": "XXH3", "salt": self._salt, "samples": CHUNK, "texts": digests},
-                 "groups": [_group(writer) for writer in self._groups.values()]}  # fmt: skip
-        with self._writing():
+                 "digests": {"kind": "XXH3", "salt": self.salt, "samples": CHUNK, "texts": digests},
+                 "groups": [writer.description() for writer in self._groups.values()]}  # fmt: skip
+        with self.writing():
             self._file[layout.ENTRY].attrs.update({"origin": origin, "groups": keys, "default": default})
             node = _collection(self._file, layout.CONDITIONS)
             for key, value in conditions.items():
@@ -419,12 +423,12 @@ class RunWriter:
         if self._file is None:
             return
         assert self._journal is not None
-        with self._writing():
+        with self.writing():
             self._close()
-            synced = self._pool.submit(sync, self._part)  # the disk writes while the digest is computed
-            found = atomic_files.sha256_alone(self._part)
+            synced = self._pool.submit(sync, self.part)  # the disk writes while the digest is computed
+            found = atomic_files.sha256_alone(self.part)
             synced.result()
-            self._line = atomic_files.line_for(self.target.name, found)
+            self._sha256 = found
             self._journal.seal(found)
 
     def _close(self) -> None:
@@ -446,10 +450,10 @@ class RunWriter:
         """
         self.seal()
         with one_at_a_time(self.target.parent):
-            with self._writing():
-                place_with_digest(self._part, self.target, self._line)
+            with self.writing():
+                place_with_digest(self.part, self.target, self._sha256)
             self._is_placed = True
-            enter_run(self.target, self._line[:64], self._details)
+            enter_run(self.target, self._sha256, self._details)
         self._is_placed = False
         return self.target
 
@@ -460,9 +464,9 @@ class RunWriter:
             self._close()
         self._pool.shutdown()
         try:
-            self._part.unlink(missing_ok=True)
+            self.part.unlink(missing_ok=True)
         except OSError:  # a folder that is a file; else the journal stays too, so that `recover` takes both away
-            self._is_placed = self._part.exists()
+            self._is_placed = self.part.exists()
         if self._journal is not None:
             self._journal.close()
             if not self._is_placed:
@@ -471,26 +475,6 @@ class RunWriter:
         if self._made_folder:
             with contextlib.suppress(OSError):  # the run is in it
                 self.target.parent.rmdir()
-
-
-def _group(writer: GroupWriter) -> dict[str, Any]:
-    return {
-        "key": writer.key,
-        "name": writer.group.name,
-        "samples": writer.samples,
-        "rate_hz": writer.rate_hz,
-        "rate_source": writer.rate_source,
-        "clock": writer.group.clock and asdict(writer.group.clock),
-        "zero": writer.group.zero and asdict(writer.group.zero),
-        "start_time": writer.start_time and asdict(writer.start_time),
-        "channels": [
-            {"key": key, "name": channel.name, "label": channel.label, "unit": channel.unit, "digests": found.hex()}
-            | ({"whole": form.as_dict()} if isinstance(form, Decimals) else {})
-            for key, channel, form, found in zip(
-                writer.keys, writer.group.channels, writer.forms, writer.digests, strict=True
-            )
-        ],
-    }
 
 
 def _reason(error: OSError | RuntimeError) -> str:

@@ -284,7 +284,7 @@ def test_the_journal_says_where_chunks_lie(tmp_path):
     group = Group("log", (Channel("a"), Channel("b")))
     with RunWriter(tmp_path, "r") as storing:
         storing.group(group).append([np.arange(300_000.0), np.ones(300_000)])
-        noted = atomic_files.read_journal(next(atomic_files.journals_in(tmp_path))).groups[0].pieces
+        noted = atomic_files.read_journal(atomic_files.leftovers(tmp_path)[0].journal).groups[0].pieces
         for dataset, pieces in zip(storing.group(group)._datasets, noted, strict=True):
             known = [dataset.id.get_chunk_info(i) for i in range(len(pieces))]
             assert [(p.at, p.size) for p in pieces] == [(k.byte_offset, k.size) for k in known]
