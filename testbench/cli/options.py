@@ -41,9 +41,9 @@ BAND_TEXT = Read("lo..hi", _band)
 
 def contradiction_codes(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
     """What the shell completes after ``--accept``."""
-    from ..cross_examination import SUBJECTS
+    from ..cross_examination import ADVICE
 
-    return [code for code in sorted(SUBJECTS) if code.startswith(incomplete)]
+    return [code for code in sorted(ADVICE) if code.startswith(incomplete)]
 
 
 ACCEPT = option(
@@ -77,10 +77,10 @@ def one_line(option: str, text: str | None) -> str:
 
 def refuse_unknown_codes(accepted: Iterable[str]) -> None:
     """Fail as a wrong command line for a code that no contradiction has."""
-    from ..cross_examination import SUBJECTS
+    from ..cross_examination import ADVICE
 
-    if wrong := [code for code in accepted if code not in SUBJECTS]:
-        raise click.UsageError(f"--accept {wrong[0]}: no such contradiction: expected {', '.join(sorted(SUBJECTS))}")
+    if wrong := [code for code in accepted if code not in ADVICE]:
+        raise click.UsageError(f"--accept {wrong[0]}: no such contradiction: expected {', '.join(sorted(ADVICE))}")
 
 
 MECHANISM_AND_RUNS = argument("[MECH] RUN...", required=True)

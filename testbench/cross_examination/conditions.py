@@ -20,7 +20,7 @@ from balance.estimation.estimate import coverage_factor
 from balance.units import G0
 
 from ..rig.sensors import Torque
-from .observation import BLOCKS, DRIVE_TERMS, Observation, TorqueEquations
+from .observation import BLOCKS, DRIVE_TERMS, Observation, TorqueEquations, jackknife
 from .statement import Statement
 
 ROUNDS = 12
@@ -30,25 +30,17 @@ COMMON = ("model", "base", *DRIVE_TERMS[1:])
 
 
 @dataclass(frozen=True)
-class _Solution:
-    """The torque equations of a campaign solved once."""
+class TorqueBalance:
+    """What the torques of a campaign say."""
 
     payload: Floats
     """By run, (r,) [kg]."""
     scale: Floats
     """Readings per torque, by joint, (j,) [-]."""
-    residual: Floats
-    """Share of the torques' variance that is not explained, by run, (r,) [-]."""
     inflation: Floats
     """Variance inflation factor of each payload, (r,) [-]: over that beside known scale, friction and inertia."""
     gain: Floats
     """Of the unexplained share of all runs, what a held payload's own value would explain, by run, (r,) [-]."""
-
-
-@dataclass(frozen=True)
-class TorqueBalance(_Solution):
-    """What the torques of a campaign say."""
-
     runs: tuple[str, ...]
     joints: tuple[str, ...]
     deviation: Floats
@@ -75,28 +67,12 @@ def torque_balance(
     joints = equations[runs[0]].joints
     system = _System([equations[r] for r in runs], [masses[r] for r in runs])
     start = np.array([payloads[r] for r in runs])
-    whole = np.ones(BLOCKS, dtype=bool)
     kept = np.array([r in given for r in runs])
-    found = system.solve(whole, start, np.ones(len(joints)), kept)
-    start = np.where(kept, start, found.payload)
-    without = [system.solve(np.arange(BLOCKS) != b, start, found.scale, kept) for b in range(BLOCKS)]
-    return TorqueBalance(
-        found.payload,
-        found.scale,
-        found.residual,
-        found.inflation,
-        found.gain,
-        runs,
-        joints,
-        _jackknife(np.array([one.payload for one in without])),
-        _jackknife(np.array([one.scale for one in without])),
-    )
-
-
-def _jackknife(estimates: Floats) -> Floats:
-    """Standard uncertainty from estimates (b, ...) that each leave out one block."""
-    count = len(estimates)
-    return np.sqrt((count - 1.0) / count * np.sum((estimates - estimates.mean(axis=0)) ** 2, axis=0))
+    payload, scale, inflation, gain = system.solve(np.ones(BLOCKS, dtype=bool), start, np.ones(len(joints)), kept)
+    start = np.where(kept, start, payload)
+    without = [system.solve(np.arange(BLOCKS) != b, start, scale, kept) for b in range(BLOCKS)]
+    deviations = [jackknife(np.array([one[k] for one in without])) for k in (0, 1)]
+    return TorqueBalance(payload, scale, inflation, gain, runs, joints, *deviations)
 
 
 class _System:
@@ -106,10 +82,9 @@ class _System:
         self.names = equations[0].names
         self.products = np.stack([one.products for one in equations], axis=1)
         mean = self.products.sum(axis=0)
-        count, torque, ones = self._at("offset"), self._at("torque"), self._at("offset")
-        total = mean[:, :, count, count]
-        self.power = mean[:, :, torque, torque] - mean[:, :, torque, ones] ** 2 / total
-        self.products = self.products / self.power[None, :, :, None, None]
+        torque, ones = self._at("torque"), self._at("offset")
+        power = mean[:, :, torque, torque] - mean[:, :, torque, ones] ** 2 / mean[:, :, ones, ones]
+        self.products = self.products / power[None, :, :, None, None]
         self.mounted = np.zeros((len(equations), len(self.names)))
         self.mounted[:, self._at("model")] = 1.0
         for row, some in zip(self.mounted, masses, strict=True):
@@ -119,59 +94,54 @@ class _System:
     def _at(self, name: str) -> int:
         return self.names.index(name)
 
-    def solve(self, used: np.ndarray, payload: Floats, scale: Floats, kept: np.ndarray) -> _Solution:
-        """The solution of ``used`` blocks (b,) that starts at payloads (r,) [kg] and scales (j,).
+    def solve(
+        self, used: np.ndarray, payload: Floats, scale: Floats, kept: np.ndarray
+    ) -> tuple[Floats, Floats, Floats, Floats]:
+        """Payloads, scales, inflation and gain by ``used`` blocks (b,), from payloads (r,) [kg] and scales (j,).
 
         Payloads ``kept`` (r,) stay as they are; what each alone would be is then one more step.
         """
         products = self.products[used].sum(axis=0)
         runs, joints, k = products.shape[:3]
         common = len(COMMON)
-        payload, factors = payload.copy(), np.zeros((joints, common))
-        factors[:, 0] = scale
-        offset = np.zeros((runs, joints))
-        size = joints * common + runs + runs * joints
-        at = joints * common + np.arange(runs)
-        free = np.setdiff1d(np.arange(size), held := at[kept])
+        # Unknowns: factors of COMMON by joint, payloads by run, offsets by run and joint.
+        ends = np.cumsum([joints * common, runs, runs * joints])
+        factors, at, offset = np.split(np.arange(ends[-1]), ends[:-1])
+        values = np.zeros(ends[-1])
+        values[factors[::common]], values[at] = scale, payload
+        places = np.empty((runs, joints, common + 2), dtype=np.intp)
+        places[:, :, :common], places[:, :, common] = factors.reshape(joints, common), at[:, None]
+        places[:, :, common + 1] = offset.reshape(runs, joints)
+        columns, readings = np.zeros((runs, joints, k, common + 2)), np.eye(k)[self._at("torque")]
+        columns[:, :, [self._at(name) for name in COMMON[1:]], range(1, common)] = 1.0
+        columns[:, :, self._at("offset"), common + 1] = 1.0
+        free = np.setdiff1d(np.arange(ends[-1]), held := at[kept])
         for _ in range(ROUNDS):
-            normal, right, cost = np.zeros((size, size)), np.zeros(size), np.zeros(runs)
-            for r in range(runs):
-                for j in range(joints):
-                    body = self.mounted[r].copy()
-                    body[self._at("payload")] = payload[r]
-                    columns, places = np.zeros((k, common + 2)), np.zeros(common + 2, dtype=int)
-                    columns[:, 0] = body
-                    for i, name in enumerate(COMMON[1:], 1):
-                        columns[self._at(name), i] = 1.0
-                    columns[self._at("payload"), common] = factors[j, 0]
-                    columns[self._at("offset"), common + 1] = 1.0
-                    places[:common] = np.arange(j * common, (j + 1) * common)
-                    places[common], places[common + 1] = joints * common + r, joints * common + runs + r * joints + j
-                    rest = -(columns[:, :common] @ factors[j])
-                    rest[self._at("offset")] -= offset[r, j]
-                    rest[self._at("torque")] += 1.0
-                    gram = products[r, j]
-                    normal[np.ix_(places, places)] += columns.T @ gram @ columns
-                    right[places] += columns.T @ gram @ rest
-                    cost[r] += rest @ gram @ rest / joints
+            columns[:, :, :, 0] = self.mounted[:, None]
+            columns[:, :, self._at("payload"), 0] = values[at, None]
+            columns[:, :, self._at("payload"), common] = values[factors[::common]]
+            own = values[places]
+            own[:, :, common] = 0.0  # the payload's part is in the first column
+            rest = readings - (columns @ own[..., None])[..., 0]
+            weighted = np.swapaxes(columns, 2, 3) @ products
+            normal, right = np.zeros((ends[-1], ends[-1])), np.zeros(ends[-1])
+            np.add.at(normal, (places[..., :, None], places[..., None, :]), weighted @ columns)
+            np.add.at(right, places, (weighted @ rest[..., None])[..., 0])
             width = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-            normal, right, step = normal / np.outer(width, width), right / width, np.zeros(size)
+            normal, right, step = normal / np.outer(width, width), right / width, np.zeros(ends[-1])
             step[free] = np.linalg.lstsq(normal[np.ix_(free, free)], right[free], rcond=1e-12)[0] / width[free]
-            factors += step[: joints * common].reshape(joints, common)
-            moved = step[joints * common : joints * common + runs]
-            payload += moved
-            offset += step[joints * common + runs :].reshape(runs, joints)
-            if np.abs(moved).max() < 1e-6 * max(float(np.abs(payload).max()), 1.0):
+            values += step
+            if np.abs(step[at]).max() < 1e-6 * max(float(np.abs(values[at]).max()), 1.0):
                 break
         inverse = np.linalg.inv(normal[np.ix_(free, free)] + 1e-12 * np.eye(len(free)))
-        inflation, gain = np.zeros(size), np.zeros(size)
+        inflation, gain = np.zeros(ends[-1]), np.zeros(ends[-1])
         inflation[free] = np.diag(inverse)
         beside = inverse @ normal[np.ix_(free, held)]
         left = np.maximum(1.0 - np.sum(normal[np.ix_(free, held)] * beside, axis=0), 1e-12)
         rest = right[held] - beside.T @ right[free]
-        payload[kept] += rest / left / width[held]
+        values[held] += rest / left / width[held]
         inflation[held], gain[held] = 1.0 / left, rest**2 / left
-        return _Solution(payload, factors[:, 0], cost, inflation[at], gain[at])
+        return values[at], values[factors[::common]], inflation[at], gain[at]
 
 
 REJECTED = 5.0
@@ -210,28 +180,25 @@ def accelerations(seen: Observation) -> list[Statement]:
 
     Of joints the run table may state the largest of one joint or, as motion files do, that along the leg.
     """
-    found = []
     turning, stated = seen.conditions.get("peak_acceleration_rad_s2"), seen.conditions.get("peak_acceleration_g")
+    shown: list[tuple[str, float, float, str]] = []
     if turning and seen.peak_joint_acceleration:
-        value = min(seen.peak_joint_acceleration, key=lambda peak: abs(peak - turning))
-        found.append(_peak(seen, turning, value, "rad/s2", "encoders"))
-    for witness, value in seen.peak_acceleration.items() if stated else ():
-        of_the_payload = witness == "command" or seen.conditions.get("motion") in NAMED_MOTIONS
-        if stated and of_the_payload and value > 0.0:
-            found.append(_peak(seen, stated * G0, value, "m/s2", witness))
+        nearest = min(seen.peak_joint_acceleration, key=lambda peak: abs(peak - turning))
+        shown.append(("encoders", turning, nearest, "rad/s2"))
+    for witness, value in seen.peak_acceleration.items():
+        if stated and value > 0.0 and (witness == "command" or seen.conditions.get("motion") in NAMED_MOTIONS):
+            shown.append((witness, stated * G0, value, "m/s2"))
+
+    found = []
+    for witness, wanted, value, unit in shown:
+        table, text = (f"{v:.4g} {unit}" + (f" = {v / G0:.3g} g0" if unit == "m/s2" else "") for v in (wanted, value))
+        code = "acceleration_contradiction" if abs(value / wanted - 1.0) > ACCELERATION_SHARE[witness] else None
+        column = "peak_acceleration_g" if unit == "m/s2" else "peak_acceleration_rad_s2"
+        found.append(
+            Statement(seen.name, "acceleration", None, f"peak {table} by the run table", text, f"the {witness}", code,
+                      column=column)
+        )  # fmt: skip
     return found
-
-
-def _peak(seen: Observation, stated: float, value: float, unit: str, witness: str) -> Statement:
-    def text(peak: float) -> str:
-        return f"{peak:.4g} {unit}" + (f" = {peak / G0:.3g} g0" if unit == "m/s2" else "")
-
-    code = "acceleration_contradiction" if abs(value / stated - 1.0) > ACCELERATION_SHARE[witness] else None
-    column = "peak_acceleration_g" if unit == "m/s2" else "peak_acceleration_rad_s2"
-    return Statement(
-        seen.name, "acceleration", None, f"peak {text(stated)} by the run table", text(value), f"the {witness}", code,
-        column=column,
-    )  # fmt: skip
 
 
 def motions(seen: Observation) -> list[Statement]:
@@ -286,14 +253,13 @@ def _condition(seen: Observation) -> dict[str, object]:
 
 def _follows(seen: Observation, same: Sequence[Observation]) -> bool:
     """Whether all torques follow the model with the masses of the run table, in size too unless their gain is odd."""
-    found = []
-    for one in seen.responses:
-        yy, yp, pp = (np.diag(m.sum(axis=0)) for m in (one.yy, one.yp, one.pp))
-        for i, column in enumerate(one.columns):
-            if isinstance(seen.rig.sensors.get(column.sensor), Torque):
-                sized = abs(np.log(max(yp[i], 1e-300) / max(pp[i], 1e-300))) < UNLIKE
-                sized = sized or _is_odd(seen, column.channel, same)
-                found.append(bool(yp[i] > FOLLOWS * np.sqrt(yy[i] * pp[i]) and sized))
+    found = [
+        one.correlation[i] > FOLLOWS
+        and (abs(np.log(max(one.gain[i], 1e-300))) < UNLIKE or _is_odd(seen, column.channel, same))
+        for one in seen.responses
+        for i, column in enumerate(one.columns)
+        if isinstance(seen.rig.sensors.get(column.sensor), Torque)
+    ]
     return bool(found) and all(found)
 
 

@@ -8,7 +8,6 @@ which a fast motion in that band does not raise. One channel is enough: a log ma
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,33 +32,30 @@ REMAINDER = 0.25
 """Share of the noise that the difference of two records may have to be one: 2 of independent noise, 0 of copies."""
 
 
-@dataclass(frozen=True, eq=False)
 class _Signature:
-    """A band of the start of one channel, of one length in all runs."""
+    """A band of the start of one channel, of one length in all runs, from its ``first`` frequency to its ``last``."""
 
-    band: Complexes
-    """Complex spectrum in the band, (k,)."""
-    phases: Complexes
-    """The same with magnitudes of one, (k,)."""
-    values: Floats
-    """The start, mean removed, (n,) [SI]."""
-    first: int
-    """Of the band, in the spectrum."""
-    noise: float
-    """Power in a frequency of white noise as large as the record's."""
+    def __init__(self, record: ChannelRecord, seconds: float, first: int, last: int) -> None:
+        values = record.start[: round(seconds * record.rate_hz)].astype(float)
+        values -= values.mean()
+        self.band = np.fft.rfft(values)[first:last] / len(values)
+        self.phases = (self.band / np.maximum(np.abs(self.band), 1e-300)).astype(np.complex64)
+        self.noise = record.noise**2 / len(values)
+        """Power in a frequency of white noise as large as the record's."""
+        self._values, self._frequencies = values, slice(first, last)
 
     @property
     def windowed(self) -> Complexes:
         """The band of the windowed start, in which lines do not leak, (k,)."""
-        values, last = self.values, self.first + len(self.band)
-        return np.asarray(np.fft.rfft(values * np.hanning(len(values)))[self.first : last] / len(values))
+        return np.fft.rfft(self._values * np.hanning(len(self._values)))[self._frequencies] / len(self._values)
 
 
 def copies(observations: Sequence[Observation]) -> list[Statement]:
     """A statement for each run whose noise is that of an earlier one."""
     by_channel: dict[str, list[tuple[int, ChannelRecord]]] = defaultdict(list)
-    for i, seen in enumerate(observations):
-        for record in _noisy(seen):
+    noisy = [_noisy(seen) for seen in observations]
+    for i, own in enumerate(noisy):
+        for record in own:
             by_channel[record.column.channel].append((i, record))
     found: dict[tuple[int, int], list[str]] = defaultdict(list)
     for channel, records in by_channel.items():
@@ -72,9 +68,8 @@ def copies(observations: Sequence[Observation]) -> list[Statement]:
             continue
         source[second] = source.get(first, first)
         one, other = observations[second].name, observations[source[second]].name
-        whole = len(channels) == len(_noisy(observations[second]))
-        witnessed = f"{one} holds {'the log' if whole else 'channels'} of {other}: the same noise of "
-        witnessed += ", ".join(channels)
+        part = "the log" if len(channels) == len(noisy[second]) else "channels"
+        witnessed = f"{one} holds {part} of {other}: the same noise of {', '.join(channels)}"
         statements.append(
             Statement(
                 one, "copy", None, "a run of its own by the run table", witnessed, "its recorded channels",
@@ -105,10 +100,9 @@ def _equal(records: list[tuple[int, ChannelRecord]]) -> list[tuple[int, int]]:
     last = min(last, first + MOST_BINS)
     if last - first < LEAST_BINS:
         return []
-    signatures = [_signature(record, seconds, first, last) for _, record in records]
-    phases = np.stack([one.phases for one in signatures])
+    signatures = [_Signature(record, seconds, first, last) for _, record in records]
+    phases, pairs = np.stack([one.phases for one in signatures]), []
     coarse = phases[:, ::COARSE]
-    pairs = []
     for i in range(len(records) - 1):
         others = i + 1 + np.flatnonzero(_alike(coarse[i], coarse[i + 1 :]) > COARSELY_SIMILAR)
         for j in others[_alike(phases[i], phases[others]) > SIMILAR]:
@@ -123,14 +117,6 @@ def _alike(phases: Complexes, others: Complexes) -> Floats:
 
     found = ifft(phases * others.conj(), 2 * len(phases), axis=1)
     return np.asarray(2.0 * np.sqrt((found.real**2 + found.imag**2).max(axis=1)))  # abs takes a root of each
-
-
-def _signature(record: ChannelRecord, seconds: float, first: int, last: int) -> _Signature:
-    values = record.start[: round(seconds * record.rate_hz)].astype(float)
-    values -= values.mean()
-    band = np.fft.rfft(values)[first:last] / len(values)
-    phases = (band / np.maximum(np.abs(band), 1e-300)).astype(np.complex64)
-    return _Signature(band, phases, values, first, record.noise**2 / len(values))
 
 
 def _difference(first: _Signature, second: _Signature) -> float:

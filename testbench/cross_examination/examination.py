@@ -18,9 +18,8 @@ from ..runs.si_run import SIRun
 from ..store import Run
 from .conditions import UNDETERMINED, TorqueBalance, accelerations, motions, mounted, payloads, unlike_repeats
 from .copies import copies
-from .encoder_paths import encoder_paths
 from .observation import Observation, observe
-from .record_ends import record_ends
+from .paths import encoder_paths, record_ends
 from .repeated_vibration import repeated_vibration
 from .sensors import examined_sensors, levels, unclosed
 from .statement import WITHHOLDING, Statement, decisions

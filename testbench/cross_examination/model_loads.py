@@ -17,13 +17,11 @@ from balance.dynamics.inverse_dynamics import driven_rates, simulate
 from balance.dynamics.moving_base import BaseMotion, acceleration_in_body, locked_inertia
 from balance.dynamics.regressor import driven_torque_regressor
 from balance.errors import ModelError
-from balance.mechanism import forward_kinematics
 from balance.mechanism.mechanism import Mechanism
-from balance.mechanism.sparse_components import dense
 from balance.motion import Samples
 
 from ..errors import AnalysisError
-from ..kinematics.encoder_motion import encoder_gaps, group_of_encoders, loaded_mechanism
+from ..kinematics.encoder_motion import encoder_gaps, group_of_encoders, loaded_mechanism, point_path
 from ..kinematics.gaps import gap_reach
 from ..kinematics.smoothing_and_derivatives import (
     HIGHEST_CUTOFF,
@@ -34,6 +32,7 @@ from ..kinematics.smoothing_and_derivatives import (
     on_grid,
     smoothed_derivatives,
 )
+from ..loads.shaking_wrench import COMPONENTS
 from ..rig import Column
 from ..rig.sensors import AXES, Accelerometer, Encoder, Target, Torque, support_wrenches
 from ..runs.si_run import SIRun
@@ -48,7 +47,6 @@ LEAST_SAMPLES = 64
 """Of the grid, below which nothing is compared."""
 EDGE_S = 0.04
 """Left out at both ends, where low-passes start up [s]."""
-COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,19 +107,16 @@ class ModelledRun:
     def place(self) -> Floats:
         """Path of the payload's centre, base axes, (n, 3) [m]. Raises ModelError without one payload body."""
         body = self._payload_body
-        at = forward_kinematics.pose(self.unloaded.tree, np.ascontiguousarray(self.path.q.T))
-        joint = self.unloaded.tree.bodies[self.unloaded.body_index(body)]
-        return dense(at.point(joint, self.unloaded.centre(body)), at.count).T
+        return point_path(self.unloaded, self.path, self.unloaded.body_index(body), self.unloaded.centre(body))
 
-    def torque_columns(self, base: Floats | None) -> tuple[dict[str, Floats], tuple[str, ...]]:
-        """Torques of the driven joints (n, joints) [N m, N] per what is mounted, and the joints.
+    def torque_columns(self, base: Floats | None) -> dict[str, Floats]:
+        """Torques of the driven joints (n, joints) [N m, N] per what is mounted.
 
         ``model``: links and what else the file holds, without payload; ``payload``: per kg of it; by site: per kg of a
         counter-mass; ``base``: what all that the run table states adds as the base accelerates, ``base`` (n, 3) [m/s2].
         """
         mechanism, path = self.unloaded, self.path
-        driven = mechanism.driven
-        rates = driven_rates(mechanism, path.per_drive, driven)
+        rates = driven_rates(mechanism, path.per_drive, mechanism.driven)
         body = self._payload_body
         masses = {"payload": mechanism.with_payload({body: 2.0}).pi - mechanism.with_payload({body: 1.0}).pi}
         masses |= {s: mechanism.with_counter_mass({s: 1.0}).pi - mechanism.pi for s in mechanism.counter_sites}
@@ -134,7 +129,7 @@ class ModelledRun:
             pull = replace(mechanism, gravity=np.eye(3)[axis])
             weight = driven_torque_regressor(pull, path.q, still, still, rates) @ self.mechanism.pi
             found["base"] -= moved[:, None] * weight
-        return found, driven
+        return found
 
     @cached_property
     def loads(self) -> Loads:

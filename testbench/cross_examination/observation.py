@@ -1,8 +1,9 @@
 """One run as its channels show it: reduced in one pass, so that a campaign of hundreds of runs fits into memory."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import numpy as np
 
@@ -29,10 +30,12 @@ from ..recording import Conditions
 from ..rig import Column, Rig
 from ..rig.sensors import Accelerometer, Encoder, Target, Torque
 from ..runs.si_run import SIRun
-from .model_loads import BAND_HZ, LEAST_SAMPLES, ModelledRun
+from .model_loads import BAND_HZ, EDGE_S, LEAST_SAMPLES, ModelledRun
 
 BLOCKS = 8
 """Blocks of a run, for the block jackknife."""
+ABOVE_NOISE = 5.0
+"""Expected reading over the channel's noise in the band from which the model is a witness [-]."""
 RECORD_S = 2.0
 """Start of a record that is kept to compare runs [s]."""
 RECORD_SAMPLES = 1 << 14
@@ -43,8 +46,6 @@ SPAN_SAMPLES = 512
 """Most samples of each."""
 THIN_SAMPLES = 20_000
 """Samples of a record, at least, from which its drift is taken."""
-EDGE_S = 0.04
-"""Left out at both ends of readings, where their low-pass starts up [s]."""
 SPEED_RATE_HZ = 100.0
 """At which speeds of encoders are kept [Hz]."""
 SPEED_BAND_HZ = 20.0
@@ -66,6 +67,12 @@ MOVED = 1e-3
 """Change of a joint's position from which something moves [rad, m]."""
 COULOMB_SPEED = 0.05
 """Speed at which dry friction has reached 76 % of its value [rad/s, m/s]."""
+
+
+def jackknife(estimates: Floats) -> Floats:
+    """Standard uncertainty (...) from estimates (b, ...) [any unit] that each leave out one block."""
+    count = len(estimates)
+    return np.sqrt((count - 1.0) / count * np.sum((estimates - estimates.mean(axis=0)) ** 2, axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,11 +97,6 @@ class ChannelRecord:
     span: float
     """Largest less smallest value, that line taken off [SI]."""
 
-    @property
-    def noise_in_band(self) -> float:
-        """Standard deviation of white noise below BAND_HZ [SI]."""
-        return self.noise * min(2.0 * BAND_HZ / self.rate_hz, 1.0) ** 0.5
-
 
 @dataclass(frozen=True, eq=False)
 class TorqueEquations:
@@ -105,20 +107,26 @@ class TorqueEquations:
     """``torque``, ``model``, ``payload``, sites of counter-masses, then DRIVE_TERMS."""
     products: Floats
     """(blocks, joints, columns, columns)."""
-    samples: int
 
 
-@dataclass(frozen=True, eq=False)
 class Response:
-    """Readings y of a sensor's channels against what the model expects of them, p, as mean products."""
+    """Readings y (n, k) of a sensor's channels against what the model expects of them, p, as mean products [SI].
 
-    columns: tuple[Column, ...]
-    yy: Floats
-    """By block, (blocks, k, k)."""
-    yp: Floats
-    pp: Floats
-    lag: float
-    """Clock of the readings less that of the encoders [s]."""
+    By channel, (k,): sizes of ``readings`` and ``expected`` ones, ``noise`` below BAND_HZ; whether more than that is
+    expected, ``witnessed``; ``correlation`` and ``gain`` of the readings, its standard uncertainty ``gain_deviation``.
+    """
+
+    def __init__(self, columns: tuple[Column, ...], noise: Floats, y: Floats, p: Floats) -> None:
+        self.columns, self.noise = columns, noise
+        blocks = [np.array_split(values, BLOCKS) for values in (y, p)]
+        yp, pp = (np.array([a.T @ b / len(y) for a, b in zip(one, blocks[1], strict=True)]) for one in blocks)
+        self.yy, self.yp, self.pp = y.T @ y / len(y), yp.sum(axis=0), pp.sum(axis=0)
+        self.readings, self.expected = np.sqrt(np.diag(self.yy)), np.sqrt(np.diag(self.pp))
+        self.witnessed = (self.expected > ABOVE_NOISE * noise) & (self.expected > 0.0)
+        self.correlation = np.diag(self.yp) / np.maximum(self.readings * self.expected, 1e-300)
+        self.gain = np.diag(self.yp) / np.maximum(self.expected**2, 1e-300)
+        rest_yp, rest_pp = (np.diagonal(m.sum(axis=0) - m, axis1=1, axis2=2) for m in (yp, pp))
+        self.gain_deviation = jackknife(rest_yp / np.maximum(rest_pp, 1e-300))
 
 
 @dataclass(eq=False)
@@ -175,21 +183,50 @@ class Observation:
         """Counter-masses above zero by site, by the run table [kg]."""
         return {site: mass for site, mass in self.conditions.get("counter_masses", {}).items() if mass > 0.0}
 
+    @contextmanager
+    def witness(self, name: str) -> Iterator[None]:
+        """Where something is read of the run: a witness that fails leaves its reason."""
+        try:
+            yield
+        except CounterpoiseError as error:
+            self.reasons[name] = str(error)
+            self.unclosed = str(error) if isinstance(error, ClosureError) else self.unclosed
+        except np.linalg.LinAlgError:  # a dead centre
+            self.reasons[name] = "the drives do not determine the motion everywhere"
+
 
 def observe(run: SIRun, mechanism: Callable[[], Mechanism]) -> Observation:
     """Read a run once; ``mechanism`` is that of its rig, unloaded. A witness that fails leaves its reason."""
     seen = Observation(run.name, run.conditions, run.rig)
     run = run.preloaded(columns := observed_columns(run))
     for column in filter(_is_recorded, columns):
-        _attempt(seen, column.channel, partial(_keep_record, seen, run, column))
-    _attempt(seen, "command", partial(_by_command, seen, run))
-    _attempt(seen, "acceleration", partial(_by_acceleration, seen, run))
-    _attempt(seen, "paths", partial(_keep_speeds, seen, run))
+        with seen.witness(column.channel):
+            seen.records[column.channel] = _record(run, column)
+    with seen.witness("command"):
+        if not (target := run.rig.columns_of(Target)):
+            raise AnalysisError("the rig has no target")
+        seen.peak_acceleration["command"] = float(np.linalg.norm(run.stacked(target), axis=1).max())
+        seen.moves |= seen.peak_acceleration["command"] > 0.0
+        group, legs, gaps = legs_by_command(run)
+        seen.motions["command"] = name_motions(legs, "command", group, gaps)
+    with seen.witness("acceleration"):
+        group, legs, gaps = legs_by_accelerometer(run)
+        seen.motions["acceleration"] = name_motions(legs, "acceleration", group, gaps)
+    if encoders := run.rig.columns_of(Encoder):
+        with seen.witness("paths"):
+            _keep_speeds(seen, run, encoders)
     for name in run.rig.of_kind(Accelerometer):
         of_sensor = [column for column in columns if column.sensor == name]
         if len(of_sensor) > 1:
-            _attempt(seen, name, partial(_keep_vibration, seen, run, of_sensor))
-    _attempt(seen, "encoders", partial(_by_model, seen, run, mechanism))
+            with seen.witness(name):
+                time, values = _smooth(run, of_sensor, 1.0 / VIBRATION_RATE_HZ, bridged=True, averaged=True)
+                at = np.arange(time[0], min(time[-1], time[0] + VIBRATION_S), 1.0 / VIBRATION_RATE_HZ)
+                values = np.column_stack([np.interp(at, time, v) for v in (values - np.median(values, axis=0)).T])
+                seen.vibrations[tuple(column.channel for column in of_sensor)] = values.astype(np.float32)
+    with seen.witness("encoders"):
+        if not encoders:
+            raise AnalysisError("the rig has no encoder")
+        _by_model(seen, ModelledRun.of(run, mechanism()))
     return seen
 
 
@@ -205,95 +242,6 @@ def _is_recorded(column: Column) -> bool:
     if column.commanded or column.component == "trigger" or "angle" in column.dimensions:
         return False
     return column.dimensions[0] == "acceleration" or column.index == 0
-
-
-def _by_model(seen: Observation, run: SIRun, mechanism: Callable[[], Mechanism]) -> None:
-    if not run.rig.columns_of(Encoder):
-        raise AnalysisError("the rig has no encoder")
-    modelled = ModelledRun.of(run, mechanism())
-    joints = [modelled.unloaded.coordinate_index(column.component) for column in run.rig.columns_of(Encoder)]
-    if turning := [joint for joint in joints if modelled.unloaded.tree.joints[joint].revolute]:
-        found = np.abs(modelled.path.a[modelled.valid][:, turning])
-        along = np.linalg.norm(found, axis=1)
-        seen.peak_joint_acceleration = (float(found.max(initial=0.0)), float(along.max(initial=0.0)))
-    seen.moves |= bool(np.ptp(modelled.path.q, axis=0).max() > MOVED)
-    _attempt(seen, "place", partial(_by_place, seen, modelled))
-    readings = _Readings(modelled)
-    for group in dict.fromkeys(record.group for record in seen.records.values()):
-        _attempt(seen, f"model of {group}", partial(_keep_responses, seen, readings, group))
-    _attempt(seen, "torque", partial(_keep_torques, seen, modelled, readings))
-
-
-def _keep_record(seen: Observation, run: SIRun, column: Column) -> None:
-    seen.records[column.channel] = _record(run, column)
-
-
-def _keep_speeds(seen: Observation, run: SIRun) -> None:
-    columns = run.rig.columns_of(Encoder)
-    if not columns:
-        return
-    group_of_encoders(run)
-    time = run.instants(columns[0])
-    grid = grid_of(time, f"{run.name}: encoders", bridged=True)
-    time, position = bridge_gaps(time, run.stacked(columns), grid.step)
-    smooth = low_pass(position, min(SPEED_BAND_HZ, HIGHEST_CUTOFF * grid.rate), grid.rate)
-    at = np.arange(time[0], time[-1], 1.0 / SPEED_RATE_HZ)
-    path = np.column_stack([np.interp(at, time, values) for values in smooth.T])
-    seen.encoder_speeds = np.gradient(path, 1.0 / SPEED_RATE_HZ, axis=0).astype(np.float32)
-    seen.encoders = tuple(column.channel for column in columns)
-    if stored := run.recorded.inputs.get("motion"):
-        motion = motion_from_texts(*stored)
-        if peak := seen.conditions.get("peak_acceleration_rad_s2"):
-            motion = motion.with_peak_acceleration(peak)
-        wanted = motion.sample(STORED_RATE_HZ)
-        at = np.arange(wanted.time[0], wanted.time[-1], 1.0 / SPEED_RATE_HZ)
-        speeds = {j: np.interp(at, wanted.time, v) for j, v in zip(wanted.joints, wanted.velocity.T, strict=False)}
-        seen.commanded_speeds = {c.channel: speeds[c.component] for c in columns if c.component in speeds}
-
-
-def _keep_vibration(seen: Observation, run: SIRun, columns: list[Column]) -> None:
-    time, values = _smooth(run, columns, 1.0 / VIBRATION_RATE_HZ, bridged=True, averaged=True)
-    at = np.arange(time[0], min(time[-1], time[0] + VIBRATION_S), 1.0 / VIBRATION_RATE_HZ)
-    values = np.column_stack([np.interp(at, time, v) for v in (values - np.median(values, axis=0)).T])
-    seen.vibrations[tuple(column.channel for column in columns)] = values.astype(np.float32)
-
-
-def _keep_responses(seen: Observation, readings: "_Readings", group: str) -> None:
-    seen.responses += readings.responses(group)
-
-
-def _keep_torques(seen: Observation, run: ModelledRun, readings: "_Readings") -> None:
-    # Of the driven joints that have a torque sensor on the encoders' logger.
-    rig, grid = run.run.rig, run.grid
-    columns = {column.component: column for column in rig.columns_of(Torque)}
-    by_mass, driven = run.torque_columns(readings.base)
-    joints = tuple(j for j in driven if j in columns and run.run.group_of(columns[j]) == run.group)
-    if not joints:
-        raise AnalysisError("no torque sensor of a driven joint is on the encoders' logger")
-    names = ("torque", *by_mass, *DRIVE_TERMS)
-    parts = np.array_split(np.flatnonzero(run.valid), BLOCKS)
-    products = np.zeros((BLOCKS, len(joints), len(names), len(names)))
-    for j, joint in enumerate(joints):
-        time, values = _smooth(run.run, [columns[joint]], grid.step, bridged=True)
-        if not np.ptp(values) > 0.0:
-            raise AnalysisError(f"{run.run.name}: {columns[joint].channel} shows one value only")
-        k, i = run.unloaded.coordinate_index(joint), driven.index(joint)
-        v, a = run.path.v[:, k], run.path.a[:, k]
-        terms = (np.ones(grid.count), *run.smooth(np.column_stack([a, v, np.tanh(v / COULOMB_SPEED)])).T)
-        modelled = run.smooth(np.column_stack([by_mass[name][:, i] for name in by_mass]))
-        whole = np.column_stack([np.interp(grid.time, time, values[:, 0]), modelled, *terms])
-        products[:, j] = [whole[part].T @ whole[part] for part in parts]
-    seen.torque = TorqueEquations(joints, names, products, int(np.count_nonzero(run.valid)))
-
-
-def _attempt(seen: Observation, witness: str, work: Callable[[], None]) -> None:
-    try:
-        work()
-    except CounterpoiseError as error:
-        seen.reasons[witness] = str(error)
-        seen.unclosed = str(error) if isinstance(error, ClosureError) else seen.unclosed
-    except np.linalg.LinAlgError:  # a dead centre
-        seen.reasons[witness] = "the drives do not determine the motion everywhere"
 
 
 def _record(run: SIRun, column: Column) -> ChannelRecord:
@@ -322,62 +270,99 @@ def _line(count: int) -> tuple[Floats, float]:
     return x, max(float(np.sum(x * x)), 1e-300)
 
 
-def _by_command(seen: Observation, run: SIRun) -> None:
-    columns = run.rig.columns_of(Target)
-    if not columns:
-        raise AnalysisError("the rig has no target")
-    seen.peak_acceleration["command"] = float(np.linalg.norm(run.stacked(columns), axis=1).max())
-    seen.moves |= seen.peak_acceleration["command"] > 0.0
-    group, legs, gaps = legs_by_command(run)
-    seen.motions["command"] = name_motions(legs, "command", group, gaps)
+def _keep_speeds(seen: Observation, run: SIRun, columns: list[Column]) -> None:
+    """Of the encoders, and of the stored motion if there is one."""
+    group_of_encoders(run)
+    time = run.instants(columns[0])
+    grid = grid_of(time, f"{run.name}: encoders", bridged=True)
+    time, position = bridge_gaps(time, run.stacked(columns), grid.step)
+    smooth = low_pass(position, min(SPEED_BAND_HZ, HIGHEST_CUTOFF * grid.rate), grid.rate)
+    at = np.arange(time[0], time[-1], 1.0 / SPEED_RATE_HZ)
+    path = np.column_stack([np.interp(at, time, values) for values in smooth.T])
+    seen.encoder_speeds = np.gradient(path, 1.0 / SPEED_RATE_HZ, axis=0).astype(np.float32)
+    seen.encoders = tuple(column.channel for column in columns)
+    if stored := run.recorded.inputs.get("motion"):
+        motion = motion_from_texts(*stored)
+        if peak := seen.conditions.get("peak_acceleration_rad_s2"):
+            motion = motion.with_peak_acceleration(peak)
+        wanted = motion.sample(STORED_RATE_HZ)
+        at = np.arange(wanted.time[0], wanted.time[-1], 1.0 / SPEED_RATE_HZ)
+        speeds = {j: np.interp(at, wanted.time, v) for j, v in zip(wanted.joints, wanted.velocity.T, strict=False)}
+        seen.commanded_speeds = {c.channel: speeds[c.component] for c in columns if c.component in speeds}
 
 
-def _by_acceleration(seen: Observation, run: SIRun) -> None:
-    group, legs, gaps = legs_by_accelerometer(run)
-    seen.motions["acceleration"] = name_motions(legs, "acceleration", group, gaps)
+def _by_model(seen: Observation, run: ModelledRun) -> None:
+    """What the encoders show, and the readings of all sensors against the model along their motion."""
+    grid, tree = run.grid, run.unloaded.tree
+    joints = [run.unloaded.coordinate_index(column.component) for column in run.run.rig.columns_of(Encoder)]
+    if turning := [joint for joint in joints if tree.joints[joint].revolute]:
+        found = np.abs(run.path.a[run.valid][:, turning])
+        along = np.linalg.norm(found, axis=1)
+        seen.peak_joint_acceleration = (float(found.max(initial=0.0)), float(along.max(initial=0.0)))
+    seen.moves |= bool(np.ptp(run.path.q, axis=0).max() > MOVED)
+    with seen.witness("place"):
+        speed = np.gradient(run.place, grid.step, axis=0)
+        acceleration = np.linalg.norm(np.gradient(speed, grid.step, axis=0), axis=1)
+        seen.peak_acceleration["encoders"] = float(acceleration[run.valid].max(initial=0.0))
+        legs = legs_of_path(grid.time, run.place, np.linalg.norm(speed, axis=1), REST_SHARE["encoders"])
+        gaps = next(iter(encoder_gaps(run.run).spans.values()), NO_GAP)
+        seen.motions["encoders"] = name_motions(legs, "encoders", run.group, gaps)
+    base = None
+    for group in dict.fromkeys(record.group for record in seen.records.values()):
+        with seen.witness(f"model of {group}"):
+            responses, moved = _responses(seen, run, group)
+            seen.responses += responses
+            base = base if moved is None else moved
+    with seen.witness("torque"):
+        seen.torque = _torque_equations(run, base)
 
 
-def _by_place(seen: Observation, run: ModelledRun) -> None:
-    place, grid = run.place, run.grid
-    speed = np.gradient(place, grid.step, axis=0)
-    acceleration = np.linalg.norm(np.gradient(speed, grid.step, axis=0), axis=1)
-    seen.peak_acceleration["encoders"] = float(acceleration[run.valid].max(initial=0.0))
-    legs = legs_of_path(grid.time, place, np.linalg.norm(speed, axis=1), REST_SHARE["encoders"])
-    gaps = next(iter(encoder_gaps(run.run).spans.values()), NO_GAP)
-    seen.motions["encoders"] = name_motions(legs, "encoders", run.group, gaps)
+def _responses(seen: Observation, run: ModelledRun, group: str) -> tuple[list[Response], Floats | None]:
+    """Readings of all sensors of a group against expectations; and the acceleration of the base on the grid, (n, 3)
+    [m/s2], where the group shows it.
+    """
+    found, base, own = [], None, group == run.group
+    if not (expected := run.expected_readings(group)):
+        return [], None
+    smooth = [_smooth(run.run, columns, run.grid.step, own) for columns, _ in expected]
+    lag = 0.0 if own else _lag(smooth, [p for _, p in expected], run.grid.step)
+    for (columns, p), (time, values) in zip(expected, smooth, strict=True):
+        at = run.grid.time if own else run.grid.time - run.grid.start + lag + time[0]
+        inside = run.valid & (at >= time[0] + EDGE_S) & (at <= time[-1] - EDGE_S)
+        if np.count_nonzero(inside) < 8 * BLOCKS:
+            continue
+        y = np.column_stack([np.interp(at, time, v) for v in values.T])
+        if columns[0].sensor in run.run.rig.base_accelerometers and len(columns) == 3:
+            base = np.where(inside[:, None], y - np.median(y, axis=0), 0.0)
+        records = (seen.records.get(column.channel) for column in columns)
+        noise = [r.noise * min(2.0 * BAND_HZ / r.rate_hz, 1.0) ** 0.5 if r else 0.0 for r in records]  # white, in band
+        y, p = y[inside], p[inside]
+        found.append(Response(tuple(columns), np.array(noise), y - y.mean(axis=0), p - p.mean(axis=0)))
+    return found, base
 
 
-class _Readings:
-    """Readings of a run brought to the clock of its encoders, group by group."""
-
-    def __init__(self, run: ModelledRun) -> None:
-        self.run = run
-        self.base: Floats | None = None
-        """Acceleration of the base on the grid, (n, 3) [m/s2], where a group of it was aligned."""
-
-    def responses(self, group: str) -> list[Response]:
-        """Readings against expectations, for all sensors of a group."""
-        run, found = self.run, []
-        expected = run.expected_readings(group)
-        if not expected:
-            return []
-        bridged = group == run.group
-        smooth = [_smooth(run.run, columns, run.grid.step, bridged) for columns, _ in expected]
-        lag = 0.0 if group == run.group else _lag(smooth, [p for _, p in expected], run.grid.step)
-        for (columns, wanted), (time, values) in zip(expected, smooth, strict=True):
-            at = run.grid.time if group == run.group else run.grid.time - run.grid.start + lag + time[0]
-            inside = run.valid & (at >= time[0] + EDGE_S) & (at <= time[-1] - EDGE_S)
-            if np.count_nonzero(inside) < 8 * BLOCKS:
-                continue
-            y = np.column_stack([np.interp(at, time, v) for v in values.T])
-            if columns[0].sensor in run.run.rig.base_accelerometers and len(columns) == 3:
-                self.base = np.where(inside[:, None], y - np.median(y, axis=0), 0.0)
-            y, p = y[inside], wanted[inside]
-            y, p = y - y.mean(axis=0), p - p.mean(axis=0)
-            parts = [slice(i[0], i[-1] + 1) for i in np.array_split(np.arange(len(y)), BLOCKS)]
-            yy, yp, pp = (np.stack([a[s].T @ b[s] / len(y) for s in parts]) for a, b in ((y, y), (y, p), (p, p)))
-            found.append(Response(tuple(columns), yy, yp, pp, lag))
-        return found
+def _torque_equations(run: ModelledRun, base: Floats | None) -> TorqueEquations:
+    """Of the driven joints that have a torque sensor on the encoders' logger."""
+    grid, driven = run.grid, run.unloaded.driven
+    columns = {column.component: column for column in run.run.rig.columns_of(Torque)}
+    by_mass = run.torque_columns(base)
+    joints = tuple(j for j in driven if j in columns and run.run.group_of(columns[j]) == run.group)
+    if not joints:
+        raise AnalysisError("no torque sensor of a driven joint is on the encoders' logger")
+    names = ("torque", *by_mass, *DRIVE_TERMS)
+    parts = np.array_split(np.flatnonzero(run.valid), BLOCKS)
+    products = np.zeros((BLOCKS, len(joints), len(names), len(names)))
+    for j, joint in enumerate(joints):
+        time, values = _smooth(run.run, [columns[joint]], grid.step, bridged=True)
+        if not np.ptp(values) > 0.0:
+            raise AnalysisError(f"{run.run.name}: {columns[joint].channel} shows one value only")
+        k, i = run.unloaded.coordinate_index(joint), driven.index(joint)
+        v, a = run.path.v[:, k], run.path.a[:, k]
+        terms = (np.ones(grid.count), *run.smooth(np.column_stack([a, v, np.tanh(v / COULOMB_SPEED)])).T)
+        modelled = run.smooth(np.column_stack([by_mass[name][:, i] for name in by_mass]))
+        whole = np.column_stack([np.interp(grid.time, time, values[:, 0]), modelled, *terms])
+        products[:, j] = [whole[part].T @ whole[part] for part in parts]
+    return TorqueEquations(joints, names, products)
 
 
 def _smooth(

@@ -1,11 +1,7 @@
 """Axes of accelerometers against those of a run's repeats, which needs no model of the base."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations
-
-import numpy as np
-from numpy.typing import NDArray
 
 from balance.arrays import Floats
 
@@ -23,31 +19,26 @@ DECIDED = 0.5
 this share of what exchanging changes in the comparison of the two. Below that, both are named."""
 
 
-@dataclass(frozen=True, eq=False)
 class _Vibration:
-    """What the axes of an accelerometer show in one run."""
+    """What the axes of an accelerometer show in one run, as spectra of ``size`` samples: none overlaps with itself."""
 
-    seen: Observation
-    condition: dict[str, object]
-    commanded: dict[str, object]
-    spectra: NDArray[np.complexfloating]
-    """Of each axis with as many zeros behind it as any is long, (k, f)."""
-    power: Floats
-    """Sum of the squares of each axis, (k,)."""
-    size: int
-    """Samples of which these are the spectra."""
+    def __init__(self, seen: Observation, values: Floats, size: int) -> None:
+        from scipy.fft import rfft
 
-    def largest(self, other: "_Vibration", own: Sequence[int], others: Sequence[int]) -> float:
-        """Correlation of two of its axes together with two of another, at the lag at which it is largest [-]."""
-        from scipy.fft import irfft
-
-        power = float(self.power[list(own)].sum() * other.power[list(others)].sum()) ** 0.5
-        cross = sum(self.spectra[i] * other.spectra[j].conj() for i, j in zip(own, others, strict=True))
-        return float(irfft(cross, self.size).max()) / power if power > 0.0 else 0.0
+        self.seen, self.condition, self.commanded, self.size = seen, seen.condition, seen.commanded, size
+        self.spectra, self.power = rfft(values, size, axis=0).T, (values**2).sum(axis=0)
 
     def likeness(self, other: "_Vibration", pair: tuple[int, int]) -> tuple[float, float]:
-        """:meth:`largest` of two axes, as they are and exchanged [-]."""
-        return self.largest(other, pair, pair), self.largest(other, pair, pair[::-1])
+        """Correlation of two axes together with those of another, as they are and exchanged, at its best lag [-]."""
+        from scipy.fft import irfft
+
+        power = max(float(self.power[list(pair)].sum() * other.power[list(pair)].sum()) ** 0.5, 1e-300)
+        turned = other.spectra.conj()
+        own, crosswise = (
+            float(irfft(sum(self.spectra[i] * turned[j] for i, j in zip(pair, of, strict=True)), self.size).max())
+            for of in (pair, pair[::-1])
+        )
+        return own / power, crosswise / power
 
 
 def repeated_vibration(observations: Sequence[Observation]) -> list[Statement]:
@@ -55,18 +46,13 @@ def repeated_vibration(observations: Sequence[Observation]) -> list[Statement]:
 
     Which of the two is wrong other runs of the motion tell, that show the same; else both are named.
     """
-    from scipy.fft import next_fast_len, rfft
+    from scipy.fft import next_fast_len
 
     found = []
     for channels in dict.fromkeys(channels for seen in observations for channels in seen.vibrations):
         shown = [(seen, seen.vibrations[channels]) for seen in observations if channels in seen.vibrations]
         size = next_fast_len(2 * max(len(values) for _, values in shown), real=True)
-        having = [
-            _Vibration(
-                seen, seen.condition, seen.commanded, rfft(values, size, axis=0).T, (values**2).sum(axis=0), size
-            )
-            for seen, values in shown
-        ]
+        having = [_Vibration(seen, values, size) for seen, values in shown]
         for pair in combinations(range(len(channels)), 2):
             found += _pair_statements(channels, pair, having)
     return found

@@ -6,16 +6,13 @@ from itertools import combinations
 
 import numpy as np
 
-from balance.arrays import Floats
 from balance.units import G0
 
 from ..rig import Column
 from ..rig.sensors import Torque
-from .observation import BLOCKS, Observation, Response
+from .observation import ABOVE_NOISE, Observation, Response
 from .statement import Statement
 
-ABOVE_NOISE = 5.0
-"""Expected reading over the channel's noise in the band from which the model is a witness [-]."""
 FOLLOWS = 0.95
 """Correlation with the expected reading from which a channel's gain is known: what counter-masses leave is as small as
 what the model lacks, and correlates less."""
@@ -64,25 +61,26 @@ def levels(observations: Sequence[Observation]) -> list[Statement]:
 
     A single axis may rest within the sensor's step: it is dead where it vibrates in another run of that kind.
     """
+    kinds = {o.name: (o.conditions.get("motion"), bool(o.counter_masses)) for o in observations}
+    each = [(seen, channel, record) for seen in observations for channel, record in seen.records.items()]
+    silent = {(channel, kinds[seen.name]) for seen, channel, record in each if record.dead}
+    alive = {
+        kind
+        for seen, channel, record in each
+        if (kind := (channel, kinds[seen.name])) in silent and len(np.unique(record.start)) > MANY_STEPS
+    }
     found = []
-    each = [((channel, *_kind(seen)), record) for seen in observations for channel, record in seen.records.items()]
-    silent = {kind for kind, record in each if record.dead}
-    alive = {kind for kind, record in each if kind in silent and len(np.unique(record.start)) > MANY_STEPS}
-    for seen in observations:
-        for channel, record in seen.records.items():
-            if record.stuck is not None:
-                stated = "it should change as in the rest of the record"
-                found.append(
-                    Statement(seen.name, "dead", channel, stated, record.stuck, "its readings", "flat_channel")
-                )
-            elif record.dead:
-                siblings = [seen.records[c.channel] for c in record.column.siblings if c.channel in seen.records]
-                dead = seen.moves and (all(s.dead for s in siblings) or (channel, *_kind(seen)) in alive)
-                stated, witnessed = "it should vibrate, for encoders or command move", "one value all the time"
-                code = "flat_channel" if dead else None
-                found.append(Statement(seen.name, "dead", channel, stated, witnessed, "its readings", code))
-            if record.dead or record.column.dimensions[0] != "acceleration":
-                continue
+    for seen, channel, record in each:
+        if record.stuck is not None:
+            stated = "it should change as in the rest of the record"
+            found.append(Statement(seen.name, "dead", channel, stated, record.stuck, "its readings", "flat_channel"))
+        elif record.dead:
+            siblings = [seen.records[c.channel] for c in record.column.siblings if c.channel in seen.records]
+            dead = seen.moves and (all(s.dead for s in siblings) or (channel, kinds[seen.name]) in alive)
+            stated, witnessed = "it should vibrate, for encoders or command move", "one value all the time"
+            code = "flat_channel" if dead else None
+            found.append(Statement(seen.name, "dead", channel, stated, witnessed, "its readings", code))
+        if not record.dead and record.column.dimensions == ACCELERATION:
             drifts = abs(record.drift) > max(DRIFT_SHARE * record.span, LEAST_DRIFT)
             witnessed = f"it drifts by {record.drift:.3g} m/s2, beneath a vibration of {record.span:.3g} m/s2"
             code = "level_drift" if drifts else None
@@ -102,66 +100,22 @@ def unclosed(observations: Sequence[Observation]) -> list[Statement]:
     ]
 
 
-def _kind(seen: Observation) -> tuple[str | None, bool]:
-    return seen.conditions.get("motion"), bool(seen.counter_masses)
-
-
+Heard = Sequence[tuple[Observation, Response]]
 Gained = dict[str, dict[str, tuple[float, float]]]
 """Gain and its standard uncertainty by channel and run."""
 
 
-class Gains:
-    """Gains of one response against the model."""
-
-    def __init__(self, response: Response, noise: Floats) -> None:
-        self.columns = response.columns
-        yy, yp, pp = (m.sum(axis=0) for m in (response.yy, response.yp, response.pp))
-        y, p = np.sqrt(np.diag(yy)), np.sqrt(np.diag(pp))
-        self.readings, self.expected, self.noise = y, p, noise
-        self.yy, self.yp, self.pp = yy, yp, pp
-        self.correlation = np.diag(yp) / np.maximum(y * p, 1e-300)
-        self.gain = np.diag(yp) / np.maximum(p**2, 1e-300)
-        self.witnessed = (p > ABOVE_NOISE * noise) & (p > 0.0)
-        """Channels of which the model expects more than noise, (k,)."""
-        without = [
-            (response.yp.sum(axis=0) - response.yp[b], response.pp.sum(axis=0) - response.pp[b]) for b in range(BLOCKS)
-        ]
-        each = np.array([np.diag(a) / np.maximum(np.diag(b), 1e-300) for a, b in without])
-        self.deviation = np.sqrt((BLOCKS - 1.0) / BLOCKS * np.sum((each - each.mean(axis=0)) ** 2, axis=0))
-
-    @property
-    def whole(self) -> tuple[float, float]:
-        """Correlation with the model, and gain, of all witnessed channels together [-]; zeros where none reads."""
-        yy, yp, pp = (np.diag(m)[self.witnessed].sum() for m in (self.yy, self.yp, self.pp))
-        return (float(yp / np.sqrt(yy * pp)), float(yp / pp)) if yy * pp > 0.0 else (0.0, 0.0)
-
-    @property
-    def follows(self) -> np.ndarray:
-        """Channels whose gain is known, (k,)."""
-        return self.witnessed & (self.correlation > (FOLLOWS if self.columns[0].dimensions == ACCELERATION else PROVEN))
-
-    def crossed(self, of: int, by: int) -> float:
-        """Correlation of channel ``of`` with expectation ``by`` [-]."""
-        return float(self.yp[of, by] / max(self.readings[of] * self.expected[by], 1e-300))
-
-    def remainder(self, of: tuple[int, int], by: tuple[int, int]) -> float:
-        """What expectations ``by`` leave of channels ``of``, over the power of both: 0 nothing, 1 all, 2 opposed."""
-        fitting = sum(self.yp[a, b] for a, b in zip(of, by, strict=True))
-        expected = sum(self.pp[b, b] for b in by)
-        if not fitting > 0.0:
-            return 2.0
-        scale = fitting / max(expected, 1e-300)
-        power = sum(self.yy[a, a] for a in of) + scale**2 * expected
-        return float((power - 2.0 * scale * fitting) / max(power, 1e-300))
-
-
 def examined_sensors(observations: Sequence[Observation], unsure: frozenset[str]) -> list[Statement]:
-    """Axis, sign and gain of every sensor of every run; the model of runs of ``unsure`` masses is no witness."""
+    """Axis, sign and gain of every sensor of every run; the model of runs of ``unsure`` masses is no witness.
+
+    But of what shows the motion alone, whatever is mounted: a command, or an accelerometer on what moves.
+    """
     heard = [
-        (seen, Gains(response, np.array([_noise_in_band(seen, c) for c in response.columns])))
+        (seen, one)
         for seen in observations
-        for response in seen.responses
-        if seen.name not in unsure or _kinematic(seen, response.columns[0])
+        for one in seen.responses
+        if seen.name not in unsure
+        or (one.columns[0].dimensions == ACCELERATION and one.columns[0].sensor not in seen.rig.base_accelerometers)
     ]
     statements: list[Statement] = []
     gains: Gained = defaultdict(dict)
@@ -171,26 +125,16 @@ def examined_sensors(observations: Sequence[Observation], unsure: frozenset[str]
         statements += wrong
         if any(s.code for s in wrong):
             continue
-        first = one.columns[0]
-        reversed_whole = others.prove_reversed(seen, one)
-        for i in map(int, np.flatnonzero(one.witnessed)):
-            if first.dimensions == ACCELERATION or others.follow(seen, one, i) or _opposes(seen, one, i):
-                statements.append(_sign(seen, one, i, reversed_whole or others.follow(seen, one, i)))
-            if one.readings[i] < FLAT * one.expected[i] and others.is_flat(seen, one, i):
-                statements.append(_flat(seen, one, i))
-        for i in map(int, np.flatnonzero(one.follows)):
+        statements += _signs(seen, one, others)
+        least = FOLLOWS if one.columns[0].dimensions == ACCELERATION else PROVEN
+        for i in map(int, np.flatnonzero(one.witnessed & (one.correlation > least))):
             record = seen.records.get(one.columns[i].channel)
-            if not first.commanded and not (record and record.clipped):
-                gains[one.columns[i].channel][seen.name] = (float(one.gain[i]), float(one.deviation[i]))
+            if not one.columns[0].commanded and not (record and record.clipped):
+                gains[one.columns[i].channel][seen.name] = (float(one.gain[i]), float(one.gain_deviation[i]))
     for seen in observations:
         known = {s.channel for s in statements if s.run == seen.name and s.code == "force_sign"}
         statements += [s for s in ([] if seen.name in unsure else _forces(seen)) if s.channel not in known]
-    sizes: dict[str, list[tuple[Observation, Gains]]] = defaultdict(list)
-    for seen, one in heard:
-        if _is_accelerometer(one.columns[0]):
-            sizes[one.columns[0].sensor].append((seen, one))
-    for sensor, sized in sizes.items():
-        statements += _exchanged_runs(sensor, sized)
+    statements += _exchanged_runs([(seen, one) for seen, one in heard if _is_accelerometer(one.columns[0])])
     for channel, by_run in gains.items():
         statements += _gain_statements(channel, by_run)
     found = {(s.run, s.channel) for s in statements if s.code in {"gain_contradiction", "flat_channel"}}
@@ -201,15 +145,16 @@ def _is_accelerometer(column: Column) -> bool:
     return column.dimensions == ACCELERATION and not column.commanded
 
 
-def _kinematic(seen: Observation, column: Column) -> bool:
-    """Whether a sensor shows the motion alone, whatever is mounted: a command, or an accelerometer on what moves."""
-    return column.dimensions == ACCELERATION and column.sensor not in seen.rig.base_accelerometers
+def _whole(one: Response) -> tuple[float, float]:
+    """Correlation with the model, and gain, of all witnessed channels together [-]; zeros where none reads."""
+    yy, yp, pp = (np.diag(m)[one.witnessed].sum() for m in (one.yy, one.yp, one.pp))
+    return (float(yp / np.sqrt(yy * pp)), float(yp / pp)) if yy * pp > 0.0 else (0.0, 0.0)
 
 
 class _Others:
     """What the other runs of a campaign show of a channel, against the model."""
 
-    def __init__(self, heard: Sequence[tuple[Observation, Gains]]) -> None:
+    def __init__(self, heard: Heard) -> None:
         self._by_channel: dict[str, dict[str, tuple[float, float, float]]] = defaultdict(dict)
         self._largest: dict[str, float] = defaultdict(float)
         self._heard = heard
@@ -221,32 +166,32 @@ class _Others:
                 found = float(one.correlation[i]), reading / float(one.expected[i]), reading
                 self._by_channel[one.columns[i].channel][seen.name] = found
 
-    def _of(self, seen: Observation, one: Gains, i: int) -> list[tuple[float, float, float]]:
+    def _of(self, seen: Observation, one: Response, i: int) -> list[tuple[float, float, float]]:
         """Correlation with the model, share of it, and reading, of the channel in the other runs."""
         return [found for run, found in self._by_channel[one.columns[i].channel].items() if run != seen.name]
 
-    def follow(self, seen: Observation, one: Gains, i: int) -> bool:
+    def follow(self, seen: Observation, one: Response, i: int) -> bool:
         """Whether the channel follows the model in other runs, and opposes it in fewer."""
         correlations = np.array([correlation for correlation, *_ in self._of(seen, one, i)])
         return int((correlations > PROVEN).sum()) > int((correlations < -PROVEN).sum())
 
-    def prove_reversed(self, seen: Observation, one: Gains) -> bool:
+    def prove_reversed(self, seen: Observation, one: Response) -> bool:
         """Whether all axes of a sensor together oppose a model that is right in another run, or here but for the sign.
 
         Balanced runs show nothing of the model: the only run that shakes may have to prove it alone.
         """
-        own, gain = one.whole
+        own, gain = _whole(one)
         if own > -PROVEN:
             return False
         sensor, right = one.columns[0].sensor, own < -WHOLE and 1.0 / GAIN_FACTOR < -gain < GAIN_FACTOR
-        others = np.array([o.whole[0] for run, o in self._heard if run is not seen and o.columns[0].sensor == sensor])
+        others = np.array([_whole(o)[0] for run, o in self._heard if run is not seen and o.columns[0].sensor == sensor])
         return bool(right or (others > PROVEN).sum() > (others < -PROVEN).sum())
 
-    def is_large(self, one: Gains, i: int) -> bool:
+    def is_large(self, one: Response, i: int) -> bool:
         """Whether the model expects of the channel what counts beside the largest of all runs."""
         return bool(one.expected[i] > LARGE * self._largest[one.columns[i].channel])
 
-    def is_flat(self, seen: Observation, one: Gains, i: int) -> bool:
+    def is_flat(self, seen: Observation, one: Response, i: int) -> bool:
         """Whether a channel far below the model is flat: by the sensor's noise, or as it is not in the other runs.
 
         Where an accelerometer shows vibration in other runs, the model of the base, which a rig may assume, is no
@@ -268,26 +213,30 @@ class _Others:
         return any(correlation > PROVEN and share > 0.5 for correlation, share, _ in others)
 
 
-def _noise_in_band(seen: Observation, column: Column) -> float:
-    """Of an accelerometer's channel [m/s2]; zero for others, of which the size of the load decides."""
-    record = seen.records.get(column.channel)
-    return 0.0 if record is None else record.noise_in_band
-
-
-def _exchanged(seen: Observation, one: Gains, others: _Others) -> list[Statement]:
+def _exchanged(seen: Observation, one: Response, others: _Others) -> list[Statement]:
     """Pairs of axes of a sensor of which each follows what the other should show.
 
     Of forces, torques and commands, whose sizes differ more, where both follow the model in other runs.
     """
+
+    def remainder(of: tuple[int, int], by: tuple[int, int]) -> float:
+        """What expectations ``by`` leave of channels ``of``, over the power of both: 0 nothing, 1 all, 2 opposed."""
+        fitting, expected = one.yp[of, by].sum(), one.pp[by, by].sum()
+        if not fitting > 0.0:
+            return 2.0
+        scale = fitting / max(expected, 1e-300)
+        power = one.yy[of, of].sum() + scale**2 * expected
+        return float((power - 2.0 * scale * fitting) / max(power, 1e-300))
+
     found = []
     for i, k in combinations(range(len(one.columns)), 2):
         if not (one.witnessed[i] or one.witnessed[k]) or one.columns[i].dimensions != one.columns[k].dimensions:
             continue
-        own, crosswise = one.remainder((i, k), (i, k)), one.remainder((i, k), (k, i))
+        own, crosswise = remainder((i, k), (i, k)), remainder((i, k), (k, i))
         names = [one.columns[n].channel for n in (i, k)]
         strong, weak = (i, k) if one.expected[i] > one.expected[k] else (k, i)
-        wrong = own > 0.5 and crosswise < EXCHANGED * min(own, 1.0)
-        wrong = wrong and one.crossed(weak, strong) > PROVEN
+        crossed = one.yp[weak, strong] / max(one.readings[weak] * one.expected[strong], 1e-300)
+        wrong = own > 0.5 and crosswise < EXCHANGED * min(own, 1.0) and crossed > PROVEN
         if not _is_accelerometer(one.columns[i]):
             wrong = wrong and others.is_large(one, strong) and all(others.follow(seen, one, n) for n in (i, k))
         found += [
@@ -300,22 +249,22 @@ def _exchanged(seen: Observation, one: Gains, others: _Others) -> list[Statement
     return found
 
 
-def _exchanged_runs(sensor: str, sized: Sequence[tuple[Observation, Gains]]) -> list[Statement]:
+def _exchanged_runs(heard: Heard) -> list[Statement]:
     """Runs with and without counter-masses of one condition, of which one shows too much and the other too little."""
     factors = []
-    for seen, one in sized:
+    for seen, one in heard:
         read, expected = (float(np.linalg.norm(size[one.witnessed])) for size in (one.readings, one.expected))
         if read > 0.0 and expected > 0.0 and not OTHER_RUN > read / expected > 1.0 / OTHER_RUN:
-            factors.append((seen, read, expected))
-    found = []
-    for seen, read, expected in factors:
+            factors.append((seen, one.columns[0].sensor, read, expected))
+    found, sensors = [], list(dict.fromkeys(sensor for _, sensor, *_ in factors))
+    for seen, sensor, read, expected in sorted(factors, key=lambda factor: sensors.index(factor[1])):
         others = [
             other.name
-            for other, more, less in factors
-            if (more > less) != (read > expected)
+            for other, its, more, less in factors
+            if its == sensor
+            and (more > less) != (read > expected)
             and bool(other.counter_masses) != bool(seen.counter_masses)
-            and {**other.conditions, "counter_masses": {}, "repeat": 0}
-            == {**seen.conditions, "counter_masses": {}, "repeat": 0}
+            and {**other.condition, "counter_masses": {}} == {**seen.condition, "counter_masses": {}}
         ]
         if others:
             witnessed = f"{read:.3g} m/s2 RMS, the inverse in {others[0]}: runs or counter-masses exchanged"
@@ -327,62 +276,63 @@ def _exchanged_runs(sensor: str, sized: Sequence[tuple[Observation, Gains]]) -> 
     return found
 
 
-def _sign(seen: Observation, one: Gains, i: int, proven: bool) -> Statement:
-    """Of a channel; of one on the base where the model of it is ``proven``, or by another channel that follows it."""
-    of_the_base = one.columns[i].sensor in seen.rig.base_accelerometers
-    proven = proven or not of_the_base or bool((one.witnessed & (one.correlation > PROVEN)).any())
-    wrong = proven and bool(one.correlation[i] < -PROVEN)
-    code = "force_sign" if _is_support(seen, one.columns[i]) else "sign_contradiction"
-    return Statement(
-        seen.name, "sign", one.columns[i].channel, "sign as in the rig",
-        f"{'reversed: ' if wrong else ''}correlation {one.correlation[i]:.2f} with the model, expected near 1",
-        "the model of the motion", code if wrong else None,
-    )  # fmt: skip
+def _signs(seen: Observation, one: Response, others: _Others) -> list[Statement]:
+    """Sign of each channel, and those that are flat.
 
-
-def _opposes(seen: Observation, one: Gains, i: int) -> bool:
-    """Whether a torque is as large as the model's, and the other way round: so it may be in all runs of a campaign."""
-    is_torque = isinstance(seen.rig.sensors.get(one.columns[i].sensor), Torque)
-    return is_torque and bool(one.correlation[i] < -WHOLE) and 1.0 / GAIN_FACTOR < -one.gain[i] < GAIN_FACTOR
-
-
-def _is_support(seen: Observation, column: Column) -> bool:
-    return column.sensor in seen.rig.supports
-
-
-def _flat(seen: Observation, one: Gains, i: int) -> Statement:
-    unit = UNITS.get(one.columns[i].dimensions, "")
-    return Statement(
-        seen.name, "dead", one.columns[i].channel, f"{one.expected[i]:.3g} {unit} RMS by the model",
-        f"{one.readings[i]:.3g} {unit} RMS, flat", "its readings", "flat_channel",
-    )  # fmt: skip
+    The sign of one on the base where the model of it is proven, or by another channel that follows it. A torque that is
+    as large as the model's, and the other way round, may be so in all runs of a campaign.
+    """
+    found, first = [], one.columns[0]
+    of_the_base, of_a_support = first.sensor in seen.rig.base_accelerometers, first.sensor in seen.rig.supports
+    sure = (
+        not of_the_base or others.prove_reversed(seen, one) or bool((one.witnessed & (one.correlation > PROVEN)).any())
+    )
+    for i in map(int, np.flatnonzero(one.witnessed)):
+        column, correlation = one.columns[i], float(one.correlation[i])
+        opposes = correlation < -WHOLE and 1.0 / GAIN_FACTOR < -one.gain[i] < GAIN_FACTOR
+        opposes = opposes and isinstance(seen.rig.sensors.get(column.sensor), Torque)
+        follows = others.follow(seen, one, i)
+        if first.dimensions == ACCELERATION or follows or opposes:
+            wrong = (sure or follows) and correlation < -PROVEN
+            witnessed = f"{'reversed: ' if wrong else ''}correlation {correlation:.2f} with the model, expected near 1"
+            code = ("force_sign" if of_a_support else "sign_contradiction") if wrong else None
+            stated, witness = "sign as in the rig", "the model of the motion"
+            found.append(Statement(seen.name, "sign", column.channel, stated, witnessed, witness, code))
+        if one.readings[i] < FLAT * one.expected[i] and others.is_flat(seen, one, i):
+            unit = UNITS.get(column.dimensions, "")
+            stated, witnessed = (
+                f"{one.expected[i]:.3g} {unit} RMS by the model",
+                f"{one.readings[i]:.3g} {unit} RMS, flat",
+            )
+            found.append(
+                Statement(seen.name, "dead", column.channel, stated, witnessed, "its readings", "flat_channel")
+            )
+    return found
 
 
 def _forces(seen: Observation) -> list[Statement]:
     """Signs of force channels with a large load, where the model explains the forces of the run."""
-    forces = [
-        (g, i)
-        for r in seen.responses
-        if _is_support(seen, r.columns[0])
-        for g in [Gains(r, np.zeros(len(r.columns)))]
-        for i in range(len(r.columns))
-    ]
+    forces = [(r, i) for r in seen.responses if r.columns[0].sensor in seen.rig.supports for i in range(len(r.columns))]
     largest: dict[str, float] = defaultdict(float)
-    for g, i in forces:
-        kind = g.columns[i].dimensions[0]
-        largest[kind] = max(largest[kind], float(g.expected[i]))
-    loaded = [(g, i) for g, i in forces if g.expected[i] > LARGE * largest[g.columns[i].dimensions[0]] > 0.0]
-    similar = [(g, i) for g, i in loaded if 1.0 / SIMILAR_SIZE < g.readings[i] / g.expected[i] < SIMILAR_SIZE]
-    if not similar or np.mean([g.correlation[i] ** 2 for g, i in similar]) < LEAST_EXPLAINED:
+    for r, i in forces:
+        kind = r.columns[i].dimensions[0]
+        largest[kind] = max(largest[kind], float(r.expected[i]))
+    similar = [
+        (r, i)
+        for r, i in forces
+        if r.expected[i] > LARGE * largest[r.columns[i].dimensions[0]] > 0.0
+        and 1.0 / SIMILAR_SIZE < r.readings[i] / r.expected[i] < SIMILAR_SIZE
+    ]
+    if not similar or np.mean([r.correlation[i] ** 2 for r, i in similar]) < LEAST_EXPLAINED:
         return []
     found = []
-    for g, i in similar:
-        column, correlation = g.columns[i], g.correlation[i]
+    for r, i in similar:
+        column, correlation = r.columns[i], r.correlation[i]
         wrong = bool(correlation < REVERSED)
         witnessed = (
             f"{'reversed polarity: it opposes' if wrong else 'it follows'} the load {column.component} that the "
+            f"motion puts on {column.sensor}: correlation {correlation:.2f}, expected near 1"
         )
-        witnessed += f"motion puts on {column.sensor}: correlation {correlation:.2f}, expected near 1"
         code = "force_sign" if wrong else None
         found.append(Statement(seen.name, "sign", column.channel, "sign by the rig", witnessed, "the model", code))
     return found

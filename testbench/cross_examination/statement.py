@@ -19,27 +19,12 @@ from ..runs.si_run import SIRun
 from ..store import Run, append_only_records
 from ..store.run import identities
 
-WITHHOLDING = {
-    "counter_mass_contradiction": "counter-masses",
-    "axis_contradiction": "axis",
-    "gain_contradiction": "gain",
-    "flat_channel": "dead",
-    "copied_run": "copy",
-    "short_record": "record",
-}
-"""Contradictions after which a number is withheld, and their subjects."""
-MARKING = {
-    "payload_contradiction": "payload",
-    "acceleration_contradiction": "acceleration",
-    "motion_contradiction": "axis",
-    "encoder_contradiction": "axis",
-    "level_drift": "rest",
-    "sign_contradiction": "sign",
-    "force_sign": "sign",
-    "torque_contradiction": "gain",
-}
-"""Contradictions after which a number is marked: it is right, but of another condition, or of a sensor to look at."""
-SUBJECTS = WITHHOLDING | MARKING
+WITHHOLDING = frozenset({
+    "counter_mass_contradiction", "axis_contradiction", "gain_contradiction", "flat_channel", "copied_run",
+    "short_record",
+})  # fmt: skip
+"""Contradictions after which a number is withheld; after others it is marked: it is right, but of another condition, or
+of a sensor to look at."""
 ADVICE = {
     "counter_mass_contradiction": "check which runs had counter-masses, correct the run table and ingest again",
     "axis_contradiction": "check which channel is which axis in the rig and the log, and whether the sensor was turned",
@@ -56,7 +41,7 @@ ADVICE = {
     "force_sign": "check its sign in the rig and the wiring, and whether it is exchanged with another channel",
     "torque_contradiction": "check units in rig and log, payload and counter-masses in the run table",
 }
-"""What to do about each contradiction."""
+"""All contradictions, and what to do about each."""
 
 
 @dataclass(frozen=True)

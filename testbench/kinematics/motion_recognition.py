@@ -14,8 +14,6 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.errors import CounterpoiseError
-from balance.mechanism import forward_kinematics
-from balance.mechanism.sparse_components import dense
 from balance.results import Key
 
 from ..errors import AnalysisError
@@ -23,6 +21,7 @@ from ..rig.sensors import Accelerometer, Target
 from ..runs.aligned_run import AlignedRun
 from ..runs.si_run import SIRun
 from ..signal.filters import Band
+from .encoder_motion import point_path
 from .gaps import gap_spans
 from .smoothing_and_derivatives import Grid, grid_of, on_grid
 
@@ -254,9 +253,7 @@ def _legs_by_encoders(run: AlignedRun) -> tuple[str, list[Leg], Floats]:
     rate, mechanism = run.run.group(run.reference).rate_hz, run.unloaded
     bandwidth = min(BANDWIDTH_HZ, LARGEST_SHARE * rate if rate else BANDWIDTH_HZ)
     path, gaps = run.trajectory(bandwidth), list(run.gaps().spans.values())
-    body, position = _followed_point(run)
-    at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(path.q.T))
-    place = dense(at.point(mechanism.tree.bodies[body], position), at.count).T
+    place = point_path(mechanism, path, *_followed_point(run))
     speed = np.linalg.norm(np.gradient(place, run.grid.step, axis=0), axis=1)
     return run.reference, legs_of_path(run.grid.time, place, speed, REST_SHARE["encoders"]), gaps[0] if gaps else NO_GAP
 

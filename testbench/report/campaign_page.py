@@ -19,7 +19,7 @@ from balance.report.page import Page, document_of
 from balance.results import first_of, plain
 from balance.task_pool import HERE, TaskPool, cores
 
-from ..cross_examination import SUBJECTS, Examination
+from ..cross_examination import ADVICE, Examination
 from ..cross_examination.statement import decisions
 from ..errors import AnalysisError, StoreError
 from ..kinematics.encoder_motion import mechanism_of
@@ -99,7 +99,7 @@ class CampaignReport:
 
     def _decisions(self, findings: Iterable[Finding]) -> dict[str, str]:
         """By code, where a person accepted its findings, or where there is nothing to accept."""
-        about_runs = {*SUBJECTS, *(one.code for run in self.runs for one in run.findings)}
+        about_runs = {*ADVICE, *(one.code for run in self.runs for one in run.findings)}
         found = {one.code: NOTHING_TO_ACCEPT for one in findings if one.code not in about_runs}
         found |= dict.fromkeys(self.accepted, "accepted in this report (--accept)")
         for code in {code for run in self.runs for code in run.provenance.get("accepted_findings", ())}:

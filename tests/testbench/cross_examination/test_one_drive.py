@@ -113,7 +113,7 @@ def test_drive_inertia_in_place_of_the_model_is_no_gross_torque(campaign, factor
     run = campaign[0][2]
     seen = Witnesses()._observed(with_values(run, "tau_A0", factor * run.channel("tau_A0")))
     one, none = np.ones(1), np.zeros(1)
-    alone = TorqueBalance(41.6 * one, 0.069 * one, none, inflation * one, none, (run.name,), ("A0",), one, 5e-4 * one)
+    alone = TorqueBalance(41.6 * one, 0.069 * one, inflation * one, none, (run.name,), ("A0",), one, 5e-4 * one)
     assert len(_gross_torques(seen, alone)) == said
 
 

@@ -10,7 +10,7 @@ from studies.lies import Witnesses
 from studies.simulated_runs import with_values
 from testbench.campaign_plan import load_plan
 from testbench.cross_examination.observation import Observation
-from testbench.cross_examination.record_ends import record_ends
+from testbench.cross_examination.paths import record_ends
 from testbench.project import new_project
 from testbench.rig import load_rig
 from testbench.rig.sensors import Torque

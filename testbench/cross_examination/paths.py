@@ -1,14 +1,26 @@
-"""Records that begin or end in mid-motion: against the stored motion, the other runs of the motion and the repeats."""
+"""Paths of a run beside the stored motion and the other runs: encoders' signs and units, records that are cut.
+
+Speeds of encoders, or vibrations of repeats, are laid over each other at the lag at which they fit best.
+"""
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from balance.arrays import Floats
+from balance.arrays import Floats, Mask
 
 from .observation import SPEED_RATE_HZ, VIBRATION_RATE_HZ, VIBRATION_S, Observation
 from .statement import Statement
 
+SAME_PATH = 0.95
+"""Correlation, of either sign, from which an encoder shows the same path as what it is compared with."""
+UNIT_SHARE = 0.1
+"""Share by which the factor between two paths may differ from that of two units."""
+DEGREES = 180.0 / np.pi
+LEAST_SHARE = 0.05
+"""Of the fastest joint's speed, below which a joint is not compared."""
+LEAST_POWER = 1e-6
+"""Of the wanted path's power, below which an encoder shows nothing of it: one in radians for degrees shows 3e-4."""
 FOLLOWS = {"motion": 0.95, "vibration": 0.9}
 """Correlation with a part of the other record from which a record is that part: of speeds, of vibrations."""
 MOVES = {"motion": 0.05, "vibration": 0.15}
@@ -22,6 +34,76 @@ REPEATS, REPEATED_SHARE, LIKE = 2, 0.25, 0.1
 period of it, or more, begins or ends does not matter."""
 
 
+def encoder_paths(observations: Sequence[Observation]) -> list[Statement]:
+    """Encoders that are reversed, or in another unit than the rig's, by the stored motion, else by most other runs.
+
+    What is made of the encoders is the whole run's, and so is the statement.
+    """
+    found = []
+    for seen in observations:
+        if not seen.encoder_speeds.size:
+            continue
+        others = [o for o in observations if o is not seen and o.encoder_speeds.size and o.commanded == seen.commanded]
+        by_motion = _errors(seen, seen.commanded_speeds)
+        by_runs = [_errors(seen, dict(zip(o.encoders, o.encoder_speeds.T, strict=True))) for o in others]
+        for channel in seen.encoders:
+            votes = [one[channel] for one in by_runs if channel in one]
+            if channel in by_motion:
+                wrong, witness = by_motion[channel], "the motion that is stored with the run"
+            elif len(votes) > 1:
+                wrong, witness = max(set(votes), key=votes.count), "the other runs of this motion"
+                wrong = wrong if 2 * votes.count(wrong) > len(votes) else ""
+            else:
+                continue
+            code = "encoder_contradiction" if wrong else None
+            stated = f"sign and unit of {channel} as in the rig"
+            found.append(Statement(seen.name, "axis", None, stated, wrong or "they agree", witness, code))
+    return found
+
+
+def _errors(seen: Observation, wanted: dict[str, Floats]) -> dict[str, str]:
+    """By channel, what is wrong with an encoder that shows a path of ``wanted`` (n,) by channel; empty if nothing.
+
+    All are compared at one lag, at which the squares of the correlations are largest: signs and units do not matter.
+    """
+    names = [name for name in seen.encoders if name in wanted]
+    if not names:
+        return {}
+    path = np.column_stack([wanted[name] for name in names])
+    shown = np.pad(seen.encoder_speeds[:, [seen.encoders.index(name) for name in names]], ((len(path),) * 2, (0, 0)))
+    products, power = _sliding(shown, path)
+    own, largest = (path.astype(float) ** 2).sum(axis=0), power.max(axis=0)
+    least = LEAST_SHARE**2 * largest.max()
+    correlation = products / np.sqrt(np.maximum(np.maximum(power, least) * own, 1e-300))
+    correlation[:, (own < LEAST_SHARE**2 * own.max()) | (largest < LEAST_POWER * own)] = 0.0
+    best = int(np.argmax((correlation**2).sum(axis=1)))
+    found = {}
+    for name, likeness, factor in zip(names, correlation[best], products[best] / np.maximum(own, 1e-300), strict=True):
+        if abs(likeness) < SAME_PATH:
+            continue
+        wrong = ["reversed"] if likeness < 0.0 else []
+        for ratio, text in ((DEGREES, "the log is in deg where the rig says rad"),
+                            (1.0 / DEGREES, "the log is in rad where the rig says deg")):  # fmt: skip
+            if abs(abs(factor) / ratio - 1.0) < UNIT_SHARE:
+                wrong.append(f"{abs(factor):.3g} times as far: {text}")
+        found[name] = "; ".join(wrong)
+    return found
+
+
+def _sliding(whole: Floats, part: Floats) -> tuple[Floats, Floats]:
+    """Of a ``part`` (m, k) at each place of ``whole`` (n, k): products with it, and the power there, (n - m + 1, k)."""
+    from scipy.signal import correlate
+
+    count, whole, part = len(part), whole.astype(float), part.astype(float)
+    power = np.cumsum(np.pad(whole**2, ((1, 0), (0, 0))), axis=0)
+    products = [correlate(a, b, "valid", "fft") for a, b in zip(whole.T, part.T, strict=True)]
+    return np.column_stack(products), power[count:] - power[:-count]
+
+
+Lacking = tuple[str, str, str]
+"""Witness, what it states, and what the run holds."""
+
+
 def record_ends(observations: Sequence[Observation]) -> list[Statement]:
     """Runs of which something of the motion was not recorded. Nothing is said of motions that repeat."""
     found = []
@@ -33,7 +115,7 @@ def record_ends(observations: Sequence[Observation]) -> list[Statement]:
     return found
 
 
-def _by_stored_motion(seen: Observation) -> tuple[str, str, str] | None:
+def _by_stored_motion(seen: Observation) -> Lacking | None:
     names = [name for name in seen.encoders if name in seen.commanded_speeds]
     if not names:
         return None
@@ -45,7 +127,7 @@ def _by_stored_motion(seen: Observation) -> tuple[str, str, str] | None:
     return _said("its encoders", "the motion that is stored with the run", part, whole, lacks, "motion")
 
 
-def _by_other_runs(seen: Observation, observations: Sequence[Observation]) -> tuple[str, str, str] | None:
+def _by_other_runs(seen: Observation, observations: Sequence[Observation]) -> Lacking | None:
     """By encoders of runs of the same motion, by accelerometers of repeats: they are at rest where this run is not."""
     for other in observations:
         if other is seen or other.commanded != seen.commanded:
@@ -67,7 +149,7 @@ def _by_other_runs(seen: Observation, observations: Sequence[Observation]) -> tu
     return None
 
 
-def _by_encoders(seen: Observation) -> tuple[str, str, str] | None:
+def _by_encoders(seen: Observation) -> Lacking | None:
     """An accelerometer's record that is shorter than the encoders move, on whatever clock."""
     moving = np.flatnonzero(_moving(seen.encoder_speeds, "motion")) if seen.encoder_speeds.size else np.zeros(0, int)
     for channels, values in seen.vibrations.items() if moving.size else ():
@@ -80,15 +162,17 @@ def _by_encoders(seen: Observation) -> tuple[str, str, str] | None:
 
 def _said(
     witness: str, what: str, part: Floats, whole: Floats, lacks: tuple[float, float], kind: str
-) -> tuple[str, str, str] | None:
-    """Witness, what it states and what the run holds, where it lacks something of ``whole`` [s]."""
+) -> Lacking | None:
+    """Where the run lacks something of ``whole``, times before and after in ``lacks`` [s]; else None."""
     if max(lacks) < LEAST_S or min(_period(part), _period(whole)) <= len(part):
         return None
     moving = np.flatnonzero(_moving(whole, kind))
     moved, (before, after) = (moving[-1] + 1 - moving[0]) / SPEED_RATE_HZ, lacks
-    where = {(True, True): "begins and ends", (True, False): "begins", (False, True): "ends"}
-    witnessed = f"the record of {len(part) / SPEED_RATE_HZ:.3g} s {where[before >= LEAST_S, after >= LEAST_S]} in "
-    witnessed += f"mid-motion: it holds {max(moved - before - after, 0.0):.3g} s of that"
+    where = " and ".join(text for text, lack in (("begins", before), ("ends", after)) if lack >= LEAST_S)
+    witnessed = (
+        f"the record of {len(part) / SPEED_RATE_HZ:.3g} s {where} in mid-motion: it holds "
+        f"{max(moved - before - after, 0.0):.3g} s of that"
+    )
     return witness, f"{what} goes on for {moved:.3g} s", witnessed
 
 
@@ -97,16 +181,10 @@ def _lacks(part: Floats, whole: Floats, kind: str) -> tuple[float, float]:
 
     Both at SPEED_RATE_HZ; at the lag where ``part`` follows ``whole`` best, over what ``whole`` is there.
     """
-    from scipy.signal import correlate
-
-    part, count = part.astype(float), len(part)
-    padded = np.pad(whole.astype(float), ((count, count), (0, 0)))
-    power = np.cumsum(np.pad((padded**2).sum(axis=1), (1, 0)))
-    energy = power[count:] - power[:-count]
-    products = sum(correlate(a, b, "valid", "fft") for a, b in zip(padded.T, part.T, strict=True))
-    least = 0.01 * float(energy.max())
-    own = float((part**2).sum())
-    likeness = products / np.sqrt(np.maximum(np.maximum(energy, least) * own, 1e-300))
+    count = len(part)
+    products, power = (each.sum(axis=1) for each in _sliding(np.pad(whole, ((count, count), (0, 0))), part))
+    own, least = float((part.astype(float) ** 2).sum()), 0.01 * float(power.max())
+    likeness = products / np.sqrt(np.maximum(np.maximum(power, least) * own, 1e-300))
     best = int(np.argmax(likeness))
     moving = np.flatnonzero(_moving(whole, kind))
     if likeness[best] < FOLLOWS[kind] or not moving.size:
@@ -116,10 +194,10 @@ def _lacks(part: Floats, whole: Floats, kind: str) -> tuple[float, float]:
     return max(before, 0) / SPEED_RATE_HZ, max(after, 0) / SPEED_RATE_HZ
 
 
-def _moving(values: Floats, kind: str) -> np.ndarray:
+def _moving(values: Floats, kind: str) -> Mask:
     """Where anything moves, (n,)."""
     size = np.linalg.norm(values, axis=1)
-    return size > MOVES[kind] * float(size.max(initial=0.0))
+    return np.asarray(size > MOVES[kind] * float(size.max(initial=0.0)))
 
 
 def _rests(values: Floats, end: int, kind: str) -> bool:
@@ -133,18 +211,15 @@ def _period(values: Floats) -> float:
 
     It repeats where its last quarter stood there before at REPEATS places, half of it apart, or more.
     """
-    from scipy.signal import correlate
-
     moving = np.flatnonzero(_moving(values, "motion"))
-    values = values[moving[0] : moving[-1] + 1].astype(float)
+    values = values[moving[0] : moving[-1] + 1]
     count = max(round(REPEATED_SHARE * len(values)), 4)
     last, earlier = values[-count:], values[:-count]
     if len(earlier) < REPEATS * count:
         return np.inf
-    power = np.cumsum(np.pad((earlier**2).sum(axis=1), (1, 0)))
-    products = sum(correlate(a, b, "valid", "fft") for a, b in zip(earlier.T, last.T, strict=True))
-    own = float((last**2).sum())
-    places = np.flatnonzero(power[count:] - power[:-count] + own - 2.0 * products < LIKE * own)
+    products, power = (each.sum(axis=1) for each in _sliding(earlier, last))
+    own = float((last.astype(float) ** 2).sum())
+    places = np.flatnonzero(power + own - 2.0 * products < LIKE * own)
     found, free = 0, 0
     for place in map(int, places):
         if place >= free:
