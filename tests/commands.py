@@ -12,7 +12,7 @@ import click
 import pytest
 from rich.cells import cell_len
 
-from balance.cli import framework
+from balance.cli import printing
 
 
 class Outcome(NamedTuple):
@@ -47,7 +47,7 @@ def held_to_widths(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     No line is wider, no number broken, nothing cut short. What is printed is as wide as 80 columns.
     """
-    drawn, titles = framework.table_lines, list[str]()
+    drawn, titles = printing.table_lines, list[str]()
 
     def lines_at(title: str, header: list[str], rows: list[list[str]], note: str, width: int | None) -> list[str]:
         titles.append(title)
@@ -60,7 +60,7 @@ def held_to_widths(monkeypatch: pytest.MonkeyPatch) -> list[str]:
             assert "Too wide" in text or all(number in text for number in numbers)
         return drawn(title, header, rows, note, width)
 
-    monkeypatch.setattr(framework, "table_lines", lines_at)
+    monkeypatch.setattr(printing, "table_lines", lines_at)
     monkeypatch.setenv("COLUMNS", "80")
     return titles
 

@@ -1,6 +1,6 @@
 """The command ``balance``."""
 
-from .framework import LazyGroup, run
+from .framework import run
 
 COMMANDS = {
     "conditions": ("mechanism", "Which conditions balance this mechanism, found from its model."),
@@ -27,14 +27,5 @@ COMMANDS = {
 
 def main() -> None:
     """Run ``balance``."""
-    import click
-
-    group = LazyGroup(
-        "balance",
-        package=__name__,
-        lazy=COMMANDS,
-        help="Model a mechanism with closed loops, find its balance conditions, size its counter-masses.",
-        context_settings={"help_option_names": ["-h", "--help"]},
-    )
-    click.version_option(package_name="counterpoise")(group)
-    run(group, "balance")
+    text = "Model a mechanism with closed loops, find its balance conditions, size its counter-masses."
+    run("balance", __name__, COMMANDS, text)

@@ -1,6 +1,5 @@
 """What the shell completes: names of what is shipped, files, sites and bodies of the mechanism that is named."""
 
-from collections.abc import Iterable
 from copy import copy
 from pathlib import Path
 
@@ -15,7 +14,6 @@ SHIPPED = {
     "rig": ("rigs", ".toml"), "plan": ("plans", ".toml"), "tests": ("plans", ".toml"), "stock": ("stock", ".csv"),
     "drive": ("drives", ".toml"), "engine": ("engines", ".toml"), "linkage": ("linkages", ".toml"),
     "rotor": ("rotors", ".toml"), "springs": ("springs", ".toml"), "published": ("published", ".json"),
-    "table": ("published", ".json"),
 }  # fmt: skip
 """Folder and ending of the data sets that a parameter of this name takes, besides files."""
 OF_A_MECHANISM = {"site": "", "without": "", "counter": "=", "limit": "=", "payload": "="}
@@ -27,35 +25,26 @@ class Completed(click.types.StringParamType):
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Names that begin with what is typed; where none does, files."""
-        words = [
-            ctx.params.get("mechanism"),
-            *(ctx.params.get("words") or ()),
-            *ctx.args,
-        ]  # args: behind them an option
-        names = (
-            _parts(next(filter(None, words), ""), str(param.name))
-            if param.name in OF_A_MECHANISM
-            else _shipped(str(param.name))
-        )
+        parameter = str(param.name)
+        if parameter in OF_A_MECHANISM:
+            words = [ctx.params.get("mechanism"), *(ctx.params.get("words") or ()), *ctx.args]  # behind an option: args
+            names = _parts(next(filter(None, words), ""), parameter)
+        else:  # what is shipped, and files and folders of this one
+            folder, ending = SHIPPED[parameter]
+            here = sorted(path.name for path in Path().glob("[!.]*") if path.suffix == ending)
+            names = [*dataset_names(folder, ending), *here]
         found = [CompletionItem(name) for name in names if name.startswith(incomplete)]
         return found or [CompletionItem(incomplete, type="file")]
 
 
-def _shipped(parameter: str) -> Iterable[str]:
-    """Names that are shipped, and files and folders of this one."""
-    folder, ending = SHIPPED[parameter]
-    here = sorted(path.name for path in Path().glob("[!.]*") if path.suffix == ending)
-    return [*dataset_names(folder, ending), *here]
-
-
-def _parts(mechanism: str, parameter: str) -> Iterable[str]:
+def _parts(mechanism: str, parameter: str) -> list[str]:
     """Sites or bodies of a mechanism; none where it cannot be read: the command says why."""
     from ..mechanism.mjcf_parser import load_mechanism
 
     try:
         model = load_mechanism(mechanism)
     except CounterpoiseError:
-        return ()
+        return []
     names = model.own_mass if parameter == "payload" else model.sites
     return [f"{name}{OF_A_MECHANISM[parameter]}" for name in names]
 

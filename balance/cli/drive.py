@@ -6,8 +6,8 @@ import click
 
 from ..results import NO_VALUE, table
 from . import options
-from .framework import Answer, Word, emit_table, say
-from .options import Quantity, Read, argument, command, option
+from .framework import Answer, Read, Word, argument, command, option
+from .printing import emit_table, say
 
 if TYPE_CHECKING:
     from ..drives.drive_files import Drive
@@ -38,10 +38,7 @@ def drive(
     payload: options.Masses = options.PAYLOADS,
     counter: options.Masses = options.COUNTERS,
     speeds: tuple[float, ...] = option(
-        "Nominal speed of the motor, such as 828rpm [default: file].",
-        Quantity("angular velocity", positive=True),
-        "--speed",
-        metavar="N",
+        "Nominal speed of the motor, such as 828rpm [default: file].", options.ANGULAR_VELOCITY, "--speed", metavar="N"
     ),
     reading: str | None = option("Whether the gearbox multiplies the torque.", Word(["geared", "ungeared"])),
     flywheel_for: tuple[float, ...] = option(
@@ -69,30 +66,20 @@ def drive(
 
     described = load_drive(drive)
     study = replace(described, reading=reading or described.reading, speeds=speeds or described.speeds)
-    machines = _machines(study, options.distinct(payload, "--payload"), options.distinct(counter, "--counter"))
+    mechanism = study.load_mechanism().with_payload(payload)
+    machines = [(machine, False) for machine in study.machines(mechanism)]
+    if counter:
+        machines += [(machine, True) for machine in study.machines(mechanism.with_counter_mass(counter))]
     result = documents.document_head(study, [machine for machine, _ in machines])
     result["reduced"] = documents.inertia_document(machines[0][0])
     if counter:
         result["reduced_with_counter_masses"] = documents.inertia_document(machines[-1][0])
     _fill(result, study, machines, flywheel_for, flywheel_side, start_up, convergence)
-    result["findings"] += [
-        text
-        for machine, balanced in machines
-        if not balanced
-        for text in documents.beyond_file(machine, described.speeds)
-    ]
+    for machine, balanced in machines:
+        result["findings"] += [] if balanced else documents.beyond_file(machine, described.speeds)
     options.draw(figure, "balance.figures.rotating:draw_drive", result)
     further = ("reduced", "reduced_with_counter_masses", "steady", "readings", "convergence", "convergence.trials")
-    return Answer(result, lambda: _print_study(result), findings=result["findings"], further=further)
-
-
-def _machines(study: "Drive", payload: dict[str, float], counter: dict[str, float]) -> list[tuple["Machine", bool]]:
-    """Machines without, then with the counter-masses."""
-    mechanism = study.load_mechanism().with_payload(payload)
-    plain = [(machine, False) for machine in study.machines(mechanism)]
-    if not counter:
-        return plain
-    return plain + [(machine, True) for machine in study.machines(mechanism.with_counter_mass(counter))]
+    return Answer(result, lambda: _print(result), findings=result["findings"], further=further)
 
 
 def _fill(
@@ -104,6 +91,7 @@ def _fill(
     turns: int | None,
     convergence: bool,
 ) -> None:
+    """Add what is computed of each machine, without and with the counter-masses."""
     from ..drives import DriveError
     from ..drives import results as documents
     from ..drives.harmonic_balance import flywheel_for, steady_rotations
@@ -140,7 +128,14 @@ def _fill(
             result["findings"].append(f"{machine.nominal / documents.RPM:g} rpm, {machine.reading}: {error}")
 
 
-def _print_study(result: dict[str, Any]) -> None:
+_SETTING = ["nominal [rpm]", "torque", "counter-masses"]
+
+
+def _setting(row: dict[str, Any]) -> list[str]:
+    return [f"{row['nominal_rpm']:.4g}", row["reading"], "with" if row["counter_masses"] else "without"]
+
+
+def _print(result: dict[str, Any]) -> None:
     """Each steady rotation, the flywheels, the start-up."""
     from ..drives.time_integration import Turn
 
@@ -149,16 +144,6 @@ def _print_study(result: dict[str, Any]) -> None:
     more = f" and {len(steady) - 3} more" if len(steady) > 3 else ""
     meaning = "speed fluctuates over a turn, (n_max - n_min) / n_nominal, by"
     say(f"{result['mechanism']}: {meaning} {'; '.join(parts)}{more}.")
-    _print_steady(result)
-    _print_flywheels(result)
-    for run in result["start_up"]:
-        settled = run["settled_in_turn"]
-        remark = f"Steady within 0.1 rpm from turn {settled}." if settled else "Not yet steady within 0.1 rpm."
-        title = f"Start-up, {', '.join(_setting(run)[:2])}, {_setting(run)[2]} counter-masses"
-        emit_table(title, *table(Turn, run["turns"]), remark)
-
-
-def _print_steady(result: dict[str, Any]) -> None:
     rows = []
     for row in result["steady"]:
         kept = "from rest" if row["reached_from_rest"] else "once there" if row["stable"] else "unstable"
@@ -166,16 +151,6 @@ def _print_steady(result: dict[str, Any]) -> None:
         rows.append([*_setting(row), f"{row['fluctuation']['nominal']:.4f}", published, kept])
     header = [*_SETTING, "fluctuation", "published", "kept"]
     emit_table("Steady rotation of the crank", header, rows, "From rest: where a start from standstill ends.")
-
-
-_SETTING = ["nominal [rpm]", "torque", "counter-masses"]
-
-
-def _setting(row: dict[str, Any]) -> list[str]:
-    return [f"{row['nominal_rpm']:.4g}", row["reading"], "with" if row["counter_masses"] else "without"]
-
-
-def _print_flywheels(result: dict[str, Any]) -> None:
     rows = [
         [*_setting(row), f"{row['wanted_fluctuation']:g}", row["side"], f"{row['inertia_kgm2']:.5f}",
          f"{row['estimate_of_whole_inertia_kgm2']:.4f}"]
@@ -185,3 +160,8 @@ def _print_flywheels(result: dict[str, Any]) -> None:
         header = [*_SETTING, "wanted", "shaft", "flywheel [kg m2]", "estimate, whole [kg m2]"]
         remark = "The estimate dE / (omega^2 delta) is of the whole inertia, from weight alone, without the motor."
         emit_table("Flywheel for a wanted fluctuation", header, rows, remark)
+    for run in result["start_up"]:
+        settled = run["settled_in_turn"]
+        remark = f"Steady within 0.1 rpm from turn {settled}." if settled else "Not yet steady within 0.1 rpm."
+        title = f"Start-up, {', '.join(_setting(run)[:2])}, {_setting(run)[2]} counter-masses"
+        emit_table(title, *table(Turn, run["turns"]), remark)

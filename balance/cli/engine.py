@@ -1,15 +1,16 @@
 """``balance engine``: shaking forces of slider-cranks and engines, and what balances them."""
 
-from collections.abc import Callable
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
+from ..results import NO_VALUE
 from . import options
-from .framework import Answer, emit_table, say
-from .options import SPEED, Quantity, argument, command, option
+from .framework import FILE, Answer, Quantity, argument, command, option
+from .options import SPEED
+from .printing import cells, emit_table, say
 
 if TYPE_CHECKING:
     from ..engines.engine import Engine
@@ -17,6 +18,15 @@ if TYPE_CHECKING:
 
 _BUILT_ORDERS = 2
 """Highest order whose balance shafts are shown: those of higher orders are not built."""
+_CASES = {
+    "counterweight": "name", "m_b r_b [kg mm]": "kgmm:.5g", "m_b [kg]": "counterweight_mass_kg:.5g",
+    "r_b [mm]": "counterweight_radius_mm:.5g", "F max [N]": "F_max_N:.5g", "F RMS [N]": "F_rms_N:.5g",
+}  # fmt: skip
+_ENGINES = {
+    "engine": "engine", "F1": "F1_mrw2:.4g", "F1*": "F1_with_counterweights_mrw2:.4g", "M1": "M1_mrw2a:.4g",
+    "M1*": "M1_with_counterweights_mrw2a:.4g", "F2": "F2_mrw2:.4g", "M2": "M2_mrw2a:.4g", "fires": "fires",
+    "intervals": "intervals",
+}  # fmt: skip
 
 
 @click.group()
@@ -39,8 +49,8 @@ def single(
     fractions: tuple[float, ...] = option(
         "Balance this fraction of the reciprocating mass too.", click.FloatRange(-1e3, 1e3), "--fraction"
     ),
-    radius: float | None = option("Choose r_b: the mass follows.", Quantity("length", positive=True), metavar="R"),
-    mass: float | None = option("Choose m_b: the radius follows.", Quantity("mass", positive=True), metavar="M"),
+    radius: float | None = option("Choose r_b: the mass follows.", options.LENGTH, metavar="R"),
+    mass: float | None = option("Choose m_b: the radius follows.", options.MASS, metavar="M"),
     figure: str | None = options.FIGURE,
 ) -> Answer:
     """The slider-crank of ENGINE, a file (TOML) or a shipped one: rod, shaking force, partial balance.
@@ -69,38 +79,24 @@ def single(
     cases |= {name: partial_balance.counterweight(crank, fraction) for name, fraction in named.items()}
     options.draw(figure, "balance.figures.rotating:draw_polar", crank, cases, omega)
     document = cylinder_document(model, cases, omega, radius, mass)
-    own = ", ".join(weight.name for weight in model.counterweights)
-    findings = document["findings"]
-    further = ("", "cases", "rod", "best_fraction")
-    return Answer(document, lambda: _print_single(document, own), findings=findings, further=further)
-
-
-def _print_single(document: dict[str, Any], own: str) -> None:
-    best, cases = document["best_fraction"], document["cases"]
     one = f", one of its {document['cylinders']} cylinders" if document["cylinders"] > 1 else ""
-    say(
-        f"{document['engine']}{one}: largest shaking force {cases['unbalanced']['exact']['F_max_N']:.5g} N unbalanced, "
-        f"{cases['best']['exact']['F_max_N']:.5g} N at least, with fraction {best['exact']['fraction']:.6f} of the "
-        "reciprocating mass balanced on the crank."
-    )
-    rows = [[name, *(cell(case) for cell in _CASE.values())] for name, case in cases.items()]
-    emit_table(f"Shaking force of {document['engine']}{one}", ["counterweight", *_CASE], rows)
-    if own:
-        say(f"The file's own counterweights ({own}) are not included here: see balance engine free.")
+    largest, least = (document["cases"][name]["exact"] for name in ("unbalanced", "best"))
 
+    def show() -> None:
+        say(
+            f"{model.name}{one}: largest shaking force {largest['F_max_N']:.5g} N unbalanced, {least['F_max_N']:.5g} N "
+            f"at least, with fraction {best.fraction:.6f} of the reciprocating mass balanced on the crank."
+        )
+        rows = [
+            {"name": name, "kgmm": 1e3 * case["counterweight_kgm"], **case, **case["exact"]}
+            for name, case in document["cases"].items()
+        ]
+        emit_table(f"Shaking force of {model.name}{one}", *cells(rows, _CASES))
+        if own := ", ".join(weight.name for weight in model.counterweights):
+            say(f"The file's own counterweights ({own}) are not included here: see balance engine free.")
 
-_CASE: dict[str, Callable[[dict[str, Any]], str]] = {
-    "m_b r_b [kg mm]": lambda case: f"{1e3 * case['counterweight_kgm']:.5g}",
-    "m_b [kg]": lambda case: _number(case["counterweight_mass_kg"]),
-    "r_b [mm]": lambda case: _number(case["counterweight_radius_mm"]),
-    "F max [N]": lambda case: f"{case['exact']['F_max_N']:.5g}",
-    "F RMS [N]": lambda case: f"{case['exact']['F_rms_N']:.5g}",
-}
-"""Columns of a counterweight and of its residual force."""
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.5g}"
+    further = ("", "cases", "rod", "best_fraction")
+    return Answer(document, show, findings=document["findings"], further=further)
 
 
 @command(
@@ -173,21 +169,19 @@ def _print_free(engine: "Engine", free: "list[FreeForces]", omega: float, units:
     for f in free:
         if f.force.largest or f.moment.largest:
             values = [v for part in (f.force, f.moment) for v in (part.largest, abs(part.forward), abs(part.backward))]
-            place = None if f.place is None else factor * f.place
-            rows.append([str(f.force.order), *(f"{omega**2 * v:.5g}" for v in values), _number(place)])
-    header = ["order", f"force [{units[0]}]", "forward", "backward", f"moment [{units[1]}]", "forward", "backward"]
+
+            sizes = [f"{omega**2 * v:.5g}" for v in values]
+            rows.append([str(f.force.order), *sizes, NO_VALUE if f.place is None else f"{factor * f.place:.5g}"])
+    parts = ("forward", "backward")
+    header = ["order", f"force [{units[0]}]", *parts, f"moment [{units[1]}]", *parts, f"place [{length}]"]
     remark = f"moments about {factor * free[0].about:.5g} {length}; forward turns with the crankshaft"
     if rows:
-        emit_table(f"Free forces and moments of {engine.name}", [*header, f"place [{length}]"], rows, remark)
+        emit_table(f"Free forces and moments of {engine.name}", header, rows, remark)
     fired = firing(engine)
     say(
         f"Fires {'-'.join(map(str, fired.order))}, {engine.strokes}-stroke, at intervals of "
         f"{', '.join(f'{i:g}' for i in fired.intervals_deg)} deg: {'even' if fired.even else 'uneven'}."
     )
-
-
-_COMPARED = {"F1_mrw2": "F1", "F1_with_counterweights_mrw2": "F1*", "M1_mrw2a": "M1",
-             "M1_with_counterweights_mrw2a": "M1*", "F2_mrw2": "F2", "M2_mrw2a": "M2"}  # fmt: skip
 
 
 @command(
@@ -214,25 +208,29 @@ def table(
 
     names = list(engines) or [name for name in datasets.dataset_names("engines", ".toml") if not has_sizes(name)]
     rows = [comparison_row(load_layout(name, ratio)) for name in names]
-    return Answer({"ratio_r_over_l": ratio, "engines": rows}, lambda: _print_engines(rows, ratio))
-
-
-def _print_engines(rows: list[dict[str, Any]], ratio: float) -> None:
-    cells = [
-        [row["engine"], *(f"{row[column]:.4g}" for column in _COMPARED), "-".join(map(str, row["firing_order"])),
-         "even" if row["firing_even"] else " ".join(f"{i:g}" for i in row["firing_intervals_deg"])]
-        for row in rows
-    ]  # fmt: skip
-    header = ["engine", *_COMPARED.values(), "fires", "intervals"]
-    free = [
+    balanced = [
         row["engine"] for row in rows if max(row["F1_mrw2"], row["M1_mrw2a"], row["F2_mrw2"], row["M2_mrw2a"]) < 1e-9
     ]
-    say(f"Of {len(rows)} engines without free forces and moments of orders 1 and 2: {', '.join(free) or 'none'}.")
-    remark = (
-        f"Forces in m r omega^2, moments about the middle in m r omega^2 a; r / l = {ratio:g}. *: with the best "
-        "counterweights on the crankshaft, which remove what turns with it; the residual needs balance shafts."
-    )
-    emit_table("Engines", header, cells, remark)
+
+    def show() -> None:
+        names = ", ".join(balanced) or "none"
+        say(f"Of {len(rows)} engines without free forces and moments of orders 1 and 2: {names}.")
+        uneven = [" ".join(f"{i:g}" for i in row["firing_intervals_deg"]) for row in rows]
+        shown = [
+            {
+                **row,
+                "fires": "-".join(map(str, row["firing_order"])),
+                "intervals": "even" if row["firing_even"] else text,
+            }
+            for row, text in zip(rows, uneven, strict=True)
+        ]
+        remark = (
+            f"Forces in m r omega^2, moments about the middle in m r omega^2 a; r / l = {ratio:g}. *: with the best "
+            "counterweights on the crankshaft, which remove what turns with it; the residual needs balance shafts."
+        )
+        emit_table("Engines", *cells(shown, _ENGINES), remark)
+
+    return Answer({"ratio_r_over_l": ratio, "engines": rows}, show)
 
 
 @command(
@@ -245,9 +243,7 @@ Examples:
 )
 def mechanism(
     engine: str = argument("ENGINE"),
-    output: str | None = option(
-        "Write here [default: stdout].", click.Path(dir_okay=False), "-o", "--output", metavar="FILE"
-    ),
+    output: str | None = option("Write here [default: stdout].", FILE, "-o", "--output", metavar="FILE"),
 ) -> None:
     """Write ENGINE, a file with sizes, as a mechanism file (MJCF) for the other commands, Pinocchio and MuJoCo."""
     from ..engines.engine_files import load_engine, mjcf

@@ -18,8 +18,8 @@ import click
 from .. import datasets
 from ..errors import DataError, suggestion
 from ..results import Key, table
-from .framework import Answer, Word, emit_table, json_text, plain_text, say
-from .options import argument, command, option
+from .framework import Answer, Word, argument, command, option
+from .printing import emit_table, json_text, plain_text, say
 
 MECHANICS = {
     "mechanism": ("mechanisms", ".xml"),
@@ -119,10 +119,8 @@ def files_command(program: str, kinds: Mapping[str, tuple[str, str]], example: s
             copied = copy_shipped(name, known, folder)
             text = f"{plain_text(str(copied))}: a copy to be edited; commands take it by its path."
             return Answer({"copied": copied}, lambda: say(text))
-        cells, remark = table(Shipped, known), f"copy one: {program} files --copy NAME"
-        return Answer(
-            {"files": known}, lambda: emit_table(f"Shipped with {program}: {len(known)} files", *cells, remark)
-        )
+        title, remark = f"Shipped with {program}: {len(known)} files", f"copy one: {program} files --copy NAME"
+        return Answer({"files": known}, lambda: emit_table(title, *table(Shipped, known), remark))
 
     return files
 
@@ -214,8 +212,7 @@ def reference(kind: str, schema: Mapping[str, Any]) -> Iterable[str]:
 
 def _title(name: str) -> str:
     """``_WrenchUnits`` and ``MoveTable`` as people read them."""
-    words = "".join(f" {c.lower()}" if c.isupper() else c for c in name.strip("_").removesuffix("Table"))
-    return words.strip()
+    return "".join(f" {c.lower()}" if c.isupper() else c for c in name.strip("_").removesuffix("Table")).strip()
 
 
 def _cell(text: str) -> str:

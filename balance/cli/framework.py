@@ -1,106 +1,36 @@
-"""What both commands share: subcommands, JSON or tables on stdout, messages on stderr, exit codes, number formats."""
+"""What commands are made of: subcommands that are imported late, options, answers, exit codes.
+
+Options and arguments are the defaults of a command's parameters, declared once each; a shared one is a constant:
+
+    @command(epilog="...")
+    def size(mechanism: str = MECHANISM, best: int = option("Sets to list.", default=1)) -> Answer:
+"""
 
 import atexit
 import gc
-import math
 import os
-import re
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from importlib import import_module
-from itertools import zip_longest
-from typing import Any, NamedTuple, NoReturn
+from inspect import signature
+from pathlib import Path
+from typing import Any, NamedTuple, NoReturn, TypeVar, get_args, get_origin
 
 import click
 
 from ..errors import CounterpoiseError, suggestion
-from ..results import NO_VALUE, plain
-from ..results import plain_text as plain_text
+from .printing import NO_NUMBER, Detail, FirstLine, columns, complain, emit_findings, emit_json, emit_parts
 
-VERSION = {"schema_version": 1}
-"""First key of every JSON document: raised where a key changes its meaning or goes; new keys leave it."""
 EXIT_REFUSED = 1
 """Refused or failed once a file or model was read; nothing half-written."""
 EXIT_WITH_FINDINGS = 3
 """Done, with findings or losses that the output lists."""
-
-SHOWN_PER_KIND = 2
-"""Findings of one kind that are printed unless all are asked for."""
-NO_NUMBER = (
-    "a result is no finite number: with these masses, lengths or speeds it exceeds double precision; check their units"
-)
-_HALF_LETTERS = re.compile("[\ud800-\udfff]")
-"""Bytes of file names that are no UTF-8, as Python holds them."""
-
-json_option = click.option(
-    "--json", "as_json", is_flag=True, help="Print one JSON document on stdout, units in the keys."
-)
-JSON: Any = json_option
-
-
-class Word(click.Choice[str]):
-    """One of some words; the nearest is suggested for another."""
-
-    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """The word. Fails with the nearest one."""
-        if value not in self.choices:
-            self.fail(f"{value!r}: expected {', '.join(self.choices)}{suggestion(value, self.choices)}", param, ctx)
-        return value
-
-
-class Detail:
-    """How much a command prints: the verdict alone, one table and findings by kind, or everything."""
-
-    everything = quiet = False
-    emitted = False
-    """Whether the JSON document is printed."""
-
-
-def _everything(_context: click.Context, _parameter: click.Parameter, wanted: bool) -> None:
-    Detail.everything = wanted
-
-
-def _quiet(_context: click.Context, _parameter: click.Parameter, wanted: bool) -> None:
-    if wanted:
-        Detail.quiet, sys.stdout = True, FirstLine(sys.stdout)
-
-
-class FirstLine:
-    """A stream that passes the first line on that is not empty: the verdict."""
-
-    def __init__(self, stream: Any) -> None:  # noqa: ANN401
-        self._stream, self._open, self._begun = stream, True, False
-
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401
-        return getattr(self._stream, name)
-
-    def write(self, text: str) -> int:
-        """Write up to the end of the first line that is not empty."""
-        if self._open:
-            line, end, _ = (text if self._begun else text.lstrip("\n")).partition("\n")
-            self._begun |= bool(line)
-            self._stream.write(line + end)
-            self._open = not end
-        return len(text)
-
-
-DETAIL_OPTIONS = (
-    (["--all", "-v", "--verbose"], _everything, "Everything: all tables and notes, each finding by itself."),
-    (["-q", "--quiet"], _quiet, "The first line alone: the answer."),
-)
-
-
-def _add_detail_options(command: click.Command) -> None:
-    """Give a command, or each one of a group, the options of how much is printed."""
-    if isinstance(command, click.Group):
-        for one in command.commands.values():
-            _add_detail_options(one)
-    elif not any("--all" in one.opts for one in command.params):
-        command.params += [
-            click.Option(names, is_flag=True, expose_value=False, is_eager=True, callback=callback, help=text)
-            for names, callback, text in DETAIL_OPTIONS
-        ]
+T = TypeVar("T")
+_TYPES = {int: int, float: float, Path: click.Path(path_type=Path)}
+"""How the text of a parameter of these types is converted, unless it says otherwise."""
+FILE = click.Path(dir_okay=False)
+"""The path of a file, there or to be."""
 
 
 class LazyGroup(click.Group):
@@ -125,7 +55,6 @@ class LazyGroup(click.Group):
         module, _, function = self._lazy[cmd_name][0].partition(":")
         command = getattr(import_module(f"{self._package}.{module}"), function or cmd_name)
         assert isinstance(command, click.Command)
-        _add_detail_options(command)
         if ctx.resilient_parsing:  # the shell asks for a completion
             from .completion import completing
 
@@ -146,8 +75,8 @@ class LazyGroup(click.Group):
             formatter.write_dl([(name, line) for name, (_, line) in self._lazy.items()])
 
 
-def run(group: click.Group, name: str) -> NoReturn:
-    """Run a command; errors of the user's input become one message and an exit code, without a traceback.
+def run(name: str, package: str, lazy: dict[str, tuple[str, str]], text: str) -> NoReturn:
+    """Run a program of subcommands; errors of the user's input become one message and an exit code, no traceback.
 
     Linear algebra runs in one thread unless the environment sets OPENBLAS_NUM_THREADS: on small matrices a second
     thread costs up to forty times what it saves. MuJoCo is asked for no pictures: its renderer takes long to import.
@@ -157,14 +86,20 @@ def run(group: click.Group, name: str) -> NoReturn:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("MUJOCO_GL", "disable")
     Detail.everything = Detail.quiet = Detail.emitted = False
-    stdout = sys.stdout
+    stdout, names = sys.stdout, {"help_option_names": ["-h", "--help"]}
+    group = LazyGroup(name, package=package, lazy=lazy, help=text, context_settings=names)
+    click.version_option(package_name="counterpoise")(group)
     try:
-        refuse_empty(sys.argv[1:])
+        _refuse_empty(sys.argv[1:])
         width = max(min(columns() or 80, 80) - 2, 50)  # of help, as click has it, which would import shutil
         code = group.main(prog_name=name, standalone_mode=False, terminal_width=width)
+    except click.exceptions.NoArgsIsHelpError as error:
+        error.show()
+        code = error.exit_code
     except click.ClickException as error:
-        _show(error, name)
-        code = _refused(error, error.format_message(), error.exit_code)
+        code = _refused(error, f"{name}: ", error.format_message(), error.exit_code)
+        if isinstance(error, click.UsageError):
+            click.echo(f"Try '{error.ctx.command_path if error.ctx else name} --help'.", err=True)
     except click.Abort:
         click.echo(f"{name}: interrupted", err=True)
         code = 130
@@ -172,22 +107,10 @@ def run(group: click.Group, name: str) -> NoReturn:
         sys.stderr.close()
         code = 0
     except (CounterpoiseError, OverflowError, OSError) as error:
-        message = _message(error)
-        click.echo(f"{name}: {message}", err=True)
-        code = _refused(error, message, EXIT_REFUSED)
+        code = _refused(error, f"{name}: ", _message(error), EXIT_REFUSED)
     finally:
         sys.stdout = stdout
     sys.exit(code or 0)
-
-
-def _show(error: click.ClickException, name: str) -> None:
-    """What is wrong with a command line, and where its help is."""
-    if isinstance(error, click.exceptions.NoArgsIsHelpError):
-        error.show()
-        return
-    click.echo(f"{name}: {error.format_message()}", err=True)
-    if isinstance(error, click.UsageError):
-        click.echo(f"Try '{error.ctx.command_path if error.ctx else name} --help'.", err=True)
 
 
 def _message(error: Exception) -> str:
@@ -201,38 +124,22 @@ def _message(error: Exception) -> str:
     return str(error)
 
 
-def _refused(error: Exception, message: str, code: int) -> int:
-    """The exit code of a refusal; with --json the document says it too."""
+def _refused(error: Exception, program: str, message: str, code: int) -> int:
+    """The exit code of a refusal, which is said on stderr; with --json in the document too."""
+    click.echo(program + message, err=True)
     if "--json" in sys.argv and not Detail.emitted:
         emit_json({"error": {"kind": type(error).__name__, "message": message, "exit_code": code}})
     return code
 
 
-def refuse_empty(arguments: Sequence[str]) -> None:
+def _refuse_empty(arguments: Sequence[str]) -> None:
     """Refuse an empty argument, such as an unset variable of the shell: no name is empty."""
-    for i, argument in enumerate(arguments):
+    for before, argument in zip(["", *arguments], arguments, strict=False):
         if not argument.strip():
-            after = f"after {arguments[i - 1]!r} " if i else ""
+            after = f"after {before!r} " if before else ""
             raise click.UsageError(
                 f"an empty argument {after}is no name and no value; is a variable of the shell unset?"
             )
-
-
-def json_text(document: Mapping[str, Any], version: dict[str, Any] = VERSION) -> str:
-    """The one JSON document of a command, results in it by their keys; a number that is not finite is refused."""
-    import json
-
-    try:
-        text = json.dumps(version | plain(document), indent=2, ensure_ascii=False, allow_nan=False)
-    except ValueError as error:
-        raise CounterpoiseError(NO_NUMBER) from error
-    return _HALF_LETTERS.sub(lambda match: f"\\u{ord(match[0]):04x}", text)
-
-
-def emit_json(document: Mapping[str, Any]) -> None:
-    """Print the one JSON document of a command."""
-    Detail.emitted = True
-    click.echo(json_text(document))
 
 
 class Answer(NamedTuple):
@@ -253,10 +160,9 @@ class Answer(NamedTuple):
     """Parts of the document that are printed with --all, as ``emit_parts`` takes them."""
 
 
-def answering(function: Callable[..., Answer]) -> Callable[..., int]:
-    """A command with --json that prints what the function answers, and returns its exit code."""
+def _answering(function: Callable[..., Answer]) -> Callable[..., int]:
+    """A function that prints what another answers, and returns the exit code."""
 
-    @json_option
     @wraps(function)
     def answered(*, as_json: bool, **given: Any) -> int:  # noqa: ANN401
         answer = function(**given)
@@ -275,292 +181,157 @@ def answering(function: Callable[..., Answer]) -> Callable[..., int]:
     return answered
 
 
-def complain(*messages: object) -> None:
-    """Print messages to stderr, a line each, after the name of the program."""
-    for message in messages:
-        click.echo(f"{click.get_current_context().find_root().info_name}: {plain_text(str(message))}", err=True)
+def _everything(_context: click.Context, _parameter: click.Parameter, wanted: bool) -> None:
+    Detail.everything = wanted
 
 
-def label(key: str) -> str:
-    """A key as the heading of a column, its unit in brackets: ``Fx [N]`` of ``Fx_N``; names of joints stay."""
-    found = _UNIT.fullmatch(key)
-    if not found:
-        return key
-    kind = next((kind for kind in ("torque_", "drive_force_") if found[1].startswith(kind)), "")
-    unit = _UNITS.get(found[2], found[2].replace("_per_", "/").replace("Nm", "N m"))
-    return f"{kind.replace('_', ' ')}{found[1].removeprefix(kind)} [{unit}]"
+def _quiet(_context: click.Context, _parameter: click.Parameter, wanted: bool) -> None:
+    if wanted:
+        Detail.quiet, sys.stdout = True, FirstLine(sys.stdout)
 
 
-_UNITS = {"percent": "%", "kgm": "kg m", "kgm2": "kg m2", "kgmm": "kg mm", "kgmm2": "kg mm2", "gmm": "g mm",
-          "m_s2": "m/s2", "hz": "Hz", "Hz": "Hz", "mr": "m r", "mrw2": "m r omega^2", "mrw2a": "m r omega^2 a",
-          "mrw2r": "m r omega^2 r"}  # fmt: skip
-_UNIT = re.compile(rf"(.+?)_((?:{'|'.join(_UNITS)}|rad|deg|mm|um|m|Nm|N|kg|g|W|J|s|rpm|a|SI)(?:_per_(?:rad|s2?|m|g))?)")
-"""Units at the end of keys."""
-_READ = {"is": "", "rms": "RMS", "dof": "degrees of freedom", "mr": "m r"}
-"""Parts of keys that are read as other words."""
-_TITLES = {
-    "": "Further", "over_a_turn_exact": "Largest over a turn, all orders together",
-    "left_over_a_turn": "Largest over a turn, before and after balancing",
-}  # fmt: skip
-"""Titles of parts of a document whose keys do not say enough."""
-_ROUNDING = 1e-12
-"""Part of the largest number of its unit in a document up to which a number is rounding, and shown as zero."""
-_MOST_VALUES = 6
-"""Values of a list that are shown in a cell, and results of one that is part of another."""
-_LONG_TEXT = 40
-"""Characters from which a text is printed below its table."""
+_DETAIL = (
+    (["--all", "-v", "--verbose"], _everything, "Everything: all tables and notes, each finding by itself."),
+    (["-q", "--quiet"], _quiet, "The first line alone: the answer."),
+)
+"""Options of every command: how much is printed."""
+Declared = Callable[[str, Any], Callable[[Callable[..., Any]], Callable[..., Any]]]
+"""From name and type of a parameter to the decorator of click that adds it."""
 
 
-def words(key: str) -> str:
-    """A key of a document as a heading: ``placed at [m]`` of ``placed_at_m``, ``crankshaft`` of ``is_crankshaft``."""
-    name, bracket, unit = label(key).partition(" [")
-    if not name.isidentifier():  # a name such as mcx[rod_1]
-        return key
-    return " ".join(filter(None, (_READ.get(part, part) for part in name.split("_")))) + bracket + unit
+def _is_open(kind: Any) -> bool:  # noqa: ANN401
+    """Whether a type is a tuple of any length."""
+    return get_origin(kind) is tuple and get_args(kind)[-1] is ...
 
 
-def emit_parts(document: Mapping[str, Any], keys: Iterable[str]) -> None:
-    """Print parts of a document as tables, each by its key, inner ones after a dot; after a last dot single values."""
-    whole = _without_rounding(plain(document))
-    for key in keys:
-        part = whole
-        for name in key.split("."):
-            if isinstance(part, list):
-                part = [one for each in part for one in each.get(name) or ()]
-            elif name:
-                part = (part or {}).get(name)
-            else:
-                part = {name: one for name, one in (part or {}).items() if not _has_parts(one)}
-        if part:
-            title = _TITLES.get(key) or ", ".join(words(name) for name in key.split(".") if name)
-            _emit_part(title[0].upper() + title[1:], part)
+def _converted(kind: Any) -> dict[str, Any]:  # noqa: ANN401
+    return next(({"type": _TYPES[one]} for one in (kind, *get_args(kind)) if one in _TYPES), {})
 
 
-def _without_rounding(part: Any) -> Any:  # noqa: ANN401
-    """A document whose numbers are zero where they are rounding of others of their unit; without a unit, of 1."""
-    largest = {"": 1.0, "%": 100.0}
+def option(text: str, type: Any = None, *names: str, **attributes: Any) -> Any:  # noqa: ANN401
+    """An option, ``--name`` of its parameter unless it has ``names``; its help and what ``click.option`` takes.
 
-    def walk(one: Any, unit: str, found: Callable[[float, str], float]) -> Any:  # noqa: ANN401
-        if isinstance(one, dict):
-            return {key: walk(value, label(key).partition(" [")[2][:-1] or unit, found) for key, value in one.items()}
-        if isinstance(one, list):
-            return [walk(value, unit, found) for value in one]
-        return found(one, unit) if isinstance(one, float) else one
+    A bool is a flag, a tuple of any length is given several times; a default is shown in the help.
+    """
+    stated = {"help": text} | ({} if type is None else {"type": type})
+    stated |= {"show_default": True} if attributes.get("default") is not None else {}
 
-    def measured(value: float, unit: str) -> float:
-        if unit and math.isfinite(value):
-            largest[unit] = max(largest.get(unit, 0.0), abs(value))
+    def declared(name: str, kind: Any) -> Any:  # noqa: ANN401
+        every = names or (f"--{name.replace('_', '-')}",)
+        is_flag = kind is bool and "/" not in every[0]
+        inferred = {"is_flag": True} if is_flag else _converted(kind) | ({"multiple": True} if _is_open(kind) else {})
+        return click.option(*every, name, **inferred | stated | attributes)
+
+    return declared
+
+
+def argument(metavar: str | None = None, **attributes: Any) -> Any:  # noqa: ANN401
+    """An argument, shown as ``metavar``, and what ``click.argument`` takes; a tuple takes any number."""
+
+    def declared(name: str, kind: Any) -> Any:  # noqa: ANN401
+        number = {"nargs": -1} if _is_open(kind) else {}
+        return click.argument(name, metavar=metavar, **_converted(kind) | number | attributes)
+
+    return declared
+
+
+JSON = option("Print one JSON document on stdout, units in the keys.", None, "--json")
+
+
+def command(
+    name: str | None = None,
+    *,
+    group: click.Group | None = None,
+    file: tuple[str, str] | None = None,
+    given: Mapping[str, Any] | None = None,
+    **attributes: Any,  # noqa: ANN401
+) -> Callable[[Callable[..., Any]], click.Command]:
+    """A command, one of a ``group`` if given, with the options and arguments that are the defaults of a function.
+
+    ``file``: the kind of input file that it reads and a shipped one, whose keys the help leads to. ``given``: options
+    by the names by which the function takes them all together. ``attributes`` are those of ``click.command``. One that
+    returns an ``Answer`` has the option --json.
+    """
+    if file is not None:
+        attributes["epilog"] += (
+            f"\n\n\b\nKeys of the file: balance schema {file[0]} --text; a copy to edit: balance files --copy {file[1]}"
+        )
+
+    def made(function: Callable[..., Any]) -> click.Command:
+        stated = signature(function)
+        if stated.return_annotation is Answer:
+            function = JSON("as_json", bool)(_answering(function))
+        declared = {one.name: one.default(one.name, one.annotation)
+                    for one in stated.parameters.values() if one.default is not one.empty}  # fmt: skip
+        declared |= {name: one(name, str) for name, one in (given or {}).items()}
+        for decorator in reversed(declared.values()):
+            function = decorator(function)
+        command: click.Command = click.command(name, cls=click.Command, **attributes)(function)
+        command.params += [
+            click.Option(names, is_flag=True, expose_value=False, is_eager=True, callback=callback, help=text)
+            for names, callback, text in _DETAIL
+        ]
+        if group is not None:
+            group.add_command(command)
+        return command
+
+    return made
+
+
+class Read(click.ParamType[T]):
+    """A text that a function reads; what that raises fails as a wrong command line."""
+
+    def __init__(self, name: str, read: Callable[[str], T]) -> None:
+        self.name, self._read = name, read
+
+    def convert(self, value: str | T, param: click.Parameter | None, ctx: click.Context | None) -> T:
+        """What the text says; a default that is no text stays."""
+        if not isinstance(value, str):
+            return value
+        try:
+            return self._read(value)
+        except (CounterpoiseError, ValueError) as error:
+            self.fail(str(error), param, ctx)
+
+
+class Word(click.Choice[str]):
+    """One of some words; the nearest is suggested for another."""
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """The word. Fails with the nearest one."""
+        if value not in self.choices:
+            self.fail(f"{value!r}: expected {', '.join(self.choices)}{suggestion(value, self.choices)}", param, ctx)
         return value
 
-    walk(part, "", measured)
-    return walk(part, "", lambda value, unit: 0.0 if abs(value) <= _ROUNDING * largest.get(unit, 0.0) else value)
+
+class Quantity(Read[float]):
+    """A text with a unit, in SI."""
+
+    def __init__(self, *dimensions: str, positive: bool = False) -> None:
+        super().__init__(" or ".join(dimensions), self._parsed)
+        self.dimensions, self.positive = dimensions, positive
+
+    def _parsed(self, text: str) -> float:
+        from ..units import dimension_of, parse
+
+        found = parse(text, dimension_of(text, *self.dimensions))
+        if self.positive and not found > 0.0:
+            raise ValueError(f"{text!r}: expected more than zero")
+        return found
 
 
-def _has_parts(value: Any) -> bool:  # noqa: ANN401
-    """Whether a value of a document is one of several results, or of several named values."""
-    return isinstance(value, dict) or (isinstance(value, list) and any(isinstance(one, dict | list) for one in value))
+class NamedQuantity(Read[tuple[str, float]]):
+    """``NAME=VALUE`` with a unit, such as ``platform=5kg``, as a name and a value in SI."""
 
+    def __init__(self, what: str, dimension: str, example: str) -> None:
+        super().__init__(f"{what}={dimension}", self._parsed)
+        self._quantity, self._example = Quantity(dimension), f"{what}={example}"
 
-def _emit_part(title: str, part: Any) -> None:  # noqa: ANN401
-    """Print a part of a document: results in rows, or in columns where they have more values; long texts below."""
-    rows = {str(k): one for k, one in enumerate(part, 1)} if isinstance(part, list) else part
-    if not all(isinstance(one, dict | list) for one in rows.values()):
-        rows = {"value": rows}
-    cells = {name: found for name, one in rows.items() if (found := dict(_flat(one)))}
-    long = [(name, key) for name, one in cells.items() for key, text in one.items() if len(text) > _LONG_TEXT]
-    texts = {(name, key): cells[name].pop(key) for name, key in long}
-    keys = list(dict.fromkeys(key for one in cells.values() for key in one))
-    header, rows = ["", *keys], [[name, *(one.get(key, NO_VALUE) for key in keys)] for name, one in cells.items()]
-    if len(keys) > len(cells):
-        header, *rows = map(list, zip(header, *rows, strict=True))
-    if keys:
-        emit_table(title, header, rows)
-    for (name, key), text in texts.items():
-        say(f"{key}: {text}" if name == "value" else f"{name}, {key}: {text}")
-
-
-def _flat(part: Any, above: str = "") -> Iterable[tuple[str, str]]:  # noqa: ANN401
-    """Headings and texts of the single values in a part of a document; of a long list none.
-
-    Keys of a mapping with a unit, and those without one of several results of one kind, are names: they stay.
-    """
-    if isinstance(part, dict):
-        kinds = {tuple(one) if isinstance(one, dict) else None for one in part.values()}
-        alike = len(kinds) == 1 and None not in kinds
-        for name, one in part.items():
-            named = above.endswith("]") or (alike and label(name) == name)
-            yield from _flat(one, f"{above} {_READ.get(name, name) if named else words(name)}".strip())
-    elif _has_parts(part):
-        one_of = above[:-2] if above.endswith("sses") else above.removesuffix("s")
-        for k, one in enumerate(part if len(part) <= _MOST_VALUES else (), 1):
-            yield from _flat(one, f"{one_of} {k}".strip())
-    elif not isinstance(part, list) or 0 < len(part) <= _MOST_VALUES:
-        yield above or "value", ", ".join(map(_value_text, part if isinstance(part, list) else [part]))
-
-
-def _value_text(value: Any) -> str:  # noqa: ANN401
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return f"{value:.5g}" if isinstance(value, float) else NO_VALUE if value is None else str(value)
-
-
-def emit_table(title: str, header: list[str], rows: list[list[str]], note: str = "") -> None:
-    """Print a table for people on stdout, in lines of the terminal's width."""
-    click.echo("\n".join(table_lines(title, header, rows, note, columns())))
-
-
-def table_lines(title: str, header: list[str], rows: list[list[str]], note: str, width: int | None) -> list[str]:
-    """A table for people, numbers to the right, control characters escaped.
-
-    Where it is wider than ``width``, columns of one value go below it, then texts are wrapped between words, the more
-    the less there is room, then the last columns go; no number is ever broken.
-    """
-    cells = [[plain_text(cell) for cell in row] for row in rows]
-    header = [plain_text(name) for name in header]
-    below = [note] if note else []
-    if width is not None and _least(header, cells) > width and len(cells) > 1:
-        header, cells, same = _without_constants(header, cells)
-        below += [f"In all rows: {'; '.join(same)}"] if same else []
-    gone: list[str] = []
-    while width is not None and len(header) > 2 and _least(header, cells, _TEXT[-1]) > width:
-        gone.insert(0, header[-1])
-        header, cells = header[:-1], [row[:-1] for row in cells]
-    if gone := [name for name in gone if name]:
-        below.append(f"Too wide for {width} columns: {', '.join(gone)}")
-    wrapped = [line for text in below for line in _wrapped(text, width or 110)]
-    return [*_drawn(title, header, cells, width), *wrapped]
-
-
-def columns() -> int | None:
-    """Characters of a line: of the terminal or COLUMNS; None in a pipe or file, where lines are as long as they are."""
-    if Detail.quiet:
-        return None
-    named = os.environ.get("COLUMNS", "")
-    if named.isdigit() and int(named) > 0:
-        return max(int(named), 40)
-    if not sys.stdout.isatty():
-        return None
-    import shutil
-
-    return max(shutil.get_terminal_size().columns, 40)
-
-
-_TEXT = (24, 16, 12)
-"""Characters from which the cells of a column of words are wrapped: the first with which a table fits."""
-
-
-def _widths(header: list[str], cells: list[list[str]], wrapped: int = _TEXT[0]) -> list[int]:
-    """The least width of each column: of its numbers or short words; of long texts that of a longest word."""
-    from rich.cells import cell_len  # a character may be two wide
-
-    found = []
-    for name, column in zip(header, list(zip(*cells, strict=True)) or [()] * len(header), strict=True):
-        longest = max(map(cell_len, column), default=0)
-        if longest > wrapped and not _is_numeric(column):
-            longest = max(wrapped, *(cell_len(word) for cell in column for word in cell.split()))
-        found.append(max(longest, *(cell_len(word) for word in name.split()), 1))
-    return found
-
-
-def _least(header: list[str], cells: list[list[str]], wrapped: int = _TEXT[0]) -> int:
-    """Characters that a table needs at least."""
-    return sum(_widths(header, cells, wrapped)) + 2 * len(header)
-
-
-def _is_numeric(column: Iterable[str]) -> bool:
-    column = list(column)
-    return bool(column) and all(re.match(r"(>= |<= )?[+-]?[\d.]|-?$", cell) for cell in column)
-
-
-def _without_constants(header: list[str], cells: list[list[str]]) -> tuple[list[str], list[list[str]], list[str]]:
-    """Header and rows without the columns of one value, and those as texts; the first column stays."""
-    same = [k for k, column in enumerate(zip(*cells, strict=True)) if k and len(set(column)) == 1]
-    kept = [k for k in range(len(header)) if k not in same]
-    texts = [f"{header[k]}: {cells[0][k]}".removeprefix(": ") for k in same if cells[0][k] not in ("", "-")]
-    return [header[k] for k in kept], [[row[k] for k in kept] for row in cells], texts
-
-
-def _drawn(title: str, header: list[str], cells: list[list[str]], width: int | None) -> list[str]:
-    """The lines of a table with its title."""
-    from rich.cells import cell_len
-
-    each = list(zip(*cells, strict=True)) or [()] * len(header)
-    fitting = (wrapped for wrapped in _TEXT if width is None or _least(header, cells, wrapped) <= width)
-    least = _widths(header, cells, next(fitting, _TEXT[-1]))
-    sizes = [max(map(cell_len, [name, *column])) for name, column in zip(header, each, strict=True)]
-    while width is not None and sum(sizes) + 2 * len(sizes) > width:
-        slack = [max(size - needed, 0) for size, needed in zip(sizes, least, strict=True)]
-        taken = slack if any(slack) else sizes
-        sizes[taken.index(max(taken))] -= 1
-    sides = [str.rjust if _is_numeric(column) else str.ljust for column in each]
-    lines: list[str] = []
-    for row in (header, *cells):
-        wrapped = [_wrapped(cell, size) for cell, size in zip(row, sizes, strict=True)]
-        if row is header:  # its names end at the line below
-            wrapped = [[""] * (max(map(len, wrapped)) - len(name)) + name for name in wrapped]
-        for line in zip_longest(*wrapped, fillvalue=""):
-            fields = [
-                side(cell, size - cell_len(cell) + len(cell))
-                for side, cell, size in zip(sides, line, sizes, strict=True)
-            ]
-            lines.append("  ".join(fields).rstrip())
-        if row is header:
-            lines.append("\u2500" * (sum(sizes) + 2 * len(sizes) - 2))
-    return ["", *(map(_bold, _wrapped(plain_text(title), width or 1000)) if title else []), *lines]
-
-
-def _wrapped(cell: str, size: int) -> list[str]:
-    """The lines of a text in a column of ``size`` characters, broken between words where it can be."""
-    from rich.cells import cell_len, chop_cells
-
-    if cell_len(cell) <= size:
-        return [cell]
-    lines: list[str] = []
-    for word in cell.split():
-        if lines and cell_len(lines[-1]) + 1 + cell_len(word) <= size:
-            lines[-1] += f" {word}"
-        else:
-            lines += chop_cells(word, size)
-    return lines
-
-
-def _bold(text: str) -> str:
-    """A title in bold, on a terminal; plain where the environment says NO_COLOR."""
-    return text if os.environ.get("NO_COLOR") else click.style(text, bold=True)
-
-
-def emit_findings(findings: Iterable[tuple[str, str]]) -> None:
-    """Print findings, each a kind and a message, by kind: how many, and the first few; each by itself with --all."""
-    by_kind: dict[str, list[str]] = {}
-    for kind, message in findings:
-        by_kind.setdefault(kind, []).append(plain_text(message))
-    for kind, messages in by_kind.items():
-        count, everything = len(messages), Detail.everything or len(messages) <= SHOWN_PER_KIND + 1
-        shown = messages if everything else messages[:SHOWN_PER_KIND]
-        for message in shown:
-            say(f"  {kind}{f' ({count})' if count > len(shown) else ''}: {message}")
-        if count > len(shown):
-            click.echo(f"    and {count - len(shown)} more like these: --all lists them")
-
-
-def say(text: str) -> None:
-    """Print sentences in lines of the terminal's width, broken between words alone: paths and digests stay whole."""
-    width = columns()
-    for line in text.split("\n"):
-        lines = [line]
-        if width is not None and len(line) > width:
-            from textwrap import wrap
-
-            indent = line[: len(line) - len(line.lstrip())] + "  "
-            lines = wrap(line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
-        click.echo("\n".join(lines))
-
-
-def mass(kilograms: float) -> str:
-    """Mass to 0.1 g."""
-    return f"{kilograms:.4f}"
-
-
-def first_moment(value: float) -> str:
-    """First moment of mass with its unit."""
-    return f"{value:.4g} kg m"
+    def _parsed(self, text: str) -> tuple[str, float]:
+        name, separator, value = text.partition("=")
+        if not separator or not name.strip():
+            raise ValueError(f"{text!r}: expected {self._example}")
+        try:
+            return name.strip(), self._quantity.convert(value, None, None)
+        except click.BadParameter as error:
+            raise ValueError(f"{name}: {error.message}") from error

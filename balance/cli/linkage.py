@@ -8,8 +8,8 @@ import click
 
 from ..results import table
 from . import options
-from .framework import Answer, emit_findings, emit_table, say
-from .options import Quantity, argument, command, option
+from .framework import FILE, Answer, Quantity, argument, command, option
+from .printing import cells, emit_findings, emit_table, say
 
 if TYPE_CHECKING:
     from ..linkages.equivalence_method import LinkageBalance
@@ -18,7 +18,17 @@ if TYPE_CHECKING:
     from ..linkages.verification import Verification
 
 _STAGE = {"before": "before", "force": "counter-masses", "complete": "counter-masses and gears", "built": "as built"}
-_SIMULATED = ("rms", "share_of_before", "bearing_forces")
+_RUNS = (f"simulated.{run}_speed.{part}" for run in ("constant", "varying")
+         for part in ("rms", "share_of_before", "bearing_forces"))  # fmt: skip
+_FURTHER = (
+    "reduction", "simulated.", *_RUNS, "simulated.moving_mass_kg", "simulated.multiple_of_before", "printed.values",
+    "printed.rms",
+)  # fmt: skip
+"""What else of the document is printed for who asks for everything."""
+_COUNTER_MASSES = {
+    "counter-mass": "symbol", "body": "body", "against": "against", "mass [kg]": "mass_kg:.4f", "x [mm]": "x:.2f",
+    "y [mm]": "y:.2f", "inertia [kg m2]": "inertia_kgm2:.4g",
+}  # fmt: skip
 
 
 @command(
@@ -48,15 +58,13 @@ def linkage(
     ),
     force_only: bool = option("Counter-masses only, no gears."),
     with_equations: bool = option("Also print the equations in symbols.", None, "--equations"),
-    csv: str | None = option("Write the time series as CSV.", click.Path(dir_okay=False), metavar="FILE"),
+    csv: str | None = option("Write the time series as CSV.", FILE, metavar="FILE"),
     mjcf: str | None = option(
-        "Write it as MJCF, balanced or as built, gears as joint equalities.", click.Path(dir_okay=False), metavar="FILE"
+        "Write it as MJCF, balanced or as built, gears as joint equalities.", FILE, metavar="FILE"
     ),
     built: tuple[str, ...] = option("A mass, inertia or pair of teeth (z3=40:21) as built.", metavar="SYMBOL=VALUE"),
     figure: str | None = options.FIGURE,
-    drawing: str | None = option(
-        "Draw the linkage with its gears, to scale.", click.Path(dir_okay=False), metavar="FILE"
-    ),
+    drawing: str | None = option("Draw the linkage with its gears, to scale.", FILE, metavar="FILE"),
 ) -> Answer:
     """Balance a planar linkage completely: counter-masses for the force, gears for the moment.
 
@@ -90,18 +98,10 @@ def linkage(
             _print_bearings(check)
         if comparison:
             _print_comparison(comparison)
-        emit_findings(("Not simulated", _unplaced(described)) for _ in [described] if check is None)
+        if check is None:
+            emit_findings([("Not simulated", _unplaced(described))])
 
-    runs = [f"simulated.{run}.{part}" for run in ("constant_speed", "varying_speed") for part in _SIMULATED]
-    further = (
-        "reduction",
-        "simulated.",
-        *runs,
-        "simulated.moving_mass_kg",
-        "simulated.multiple_of_before",
-        "printed.values",
-    )
-    return Answer(document, show, check is None or differs, findings, further=(*further, "printed.rms"))
+    return Answer(document, show, check is None or differs, findings, further=_FURTHER)
 
 
 def _verdict(result: "LinkageBalance", check: "Verification | None") -> str:
@@ -171,12 +171,10 @@ def _print_balance(document: dict[str, Any], with_equations: bool) -> None:
     from ..linkages.moment_balance import GearResult
 
     rows = [
-        [c["symbol"], c["body"], c["against"], f"{c['mass_kg']:.4f}",
-         *(f"{x * 1e3:.2f}" for x in c["position_from_reduction_joint_m"]), f"{c['inertia_kgm2']:.4g}"]
-        for c in document["counter_masses"]
-    ]  # fmt: skip
-    header = ["counter-mass", "body", "against", "mass [kg]", "x [mm]", "y [mm]", "inertia [kg m2]"]
-    emit_table("Counter-masses, from the reduction joint of their body", header, rows)
+        {**one, **{axis: 1e3 * x for axis, x in zip("xy", one["position_from_reduction_joint_m"], strict=True)}}
+        for one in document["counter_masses"]
+    ]
+    emit_table("Counter-masses, from the reduction joint of their body", *cells(rows, _COUNTER_MASSES))
     if document["inertias"]:
         own, sized = ("name", "body", "joint", "carrier", "teeth"), ("inertia", "counter_mass", "wheel_mass")
         title = "Gears: counter-gear I_z and m_z*, real gear on the body m_z and I_m_z"
@@ -208,8 +206,10 @@ def _print_comparison(comparison: "Comparison") -> None:
     for row in comparison.rows:
         if row.why and row.explained is not None:
             fits = "as published, within the rounding" if row.is_explained else "not as published either"
-            say(f"{row.name}: published {row.published.value:g}, computed {row.computed:.5g}: {row.why}. "
-                       f"Computed like that it is {row.explained:.5g}, {fits}.")  # fmt: skip
+            say(
+                f"{row.name}: published {row.published.value:g}, computed {row.computed:.5g}: {row.why}. "
+                f"Computed like that it is {row.explained:.5g}, {fits}."
+            )
     names = {row.name for row in comparison.rows if row.explained is not None}
     for entry in comparison.contradictions:
         if entry.about not in names:

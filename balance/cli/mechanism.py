@@ -9,21 +9,11 @@ import click
 
 from ..results import per_cent_text, plain, table
 from . import options
-from .framework import (
-    Answer,
-    Word,
-    emit_findings,
-    emit_parts,
-    emit_table,
-    label,
-    mass,
-    say,
-)
-from .options import command, option
+from .framework import FILE, Answer, Word, command, option
+from .printing import emit_findings, emit_parts, emit_table, label, mass, say
 
 if TYPE_CHECKING:
     from ..arrays import Floats
-    from ..balancing import Sizing
     from ..balancing.conditions import Conditions
     from ..balancing.feasibility import Feasibility
     from ..closure import Closure, Trajectory
@@ -45,10 +35,8 @@ def simulate(
     payload: options.Masses = options.PAYLOADS,
     counter: options.Masses = options.COUNTERS,
     rate: str | None = option("Samples per second, with unit [default: 10 kHz].", metavar="RATE"),
-    csv: str | None = option(
-        "Write the time series as CSV, marked simulated.", click.Path(dir_okay=False), metavar="FILE"
-    ),
-    parquet: str | None = option("Write the time series as Parquet.", click.Path(dir_okay=False), metavar="FILE"),
+    csv: str | None = option("Write the time series as CSV, marked simulated.", FILE, metavar="FILE"),
+    parquet: str | None = option("Write the time series as Parquet.", FILE, metavar="FILE"),
     reactions: bool = option("Also forces and moments in the joints and loop closures."),
 ) -> Answer:
     """Simulate a motion of MECH: shaking force, shaking moment and drive torque.
@@ -60,50 +48,34 @@ def simulate(
     from ..dynamics.inverse_dynamics import simulate as respond
     from ..dynamics.reactions import find_reactions
     from ..front_door import follow
-    from .options import response_summary
 
     if csv and parquet and Path(csv).resolve() == Path(parquet).resolve():
         raise click.UsageError(f"--csv and --parquet name one file, {csv}: give two names")
-    model = options.load_mechanism_option(mechanism, payload).with_counter_mass(options.distinct(counter, "--counter"))
+    model = options.load_mechanism_option(mechanism, payload).with_counter_mass(counter)
     trajectory = follow(model, motion, rate) if rate else follow(model, motion)
     response = respond(model, trajectory)
     found = find_reactions(model, trajectory, response) if reactions else None
     beyond, left_out = model.beyond_limits(trajectory.q), model.left_out if response.torque else ()
     if csv or parquet:
         _write(model, trajectory, response.columns() | (found.columns() if found else {}), csv, parquet)
-    closure = {"residual_m": trajectory.residual, "condition": trajectory.condition, "branch": trajectory.branch}
     document = (
-        {"mechanism": model.name, "motion": motion, "samples": len(trajectory.time), "closure": closure}
+        {"mechanism": model.name, "motion": motion, "samples": len(trajectory.time)}
+        | {"closure": {name: getattr(trajectory, key) for name, key in _CLOSURE.items()}}
         | {"beyond_limits": {joint: list(reached) for joint, reached in beyond.items()}}
         | {"idle": list(trajectory.idle), "left_out": list(left_out)}
-        | response_summary(response)
+        | options.response_summary(response)
         | {"drives": response.drives()}
-        | (
-            {
-                "reactions": found.summary(),
-                "redundant_constraint_rows": found.redundant,
-                "undetermined": list(found.undetermined),
-            }
-            if found
-            else {}
-        )
     )
-    further = ("", "closure", "rms", "peak")
+    if found:
+        document |= {"reactions": found.summary(), "redundant_constraint_rows": found.redundant}
+        document |= {"undetermined": list(found.undetermined)}
     show = partial(_print_motion, model, motion, trajectory, response, found)
-    return Answer(document, show, bool(beyond or left_out), further=further)
+    return Answer(document, show, bool(beyond or left_out), further=("", "closure", "rms", "peak"))
 
 
+_CLOSURE = {"residual_m": "residual", "condition": "condition", "branch": "branch"}
 _DRIVES = ["joint", "peak torque", "RMS torque", "peak speed", "power [W]", "braking [W]"]
 _DRIVEN = "RMS over the whole motion, rests included; speed and power at the joint, without gear and motor losses."
-
-
-def _drive(load: dict[str, float]) -> list[str]:
-    """Cells of what a motion asks of a driven joint; a key ends in its unit."""
-    units = {"torque_Nm": "N m", "force_N": "N", "rad_per_s": "rad/s", "m_per_s": "m/s"}
-    cells = [
-        f"{value:.4g} {unit}" for key, value in load.items() for end, unit in units.items() if key.endswith("_" + end)
-    ]
-    return [*cells, f"{load['peak_power_W']:.4g}", f"{max(-load['least_power_W'], 0.0):.4g}"]
 
 
 def _print_motion(
@@ -111,12 +83,16 @@ def _print_motion(
 ) -> None:
     """Force, moment and drives' torques, reactions where they are asked for, and what the motion exceeds."""
     from ..dynamics.inverse_dynamics import NOTHING
+    from ..dynamics.regressor import wrench_regressor
 
     left_out = model.left_out if response.torque else ()
     peak, rms = response.peak(), response.rms()
     squares = (response.force**2).sum(axis=1)
     force, largest = float(squares.mean() ** 0.5), float(squares.max() ** 0.5)
-    rounding = _ROUNDING * _largest_part(model, trajectory)
+    # The largest force that a body's mass or first moment alone puts into the shaking force, at some instants.
+    some = slice(None, None, max(len(trajectory.time) // 100, 1))
+    regressor = wrench_regressor(model, trajectory.q[some], trajectory.v[some], trajectory.a[some])
+    rounding = _ROUNDING * float(abs(regressor[:, :3] * model.pi).max(initial=0.0))
     if largest <= rounding:
         say(
             f"{model.name} puts 0 N on its base in motion {motion}: its force is balanced (simulated, weight excluded)."
@@ -133,14 +109,15 @@ def _print_motion(
         if n not in of_drives and peak[n] > max(NOTHING, rounding * n.startswith("F"))
     }
     rows = [[label(name), f"{value:.4g}", f"{peak[name]:.4g}"] for name, value in shown.items()]
-    emit_table(
-        "",
-        ["component", "RMS", "peak"],
-        rows,
-        "" if len(shown) + len(of_drives) == len(rms) else "All others are zero.",
-    )
+    others = "" if len(shown) + len(of_drives) == len(rms) else "All others are zero."
+    emit_table("", ["component", "RMS", "peak"], rows, others)
     if response.torque:
-        emit_table("Drives", _DRIVES, [[joint, *_drive(load)] for joint, load in response.drives().items()], _DRIVEN)
+        loads = []
+        for joint, load in response.drives().items():
+            *sizes, power, least = ((label(key)[:-1].partition(" [")[2], value) for key, value in load.items())
+            shown_sizes = [f"{value:.4g} {unit}" for unit, value in sizes]
+            loads.append([joint, *shown_sizes, f"{power[1]:.4g}", f"{max(-least[1], 0.0):.4g}"])
+        emit_table("Drives", _DRIVES, loads, _DRIVEN)
     if found:
         _print_reactions(found)
     options.tell_idle(trajectory.idle)
@@ -156,15 +133,6 @@ def _print_motion(
 
 _ROUNDING = 1e-9
 """Share of the largest part of a sum up to which the sum is rounding [-]."""
-
-
-def _largest_part(model: "Mechanism", trajectory: "Trajectory") -> float:
-    """The largest force that a body's mass or first moment alone puts into the shaking force, at some instants [N]."""
-    from ..dynamics.regressor import wrench_regressor
-
-    some = slice(None, None, max(len(trajectory.time) // 100, 1))
-    regressor = wrench_regressor(model, trajectory.q[some], trajectory.v[some], trajectory.a[some])
-    return float(abs(regressor[:, :3] * model.pi).max(initial=0.0))
 
 
 def _print_reactions(found: "Reactions") -> None:
@@ -226,7 +194,7 @@ def assemble(mechanism: str = options.MECHANISM) -> Answer:
     from ..closure import Closure
     from ..closure.assembly import CLOSED_LIMIT
 
-    closure = Closure(options.load_mechanism_option(mechanism, ()), search=True)
+    closure = Closure(options.load_mechanism_option(mechanism, {}), search=True)
     model, found = closure.mechanism, closure.without_idle().configurations()
     tolerance = CLOSED_LIMIT * closure.length
     document = {
@@ -264,20 +232,17 @@ def _print_configurations(closure: "Closure", found: "list[Configuration]", tole
         emit_table(title, ["joint", "unit", *(one.branch for one in part)], rows)
     urdf = "<robot" in model.text
     options.tell_idle(closure.idle)
+    say(f"Closed means a residual of at most {tolerance:.2g} m or rad.")
     say(
-        f"Closed means a residual of at most {tolerance:.2g} m or rad.\n"
-        + (
-            "The key home of the YAML file beside the URDF chooses one:"
-            if urdf
-            else "A keyframe chooses one; without ball joints its qpos has the coordinates in this order:"
-        )
+        "The key home of the YAML file beside the URDF chooses one:"
+        if urdf
+        else "A keyframe chooses one; without ball joints its qpos has the coordinates in this order:"
     )
     for one in found:
         values = [f"{value:.12g}" for value in one.q]
         named = ", ".join(f"{name}: {value}" for name, value in zip(model.coordinates, values, strict=True))
-        click.echo(
-            f"  {one.branch}: " + (f"home: {{{named}}}" if urdf else f"<key name='home' qpos='{' '.join(values)}'/>")
-        )
+        home = f"home: {{{named}}}" if urdf else f"<key name='home' qpos='{' '.join(values)}'/>"
+        click.echo(f"  {one.branch}: {home}")
 
 
 BALANCED_KGM = 1e-6
@@ -314,8 +279,7 @@ def conditions(
     from ..front_door import conditions as found_conditions
 
     momentum = momentum or ("all" if moment else "linear")
-
-    model = options.load_mechanism_option(mechanism, payload).with_counter_mass(options.distinct(counter, "--counter"))
+    model = options.load_mechanism_option(mechanism, payload).with_counter_mass(counter)
     found = found_conditions(model, momentum)
     model = found.mechanism
     possible = feasibility(found) if moment else None
@@ -368,20 +332,15 @@ def _print_conditions(found: "Conditions", momentum: str) -> None:
     named = f"With {', '.join(f'{name} = {length:.6g} m' for name, length in model.lengths.items())}"
     emit_table(f"Conditions of {model.name}", ["condition", "now", "unit"], rows, named if model.lengths else "")
     options.tell_idle(found.idle)
-    kept, dropped = found.singular_values
     if found.in_doubt:
-        exact = found.rank_to_the_letter
+        (kept, dropped), exact = found.singular_values, found.rank_to_the_letter
+        has = f"{exact} conditions" if exact else "more conditions, how many cannot be decided"
+        rational = f", {found.rank_rational} in exact arithmetic"
         say(
             f"Rank in doubt: singular values up to {dropped:.3g} were taken for rounding of the file's numbers, beside "
-            f"{kept:.3g}. To the letter the file has "
-            + (f"{exact} conditions" if exact else "more conditions, how many cannot be decided")
-            + (
-                " in extended precision"
-                if found.rank_rational is None
-                else f", {found.rank_rational} in exact arithmetic"
-            )
-            + "."
-            + " Write equal lengths and angles with the same digits, all sixteen of them; others further apart."
+            f"{kept:.3g}. To the letter the file has {has}"
+            f"{' in extended precision' if found.rank_rational is None else rational}. Write equal lengths and angles "
+            "with the same digits, all sixteen of them; others further apart."
         )
 
 
@@ -427,7 +386,7 @@ def check(
     from ..units import G0
 
     model = options.load_mechanism_option(mechanism, payload)
-    result = checked(model, options.distinct(counter, "--counter"))
+    result = checked(model, counter)
     found, remaining = result.conditions, result.remaining_percent() if result.objective else None
     balanced = result.is_complete() if result.objective else result.is_balanced(BALANCED_KGM)
     bodies = options.payload_bodies(model, payload)
@@ -453,7 +412,14 @@ def check(
             if balanced
             else f"Not balanced completely: {per_cent_text(remaining)} of the RMS momentum remains over the workspace."
         )
-        _print_check(result, payloads)
+        masses = ", ".join(f"{c.site} {mass(c.mass)} kg" for c in result.counter_masses)
+        rows = _condition_rows(found, result.after)
+        emit_table(f"Conditions of {model.name} with {masses}", ["condition", "now", "unit"], rows)
+        for body, value in payloads.items():
+            say(
+                f"They would balance {body} = {'none' if value is None else mass(value) + ' kg'} "
+                f"(asked: {mass(model.mass(body))} kg)."
+            )
         if before is not None and after is not None:
             say(
                 f"Shaking force: {after:.4g} N per g0 of {bodies[0]} acceleration, "
@@ -461,16 +427,3 @@ def check(
             )
 
     return Answer(document, show, not balanced, further=("",))
-
-
-def _print_check(result: "Sizing", balanced: dict[str, float | None]) -> None:
-    """The conditions with the counter-masses, their residual, and the payload that they would balance."""
-    model, found = result.before, result.conditions
-    rows = _condition_rows(found, result.after)
-    masses = ", ".join(f"{c.site} {mass(c.mass)} kg" for c in result.counter_masses)
-    emit_table(f"Conditions of {model.name} with {masses}", ["condition", "now", "unit"], rows)
-    for body, value in balanced.items():
-        say(
-            f"They would balance {body} = {'none' if value is None else mass(value) + ' kg'} "
-            f"(asked: {mass(model.mass(body))} kg)."
-        )

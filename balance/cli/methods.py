@@ -1,20 +1,27 @@
 """``balance methods`` and ``balance static``: the named methods side by side; static balance by springs."""
 
-from collections.abc import Callable
 from math import isnan
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from . import options
-from .framework import Answer, emit_table, say
-from .options import Quantity, command, option
+from .framework import Answer, Quantity, command, option
+from .options import LENGTH
+from .printing import cells, emit_table, say
 
 if TYPE_CHECKING:
     from ..balancing.static_balancing import Springs
     from ..mechanism.mechanism import Mechanism
 
-_LENGTH = Quantity("length", positive=True)
+_METHODS = {
+    "method": "method", "added [kg]": "added_mass_kg:.3f", "F RMS [N]": "force", "M RMS [N m]": "moment",
+    "torque RMS [N m]": "drives",
+}  # fmt: skip
+_SPRINGS = {
+    "from": "first", "to": "second", "stiffness [N/m]": "stiffness_N_per_m:.2f", "length [m]": "length",
+    "largest force [N]": "force_peak_N:.1f",
+}  # fmt: skip
 
 
 @command(
@@ -32,8 +39,8 @@ def methods(
     wheel_ratio: float = option(
         "Counter-inertias turn so many times as fast.", click.FloatRange(1e-6, 1e6), default=1.0
     ),
-    wheel_radius: float = option("Radius of counter-inertias, as discs.", _LENGTH, default="100mm", metavar="LENGTH"),
-    stroke: float = option("Stroke of active masses, from end to end.", _LENGTH, default="100mm", metavar="LENGTH"),
+    wheel_radius: float = option("Radius of counter-inertias, as discs.", LENGTH, default="100mm", metavar="LENGTH"),
+    stroke: float = option("Stroke of active masses, from end to end.", LENGTH, default="100mm", metavar="LENGTH"),
     turn: float = option(
         "Turn of the active disc, from end to end.", Quantity("angle", positive=True), default="360deg", metavar="ANGLE"
     ),
@@ -45,35 +52,20 @@ def methods(
     conditions of serial chains and four-bars are compared with those derived from the model.
     """
     from ..balancing.methods import MethodSettings
+    from ..datasets import dataset_names
     from ..front_door import methods as compared
 
     if isnan(wheel_ratio):
         raise click.UsageError("--wheel-ratio: expected a number")
     model = options.load_mechanism_option(mechanism, payload)
-    name = motion or _own_motion(model.name)
+    name = motion or model.name
+    if not motion and name not in (known := dataset_names("motions", ".toml")):
+        one = f"a TOML file or one of {', '.join(known)}"
+        raise click.UsageError(f"no shipped motion has the name of {name}: give one with --motion, {one}")
     found = compared(model, name, MethodSettings(site, wheel_ratio, wheel_radius, stroke, turn))
     options.draw(figure, found.plot)
     result = found.document()
     return Answer(result, lambda: _print_methods(result), further=("methods", "printed_conditions"))
-
-
-def _own_motion(mechanism: str) -> str:
-    from ..datasets import dataset_names
-
-    known = dataset_names("motions", ".toml")
-    if mechanism not in known:
-        raise click.UsageError(
-            f"no shipped motion has the name of {mechanism}: give one with --motion, a TOML file or one of "
-            f"{', '.join(known)}"
-        )
-    return mechanism
-
-
-def _drives(torques: dict[str, float], forces: dict[str, float]) -> str:
-    """Values of the motors, a force marked as such."""
-    return ", ".join(
-        [f"{j} {value:.3g}" for j, value in torques.items()] + [f"{j} {value:.3g} N" for j, value in forces.items()]
-    )
 
 
 def _print_methods(result: dict[str, Any]) -> None:
@@ -84,17 +76,15 @@ def _print_methods(result: dict[str, Any]) -> None:
         f"Least shaking force: {best['method']}, {_value(best['force_rms_N'])} N RMS of "
         f"{_value(plain['force_rms_N'])} N, with {best['added_mass_kg']:.3f} kg added."
     )
-    columns: dict[str, Callable[[dict[str, Any]], str]] = {
-        "method": lambda row: row["method"],
-        "added [kg]": lambda row: f"{row['added_mass_kg']:.3f}",
-        "F RMS [N]": lambda row: _value(row["force_rms_N"]),
-        "M RMS [N m]": lambda row: _value(row["moment_rms_Nm"]),
-        "torque RMS [N m]": lambda row: _drives(row["torque_rms_Nm"], row["drive_force_rms_N"]),
-    }
+    rows = []
+    for row in result["methods"]:
+        torques = [f"{joint} {value:.3g}" for joint, value in row["torque_rms_Nm"].items()]
+        forces = [f"{joint} {value:.3g} N" for joint, value in row["drive_force_rms_N"].items()]
+        sizes = {"force": _value(row["force_rms_N"]), "moment": _value(row["moment_rms_Nm"])}
+        rows.append({**row, **sizes, "drives": ", ".join(torques + forces)})
     emit_table(
         f"{result['mechanism']}, motion {result['motion']}, simulated",
-        list(columns),
-        [[cell(row) for cell in columns.values()] for row in result["methods"]],
+        *cells(rows, _METHODS),
         "F and M: residual on the base, weight excluded; torque: of each motor, with all that it drives, a force in N "
         "where it slides.",
     )
@@ -124,10 +114,10 @@ def static(
     site: tuple[str, ...] = options.SITES,
     springs: str | None = option("Where springs go, or which they are [default: laid out].", metavar="TOML"),
     reach: float | None = option(
-        "Spring ends from joints [default: half the mechanism's length].", _LENGTH, metavar="LENGTH"
+        "Spring ends from joints [default: half the mechanism's length].", LENGTH, metavar="LENGTH"
     ),
     height: float | None = option(
-        "Spring ends from ground pivots [default: the mechanism's length].", _LENGTH, metavar="LENGTH"
+        "Spring ends from ground pivots [default: the mechanism's length].", LENGTH, metavar="LENGTH"
     ),
     figure: str | None = options.FIGURE,
 ) -> Answer:
@@ -185,12 +175,7 @@ def _print_static(result: dict[str, Any]) -> None:
     counter = result["counter_masses"]
     masses = ", ".join(f"{site} = {mass:.4f} kg" for site, mass in counter["masses_kg"].items()) if counter else ""
     say(f"Counter-masses: {masses or 'no site named counter..., name one with --site'}")
-    emit_table(
-        "Springs of zero free length; places in the bodies' frames [m]",
-        ["from", "to", "stiffness [N/m]", "length [m]", "largest force [N]"],
-        [
-            [s["first"], s["second"], f"{s['stiffness_N_per_m']:.2f}", f"{s['shortest_m']:.3f} to {s['longest_m']:.3f}",
-             f"{s['force_peak_N']:.1f}"]
-            for s in result["springs"]["springs"]
-        ],
-    )  # fmt: skip
+    springs = [
+        {**one, "length": f"{one['shortest_m']:.3f} to {one['longest_m']:.3f}"} for one in result["springs"]["springs"]
+    ]
+    emit_table("Springs of zero free length; places in the bodies' frames [m]", *cells(springs, _SPRINGS))

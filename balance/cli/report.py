@@ -6,8 +6,8 @@ from typing import Any
 import click
 
 from . import options
-from .framework import Answer, say
-from .options import command, option
+from .framework import Answer, command, option
+from .printing import say
 
 STILLS = (".png", ".svg", ".pdf")
 
@@ -22,11 +22,9 @@ def _output(*endings: str) -> Any:  # noqa: ANN401
 
         return writable(path)
 
+    text = f"What to write, a name ending in {' or '.join(endings)}."
     kind = click.Path(path_type=Path, dir_okay=False)
-    return option(
-        f"What to write, a name ending in {' or '.join(endings)}.",
-        kind, "-o", "--output", required=True, callback=checked,
-    )  # fmt: skip
+    return option(text, kind, "-o", "--output", required=True, callback=checked)
 
 
 @command(
@@ -54,8 +52,7 @@ def report(
     from ..report.design_page import design_page
 
     model = options.load_mechanism_option(mechanism, payload)
-    bodies = options.payload_bodies(model, payload)
-    found = size(model, motion, stock, sites=site, payload_bodies=bodies)
+    found = size(model, motion, stock, sites=site, payload_bodies=options.payload_bodies(model, payload))
     page = design_page(found)
     path = page.write(output)
     text = f"{model.name}: {page.document['verdict']}\nWrote {path}."
@@ -91,8 +88,7 @@ def animate(
     if filmed:
         video.refuse_without_encoder(output)
     model = options.load_mechanism_option(mechanism, payload)
-    designs = designs_of(model, options.distinct(counter, "--counter"))
-    drawn = moving(f"motion {motion}", follow(model, motion), designs)
+    drawn = moving(f"motion {motion}", follow(model, motion), designs_of(model, counter))
     if filmed or still:
         (video.write_video if filmed else video.write_still)(output, f"{model.name}, motion {motion}", drawn)
     else:

@@ -1,22 +1,30 @@
 """``balance rotor``: rigid rotors balanced from known masses or trial runs; permissible unbalance, trial masses."""
 
 import math
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..results import counted
+from ..errors import UnitError
+from ..results import NO_VALUE, counted
 from ..results import document as document_of
 from . import options
-from .framework import Answer, Word, emit_parts, emit_table, say
-from .options import SPEED, NamedQuantity, Quantity, argument, command, option
+from .framework import Answer, NamedQuantity, Quantity, Word, argument, command, option
+from .options import ANGULAR_VELOCITY, LENGTH, MASS, SPEED
+from .printing import cells, emit_parts, emit_table, say
 
 if TYPE_CHECKING:
     from ..balancing.stock_plates import Plate
-    from ..rotors.rotor import Rotor
     from ..rotors.trial_runs import TrialRuns
     from ..rotors.weight_splitting import Hole, Split, SplitRules
+
+_CORRECTIONS = {
+    "plane": "plane", "at [mm]": "at_mm:g", "m r [kg mm]": "magnitude_kgmm:.6g", "angle [deg]": "angle_deg:.3f",
+    "mass [kg]": "mass_kg:.5g", "radius [mm]": "radius_mm:.5g", "published [kg mm]": "stated",
+}  # fmt: skip
+_HOLES = {"hole": "hole", "angle [deg]": "angle_deg:.3f", "weight [g]": "weight_g:.6g", "pieces": "counted"}
 
 
 @click.group()
@@ -38,8 +46,13 @@ A table (CSV): name, mass (kg), radius (mm), angle (deg), at (mm); or unbalance 
 )
 def correct(
     rotor: str = argument("ROTOR"),
-    planes: tuple[tuple[str, float], ...] = option(
-        "Correct in this plane instead.", NamedQuantity("NAME", "length", "0mm"), "--plane", metavar="NAME=Z"
+    planes: dict[str, float] = option(
+        "Correct in this plane instead.",
+        NamedQuantity("NAME", "length", "0mm"),
+        "--plane",
+        metavar="NAME=Z",
+        multiple=True,
+        callback=options.distinct,
     ),
     bearings: tuple[float, ...] = option("A bearing (give two).", Quantity("length"), "--bearing", metavar="Z"),
     speed: float | None = SPEED,
@@ -52,8 +65,17 @@ def correct(
     """
     from ..rotors.correction_planes import correct_planes
     from ..rotors.results import correction_document
+    from ..rotors.rotor import Plane
+    from ..rotors.rotor_files import load_rotor
 
-    model = _model(rotor, planes, bearings, speed)
+    model = load_rotor(rotor)
+    if planes:
+        model = replace(model, planes=tuple(Plane(name, at) for name, at in planes.items()), published={})
+    if bearings:
+        if len(bearings) != 2 or bearings[0] == bearings[1]:
+            raise click.UsageError("--bearing: give two, in two places")
+        model = replace(model, bearings=bearings)
+    model = replace(model, speed=model.speed if speed is None else speed)
     correction = correct_planes(model.unbalances, model.planes)
     options.draw(figure, correction.plot)
     document = correction_document(model, correction)
@@ -63,26 +85,6 @@ def correct(
     return Answer(document, show, findings=document["findings"], further=further)
 
 
-def _model(
-    name: str, planes: tuple[tuple[str, float], ...], bearings: tuple[float, ...], speed: float | None
-) -> "Rotor":
-    """The rotor with what the command line adds or replaces."""
-    from dataclasses import replace
-
-    from ..rotors.rotor import Plane
-    from ..rotors.rotor_files import load_rotor
-
-    model = load_rotor(name)
-    if planes:
-        stated = tuple(Plane(n, at) for n, at in options.distinct(planes, "--plane").items())
-        model = replace(model, planes=stated, published={})
-    if bearings:
-        if len(bearings) != 2 or bearings[0] == bearings[1]:
-            raise click.UsageError("--bearing: give two, in two places")
-        model = replace(model, bearings=bearings)
-    return replace(model, speed=speed) if speed is not None else model
-
-
 def _print_correction(document: dict[str, Any], couple_remains: bool) -> None:
     added = " and ".join(
         f"{p['magnitude_kgmm']:.6g} kg mm at {p['angle_deg']:.2f} deg in plane {p['plane']}"
@@ -90,14 +92,8 @@ def _print_correction(document: dict[str, Any], couple_remains: bool) -> None:
     )
     what = "One plane balances the force only: the couple remains" if couple_remains else "Balanced"
     say(f"{what}, by {added}.{' Give a second plane to remove it.' if couple_remains else ''}")
-    rows = [
-        [p["plane"], f"{p['at_mm']:g}", f"{p['magnitude_kgmm']:.6g}", f"{p['angle_deg']:.3f}",
-         "-" if p["mass_kg"] is None else f"{p['mass_kg']:.5g}",
-         "-" if p["radius_mm"] is None else f"{p['radius_mm']:.5g}", vector_text(p["published"], "kgmm")]
-        for p in document["corrections"]
-    ]  # fmt: skip
-    header = ["plane", "at [mm]", "m r [kg mm]", "angle [deg]", "mass [kg]", "radius [mm]", "published [kg mm]"]
-    emit_table(f"Corrections of {document['rotor']}", header, rows, document["source"] or "")
+    rows = [{**one, "stated": _vector_text(one["published"], "kgmm")} for one in document["corrections"]]
+    emit_table(f"Corrections of {document['rotor']}", *cells(rows, _CORRECTIONS), document["source"] or "")
     if document["bearings_mm"] and not document["bearing_loads"]:
         say("Bearing loads need a speed: --speed.")
     if weight := document["weight_on_bearings_N"]:
@@ -118,14 +114,12 @@ Scope: rotors that are rigid up to their service speed. A linkage or a flexible 
 def tolerance(
     rotor: str | None = argument("[ROTOR]", required=False),
     grade: str = option("Balance quality grade, such as G6.3: e_per omega in mm/s.", required=True, metavar="G"),
-    mass: float | None = option("Mass of the rotor.", Quantity("mass", positive=True), metavar="M"),
+    mass: float | None = option("Mass of the rotor.", MASS, metavar="M"),
     speed: float | None = SPEED,
     to_bearings: tuple[float, float] | None = option(
         "Distances of the centre of mass from the two bearing planes.", Quantity("length"), nargs=2, metavar="LA LB"
     ),
-    critical_speed: float | None = option(
-        "First critical speed.", Quantity("angular velocity", positive=True), metavar="SPEED"
-    ),
+    critical_speed: float | None = option("First critical speed.", ANGULAR_VELOCITY, metavar="SPEED"),
     residual: float | None = option("Residual unbalance, such as 300gmm.", Quantity("first moment"), metavar="U"),
 ) -> Answer:
     """Permissible residual unbalance after ISO 21940-11, for rigid rotors only."""
@@ -153,12 +147,17 @@ def tolerance(
         "grade_reached_mm_per_s": None if residual is None else 1e3 * allowed.reached(residual),
         "within_tolerance": None if residual is None else residual <= allowed.unbalance,
     }
-    return Answer(document, lambda: _print_tolerance(document))
+    within = {None: "", True: "; the residual unbalance is within it", False: "; the residual unbalance is outside it"}
+
+    def show() -> None:
+        say(f"Permissible unbalance {document['U_per_gmm']:.6g} g mm{within[document['within_tolerance']]}.")
+        emit_parts(document, ("",))
+
+    return Answer(document, show)
 
 
 def _grade(text: str) -> float:
     """``G6.3``, ``6.3`` or ``6.3 mm/s`` as e omega [m/s]."""
-    from ..errors import UnitError
     from ..units import parse
 
     bare = text.strip().removeprefix("G").strip()
@@ -171,12 +170,6 @@ def _grade(text: str) -> float:
     return value
 
 
-def _print_tolerance(document: dict[str, Any]) -> None:
-    within = {None: "", True: "; the residual unbalance is within it", False: "; the residual unbalance is outside it"}
-    say(f"Permissible unbalance {document['U_per_gmm']:.6g} g mm{within[document['within_tolerance']]}.")
-    emit_parts(document, ("",))
-
-
 @command(
     group=rotor,
     short_help="A trial mass by the rule of practice.",
@@ -186,9 +179,9 @@ Examples:
   balance rotor trial --mass 250kg --speed 1500rpm --radius 300mm --planes 2 --share 5""",
 )
 def trial(
-    mass: float = option("Mass of the rotor.", Quantity("mass", positive=True), required=True, metavar="M"),
+    mass: float = option("Mass of the rotor.", MASS, required=True, metavar="M"),
     speed: float | None = SPEED,
-    radius: float = option("Radius of the trial mass.", Quantity("length", positive=True), required=True, metavar="R"),
+    radius: float = option("Radius of the trial mass.", LENGTH, required=True, metavar="R"),
     planes: int = option("Planes that share the weight.", click.IntRange(1), default=1),
     share: float = option("Centrifugal force, per cent of the weight.", default=10.0),
 ) -> Answer:
@@ -262,12 +255,16 @@ def _print_trial_runs(runs: "TrialRuns", document: dict[str, Any]) -> None:
         f"number {document['condition']:.3g}; phase counts as {runs.phase}, weight angles {runs.angles}, "
         f"amplitude {runs.amplitude}."
     )
-    rows = [[p["plane"], *(vector_text(p[key], w) for key in ("total", "on_now", "add", "published"))]
+    rows = [[p["plane"], *(_vector_text(p[key], w) for key in ("total", "on_now", "add", "published"))]
             for p in document["planes"]]  # fmt: skip
     header = ["plane", f"all weights [{weight}]", "still on", "to add now", "published"]
-    known = (
-        document["source"] or "" if intervals is None else f"Intervals of {intervals['level']}, {_origin(intervals)}."
-    )
+    known = document["source"] or ""
+    if intervals is not None:
+        how = "the stated intervals of readings"
+        if intervals["from"] == "repeats":
+            how = f"the residual of the runs ({intervals['degrees_of_freedom_a_row']:.0f} degrees of freedom a row)"
+        drawn = "" if intervals["draws"] is None else f", {intervals['draws']} solutions drawn"
+        known = f"Intervals of {intervals['level']}, from {how}{drawn}."
     emit_table(f"Correction weights, {document['name']}, {document['method']}", header, rows, known)
     if intervals is None:
         say("No intervals: state those of the readings (170 um ± 2 um @ 112 deg ± 1 deg), or repeat a run.")
@@ -275,18 +272,10 @@ def _print_trial_runs(runs: "TrialRuns", document: dict[str, Any]) -> None:
         say(f"Note: {document['note']}")
 
 
-def _origin(intervals: dict[str, Any]) -> str:
-    """Where intervals come from, for people."""
-    how = "from the stated intervals of readings"
-    if intervals["from"] == "repeats":
-        how = f"from the residual of the runs ({intervals['degrees_of_freedom_a_row']:.0f} degrees of freedom a row)"
-    return how if intervals["draws"] is None else f"{how}, {intervals['draws']} solutions drawn"
-
-
-def vector_text(value: dict[str, float] | None, unit: str) -> str:
+def _vector_text(value: dict[str, float] | None, unit: str) -> str:
     """A vector of a document for people, with its intervals where it has any; a dash for none."""
     if value is None:
-        return "-"
+        return NO_VALUE
     size, angle = value[f"magnitude_{unit}"], round(value["angle_deg"], 3) % 360.0
     within = value.get(f"magnitude_{unit}_within")
     if within is None:
@@ -320,10 +309,8 @@ def split(
     ),
     angles: tuple[float, ...] = option("A hole at this angle.", Quantity("angle"), "--angle", metavar="ANGLE"),
     taken: tuple[int, ...] = option("Hole I is not free.", metavar="I"),
-    radius: float | None = option(
-        "Radius of the holes, for a mass times radius.", Quantity("length", positive=True), metavar="R"
-    ),
-    limit: float | None = option("Largest weight of any size in a hole.", Quantity("mass", positive=True), metavar="M"),
+    radius: float | None = option("Radius of the holes, for a mass times radius.", LENGTH, metavar="R"),
+    limit: float | None = option("Largest weight of any size in a hole.", MASS, metavar="M"),
     weights: tuple[str, ...] = option("A stock weight, such as 5g.", None, "--weight", metavar="M"),
     stock: str | None = option("Stock weights and how many there are.", metavar="CSV"),
     in_hole: int = option("Most stock weights in one hole.", click.IntRange(1), default=1),
@@ -336,7 +323,6 @@ def split(
     Without stock weights: of any size, least in all. With them: the set with the least residual, proven; of such sets
     the lightest. A problem too large for that is solved to the lightest set within 1 %, as a finding.
     """
-    from ..errors import UnitError
     from ..rotors.results import split_document
     from ..rotors.weight_splitting import SplitRules, split_freely
     from ..units import dimension_of, parse_vector
@@ -376,8 +362,6 @@ def _from_stock(
     findings: list[str],
 ) -> "Split":
     """The least residual; where that cannot be proven in time, the lightest set within 1 %, with a finding."""
-    from dataclasses import replace
-
     from ..rotors import weight_splitting
 
     try:
@@ -415,7 +399,6 @@ def _free_holes(
 
 def _stock(weights: tuple[str, ...], stock: str | None) -> "list[Plate]":
     from ..balancing.stock_plates import Plate, load_stock
-    from ..errors import UnitError
     from ..units import parse
 
     if weights and stock:
@@ -452,15 +435,12 @@ def _print_split(document: dict[str, Any], weighted: "Split", stocked: bool, pur
     percent, least = document["residual_percent"], document["least_possible_residual_g"]
     say(
         f"Makes {polar_form(weighted.made, 1e3, unit='g')} of {polar_form(weighted.target, 1e3, unit='g')}; residual "
-        f"{document['residual_g']:.4g} g ({'-' if percent is None else f'{percent:.4g} %'}), "
+        f"{document['residual_g']:.4g} g ({NO_VALUE if percent is None else f'{percent:.4g} %'}), "
         f"{document['total_weight_g']:.6g} g in all."
     )
-    rows = [
-        [hole["hole"], f"{hole['angle_deg']:.3f}", f"{hole['weight_g']:.6g}", counted(hole["pieces"])]
-        for hole in document["holes"]
-    ]
+    holes = [{**hole, "counted": counted(hole["pieces"])} for hole in document["holes"]]
     at = "" if document["radius_mm"] is None else f" at radius {document['radius_mm']:g} mm"
-    emit_table(f"Weights {purpose}{at}", ["hole", "angle [deg]", "weight [g]", "pieces"], rows)
+    emit_table(f"Weights {purpose}{at}", *cells(holes, _HOLES))
     if stocked and weighted.bound > weighted.residual() + 1e-6 * abs(weighted.target):
         say(f"Lightest set with a residual of at most {least:.4g} g: proven.")
     elif stocked:

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 from math import inf
 from typing import TYPE_CHECKING, Any
 
@@ -10,11 +9,11 @@ import click
 
 from ..results import per_cent_text, table
 from . import options
-from .framework import Answer, Detail, emit_table, first_moment, mass, say
-from .options import command, option, print_responses, response_summary
+from .framework import Answer, command, option
+from .options import print_responses, response_summary
+from .printing import Detail, emit_table, mass, say
 
 if TYPE_CHECKING:
-    from ..balancing import Sizing
     from ..balancing.sizing_study import SizingStudy
     from ..mechanism.mechanism import Mechanism
 
@@ -44,7 +43,7 @@ Exit code 3: no masses at these sites balance it completely, or plates leave mor
 )
 def size(
     mechanism: str = options.MECHANISM,
-    payload: options.Masses = options.PAYLOADS,
+    payload: options.Pairs = options.PAYLOADS_OF_ONE_BODY,
     site: tuple[str, ...] = options.SITES,
     without: tuple[str, ...] = option("A site that gets no counter-mass.", metavar="SITE"),
     stock: str | None = option("Make them from these plates: a CSV file as below, or kiper2019.", metavar="CSV"),
@@ -73,20 +72,20 @@ def size(
             raise click.UsageError("--closed-form reads no model: give only --payload and --json with it")
         return _closed_form(mechanism, payload)
     weights = _weights(objective, motion, rig)
-    payloads = options.growing_payloads(payload)
+    payloads = _growing(payload)
     if len(payloads) > 1:
         if limit or equal or without or best > 1 or rig or figure:
             raise click.UsageError(
                 "--limit, --equal, --without, --best, --rig and --figure are for one payload of a body"
             )
-        return size_growing(mechanism, payloads, site, stock, (motion, weights))
+        return _size_growing(mechanism, payloads, site, stock, motion, weights)
     from ..front_door import size as sized
 
-    model = options.load_mechanism_option(mechanism, payload)
+    model = options.load_mechanism_option(mechanism, payloads[0])
     found = sized(
-        model, motion, stock, sites=_sites(model, site, without), limits=options.distinct(limit, "--limit"),
+        model, motion, stock, sites=_sites(model, site, without), limits=limit,
         equal=[[name.strip() for name in group.split(",")] for group in equal], objective=weights, rig=rig, best=best,
-        payload_bodies=options.payload_bodies(model, payload),
+        payload_bodies=options.payload_bodies(model, payloads[0]),
     )  # fmt: skip
     options.draw(figure, found.plot)
     document = found.document() | {n: response_summary(r) for n, r in found.responses.items()}
@@ -109,7 +108,7 @@ def _print(found: "SizingStudy", best: int) -> None:
         print_responses(found.responses)
     if len(found.sets) > 1:
         rows = [
-            [str(k), " / ".join(f"{mass(c.mass)}" for c in one.counter_masses), per_cent_text(one.remaining_percent())]
+            [str(k), " / ".join(mass(c.mass) for c in one.counter_masses), per_cent_text(one.remaining_percent())]
             for k, one in enumerate(found.sets[1:], 2)
         ]
         emit_table("Next best sets", ["", "masses [kg]", "remain"], rows)
@@ -117,11 +116,27 @@ def _print(found: "SizingStudy", best: int) -> None:
         say(f"{len(found.sets)} of {best} sets: there are no others, or plates of so many kinds that one is sought.")
     for key in found.left_out:
         say(f"The vibration of the base is without {key}, which the rig has.")
-    result = found.best
-    options.tell_idle(result.conditions.idle)
-    for body, value in result.balanced_payloads().items():
+    options.tell_idle(found.best.conditions.idle)
+    for body, value in found.best.balanced_payloads().items():
         if value is not None:
             say(f"They balance {body} = {mass(value)} kg.")
+
+
+def _growing(pairs: options.Pairs) -> list[options.Masses]:
+    """Payloads in rising order of the one body that is named more than once, each with those of all other bodies."""
+    names = [name for name, _ in pairs]
+    again = sorted({name for name in names if names.count(name) > 1})
+    if not again:
+        return [dict(pairs)]
+    if len(again) > 1:
+        raise click.UsageError(
+            f"--payload names {' and '.join(again)} more than once: give several payloads of one body only"
+        )
+    rest = {name: mass for name, mass in pairs if name != again[0]}
+    masses = sorted(mass for name, mass in pairs if name == again[0])
+    if len(set(masses)) < len(masses):
+        raise click.UsageError(f"--payload names the same mass of {again[0]!r} twice")
+    return [{**rest, again[0]: mass} for mass in masses]
 
 
 def _weights(texts: Sequence[str], motion: str | None, rig: str | None) -> dict[str, float]:
@@ -159,7 +174,7 @@ def _sites(model: "Mechanism", sites: tuple[str, ...], without: tuple[str, ...])
     return [name for name in names if name not in without]
 
 
-def _closed_form(mechanism: str, payload: options.Masses) -> Answer:
+def _closed_form(mechanism: str, payload: options.Pairs) -> Answer:
     """Size the manipulator by the published formula from the published inputs."""
     from ..balancing import closed_forms
 
@@ -191,91 +206,68 @@ def _closed_form(mechanism: str, payload: options.Masses) -> Answer:
     return Answer(document, lambda: say(text))
 
 
-def size_growing(
+def _size_growing(
     mechanism: str,
     payloads: Sequence[options.Masses],
     sites: tuple[str, ...],
     stock: str | None,
-    objective: tuple[str | None, dict[str, float]],
+    motion: str | None,
+    weights: dict[str, float],
 ) -> Answer:
     """Size a set for each of ``payloads``, which rise."""
-    from ..balancing.objective import MADE_SMALL
+    from ..balancing import exact_sizing, nested_exact_sizing, nested_size_from_stock
+    from ..balancing.conditions import balance_conditions
+    from ..balancing.objective import MADE_SMALL, objective_of
     from ..balancing.remaining_force import STEPS
     from ..balancing.sizing import sizing_document
+    from ..balancing.stock_plates import load_stock
+    from ..front_door import follow
 
     models = [options.load_mechanism_option(mechanism, payload) for payload in payloads]
-    sets = [
-        {"payload_kg": dict(payload), **sizing_document(sized), "increments_kg": increments}
-        | {"balanced": sized.is_complete(), "remaining_percent": sized.remaining_percent()}
-        | {"attainable_with_any_mass": _is_attainable(sized, sites), "proven": sized.bound is not None}
-        for payload, (sized, increments) in zip(
-            payloads, _size_nested(models, payloads, sites, stock, objective), strict=True
+    found, along = balance_conditions(models[0]), follow(models[0], motion) if motion else None
+    objectives = [objective_of(model, along, weights) for model in models]
+    if stock:
+        nested = nested_size_from_stock(found, models, load_stock(stock), sites, objectives)
+    else:
+        nested = nested_exact_sizing(found, models, sites, objectives)
+    sets, mounted = [], dict[str, float]()
+    for model, payload, one in zip(models, payloads, nested, strict=True):
+        masses = {counter.site: counter.mass for counter in one.counter_masses}
+        alone = exact_sizing(one.conditions, one.before, sites, objective=one.objective)
+        sets.append(
+            {"payload_kg": payload}
+            | sizing_document(replace(one, payload_bodies=options.payload_bodies(model, payload)))
+            | {"increments_kg": {site: more - mounted.get(site, 0.0) for site, more in masses.items()}}
+            | {"balanced": one.is_complete(), "remaining_percent": one.remaining_percent()}
+            | {"attainable_with_any_mass": alone.is_complete(), "proven": one.bound is not None}
         )
-    ]
+        mounted = masses
     published = _published(models, payloads) if stock == "kiper2019" and not sites else {}
     complete = all(one["balanced"] for one in sets)
 
     def show() -> None:
         left = ", ".join(per_cent_text(one["remaining_percent"]) for one in sets)
-        what = "momentum" if objective[0] is None else " and ".join(MADE_SMALL[name] for name in objective[1])
+        what = "momentum" if motion is None else " and ".join(MADE_SMALL[name] for name in weights)
         say(
             "Balanced completely with each payload."
             if complete
             else f"Not balanced completely: {left} of the RMS {what} remains with the payloads below."
         )
-        _print_nested(models[0].name, sets, stock)
-        if published:
-            _print_published(published["published"])
+        _print_nested(models[0].name, sets, stock, published.get("published"))
 
     largest = max(one["remaining_percent"] or 0.0 for one in sets)
     is_enough = complete or (bool(stock) and largest <= 100.0 * STEPS)
     return Answer({"mechanism": models[0].name, "stock": stock, "sets": sets, **published}, show, not is_enough)
 
 
-def _is_attainable(sized: "Sizing", sites: tuple[str, ...]) -> bool:
-    """Whether masses of any size at the sites would balance completely, this payload alone."""
-    from ..balancing import exact_sizing
-
-    return exact_sizing(sized.conditions, sized.before, sites, objective=sized.objective).is_complete()
-
-
-def _size_nested(
-    models: "Sequence[Mechanism]",
-    payloads: Sequence[options.Masses],
-    sites: tuple[str, ...],
-    stock: str | None,
-    objective: tuple[str | None, dict[str, float]],
-) -> "list[tuple[Sizing, dict[str, float]]]":
-    """Each set with what it adds to the one before at each site [kg]."""
-    from ..balancing import nested_exact_sizing, nested_size_from_stock
-    from ..balancing.conditions import balance_conditions
-    from ..balancing.objective import objective_of
-    from ..balancing.stock_plates import load_stock
-    from ..front_door import follow
-
-    found = balance_conditions(models[0])
-    motion, weights = objective
-    along = follow(models[0], motion) if motion else None
-    objectives = [objective_of(model, along, weights) for model in models]
-    if stock:
-        sets = nested_size_from_stock(found, models, load_stock(stock), sites, objectives)
-    else:
-        sets = nested_exact_sizing(found, models, sites, objectives)
-    masses = [{c.site: c.mass for c in sized.counter_masses} for sized in sets]
-    before = [dict.fromkeys(masses[0], 0.0), *masses]
-    added = [{site: more[site] - less[site] for site in more} for less, more in pairwise(before)]
-    bodies = [options.payload_bodies(model, payload) for model, payload in zip(models, payloads, strict=True)]
-    return [(replace(s, payload_bodies=b), add) for s, b, add in zip(sets, bodies, added, strict=True)]
-
-
 def _published(models: "Sequence[Mechanism]", payloads: Sequence[options.Masses]) -> dict[str, Any]:
     """Sets that the source built, for the source's manipulator with its payloads; else empty."""
-    if not models[0].name.startswith("parallelogram-6bar") or any([n for n, _ in p] != ["platform"] for p in payloads):
+    if not models[0].name.startswith("parallelogram-6bar") or any(list(one) != ["platform"] for one in payloads):
         return {}
     from ..balancing import closed_forms
     from ..balancing.conditions import balance_conditions
 
-    found = closed_forms.built_sets(balance_conditions(models[0]), models, [payload[0][1] for payload in payloads])
+    found = closed_forms.built_sets(balance_conditions(models[0]), models, [one["platform"] for one in payloads])
     sets = [
         {"payload_kg": s.payload, "plates": list(s.plates), "mass_kg": s.mass, "residual_first_moment_kgm": s.residual}
         for s in found
@@ -284,18 +276,7 @@ def _published(models: "Sequence[Mechanism]", payloads: Sequence[options.Masses]
     return {"published": {"sets": sets, "increments_kg": increments}} if sets else {}
 
 
-def _print_published(published: dict[str, Any]) -> None:
-    say("Built by the source, and its residual:")
-    for found in published["sets"]:
-        residual = first_moment(found["residual_first_moment_kgm"])
-        say(
-            f"  {mass(found['payload_kg'])} kg  {' + '.join(found['plates'])} = {mass(found['mass_kg'])} kg  {residual}"
-        )
-    increments = " and ".join(f"{value:g}" for value in published["increments_kg"])
-    say(f"Its published increments, {increments} kg, are differences of its published counter-masses, not of plates.")
-
-
-def _print_nested(name: str, sets: list[dict[str, Any]], stock: str | None) -> None:
+def _print_nested(name: str, sets: list[dict[str, Any]], stock: str | None, published: dict[str, Any] | None) -> None:
     rows, mounted = [], dict[str, list[str]]()
     for found in sets:
         payload = ", ".join(f"{body} {mass(value)}" for body, value in found["payload_kg"].items())
@@ -314,10 +295,18 @@ def _print_nested(name: str, sets: list[dict[str, Any]], stock: str | None) -> N
     for found in sets:
         payload = ", ".join(f"{body} = {mass(value)} kg" for body, value in found["payload_kg"].items())
         if found["attainable_with_any_mass"]:
-            residual = first_moment(found["residual_first_moment_kgm"])
+            residual = f"{found['residual_first_moment_kgm']:.4g} kg m"
             say(f"Residual at {payload}  {residual}  ({per_cent_text(found['residual_percent'])})")
         else:
             say(f"At {payload}  no masses at these sites balance completely")
     if stock:
         proof = "proven" if all(one["proven"] for one in sets) else "the best found in the time, not proven"
         say(f"Least in the sum over the payloads of all sets that only grow: {proof}.")
+    if published:
+        say("Built by the source, and its residual:")
+        for found in published["sets"]:
+            plates = f"{' + '.join(found['plates'])} = {mass(found['mass_kg'])} kg"
+            say(f"  {mass(found['payload_kg'])} kg  {plates}  {found['residual_first_moment_kgm']:.4g} kg m")
+        increments = " and ".join(f"{value:g}" for value in published["increments_kg"])
+        masses = "differences of its published counter-masses, not of plates"
+        say(f"Its published increments, {increments} kg, are {masses}.")

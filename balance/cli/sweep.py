@@ -11,8 +11,8 @@ import click
 
 from ..results import document, table
 from . import options
-from .framework import Answer, Detail, Word, emit_findings, emit_table, say
-from .options import Quantity, Read, command, option
+from .framework import Answer, Quantity, Read, Word, command, option
+from .printing import Detail, emit_findings, emit_table, say
 
 if TYPE_CHECKING:
     from ..arrays import Floats
@@ -139,8 +139,7 @@ def sweep(
         raise click.UsageError("--figure draws one or two variables")
     model = options.load_mechanism_option(mechanism, payload)
     samples = load_motion(motion).sample(rate or DEFAULT_RATE_HZ)
-    counters, asked = options.distinct(counter, "--counter"), frozenset(quantities or QUANTITIES)
-    problem = Problem(model, samples, counters, not rms_only, asked)
+    problem = Problem(model, samples, counter, not rms_only, frozenset(quantities or QUANTITIES))
     started = perf_counter()
     found: list[dict[str, Floats]] = []
     with task_pool(scheduler) as pool, options.progress("designs", grid.size, in_bytes=False) as advance:
@@ -157,11 +156,10 @@ def sweep(
     seconds = perf_counter() - started
 
     def show() -> None:
-        shown = list(dict.fromkeys([*(v.column for v in variables), ranked_by, *_SHOWN]))
-        shown = [name for name in shown if name in best]
-        cells = [[f"{row[name]:.6g}" for name in shown] for row in rows]
+        names = dict.fromkeys([*(v.column for v in variables), ranked_by, *_SHOWN])
+        shown = [name for name in names if name in best]
         say(f"Least {ranked_by} of {grid.size} designs: {rows[0][ranked_by]:.4g} ({seconds:.3g} s)")
-        emit_table(f"{model.name}, motion {motion}", shown, cells)
+        emit_table(f"{model.name}, motion {motion}", shown, [[f"{row[name]:.6g}" for name in shown] for row in rows])
 
     return Answer({"mechanism": model.name, "designs": grid.size, "ranked_by": ranked_by, "best": rows}, show)
 
@@ -219,7 +217,7 @@ def tolerance(
 
     model = options.load_mechanism_option(mechanism, payload)
     with task_pool(scheduler) as pool:
-        found = toleranced(model, motion, tolerances, options.distinct(counter, "--counter"), draws, seed, pool)
+        found = toleranced(model, motion, tolerances, counter, draws, seed, pool)
 
     def show() -> None:
         say(
@@ -227,19 +225,18 @@ def tolerance(
             f"shaking force; without errors {found.nominal:.4g} N."
         )
         levels = ", ".join(f"{level} %: {value:.4g} N" for level, value in found.percentiles.items())
-        emit_table("Tolerances, the costliest first", *table(ToleranceEffect, found.effects), _SHARE)
+        meaning = "share: part of the mean square force that all errors together add; curvature: departure from a "
+        meaning += "straight line within the tolerance."
+        emit_table("Tolerances, the costliest first", *table(ToleranceEffect, found.effects), meaning)
         say(f"RMS force at most: {levels}")
-        emit_findings(("not_linear", f"{e.tolerance.text}: {_NOT_LINEAR.format(e.curvature)}") for e in found.doubtful)
+        advice = "narrow the tolerance, or vary it with balance sweep"
+        emit_findings(
+            ("not_linear", f"{one.tolerance.text}: its effect is not linear (curvature {one.curvature:.2g}): {advice}")
+            for one in found.doubtful
+        )
 
     shown = {"mechanism": model.name, "draws": draws, "seed": seed, **document(found)}
     return Answer(shown, show, bool(found.doubtful))
-
-
-_SHARE = (
-    "share: part of the mean square force that all errors together add; curvature: departure from a straight line "
-    "within the tolerance."
-)
-_NOT_LINEAR = "its effect is not linear (curvature {:.2g}): narrow the tolerance, or vary it with balance sweep"
 
 
 _POINTS = 12
@@ -270,7 +267,7 @@ def tradeoff(
     from ..front_door import tradeoff as found_front
 
     model = options.load_mechanism_option(mechanism, payload)
-    found = found_front(model, motion, site, options.distinct(limit, "--limit"), points)
+    found = found_front(model, motion, site, limit, points)
     options.draw(figure, found.plot)
     return Answer(document(found), lambda: _print_front(found))
 

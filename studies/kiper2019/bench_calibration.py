@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from balance.arrays import Floats
-from balance.cli.framework import emit_table
+from balance.cli.printing import emit_table
 from balance.units import G0
 from testbench.campaign_plan import Plan, PlannedRun
 from testbench.errors import AnalysisError, RigError

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from balance.arrays import Floats
-from balance.cli.framework import emit_table, say
+from balance.cli.printing import emit_table, say
 from balance.units import G0
 from testbench.figures import style
 

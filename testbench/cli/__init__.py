@@ -1,6 +1,6 @@
 """The command ``testbench``."""
 
-from balance.cli.framework import LazyGroup, run
+from balance.cli.framework import run
 
 COMMANDS = {
     "new": ("project", "A folder for a test of your own machine: rig, plan, motion, run table, to be edited."),
@@ -42,14 +42,5 @@ COMMANDS = {
 
 def main() -> None:
     """Run ``testbench``."""
-    import click
-
-    group = LazyGroup(
-        "testbench",
-        package=__name__,
-        lazy=COMMANDS,
-        help="Read test-bench logs into HDF5, find the reduction of vibration, compare it with simulation and print.",
-        context_settings={"help_option_names": ["-h", "--help"]},
-    )
-    click.version_option(package_name="counterpoise")(group)
-    run(group, "testbench")
+    text = "Read test-bench logs into HDF5, find the reduction of vibration, compare it with simulation and print."
+    run("testbench", __name__, COMMANDS, text)

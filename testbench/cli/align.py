@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, Answer, Word, emit_findings, emit_table, say
-from balance.cli.options import argument, command, option
+from balance.cli.framework import EXIT_REFUSED, Answer, Word, argument, command, option
+from balance.cli.printing import emit_findings, emit_table, say
 from balance.results import first_of, table
 
 from . import options
@@ -45,10 +45,10 @@ def align(
         "A channel of each logger, in place of those that the rig suggests.", metavar="REFERENCE=OWN"
     ),
     reference: str | None = option("The group whose clock is the reference; that of the encoders.", metavar="GROUP"),
-    cutoff: float | None = option("Highest frequency that is compared.", metavar="HZ"),
+    cutoff: float | None = options.frequency("Highest frequency that is compared."),
     no_drift: bool = option("The offset alone, the drift taken to be within 100 ppm: short records."),
     mechanism: str | None = option("A mechanism in place of the one that the rig names.", metavar="MECH"),
-    rig: str | None = option("A rig in place of the one stored with the runs."),
+    rig: str | None = options.RIG,
     dry_run: bool = option("Print the result only; store no record in the campaign."),
 ) -> Answer:
     """Align the clocks of the loggers of each RUN (a stored run, or a campaign): offset and drift, with intervals.
@@ -65,8 +65,6 @@ def align(
     from ..synchronization import run_alignment as clocks
     from ..synchronization.event_alignment import METHODS
 
-    if cutoff is not None and not cutoff > 0.0:
-        raise click.UsageError(f"--cutoff {cutoff:g}: expected a positive frequency")
     described = rigs.load_rig(rig) if rig else None
     opened, unopened = options.openable_runs(runs)
     if not dry_run:

@@ -5,8 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from balance.cli.framework import Answer, Word, emit_table, plain_text, say
-from balance.cli.options import FIGURE, SCHEDULER, argument, command, draw, option
+from balance.cli.framework import Answer, Word, argument, command, option
+from balance.cli.options import FIGURE, SCHEDULER, draw
+from balance.cli.printing import emit_table, plain_text, say
 from balance.results import document, first_of, plain, table
 
 from ..signal import METRIC_NAMES
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from ..cross_examination import Examination
     from ..signal import Metric
     from ..signal.filters import Band
-    from ..store import Run
     from ..vibration.comparison import Comparison
     from ..vibration.reduction import Analysis, Reduction
 
@@ -32,8 +32,7 @@ BAND = option(
 def _origins_text(counts: dict[str, int]) -> str:
     """``52 of 52 runs are simulated.``"""
     total = sum(counts.values())
-    parts: Sequence[str] = [f"{count} of {total} runs are {origin}" for origin, count in counts.items()]
-    return "; ".join(parts) + "."
+    return "; ".join(f"{count} of {total} runs are {origin}" for origin, count in counts.items()) + "."
 
 
 @command(
@@ -66,7 +65,6 @@ def analyze(
     Every run is cross-examined first (testbench doctor): a number of which sensors, run table or other runs contradict
     each other is withheld or marked, until its CODE is accepted.
     """
-    options.refuse_unknown_codes(accept)
     from balance.task_pool import task_pool
 
     from ..front_door import analyze as analyzed
@@ -81,7 +79,7 @@ def analyze(
         row["budget"] = plain(one.uncertainty.budgets if one.uncertainty else [])
 
     def show() -> None:
-        _print_reductions(campaign, analysis)
+        print_reductions(campaign, analysis)
         for one in analysis.reductions if budget else ():
             of = f"{one.key}, {one.sensor} along {one.axis}"
             options.print_budgets(of, one.uncertainty.budgets if one.uncertainty else ())
@@ -90,14 +88,8 @@ def analyze(
     return Answer(shown, show, bool(analysis.findings))
 
 
-def print_reductions(campaign: Path, runs: "Sequence[Run]") -> None:
-    """Print the reductions of runs by the usual measure."""
-    from ..front_door import analyze as analyzed
-
-    _print_reductions(campaign, analyzed(runs))
-
-
-def _print_reductions(campaign: Path, analysis: "Analysis") -> None:
+def print_reductions(campaign: Path, analysis: "Analysis") -> None:
+    """Print reductions with their origin, notes and findings."""
     from ..vibration.reduction import Reduction, verdict
 
     say(verdict(analysis.reductions))
@@ -132,9 +124,7 @@ Exit codes: 0 done, 3 done with findings (runs without a partner, what cannot be
 )
 def compare(
     campaign: Path = argument(),
-    table: str | None = option(
-        "Published reductions: a shipped table, kiper2019, or a file.", None, "--published", metavar="NAME"
-    ),
+    published: str | None = option("Published reductions: a shipped table, kiper2019, or a file.", metavar="NAME"),
     mechanism: str | None = option("A mechanism in place of the one that is stored with the runs.", metavar="MECH"),
     metric: "Metric" = METRIC,
     band: "Band | None" = BAND,
@@ -149,9 +139,8 @@ def compare(
     from ..front_door import compare as compared
     from ..store import open_campaign
 
-    options.refuse_unknown_codes(accept)
     runs = open_campaign(campaign).runs
-    comparison = compared(runs, table, metric, band, accept, mechanism)
+    comparison = compared(runs, published, metric, band, accept, mechanism)
     draw(figure, comparison.plot)
 
     def show() -> None:
@@ -166,17 +155,14 @@ def _print_comparison(campaign: Path, comparison: "Comparison") -> None:
     from ..vibration.reduction import verdict
 
     say(verdict([row.analyzed for row in comparison.rows]))
-    place = _place([row.analyzed for row in comparison.rows])
-    table_of = comparison.published
-    columns = (*place, "analyzed_text", "simulated", *(("published",) if table_of else ()), "shaking_force", "origin")
-    title = f"Reduction of the base's vibration, {campaign.name}{f', and of {table_of.name}' if table_of else ''}"
+    source, place = comparison.published, _place([row.analyzed for row in comparison.rows])
+    columns = (*place, "analyzed_text", "simulated", *(["published"] if source else []), "shaking_force", "origin")
+    title = f"Reduction of the base's vibration, {campaign.name}{f', and of {source.name}' if source else ''}"
     emit_table(title, *table(Row, comparison.rows, *columns), comparison.definition)
-    printed = (
-        [f"Published values as printed; amplitudes, according to the source: {table_of.definition}."]
-        if table_of
-        else []
-    )
-    for note in (_origins_text(comparison.origins), *printed, *comparison.notes):
+    say(_origins_text(comparison.origins))
+    if source:
+        say(f"Published values as printed; amplitudes, according to the source: {source.definition}.")
+    for note in comparison.notes:
         say(note)
     options.print_findings(comparison.findings)
 
@@ -214,7 +200,6 @@ def doctor(
     from ..recording import Severity
     from ..store import open_campaign
 
-    options.refuse_unknown_codes(accept)
     stored = open_campaign(campaign).runs
     names = [run.name for run in stored]
     if wrong := [run for run in runs if run not in names]:
@@ -245,10 +230,7 @@ def doctor(
             say(plain_text(f"{one.code}: {one}"))
 
     doubtful = not shown or any(examination.about(run) or run in examination.unexamined for run in shown)
-    told = {
-        "accepted": [plain(vars(one)) for one in recorded],
-        "as_read": [document(finding) for finding in as_read],
-    }
+    told = {"accepted": [plain(vars(one)) for one in recorded], "as_read": as_read}
     return Answer(examination.document(shown) | told, show, doubtful or bool(as_read))
 
 

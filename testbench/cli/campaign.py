@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, Answer, Word, emit_table, plain_text, say
-from balance.cli.options import argument, command, option, progress
+from balance.cli.framework import EXIT_REFUSED, Answer, Word, argument, command, option
+from balance.cli.options import progress
+from balance.cli.printing import emit_table, plain_text, say
 from balance.results import document, table
 
 from . import options

@@ -3,8 +3,9 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from balance.cli.framework import Answer, Word, emit_findings, emit_table, say
-from balance.cli.options import FIGURE, command, draw, option
+from balance.cli.framework import Answer, Word, command, option
+from balance.cli.options import FIGURE, draw
+from balance.cli.printing import emit_findings, emit_table, say
 from balance.results import first_of, table
 
 from . import options
@@ -78,12 +79,11 @@ def identify(
         "--validate",
         metavar="RUN",
     ),
-    accept: tuple[str, ...] = option(
+    accept: tuple[str, ...] = options.contradictions(
         "A contradiction that a person accepts, or mechanism_differs: the rig is of another mechanism than MECH.",
-        metavar="CODE",
-        shell_complete=options.contradiction_codes,
+        "mechanism_differs",
     ),
-    rig: str | None = option("A rig in place of the one stored with the runs."),
+    rig: str | None = options.RIG,
     figure: str | None = FIGURE,
     budget: bool = options.BUDGET,
 ) -> Answer:
@@ -99,9 +99,7 @@ def identify(
     from ..front_door import bound_runs
     from ..front_door import identify as identified
     from ..identification.diagnostics import identification_document
-    from ..identification.records import DIFFERS
 
-    options.refuse_unknown_codes(code for code in accept if code != DIFFERS)
     mechanism, runs = options.split_words(words)
     bound = bound_runs(runs, rig)
     result = identified(mechanism, *bound, by=by, method=method, rig=rig, accept=accept, validate=separate)

@@ -4,23 +4,13 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import (
-    EXIT_REFUSED,
-    EXIT_WITH_FINDINGS,
-    JSON,
-    Answer,
-    Word,
-    complain,
-    emit_json,
-    emit_table,
-    plain_text,
-    say,
-)
-from balance.cli.options import SCHEDULER, argument, command, option, progress
+from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, JSON, Answer, Word, argument, command, option
+from balance.cli.options import SCHEDULER, progress
+from balance.cli.printing import complain, emit_json, emit_table, plain_text, say
 from balance.results import first_of, table
 
 from . import options
@@ -28,6 +18,7 @@ from . import options
 if TYPE_CHECKING:
     from ..ingestion.ingest import Ingest, Outcome
     from ..ingestion.watch_folder import Watch
+    from ..readers import ReadOptions
 
 
 def _known_codes(context: click.Context, parameter: click.Parameter, codes: tuple[str, ...]) -> tuple[str, ...]:
@@ -72,7 +63,8 @@ def ingest(
     by: str | None = options.BY,
     reason: str | None = options.REASON,
     scheduler: str | None = SCHEDULER,
-    **text: Any,  # noqa: ANN401
+    *,
+    reading: "ReadOptions",
 ) -> Answer:
     """Read logs into HDF5, one file a run. A run is stored whole or not at all, and never changes.
 
@@ -80,16 +72,21 @@ def ingest(
     """
     from ..ingestion.log_sources import own_files
 
-    options.refuse_patterns(files)
+    _refuse_patterns(files)
     own = own_files(files, campaign)
     if own:
         complain(
             f"{campaign}: {len(own)} of the files given are the campaign's own runs and no logs; they are left alone"
         )
     logs = [file for file in files if file not in own]
-    work = _work(campaign, rig, accept, options.acceptance(accept, by, reason), text)
+    work = _work(campaign, rig, accept, options.acceptance(accept, by, reason), reading)
     outcomes = _ingest(logs, work, run_table, scheduler)
-    refused = _refusals(outcomes)
+    reasons: dict[str, dict[str, None]] = {}  # each once, with the runs that were refused for it
+    for outcome in outcomes:
+        if outcome.status == "refused":
+            name, mark, why = outcome.message.partition(_FOR_FINDINGS)
+            reasons.setdefault(mark + why, {})[name] = None
+    refused = [first_of(names, 12) + why for why, names in reasons.items()]
     code = EXIT_REFUSED if refused else options.exit_code([f for one in outcomes for f in one.findings], accept)
     return Answer({"runs": outcomes}, lambda: _print(outcomes), refused=refused, code=code)
 
@@ -98,18 +95,18 @@ _FOR_FINDINGS = ": refused for "
 """In what is said of a run that is refused for findings of its logs; it is said once, on its own."""
 
 
-def _refusals(outcomes: "Sequence[Outcome]") -> list[str]:
-    """Each reason of a refusal once, with the runs that it is of."""
-    found: dict[str, dict[str, None]] = {}
-    for outcome in outcomes:
-        if outcome.status == "refused":
-            name, mark, why = outcome.message.partition(_FOR_FINDINGS)
-            found.setdefault(mark + why, {})[name] = None
-    return [first_of(names, 12) + why for why, names in found.items()]
+def _refuse_patterns(files: Iterable[Path]) -> None:
+    """Raise RecordingError for patterns such as ``*.csv`` that the shell passed on because no file matches them."""
+    from ..errors import RecordingError
+    from ..readers.registry import no_such_file
+
+    for file in files:
+        if any(sign in str(file) for sign in "*?") and not file.exists():
+            raise RecordingError(no_such_file(file))
 
 
 def _work(
-    campaign: Path, rig: str | None, accept: Sequence[str], person: dict[str, str] | None, text: dict[str, Any]
+    campaign: Path, rig: str | None, accept: Sequence[str], person: dict[str, str] | None, reading: "ReadOptions"
 ) -> "Ingest":
     """What reads logs into a campaign, by the options of both commands."""
     from ..ingestion import Ingest
@@ -119,7 +116,7 @@ def _work(
         from ..rig import load_rig
 
         described = load_rig(rig)
-    return Ingest(campaign, described, options.read_options(**text), frozenset(accept), person)
+    return Ingest(campaign, described, reading, frozenset(accept), person)
 
 
 def _ingest(files: Sequence[Path], work: "Ingest", run_table: Path | None, scheduler: str | None) -> "list[Outcome]":
@@ -185,13 +182,14 @@ def watch(
     live: bool = option("Also levels and findings of logs that still grow, and the reduction so far."),
     settle: str = option("How long a file must not have changed.", default="2s", metavar="TIME"),
     as_json: bool = JSON,
-    **text: Any,  # noqa: ANN401
+    *,
+    reading: "ReadOptions",
 ) -> int:
     """Ingest what arrives in FOLDER, each log once, also after a crash. What is refused is said, and the next comes."""
     from balance.units import parse
 
     from ..errors import RecordingError
-    from ..ingestion.watch_folder import Watch, WatchedRunTable
+    from ..ingestion.watch_folder import Watch, WatchedRunTable, knows_all_writers
 
     if live and once:
         raise click.UsageError("--live follows logs while they grow: leave out --once")
@@ -204,28 +202,21 @@ def watch(
         raise RecordingError(
             f"{folder}: is the campaign's folder too: its runs would arrive as logs; name another (-o)"
         )
-    work = _work(campaign, rig, accept, options.acceptance(accept, by, reason), text)
+    work = _work(campaign, rig, accept, options.acceptance(accept, by, reason), reading)
     watching = Watch(folder, work, parse(settle, "time"))
     watching.store_unnamed = unnamed == "store"
     if run_table is not None:
         watching.run_table = WatchedRunTable(run_table, watching.settle_s)
     if not once:
-        _follow(watching, live)
+        click.echo(f"watching {plain_text(str(watching.folder))}; Ctrl-C ends it", err=True)
+        if not knows_all_writers():
+            click.echo(
+                "whether a process still writes a log is known of this user's alone, if at all: a log is stored once "
+                "it has rested; if it grows later, its run is marked incomplete until its next version is stored",
+                err=True,
+            )
+        _say(watching.forever(_live(watching) if live else lambda: None), quiet=False)
     return _last_pass(watching, accept, as_json)
-
-
-def _follow(watching: "Watch", live: bool) -> None:
-    """Ingest what arrives until Ctrl-C."""
-    from ..ingestion.watch_folder import knows_all_writers
-
-    click.echo(f"watching {plain_text(str(watching.folder))}; Ctrl-C ends it", err=True)
-    if not knows_all_writers():
-        click.echo(
-            "whether a process still writes a log is known of this user's alone, if at all: a log is stored once "
-            "it has rested; if it grows later, its run is marked incomplete until its next version is stored",
-            err=True,
-        )
-    _say(watching.forever(_live(watching) if live else lambda: None), quiet=False)
 
 
 def _last_pass(watching: "Watch", accept: tuple[str, ...], as_json: bool) -> int:
@@ -253,8 +244,8 @@ def _live(watching: "Watch") -> Callable[[], None]:
     """Prints levels, clipping and dead channels of each log that grew since last, then the reduction so far."""
     from balance.errors import CounterpoiseError
 
+    from ..front_door import analyze
     from ..quality.log_description import describe_log
-    from ..store import open_campaign
     from .analyze import print_reductions
     from .logs import print_description
 
@@ -275,7 +266,7 @@ def _live(watching: "Watch") -> Callable[[], None]:
         if stored != analyzed:
             analyzed = stored
             try:
-                print_reductions(campaign, open_campaign(campaign).runs)
+                print_reductions(campaign, analyze(campaign))
             except CounterpoiseError as error:
                 say("\n".join(map(plain_text, f"No reduction yet: {error}".splitlines())))
 
@@ -294,7 +285,6 @@ def _say(outcomes: "Iterable[Outcome]", quiet: bool) -> "list[Outcome]":
         elif not quiet:
             name = plain_text(outcome.source)
             say(f"{name}: {outcome.status.replace('_', ' ')} as {plain_text(outcome.file or '-')}")
-            options.print_reading_findings(
-                name, (("", f) for f in outcome.findings if f.severity > 0 and f.code != "already_stored")
-            )
+            odd = (one for one in outcome.findings if one.severity > 0 and one.code != "already_stored")
+            options.print_reading_findings(name, (("", one) for one in odd))
     return reported

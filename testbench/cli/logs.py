@@ -1,20 +1,19 @@
 """``testbench info`` and ``testbench formats``: what a log holds, and which logs can be read."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import Answer, emit_table, plain_text, say
-from balance.cli.options import argument, command, option
+from balance.cli.framework import Answer, argument, command, option
+from balance.cli.printing import emit_table, plain_text, say
 from balance.results import table
 
 from . import options
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from ..quality.log_description import Description
+    from ..readers import ReadOptions
 
 STATS = ("n", "not_finite", "min", "max", "mean", "first", "last")
 SHOWN_GROUPS, SHOWN_CHANNELS = 50, 500
@@ -34,14 +33,15 @@ Exit codes: 0 nothing odd, 3 findings, 1 would be refused or cannot be read."""
 def info(
     file: Path = argument(),
     stats: bool = option("Also count, min, max, mean, first and last of each channel."),
-    **text: Any,  # noqa: ANN401
+    *,
+    reading: "ReadOptions",
 ) -> Answer:
     """What a log file holds, and what is odd in it. Reads the whole file, keeps nothing."""
     from ..quality.log_description import describe_log
     from ..recording import Refusal, refusing_findings
 
     try:
-        found = describe_log(file, options.read_options(**text))
+        found = describe_log(file, reading)
     except Refusal as refusal:
         unread = {"format": None, "groups": [], "findings": [refusal.finding]}
         return Answer(unread, lambda: None, refused=[str(refusal)])
@@ -68,23 +68,22 @@ Shipped descriptions: `testbench files`."""
 def describe(
     file: Path = argument(),
     output: Path | None = option("The file to write; else it is printed.", None, "-o", "--output"),
-    **text: Any,  # noqa: ANN401
-) -> int:
+    *,
+    reading: "ReadOptions",
+) -> None:
     """Write how a log is read, as detected: an import description, to be corrected and given with --as."""
     from ..errors import RecordingError
     from ..quality.log_description import describe_log, written_description
 
-    read = options.read_options(**text)
-    written = written_description(file, read, describe_log(file, read))
+    written = written_description(file, reading, describe_log(file, reading))
     if output is None:
         click.echo(written, nl=False)
-        return 0
+        return
     try:
         with output.open("x", encoding="utf-8") as stream:
             stream.write(written)
     except FileExistsError:
         raise RecordingError(f"{output}: is there already; nothing was written") from None
-    return 0
 
 
 def print_description(found: "Description", stats: bool) -> None:
@@ -104,8 +103,13 @@ def print_description(found: "Description", stats: bool) -> None:
             more, numbers = table(ChannelStats, check.stats[:SHOWN_CHANNELS], *STATS)
             header, rows = header + more, [row + cells for row, cells in zip(rows, numbers, strict=True)]
         rate = f", {check.rate_hz:.6g} Hz ({check.rate_source})" if check.rate_hz else ", no rate"
+        times = clock(check) or {}  # in seconds where the unit of time is known
+        unit = next((end for end in ("_s", "") if times.get(f"t_last{end}") is not None), None)
+        span = (
+            "" if unit is None else f", {times['t_first' + unit]:g} to {times['t_last' + unit]:g} {unit[1:]}".rstrip()
+        )
         start = f"\n  started {plain_text(str(check.start_time))}" if check.start_time else ""
-        say(f"{plain_text(check.group.name)}: {check.samples} samples{rate}{_span(clock(check) or {})}{start}")
+        say(f"{plain_text(check.group.name)}: {check.samples} samples{rate}{span}{start}")
         emit_table("", header, rows)
         _say_more(len(check.stats) - SHOWN_CHANNELS, "channels")
     _say_more(len(found.groups) - SHOWN_GROUPS, "groups")
@@ -118,14 +122,6 @@ def print_description(found: "Description", stats: bool) -> None:
 def _say_more(number: int, of: str) -> None:
     if number > 0:
         say(f"and {number} more {of}; --json lists all")
-
-
-def _span(times: "Mapping[str, float | int | None]") -> str:
-    """From when to when, in seconds where the unit of time is known."""
-    for unit in ("_s", ""):
-        if times.get(f"t_last{unit}") is not None:
-            return f", {times[f't_first{unit}']:g} to {times[f't_last{unit}']:g}{unit.replace('_', ' ')}"
-    return ""
 
 
 @command(
@@ -142,6 +138,5 @@ def formats() -> Answer:
     known = readers()
     rows = [[r.name, " ".join(r.extensions), r.needs or "nothing more"] for r in known]
     document = [{"name": r.name, "extensions": list(r.extensions), "needs": r.needs or None} for r in known]
-    return Answer(
-        {"formats": document}, lambda: emit_table(f"Formats: {len(rows)}", ["format", "extensions", "needs"], rows)
-    )
+    header = ["format", "extensions", "needs"]
+    return Answer({"formats": document}, lambda: emit_table(f"Formats: {len(rows)}", header, rows))

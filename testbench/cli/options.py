@@ -2,19 +2,19 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, Word, emit_findings, emit_table, plain_text, say
-from balance.cli.options import Read, argument, option
+from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, Read, Word, argument, option
+from balance.cli.printing import emit_findings, emit_table, plain_text, say
 from balance.results import first_of
 
 if TYPE_CHECKING:
     from balance.estimation.uncertainty_budget import Budget
 
-    from ..readers import ReadOptions
     from ..recording import Finding
     from ..runs.calibration_history import CalibrationInForce
     from ..runs.si_run import SIRun
@@ -26,7 +26,6 @@ LONGEST = 2000
 T = TypeVar("T")
 _DELIMITERS = ("comma", "semicolon", "tab", "bar", "blanks")
 _DECIMALS = {"point": ".", "comma": ","}
-_ORDERS = ("dmy", "mdy", "ymd")
 
 
 def _band(text: str) -> "Band | None":
@@ -36,20 +35,44 @@ def _band(text: str) -> "Band | None":
     return band_of(text)
 
 
+def _positive(_context: click.Context, parameter: click.Parameter, hertz: float | None) -> float | None:
+    if hertz is not None and not hertz > 0.0:
+        raise click.UsageError(f"{parameter.opts[0]} {hertz:g}: expected a positive frequency")
+    return hertz
+
+
+def frequency(text: str, **attributes: Any) -> Any:  # noqa: ANN401
+    """An option of a frequency above zero [Hz]."""
+    return option(text, metavar="HZ", callback=_positive, **attributes)
+
+
 BAND_TEXT = Read("lo..hi", _band)
+RIG = option("A rig in place of the one stored with the runs.")
 
 
-def contradiction_codes(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
-    """What the shell completes after ``--accept``."""
-    from ..cross_examination import ADVICE
+def contradictions(text: str, *others: str) -> Any:  # noqa: ANN401
+    """``--accept``: codes of contradictions, completed by the shell, or ``others``; no other is let pass."""
 
-    return [code for code in sorted(ADVICE) if code.startswith(incomplete)]
+    def completed(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
+        from ..cross_examination import ADVICE
+
+        return [code for code in sorted(ADVICE) if code.startswith(incomplete)]
+
+    def known(_context: click.Context, _parameter: click.Parameter, codes: tuple[str, ...]) -> tuple[str, ...]:
+        from ..cross_examination import ADVICE
+
+        if wrong := [code for code in codes if code not in ADVICE and code not in others]:
+            raise click.UsageError(
+                f"--accept {wrong[0]}: no such contradiction: expected {', '.join(sorted(ADVICE))}"
+            )
+        return codes
+
+    return option(text, metavar="CODE", shell_complete=completed, callback=known)
 
 
-ACCEPT = option(
-    "Code of a contradiction that a person accepts: its numbers are given, marked. Give it again for more.",
-    metavar="CODE", shell_complete=contradiction_codes,
-)  # fmt: skip
+ACCEPT = contradictions(
+    "Code of a contradiction that a person accepts: its numbers are given, marked. Give it again for more."
+)
 BY = option("Who accepts it, for the ledger; with --reason.", metavar="NAME")
 REASON = option("Why it is accepted.", metavar="TEXT")
 
@@ -73,14 +96,6 @@ def one_line(option: str, text: str | None) -> str:
     if not line.isprintable() or len(line) > LONGEST:
         raise click.UsageError(f"{option}: expected printable text of up to {LONGEST} characters")
     return line
-
-
-def refuse_unknown_codes(accepted: Iterable[str]) -> None:
-    """Fail as a wrong command line for a code that no contradiction has."""
-    from ..cross_examination import ADVICE
-
-    if wrong := [code for code in accepted if code not in ADVICE]:
-        raise click.UsageError(f"--accept {wrong[0]}: no such contradiction: expected {', '.join(sorted(ADVICE))}")
 
 
 MECHANISM_AND_RUNS = argument("[MECH] RUN...", required=True)
@@ -155,54 +170,49 @@ def _one_description(_context: click.Context, _parameter: click.Parameter, given
     return given[0] if given else None
 
 
-def text_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options of text logs that replace detection."""
-    for one in reversed((
-        click.option("--encoding", metavar="NAME", help="Encoding of texts, such as cp1254; else detected."),
-        click.option("--delimiter", type=Word(_DELIMITERS), help="Delimiter of texts; else detected."),
-        click.option("--decimal", type=Word([*_DECIMALS]), help="Decimal mark of texts; else detected."),
-        click.option("--header/--no-header", default=None, help="Whether texts begin with names; else detected."),
-        click.option("--date-order", type=Word([*_ORDERS]),
-                     help="Order in dates such as 03/04/2024 or 24/03/04; else as a number above 12 shows."),
-        click.option("--as", "described", metavar="DESCRIPTION", multiple=True, callback=_one_description,
-                     help="An import description, or a shipped one by name; `testbench describe FILE` writes one."),
-    )):  # fmt: skip
-        command = one(command)
-    return command
+_TEXT_OPTIONS = {
+    "encoding": option("Encoding of texts, such as cp1254; else detected.", metavar="NAME"),
+    "delimiter": option("Delimiter of texts; else detected.", Word(_DELIMITERS)),
+    "decimal": option("Decimal mark of texts; else detected.", Word([*_DECIMALS])),
+    "header": option("Whether texts begin with names; else detected.", None, "--header/--no-header", default=None),
+    "date_order": option(
+        "Order in dates such as 03/04/2024 or 24/03/04; else as a number above 12 shows.", Word(["dmy", "mdy", "ymd"])
+    ),
+    "described": option(
+        "An import description, or a shipped one by name; `testbench describe FILE` writes one.", None, "--as",
+        metavar="DESCRIPTION", multiple=True, callback=_one_description,
+    ),
+}  # fmt: skip
 
 
-def read_options(
-    encoding: str | None,
-    delimiter: str | None,
-    decimal: str | None,
-    header: bool | None,
-    date_order: str | None = None,
-    described: str | None = None,
-) -> "ReadOptions":
-    """The options in the form of the readers."""
-    from ..readers import ReadOptions
-    from ..readers.csv.dialect import DELIMITERS
+def text_options(command: Callable[..., T]) -> Callable[..., T]:
+    """Add the options of text logs that replace detection; the command takes them together, as ``reading``."""
 
-    if described is not None:
-        from ..readers.import_description import ImportDescription
-    return ReadOptions(
-        encoding,
-        None if delimiter is None else DELIMITERS[delimiter],
-        None if decimal is None else _DECIMALS[decimal],
-        header,
-        date_order,
-        None if described is None else ImportDescription.load(described),
-    )
+    @wraps(command)
+    def with_reading(
+        *,
+        encoding: str | None,
+        delimiter: str | None,
+        decimal: str | None,
+        header: bool | None,
+        date_order: str | None,
+        described: str | None,
+        **given: Any,  # noqa: ANN401
+    ) -> T:
+        from ..readers import ReadOptions
+        from ..readers.csv.dialect import DELIMITERS
 
+        description = None
+        if described is not None:
+            from ..readers.import_description import ImportDescription
 
-def refuse_patterns(files: Iterable[Path]) -> None:
-    """Raise RecordingError for patterns such as ``*.csv`` that the shell passed on because no file matches them."""
-    from ..errors import RecordingError
-    from ..readers.registry import no_such_file
+            description = ImportDescription.load(described)
+        between, mark = DELIMITERS.get(delimiter or ""), _DECIMALS.get(decimal or "")
+        return command(reading=ReadOptions(encoding, between, mark, header, date_order, description), **given)
 
-    for file in files:
-        if any(sign in str(file) for sign in "*?") and not file.exists():
-            raise RecordingError(no_such_file(file))
+    for name, declared in reversed(_TEXT_OPTIONS.items()):
+        with_reading = declared(name, str)(with_reading)
+    return with_reading
 
 
 def exit_code(findings: Iterable["Finding"], accepted: Iterable[str] = ()) -> int:
@@ -252,9 +262,9 @@ def openable_runs(paths: Sequence[Path]) -> "tuple[list[Run], list[NotOpened]]":
 
     runs, refused = [], []
     for path in paths:
+        opened, files = [], [path]
         try:
-            files = open_campaign(path).run_paths if path.is_dir() else [path]
-            opened = []
+            files = open_campaign(path).run_paths if path.is_dir() else files
         except StoreError as error:
             refused.append(NotOpened(path.name, str(error)))
             continue

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import click
 
-from balance.cli.framework import Answer
-from balance.cli.options import FIGURE, argument, command, draw, option
+from balance.cli.framework import Answer, argument, command, option
+from balance.cli.options import FIGURE, draw
 
 from ..errors import AnalysisError
 

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import Answer, Word, emit_table, plain_text, say
-from balance.cli.options import Read, argument, command, option
+from balance.cli.framework import Answer, Read, Word, argument, command, option
+from balance.cli.printing import emit_table, plain_text, say
 from balance.results import document, table
 
 from . import options
@@ -69,7 +69,7 @@ def check(folder: Path = argument(), logs: tuple[Path, ...] = argument("[LOG]...
     problems, notes = ([one for one in found if one.is_note is wanted] for wanted in (False, True))
 
     def show() -> None:
-        number = f"{len(problems)} problem{'s' if len(problems) > 1 else ''}"
+        number = f"{len(problems)} problem{'s' * (len(problems) > 1)}"
         say(f"{plain_text(str(folder))}: {number if problems else 'nothing is missing and nothing contradicts'}.")
         for title, rows in (("Problems", problems), ("Notes: for simulated logs alone", notes)):
             if rows:
@@ -136,7 +136,6 @@ def next_run(
     a run with or without counter-masses; of a first moment it may be a run of another motion or acceleration, simulated
     on the bench of the rig that is stored with the runs to see what it would show.
     """
-    options.refuse_unknown_codes(accept)
     if question == "reduction" and site:
         raise click.UsageError("--site is of first moments and counter-masses: give --for first-moment")
     if question != "reduction" and axis:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from balance.cli.framework import EXIT_REFUSED, JSON, Answer, emit_json, emit_table, say
-from balance.cli.options import argument, command, option
+from balance.cli.framework import EXIT_REFUSED, JSON, Answer, argument, command, option
+from balance.cli.printing import emit_json, emit_table, say
 from balance.results import document, table
 
 from .. import public_recordings as public

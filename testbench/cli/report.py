@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from balance.cli.framework import Answer, Detail, Word, emit_parts, emit_table, json_text, say
-from balance.cli.options import SCHEDULER, Read, argument, command, option
+from balance.cli.framework import Answer, Read, Word, argument, command, option
+from balance.cli.options import SCHEDULER
+from balance.cli.printing import Detail, cells, emit_parts, emit_table, json_text, say
+from balance.results import NO_VALUE
 
 from ..signal import METRIC_NAMES
 from . import options
@@ -16,13 +18,16 @@ if TYPE_CHECKING:
     from ..report import RunReport
     from ..signal import Metric
     from ..signal.filters import Band
-    from ..store import Run
 
 PARTS = (
     "motions.found", "command.axes", "command.encoder_noise", "modes.modes", "response.rows", "wrench.components",
     "torque.drives", "torque.definitions",
 )  # fmt: skip
 """What of a run's report is printed for who asks for everything."""
+_VIBRATION = {
+    "sensor": "sensor", "axis": "component", "peak": "peak_m_s2:.4g", "peak to peak": "peak_to_peak_m_s2:.4g",
+    "RMS": "rms_m_s2:.4g", "spectrum peaks [Hz]": "peaks",
+}  # fmt: skip
 
 
 def print_report(found: "RunReport") -> None:
@@ -33,14 +38,17 @@ def print_report(found: "RunReport") -> None:
     from ..figures.style import condition_of, origin_of
 
     about = dict.fromkeys([found.run.name, condition_of(found.run)])
-    strongest = max(found.parts["vibration"].get("axes", ()), key=lambda a: a["peak_to_peak_m_s2"], default=None)
+    axes = found.parts["vibration"].get("axes", ())
+    strongest = max(axes, key=lambda axis: axis["peak_to_peak_m_s2"], default=None)
+    largest = "vibration of the base unknown"
     if strongest:
         largest = f"base {strongest['peak_to_peak_m_s2']:.4g} m/s2 peak to peak along {strongest['component']}"
-    else:
-        largest = "vibration of the base unknown"
     say(f"{origin_of([found.run])}{': '.join(about)}: {largest}; {len(found.findings)} findings.")
     if strongest:
-        _print_vibration(found.parts["vibration"])
+        peaks = [", ".join(f"{p['frequency_hz']:.1f}" for p in axis["spectrum_peaks"]) or NO_VALUE for axis in axes]
+        rows = [{**axis, "peaks": text} for axis, text in zip(axes, peaks, strict=True)]
+        definitions = "; ".join(found.parts["vibration"]["definitions"].values())
+        emit_table("Vibration of the base [m/s2]", *cells(rows, _VIBRATION), definitions)
     for name, part in found.parts.items():
         if "reason" in part:
             say(f"No {name}: {part['reason']}")
@@ -50,16 +58,6 @@ def print_report(found: "RunReport") -> None:
     if Detail.everything:
         emit_parts(found.as_dict(), PARTS)
     say("")
-
-
-def _print_vibration(part: dict[str, Any]) -> None:
-    rows = [
-        [a["sensor"], a["component"], *(f"{a[f'{m}_m_s2']:.4g}" for m in METRIC_NAMES),
-         ", ".join(f"{p['frequency_hz']:.1f}" for p in a["spectrum_peaks"]) or "-"]
-        for a in part["axes"]
-    ]  # fmt: skip
-    header = ["sensor", "axis", "peak", "peak to peak", "RMS", "spectrum peaks [Hz]"]
-    emit_table("Vibration of the base [m/s2]", header, rows, "; ".join(part["definitions"].values()))
 
 
 def _point(text: str) -> tuple[float, ...]:
@@ -91,13 +89,11 @@ def report(
     band: "Band | None" = option(
         "Of vibration and forces [Hz], zero-phase Butterworth; none: all.", options.BAND_TEXT, default="0..200"
     ),
-    bandwidth: float = option("Of accelerations from encoders and of torques [Hz].", default=80.0, metavar="HZ"),
+    bandwidth: float = options.frequency("Of accelerations from encoders and of torques [Hz].", default=80.0),
     mechanism: str | None = option("A mechanism in place of the one that the rig names.", metavar="MECH"),
     published: str | None = option("On the page: published reductions, kiper2019 or a file.", metavar="NAME"),
     metric: "Metric" = option(
-        "On the page: what an amplitude is whose reduction is shown.",
-        Word(METRIC_NAMES),
-        default="peak_to_peak",
+        "On the page: what an amplitude is whose reduction is shown.", Word(METRIC_NAMES), default="peak_to_peak"
     ),
     accept: tuple[str, ...] = options.ACCEPT,
     scheduler: str | None = SCHEDULER,
@@ -123,11 +119,9 @@ def report(
     from ..figures.style import origin_of
     from ..report import Reporting
     from ..report.campaign_page import torques_compared
+    from ..report.run_report import draw
     from ..vibration.metrics import Measure
 
-    options.refuse_unknown_codes(accept)
-    if not bandwidth > 0.0:
-        raise click.UsageError(f"--bandwidth {bandwidth:g}: expected a positive frequency")
     if output and output.suffix.lower() == ".html":
         given = click.get_current_context().get_parameter_source("band") is not ParameterSource.DEFAULT
         measure = Measure(metric, band) if given else Measure(metric)
@@ -148,7 +142,11 @@ def report(
         **options.provenance(opened),
         "refused": refused,
     }
-    written = _write(output, opened, document, mechanism, bandwidth) if output and opened else []
+    written = []
+    if output and opened:
+        output.mkdir(parents=True, exist_ok=True)
+        written = [*draw(opened, output, mechanism, bandwidth), output / "report.json"]
+        written[-1].write_text(json_text(document) + "\n", encoding="utf-8")
 
     def show() -> None:
         if len(found) > 1:
@@ -191,16 +189,3 @@ def _page(runs: tuple[Path, ...], output: Path, scheduler: str | None, **how: An
 
     document = {**page.document, "refused": refused, "written": [str(path)]}
     return Answer(document, show, bool(findings), refused=refused)
-
-
-def _write(
-    folder: Path, runs: "list[Run]", document: dict[str, Any], mechanism: str | None, bandwidth: float
-) -> list[Path]:
-    """Write figures and the JSON document into a folder, which is made if needed."""
-    from ..report.run_report import draw
-
-    folder.mkdir(parents=True, exist_ok=True)
-    written = draw(runs, folder, mechanism, bandwidth)
-    target = folder / "report.json"
-    target.write_text(json_text(document) + "\n", encoding="utf-8")
-    return [*written, target]

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from balance.cli.framework import say
-from balance.cli.options import SCHEDULER, command, option, progress
+from balance.cli.framework import command, option
+from balance.cli.options import SCHEDULER, progress
+from balance.cli.printing import say
 
 if TYPE_CHECKING:
     from ..rig import Rig

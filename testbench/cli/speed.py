@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import Answer, Word, emit_findings, emit_table, say
-from balance.cli.options import FIGURE, Quantity, argument, command, draw, option
+from balance.cli.framework import Answer, Quantity, Word, argument, command, option
+from balance.cli.options import FIGURE, draw
+from balance.cli.printing import emit_findings, emit_table, say
 from balance.results import document
 
 if TYPE_CHECKING:

@@ -2,10 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-import click
-
-from balance.cli.framework import Answer, Word, emit_findings, emit_table, say
-from balance.cli.options import FIGURE, command, draw, option
+from balance.cli.framework import Answer, Word, command, option
+from balance.cli.options import FIGURE, draw
+from balance.cli.printing import emit_findings, emit_table, say
 from balance.results import counted, first_of, table
 
 from . import options
@@ -41,10 +40,10 @@ def trim(
         "--by",
         multiple=True,
     ),
-    cutoff: float | None = option(
-        "Highest frequency of what was measured and model alike.  [default: as is best for the source]", metavar="HZ"
+    cutoff: float | None = options.frequency(
+        "Highest frequency of what was measured and model alike.  [default: as is best for the source]"
     ),
-    rig: str | None = option("A rig in place of the one stored with the runs."),
+    rig: str | None = options.RIG,
     figure: str | None = FIGURE,
     accept: tuple[str, ...] = options.ACCEPT,
     budget: bool = options.BUDGET,
@@ -64,9 +63,6 @@ def trim(
     from ..front_door import trim as trimmed
     from ..trimming.result import trim_document
 
-    options.refuse_unknown_codes(accept)
-    if cutoff is not None and not cutoff > 0.0:
-        raise click.UsageError(f"--cutoff {cutoff:g}: expected a positive frequency")
     mechanism, runs = options.split_words(words)
     bound = bound_runs(runs, rig)
     result = trimmed(mechanism, *bound, sites=site, stock=stock, by=sources, cutoff_hz=cutoff, accept=accept)

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import Answer, Word, emit_findings, emit_table, say
-from balance.cli.options import FIGURE, argument, command, draw, option
+from balance.cli.framework import Answer, Word, argument, command, option
+from balance.cli.options import FIGURE, draw
+from balance.cli.printing import emit_findings, emit_table, say
 
 from ..signal import METRIC_NAMES
 from . import options

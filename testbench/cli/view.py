@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-from balance.cli.framework import complain
-from balance.cli.options import BROWSER, IDLE, PORT, argument, command, serve
+from balance.cli.framework import argument, command
+from balance.cli.options import BROWSER, IDLE, PORT, serve
+from balance.cli.printing import complain
 
 from . import options
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 import pytest
 
-from balance.cli.framework import FirstLine, emit_parts, words
+from balance.cli.printing import FirstLine, emit_parts, words
 
 from .. import models
 

@@ -8,7 +8,6 @@ import shutil
 import pytest
 from click.testing import CliRunner
 
-from balance.cli.framework import Detail
 from balance.datasets import find_dataset
 from testbench.cli.align import align
 from testbench.cli.trim import trim
@@ -37,13 +36,6 @@ def aligned(campaign, tmp_path_factory):
 def trimmed(campaign):
     """The document of ``trim``, MECH as it is stored with the runs."""
     return json.loads(invoke(trim, campaign, "--json", "--budget"))
-
-
-@pytest.fixture
-def everything(monkeypatch):
-    """All tables and notes, as with --all, which a command has only once the whole program was called."""
-    monkeypatch.setattr(trim, "params", [one for one in trim.params if "--all" not in one.opts])
-    monkeypatch.setattr(Detail, "everything", True)
 
 
 def invoke(command, *arguments, expected=0) -> str:
@@ -160,20 +152,20 @@ def test_a_doubtful_trim_says_what_to_do(campaign, monkeypatch):
     assert "Verdict: doubtful. Before anything is mounted, mend what is named below (testbench doctor RUN)" in first
 
 
-def test_trim_for_people(aligned, tmp_path, everything):
+def test_trim_for_people(aligned, tmp_path):
     """The text says what to add where, how it was found, and that the runs are simulated; plates are named."""
     shelf = tmp_path / "shelf.csv"
     shelf.write_text("name,mass_kg,quantity\nP400,0.4,6\n", encoding="utf-8")
-    text = invoke(trim, "parallelogram-6bar", aligned[0], "--stock", shelf)
+    text = invoke(trim, "parallelogram-6bar", aligned[0], "--stock", shelf, "--all")
     for words in ("Add 0.800 kg at counter_A0A = 2 P400", "base's motion taken out", "simulated", "Verdict: add"):
         assert words in text
 
 
-def test_plates_that_are_too_heavy(aligned, tmp_path, everything):
+def test_plates_that_are_too_heavy(aligned, tmp_path):
     """Said as such beside the verdict, not as if nothing were missing; each line says which source it is of."""
     shelf = tmp_path / "shelf.csv"
     shelf.write_text("name,mass_kg,quantity\nP5,5.0,4\n", encoding="utf-8")
-    text = invoke(trim, "parallelogram-6bar", aligned[0], "--stock", shelf)
+    text = invoke(trim, "parallelogram-6bar", aligned[0], "--stock", shelf, "--all")
     assert "bring it nearer: what is missing stays: 0.8" in text
     assert f"Verdict: add, but not from {shelf}" in text
     assert "Add nothing" not in text

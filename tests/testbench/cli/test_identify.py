@@ -7,7 +7,6 @@ import pytest
 from click.testing import CliRunner
 
 from balance import datasets
-from balance.cli.framework import Detail
 from balance.mechanism.mjcf_parser import load_mechanism
 from testbench import rig as rigs
 from testbench.cli.identify import identify
@@ -80,11 +79,9 @@ def test_document(found):
         assert 0.2 * (high - low) < budget["expanded_uncertainty"] < 0.6 * (high - low)
 
 
-def test_tables_and_figure(run, tmp_path, monkeypatch):
+def test_tables_and_figure(run, tmp_path):
     """The verdict comes first, then its scale, the combination, its interval, the unexplained torque; and a figure."""
-    monkeypatch.setattr(identify, "params", [one for one in identify.params if "--all" not in one.opts])
-    monkeypatch.setattr(Detail, "everything", True)
-    text = invoke(ARM, run, "--method", "ls", "--figure", tmp_path / "torque.svg")
+    text = invoke(ARM, run, "--method", "ls", "--figure", tmp_path / "torque.svg", "--all")
     for words in ("mcx[link_1] + 0.3 m[link_2]", "origin simulated", "RMS ratio below cutoff", "ratios of first"):
         assert words in text
     assert text.startswith("Verdict: usable up to a torque scale; ")

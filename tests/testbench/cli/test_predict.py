@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from matplotlib.figure import Figure
 
 from balance import datasets
-from balance.cli.framework import json_text
+from balance.cli.printing import json_text
 from balance.errors import DataError
 from studies.kiper2019 import bench_calibration, bench_model, validation
 from testbench.campaign_plan import load_plan

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from balance.cli.framework import SHOWN_PER_KIND
+from balance.cli.printing import SHOWN_PER_KIND
 from testbench.cli.options import print_reading_findings
 from testbench.recording import Finding
 from testbench.store import open_run

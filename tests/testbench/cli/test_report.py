@@ -7,7 +7,6 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from balance.cli.framework import Detail
 from testbench.cli.report import report
 
 
@@ -24,12 +23,10 @@ def pair(brief):
     return brief.campaign / "r005.h5", brief.campaign / "r006.h5"
 
 
-def test_text_has_every_part_and_says_simulated(pair, monkeypatch):
+def test_text_has_every_part_and_says_simulated(pair):
     """The base's vibration with its definition, with --all a table a part; units in one spelling, in every table."""
     assert "Torque, drives" not in invoke(pair[0])
-    monkeypatch.setattr(report, "params", [one for one in report.params if "--all" not in one.opts])
-    monkeypatch.setattr(Detail, "everything", True)
-    text = invoke(*pair)
+    text = invoke(*pair, "--all")
     assert re.match(r"Simulated: 2 runs, \d+ findings\.\n\nSimulated: r005: payload 5 kg, motion x, peak 3 g0", text)
     for words in (
         "Motions",

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from balance.cli.framework import json_text
+from balance.cli.printing import json_text
 from balance.task_pool import HERE
 from testbench.cross_examination.examination import examine
 from testbench.report import Reporting
@@ -43,7 +43,7 @@ def test_examination(pair_built):
 def test_analysis_in_copies_of_this_process(brief, tmp_path):
     """Runs, sides, and conditions are shared out: the same document, to the last bit; in a process without threads."""
     code = """import sys
-from balance.cli.framework import json_text
+from balance.cli.printing import json_text
 from balance.results import document
 from balance.task_pool import HERE, TaskPool, _can_fork
 import testbench

@@ -8,7 +8,7 @@ import pytest
 from rich.cells import cell_len
 
 from balance import cli as balance
-from balance.cli import framework
+from balance.cli import printing
 from testbench import cli as testbench
 
 from ...commands import assert_fits, call, held_to_widths
@@ -123,7 +123,7 @@ def test_characters_that_are_two_wide(width):
     """In title, header, cells and note, words between spaces or without any: no line takes more of the terminal."""
     name, words = "平衡質量の位置" * 3, "上の 腕の 反対側 " * 15
     rows = [[name, f"{i}.25", words, "-"] for i in range(2)]
-    lines = framework.table_lines(words, ["位置", "質量 [kg]", name, "他"], rows, "注" * 150, width)
+    lines = printing.table_lines(words, ["位置", "質量 [kg]", name, "他"], rows, "注" * 150, width)
     assert max(cell_len(click.unstyle(line)) for line in lines) <= width
     assert "注" * (width // 2) in lines
 
