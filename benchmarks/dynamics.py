@@ -24,7 +24,6 @@ from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism
 from balance.mechanism.tape import compiled_loop
 from balance.motion import Samples
-from balance.motion.driven_coordinates import PointDrive
 from balance.motion.motion_files import load_motion
 
 REQUIRED = {"serial-1r": 20, "serial-2r": 20, "serial-3r": 20, "four-bar": 120, "parallelogram-6bar": 120,
@@ -69,9 +68,9 @@ class Peer:
     def _point(self, mechanism: Mechanism, samples: Samples) -> int | None:
         if samples.joints:
             return None
-        drive = samples.drive(mechanism)
-        assert isinstance(drive, PointDrive)
-        return self._frame(drive.joint, drive.offset)
+        point = samples.drive(mechanism).point
+        assert point is not None
+        return self._frame(*point)
 
     def run(self, samples: Samples, q: Floats) -> tuple[Floats, Floats]:
         """Shaking wrench (n, 6) and drive torques (n, motors), starting near the configuration ``q``."""

@@ -16,10 +16,10 @@ import numpy as np
 from ..arrays import Floats
 from ..closure import Closure
 from ..dynamics.inverse_dynamics import body_momentum
+from ..dynamics.regressor import regressor_program
 from ..errors import ModelError
-from ..mechanism import forward_kinematics, loop_constraints
+from ..mechanism.loop_constraints import constraints_at
 from ..mechanism.mechanism import PARAMETERS, Mechanism
-from ..mechanism.sparse_components import Entry
 from ..results import frame
 
 if TYPE_CHECKING:
@@ -360,33 +360,17 @@ def _extended_momentum_space(
     States are closed to that precision by Newton's method with the inverse in double precision. Raises UndecidedRank.
     """
     tree, loops = closure.mechanism.tree, closure.mechanism.loops
-    q = closure.states(2 * STATES).astype(np.longdouble).T
-    v = closure.velocities(q.T.astype(float)).astype(np.longdouble).T
+    q = closure.states(2 * STATES).astype(np.longdouble)
+    v = closure.velocities(q.astype(float)).astype(np.longdouble)
     for _ in range(3):
-        at = forward_kinematics.pose(tree, q)
-        jacobian = _stacked(loop_constraints.constraint_jacobian(loops, tree, at), tree.size, q.shape[1])
-        inverse = np.linalg.pinv(jacobian.astype(float).transpose(2, 0, 1), rcond=_ZERO)
-        gap = _stacked([[gap] for gap in loop_constraints.constraint_residual(loops, at)], 1, q.shape[1])[:, 0]
-        q = q - np.einsum("nij,jn->in", inverse, gap)
-        v = v - np.einsum("nij,jn->in", inverse, np.einsum("ijn,jn->in", jacobian, v))
-    at = forward_kinematics.pose(tree, q)
-    moving = forward_kinematics.motion(tree, at, v)
-    columns = []
-    for joint in tree.bodies:
-        for unit in np.eye(len(PARAMETERS)).tolist():
-            load = body_momentum(unit, at, moving, joint)
-            columns.append([(*load.force, *load.moment)[row] for row in rows])
-    matrix = _stacked(columns, len(rows), q.shape[1]).transpose(2, 1, 0).reshape(-1, len(columns))
+        gap, jacobian = constraints_at(tree, loops, q)
+        inverse = np.linalg.pinv(jacobian.astype(float), rcond=_ZERO)
+        q = q - np.einsum("nij,nj->ni", inverse, gap)
+        v = v - np.einsum("nij,nj->ni", inverse, np.einsum("nij,nj->ni", jacobian, v))
+    program = regressor_program(closure.mechanism, "momentum", body_momentum, 2)
+    columns = program.values(q.T, v.T).reshape(-1, 6, len(q))[:, rows]
+    matrix = columns.transpose(2, 1, 0).reshape(-1, len(columns))
     return _eliminated(matrix, closure.mechanism.name, rank)
-
-
-def _stacked(rows: Sequence[Sequence[Entry]], columns: int, count: int) -> Floats:
-    """Rows of entries as an array (rows, columns, n) in extended precision."""
-    found = np.empty((len(rows), columns, count), dtype=np.longdouble)
-    for i, row in enumerate(rows):
-        for j, entry in enumerate(row):
-            found[i, j] = entry
-    return found
 
 
 def _eliminated(matrix: Floats, name: str, known: int | None = None) -> tuple[Floats, tuple[float, float]]:

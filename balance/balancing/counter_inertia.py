@@ -13,9 +13,8 @@ import numpy as np
 from ..arrays import Floats
 from ..closure import Trajectory
 from ..dynamics.inverse_dynamics import driven_rates, momentum
-from ..mechanism import forward_kinematics
+from ..mechanism.forward_kinematics import motions
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.sparse_components import dense
 from .objective import workspace_motions
 
 
@@ -46,13 +45,8 @@ def body_rotation(mechanism: Mechanism, trajectory: Trajectory) -> BodyRotation:
 
 
 def _rates_about_z(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> tuple[Floats, Floats]:
-    q, v, a = (np.ascontiguousarray(x.T) for x in (q, v, a))
-    at = forward_kinematics.pose(mechanism.tree, q)
-    moving = forward_kinematics.motion(mechanism.tree, at, v, a)
-    joints = mechanism.tree.bodies
-    omega = np.array([dense(moving.omega[j], at.count)[2] for j in joints]).T
-    alpha = np.array([dense(moving.alpha[j], at.count)[2] for j in joints]).T
-    return omega, alpha
+    moving, joints = motions(mechanism.tree, q, v, a), list(mechanism.tree.bodies)
+    return moving.omega[:, joints, 2], moving.alpha[:, joints, 2]
 
 
 COMPLETE = 1e-9

@@ -22,7 +22,7 @@ from ..closure import Trajectory
 from ..dynamics.inverse_dynamics import Response, driven_rates, momentum, simulate
 from ..dynamics.regressor import first_moment
 from ..errors import ModelError, SizingError
-from ..mechanism import forward_kinematics
+from ..mechanism.forward_kinematics import poses
 from ..mechanism.mechanism import Mechanism
 from ..results import Shown
 from .closed_forms import ConditionComparison
@@ -238,9 +238,8 @@ def _with_images(
         moment += sx * sy * flip * own.moment
         torque = {joint: values + image.torque[joint] for joint, values in torque.items()}
     count = len(images)
-    at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(trajectory.q[:1].T))
-    axes = [[float(np.squeeze(at.arm(j, unit)[2])) for unit in np.eye(3)] for j in mechanism.tree.bodies]
-    x, y, z = np.array(axes).T  # the base's z axis in each body's frame
+    at = poses(mechanism.tree, trajectory.q[:1])
+    x, y, z = at.rotation[0, list(mechanism.tree.bodies), 2].T  # the base's z axis in each body's frame
     about_z = np.stack([x * x, 2 * x * y, y * y, 2 * x * z, 2 * y * z, z * z], axis=1)
     inertia = float(np.sum(mechanism.parameters[:, 4:] * about_z))
     note = f"{count} more mechanism{'s' * (count > 1)}, driven by the same motors; "

@@ -15,10 +15,8 @@ from .. import datasets
 from ..arrays import Floats
 from ..errors import DataError
 from ..input_files import Distinct, Quantity, Table, Text, in_file, load_model
-from ..mechanism import forward_kinematics
-from ..mechanism.forward_kinematics import Pose
+from ..mechanism.forward_kinematics import Pose, point_jacobian, poses
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.sparse_components import dense, dense_rows, zeros
 
 
 @dataclass(frozen=True)
@@ -35,8 +33,8 @@ class End:
         return -1 if self.body < 0 else mechanism.tree.bodies[self.body]
 
     def base_position(self, mechanism: Mechanism, at: Pose) -> Floats:
-        """Position in the base frame, (3, n) [m]."""
-        return dense(at.point(self.joint(mechanism), self.position), at.count)
+        """Position in the base frame, (n, 3) [m]."""
+        return at.point(self.joint(mechanism), self.position)
 
     def text(self, mechanism: Mechanism) -> str:
         """The place for people, in the body's frame."""
@@ -56,7 +54,7 @@ class Spring:
     name: str = ""
 
     def gap(self, mechanism: Mechanism, at: Pose) -> Floats:
-        """From the second end to the first, base axes, (3, n) [m]."""
+        """From the second end to the first, base axes, (n, 3) [m]."""
         return self.first.base_position(mechanism, at) - self.second.base_position(mechanism, at)
 
 
@@ -67,9 +65,9 @@ def spring_lengths(mechanism: Mechanism, springs: Sequence[Spring], q: Floats) -
 
 def unit_energies(mechanism: Mechanism, springs: Sequence[Spring], q: Floats) -> Floats:
     """Energies per stiffness, |a - b|^2 / 2, at (n, nv) states, (n, springs) [m2]."""
-    at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
-    gaps = [spring.gap(mechanism, at) for spring in springs]
-    return np.array([0.5 * (gap**2).sum(axis=0) for gap in gaps]).reshape(len(springs), len(q)).T
+    at = poses(mechanism.tree, q)
+    energies = [0.5 * (spring.gap(mechanism, at) ** 2).sum(axis=1) for spring in springs]
+    return np.array(energies).reshape(len(springs), len(q)).T
 
 
 def spring_energy(mechanism: Mechanism, springs: Sequence[Spring], q: Floats) -> Floats:
@@ -79,15 +77,13 @@ def spring_energy(mechanism: Mechanism, springs: Sequence[Spring], q: Floats) ->
 
 def joint_torques(mechanism: Mechanism, springs: Sequence[Spring], q: Floats) -> Floats:
     """Torque that motors of the open tree's joints need against the springs, (n, nv) [N m, N]: dV/dq."""
-    at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
-    total = np.zeros((len(q), mechanism.tree.size))
+    tree, at = mechanism.tree, poses(mechanism.tree, q)
+    total = np.zeros((len(q), tree.size))
     for spring in springs:
-        rows = zeros(3, mechanism.tree.size)
-        for end, sign in ((spring.first, 1.0), (spring.second, -1.0)):
-            joint = end.joint(mechanism)
-            forward_kinematics.add_point_jacobian(mechanism.tree, at, joint, at.point(joint, end.position), rows, sign)
-        gap = spring.gap(mechanism, at)
-        total += spring.stiffness * np.einsum("in,ijn->nj", gap, dense_rows(rows, mechanism.tree.size, at.count))
+        first, second = (
+            point_jacobian(tree, at, end.joint(mechanism), end.position) for end in (spring.first, spring.second)
+        )
+        total += spring.stiffness * np.einsum("ni,nij->nj", spring.gap(mechanism, at), first - second)
     return total
 
 

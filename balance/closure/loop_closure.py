@@ -15,7 +15,7 @@ from ..mechanism.loop_constraints import Coupling, Loop
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.pinocchio_engine import PinocchioEngine
 from ..motion import Samples
-from ..motion.driven_coordinates import Drive, JointDrive
+from ..motion.driven_coordinates import Drive
 from .assembly import CLOSED_LIMIT, RANK_LIMIT, Configuration, configurations, nearest_closed, starts
 from .newton import LoopSystem
 from .trajectory import Trajectory, follow
@@ -69,7 +69,7 @@ class Closure:
         Such as a rod that spins about the line through its two ball joints; a wheel on a bearing is none. None where
         every freedom would be one.
         """
-        found = self._idle(JointDrive.from_names(self.mechanism, self.mechanism.driven))
+        found = self._idle(Drive.of_joints(self.mechanism, self.mechanism.driven))
         return found if len(found) < self.dof else ()
 
     def without_idle(self) -> "Closure":
@@ -94,7 +94,7 @@ class Closure:
                 f"{', idle ' + ', '.join(idle) if idle else ''}, but the motion drives {drive.size}: "
                 f"{', '.join(drive.names)}{'; nothing moves ' + ', '.join(free) if free else ''}"
             )
-        if not self.mechanism.loops and isinstance(drive, JointDrive):
+        if not self.mechanism.loops and drive.point is None:
             order = np.argsort(drive.indices)
             q, v, a = (
                 np.ascontiguousarray(x[:, order]) for x in (samples.position, samples.velocity, samples.acceleration)

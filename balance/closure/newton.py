@@ -7,19 +7,22 @@ nothing then. Rows beyond the number of columns depend on the others: they are n
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from ..arrays import Floats, Indices
 from ..errors import ClosureError
-from ..mechanism import forward_kinematics, loop_constraints
-from ..mechanism.forward_kinematics import Pose, Tree
-from ..mechanism.loop_constraints import Constraint, Coupling
+from ..mechanism.forward_kinematics import Pose, Tree, motion, pose
+from ..mechanism.loop_constraints import (
+    Constraint,
+    constraint_bias,
+    constraint_jacobian,
+    constraint_residual,
+    loop_key,
+)
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.pinocchio_engine import PinocchioEngine
-from ..mechanism.sparse_components import Entry, Rows, largest, mul, sub
-from ..mechanism.tape import Program, Tape
+from ..mechanism.tape import Operand, Program, Symbols, Tape, largest
 from ..motion.driven_coordinates import Drive
 
 RESIDUAL_LIMIT = 1e-10
@@ -131,11 +134,14 @@ class LoopProgram:
 
     def order(self, q: Floats) -> Order:
         """Pivots for the configurations ``q`` (nv, n) [rad, m], chosen on nine of them."""
+
+        def write() -> Program:
+            tape = Tape()
+            return tape.program(self._jacobian(pose(self.tree, tape.rows(self.tree.size))).ravel())
+
         few = np.ascontiguousarray(q[:, np.unique(np.linspace(0, q.shape[1] - 1, 9).astype(int))])
-        size, count = self.tree.size, few.shape[1]
-        found = np.empty((self._equations_count * size, count))
-        self._equations.run([few], [found])
-        return pivot_order(found.reshape(-1, size, count).transpose(2, 0, 1))
+        found = self.tree.once(("equations", self._key), write).values(few)
+        return pivot_order(found.reshape(-1, *few.shape).transpose(2, 0, 1))
 
     def closed(self, guess: Floats, target: Floats, order: Order) -> Floats:
         """Configurations (nv, n) [rad, m] from good guesses to driven coordinates ``target`` (dof, n); unchecked."""
@@ -150,7 +156,15 @@ class LoopProgram:
 
     def step(self, order: Order) -> Program:
         """From configurations and driven coordinates to better ones, and the largest change."""
-        return self.tree.once(("step", order, self._key), lambda: self._step(order))
+
+        def write() -> Program:
+            tape = Tape()
+            q, target = tape.rows(self.tree.size), tape.rows(self.drive.size)
+            at = pose(self.tree, q)
+            change = SparseLU.factorise(self._jacobian(at), order).solve(self._residual(at, target))
+            return tape.program([*(q - change), largest(change)])
+
+        return self.tree.once(("step", order, self._key), write)
 
     def rates(self, order: Order) -> Program:
         """From configurations, driven coordinates and their two rates to what a motion has.
@@ -158,64 +172,39 @@ class LoopProgram:
         In turn: velocities, accelerations, rates of all coordinates per driven one (dof by nv), largest residual, and
         how near a pivot is to zero, as its inverse.
         """
-        return self.tree.once(("rates", order, self._key), lambda: self._rates(order))
 
-    @cached_property
-    def _key(self) -> Hashable:
-        """What tells it from others of the same tree: the drive, and coordinates that were fixed."""
-        ties = (loop for loop in self.loops if isinstance(loop, Coupling) and loop.second is None)
-        return self.drive.key, tuple((tie.first, tie.zero) for tie in ties)
-
-    @cached_property
-    def _equations_count(self) -> int:
-        return sum(loop.size for loop in self.loops) + self.drive.size
-
-    @cached_property
-    def _equations(self) -> Program:
         def write() -> Program:
-            tape = Tape()
-            at = forward_kinematics.pose(self.tree, tape.rows(self.tree.size))
-            return tape.program([entry for row in self._jacobian(at) for entry in row])
+            tape, dof = Tape(), self.drive.size
+            q, target, rate, rate_of_rate = (tape.rows(k) for k in (self.tree.size, dof, dof, dof))
+            at = pose(self.tree, q)
+            factors = SparseLU.factorise(self._jacobian(at), order)
+            still = [0.0] * sum(loop.size for loop in self.loops)
+            per_drive = [factors.solve([*still, *unit]) for unit in np.eye(dof).tolist()]
+            v = factors.solve([*still, *rate])
+            moving = motion(self.tree, at, v)
+            bias = np.concatenate([constraint_bias(self.loops, at, moving), self.drive.bias(at, moving)])
+            a = factors.solve(np.r_[still, rate_of_rate] - bias)
+            gap = largest(self._residual(at, target))
+            return tape.program([*v, *a, *np.ravel(per_drive), gap, largest(factors.inverse_pivots)])
 
-        return self.tree.once(("equations", self._key), write)
+        return self.tree.once(("rates", order, self._key), write)
 
-    def _step(self, order: Order) -> Program:
-        tape = Tape()
-        q, target = tape.rows(self.tree.size), tape.rows(self.drive.size)
-        at = forward_kinematics.pose(self.tree, q)
-        change = SparseLU.factorise(self._jacobian(at), order).solve(self._residual(at, target))
-        return tape.program([*(sub(x, dx) for x, dx in zip(q, change, strict=True)), largest(change)])
+    @property
+    def _key(self) -> Hashable:
+        return self.drive.key, loop_key(self.loops)
 
-    def _rates(self, order: Order) -> Program:
-        tape, dof = Tape(), self.drive.size
-        q, target, rate, rate_of_rate = (tape.rows(k) for k in (self.tree.size, dof, dof, dof))
-        at = forward_kinematics.pose(self.tree, q)
-        factors = SparseLU.factorise(self._jacobian(at), order)
-        still: list[Entry] = [0.0] * (self._equations_count - dof)
-        per_drive = [factors.solve([*still, *(float(i == j) for i in range(dof))]) for j in range(dof)]
-        v = factors.solve([*still, *rate])
-        moving = forward_kinematics.motion(self.tree, at, v)
-        bias = loop_constraints.constraint_bias(self.loops, at, moving)
-        driven = [sub(a, b) for a, b in zip(rate_of_rate, self.drive.bias(at, moving), strict=True)]
-        a = factors.solve([*(sub(0.0, b) for b in bias), *driven])
-        gap = largest(self._residual(at, target))
-        return tape.program(
-            [*v, *a, *(entry for column in per_drive for entry in column), gap, largest(factors.inverse_pivots)]
-        )
+    def _residual(self, at: Pose, target: Symbols) -> Symbols:
+        return np.concatenate([constraint_residual(self.loops, at), self.drive.position(at) - target])
 
-    def _residual(self, at: Pose, target: list[Entry]) -> list[Entry]:
-        loops = loop_constraints.constraint_residual(self.loops, at)
-        return [*loops, *(sub(u, asked) for u, asked in zip(self.drive.position(at), target, strict=True))]
-
-    def _jacobian(self, at: Pose) -> Rows:
-        return loop_constraints.constraint_jacobian(self.loops, self.tree, at) + self.drive.jacobian(self.tree, at)
+    def _jacobian(self, at: Pose) -> Symbols:
+        return np.concatenate([constraint_jacobian(self.loops, self.tree, at), self.drive.jacobian(self.tree, at)])
 
 
 _THRESHOLD = 0.1
 """A pivot is at least this share of the largest remaining entry of its column, at every sample that it is chosen on."""
 
 
-def is_zero(entry: Entry) -> bool:
+def is_zero(entry: Operand) -> bool:
     """Whether an entry is zero for all samples."""
     return isinstance(entry, float) and entry == 0.0
 
@@ -247,48 +236,45 @@ class SparseLU:
     """The triangular factors of a matrix a sample."""
 
     order: Order
-    upper: Rows
-    lower: list[list[tuple[int, Entry]]]
+    upper: list[list[Operand]]
+    lower: list[list[tuple[int, Operand]]]
     """For each pivot, the rows from which its row was subtracted, and how many times."""
-    inverse_pivots: list[Entry]
+    inverse_pivots: list[Operand]
 
     @classmethod
-    def factorise(cls, rows: Rows, order: Order) -> "SparseLU":
-        """Eliminate in the given order."""
-        upper, waiting = {row: list(rows[row]) for row, _ in order}, [row for row, _ in order]
-        lower: list[list[tuple[int, Entry]]] = []
-        pivots: list[Entry] = []
+    def factorise(cls, matrix: Symbols, order: Order) -> "SparseLU":
+        """Eliminate a ``matrix`` (rows, columns) in the given order."""
+        upper, waiting = {row: list(matrix[row]) for row, _ in order}, [row for row, _ in order]
+        lower: list[list[tuple[int, Operand]]] = []
+        pivots: list[Operand] = []
         for row, column in order:
             waiting.remove(row)
-            source, pivot = upper[row], upper[row][column]
-            inverse = 1.0 / pivot
-            taken = [
-                (other, mul(upper[other][column], inverse)) for other in waiting if not is_zero(upper[other][column])
-            ]
+            source, inverse = upper[row], 1.0 / upper[row][column]
+            taken = [(other, upper[other][column] * inverse) for other in waiting if not is_zero(upper[other][column])]
             ahead = [k for k, entry in enumerate(source) if k != column and not is_zero(entry)]
             for other, times in taken:
                 target = upper[other]
                 for k in ahead:
-                    target[k] = sub(target[k], mul(times, source[k]))
+                    target[k] = target[k] - times * source[k]
                 target[column] = 0.0
             lower.append(taken)
             pivots.append(inverse)
         return cls(order, [upper[row] for row, _ in order], lower, pivots)
 
-    def solve(self, right: Sequence[Entry]) -> list[Entry]:
-        """Solution for right-hand sides by row of the matrix; rows without a pivot do not count."""
+    def solve(self, right: Sequence[Operand] | Symbols) -> Symbols:
+        """Solution (columns,) for right-hand sides by row of the matrix; rows without a pivot do not count."""
         value = {row: right[row] for row, _ in self.order}
         for (row, _), taken in zip(self.order, self.lower, strict=True):
             if not is_zero(value[row]):
                 for other, times in taken:
-                    value[other] = sub(value[other], mul(times, value[row]))
-        solution: list[Entry] = [0.0] * len(self.order)
-        for (row, column), entries, inverse in zip(
-            reversed(self.order), reversed(self.upper), reversed(self.inverse_pivots), strict=True
+                    value[other] = value[other] - times * value[row]
+        solution = np.full(len(self.order), 0.0, dtype=object)
+        for (row, column), entries, inverse in reversed(
+            list(zip(self.order, self.upper, self.inverse_pivots, strict=True))
         ):
             rest = value[row]
             for k, entry in enumerate(entries):
                 if k != column and not is_zero(entry) and not is_zero(solution[k]):
-                    rest = sub(rest, mul(entry, solution[k]))
-            solution[column] = mul(rest, inverse)
+                    rest = rest - entry * solution[k]
+            solution[column] = rest * inverse
         return solution

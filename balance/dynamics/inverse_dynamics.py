@@ -14,30 +14,12 @@ import numpy as np
 from ..arrays import Floats, parallel_blocks
 from ..closure import Closure, Trajectory
 from ..errors import ClosureError, ModelError
-from ..mechanism import forward_kinematics
-from ..mechanism.forward_kinematics import Motion, Pose
+from ..mechanism.forward_kinematics import Motion, Pose, Tree, motion, pose
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.pinocchio_engine import PinocchioEngine, refuse_other_than_pinocchio
-from ..mechanism.sparse_components import (
-    ZERO,
-    Entries,
-    Entry,
-    Matrix,
-    Vector,
-    add,
-    apply,
-    apply_transposed,
-    cross,
-    dot,
-    minus,
-    mul,
-    plus,
-    scale,
-    sign,
-)
-from ..mechanism.tape import Program, Tape
+from ..mechanism.tape import Operand, Program, Symbols, Tape, cross, numbers
 from ..motion import Samples
-from ..motion.driven_coordinates import PointDrive
+from ..motion.driven_coordinates import Drive
 from ..results import Shown
 
 if TYPE_CHECKING:
@@ -49,48 +31,27 @@ _DEAD_CENTRE = 1e-6
 """Share of their largest effect on the mechanism at which driven joints count as having none."""
 
 
-@dataclass(frozen=True)
-class SpatialForce:
-    """A force [N] and its moment [N m] about the base frame's origin, or a linear and an angular momentum.
-
-    Six entries, each an (n,) array or a number that holds for all n instants.
-    """
-
-    force: Vector = ZERO
-    moment: Vector = ZERO
-
-    def plus(self, other: "SpatialForce") -> "SpatialForce":
-        """Sum of two."""
-        return SpatialForce(plus(self.force, other.force), plus(self.moment, other.moment))
-
-    def minus(self, other: "SpatialForce") -> "SpatialForce":
-        """Difference of two."""
-        return SpatialForce(minus(self.force, other.force), minus(self.moment, other.moment))
-
-    def along(self, at: Pose, joint: int, revolute: bool) -> Entry:
-        """Share along a joint's axis: torque [N m] or force [N]."""
-        if revolute:
-            return dot(at.axis[joint], minus(self.moment, cross(at.position[joint], self.force)))
-        return dot(at.axis[joint], self.force)
+def along_axis(wrench: Symbols, at: Pose, tree: Tree, joint: int) -> Operand:
+    """Share of a ``wrench`` (6,) about the base origin along a joint's axis: torque [N m] or force [N]."""
+    force, moment = wrench[:3], wrench[3:]
+    if tree.joints[joint].revolute:
+        return at.axis[joint] @ (moment - cross(at.position[joint], force))
+    return at.axis[joint] @ force
 
 
-Parameters = Entries
-"""Ten parameters of a body; those that are zero cost nothing."""
-
-
-def body_momentum(row: Parameters, at: Pose, moving: Motion, joint: int) -> SpatialForce:
-    """Linear [kg m/s] and angular momentum about the base origin [kg m2/s] of a body of parameters ``row`` (10,):
+def body_momentum(row: Symbols | Floats, at: Pose, moving: Motion, joint: int) -> Symbols:
+    """Linear [kg m/s] and angular momentum about the base origin [kg m2/s] of a body ``row`` (10,), (6,):
 
     p = m v_o + w x h,   L = o x p + h x v_o + I w,   o the joint's origin, h the first moment about it.
     """
     first, omega, velocity = at.arm(joint, row[1:4]), moving.omega[joint], moving.velocity[joint]
-    linear = plus(scale(row[0], velocity), cross(omega, first))
+    linear = row[0] * velocity + cross(omega, first)
     spin = _inertia_times(at.rotation[joint], row, omega)
-    return SpatialForce(linear, plus(plus(cross(at.position[joint], linear), cross(first, velocity)), spin))
+    return np.concatenate([linear, cross(at.position[joint], linear) + cross(first, velocity) + spin])
 
 
-def body_force(row: Parameters, at: Pose, moving: Motion, joint: int) -> SpatialForce:
-    """Force [N] and moment about the base origin [N m] that move a body of parameters ``row`` (10,).
+def body_force(row: Symbols | Floats, at: Pose, moving: Motion, joint: int) -> Symbols:
+    """Force [N] and moment about the base origin [N m] that move a body of parameters ``row`` (10,), (6,).
 
     Newton-Euler about the joint's origin o:
 
@@ -98,26 +59,24 @@ def body_force(row: Parameters, at: Pose, moving: Motion, joint: int) -> Spatial
     """
     first, acceleration = at.arm(joint, row[1:4]), moving.acceleration[joint]
     omega, alpha = moving.omega[joint], moving.alpha[joint]
-    swept = plus(cross(alpha, first), cross(omega, cross(omega, first)))
-    force = plus(scale(row[0], acceleration), swept)
+    force = row[0] * acceleration + (cross(alpha, first) + cross(omega, cross(omega, first)))
     spin = _inertia_times(at.rotation[joint], row, alpha)
     gyroscopic = cross(omega, _inertia_times(at.rotation[joint], row, omega))
-    moment = plus(plus(cross(at.position[joint], force), cross(first, acceleration)), plus(spin, gyroscopic))
-    return SpatialForce(force, moment)
+    moment = cross(at.position[joint], force) + cross(first, acceleration) + (spin + gyroscopic)
+    return np.concatenate([force, moment])
 
 
-def body_weight(row: Parameters, at: Pose, gravity: Entries, joint: int) -> SpatialForce:
-    """Weight [N] and its moment about the base origin [N m] of a body ``row`` (10,) in ``gravity`` (3,) [m/s2]."""
-    g = (gravity[0], gravity[1], gravity[2])
-    centre = plus(scale(row[0], at.position[joint]), at.arm(joint, row[1:4]))
-    return SpatialForce(scale(row[0], g), cross(centre, g))
+def body_weight(row: Symbols | Floats, at: Pose, gravity: Symbols | Floats, joint: int) -> Symbols:
+    """Weight [N] and its moment about the base origin [N m] of a body ``row`` (10,) in ``gravity`` (3,), (6,)."""
+    centre = row[0] * at.position[joint] + at.arm(joint, row[1:4])
+    return np.concatenate([row[0] * gravity, cross(centre, gravity)])
 
 
-def _inertia_times(rotation: Matrix, row: Parameters, angular: Vector) -> Vector:
+def _inertia_times(rotation: Symbols, row: Symbols | Floats, angular: Symbols) -> Symbols:
     """Inertia about the joint's origin times a base-frame vector."""
     xx, xy, yy, xz, yz, zz = row[4:]
-    inertia = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
-    return apply(rotation, apply(inertia, apply_transposed(rotation, angular)))
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return rotation @ (inertia @ (rotation.T @ angular))
 
 
 @dataclass(frozen=True)
@@ -198,12 +157,15 @@ def simulate(mechanism: Mechanism, trajectory: Trajectory) -> Response:
 
     F = -d(linear momentum)/dt, M = -d(angular momentum)/dt about the base frame's origin.
     """
-    count, numbers = len(trajectory.time), _numbers(mechanism)
-    program, states = _loads_program(mechanism), (trajectory.q, trajectory.v, trajectory.a)
-    wrench, weight, joint_torque = np.empty((6, count)), np.empty((3, count)), np.empty((mechanism.tree.size, count))
+    count, joints = len(trajectory.time), mechanism.tree.joints
+    losses = (mechanism.armature, mechanism.viscous, mechanism.coulomb)
+    parameters = np.concatenate([mechanism.pi, mechanism.gravity, *losses])
+    key, states = ("loads", (parameters != 0.0).tobytes()), (trajectory.q, trajectory.v, trajectory.a)
+    program = mechanism.tree.once(key, lambda: _loads_program(mechanism))
+    wrench, weight, joint_torque = np.empty((6, count)), np.empty((3, count)), np.empty((len(joints), count))
 
     def load(part: slice) -> None:
-        program.run([x[part].T for x in states], [x[:, part] for x in (wrench, weight, joint_torque)], numbers)
+        program.run([x[part].T for x in states], [x[:, part] for x in (wrench, weight, joint_torque)], parameters)
 
     for _ in parallel_blocks(count, load):
         pass
@@ -218,71 +180,48 @@ def simulate(mechanism: Mechanism, trajectory: Trajectory) -> Response:
         weight = np.linalg.norm(mechanism.gravity) * mechanism.total_mass  # at rest it may be all that is added up
         return regressor @ mechanism.pi + lost, np.abs(regressor) @ np.abs(mechanism.pi) + np.abs(lost) + weight
 
-    refuse_other_than_pinocchio(mechanism, "wrench or torque", _loads_key(mechanism), states, found, expected)
+    refuse_other_than_pinocchio(mechanism, "wrench or torque", key, states, found, expected)
     torque = _drive_torque(mechanism, trajectory, joint_torque.T)
-    joints = mechanism.tree.joints
-    sliding = frozenset(name for name in torque if not joints[mechanism.coordinate_index(name)].revolute)
-    speed = {joint: trajectory.v[:, mechanism.coordinate_index(joint)] for joint in torque}
+    index = {joint: mechanism.coordinate_index(joint) for joint in torque}
+    sliding = frozenset(joint for joint, k in index.items() if not joints[k].revolute)
+    speed = {joint: trajectory.v[:, k] for joint, k in index.items()}
     return Response(trajectory.time, wrench[:3].T, wrench[3:].T, torque, weight.T, sliding, speed)
-
-
-def momentum(mechanism: Mechanism, q: Floats, v: Floats) -> Floats:
-    """Linear momentum [kg m/s], then angular about the base frame's origin [kg m2/s], for (n, nv) states, (n, 6)."""
-    tree, total = mechanism.tree, np.empty((6, len(q)))
-
-    def write() -> Program:
-        tape, load = Tape(), SpatialForce()
-        at = forward_kinematics.pose(tree, tape.rows(tree.size))
-        moving = forward_kinematics.motion(tree, at, tape.rows(tree.size))
-        for row, joint in zip(tape.parameter_rows(mechanism.parameters), tree.bodies, strict=True):
-            load = load.plus(body_momentum(row, at, moving, joint))
-        return tape.program([*load.force, *load.moment])
-
-    program = tree.once(("momentum", (mechanism.parameters != 0.0).tobytes()), write)
-    program.run([q.T, v.T], [total], mechanism.pi)
-    return total.T
-
-
-def _numbers(mechanism: Mechanism) -> Floats:
-    """What a mechanism's loads depend on besides its motion: parameters, gravity, armature, friction."""
-    losses = (mechanism.armature, mechanism.viscous, mechanism.coulomb)
-    return np.concatenate([mechanism.pi, mechanism.gravity, *losses])
 
 
 def _loads_program(mechanism: Mechanism) -> Program:
     """From (q, v, a) to shaking force and moment, moment of the weight, and the torque of every joint."""
-    tree = mechanism.tree
-    return tree.once(_loads_key(mechanism), lambda: _write_loads(mechanism))
-
-
-def _loads_key(mechanism: Mechanism) -> tuple[str, bytes]:
-    return "loads", (_numbers(mechanism) != 0.0).tobytes()
-
-
-def _write_loads(mechanism: Mechanism) -> Program:
     tree, tape = mechanism.tree, Tape()
     q, v, a = (tape.rows(tree.size) for _ in range(3))
-    at = forward_kinematics.pose(tree, q)
-    moving = forward_kinematics.motion(tree, at, v, a)
-    rows = tape.parameter_rows(mechanism.parameters)
-    (gravity,) = tape.parameter_rows(mechanism.gravity[None])
-    losses = [tape.parameter_rows(x[None])[0] for x in (mechanism.armature, mechanism.viscous, mechanism.coulomb)]
-    inertial, weight = [SpatialForce()] * tree.size, [SpatialForce()] * tree.size
+    at = pose(tree, q)
+    moving = motion(tree, at, v, a)
+    rows, gravity = tape.parameters(mechanism.parameters), tape.parameters(mechanism.gravity)
+    armature, viscous, coulomb = map(tape.parameters, (mechanism.armature, mechanism.viscous, mechanism.coulomb))
+    inertial, weight = numbers(np.zeros((2, tree.size + 1, 6)))
     for row, joint in zip(rows, tree.bodies, strict=True):
         inertial[joint] = body_force(row, at, moving, joint)
         weight[joint] = body_weight(row, at, gravity, joint)
-    torque: list[Entry] = [0.0] * tree.size
-    total, total_weight = SpatialForce(), SpatialForce()
+    torque = numbers(np.zeros(tree.size))
     for i in reversed(range(tree.size)):
-        revolute, parent = tree.joints[i].revolute, tree.joints[i].parent
-        armature, viscous, coulomb = (entries[i] for entries in losses)
-        lost = add(add(mul(armature, a[i]), mul(viscous, v[i])), mul(coulomb, sign(v[i])))
-        torque[i] = add(inertial[i].minus(weight[i]).along(at, i, revolute), lost)
-        if parent >= 0:
-            inertial[parent], weight[parent] = inertial[parent].plus(inertial[i]), weight[parent].plus(weight[i])
-        else:
-            total, total_weight = total.plus(inertial[i]), total_weight.plus(weight[i])
-    return tape.program([*minus(ZERO, total.force), *minus(ZERO, total.moment), *total_weight.moment, *torque])
+        lost = armature[i] * a[i] + viscous[i] * v[i] + coulomb[i] * v[i].sign()
+        torque[i] = along_axis(inertial[i] - weight[i], at, tree, i) + lost
+        for loads in (inertial, weight):  # those of the base are last: the total
+            loads[tree.joints[i].parent] += loads[i]
+    return tape.program([*(0.0 - inertial[-1]), *weight[-1, 3:], *torque])
+
+
+def momentum(mechanism: Mechanism, q: Floats, v: Floats) -> Floats:
+    """Linear momentum [kg m/s], then angular about the base frame's origin [kg m2/s], for (n, nv) states, (n, 6)."""
+    tree = mechanism.tree
+
+    def write() -> Program:
+        tape = Tape()
+        at = pose(tree, tape.rows(tree.size))
+        moving = motion(tree, at, tape.rows(tree.size))
+        bodies = zip(tape.parameters(mechanism.parameters), tree.bodies, strict=True)
+        return tape.program(np.sum([body_momentum(row, at, moving, joint) for row, joint in bodies], axis=0))
+
+    program = tree.once(("momentum", (mechanism.parameters != 0.0).tobytes()), write)
+    return program.values(q.T, v.T, parameters=mechanism.pi).T
 
 
 def _drive_torque(mechanism: Mechanism, trajectory: Trajectory, joint_torque: Floats) -> dict[str, Floats]:
@@ -349,7 +288,7 @@ def shaking_force_per_acceleration(mechanism: Mechanism, body: str) -> float | N
     None where the position of that body does not determine the mechanism, so that there is no such number.
     """
     closure = Closure(mechanism).without_idle()
-    drive = PointDrive.from_place(mechanism, body, ("x", "y"))
+    drive = Drive.of_point(mechanism, body, ("x", "y"))
     if drive.size != closure.dof:
         return None
     at = drive.value(closure.engine, closure.home)

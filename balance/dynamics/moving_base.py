@@ -8,20 +8,19 @@ With the mechanism locked to the base and w its shaking wrench about the same or
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from ..arrays import Floats
 from ..closure import Trajectory
 from ..errors import DataError
 from ..input_files import OneForAll, Quantity, Table
-from ..mechanism import forward_kinematics
-from ..mechanism.forward_kinematics import Pose
+from ..mechanism.forward_kinematics import Pose, motions, point_acceleration, pose, poses
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.sparse_components import ZERO, Entries, Matrix, Vector, add, apply, dense, mul, plus, scale, sub
-from ..mechanism.tape import Program, Tape
+from ..mechanism.tape import Program, Symbols, Tape
 
 BLOCK = 128
 """Samples a block: about the square root of the samples of a run."""
@@ -76,65 +75,43 @@ def inertia_along(mechanism: Mechanism, q: Floats) -> Floats:
 
     The inertia is tr(S) - S, S being the sum of m rho rho' over all particles.
     """
-    tree, moments = mechanism.tree, np.empty((9, len(q)))
+    tree = mechanism.tree
 
     def write() -> Program:
         tape = Tape()
-        at = forward_kinematics.pose(tree, tape.rows(tree.size))
-        first, second = ZERO, [ZERO] * 3
-        for row, joint in zip(tape.parameter_rows(mechanism.parameters), tree.bodies, strict=True):
-            origin, own = at.position[joint], at.arm(joint, row[1:4])
-            first = plus(first, plus(scale(row[0], origin), own))
-            about = second_moment_about(row, at, joint)
-            second = [plus(column, more) for column, more in zip(second, about, strict=True)]
-        xx, yy, zz = (second[k][k] for k in range(3))
-        diagonal = (add(yy, zz), add(zz, xx), add(xx, yy))
-        mixed = (second[1][0], second[2][0], second[2][1])
-        return tape.program([*first, *diagonal, *mixed])
+        at = pose(tree, tape.rows(tree.size))
+        bodies = list(zip(tape.parameters(mechanism.parameters), tree.bodies, strict=True))
+        first = np.sum([row[0] * at.position[joint] + at.arm(joint, row[1:4]) for row, joint in bodies], axis=0)
+        second = np.sum([second_moment_about(row, at, joint) for row, joint in bodies], axis=0)
+        (xx, xy, xz), (_, yy, yz), (_, _, zz) = second
+        return tape.program([*first, yy + zz, zz + xx, xx + yy, xy, xz, yz])
 
-    tree.once(("inertia", (mechanism.parameters != 0.0).tobytes()), write).run([q.T], [moments], mechanism.pi)
-    inertia = np.zeros((len(q), 3, 3))
-    for k in range(3):
-        inertia[:, k, k] = moments[3 + k]
-    for k, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
-        inertia[:, i, j] = inertia[:, j, i] = -moments[6 + k]
-    return _mass_matrices(mechanism.total_mass, moments[:3].T, inertia)
+    program = tree.once(("inertia", (mechanism.parameters != 0.0).tobytes()), write)
+    x, y, z, xx, yy, zz, xy, xz, yz = program.values(q.T, parameters=mechanism.pi)
+    found = np.zeros((len(q), 6, 6))
+    found[:, :3, :3] = mechanism.total_mass * np.eye(3)
+    found[:, 3:, :3] = skews(np.stack([x, y, z], axis=1))
+    found[:, :3, 3:] = -found[:, 3:, :3]
+    found[:, 3:, 3:] = np.array([[xx, -xy, -xz], [-xy, yy, -yz], [-xz, -yz, zz]]).transpose(2, 0, 1)
+    return found
 
 
-def second_moment(row: Entries) -> Matrix:
-    """Columns of the sum of m r r' from a body's parameters (10,) [kg, kg m, kg m2]: S = tr(I) / 2 - I [kg m2]."""
+def second_moment(row: Symbols | Floats) -> NDArray[Any]:
+    """The sum of m r r' from a body's parameters (10,) [kg, kg m, kg m2], (3, 3): S = tr(I) / 2 - I [kg m2]."""
     xx, xy, yy, xz, yz, zz = row[4:]
-    half = mul(0.5, add(add(xx, yy), zz))
-    mixed = [sub(0.0, entry) for entry in (xy, xz, yz)]
-    return (sub(half, xx), mixed[0], mixed[1]), (mixed[0], sub(half, yy), mixed[2]), (mixed[1], mixed[2], sub(half, zz))
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return 0.5 * (xx + yy + zz) * np.eye(3) - inertia
 
 
-def second_moment_about(row: Entries, at: Pose, joint: int) -> tuple[Vector, Vector, Vector]:
-    """Columns of the sum of m rho rho' of a body of parameters ``row`` (10,) about the base frame's origin [kg m2].
+def second_moment_about(row: Symbols, at: Pose, joint: int) -> Symbols:
+    """The sum of m rho rho' of a body of parameters ``row`` (10,) about the base frame's origin, (3, 3) [kg m2].
 
     With first moment h about the joint's origin o, base axes, and R S R' about o, S = tr(I) / 2 - I:
     m o o' + o h' + h o' + R S R'.
     """
-    origin, own = at.position[joint], at.arm(joint, row[1:4])
-    turned = [(apply(at.rotation[joint], column), at.rotation[joint][k]) for k, column in enumerate(second_moment(row))]
-    moved = plus(scale(row[0], origin), own)
-
-    def column(j: int) -> Vector:
-        found = plus(scale(origin[j], moved), scale(own[j], origin))
-        for spread, axis in turned:
-            found = plus(found, scale(axis[j], spread))
-        return found
-
-    return column(0), column(1), column(2)
-
-
-def _mass_matrices(mass: float, first: Floats, inertia: Floats) -> Floats:
-    found = np.zeros((len(first), 6, 6))
-    found[:, :3, :3] = mass * np.eye(3)
-    found[:, 3:, :3] = skews(first)
-    found[:, :3, 3:] = -found[:, 3:, :3]
-    found[:, 3:, 3:] = inertia
-    return found
+    origin, own, rotation = at.position[joint], at.arm(joint, row[1:4]), at.rotation[joint]
+    moved = row[0] * origin + own
+    return np.outer(moved, origin) + np.outer(origin, own) + rotation @ second_moment(row) @ rotation.T
 
 
 def acceleration_in_body(
@@ -144,15 +121,11 @@ def acceleration_in_body(
 
     ``position`` (3,) [m] is in the body's frame, ``base`` (n, 6) are the base's u'', phi'' [m/s2, rad/s2].
     """
-    q, v, a = (np.ascontiguousarray(x.T) for x in (trajectory.q, trajectory.v, trajectory.a))
-    at = forward_kinematics.pose(mechanism.tree, q)
-    moving = forward_kinematics.motion(mechanism.tree, at, v, a)
-    joint = mechanism.tree.bodies[mechanism.body_index(body)]
-    point = dense(at.point(joint, position), at.count).T
-    relative = dense(forward_kinematics.point_acceleration(at, moving, joint, position), at.count).T
-    absolute = relative + base[:, :3] + np.cross(base[:, 3:], point)
-    rotation = np.stack([dense(at.arm(joint, unit), at.count) for unit in np.eye(3)], axis=1)
-    return np.einsum("ijn,ni->nj", rotation, absolute)
+    tree, joint = mechanism.tree, mechanism.tree.bodies[mechanism.body_index(body)]
+    at, moving = poses(tree, trajectory.q), motions(tree, trajectory.q, trajectory.v, trajectory.a)
+    relative = point_acceleration(at, moving, joint, position)
+    absolute = relative + base[:, :3] + np.cross(base[:, 3:], at.point(joint, position))
+    return np.einsum("nji,nj->ni", at.rotation[:, joint], absolute)
 
 
 @dataclass(frozen=True)

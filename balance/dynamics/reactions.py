@@ -12,12 +12,11 @@ import numpy as np
 from ..arrays import BLOCK, Floats
 from ..closure import Trajectory
 from ..errors import ModelError
-from ..mechanism import forward_kinematics, loop_constraints
-from ..mechanism.forward_kinematics import Pose
-from ..mechanism.loop_constraints import Loop
+from ..mechanism.forward_kinematics import Pose, motion, pose, poses
+from ..mechanism.loop_constraints import Loop, constraints_at
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.sparse_components import ZERO, cross, dense, dense_columns, dense_rows, plus
-from .inverse_dynamics import Response, SpatialForce, body_force, body_weight
+from ..mechanism.tape import Program, Tape, numbers
+from .inverse_dynamics import Response, body_force, body_weight
 
 _RANK = 1e-9
 """Singular value of the loops, relative to the largest, below which a direction counts as redundant."""
@@ -111,68 +110,78 @@ def _reactions_of_block(
 
     Last, wrenches and forces of the same shapes, but of two of the samples, that are in equilibrium by themselves.
     """
-    tree = mechanism.tree
-    q, v, a = (np.ascontiguousarray(x[part].T) for x in (trajectory.q, trajectory.v, trajectory.a))
-    at = forward_kinematics.pose(tree, q)
-    moving = forward_kinematics.motion(tree, at, v, a)
-    loads = [SpatialForce()] * tree.size
-    for row, joint in zip(mechanism.parameters.tolist(), tree.bodies, strict=True):
-        weight = body_weight(row, at, mechanism.gravity.tolist(), joint)
-        loads[joint] = body_force(row, at, moving, joint).minus(weight)
-    loads = _summed(mechanism, loads)
-    open_tree = [load.along(at, i, tree.joints[i].revolute) for i, load in enumerate(loads)]
-    losses = mechanism.armature[:, None] * a + mechanism.viscous[:, None] * v
-    needed = dense_columns(open_tree, at.count) + losses + mechanism.coulomb[:, None] * np.sign(v)
+    tree, q, v, a = mechanism.tree, trajectory.q[part], trajectory.v[part], trajectory.a[part]
+    at, count = poses(tree, q), len(q)
+    loads = _about_joints(at, _summed(mechanism, body_loads(mechanism, q, v, a)))
+    about = np.where([joint.revolute for joint in tree.joints], 3, 0)[:, None] + np.arange(3)
+    along = np.take_along_axis(loads, about[None], axis=2)
+    needed = (at.axis[:, :-1] * along).sum(axis=2)
+    needed += mechanism.armature * a + mechanism.viscous * v + mechanism.coulomb * np.sign(v)
     for name, torque in response.torque.items():
-        needed[mechanism.coordinate_index(name)] -= torque[part]
-    rows = loop_constraints.constraint_jacobian(mechanism.loops, tree, at)
-    jacobian = dense_rows(rows, tree.size, at.count).transpose(2, 1, 0)
-    forces = np.empty((at.count, 0))
-    redundant, picked, open_forces = 0, [0, at.count // 2], np.empty((2, 0))
-    if rows:
-        u, size, vt = np.linalg.svd(jacobian, full_matrices=False)
+        needed[:, mechanism.coordinate_index(name)] -= torque[part]
+    rows = constraints_at(tree, mechanism.loops, q)[1]
+    forces = np.empty((count, 0))
+    redundant, picked, open_forces = 0, [0, count // 2], np.empty((2, 0))
+    if size_of := rows.shape[1]:
+        u, size, vt = np.linalg.svd(rows.transpose(0, 2, 1), full_matrices=False)
         kept = size > _RANK * size[:, :1]
-        shares = np.where(kept, np.einsum("nji,jn->ni", u, needed) / np.where(kept, size, 1.0), 0.0)
+        shares = np.where(kept, np.einsum("nji,nj->ni", u, needed) / np.where(kept, size, 1.0), 0.0)
         forces = np.einsum("nij,ni->nj", vt, shares)
-        redundant = len(rows) - int(kept.sum(axis=1).max())
+        redundant = size_of - int(kept.sum(axis=1).max())
         ways = [vt[k, kept[k]] for k in picked]
-        open_forces = np.concatenate([np.eye(len(rows)) - one.T @ one for one in ways])
-    poses = forward_kinematics.pose(tree, np.repeat(q[:, picked], max(len(rows), 1), axis=1))
-    open_wrenches = _wrenches(poses, _summed(mechanism, _by_loops(mechanism, poses, open_forces)))
-    carried = _summed(mechanism, _by_loops(mechanism, at, forces))
-    joints = [load.minus(loop) for load, loop in zip(loads, carried, strict=True)]
-    return _wrenches(at, joints), forces, redundant, (open_wrenches, open_forces)
+        open_forces = np.concatenate([np.eye(size_of) - one.T @ one for one in ways])
+    open_at = poses(tree, np.repeat(q[picked], max(size_of, 1), axis=0))
+    open_wrenches = _about_joints(open_at, _summed(mechanism, _by_loops(mechanism, open_at, open_forces)))
+    carried = _about_joints(at, _summed(mechanism, _by_loops(mechanism, at, forces)))
+    return loads - carried, forces, redundant, (open_wrenches, open_forces)
 
 
-def _summed(mechanism: Mechanism, loads: list[SpatialForce]) -> list[SpatialForce]:
-    """Of each joint, the loads of all that it carries."""
-    total = list(loads)
-    for i in reversed(range(len(total))):
-        parent = mechanism.tree.joints[i].parent
-        if parent >= 0:
-            total[parent] = total[parent].plus(total[i])
+def body_loads(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> Floats:
+    """Force and moment about the base's origin that move and carry each body, by its joint, (n, nv, 6) [N, N m].
+
+    ``q``, ``v``, ``a`` are (n, nv).
+    """
+    tree = mechanism.tree
+
+    def write() -> Program:
+        tape = Tape()
+        at = pose(tree, tape.rows(tree.size))
+        moving = motion(tree, at, tape.rows(tree.size), tape.rows(tree.size))
+        gravity = tape.parameters(mechanism.gravity)
+        loads = numbers(np.zeros((tree.size, 6)))
+        for row, joint in zip(tape.parameters(mechanism.parameters), tree.bodies, strict=True):
+            loads[joint] = body_force(row, at, moving, joint) - body_weight(row, at, gravity, joint)
+        return tape.program(loads.ravel())
+
+    parameters = np.concatenate([mechanism.gravity, mechanism.pi])
+    program = tree.once(("body loads", (parameters != 0.0).tobytes()), write)
+    return program.values(q.T, v.T, a.T, parameters=parameters).T.reshape(len(q), tree.size, 6)
+
+
+def _summed(mechanism: Mechanism, loads: Floats) -> Floats:
+    """Of each joint, the loads (n, nv, 6) of all that it carries."""
+    total = loads.copy()
+    for i, joint in reversed(list(enumerate(mechanism.tree.joints))):
+        if joint.parent >= 0:
+            total[:, joint.parent] += total[:, i]
     return total
 
 
-def _by_loops(mechanism: Mechanism, at: Pose, forces: Floats) -> list[SpatialForce]:
+def _by_loops(mechanism: Mechanism, at: Pose, forces: Floats) -> Floats:
     """What the closures exert on the bodies, about the base's origin: a force at one end, its opposite at the other."""
-    loads, row = [SpatialForce()] * mechanism.tree.size, 0
+    loads, row = np.zeros((len(at.q), mechanism.tree.size, 6)), 0
     for loop in mechanism.loops:
-        own, row = forces[:, row : row + loop.size].T, row + loop.size
+        own, row = forces[:, row : row + loop.size], row + loop.size
         if isinstance(loop, Loop):
-            force = (own[0], own[1], own[2])
-            moment = (own[3], own[4], own[5]) if loop.weld else ZERO
+            force, moment = own[:, :3], own[:, 3:] if loop.weld else 0.0
             for end, sign in ((loop.first, 1.0), (loop.second, -1.0)):
                 if end.joint >= 0:
-                    load = SpatialForce(force, plus(cross(at.point(end.joint, end.position), force), moment))
-                    loads[end.joint] = loads[end.joint].plus(load) if sign > 0 else loads[end.joint].minus(load)
+                    about = np.cross(at.point(end.joint, end.position), force) + moment
+                    loads[:, end.joint] += sign * np.hstack([force, about])
     return loads
 
 
-def _wrenches(at: Pose, loads: list[SpatialForce]) -> Floats:
-    """Loads of the joints, each about its joint's origin, (n, nv, 6) [N, N m]."""
-    found = np.empty((at.count, len(loads), 6))
-    for i, load in enumerate(loads):
-        force, moment, origin = (dense(x, at.count).T for x in (load.force, load.moment, at.position[i]))
-        found[:, i] = np.hstack([force, moment - np.cross(origin, force)])
-    return found
+def _about_joints(at: Pose, loads: Floats) -> Floats:
+    """Loads (n, nv, 6) [N, N m], each about its joint's origin in place of the base's."""
+    force, moment = loads[..., :3], loads[..., 3:]
+    return np.concatenate([force, moment - np.cross(at.position[:, :-1], force)], axis=2) + 0.0  # no zero has a sign

@@ -9,13 +9,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ..arrays import Floats
-from ..mechanism import forward_kinematics
-from ..mechanism.forward_kinematics import Motion, Pose
+from ..mechanism.forward_kinematics import Motion, Pose, motion, pose, poses
 from ..mechanism.mechanism import PARAMETERS, Mechanism
 from ..mechanism.pinocchio_engine import PinocchioEngine, refuse_other_than_pinocchio
-from ..mechanism.sparse_components import Entry, dense, sub
-from ..mechanism.tape import Program, Tape
-from .inverse_dynamics import Parameters, body_force, body_momentum, body_weight
+from ..mechanism.tape import Program, Symbols, Tape, numbers
+from .inverse_dynamics import along_axis, body_force, body_momentum, body_weight
+
+Load = Callable[[Floats, Pose, Motion, int], Symbols]
+"""Of a body of parameters (10,), on a joint: its entries, (rows,) in SI."""
 
 COULOMB_SPEED = 0.05
 """Speed at which dry friction has reached 76 % of its value [rad/s, m/s]: noise about zero has no sign."""
@@ -28,7 +29,8 @@ def momentum_regressor(mechanism: Mechanism, q: Floats, v: Floats) -> Floats:
 
     ``q`` and ``v`` are (n, nv).
     """
-    return _columns(mechanism, "momentum", (q, v), 6, _momentum, PinocchioEngine.momentum_regressor)
+    program = regressor_program(mechanism, "momentum", body_momentum, 2)
+    return _checked(mechanism, program, "momentum", (q, v), PinocchioEngine.momentum_regressor)
 
 
 def wrench_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> Floats:
@@ -36,7 +38,8 @@ def wrench_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> F
 
     What the mechanism exerts on its base, weight excluded, base axes; ``q``, ``v``, ``a`` are (n, nv).
     """
-    return _columns(mechanism, "wrench", (q, v, a), 6, _wrench, PinocchioEngine.wrench_regressor)
+    program = regressor_program(mechanism, "wrench", lambda *body: 0.0 - body_force(*body), 3)
+    return _checked(mechanism, program, "wrench", (q, v, a), PinocchioEngine.wrench_regressor)
 
 
 def torque_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> Floats:
@@ -45,55 +48,49 @@ def torque_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> F
     ``q``, ``v``, ``a`` are (n, nv). Torques of the driven joints of a closed loop are ``driven_rates.T @ W @ pi``.
     Armature and friction are not in it.
     """
-    tree, gravity = mechanism.tree, mechanism.gravity.tolist()
+    tree, gravity = mechanism.tree, mechanism.gravity
 
-    def torques(row: Parameters, at: Pose, moving: Motion, joint: int) -> list[Entry]:
-        load = body_force(row, at, moving, joint).minus(body_weight(row, at, gravity, joint))
-        path = tree.path(joint)
-        return [load.along(at, i, tree.joints[i].revolute) if i in path else 0.0 for i in range(tree.size)]
+    def torques(row: Floats, at: Pose, moving: Motion, joint: int) -> Symbols:
+        load = body_force(row, at, moving, joint) - body_weight(row, at, gravity, joint)
+        found = numbers(np.zeros(tree.size))
+        for i in tree.path(joint):
+            found[i] = along_axis(load, at, tree, i)
+        return found
 
-    return _columns(mechanism, f"torque {gravity}", (q, v, a), tree.size, torques, PinocchioEngine.torque_regressor)
-
-
-def _momentum(row: Parameters, at: Pose, moving: Motion, joint: int) -> list[Entry]:
-    load = body_momentum(row, at, moving, joint)
-    return [*load.force, *load.moment]
-
-
-def _wrench(row: Parameters, at: Pose, moving: Motion, joint: int) -> list[Entry]:
-    load = body_force(row, at, moving, joint)
-    return [sub(0.0, entry) for entry in (*load.force, *load.moment)]
+    name = f"torque {gravity.tolist()}"
+    program = regressor_program(mechanism, name, torques, 3)
+    return _checked(mechanism, program, name, (q, v, a), PinocchioEngine.torque_regressor)
 
 
-def _columns(
-    mechanism: Mechanism,
-    name: str,
-    states: tuple[Floats, ...],
-    rows: int,
-    load_of: Callable[[Parameters, Pose, Motion, int], list[Entry]],
-    engine_of: Callable[..., Floats],
+def regressor_program(mechanism: Mechanism, name: str, load_of: Load, states: int) -> Program:
+    """From q and rates, so many ``states``, to the load of each body for each of its parameters at one, others zero."""
+    tree = mechanism.tree
+
+    def write() -> Program:
+        tape = Tape()
+        q, *rates = (tape.rows(tree.size) for _ in range(states))
+        at = pose(tree, q)
+        moving = motion(tree, at, *rates)
+        units = [(row, joint) for joint in tree.bodies for row in numbers(np.eye(len(PARAMETERS)))]
+        return tape.program(np.concatenate([load_of(row, at, moving, joint) for row, joint in units]))
+
+    return tree.once(f"regressor of {name}", write)
+
+
+def _checked(
+    mechanism: Mechanism, program: Program, name: str, states: tuple[Floats, ...], engine_of: Callable[..., Floats]
 ) -> Floats:
-    """A regressor (n, rows, 10 nb) [SI]: the load of each body for each of its parameters at one, all others zero."""
+    """A regressor (n, rows, 10 nb) [SI] by its program, some states compared with Pinocchio's."""
 
     def expected(engine: PinocchioEngine, *state: Floats) -> tuple[Floats, Floats]:
         found = engine_of(engine, *state)
         return found, np.abs(found)
 
-    tree, count = mechanism.tree, len(states[0])
-
-    def write() -> Program:
-        tape = Tape()
-        q, *rates = (tape.rows(tree.size) for _ in states)
-        at = forward_kinematics.pose(tree, q)
-        moving = forward_kinematics.motion(tree, at, *rates)
-        units = [(row, joint) for joint in tree.bodies for row in np.eye(len(PARAMETERS)).tolist()]
-        return tape.program([entry for row, joint in units for entry in load_of(row, at, moving, joint)])
-
-    columns = np.empty((len(mechanism.bodies) * len(PARAMETERS) * rows, count))
-    key = f"regressor of {name}"
-    tree.once(key, write).run([np.ascontiguousarray(x.T) for x in states], [columns])
-    found = np.ascontiguousarray(columns.reshape(-1, rows, count).transpose(2, 1, 0))
-    refuse_other_than_pinocchio(mechanism, key, key, states, found.__getitem__, expected)
+    columns = program.values(*(np.ascontiguousarray(x.T) for x in states))
+    by_column = columns.reshape(len(mechanism.pi), -1, len(states[0]))
+    found = np.ascontiguousarray(by_column.transpose(2, 1, 0))
+    what = f"regressor of {name}"
+    refuse_other_than_pinocchio(mechanism, what, what, states, found.__getitem__, expected)
     return found
 
 
@@ -110,12 +107,10 @@ def first_moment_regressor(mechanism: Mechanism, q: Floats) -> Floats:
 
     A body at o turned by R has m o + R h: columns o and those of R.
     """
-    at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
-    columns = np.zeros((len(q), 3, len(mechanism.bodies), len(PARAMETERS)))
-    for body, joint in enumerate(mechanism.tree.bodies):
-        columns[:, :, body, 0] = dense(at.position[joint], at.count).T
-        for axis in range(3):
-            columns[:, :, body, 1 + axis] = dense(at.arm(joint, np.eye(3)[axis]), at.count).T
+    at, joints = poses(mechanism.tree, q), list(mechanism.tree.bodies)
+    columns = np.zeros((len(q), 3, len(joints), len(PARAMETERS)))
+    columns[..., 0] = at.position[:, joints].transpose(0, 2, 1)
+    columns[..., 1:4] = at.rotation[:, joints].transpose(0, 2, 1, 3)
     return columns.reshape(len(q), 3, -1)
 
 

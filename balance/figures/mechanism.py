@@ -12,9 +12,8 @@ from ..balancing import CounterMass, Sizing
 from ..balancing.sizing_study import SizingStudy
 from ..closure import Closure
 from ..errors import DataError
-from ..mechanism import forward_kinematics
+from ..mechanism.forward_kinematics import Pose, poses
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.sparse_components import dense
 from . import panels
 
 if TYPE_CHECKING:
@@ -57,11 +56,10 @@ class Shape:
 
 def shapes(mechanism: Mechanism, masses: Mapping[str, float], q: Floats) -> Iterator[Shape]:
     """Counter-masses [kg] by site, links, joints at configurations ``q`` (n, nv) [rad, m], in the order of drawing."""
-    tree, count = mechanism.tree, len(q)
-    at = forward_kinematics.pose(tree, np.ascontiguousarray(q.T))
+    tree, at = mechanism.tree, poses(mechanism.tree, q)
     for site, mass in masses.items():
         place, own = mechanism.site(site), tree.bodies[mechanism.site(site).body]
-        ends = np.array([dense(at.position[own], count), dense(at.point(own, place.position), count)])
+        ends = np.array([at.position[:, own].T, at.point(own, place.position).T])
         yield Shape("stay", ends)
         yield Shape("counter", ends[1:], f"{mass:.4g} kg at {site}", float(np.sqrt(mass / (np.pi * STEEL_KG_PER_M2))))
     for body, name in enumerate(mechanism.bodies):
@@ -69,9 +67,9 @@ def shapes(mechanism: Mechanism, masses: Mapping[str, float], q: Floats) -> Iter
     for i, joint in enumerate(tree.joints):
         same_place = joint.parent >= 0 and tree.joints[joint.parent].revolute and np.allclose(joint.position, 0.0)
         if joint.revolute and not same_place:  # of a ball joint's hinges the first
-            yield Shape("ground" if joint.parent < 0 else "pivot", dense(at.position[i], count)[None])
+            yield Shape("ground" if joint.parent < 0 else "pivot", at.position[None, :, i].transpose(0, 2, 1))
     for loop in mechanism.closed_loops:
-        yield Shape("pivot", dense(at.point(loop.first.joint, loop.first.position), count)[None])
+        yield Shape("pivot", at.point(loop.first.joint, loop.first.position).T[None])
 
 
 def draw_on(axes: "Axes", mechanism: Mechanism, counter_masses: Sequence[CounterMass], q: Floats) -> None:
@@ -114,7 +112,7 @@ def save(figure: "Figure", path: str | Path) -> None:
     figure.savefig(path, dpi=160)
 
 
-def link_points(mechanism: Mechanism, at: forward_kinematics.Pose, body: int) -> Floats:
+def link_points(mechanism: Mechanism, at: Pose, body: int) -> Floats:
     """Points of a link worth joining: its joint, its children's joints, where loops close, (k, 3, n) [m].
 
     Where there are no two of them its sites too, else its centre of mass.
@@ -123,9 +121,9 @@ def link_points(mechanism: Mechanism, at: forward_kinematics.Pose, body: int) ->
     the same at every sample.
     """
     joint = mechanism.tree.bodies[body]
-    points = [at.position[child] for child, j in enumerate(mechanism.tree.joints) if j.parent == joint]
+    points = [at.position[:, child] for child, j in enumerate(mechanism.tree.joints) if j.parent == joint]
     if mechanism.tree.joints[joint].revolute:
-        points.append(at.position[joint])
+        points.append(at.position[:, joint])
     ends = [end for loop in mechanism.closed_loops for end in (loop.first, loop.second) if end.joint == joint]
     points += [at.point(end.joint, end.position) for end in ends]
     if len(points) < 2:
@@ -134,7 +132,7 @@ def link_points(mechanism: Mechanism, at: forward_kinematics.Pose, body: int) ->
     mass, *first = mechanism.parameters[body, :4]
     if len(points) < 2 and mass > 0.0:
         points.append(at.point(joint, np.array(first) / mass))
-    found = np.array([dense(point, at.count) for point in points or [at.position[joint]]])
+    found = np.array([point.T for point in points or [at.position[:, joint]]])
     off = found[:, :2, 0] - found[:, :2, 0].mean(axis=0)
     order = np.argsort(np.arctan2(off[:, 1], off[:, 0]))
     return found[np.roll(order, -int(np.argmin(order)))]

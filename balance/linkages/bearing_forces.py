@@ -14,11 +14,10 @@ import numpy as np
 
 from ..arrays import Floats
 from ..closure import Trajectory
-from ..dynamics.inverse_dynamics import body_force, body_weight
+from ..dynamics.reactions import body_loads
 from ..errors import ModelError
-from ..mechanism import forward_kinematics
+from ..mechanism.forward_kinematics import poses
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.sparse_components import dense
 from .equivalence_method import LinkageBalance
 from .linkage import GROUND
 from .mjcf_writer import skeleton
@@ -72,14 +71,9 @@ class _FreeBodies:
     def __init__(self, result: LinkageBalance, mechanism: Mechanism, path: Trajectory) -> None:
         self.result, self.mechanism, self.count = result, mechanism, len(path.time)
         self.tree = skeleton(result)
-        self.at = forward_kinematics.pose(mechanism.tree, path.q.T)
-        moving = forward_kinematics.motion(mechanism.tree, self.at, path.v.T, path.a.T)
-        self.load = np.empty((self.count, len(mechanism.bodies), 3))
-        for i, (row, joint) in enumerate(zip(mechanism.parameters, mechanism.tree.bodies, strict=True)):
-            inertial = body_force(row, self.at, moving, joint)
-            needed = inertial.minus(body_weight(row, self.at, mechanism.gravity, joint))
-            self.load[:, i, :2] = dense(needed.force, self.count)[:2].T
-            self.load[:, i, 2] = dense(needed.moment, self.count)[2]
+        self.at = poses(mechanism.tree, path.q)
+        loads = body_loads(mechanism, path.q, path.v, path.a)
+        self.load = loads[:, list(mechanism.tree.bodies)][:, :, [0, 1, 5]]
         self.columns: list[Floats] = []
         gears = result.moment.gears if result.moment else {}
         self.gears = {name: gear for name, gear in gears.items() if f"{name}*" in mechanism.bodies}
@@ -178,14 +172,14 @@ class _FreeBodies:
         """A point (2,) [m] of a body's described frame in the base, (n, 2) [m]."""
         if body == GROUND:
             return np.tile(place, (self.count, 1))
-        corner = dense(self.at.position[self._frame(body)], self.count)[:2].T
+        corner = self.at.position[:, self._frame(body), :2]
         return corner + self._arm(body, place - self.tree.origin(body).at(self.result.values))
 
     def _arm(self, body: str, vector: Floats) -> Floats:
         """A vector of a body's frame (2,) in base axes, (n, 2)."""
         if body == GROUND:
             return np.tile(vector, (self.count, 1))
-        return dense(self.at.arm(self._frame(body), np.r_[vector, 0.0]), self.count)[:2].T
+        return self.at.arm(self._frame(body), np.r_[vector, 0.0])[:, :2]
 
     def _frame(self, body: str) -> int:
         return self.mechanism.tree.bodies[self.mechanism.body_index(body)]

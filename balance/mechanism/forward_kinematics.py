@@ -1,7 +1,10 @@
-"""Forward kinematics of a tree of joints for many samples at once, in the base frame.
+"""Forward kinematics of a tree of joints, in the base frame: written down for a tape, or of many samples at once.
 
 A tree consists of elementary joints, revolute or prismatic about one axis, in Pinocchio's frames. A joint of several
 axes (two slides on a body) is several elementary joints with massless bodies between them.
+
+Arrays have a row a joint, and last one of the base, which is joint -1. They are of one state, symbols of a tape, or of
+n samples, which are their first axis then.
 """
 
 from collections.abc import Callable, Hashable
@@ -9,29 +12,10 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Floats
-from .sparse_components import (
-    IDENTITY,
-    ZERO,
-    Entries,
-    Entry,
-    Matrix,
-    Rows,
-    Vector,
-    add,
-    apply,
-    cross,
-    matrix,
-    minus,
-    plus,
-    product,
-    scale,
-    sincos,
-    sub,
-    vector,
-)
-from .tape import Node
+from .tape import Program, Symbols, Tape, cross, numbers
 
 T = TypeVar("T")
 
@@ -85,124 +69,132 @@ class Tree:
 
 @dataclass(frozen=True)
 class Pose:
-    """Pose of every elementary joint's frame in the base frame, at n samples."""
+    """Pose of every elementary joint's frame in the base frame."""
 
-    q: Entries
-    """The joint positions, (nv, n) [rad, m]."""
-    rotation: list[Matrix]
-    """Rotation from each joint's frame to the base."""
-    position: list[Vector]
-    """Origin of each joint's frame in the base frame [m]."""
-    axis: list[Vector]
-    """Unit axis of each joint in the base frame."""
+    q: NDArray[Any]
+    """The joint positions, (..., nv) [rad, m]."""
+    rotation: NDArray[Any]
+    """Rotation from each joint's frame to the base, (..., nv + 1, 3, 3)."""
+    position: NDArray[Any]
+    """Origin of each joint's frame, (..., nv + 1, 3) [m]."""
+    axis: NDArray[Any]
+    """Unit axis of each joint, (..., nv + 1, 3)."""
 
-    @property
-    def count(self) -> int:
-        """Number of samples n."""
-        return len(self.q[0])
+    def arm(self, joint: int, offset: NDArray[Any]) -> NDArray[Any]:
+        """Base components (..., 3) of a vector ``offset`` (3,) [m] fixed in a joint's frame."""
+        return self.rotation[..., joint, :, :] @ offset
 
-    def arm(self, joint: int, offset: Entries) -> Vector:
-        """Base components of a vector ``offset`` (3,) [m] fixed in a joint's frame (the base for joint -1)."""
-        x, y, z = (entry if isinstance(entry, Node) else float(entry) for entry in offset)
-        return apply(self.rotation[joint], (x, y, z)) if joint >= 0 else (x, y, z)
-
-    def point(self, joint: int, offset: Floats) -> Vector:
-        """Base coordinates of a point at ``offset`` (3,) [m] in a joint's frame (the base for joint -1)."""
-        return plus(self.position[joint], self.arm(joint, offset)) if joint >= 0 else vector(offset)
+    def point(self, joint: int, offset: NDArray[Any]) -> NDArray[Any]:
+        """Base coordinates (..., 3) of a point at ``offset`` (3,) [m] in a joint's frame."""
+        return self.position[..., joint, :] + self.arm(joint, offset)
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Angular velocity [rad/s] and origin's velocity [m/s] of every joint's frame, base axes, and the rates of both."""
+    """Angular velocity [rad/s], origin's velocity [m/s] of every joint's frame, and their rates, (..., nv + 1, 3)."""
 
-    rate: Entries
-    """The joint rates, (nv, n) [rad/s, m/s]."""
-    omega: list[Vector]
-    velocity: list[Vector]
-    alpha: list[Vector]
-    acceleration: list[Vector]
+    rate: NDArray[Any]
+    """The joint rates, (..., nv) [rad/s, m/s]."""
+    omega: NDArray[Any]
+    velocity: NDArray[Any]
+    alpha: NDArray[Any]
+    acceleration: NDArray[Any]
 
 
-def pose(tree: Tree, q: Entries) -> Pose:
-    """Poses at joint positions ``q`` (nv, n) [rad, m]."""
-    at = Pose(q, [], [], [])
+def pose(tree: Tree, q: Symbols) -> Pose:
+    """Poses at joint positions ``q`` (nv,) [rad, m]."""
+    rotation = numbers(np.tile(np.eye(3), (tree.size + 1, 1, 1)))
+    position, axis = numbers(np.zeros((2, tree.size + 1, 3)))
     for i, joint in enumerate(tree.joints):
-        parent = at.rotation[joint.parent] if joint.parent >= 0 else IDENTITY
-        frame = parent if np.array_equal(joint.rotation, np.eye(3)) else product(parent, matrix(joint.rotation))
-        origin = at.point(joint.parent, joint.position)
-        axis = apply(frame, vector(joint.axis))
-        at.axis.append(axis)
-        at.rotation.append(_rotated(frame, joint.axis, q[i]) if joint.revolute else frame)
-        at.position.append(origin if joint.revolute else plus(origin, scale(q[i], axis)))
-    return at
+        frame = rotation[joint.parent] @ joint.rotation
+        axis[i] = frame @ joint.axis
+        position[i] = position[joint.parent] + rotation[joint.parent] @ joint.position
+        if joint.revolute:
+            rotation[i] = _rotated(frame, joint.axis, q[i])
+        else:
+            rotation[i], position[i] = frame, position[i] + q[i] * axis[i]
+    return Pose(q, rotation, position, axis)
 
 
-def _rotated(frame: Matrix, axis: Floats, angle: Entry) -> Matrix:
-    """``frame`` turned by ``angle`` (n,) [rad] about its ``axis``. Rodrigues: R + R K sin + R K K (1 - cos)."""
-    s, c = sincos(angle)
+def _rotated(frame: Symbols, axis: Floats, angle: Any) -> Symbols:  # noqa: ANN401
+    """``frame`` (3, 3) turned by ``angle`` [rad] about its ``axis``. Rodrigues: R + R K sin + R K K (1 - cos)."""
+    s, c = np.sin(angle), np.cos(angle)
     if axis.tolist() == [0.0, 0.0, 1.0]:
-        return plus(scale(c, frame[0]), scale(s, frame[1])), minus(scale(c, frame[1]), scale(s, frame[0])), frame[2]
-    k = matrix(np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]]))
-    first = product(frame, k)
-    second = product(first, k)
-    x, y, z = (plus(plus(frame[j], scale(s, first[j])), scale(sub(1.0, c), second[j])) for j in range(3))
-    return x, y, z
+        x, y, z = frame.T
+        return np.array([c * x + s * y, c * y - s * x, z], dtype=object).T
+    k = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+    first = frame @ k
+    return frame + s * first + (1.0 - c) * (first @ k)
 
 
-def motion(tree: Tree, at: Pose, v: Entries, a: Entries | None = None) -> Motion:
-    """Velocities and accelerations at joint rates ``v`` and ``a`` (nv, n) [rad/s, m/s; rad/s2, m/s2]; None is zero."""
-    moving = Motion(v, [], [], [], [])
+def motion(tree: Tree, at: Pose, v: Symbols, a: Symbols | None = None) -> Motion:
+    """Velocities and accelerations at joint rates ``v`` and ``a`` (nv,) [rad/s, m/s; rad/s2, m/s2]; None is zero.
+
+    A joint's frame from its parent's: v = v0 + w x d, a = a0 + al x d + w x (w x d), plus the joint's rates.
+    """
+    omega, velocity, alpha, acceleration = numbers(np.zeros((4, tree.size + 1, 3)))
     for i, joint in enumerate(tree.joints):
-        for values, value in zip(
-            (moving.omega, moving.velocity, moving.alpha, moving.acceleration),
-            _step(joint, at, i, moving, v[i], 0.0 if a is None else a[i]),
-            strict=True,
-        ):
-            values.append(value)
-    return moving
+        p = joint.parent
+        arm = at.position[i] - at.position[p]
+        swept = cross(omega[p], arm)
+        along, faster = v[i] * at.axis[i], (0.0 if a is None else a[i]) * at.axis[i]
+        omega[i], alpha[i], velocity[i] = omega[p], alpha[p], velocity[p] + swept
+        acceleration[i] = acceleration[p] + (cross(alpha[p], arm) + cross(omega[p], swept))
+        if joint.revolute:
+            omega[i], alpha[i] = omega[p] + along, alpha[p] + faster + cross(omega[p], along)
+        else:
+            velocity[i] = velocity[i] + along
+            acceleration[i] = acceleration[i] + faster + 2.0 * cross(omega[p], along)
+    return Motion(v, omega, velocity, alpha, acceleration)
 
 
-def _step(
-    joint: Joint, at: Pose, i: int, moving: Motion, rate: Entry, rate_of_rate: Entry
-) -> tuple[Vector, Vector, Vector, Vector]:
-    """A joint's frame from its parent's: v = v0 + w x d, a = a0 + al x d + w x (w x d), plus the joint's rates."""
-    p, axis = joint.parent, at.axis[i]
-    omega, alpha, velocity, acceleration = ZERO, ZERO, ZERO, ZERO
-    if p >= 0:
-        omega, alpha = moving.omega[p], moving.alpha[p]
-        arm = minus(at.position[i], at.position[p])
-        swept = cross(omega, arm)
-        velocity = plus(moving.velocity[p], swept)
-        acceleration = plus(moving.acceleration[p], plus(cross(alpha, arm), cross(omega, swept)))
-    along, faster = scale(rate, axis), scale(rate_of_rate, axis)
-    if joint.revolute:
-        return plus(omega, along), velocity, plus(plus(alpha, faster), cross(omega, along)), acceleration
-    coriolis = scale(2.0, cross(omega, along))
-    return omega, plus(velocity, along), alpha, plus(plus(acceleration, faster), coriolis)
+def poses(tree: Tree, q: Floats) -> Pose:
+    """Poses at n joint positions ``q`` (n, nv) [rad, m]."""
+
+    def write() -> Program:
+        tape = Tape()
+        at = pose(tree, tape.rows(tree.size))
+        return tape.program(np.concatenate([at.rotation.ravel(), at.position.ravel(), at.axis.ravel()]))
+
+    flat, frames = tree.once("poses", write).values(q.T).T, tree.size + 1
+    rotation, position, axis = np.split(flat, [9 * frames, 12 * frames], axis=1)
+    places = [part.reshape(-1, frames, 3) for part in (position, axis)]
+    return Pose(q, rotation.reshape(-1, frames, 3, 3), *places)
 
 
-def point_acceleration(at: Pose, moving: Motion, joint: int, offset: Floats) -> Vector:
-    """Acceleration [m/s2] of a point at ``offset`` (3,) [m] in a joint's frame; zero on the base."""
-    if joint < 0:
-        return ZERO
-    arm, omega = at.arm(joint, offset), moving.omega[joint]
-    return plus(moving.acceleration[joint], plus(cross(moving.alpha[joint], arm), cross(omega, cross(omega, arm))))
+def motions(tree: Tree, q: Floats, v: Floats, a: Floats) -> Motion:
+    """Velocities and accelerations at n joint positions and their rates (n, nv) [rad, m; rad/s, m/s; rad/s2, m/s2]."""
+
+    def write() -> Program:
+        tape = Tape()
+        at = pose(tree, tape.rows(tree.size))
+        moving = motion(tree, at, tape.rows(tree.size), tape.rows(tree.size))
+        parts = (moving.omega, moving.velocity, moving.alpha, moving.acceleration)
+        return tape.program(np.concatenate([part.ravel() for part in parts]))
+
+    flat = tree.once("motions", write).values(q.T, v.T, a.T).T
+    return Motion(v, *(part.reshape(-1, tree.size + 1, 3) for part in np.split(flat, 4, axis=1)))
 
 
-def add_point_jacobian(tree: Tree, at: Pose, joint: int, point: Vector, out: Rows, sign: float = 1.0) -> None:
-    """Add to ``out`` (3, nv) the velocity, times ``sign``, of a point carried by ``joint`` per joint rate."""
+def point_acceleration(at: Pose, moving: Motion, joint: int, offset: Floats) -> NDArray[Any]:
+    """Acceleration (..., 3) [m/s2] of a point at ``offset`` (3,) [m] in a joint's frame."""
+    arm, omega, alpha = at.arm(joint, offset), moving.omega[..., joint, :], moving.alpha[..., joint, :]
+    return moving.acceleration[..., joint, :] + (cross(alpha, arm) + cross(omega, cross(omega, arm)))
+
+
+def point_jacobian(tree: Tree, at: Pose, joint: int, offset: Floats) -> NDArray[Any]:
+    """Velocity (..., 3, nv) of a point at ``offset`` (3,) [m] in a joint's frame, per joint rate [m, -]."""
+    point = at.point(joint, offset)
+    found = np.full((*point.shape, tree.size), 0.0, dtype=point.dtype)
     for i in tree.path(joint):
-        column = cross(at.axis[i], minus(point, at.position[i])) if tree.joints[i].revolute else at.axis[i]
-        _add(out, i, column, sign)
+        axis = at.axis[..., i, :]
+        found[..., i] = cross(axis, point - at.position[..., i, :]) if tree.joints[i].revolute else axis
+    return found
 
 
-def add_angular_jacobian(tree: Tree, at: Pose, joint: int, out: Rows, sign: float = 1.0) -> None:
-    """Add to ``out`` (3, nv) the angular velocity, times ``sign``, of a joint's frame per joint rate."""
-    for i in tree.path(joint):
-        if tree.joints[i].revolute:
-            _add(out, i, at.axis[i], sign)
-
-
-def _add(out: Rows, i: int, column: Vector, sign: float) -> None:
-    for row, entry in zip(out, column, strict=True):
-        row[i] = add(row[i], entry) if sign == 1.0 else sub(row[i], entry)
+def angular_jacobian(tree: Tree, at: Pose, joint: int) -> NDArray[Any]:
+    """Angular velocity (..., 3, nv) of a joint's frame, per joint rate."""
+    turning = [i for i in tree.path(joint) if tree.joints[i].revolute]
+    found = np.full((*at.axis.shape[:-2], 3, tree.size), 0.0, dtype=at.axis.dtype)
+    found[..., turning] = np.swapaxes(at.axis[..., turning, :], -1, -2)
+    return found

@@ -5,14 +5,15 @@ run block by block, so that what it works on stays in the processor's cache: by 
 installed (the extra ``compiled``), else by NumPy.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Union
+from typing import TYPE_CHECKING, Any, Union
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Floats
 
@@ -76,42 +77,73 @@ class Op(IntEnum):
 
 
 class Node:
-    """A value of a tape, in place of an array over samples."""
+    """A value of a tape, in place of an array over samples; arrays of nodes and numbers are computed with as any other.
+
+    A number that is zero or one costs nothing: in a planar mechanism most components are zero, and its general code is
+    as quick as a planar one.
+    """
 
     __slots__ = ("index", "tape")
-    __array_ufunc__ = None  # NumPy's numbers leave the arithmetic to this class
 
     def __init__(self, tape: "Tape", index: int) -> None:
         self.tape, self.index = tape, index
 
-    def __add__(self, other: "Operand") -> "Node":
-        return self.tape.add(self, other)
+    def __add__(self, other: "Operand") -> "Operand":
+        return NotImplemented if isinstance(other, np.ndarray) else self.tape.add(self, other)
 
-    def __sub__(self, other: "Operand") -> "Node":
-        return self.tape.subtract(self, other)
+    def __sub__(self, other: "Operand") -> "Operand":
+        return NotImplemented if isinstance(other, np.ndarray) else self.tape.subtract(self, other)
 
-    def __rsub__(self, other: "Operand") -> "Node":
+    def __rsub__(self, other: "Operand") -> "Operand":
         return self.tape.subtract(other, self)
 
-    def __mul__(self, other: "Operand") -> "Node":
-        return self.tape.multiply(self, other)
+    def __mul__(self, other: "Operand") -> "Operand":
+        return NotImplemented if isinstance(other, np.ndarray) else self.tape.multiply(self, other)
 
-    def __neg__(self) -> "Node":
-        return self.tape.negate(self)
+    def __neg__(self) -> "Operand":
+        return self.tape.subtract(0.0, self)
 
-    def __rtruediv__(self, other: "Operand") -> "Node":
+    def __rtruediv__(self, other: "Operand") -> "Operand":
         return self.tape.multiply(self.tape.emit(Op.INVERSE, self), other)
-
-    def __pow__(self, power: int) -> "Node":
-        found = self
-        for _ in range(power - 1):
-            found = found * self
-        return found
 
     __radd__, __rmul__ = __add__, __mul__
 
+    def sin(self) -> "Node":
+        """Sine of an angle [rad]: what ``numpy.sin`` calls."""
+        return self.tape.emit(Op.SINCOS, self)
+
+    def cos(self) -> "Node":
+        """Cosine of an angle [rad]: what ``numpy.cos`` calls."""
+        return self.tape.emit(Op.COSINE, self.sin())
+
+    def sign(self) -> "Node":
+        """-1, 0 or 1."""
+        return self.tape.emit(Op.SIGN, self)
+
 
 Operand = Union[Node, float]  # noqa: UP007
+Symbols = NDArray[np.object_]
+"""Array of nodes and numbers."""
+
+
+def numbers(values: Floats) -> Symbols:
+    """Numbers (...,) in SI, to be computed with together with nodes."""
+    return values.astype(object)
+
+
+def cross(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
+    """Vector product of vectors (3,), of nodes or numbers in SI; or of numbers (n, 3)."""
+    (x, y, z), (u, v, w) = a.T, b.T
+    return np.array([y * w - z * v, z * u - x * w, x * v - y * u], dtype=np.result_type(a, b)).T
+
+
+def largest(values: Iterable[Operand]) -> Operand:
+    """The largest absolute value, sample by sample."""
+    found: Operand = 0.0
+    for value in values:
+        node = next((one for one in (found, value) if isinstance(one, Node)), None)
+        found = max(abs(found), abs(value)) if node is None else node.tape.emit(Op.LARGER, found, value)  # type: ignore[arg-type]
+    return found
 
 
 class Tape:
@@ -121,22 +153,20 @@ class Tape:
         self.operations: list[tuple[int, int, int]] = []
         self.constants: list[float] = []
         self._places: dict[float, int] = {}
-        self.parameters = 0
+        self.parameter_count = 0
         self.inputs = 0
         self._known: dict[tuple[int, int, int], int] = {}
 
-    def rows(self, count: int) -> list[Node]:
-        """The next ``count`` rows of the inputs."""
+    def rows(self, count: int) -> Symbols:
+        """The next ``count`` rows of the inputs, (count,)."""
         self.inputs += count
-        return [self._node(Op.LOAD, k) for k in range(self.inputs - count, self.inputs)]
+        return np.array([self._node(Op.LOAD, k) for k in range(self.inputs - count, self.inputs)], dtype=object)
 
-    def parameter_rows(self, values: Floats) -> list[list[Operand]]:
-        """A matrix of numbers (rows, columns) [SI] that each run gives anew; those that are zero here are so in all."""
-        found: list[list[Operand]] = []
-        for row in values:
-            found.append([self._node(Op.CONSTANT, -1 - (self.parameters + k)) if x else 0.0 for k, x in enumerate(row)])
-            self.parameters += len(row)
-        return found
+    def parameters(self, values: Floats) -> Symbols:
+        """Numbers (...,) [SI] that each run gives anew; those that are zero here are so in all."""
+        first, self.parameter_count = self.parameter_count, self.parameter_count + values.size
+        found = [self._node(Op.CONSTANT, -1 - first - k) if x else 0.0 for k, x in enumerate(values.ravel())]
+        return np.array(found, dtype=object).reshape(values.shape)
 
     def _node(self, op: int, a: int, b: int = -1) -> Node:
         key = (op, a, b)
@@ -146,62 +176,59 @@ class Tape:
             self.operations.append(key)
         return Node(self, index)
 
-    def emit(self, op: Op, a: "Operand", b: "Operand | None" = None) -> Node:
+    def emit(self, op: Op, a: Operand, b: Operand | None = None) -> Node:
         """The value of an operation."""
         return self._node(op, self._index(a), -1 if b is None else self._index(b))
 
-    def _index(self, operand: "Operand") -> int:
+    def _index(self, operand: Operand) -> int:
         if isinstance(operand, Node):
             return operand.index
-        value = float(operand)
+        value = float(operand) + 0.0  # a zero without a sign
         if value not in self._places:
             self._places[value] = len(self.constants)
             self.constants.append(value)
         return self._node(Op.CONSTANT, self._places[value]).index
 
-    def _negated(self, operand: "Operand") -> "Operand | None":
+    def _negated(self, operand: Operand) -> Node | None:
         """What an operand is the negative of, if it was written as one."""
         if isinstance(operand, Node) and self.operations[operand.index][0] == Op.NEG:
             return Node(self, self.operations[operand.index][1])
         return None
 
-    def add(self, a: "Operand", b: "Operand") -> Node:
-        """a + b."""
+    def add(self, a: Operand, b: Operand) -> Operand:
+        """a + b, at least one of them a node."""
+        if not isinstance(a, Node):
+            a, b = b, a
+        if not isinstance(b, Node) and b == 0.0:
+            return a
         if (plain := self._negated(b)) is not None:
             return self.subtract(a, plain)
         if (plain := self._negated(a)) is not None:
             return self.subtract(b, plain)
         return self._node(Op.ADD, *sorted((self._index(a), self._index(b))))
 
-    def subtract(self, a: "Operand", b: "Operand") -> Node:
-        """a - b."""
+    def subtract(self, a: Operand, b: Operand) -> Operand:
+        """a - b, at least one of them a node."""
+        if not isinstance(b, Node) and b == 0.0:
+            return a
         if (plain := self._negated(b)) is not None:
             return self.add(a, plain)
+        if not isinstance(a, Node) and a == 0.0:
+            return self._node(Op.NEG, self._index(b))
         return self._node(Op.SUB, self._index(a), self._index(b))
 
-    def multiply(self, a: "Operand", b: "Operand") -> Node:
-        """a b."""
-        if not isinstance(b, Node):
-            if b == 1.0 and isinstance(a, Node):
-                return a
-            if b == -1.0:
-                return self.negate(a)
+    def multiply(self, a: Operand, b: Operand) -> Operand:
+        """a b, at least one of them a node."""
+        if not isinstance(a, Node):
+            a, b = b, a
+        if not isinstance(b, Node) and b in (0.0, 1.0, -1.0):
+            return 0.0 if b == 0.0 else a if b == 1.0 else self.subtract(0.0, a)
         for one, other in ((a, b), (b, a)):
             if (plain := self._negated(one)) is not None:
-                return self.negate(self.multiply(plain, other))
+                return self.subtract(0.0, self.multiply(plain, other))
         return self._node(Op.MUL, *sorted((self._index(a), self._index(b))))
 
-    def negate(self, a: "Operand") -> Node:
-        """-a."""
-        plain = self._negated(a)
-        return plain if isinstance(plain, Node) else self._node(Op.NEG, self._index(a))
-
-    def sincos(self, angle: Node) -> tuple[Node, Node]:
-        """Sine and cosine of an angle [rad]."""
-        sine = self._node(Op.SINCOS, angle.index)
-        return sine, self._node(Op.COSINE, sine.index)
-
-    def program(self, outputs: Sequence["Operand"]) -> "Program":
+    def program(self, outputs: Iterable[Operand]) -> "Program":
         """What computes ``outputs``, a row each."""
         return _Assembler(self, [self._index(value) for value in outputs]).program()
 
@@ -218,6 +245,14 @@ class Program:
     """Numbers of the computation; NaN where a run's parameter belongs."""
     parameters: dict[int, int]
     """Which constant is which parameter of a run."""
+    outputs: int
+    """Number of rows that it computes."""
+
+    def values(self, *inputs: Floats, parameters: Floats | None = None) -> Floats:
+        """What :meth:`run` computes, (rows, n) [SI], from ``inputs`` (rows, n) [SI] and in their precision."""
+        found = np.empty((self.outputs, inputs[0].shape[1]), dtype=inputs[0].dtype)
+        self.run(inputs, [found], parameters)
+        return found
 
     def run(self, inputs: Sequence[Floats], outputs: Sequence[Floats], parameters: Floats | None = None) -> None:
         """Compute ``outputs`` from ``inputs``, arrays (rows, n) [SI] whose rows are stacked in the order of the trace.
@@ -230,8 +265,8 @@ class Program:
             values[constant] = parameters[parameter]
         read = [row for block in inputs for row in block]
         write = [row for block in outputs for row in block]
-        count = len(write[0])
-        loop = compiled_loop() if count >= COMPILED_FROM else None
+        count = len(read[0])
+        loop = compiled_loop() if count >= COMPILED_FROM and read[0].dtype == float else None
         if loop is not None and max(np.abs(x).max() for x in inputs) < _LARGEST_ANGLE:
             self._run_compiled(loop, values, read, write)
             return
@@ -249,12 +284,12 @@ class Program:
         space = np.ones((self.registers + 1) * LANES)
         loop(
             self.code.ctypes.data, len(self.code), space.ctypes.data, values.ctypes.data, len(values),
-            first, offsets.ctypes.data, len(rows), len(write[0]),
+            first, offsets.ctypes.data, len(rows), len(read[0]),
         )  # fmt: skip
 
     def _run_block(self, values: Floats, read: list[Floats], write: list[Floats]) -> None:
-        count = len(write[0])
-        space = np.empty((self.registers - len(values) + 1, count))
+        count = len(read[0])
+        space = np.empty((self.registers - len(values) + 1, count), dtype=read[0].dtype)
         spare = space[-1]
         cells: list[Floats] = [*values, *space]
         for op, d, a, b, c in self.code.tolist():
@@ -383,7 +418,7 @@ class _Assembler:
         numbers = [self.steps[index][1] for index in constants]
         values = [np.nan if k < 0 else self.tape.constants[k] for k in numbers]
         parameters = {place: -1 - k for place, k in enumerate(numbers) if k < 0}
-        return Program(np.array(code, dtype=np.int32), size + 1, np.array(values), parameters)
+        return Program(np.array(code, dtype=np.int32), size + 1, np.array(values), parameters, len(self.outputs))
 
     def _operands(self, index: int) -> tuple[int, ...]:
         op, *operands = self.steps[index]

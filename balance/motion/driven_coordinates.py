@@ -1,16 +1,16 @@
 """What a motion drives: joints, or a point of a body along axes of the base."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Floats
 from ..errors import ModelError
-from ..mechanism import forward_kinematics
-from ..mechanism.forward_kinematics import Motion, Pose, Tree
+from ..mechanism.forward_kinematics import Motion, Pose, Tree, point_acceleration, point_jacobian
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.sparse_components import Entry, Rows, zeros
+from ..mechanism.tape import Symbols
 
 if TYPE_CHECKING:
     from ..mechanism.pinocchio_engine import PinocchioEngine
@@ -18,58 +18,18 @@ if TYPE_CHECKING:
 AXES = {"x": 0, "y": 1, "z": 2}
 
 
-class Drive(Protocol):
-    """Driven coordinates u(q), with their Jacobian and acceleration bias; samples on the last axis."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the driven coordinates."""
-        ...
-
-    @property
-    def size(self) -> int:
-        """Number of driven coordinates."""
-        ...
-
-    @property
-    def key(self) -> tuple[object, ...]:
-        """What tells it from other drives of the same mechanism."""
-        ...
-
-    def position(self, at: Pose) -> list[Entry]:
-        """Driven coordinates, (size, n) [rad, m]."""
-        ...
-
-    def jacobian(self, tree: Tree, at: Pose) -> Rows:
-        """Their rates per joint rate, (size, nv)."""
-        ...
-
-    def bias(self, at: Pose, moving: Motion) -> list[Entry]:
-        """Their second rates where ``moving`` has zero joint accelerations, (size, n) [rad/s2, m/s2]."""
-        ...
-
-    def scale(self, length: float) -> float:
-        """What a step of one radian amounts to in these coordinates, for a mechanism of ``length`` [rad, m]."""
-        ...
-
-    def value(self, engine: "PinocchioEngine", q: Floats) -> Floats:
-        """Driven coordinates (size,) [rad, m] of one configuration ``q`` (nv,)."""
-        ...
-
-    def rates(self, engine: "PinocchioEngine", q: Floats) -> Floats:
-        """Their rates per joint rate (size, nv) [-, m] at one configuration ``q`` (nv,) [rad, m]."""
-        ...
-
-
 @dataclass(frozen=True)
-class JointDrive:
-    """Joints that are driven directly."""
+class Drive:
+    """Driven coordinates u(q), with their Jacobian and acceleration bias: joints, or base coordinates of a point."""
 
     names: tuple[str, ...]
     indices: tuple[int, ...]
+    """Which joints, or which axes of the base."""
+    point: tuple[int, Floats] | None = None
+    """The joint that carries the point, and the point in its frame, (3,) [m]; None where joints are driven."""
 
     @classmethod
-    def from_names(cls, mechanism: Mechanism, joints: tuple[str, ...], sliding: tuple[bool, ...] = ()) -> "JointDrive":
+    def of_joints(cls, mechanism: Mechanism, joints: tuple[str, ...], sliding: tuple[bool, ...] = ()) -> "Drive":
         """Drive joints by name; ``sliding``, where known: whether each is given in lengths, not angles.
 
         Raises ModelError for a joint that the mechanism does not have, or that turns where a length is given.
@@ -83,52 +43,8 @@ class JointDrive:
                 )
         return cls(joints, indices)
 
-    @property
-    def size(self) -> int:
-        """Number of driven joints."""
-        return len(self.indices)
-
-    @property
-    def key(self) -> tuple[object, ...]:
-        """The joints."""
-        return self.indices
-
-    def position(self, at: Pose) -> list[Entry]:
-        """Joint positions, (size, n) [rad, m]."""
-        return [at.q[index] for index in self.indices]
-
-    def jacobian(self, tree: Tree, at: Pose) -> Rows:
-        """Rows of the identity, (size, nv)."""
-        return [[float(i == index) for i in range(tree.size)] for index in self.indices]
-
-    def bias(self, at: Pose, moving: Motion) -> list[Entry]:
-        """Zero, (size, n) [rad/s2, m/s2]: joint coordinates are linear."""
-        return [0.0] * self.size
-
-    def scale(self, length: float) -> float:
-        """One radian."""
-        return 1.0
-
-    def value(self, engine: "PinocchioEngine", q: Floats) -> Floats:
-        """Joint positions (size,) [rad, m] of one configuration ``q`` (nv,)."""
-        return q[list(self.indices)]
-
-    def rates(self, engine: "PinocchioEngine", q: Floats) -> Floats:
-        """Rows of the identity, (size, nv) [-]."""
-        return np.eye(len(q))[list(self.indices)]
-
-
-@dataclass(frozen=True)
-class PointDrive:
-    """A point fixed in a body's frame, driven along axes of the base."""
-
-    names: tuple[str, ...]
-    joint: int
-    offset: Floats
-    axes: tuple[int, ...]
-
     @classmethod
-    def from_place(cls, mechanism: Mechanism, place: str, axes: tuple[str, ...]) -> "PointDrive":
+    def of_point(cls, mechanism: Mechanism, place: str, axes: tuple[str, ...]) -> "Drive":
         """Drive a body's own centre of mass, or a site, by name, along ``axes`` such as ("x", "y").
 
         A name that both have is the body's, unless that has no mass.
@@ -141,42 +57,41 @@ class PointDrive:
                 raise ModelError(f"site {place!r} of {mechanism.name} is on the base: it cannot be driven")
             body, offset = site.body, site.position
         names = tuple(f"{place}.{axis}" for axis in axes)
-        return cls(names, mechanism.tree.bodies[body], offset, tuple(AXES[axis] for axis in axes))
+        return cls(names, tuple(AXES[axis] for axis in axes), (mechanism.tree.bodies[body], offset))
 
     @property
     def size(self) -> int:
-        """Number of driven axes."""
-        return len(self.axes)
+        """Number of driven coordinates."""
+        return len(self.indices)
 
     @property
     def key(self) -> tuple[object, ...]:
-        """Where the point is, and the axes."""
-        return self.joint, self.offset.tobytes(), self.axes
+        """What tells it from other drives of the same mechanism."""
+        return self.indices, self.point and (self.point[0], self.point[1].tobytes())
 
-    def position(self, at: Pose) -> list[Entry]:
-        """Base coordinates of the point, (size, n) [m]."""
-        point = at.point(self.joint, self.offset)
-        return [point[axis] for axis in self.axes]
+    def position(self, at: Pose) -> Symbols:
+        """Driven coordinates, (size,) [rad, m]."""
+        return self._chosen(at.point(*self.point) if self.point else at.q)
 
-    def jacobian(self, tree: Tree, at: Pose) -> Rows:
-        """Rows of the point's Jacobian, (size, nv)."""
-        rows = zeros(3, tree.size)
-        forward_kinematics.add_point_jacobian(tree, at, self.joint, at.point(self.joint, self.offset), rows)
-        return [rows[axis] for axis in self.axes]
+    def jacobian(self, tree: Tree, at: Pose) -> Symbols:
+        """Their rates per joint rate, (size, nv)."""
+        return self._chosen(point_jacobian(tree, at, *self.point) if self.point else np.eye(tree.size).astype(object))
 
-    def bias(self, at: Pose, moving: Motion) -> list[Entry]:
-        """Acceleration of the point at zero joint accelerations, (size, n) [m/s2]."""
-        acceleration = forward_kinematics.point_acceleration(at, moving, self.joint, self.offset)
-        return [acceleration[axis] for axis in self.axes]
+    def bias(self, at: Pose, moving: Motion) -> Symbols:
+        """Their second rates where ``moving`` has zero joint accelerations, (size,) [rad/s2, m/s2]."""
+        return self._chosen(point_acceleration(at, moving, *self.point) if self.point else 0.0 * at.q)
 
     def scale(self, length: float) -> float:
-        """A length of the mechanism."""
-        return length
+        """What a step of one radian amounts to in these coordinates, for a mechanism of ``length`` [rad, m]."""
+        return length if self.point else 1.0
 
     def value(self, engine: "PinocchioEngine", q: Floats) -> Floats:
-        """Base coordinates (size,) [m] of the point at one configuration ``q`` (nv,)."""
-        return engine.point(q, self.joint, self.offset)[0][list(self.axes)]
+        """Driven coordinates (size,) [rad, m] of one configuration ``q`` (nv,)."""
+        return self._chosen(engine.point(q, *self.point)[0] if self.point else q)
 
     def rates(self, engine: "PinocchioEngine", q: Floats) -> Floats:
-        """Velocity of the point along the axes per joint rate, (size, nv) [m, -], at one configuration ``q`` (nv,)."""
-        return engine.point(q, self.joint, self.offset)[1][list(self.axes)]
+        """Their rates per joint rate (size, nv) [-, m] at one configuration ``q`` (nv,) [rad, m]."""
+        return self._chosen(engine.point(q, *self.point)[1] if self.point else np.eye(len(q)))
+
+    def _chosen(self, of_all: NDArray[Any]) -> NDArray[Any]:
+        return of_all[list(self.indices)]

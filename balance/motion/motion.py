@@ -7,7 +7,7 @@ import numpy as np
 from ..arrays import Floats
 from ..errors import DataError
 from ..mechanism.mechanism import Mechanism
-from .driven_coordinates import Drive, JointDrive, PointDrive
+from .driven_coordinates import Drive
 
 _SAMPLES_IN_RAMP = 2.0
 _MAX_SAMPLES = 50_000_000
@@ -52,9 +52,9 @@ class Samples:
     def drive(self, mechanism: Mechanism) -> Drive:
         """The driven coordinates as functions of a mechanism's joints. Raises ModelError for an unknown name."""
         if self.joints:
-            return JointDrive.from_names(mechanism, self.joints, self.sliding)
+            return Drive.of_joints(mechanism, self.joints, self.sliding)
         place = self.point or next(iter(mechanism.payload_bodies), "platform")
-        return PointDrive.from_place(mechanism, place, self.axes)
+        return Drive.of_point(mechanism, place, self.axes)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from ..closure import Trajectory
 from ..dynamics.inverse_dynamics import simulate
 from ..dynamics.regressor import first_moment
 from ..figures.mechanism import link_points, shapes
-from ..mechanism import forward_kinematics
+from ..mechanism.forward_kinematics import poses
 from ..mechanism.mechanism import Mechanism
 from .page import Page
 
@@ -138,7 +138,7 @@ def _arrow(tail: Floats, along: Floats, head: float) -> Floats:
 
 def _view(mechanism: Mechanism, q: Floats, seen_from: tuple[float, float]) -> tuple[Floats, bool]:
     """Directions to the right and upwards, (2, 3), and whether the mechanism lies in x-y."""
-    at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(q.T))
+    at = poses(mechanism.tree, q)
     points = np.concatenate([link_points(mechanism, at, body) for body in range(len(mechanism.bodies))])
     extent = np.ptp(points.transpose(0, 2, 1).reshape(-1, 3), axis=0)
     if extent[2] <= _PLANAR * extent.max():

@@ -15,9 +15,9 @@ import numpy as np
 from balance.arrays import Floats
 from balance.closure import Trajectory
 from balance.dynamics.moving_base import displacement_at
-from balance.mechanism import forward_kinematics
+from balance.dynamics.regressor import first_moment
+from balance.mechanism.forward_kinematics import poses
 from balance.mechanism.mechanism import Mechanism
-from balance.mechanism.sparse_components import dense
 
 from ..rig import Column
 from ..runs.si_run import SIRun
@@ -93,10 +93,9 @@ def sensor_rows(mechanism: Mechanism, path: Trajectory, body: str, position: Flo
 
     ``position`` (3,) [m] in the frame of ``body``.
     """
-    at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(path.q.T))
-    joint = mechanism.tree.bodies[mechanism.body_index(body)]
-    point = dense(at.point(joint, position), at.count).T
-    units = [dense(at.arm(joint, np.eye(3)["xyz".index(axis)]), at.count).T for axis in axes]
+    at, joint = poses(mechanism.tree, path.q), mechanism.tree.bodies[mechanism.body_index(body)]
+    point = at.point(joint, position)
+    units = [at.rotation[:, joint, :, "xyz".index(axis)] for axis in axes]
     return np.stack([np.hstack([unit, np.cross(point, unit)]) for unit in units], axis=1)
 
 
@@ -110,9 +109,4 @@ def force_rows(mechanism: Mechanism, path: Trajectory) -> Floats:
 
 def mass_centre(mechanism: Mechanism, path: Trajectory) -> Floats:
     """Centre of mass of all moving bodies in the base frame, (n, 3) [m]."""
-    at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(path.q.T))
-    moment = np.zeros((at.count, 3))
-    for row, joint in zip(mechanism.parameters, mechanism.tree.bodies, strict=True):
-        if row[0] > 0.0:
-            moment += row[0] * dense(at.point(joint, row[1:4] / row[0]), at.count).T
-    return moment / mechanism.total_mass
+    return first_moment(mechanism, path.q) / mechanism.total_mass

@@ -9,10 +9,9 @@ import numpy as np
 from balance.arrays import Floats
 from balance.closure import Closure, Trajectory
 from balance.errors import ModelError
-from balance.mechanism import forward_kinematics
+from balance.mechanism.forward_kinematics import poses
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
-from balance.mechanism.sparse_components import dense
 from balance.motion import Samples
 
 from ..errors import AnalysisError
@@ -109,8 +108,7 @@ def encoder_trajectory(
 
 def point_path(mechanism: Mechanism, path: Trajectory, body: int, position: Floats) -> Floats:
     """Path of a body's point, ``position`` (3,) [m] in the frame of the body of this index; base axes, (n, 3) [m]."""
-    at = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(path.q.T))
-    return dense(at.point(mechanism.tree.bodies[body], position), at.count).T
+    return poses(mechanism.tree, path.q).point(mechanism.tree.bodies[body], position)
 
 
 def loaded_mechanism(run: SIRun, mechanism: Mechanism) -> Mechanism:

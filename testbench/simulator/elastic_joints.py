@@ -15,8 +15,7 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.estimation.base_parameters import pseudo_inertia
-from balance.mechanism import forward_kinematics
-from balance.mechanism.forward_kinematics import Joint, Tree
+from balance.mechanism.forward_kinematics import Joint, Tree, poses
 from balance.mechanism.loop_constraints import Anchor, Constraint, Loop
 from balance.mechanism.mechanism import Mechanism
 
@@ -116,13 +115,12 @@ def _before_joint(tree: Tree, at: int) -> Tree:
 
 def _at_loop(mechanism: Mechanism, loop: Loop) -> Mechanism:
     tree, end, body = mechanism.tree, loop.first, f"{loop.name} pin"
-    pose = forward_kinematics.pose(tree, mechanism.home[:, None])
+    pose = poses(tree, mechanism.home[None])
     turned = [k for k, joint in enumerate(tree.joints) if joint.revolute]
-    axes = np.array([[float(np.squeeze(x)) for x in pose.axis[k]] for k in turned])
+    axes = pose.axis[0, turned]
     if not len(axes) or np.abs(np.abs(axes @ axes[0]) - 1.0).max() > 1e-9:
         raise RigError(f"bench.joints.{loop.name}: expected a planar mechanism, so that its pin has one axis")
-    arms = [pose.arm(end.joint, unit) for unit in np.eye(3)]
-    axis = np.array([[float(np.squeeze(x)) for x in arm] for arm in arms]) @ axes[0]
+    axis = pose.rotation[0, end.joint].T @ axes[0]
     longer = _after_anchor(tree, end.joint, tuple(end.position), tuple(np.round(axis, 12)))
     loops = tuple(
         replace(x, first=Anchor(tree.size + 1, end.rotation, np.zeros(3))) if x is loop else x for x in mechanism.loops

@@ -34,10 +34,9 @@ from balance.dynamics.moving_base import (
     second_moment,
     skews,
 )
-from balance.mechanism import forward_kinematics
+from balance.mechanism.forward_kinematics import motion, pose
 from balance.mechanism.mechanism import Mechanism
-from balance.mechanism.sparse_components import ZERO, apply, apply_transposed, cross, plus, scale
-from balance.mechanism.tape import Program, Tape
+from balance.mechanism.tape import Program, Symbols, Tape, cross
 
 from ..rig.bench import Rotor
 from .added_bodies import rotor_momentum
@@ -116,24 +115,24 @@ def velocity_cross_product(mechanism: Mechanism, q: Floats, v: Floats, other: Fl
     A body with first moment h and J = sum m r r' about its joint's origin: m v1 x v2 + v1 x (w2 x h) + (w1 x h) x v2
     + J (w1 x w2).
     """
-    tree, total = mechanism.tree, np.empty((3, len(q)))
+    tree = mechanism.tree
 
     def write() -> Program:
-        tape, found = Tape(), ZERO
-        at = forward_kinematics.pose(tree, tape.rows(tree.size))
-        one, two = (forward_kinematics.motion(tree, at, tape.rows(tree.size)) for _ in range(2))
-        for row, joint in zip(tape.parameter_rows(mechanism.parameters), tree.bodies, strict=True):
-            first, m = at.arm(joint, row[1:4]), row[0]
+        tape = Tape()
+        at = pose(tree, tape.rows(tree.size))
+        one, two = (motion(tree, at, tape.rows(tree.size)) for _ in range(2))
+
+        def of_body(row: Symbols, joint: int) -> Symbols:
+            first, rotation = at.arm(joint, row[1:4]), at.rotation[joint]
             v1, v2, w1, w2 = one.velocity[joint], two.velocity[joint], one.omega[joint], two.omega[joint]
-            found = plus(found, scale(m, cross(v1, v2)))
-            found = plus(found, plus(cross(v1, cross(w2, first)), cross(cross(w1, first), v2)))
-            turned = apply_transposed(at.rotation[joint], cross(w1, w2))
-            found = plus(found, apply(at.rotation[joint], apply(second_moment(row), turned)))
-        return tape.program([*found])
+            swept = row[0] * cross(v1, v2) + (cross(v1, cross(w2, first)) + cross(cross(w1, first), v2))
+            return swept + rotation @ (second_moment(row) @ (rotation.T @ cross(w1, w2)))
+
+        bodies = zip(tape.parameters(mechanism.parameters), tree.bodies, strict=True)
+        return tape.program(np.sum([of_body(*body) for body in bodies], axis=0))
 
     program = tree.once(("swept", (mechanism.parameters != 0.0).tobytes()), write)
-    program.run([q.T, v.T, other.T], [total], mechanism.pi)
-    return total.T
+    return program.values(q.T, v.T, other.T, parameters=mechanism.pi).T
 
 
 def weight_wrench_change(weight_moment: Floats) -> Floats:

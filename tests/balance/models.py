@@ -1,5 +1,6 @@
 """Mechanisms that the tests build: small MJCF files with a known geometry and a closed home configuration."""
 
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from balance.datasets import dataset_names
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
+from balance.mechanism.tape import Symbols, Tape
 
 BUILT_IN = ("serial-1r", "serial-2r", "serial-3r", "four-bar", "parallelogram-6bar", "parallelogram-6bar-full")
 MANIPULATORS = BUILT_IN[4:]
@@ -141,3 +143,10 @@ def serial_chain(count: int, seed: int) -> str:
         text = f'<body name="link_{k + 1}" {place}>{joint}{inertial}{text}</body>'
     rest = motors(*(f"J{k + 1}" for k in range(count))) + key(rng.uniform(-1, 1, count))
     return mjcf(text, rest, '<option gravity="0 -9.81 0"/>')
+
+
+def evaluated(write: Callable[..., Symbols], *inputs: np.ndarray) -> np.ndarray:
+    """What ``write`` gives of symbols, a row of each of the ``inputs`` (rows, n) each, at n samples: (n, ...)."""
+    tape = Tape()
+    written = np.asarray(write(*(tape.rows(len(rows)) for rows in inputs)), dtype=object)
+    return tape.program(written.ravel()).values(*inputs).T.reshape(-1, *written.shape)

@@ -11,14 +11,14 @@ from balance.arrays import Floats
 from balance.closure import Closure, Trajectory
 from balance.mechanism.mechanism import Mechanism
 from balance.motion import Samples
-from balance.motion.driven_coordinates import JointDrive
+from balance.motion.driven_coordinates import Drive
 
 
 def random_motion(mechanism: Mechanism, count: int = 24, seed: int = 7) -> Trajectory:
     """Random loop-consistent states: positions of a walk, rates and second rates of the driven joints at random."""
     closure, rng = Closure(mechanism), np.random.default_rng(seed)
     joints = mechanism.driven or mechanism.coordinates
-    position = JointDrive.from_names(mechanism, joints).value(closure.engine, closure.states(count, seed).T).T
+    position = Drive.of_joints(mechanism, joints).value(closure.engine, closure.states(count, seed).T).T
     rate, rate_of_rate = 3.0 * rng.normal(size=position.shape), 40.0 * rng.normal(size=position.shape)
     return closure.follow(Samples(np.arange(float(count)), position, rate, rate_of_rate, joints=joints))
 

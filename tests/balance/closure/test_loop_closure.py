@@ -9,7 +9,9 @@ from balance.balancing.objective import workspace_objective
 from balance.closure import Closure, independent_rows
 from balance.dynamics.inverse_dynamics import simulate
 from balance.errors import ClosureError, DataError
-from balance.mechanism import forward_kinematics, loop_constraints
+from balance.mechanism.forward_kinematics import motion, pose
+from balance.mechanism.loop_constraints import constraint_bias, constraints_at
+from balance.mechanism.tape import Symbols
 from balance.motion import Samples
 from balance.motion.motion_files import load_motion
 
@@ -60,15 +62,15 @@ def test_velocities_keep_the_loops_closed(name: str) -> None:
 def test_constraint_bias_is_the_second_rate_of_the_residual() -> None:
     """Along q + v t the residual's second derivative is the bias: central differences, weld rows too."""
     closure = Closure(models.model(models.bennett()))
-    q = closure.states(4, seed=1).T
-    v = closure.velocities(q.T, seed=2).T
+    q = closure.states(4, seed=1)
+    v = closure.velocities(q, seed=2)
     tree, loops, step = closure.mechanism.tree, closure.mechanism.loops, 1e-4
-    at = forward_kinematics.pose(tree, q)
-    before, here, after = (
-        np.array(loop_constraints.constraint_residual(loops, forward_kinematics.pose(tree, q + s * v)))
-        for s in (-step, 0.0, step)
-    )
-    bias = np.array(loop_constraints.constraint_bias(loops, at, forward_kinematics.motion(tree, at, v)))
+
+    def bias_of(q: Symbols, v: Symbols) -> Symbols:
+        return constraint_bias(loops, at := pose(tree, q), motion(tree, at, v))
+
+    before, here, after = (constraints_at(tree, loops, q + s * v)[0] for s in (-step, 0.0, step))
+    bias = models.evaluated(bias_of, q.T, v.T)
     np.testing.assert_allclose((after - 2 * here + before) / step**2, bias, atol=1e-6 * np.abs(bias).max())
 
 

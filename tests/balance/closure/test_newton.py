@@ -6,14 +6,14 @@ import pytest
 from balance.closure import Closure
 from balance.closure.newton import LoopProgram, LoopSystem
 from balance.errors import ClosureError
-from balance.motion.driven_coordinates import JointDrive
+from balance.motion.driven_coordinates import Drive
 
 from .. import models
 
 
 def system_of(closure: Closure, joint: str) -> LoopSystem:
     """A mechanism driven by one joint."""
-    drive = JointDrive.from_names(closure.mechanism, (joint,))
+    drive = Drive.of_joints(closure.mechanism, (joint,))
     return LoopSystem(closure.mechanism, closure.engine, closure.rows, closure.length, drive)
 
 

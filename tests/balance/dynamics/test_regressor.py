@@ -6,10 +6,9 @@ import pytest
 from balance.dynamics import regressor
 from balance.dynamics.inverse_dynamics import driven_rates, momentum, simulate
 from balance.dynamics.regressor import JOINT_TERMS, joint_friction_regressor
-from balance.mechanism import forward_kinematics, loop_constraints
+from balance.mechanism.loop_constraints import constraints_at
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.pinocchio_engine import PinocchioEngine
-from balance.mechanism.sparse_components import dense_rows
 
 from .. import models, referees
 
@@ -54,9 +53,7 @@ def test_regressors_are_pinocchios(name: str) -> None:
     ):
         expected = np.array(list(other))
         np.testing.assert_allclose(mine, expected, rtol=1e-10, atol=1e-12 * np.abs(expected).max())
-    at = forward_kinematics.pose(mechanism.tree, motion.q.T)
-    rows = loop_constraints.constraint_jacobian(mechanism.loops, mechanism.tree, at)
-    jacobian = dense_rows(rows, *motion.q.T.shape).transpose(2, 0, 1)
+    jacobian = constraints_at(mechanism.tree, mechanism.loops, motion.q)[1]
     np.testing.assert_allclose(jacobian, [engine.constraint_jacobian(q) for q in motion.q], atol=1e-14)
 
 

@@ -4,9 +4,15 @@ import numpy as np
 import pinocchio
 import pytest
 
-from balance.mechanism import forward_kinematics
+from balance.mechanism.forward_kinematics import (
+    angular_jacobian,
+    motions,
+    point_acceleration,
+    point_jacobian,
+    pose,
+    poses,
+)
 from balance.mechanism.mechanism import Mechanism
-from balance.mechanism.sparse_components import dense, dense_rows, zeros
 
 from .. import models
 
@@ -21,31 +27,29 @@ def mechanism(request: pytest.FixtureRequest) -> Mechanism:
 
 
 def states(mechanism: Mechanism) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Random q, v, a (nv, n)."""
-    q, v, a = np.random.default_rng(1).normal(size=(3, mechanism.tree.size, N))
+    """Random q, v, a (n, nv)."""
+    q, v, a = np.random.default_rng(1).normal(size=(3, N, mechanism.tree.size))
     return q, v, a
 
 
 def test_poses_and_rates_are_pinocchios(mechanism: Mechanism) -> None:
     """Rotation, origin, angular and linear velocity and acceleration of every body, in the base frame."""
     q, v, a = states(mechanism)
-    at = forward_kinematics.pose(mechanism.tree, q)
-    moving = forward_kinematics.motion(mechanism.tree, at, v, a)
+    at, moving = poses(mechanism.tree, q), motions(mechanism.tree, q, v, a)
     model = mechanism.pinocchio_model()
     data = model.createData()
     world = pinocchio.LOCAL_WORLD_ALIGNED
     for k in range(N):
-        pinocchio.forwardKinematics(model, data, q[:, k], v[:, k], a[:, k])
+        pinocchio.forwardKinematics(model, data, q[k], v[k], a[k])
         for body, joint in enumerate(mechanism.tree.bodies, 1):
-            rotation = np.stack([dense(column, N)[:, k] for column in at.rotation[joint]], axis=1)
-            np.testing.assert_allclose(rotation, data.oMi[body].rotation, atol=1e-13)
+            np.testing.assert_allclose(at.rotation[k, joint], data.oMi[body].rotation, atol=1e-13)
             rate = pinocchio.getVelocity(model, data, body, world)
             faster = pinocchio.getClassicalAcceleration(model, data, body, world)
             for mine, other in (
                 (at.position, data.oMi[body].translation), (moving.velocity, rate.linear), (moving.omega, rate.angular),
                 (moving.acceleration, faster.linear), (moving.alpha, faster.angular),
             ):  # fmt: skip
-                np.testing.assert_allclose(dense(mine[joint], N)[:, k], other, atol=1e-11)
+                np.testing.assert_allclose(mine[k, joint], other, atol=1e-11)
 
 
 def test_point_jacobian_and_acceleration(mechanism: Mechanism) -> None:
@@ -53,40 +57,39 @@ def test_point_jacobian_and_acceleration(mechanism: Mechanism) -> None:
     q, v, a = states(mechanism)
     tree, joint, offset, step = mechanism.tree, mechanism.tree.size - 1, np.array([0.1, -0.2, 0.3]), 1e-5
 
-    def point(at_time: float) -> np.ndarray:
-        at = forward_kinematics.pose(tree, q + at_time * v + at_time**2 / 2 * a)
-        return dense(at.point(joint, offset), N)
+    def point(time: float) -> np.ndarray:
+        return poses(tree, q + time * v + time**2 / 2 * a).point(joint, offset)
 
-    at = forward_kinematics.pose(tree, q)
-    rows = zeros(3, tree.size)
-    forward_kinematics.add_point_jacobian(tree, at, joint, at.point(joint, offset), rows)
-    speed = np.einsum("ijn,jn->in", dense_rows(rows, tree.size, N), v)
+    at = poses(tree, q)
+    speed = np.einsum("nij,nj->ni", point_jacobian(tree, at, joint, offset), v)
     np.testing.assert_allclose(speed, (point(step) - point(-step)) / (2 * step), atol=1e-7)
-    faster = forward_kinematics.point_acceleration(at, forward_kinematics.motion(tree, at, v, a), joint, offset)
+    faster = point_acceleration(at, motions(tree, q, v, a), joint, offset)
     second = (point(step) - 2 * point(0.0) + point(-step)) / step**2
-    np.testing.assert_allclose(dense(faster, N), second, atol=2e-4)
+    np.testing.assert_allclose(faster, second, atol=2e-4)
 
 
 def test_angular_jacobian(mechanism: Mechanism) -> None:
-    """The angular Jacobian times v is the angular velocity; with the sign -1 it is taken off."""
-    q, v, _ = states(mechanism)
+    """The angular Jacobian times v is the angular velocity."""
+    q, v, a = states(mechanism)
     tree, joint = mechanism.tree, mechanism.tree.size - 1
-    at = forward_kinematics.pose(tree, q)
-    rows = zeros(3, tree.size)
-    forward_kinematics.add_angular_jacobian(tree, at, joint, rows)
-    omega = dense(forward_kinematics.motion(tree, at, v).omega[joint], N)
-    np.testing.assert_allclose(np.einsum("ijn,jn->in", dense_rows(rows, tree.size, N), v), omega, atol=1e-13)
-    forward_kinematics.add_angular_jacobian(tree, at, joint, rows, -1.0)
-    np.testing.assert_allclose(dense_rows(rows, tree.size, N), 0.0, atol=1e-15)
+    omega = np.einsum("nij,nj->ni", angular_jacobian(tree, poses(tree, q), joint), v)
+    np.testing.assert_allclose(omega, motions(tree, q, v, a).omega[:, joint], atol=1e-13)
+
+
+def test_written_down_and_of_samples_it_is_the_same(mechanism: Mechanism) -> None:
+    """A point's Jacobian by symbols of a tape, and from the poses of samples."""
+    q, _, _ = states(mechanism)
+    tree, place = mechanism.tree, (mechanism.tree.size - 1, np.array([0.1, -0.2, 0.3]))
+    written = models.evaluated(lambda q: point_jacobian(tree, pose(tree, q), *place), q.T)
+    np.testing.assert_allclose(written, point_jacobian(tree, poses(tree, q), *place), atol=1e-14)
 
 
 def test_the_base_does_not_move() -> None:
     """A point of the base (joint -1) is where it is, and has no acceleration."""
-    mechanism = models.load("serial-1r")
-    at = forward_kinematics.pose(mechanism.tree, np.ones((1, 2)))
-    moving = forward_kinematics.motion(mechanism.tree, at, np.ones((1, 2)))
-    assert at.point(-1, np.array([1.0, 2.0, 3.0])) == (1.0, 2.0, 3.0)
-    assert forward_kinematics.point_acceleration(at, moving, -1, np.ones(3)) == (0.0, 0.0, 0.0)
+    tree, states = models.load("serial-1r").tree, np.ones((3, 2, 1))
+    at, moving = poses(tree, states[0]), motions(tree, *states)
+    assert at.point(-1, np.array([1.0, 2.0, 3.0])).tolist() == [[1.0, 2.0, 3.0]] * 2
+    assert not point_acceleration(at, moving, -1, np.ones(3)).any()
 
 
 def test_composite_joints_become_elementary_ones() -> None:

@@ -4,9 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from balance.mechanism import forward_kinematics, loop_constraints
+from balance.mechanism.loop_constraints import constraints_at
 from balance.mechanism.mechanism import Mechanism
-from balance.mechanism.sparse_components import dense_rows
 
 from .. import models
 
@@ -22,13 +21,12 @@ def pair(equality: str, second: str = 'pos="-0.2 0 0.1" euler="0.2 0.1 0.3"') ->
 
 def residual(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
     """Of all loops, (rows, n)."""
-    return np.array(loop_constraints.constraint_residual(mechanism.loops, forward_kinematics.pose(mechanism.tree, q)))
+    return constraints_at(mechanism.tree, mechanism.loops, q.T)[0].T
 
 
 def jacobian_of(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
     """Of all loops, (rows, nv, n)."""
-    at = forward_kinematics.pose(mechanism.tree, q)
-    return dense_rows(loop_constraints.constraint_jacobian(mechanism.loops, mechanism.tree, at), *q.shape)
+    return constraints_at(mechanism.tree, mechanism.loops, q.T)[1].transpose(1, 2, 0)
 
 
 FORMS = {

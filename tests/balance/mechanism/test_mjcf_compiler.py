@@ -10,8 +10,11 @@ import pytest
 
 from balance.errors import ModelError
 from balance.mechanism import mjcf_compiler
+from balance.mechanism.forward_kinematics import motion, pose
+from balance.mechanism.loop_constraints import constraint_bias, constraints_at
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
+from balance.mechanism.tape import Symbols
 
 from .. import models
 
@@ -156,25 +159,20 @@ def test_gears_of_a_file_are_couplings() -> None:
     mine, theirs = models.model(text), mujoco.MjModel.from_xml_string(text)
     assert mine.loops[0].name == "joint j-b"
     data, q, v = mujoco.MjData(theirs), np.array([0.4, 0.7]), np.array([0.3, -1.1])
-    from balance.mechanism import forward_kinematics as kinematics
-    from balance.mechanism import loop_constraints as loops
-    from balance.mechanism.sparse_components import dense_rows
-
-    at = kinematics.pose(mine.tree, q[:, None])
     data.qpos[:], data.qvel[:] = q, v
     mujoco.mj_forward(theirs, data)
     row = np.empty((1, 2))
     mujoco.mju_copy(row[0], data.efc_J[:2])
 
-    def jacobian(at: kinematics.Pose) -> np.ndarray:
-        return dense_rows(loops.constraint_jacobian(mine.loops, mine.tree, at), 2, 1)[:, :, 0]
+    def bias_of(q: Symbols, v: Symbols) -> Symbols:
+        return constraint_bias(mine.loops, at := pose(mine.tree, q), motion(mine.tree, at, v))
 
-    np.testing.assert_allclose(loops.constraint_residual(mine.loops, at)[0], data.efc_pos[:1], atol=1e-15)
-    np.testing.assert_allclose(jacobian(at), row, atol=1e-15)
-    h, still = 1e-5, kinematics.motion(mine.tree, at, v[:, None])
-    ahead, behind = (kinematics.pose(mine.tree, (q + step * v)[:, None]) for step in (h, -h))
-    rate = [jacobian(p)[0] @ v for p in (ahead, behind)]
-    bias = float(loops.constraint_bias(mine.loops, at, still)[0][0])
+    h = 1e-5
+    gaps, jacobians = constraints_at(mine.tree, mine.loops, np.array([q, q + h * v, q - h * v]))
+    np.testing.assert_allclose(gaps[0], data.efc_pos[:1], atol=1e-15)
+    np.testing.assert_allclose(jacobians[0], row, atol=1e-15)
+    rate = jacobians[1:, 0] @ v
+    bias = float(models.evaluated(bias_of, q[:, None], v[:, None])[0, 0])
     assert bias == pytest.approx((rate[0] - rate[1]) / (2 * h), rel=1e-8)
 
 

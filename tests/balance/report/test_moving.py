@@ -5,7 +5,7 @@ import pytest
 
 from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import simulate
-from balance.mechanism import forward_kinematics
+from balance.mechanism.forward_kinematics import poses
 from balance.mechanism.mjcf_parser import load_mechanism
 from balance.motion.motion_files import load_motion
 from balance.report.moving import FRAMES, moving, pictures
@@ -25,7 +25,7 @@ def test_links_keep_their_length(name, planar):
     assert points.min() >= 0.0
     assert (points <= [drawn["width"], drawn["height"] + 0.1]).all()
     step = -(-len(trajectory.time) // FRAMES)
-    pose = forward_kinematics.pose(mechanism.tree, np.ascontiguousarray(trajectory.q[::step].T))
+    positions = poses(mechanism.tree, trajectory.q[::step]).position
     pivots = [s["points"][0] for s in panel["shapes"] if s["kind"] in ("pivot", "ground")]
     tree = mechanism.tree.joints
     joints = [
@@ -33,7 +33,7 @@ def test_links_keep_their_length(name, planar):
         for i, one in enumerate(tree)
         if one.revolute and (one.parent < 0 or not tree[one.parent].revolute or np.abs(one.position).max() > 1e-9)
     ]
-    places = np.array([np.array([np.broadcast_to(c, frames) for c in pose.position[i]]).T for i in joints])
+    places = positions[:, joints].transpose(1, 0, 2)
     for (a, pa), (b, pb) in zip(
         list(zip(pivots, places, strict=False))[:-1], list(zip(pivots, places, strict=False))[1:], strict=True
     ):
