@@ -32,7 +32,7 @@ if TYPE_CHECKING:  # what each function needs is imported when it is called: a c
     from .drives.harmonic_balance import SteadyRotation
     from .engines.free_forces import FreeForces
     from .linkages.equivalence_method import LinkageBalance
-    from .rotors.correction_planes import Correction
+    from .rotors.rotor import Correction
 
 FOLDERS = {
     "mechanisms": ".xml", "motions": ".toml", "stock": ".csv", "rigs": ".toml", "plans": ".toml", "drives": ".toml",
@@ -336,7 +336,7 @@ def rotor(name: str | Path) -> Correction:
     >>> balance.rotor("three-masses").residual() < 1e-12
     True
     """
-    from .rotors.correction_planes import correct_planes
+    from .rotors.rotor import correct_planes
     from .rotors.rotor_files import load_rotor
 
     described = load_rotor(name)

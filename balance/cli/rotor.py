@@ -63,9 +63,8 @@ def correct(
     One plane balances the force and leaves the couple; in two the solution is unique; of more the least sum of squares
     is taken. Angles are those of added mass, from the rotor's mark, in the sense in which the file counts.
     """
-    from ..rotors.correction_planes import correct_planes
     from ..rotors.results import correction_document
-    from ..rotors.rotor import Plane
+    from ..rotors.rotor import Plane, correct_planes
     from ..rotors.rotor_files import load_rotor
 
     model = load_rotor(rotor)

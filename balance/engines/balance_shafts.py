@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Complexes, Floats
-from ..rotors.correction_planes import correct_planes
-from ..rotors.rotor import Plane, Unbalance
+from ..rotors.rotor import Plane, Unbalance, correct_planes
 from .engine import Engine
 from .free_forces import FreeForces, force_scale
 from .partial_balance import crank_angles, largest_over_turn

@@ -16,7 +16,7 @@ from ..engines.balance_shafts import STAGES, ResidualOverTurn
 from ..engines.free_forces import FreeForces, RotatingVector
 from ..engines.slider_crank import SliderCrank
 from ..estimation.estimate import LEVEL_TEXT
-from ..rotors.correction_planes import Correction, Polygon, polygons
+from ..rotors.rotor import Correction, Polygon, polygons
 from . import panels
 
 if TYPE_CHECKING:

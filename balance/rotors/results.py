@@ -1,6 +1,7 @@
 """Results of rotors as plain values for JSON, units in the keys: corrections, weights from trial runs, splits."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,10 +10,23 @@ from ..arrays import Complexes
 from ..estimation.estimate import LEVEL_TEXT
 from ..results import document, finite
 from ..units import G0
-from .correction_planes import Correction, correct_planes, correction_findings, mass_and_radius, polygons
 from .correction_uncertainty import CorrectionUncertainty, PolarInterval
 from .influence_coefficients import Solution
-from .rotor import Rotor, angle_deg, bearing_loads, bearing_weights, unbalance_couple, unbalance_force, vector_document
+from .rotor import (
+    Correction,
+    Rotor,
+    Unbalance,
+    angle_deg,
+    bearing_loads,
+    bearing_weights,
+    correct_planes,
+    correction_findings,
+    mass_and_radius,
+    polygons,
+    unbalance_couple,
+    unbalance_force,
+    vector_document,
+)
 from .trial_runs import TrialRuns
 from .weight_splitting import Split, hole_directions
 
@@ -37,10 +51,13 @@ def correction_document(rotor: Rotor, correction: Correction) -> dict[str, Any]:
     def in_kgmm(vector: complex | None) -> dict[str, float] | None:
         return None if vector is None else vector_document(vector, "kgmm", 1e3)
 
+    def sum_and_couple(unbalances: Sequence[Unbalance]) -> dict[str, Any]:
+        couple = vector_document(unbalance_couple(unbalances, about.at), "kgmm2", 1e6)
+        return {"force": in_kgmm(unbalance_force(unbalances)), f"couple_about_plane_{about.name}": couple}
+
     about = correction.planes[0]
-    couple = f"couple_about_plane_{about.name}"
     planes = []
-    for plane, vector in zip(correction.planes, correction.vectors, strict=True):
+    for plane, vector in correction.in_planes:
         mass, radius = mass_and_radius(plane, vector) or (None, None)
         planes.append(
             {"plane": plane.name, "at_mm": 1e3 * plane.at}
@@ -48,26 +65,29 @@ def correction_document(rotor: Rotor, correction: Correction) -> dict[str, Any]:
             | {"mass_kg": mass, "radius_mm": None if radius is None else 1e3 * radius}
             | {"published": in_kgmm(rotor.published.get(plane.name))}
         )
-    at_rest = None
+    at_rest, loads = None, {}
     if rotor.mass is not None and rotor.centre is not None and len(rotor.bearings) == 2:
         at_rest = list(bearing_weights(rotor.mass, rotor.centre, rotor.bearings, G0))
+    if rotor.bearings and rotor.speed is not None:
+        states = {"before": rotor.unbalances}
+        for plane in rotor.planes if len(rotor.planes) > 1 else ():
+            states[f"static balance alone, in {plane.name}"] = correct_planes(rotor.unbalances, [plane]).after
+        for name, state in (states | {"after": correction.after}).items():
+            loads[name] = [vector_document(each, "N") for each in bearing_loads(state, rotor.bearings, rotor.speed)]
     return {
         "rotor": rotor.name,
         "source": rotor.source or None,
         "unbalances": [
             {"name": u.name, "at_mm": 1e3 * u.at} | vector_document(u.vector, "kgmm", 1e3) for u in rotor.unbalances
         ],
-        "before": {
-            "force": in_kgmm(unbalance_force(rotor.unbalances)),
-            couple: vector_document(unbalance_couple(rotor.unbalances, about.at), "kgmm2", 1e6),
-        },
+        "before": sum_and_couple(rotor.unbalances),
         "corrections": planes,
-        "after": {"force": in_kgmm(correction.force()), couple: vector_document(correction.couple(), "kgmm2", 1e6)},
+        "after": sum_and_couple(correction.after),
         "residual_kgmm": 1e3 * correction.residual(),
         "findings": correction_findings(rotor, correction),
         "speed_rad_per_s": rotor.speed,
         "bearings_mm": [1e3 * z for z in rotor.bearings],
-        "bearing_loads": _bearing_loads(rotor, correction),
+        "bearing_loads": loads,
         "weight_on_bearings_N": at_rest,
         "polygons": [
             {
@@ -80,18 +100,6 @@ def correction_document(rotor: Rotor, correction: Correction) -> dict[str, Any]:
             for unit, factor in [("kgmm", 1e3) if polygon.unit == "kg m" else ("kgmm2", 1e6)]
         ],
     }
-
-
-def _bearing_loads(rotor: Rotor, correction: Correction) -> dict[str, list[dict[str, float]]]:
-    """Rotating bearing loads before, after a static balance alone in each plane, and after."""
-    if not rotor.bearings or rotor.speed is None:
-        return {}
-    states = {"before": rotor.unbalances}
-    for plane in rotor.planes if len(rotor.planes) > 1 else ():
-        states[f"static balance alone, in {plane.name}"] = correct_planes(rotor.unbalances, [plane]).after
-    states["after"] = correction.after
-    loads = {name: bearing_loads(state, rotor.bearings, rotor.speed) for name, state in states.items()}
-    return {name: [vector_document(load, "N") for load in pair] for name, pair in loads.items()}
 
 
 def split_document(split: Split, radius: float | None) -> dict[str, Any]:
@@ -130,8 +138,8 @@ def trial_runs_document(runs: TrialRuns, solution: Solution) -> dict[str, Any]:
         "planes": _planes(runs, solution, uncertainty),
         "readings": _readings(runs, solution, uncertainty),
         "intervals": None if uncertainty is None else {"level": LEVEL_TEXT, **document(uncertainty)},
-        f"rms_before_{reading}": _rms(before) * r,
-        f"rms_after_{reading}": _rms(after) * r,
+        f"rms_before_{reading}": float(np.sqrt(np.mean(np.abs(before) ** 2))) * r,
+        f"rms_after_{reading}": float(np.sqrt(np.mean(np.abs(after) ** 2))) * r,
         f"misfit_of_runs_{reading}": solution.coefficients.misfit * r,
         "findings": _findings(runs, solution, uncertainty),
     }
@@ -154,14 +162,14 @@ def _planes(runs: TrialRuns, solution: Solution, uncertainty: CorrectionUncertai
         }
 
     total, on = runs.in_file_sense(solution.weights), runs.in_file_sense(runs.mounted)
-    unknown: list[PolarInterval | None] = [None] * len(total)
-    within = unknown if uncertainty is None else [*uncertainty.weights]
-    within_added = unknown if uncertainty is None else [*uncertainty.about(solution.weights - runs.mounted)]
     rows = []
     for j, plane in enumerate(runs.planes):
-        published, region = runs.published.get(plane.name), None
-        if uncertainty is not None:  # the ellipse about the weight that the figure shows
-            ellipse = uncertainty.regions[j]
+        published, region, within, within_added = runs.published.get(plane.name), None, None, None
+        if uncertainty is not None:
+            within, within_added = (
+                uncertainty.about(weights)[j] for weights in (solution.weights, solution.weights - runs.mounted)
+            )
+            ellipse = uncertainty.regions[j]  # about the weight that the figure shows
             turned = ellipse.angle if runs.angles == "with rotation" else -ellipse.angle
             region = {
                 f"half_axes_{unit}": [w * half for half in ellipse.half_axes],
@@ -170,9 +178,9 @@ def _planes(runs: TrialRuns, solution: Solution, uncertainty: CorrectionUncertai
         rows.append(
             {
                 "plane": plane.name,
-                "total": vector(complex(total[j]), within[j]),
+                "total": vector(complex(total[j]), within),
                 "on_now": vector_document(complex(on[j]), unit, w),
-                "add": vector(complex(total[j] - on[j]), within_added[j]),
+                "add": vector(complex(total[j] - on[j]), within_added),
                 "region": region,
                 "published": None if published is None else vector_document(published, unit, w),
             }
@@ -226,7 +234,3 @@ def _findings(runs: TrialRuns, solution: Solution, uncertainty: CorrectionUncert
                 "larger trial weights, more runs, or leave the plane out"
             )
     return findings
-
-
-def _rms(readings: Complexes) -> float:
-    return float(np.sqrt(np.mean(np.abs(readings) ** 2)))

@@ -203,7 +203,7 @@ class _Builder:
         self.table, self.name = table, name
         self.lag, self.against = table.phase == "lag", table.angles == "against rotation"
         self.planes = [plane.name for plane in table.planes]
-        self.sensors = {sensor.name: sensor for sensor in table.sensors}
+        self.within = {sensor.name: (sensor.within.value,) * 2 for sensor in table.sensors if sensor.within is not None}
         first = table.runs[0].readings if table.runs else table.initial or {}
         self.rows: list[Row] = [(sensor, speed) for speed, readings in first.items() for sensor in readings]
         self.dimensions = {sensor: reading.dimension for of in first.values() for sensor, reading in of.items()}
@@ -269,9 +269,15 @@ class _Builder:
         return tuple(found)
 
     def _run(self, table: RunTable, on: Complexes, first: bool) -> TrialRun:
-        if first and table.weights is not None:
-            raise DataError("weights: are in the first run: expected the rotor as found, without trial weights")
-        trial = np.zeros_like(on) if table.weights is None else self._trial(table.weights)
+        trial = np.zeros_like(on)
+        if table.weights is not None:
+            if first:
+                raise DataError("weights: are in the first run: expected the rotor as found, without trial weights")
+            given = self._by_plane("weights", table.weights)
+            trial = np.array([given[name].value if name in given else 0j for name in self.planes])
+            if not trial.any():
+                raise DataError(f"weights: expected a trial weight above zero in one of {', '.join(self.planes)}")
+            trial = trial.conj() if self.against else trial
         values, errors = self._readings(table.readings, "readings")
         with in_file("phases_alike"):
             if table.phases_alike and errors is None:
@@ -281,15 +287,8 @@ class _Builder:
         common = {speed: standard_deviation_within(half) for speed, half in table.phases_alike.items()}
         return TrialRun(table.name, on + trial, trial, table.stayed_on, values, errors, common)
 
-    def _trial(self, weights: Mapping[str, Measured[complex]]) -> Complexes:
-        given = self._by_plane("weights", weights)
-        values = np.array([given[name].value if name in given else 0j for name in self.planes])
-        if not values.any():
-            raise DataError(f"weights: expected a trial weight above zero in one of {', '.join(self.planes)}")
-        return values.conj() if self.against else values
-
     def _readings(self, speeds: Mapping[str, Mapping[str, Reading]], key: str) -> tuple[Complexes, Floats | None]:
-        """Readings (rows,) and their covariances (rows, 2, 2), where their intervals are stated."""
+        """Readings (rows,) and the covariances of their components (rows, 2, 2), None where no interval is stated."""
         found = {(sensor, speed): reading for speed, of in speeds.items() for sensor, reading in of.items()}
         if not found or set(found) != set(self.rows):
             odd = sorted(f"{sensor} at {speed}" for sensor, speed in set(found) ^ set(self.rows))
@@ -302,26 +301,17 @@ class _Builder:
                 )
         values = np.array([found[row].value for row in self.rows])
         values = values.conj() if self.lag else values
-        return values, self._covariances(values, [found[row].half for row in self.rows], key)
-
-    def _covariances(self, values: Complexes, halves: list[Half | None], key: str) -> Floats | None:
-        """Covariance of the components of each reading, (rows, 2, 2); None where no interval is stated."""
-        halves = [half or self._within(sensor) for half, (sensor, _) in zip(halves, self.rows, strict=True)]
-        bare = [f"{s} at {speed}" for (s, speed), half in zip(self.rows, halves, strict=True) if half is None]
-        if len(bare) == len(halves):
-            return None
-        if bare:
+        stated = {row: half for row in self.rows if (half := found[row].half or self.within.get(row[0])) is not None}
+        if not stated:
+            return values, None
+        if bare := [f"{sensor} at {speed}" for sensor, speed in self.rows if (sensor, speed) not in stated]:
             raise DataError(
                 f"{key}: {bare[0]} has no interval, others have: write for example '170 um ± 2 um @ 112 deg ± 1 deg', "
                 "or give its sensor a 'within', or leave all intervals out"
             )
-        stated = [half for half in halves if half is not None]
-        return np.array([reading_covariance(complex(v), *half) for v, half in zip(values, stated, strict=True)])
-
-    def _within(self, sensor: str) -> Half | None:
-        """Half the interval of a sensor's readings where its table states it, the same in every direction."""
-        table = self.sensors.get(sensor)
-        return None if table is None or table.within is None else (table.within.value, table.within.value)
+        return values, np.array(
+            [reading_covariance(complex(v), *stated[row]) for v, row in zip(values, self.rows, strict=True)]
+        )
 
     def _coefficients(self) -> tuple[Coefficients, Floats | None]:
         """Coefficients and readings that the file gives; covariances of both, (planes + 1, rows, 2, 2)."""
@@ -331,48 +321,44 @@ class _Builder:
                 "coefficients: phases and weight angles that count in opposite senses have no one meaning: give "
                 "phase = 'lead' with angles = 'with rotation', or 'lag' with 'against rotation'"
             )
-        per = parse(f"1 {self.table.per}", self.weight)
         given = {(sensor, v): row for v, of in (self.table.coefficients or {}).items() for sensor, row in of.items()}
         if odd := sorted(f"{sensor} at {speed}" for sensor, speed in set(given) ^ set(self.rows)):
             raise DataError(f"coefficients: {odd[0]} is not in both coefficients and initial")
-        rows = [[c / per for c in self._coefficient_row(sensor, v, given[sensor, v])] for sensor, v in self.rows]
-        matrix: Complexes = np.array(rows, dtype=complex)
+        for sensor, speed in self.rows:
+            row, key = given[sensor, speed], f"coefficients.{speed}.{sensor}"
+            if len(row) != len(self.planes):
+                raise DataError(
+                    f"{key}: has {len(row)} values: expected one coefficient for each of {', '.join(self.planes)}"
+                )
+            if other := [value.dimension for value in row if value.dimension != self.dimensions[sensor]]:
+                raise DataError(f"{key}: is a {other[0]}: expected a {self.dimensions[sensor]}")
+        per = parse(f"1 {self.table.per}", self.weight)
+        matrix: Complexes = np.array([[each.value / per for each in given[row]] for row in self.rows], dtype=complex)
         if errors is not None:
             errors = np.concatenate([errors[None], np.zeros((len(self.planes), *errors.shape))])
         return Coefficients(initial, matrix.conj() if self.lag else matrix, 0.0), errors
 
-    def _coefficient_row(self, sensor: str, speed: str, row: list[Measured[complex]]) -> list[complex]:
-        if len(row) != len(self.planes):
-            raise DataError(
-                f"coefficients.{speed}.{sensor}: has {len(row)} values: expected one coefficient for each of "
-                f"{', '.join(self.planes)}"
-            )
-        if other := [value.dimension for value in row if value.dimension != self.dimensions[sensor]]:
-            raise DataError(f"coefficients.{speed}.{sensor}: is a {other[0]}: expected a {self.dimensions[sensor]}")
-        return [value.value for value in row]
-
     def _factors(self) -> Floats:
         """Factor of each row: root of its sensor's weight, over its scale, times the root of its speed's weight."""
-        if unknown := set(self.table.speed_weights) - {speed for _, speed in self.rows}:
+        weights, factors = self.table.speed_weights, dict.fromkeys(self.dimensions, 1.0)
+        if unknown := set(weights) - {speed for _, speed in self.rows}:
             raise DataError(f"speed_weights: {min(unknown)!r} is no speed of this file")
-        factors = {name: self._sensor_factor(name) for name in self.dimensions}
-        if unknown := set(self.sensors) - set(factors):
+        sensors = {sensor.name: sensor for sensor in self.table.sensors}
+        for name in filter(sensors.__contains__, factors):
+            table = sensors[name]
+            for key, size in (("scale", table.scale), ("within", table.within)):
+                if size is not None and size.dimension != self.dimensions[name]:
+                    raise DataError(
+                        f"sensors ({name}).{key}: is a {size.dimension}: expected a {self.dimensions[name]}"
+                    )
+            factors[name] = (table.weight or 1.0) ** 0.5 / (1.0 if table.scale is None else table.scale.value)
+        if unknown := set(sensors) - set(factors):
             raise DataError(f"sensors: {min(unknown)!r}, which no run reads: there are {', '.join(factors)}")
         dimensions = sorted(set(self.dimensions.values()))
-        scaled = {name for name, sensor in self.sensors.items() if sensor.scale is not None}
+        scaled = {name for name, sensor in sensors.items() if sensor.scale is not None}
         if len(dimensions) > 1 and scaled != set(factors):
             raise DataError(
                 f"sensors read {' and '.join(dimensions)}: give every sensor a scale, the reading that counts as one, "
                 "or they cannot be compared"
             )
-        weights = self.table.speed_weights
         return np.array([factors[sensor] * weights.get(speed, 1.0) ** 0.5 for sensor, speed in self.rows])
-
-    def _sensor_factor(self, name: str) -> float:
-        table = self.sensors.get(name)
-        if table is None:
-            return 1.0
-        for key, size in (("scale", table.scale), ("within", table.within)):
-            if size is not None and size.dimension != self.dimensions[name]:
-                raise DataError(f"sensors ({name}).{key}: is a {size.dimension}: expected a {self.dimensions[name]}")
-        return (table.weight or 1.0) ** 0.5 / (1.0 if table.scale is None else table.scale.value)

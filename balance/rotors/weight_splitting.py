@@ -149,10 +149,22 @@ class _Programme:
     ) -> None:
         self.scale = _SCALE / max(abs(target), float(sizes.min()), 1e-300)
         self.target, self.effect = self.scale * target, self.scale * np.outer(unit, sizes).ravel()
-        self.holes, self.kinds = len(unit), len(stock)
-        self.mass = np.tile(sizes * self.scale, self.holes)
-        self.quantity = np.array([min(plate.quantity, rules.in_hole * self.holes) for plate in stock], dtype=float)
-        self.rules, self.finest = rules, rules.resolution * abs(self.target)
+        holes, kinds = self.shape = len(unit), len(stock)
+        self.mass = np.tile(sizes * self.scale, holes)
+        self.finest = rules.resolution * abs(self.target)
+        quantity = np.array([min(plate.quantity, rules.in_hole * holes) for plate in stock], dtype=float)
+        lower = np.r_[np.zeros(holes * kinds + holes), self.finest]
+        self.lower, self.upper = lower, np.r_[np.tile(quantity, holes), np.ones(holes), np.inf]
+        # quantities in stock, weights in a hole only where its flag is set, and flags in all
+        per_kind = np.hstack([np.tile(np.eye(kinds), holes), np.zeros((kinds, holes + 1))])
+        in_hole = np.kron(np.eye(holes), np.ones((1, kinds)))
+        per_hole = np.hstack([in_hole, -rules.in_hole * np.eye(holes), np.zeros((holes, 1))])
+        flags = np.r_[np.zeros(holes * kinds), np.ones(holes), 0.0][None]
+        self.rules = [
+            LinearConstraint(per_kind, 0.0, quantity),
+            LinearConstraint(per_hole, -np.inf, 0.0),
+            LinearConstraint(flags, 0.0, holes if rules.used_holes is None else rules.used_holes),
+        ]
         self.sides: list[Floats] = []
         self.limits: list[float] = []
         for angle in np.arange(16) * np.pi / 8:
@@ -165,7 +177,7 @@ class _Programme:
     def solve(self, within: float | None) -> tuple[Floats, float]:
         """Numbers (holes, weights) with the least residual, or the lightest with it ``within``, and the bound."""
         bound = 0.0
-        best: Floats = np.zeros((self.holes, self.kinds))
+        best: Floats = np.zeros(self.shape)
         reached = abs(self.target)
         for _ in range(_ROUNDS):
             numbers, t = self._solved(within)
@@ -185,21 +197,22 @@ class _Programme:
     def _cut(self, angle: float) -> None:
         """Re((target - effect n) exp(-i angle)) <= t."""
         turned = np.exp(-1j * angle)
-        self.sides.append(np.concatenate([-(turned * self.effect).real, np.zeros(self.holes), [-1.0]]))
+        self.sides.append(np.r_[-(turned * self.effect).real, np.zeros(self.shape[0]), -1.0])
         self.limits.append(-float((turned * self.target).real))
 
     def _solved(self, within: float | None) -> tuple[Floats, float]:
-        count, holes = self.holes * self.kinds, self.holes
-        numbers, t = (np.zeros(count), 1.0) if within is None else (self.mass, 0.0)
-        cost = np.concatenate([numbers, np.zeros(holes), [t]])
-        lower = np.concatenate([np.zeros(count + holes), [self.finest]])
-        upper = np.concatenate([np.tile(self.quantity, holes), np.ones(holes), [within or np.inf]])
+        count, holes = len(self.effect), self.shape[0]
+        cost = (
+            np.r_[np.zeros(count), np.zeros(holes), 1.0] if within is None else np.r_[self.mass, np.zeros(holes), 0.0]
+        )
+        upper = np.r_[self.upper[:-1], within or np.inf]
+        cuts = LinearConstraint(np.array(self.sides), -np.inf, np.array(self.limits))
         with stdout_discarded():
             solution = milp(
                 cost,
-                constraints=self._constraints(),
-                integrality=np.concatenate([np.ones(count + holes), [0.0]]),
-                bounds=Bounds(lower, upper),
+                constraints=[cuts, *self.rules],
+                integrality=np.r_[np.ones(count + holes), 0.0],
+                bounds=Bounds(self.lower, upper),
                 options={"mip_rel_gap": 0.0, "time_limit": TIME_LIMIT_S},
             )
         if not solution.success:
@@ -208,21 +221,4 @@ class _Programme:
                 "holes or weights."
             )
         x = np.asarray(solution.x)
-        return np.rint(x[:count]).reshape(holes, self.kinds), float(x[-1])
-
-    def _constraints(self) -> list[LinearConstraint]:
-        """Cuts, stock quantities, weights a hole only where its flag is set, and flags in all."""
-        holes, kinds = self.holes, self.kinds
-        last = np.zeros((1, 1))
-        per_kind = np.hstack([np.tile(np.eye(kinds), holes), np.zeros((kinds, holes + 1))])
-        per_hole = np.hstack(
-            [np.kron(np.eye(holes), np.ones((1, kinds))), -self.rules.in_hole * np.eye(holes), np.zeros((holes, 1))]
-        )
-        flags = np.hstack([np.zeros((1, holes * kinds)), np.ones((1, holes)), last])
-        most = holes if self.rules.used_holes is None else self.rules.used_holes
-        return [
-            LinearConstraint(np.array(self.sides), -np.inf, np.array(self.limits)),
-            LinearConstraint(per_kind, 0.0, self.quantity),
-            LinearConstraint(per_hole, -np.inf, 0.0),
-            LinearConstraint(flags, 0.0, most),
-        ]
+        return np.rint(x[:count]).reshape(self.shape), float(x[-1])

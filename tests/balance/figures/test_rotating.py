@@ -6,16 +6,15 @@ import pytest
 from balance.engines import balance_shafts, free_forces
 from balance.engines.engine_files import load_layout
 from balance.figures.rotating import draw_orders, draw_polygons, draw_readings
-from balance.rotors import correction_planes
-from balance.rotors.rotor import Plane, Unbalance
+from balance.rotors.rotor import Plane, Unbalance, correct_planes, polygons
 from balance.rotors.trial_run_files import load_trial_runs
 
 
 def test_names_of_a_polygon_stand_outside_it():
     """Of a convex one each name is farther from the middle than its side; of a short side too."""
     unbalances = [Unbalance("a", 3.0, 0.1), Unbalance("b", 2.0j, 0.1), Unbalance("c", -0.1 + 0.05j, 0.1)]
-    found = correction_planes.correct_planes(unbalances, [Plane("left", 0.0), Plane("right", 0.4)])
-    drawn = [p for p in correction_planes.polygons(found) if "Unbalances" in p.title]
+    found = correct_planes(unbalances, [Plane("left", 0.0), Plane("right", 0.4)])
+    drawn = [p for p in polygons(found) if "Unbalances" in p.title]
     figure = draw_polygons(found)
     figure.draw_without_rendering()
     axes = figure.axes[-1]

@@ -8,8 +8,7 @@ import pinocchio
 import pytest
 
 from balance.mechanism.mjcf_parser import mechanism_from_text
-from balance.rotors import correction_planes
-from balance.rotors.rotor import Plane, Unbalance
+from balance.rotors.rotor import Plane, Unbalance, correct_planes
 
 TIME = np.linspace(0.0, 1.0, 60)
 THETA, OMEGA, ALPHA = 50 * TIME + np.sin(9 * TIME), 50 + 9 * np.cos(9 * TIME), -81 * np.sin(9 * TIME)
@@ -41,7 +40,7 @@ def test_pinocchio_as_referee(places):
     Nor of angular momentum across the axis; about it remains the torque of the acceleration.
     """
     unbalances = _rotor(7)
-    corrected = correction_planes.correct_planes(unbalances, [Plane(f"p{z}", z) for z in places]).after
+    corrected = correct_planes(unbalances, [Plane(f"p{z}", z) for z in places]).after
     expected = (sum(u.vector for u in unbalances) * (OMEGA**2 - 1j * ALPHA) * np.exp(1j * THETA)).tolist()
     size = max(abs(f) for f in expected)
     for state, force in ((unbalances, expected), (corrected, [0.0] * len(TIME))):
