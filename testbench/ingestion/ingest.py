@@ -29,7 +29,6 @@ from .planned_runs import PlannedRun
 if TYPE_CHECKING:
     from ..rig import Rig
     from ..store.run import Run
-    from .run_inputs import Inputs
 
 _ANEW = "stored runs never change: take it out by testbench remove, with the reason, and ingest again"
 
@@ -128,8 +127,10 @@ class Ingest:
             for source, recording in zip(sources, distinct_groups([s.recording for s in sources]), strict=True):
                 source.recording = recording
             if (begun := self._begun(sources)) is not None:
-                planned = replace(planned, name=_next_version(self.folder, begun))
-                return self._stored_anew(planned, sources, begun)
+                stem = re.sub(r"\.v\d+$", "", Path(begun).stem)
+                versions = (f"{stem}.v{number}" for number in count(2))
+                name = next(name for name in versions if not (self.folder / f"{name}.h5").exists())
+                return self._stored_anew(replace(planned, name=name), sources, begun)
             return self._already(planned, sources) or self._stored_anew(planned, sources)
         except (RecordingError, StoreError) as error:
             return not_stored(planned, sources, error)
@@ -141,15 +142,13 @@ class Ingest:
     def _begun(self, sources: Sequence[Source]) -> str | None:
         """The stored run of these logs as they were when they were shorter, proven by its digests of them."""
         self._stored.look()
-        grown = {self._stored.begun_run(source.path, source.size) for source in sources}
-        if grown == {None}:
+        begun = [self._stored.begun_run(source.path, source.size) for source in sources]
+        if not any(begun):
             return None
-        same = {
-            self._stored.run_of(source.size, source.digested())
-            for source in sources
-            if self._stored.begun_run(source.path, source.size) is None
+        found = {
+            run or self._stored.run_of(source.size, source.digested())
+            for source, run in zip(sources, begun, strict=True)
         }
-        found = grown - {None} | same
         return found.pop() if len(found) == 1 else None
 
     def _stored_anew(self, planned: PlannedRun, sources: Sequence[Source], begun: str | None = None) -> list[Outcome]:
@@ -208,16 +207,25 @@ class Ingest:
         if begun is not None:
             message = f"continues {begun}, which holds the beginning of the log: analyses take this run instead"
             sources[0].findings.append(Finding("continued", None, None, message))
-        inputs, lacking = self._inputs(planned)
-        sources[0].findings.extend(lacking)
-        with RunWriter(self.folder, planned.name, self._intent(planned, origin, sources, inputs)) as writer:
+        conditions, rig = planned.conditions or {}, None if self.rig is None else self.rig.text
+        inputs: dict[str, tuple[str, ...]] = {}
+        if self.rig is not None or "motion" in conditions:
+            from .run_inputs import run_inputs  # late: a log alone needs none of it
+
+            folders = [planned.folder, None if self.rig is None else self.rig.folder]
+            inputs, lacking = run_inputs(self.rig, conditions, [folder for folder in folders if folder is not None])
+            sources[0].findings.extend(lacking)
+        # What `testbench recover` must know if this process is killed.
+        intent = {"origin": origin, "conditions": conditions, "rig": rig, "inputs": inputs,
+                  "sources": [source.provenance() for source in sources]}  # fmt: skip
+        with RunWriter(self.folder, planned.name, intent) as writer:
             groups = [self._copy(source, writer) for source in sources]
             for source, own in zip(sources, groups, strict=True):
                 source.findings = findings_by_group(source.findings, own, sum(map(len, groups)) > 1)
             if self.rig is not None:
                 recordings = [source.recording for source in sources]
                 sources[0].findings.extend(rig_checks.rig_findings(self.rig, recordings, self.sibling_log))
-                sources[0].findings.extend(rig_checks.of_conditions(self.rig, planned.conditions or {}))
+                sources[0].findings.extend(rig_checks.of_conditions(self.rig, conditions))
             doubt = "whether it holds this recording too is not known"
             for name, reason in self._stored.unopened.items():
                 sources[0].findings.append(Finding("run_not_opened", None, None, _unopened(name, reason, doubt)))
@@ -229,24 +237,13 @@ class Ingest:
                     f"it is with {' '.join(f'--accept {code}' for code in codes)}"
                 )
             refuse_twice([(source.digested(), source.path.name) for source in sources])
-            rig = None if self.rig is None else self.rig.text
-            writer.describe(origin, planned.conditions or {}, everything, self._provenance(sources, begun), rig, inputs)
+            writer.describe(origin, conditions, everything, self._provenance(sources, begun), rig, inputs)
             writer.seal()
             with atomic_files.one_at_a_time(self.folder):
                 if others := self._already(planned, sources):
                     return others
                 target = writer.commit().name
         return [Outcome(target, s.path.name, s.sha256, origin, "stored", tuple(s.findings)) for s in sources]
-
-    def _inputs(self, planned: PlannedRun) -> "tuple[Inputs, list[Finding]]":
-        """The files that a run was made with: beside the run table, else beside the rig, else shipped ones."""
-        conditions = planned.conditions or {}
-        if self.rig is None and "motion" not in conditions:
-            return {}, []
-        from .run_inputs import run_inputs  # late: a log alone needs none of it
-
-        folders = [planned.folder, None if self.rig is None else self.rig.folder]
-        return run_inputs(self.rig, conditions, [folder for folder in folders if folder is not None])
 
     def _copy(self, source: Source, writer: RunWriter) -> list[Group]:
         """Read one file to its end, checking and writing each block; the groups that it held."""
@@ -275,18 +272,6 @@ class Ingest:
             writer.group(group.group).finish(group.rate_hz, group.rate_source, group.start_time)
         return [group.group for group in check.groups.values()]
 
-    def _intent(
-        self, planned: PlannedRun, origin: Origin, sources: Sequence[Source], inputs: "Inputs"
-    ) -> dict[str, Any]:
-        """What `testbench recover` must know if this process is killed."""
-        return {
-            "origin": origin,
-            "conditions": planned.conditions or {},
-            "rig": None if self.rig is None else self.rig.text,
-            "inputs": inputs,
-            "sources": [source.provenance() for source in sources],
-        }
-
     def _provenance(self, sources: Sequence[Source], begun: str | None) -> dict[str, Any]:
         accepted = sorted(self.accepted & {finding.code for source in sources for finding in source.findings})
         return {
@@ -306,12 +291,6 @@ def _origin(planned: PlannedRun, sources: Sequence[Source]) -> Origin:
         message = "the log says that it is simulated, the run table says measured; mend the run table"
         raise Refusal(simulated[0].path.name, Finding("origin_contradiction", None, None, message))
     return "simulated" if simulated else planned.origin or "unstated"
-
-
-def _next_version(folder: Path, begun: str) -> str:
-    """The name of the next version of a run: ``r001.v2`` after ``r001``."""
-    stem = re.sub(r"\.v\d+$", "", Path(begun).stem)
-    return next(name for name in (f"{stem}.v{n}" for n in count(2)) if not (folder / f"{name}.h5").exists())
 
 
 def _unopened(name: str, reason: str, consequence: str) -> str:

@@ -21,7 +21,6 @@ from ..store import atomic_files, layout
 from ..store.campaign import KEPT, SUFFIX
 
 if TYPE_CHECKING:
-    from ..readers.import_description import ImportDescription
     from ..rig import Rig
 
 _AT_ONCE = 4 << 20
@@ -37,12 +36,23 @@ class LogReading:
     def __init__(self, options: ReadOptions | None = None, rig: "Rig | None" = None) -> None:
         self._rig, self._options = rig, options or ReadOptions()
         self._loggers: dict[str, list[str]] = {}
+        """Names of the loggers by the import description that the rig names for them: in its folder, or shipped."""
         self._described: dict[str, ReadOptions] = {}
         for name, logger in {} if rig is None else rig.loggers.items():
             if logger.read_as:
                 self._loggers.setdefault(logger.read_as, []).append(name)
         for named, loggers in self._loggers.items():
-            self._described[named] = replace(self._options, description=_description(named, rig, loggers[0]))
+            from ..readers.import_description import ImportDescription  # late: few logs have one
+
+            if Path(named).is_absolute() or ".." in Path(named).parts:
+                raise RecordingError(
+                    f"loggers.{loggers[0]}.read_as: {named!r}: expected a file in the rig's folder, or a shipped "
+                    "description"
+                )
+            own = ((rig and rig.folder) or Path()) / named
+            shipped = not own.is_file() and named in datasets.dataset_names("loggers", ".toml")
+            description = ImportDescription.load(named if shipped else str(own))
+            self._described[named] = replace(self._options, description=description)
         if self._described and self._options.description is not None:
             first = min(name for loggers in self._loggers.values() for name in loggers)
             raise RecordingError(f"--as: the rig says it by loggers.{first}.read_as: give one of the two")
@@ -90,19 +100,6 @@ class LogReading:
         held = {name for group in recording.groups for channel in group.channels for name in channel.names}
         loggers = self._loggers[named]
         return any(column.channel in held for name in loggers if self._rig for column in self._rig.columns(name))
-
-
-def _description(named: str, rig: "Rig | None", logger: str) -> "ImportDescription":
-    """The import description that a rig names for a logger: in the rig's folder, or a shipped one."""
-    from ..readers.import_description import ImportDescription  # late: few logs have one
-
-    if Path(named).is_absolute() or ".." in Path(named).parts:
-        raise RecordingError(
-            f"loggers.{logger}.read_as: {named!r}: expected a file in the rig's folder, or a shipped description"
-        )
-    own = ((rig and rig.folder) or Path()) / named
-    shipped = not own.is_file() and named in datasets.dataset_names("loggers", ".toml")
-    return ImportDescription.load(named if shipped else str(own))
 
 
 class Source:
@@ -230,18 +227,14 @@ class SiblingLogs:
                 return path.name
         while self._unread:
             path = self._unread.pop(0)
-            self._labels[path] = labels = self._read(path)
+            try:
+                groups = self._reading.opened(path)[1].groups
+            except (RecordingError, OSError):  # what is said where it is ingested
+                groups = ()
+            self._labels[path] = labels = frozenset(n for g in groups for channel in g.channels for n in channel.names)
             if not labels.isdisjoint(channels):
                 return path.name
         return None
-
-    def _read(self, path: Path) -> frozenset[str]:
-        """What the header of a log names; nothing where it cannot be read, which is said where it is ingested."""
-        try:
-            groups = self._reading.opened(path)[1].groups
-        except (RecordingError, OSError):
-            return frozenset()
-        return frozenset(name for group in groups for channel in group.channels for name in channel.names)
 
 
 MOST_CHANNELS = 30_000
@@ -256,13 +249,13 @@ def own_files(files: Sequence[Path], campaign: Path) -> list[Path]:
     """
     if not campaign.is_dir():
         return []
-    own = [path for path in files if path.parent.resolve() == campaign.resolve() and _belongs(path)]
+    own = []
+    for path in files:
+        run = path.with_name(path.name.removesuffix(atomic_files.SUFFIX))
+        is_run = run.suffix == SUFFIX and run.exists() and atomic_files.digest_file(run).exists()
+        if path.parent.resolve() == campaign.resolve() and (path.name in KEPT or is_run):
+            own.append(path)
     return own if len(own) < len(files) else []
-
-
-def _belongs(path: Path) -> bool:
-    run = path.with_name(path.name.removesuffix(atomic_files.SUFFIX))
-    return path.name in KEPT or (run.suffix == SUFFIX and run.exists() and atomic_files.digest_file(run).exists())
 
 
 def refuse_stored_run(source: Source) -> None:

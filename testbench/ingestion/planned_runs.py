@@ -1,7 +1,7 @@
 """Which of the files that are given make which runs, by the run table or without one, or why one cannot be stored."""
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
@@ -69,9 +69,19 @@ def plan_rows(rows: "Sequence[RunTableRow]", files: Sequence[Path], run_table: P
     groups: dict[str, list[RunTableRow]] = {}
     for row in rows:
         groups.setdefault(row.run or PurePath(row.file).stem, []).append(row)
+    runs = []
     for name, together in groups.items():
-        wrong += _contradictions(name, together, run_table)
-    runs = [_run(name, together, paths, run_table) for name, together in groups.items()]
+        first = together[0]
+        for row in together[1:]:
+            line = f"{run_table.name}, line {row.line}"
+            if row.run is None:
+                wrong.append(f"{line}: {row.file} would be stored as {name!r}, as line {first.line}")
+            elif (row.conditions, row.origin) != (first.conditions, first.origin):
+                wrong.append(f"{line}: run {name!r} has other conditions in line {first.line}: is the name used twice?")
+        missing = tuple(row.file for row in together if row.file not in paths)
+        own = tuple(paths[row.file] for row in together if row.file in paths)
+        problem = f"waits for {', '.join(missing)}, of the same run {name!r}" if missing else ""
+        runs.append(PlannedRun(name, own, first.origin, first.conditions, problem, run_table.parent, missing))
     if wrong := [*wrong, *_problems(runs).values()]:
         raise RigError("\n".join(dict.fromkeys(wrong)))
     unnamed = f"{run_table.name} does not name it: add a row for it, or do not give it"
@@ -97,25 +107,6 @@ def _problems(runs: Sequence[PlannedRun]) -> dict[str, str]:
                 f"{', '.join(same)}: would all be stored as run {name!r}; name each in column 'run' of a run table"
             )
     return found
-
-
-def _contradictions(name: str, rows: "Sequence[RunTableRow]", run_table: Path) -> Iterator[str]:
-    """Why rows of one name are no run."""
-    first = rows[0]
-    for row in rows[1:]:
-        line = f"{run_table.name}, line {row.line}"
-        if row.run is None:
-            yield f"{line}: {row.file} would be stored as {name!r}, as line {first.line}"
-        elif (row.conditions, row.origin) != (first.conditions, first.origin):
-            yield f"{line}: run {name!r} has other conditions in line {first.line}: is the name used twice?"
-
-
-def _run(name: str, rows: "Sequence[RunTableRow]", paths: Mapping[str, Path], run_table: Path) -> PlannedRun:
-    first = rows[0]
-    missing = tuple(row.file for row in rows if row.file not in paths)
-    given = tuple(paths[row.file] for row in rows if row.file in paths)
-    problem = f"waits for {', '.join(missing)}, of the same run {name!r}" if missing else ""
-    return PlannedRun(name, given, first.origin, first.conditions, problem, run_table.parent, missing)
 
 
 def _given(row: "RunTableRow", files: Iterable[Path], exact: Sequence[Path], run_table: Path) -> Path | None:

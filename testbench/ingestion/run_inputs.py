@@ -33,18 +33,25 @@ def run_inputs(rig: "Rig | None", conditions: Conditions, folders: Iterable[Path
     A motion that is no file's name is a label, and none is stored. A peak acceleration of another kind than that of the
     motion is a finding, and so is a payload that no body is named for.
     """
-    motion = conditions.get("motion")
     found, findings = Inputs(), list[Finding]()
-    for kind, path in (("mechanism", _mechanism(rig)), ("motion", _motion(motion, folders))):
+    mechanism = None if rig is None or rig.mechanism == NONE else mechanism_file(rig.mechanism, rig.folder)
+    for kind, path in (("mechanism", mechanism), ("motion", _motion(conditions.get("motion"), folders))):
         if path is None:
             continue
         try:
-            texts = _mechanism_text(path) if kind == "mechanism" else _motion_texts(path)
+            if kind == "motion":
+                from balance.motion.motion_files import motion_texts
+
+                found[kind] = (path.name, *motion_texts(path))
+            elif any(mark in (text := read_text(path)) for mark in _SEVERAL_FILES):
+                from balance.mechanism.mjcf_parser import load_mechanism  # late: few mechanisms are of several files
+
+                found[kind] = (path.name, load_mechanism(path).text)
+            else:
+                found[kind] = (path.name, text)
         except CounterpoiseError as error:
             message = f"its {kind} is not stored with it: {error}; correct {path.name} and ingest into a new campaign"
             findings.append(Finding("input_not_stored", None, None, message))
-        else:
-            found[kind] = (path.name, *texts)
     findings += _peak_findings(found["motion"], conditions) if "motion" in found else []
     return found, findings + (_payload_findings(found["mechanism"], conditions) if "mechanism" in found else [])
 
@@ -83,10 +90,6 @@ def _peak_findings(motion: tuple[str, ...], conditions: Conditions) -> list[Find
     return [Finding("condition_contradiction", None, None, message)]
 
 
-def _mechanism(rig: "Rig | None") -> Path | None:
-    return None if rig is None or rig.mechanism == NONE else mechanism_file(rig.mechanism, rig.folder)
-
-
 def _motion(name: str | None, folders: Iterable[Path]) -> Path | None:
     if not name:
         return None
@@ -99,18 +102,3 @@ def _named(folder: Path, name: str) -> Iterator[Path]:
     for path in (folder / name, folder / f"{name}.toml"):
         if path.suffix == ".toml" and path.resolve().is_relative_to(folder.resolve()):
             yield path
-
-
-def _mechanism_text(path: Path) -> tuple[str, ...]:
-    text = read_text(path)
-    if not any(mark in text for mark in _SEVERAL_FILES):
-        return (text,)
-    from balance.mechanism.mjcf_parser import load_mechanism  # late: few mechanisms are of several files
-
-    return (load_mechanism(path).text,)
-
-
-def _motion_texts(path: Path) -> tuple[str, ...]:
-    from balance.motion.motion_files import motion_texts
-
-    return motion_texts(path)

@@ -156,7 +156,17 @@ def run_table_rows(run_table: Path) -> tuple[list[RunTableRow], list[str]]:
     else:
         table, delimiter = _csv_table(run_table)
     columns = [cell.strip() for cell in table[0][1]] if table else []
-    _check_columns(run_table, columns)
+    if "file" not in columns and not any(_OTHERS["files"].fullmatch(name) for name in columns):
+        raise RigError(
+            f"{run_table.name}: no column 'file': expected a run table with {', '.join(COLUMNS)}; or a row a run, with "
+            "columns file_NAME in place of file"
+        )
+    if again := [name for name in columns if columns.count(name) > 1]:
+        raise RigError(f"{run_table.name}: column {again[0]!r} is there twice: remove one")
+    for name in columns:
+        if name not in COLUMNS and not any(form.fullmatch(name) for form in _OTHERS.values()):
+            hint = suggestion(name, COLUMNS) or f": expected some of {', '.join(COLUMNS)}, payload_BODY_kg, file_LOGGER"
+            raise RigError(f"{run_table.name}: unknown column {name!r}{hint}")
     rows, problems = list[RunTableRow](), list[str]()
     for line, cells in table[1:]:
         try:
@@ -201,21 +211,6 @@ def _csv_table(run_table: Path) -> tuple[list[tuple[int, list[str]]], str]:
         return [(lines.line_num, cells) for cells in lines if any(cells)], delimiter
     except csv.Error as error:
         raise RigError(f"{run_table.name}, line {lines.line_num}: {error}") from error
-
-
-def _check_columns(run_table: Path, columns: Sequence[str]) -> None:
-    if "file" not in columns and not any(_OTHERS["files"].fullmatch(name) for name in columns):
-        raise RigError(
-            f"{run_table.name}: no column 'file': expected a run table with {', '.join(COLUMNS)}; or a row a run, with "
-            "columns file_NAME in place of file"
-        )
-    if again := [name for name in columns if columns.count(name) > 1]:
-        raise RigError(f"{run_table.name}: column {again[0]!r} is there twice: remove one")
-    for name in columns:
-        if name not in COLUMNS and not any(form.fullmatch(name) for form in _OTHERS.values()):
-            hint = suggestion(name, COLUMNS)
-            more = f"{hint or ': expected some of ' + ', '.join(COLUMNS)}, payload_BODY_kg, file_LOGGER"
-            raise RigError(f"{run_table.name}: unknown column {name!r}{hint or more}")
 
 
 def _row_contradictions(run_table: Path, rows: Sequence[RunTableRow]) -> Iterator[str]:

@@ -64,7 +64,14 @@ class WatchedRunTable:
         self.rows = read_run_table(self.path)
         before, self._known = self._known, {row.file: row for row in self.rows}
         names = before.keys() | self._known.keys()
-        return {Path(name).name for name in names if _says(before.get(name)) != _says(self._known.get(name))}
+        rows = ((name, before.get(name), self._known.get(name)) for name in names)
+        return {
+            Path(name).name
+            for name, old, new in rows
+            if old is None
+            or new is None
+            or (old.run, old.origin, old.conditions) != (new.run, new.origin, new.conditions)
+        }
 
 
 def state_of(path: Path) -> State | None:
@@ -76,15 +83,8 @@ def state_of(path: Path) -> State | None:
     return stat.st_size, stat.st_mtime_ns
 
 
-def _says(row: RunTableRow | None) -> object:
-    """What a row says; the line where it stands is no part of it."""
-    return None if row is None else (row.run, row.origin, row.conditions)
-
-
 _SKIPPED = (".part", ".tmp", ".crdownload", ".filepart", "~")
 """Endings of files on their way from elsewhere."""
-
-
 TRIED_AGAIN_S = 30.0
 """After so long a log is tried again at which the disk or share failed [s]."""
 LONGEST_PAUSE_S = 60.0
@@ -187,7 +187,14 @@ class Watch:
         now = time.monotonic()
         for path in [path for path, (due, _) in self._failed.items() if due <= now]:
             self._done.pop(path, None)
-        yield from self._reread(now)
+        if self.run_table is not None:
+            try:
+                changed = self.run_table.look(now)
+            except RigError as error:
+                yield _refused(self.run_table.path, str(error))
+            else:
+                for path in [path for path in self._done if path.name in changed]:  # whose row changed
+                    self._done.pop(path)
         pending = sorted((path, *seen) for path, seen in self._seen.items() if path not in self._done)
         resting = [path for path, _, since in pending if now - since >= self._settle_s(path)]
         self.writing = writers(resting)
@@ -199,18 +206,6 @@ class Watch:
                 yield from self._one(PlannedRun(path.stem, (path,)))
         else:
             yield from self._by_run_table(settled)
-
-    def _reread(self, now: float) -> Iterator[Outcome]:
-        """Read the run table again if it changed; files whose row changed come again."""
-        if self.run_table is None:
-            return
-        try:
-            changed = self.run_table.look(now)
-        except RigError as error:
-            yield _refused(self.run_table.path, str(error))
-            return
-        for path in [path for path in self._done if path.name in changed]:
-            self._done.pop(path)
 
     def _by_run_table(self, settled: list[Path]) -> Iterator[Outcome]:
         """Ingest the runs that are complete; say of the other files, once, what they wait for."""

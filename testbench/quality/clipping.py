@@ -86,10 +86,8 @@ class Clipping:
     smallest_step: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.limit is None:
-            self.above, self.below = Plateau(+1, follow=True), Plateau(-1, follow=True)
-        else:
-            self.above, self.below = (Plateau(side, code_below(self.limit)) for side in (+1, -1))
+        level = -np.inf if self.limit is None else code_below(self.limit)
+        self.above, self.below = (Plateau(side, level, follow=self.limit is None) for side in (+1, -1))
 
     def update(self, samples: Samples, extremes: tuple[float, float] | None = None) -> None:
         """Take in the next samples, and the least and the largest of them where they are known and all are finite."""
@@ -172,16 +170,11 @@ _LIKE = 1e-6
 
 
 @dataclass
-class _Found:
-    count: int
-    first: str
-
-
-@dataclass
 class CodedValues:
     """The samples of one channel that are such codes, block by block, and the extremes of all others."""
 
-    found: dict[float, _Found] = field(default_factory=dict)
+    found: dict[float, tuple[int, str]] = field(default_factory=dict)
+    """How many samples are each code, and where the first stands."""
     least: float = np.inf
     most: float = -np.inf
 
@@ -194,8 +187,8 @@ class CodedValues:
             extremes = float(finite.min()), float(finite.max())
         while (code := _code(extremes[0])) or (code := _code(extremes[1])):
             same = np.isclose(samples, code, rtol=_LIKE, atol=0.0)
-            first = block.where(int(np.argmax(same)))
-            self.found.setdefault(code, _Found(0, first)).count += int(same.sum())
+            count, first = self.found.get(code, (0, block.where(int(np.argmax(same)))))
+            self.found[code] = count + int(same.sum()), first
             samples = samples[np.isfinite(samples) & ~same]
             if not len(samples):
                 return
@@ -205,13 +198,13 @@ class CodedValues:
     def places(self) -> list[tuple[str, str]]:
         """For each code that is no measured value a message, and where it stands first."""
         found = []
-        for code, each in self.found.items():
+        for code, (count, first) in self.found.items():
             rest = self.least if code < 0.0 else self.most
             if abs(code) not in _OVERFLOW and not (np.isfinite(rest) and rest / code < 0.5):
                 continue
             what = "an instrument's overflow" if abs(code) in _OVERFLOW else "a missing value, it seems"
-            message = f"{each.count} samples are {code:g}, the code of {what}; kept as written, and no measured value"
-            found.append((message, each.first))
+            message = f"{count} samples are {code:g}, the code of {what}; kept as written, and no measured value"
+            found.append((message, first))
         return found
 
 

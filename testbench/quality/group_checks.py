@@ -27,33 +27,12 @@ from ..recording import (
 )
 from ..units import is_unit, same_unit, seconds_per
 from .clipping import Clipping, CodedValues
-from .time_steps import (
-    GAP,
-    RATE_TOLERANCE,
-    ClockStats,
-    Sampling,
-    about_gaps,
-    coarse_times_finding,
-    is_cause,
-    sampling_of_times,
-)
+from .time_steps import GAP, MANY, RATE_TOLERANCE, ClockStats, Sampling, sampling_of_times
 
 _SAME_RATE = 1e-6
 """Rates that differ by less than this share of them are one."""
-
-
-def time_in_seconds(column: TimeColumn, clock: ClockStats) -> dict[str, float | int | None]:
-    """The clock's numbers as they are printed, in seconds; as written, without ``_s``, if the unit is unknown."""
-    values = {
-        "t_first": clock.first,
-        "t_last": clock.last,
-        "dt_min": clock.dt_min,
-        "dt_median": clock.steps.quantile(0.5),
-        "dt_max": clock.dt_max,
-    }
-    unit, factor = ("", 1.0) if column.seconds_per_unit is None else ("_s", column.seconds_per_unit)
-    finite = {f"{key}{unit}": value * factor if math.isfinite(value) else None for key, value in values.items()}
-    return {**finite, "non_increasing": clock.non_increasing}
+_FEW_GAPS = 10
+"""So few gaps are said as they are."""
 
 
 @dataclass(frozen=True)
@@ -133,12 +112,19 @@ class TimeCheck:
             ]
         found = self._gaps()
         jitter = clock.steps.quantile(0.95) - clock.steps.quantile(0.05)
-        if jitter > 0.01 * median and not is_cause(shown):
+        if jitter > 0.01 * median and not shown.is_of_rounding:
             message = f"nine steps in ten lie within {jitter / median:.1%} of the median {median:.6g} {unit}"
             found.append(Finding("time_jitter", name, None, message))
         rate = self.rate_hz
-        if rate and shown.rounded and not shown.settled:
-            found.append(Finding("rate_doubtful", name, None, coarse_times_finding(shown, rate, unit)))
+        if rate and shown.rounded and not shown.settled and shown.grid is not None:
+            kinds = shown.grid
+            message = (
+                f"steps of {kinds.lengths(unit)} come as evenly as those of times rounded to {kinds.place:.6g} {unit}: "
+                f"the rate is {rate:.6g} Hz by their mean. A logger of {rate * shown.step / kinds.place:.6g} Hz that "
+                f"lost one sample in {1.0 + 1.0 / kinds.longer_share:.3g} as evenly would look the same; a rate in the "
+                "log's header tells"
+            )
+            found.append(Finding("rate_doubtful", name, None, message))
         elif rate and shown.rounded and not self.stated_rate_hz:
             message = (
                 f"the times are rounded: steps of {clock.dt_min:.6g} to {clock.dt_max:.6g} {unit}, by whose median of "
@@ -157,13 +143,32 @@ class TimeCheck:
             listed = ", ".join(f"{step:.6g} {unit} before {where}" for _, step, where in longest)
             listed = f"the longest: {listed}" if gaps > len(longest) else listed
             limit = f"{shown.longest:.6g} {unit}, a sample taking {shown.step:.6g} {unit} on average"
-            if not is_cause(shown):
+            if not shown.is_of_rounding:
                 limit = f"{GAP:g} times the median {clock.steps.quantile(0.5):.6g} {unit}"
             parts.append(f"steps longer than {limit}: {gaps} ({listed})")
             places = ", ".join(where for *_, where in longest)
-        if text := about_gaps(shown, gaps, clock.steps.above(0.0), unit):
-            parts.append(text)
+        parts += self._doubts(gaps)
         return [Finding("time_gap", self._name, places, "; ".join(parts))] if parts else []
+
+    def _doubts(self, gaps: int) -> list[str]:
+        """What the gaps may be besides, or where samples may be lost though no step is a gap."""
+        shown, kinds, even = self._shown, self._shown.grid, self._shown.evenness
+        if shown.is_of_rounding and even is not None:
+            missing = "the steps do not come as evenly as rounding makes them: samples may be lost there"
+            return [f"in {even.uneven} of {even.tested} pieces of the column {missing}"] if even.uneven else []
+        if kinds is not None and not shown.settled and gaps >= _FEW_GAPS:
+            return [
+                f"steps of {kinds.lengths(self._unit)}: whether samples were lost, or none and the times have too few "
+                f"digits (then a sample takes {kinds.mean:.6g} {self._unit}), cannot be told; a rate in the log's "
+                "header tells"
+            ]
+        if shown.rounded or gaps <= MANY * self.clock.steps.above(0.0):
+            return []
+        if kinds is None or kinds.short > 1 or even is None or not even.tested:
+            return ["so many are samples lost all over, or times in too few digits: then the rate is wrong too"]
+        return [
+            "so many are samples lost all over" + ("" if even.rounded else ": they do not come as evenly as rounding")
+        ]
 
     def _against_stated(self, rate: float | None) -> list[Finding]:
         """A header's rate that the steps contradict, or that drifts from the times by more than they are rounded."""

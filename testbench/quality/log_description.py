@@ -1,16 +1,17 @@
 """What a log file holds: its groups, clocks and channels in numbers, what is odd in it, and how it was read."""
 
 import json
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from balance.results import document
+from balance.results import document, finite
 
 from ..readers import ReadOptions, open_recording
 from ..recording import Finding, Recording, TimeColumn, UniformClock, findings_by_group
-from .group_checks import GroupCheck, RecordingCheck, time_in_seconds
+from .group_checks import GroupCheck, RecordingCheck
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,21 @@ class Description:
 
     def document(self, stats: bool = False) -> dict[str, Any]:
         """The JSON object; with ``stats`` the numbers of each channel too."""
-        groups = [_group(check, stats) for check in self.groups]
+        groups = [
+            {
+                "name": check.group.name,
+                "samples": check.samples,
+                "rate_hz": check.rate_hz,
+                "rate_source": check.rate_source,
+                "start_time": check.start_time,
+                "clock": clock(check),
+                "channels": [
+                    document(channel) | (document(numbers) if stats else {})
+                    for channel, numbers in zip(check.group.channels, check.stats, strict=True)
+                ],
+            }
+            for check in self.groups
+        ]
         texts = self.recording.texts.kept
         shown = {"texts": texts} if texts else {}
         return {"format": self.recording.format, "groups": groups, **shown, "findings": self.findings}
@@ -43,37 +58,21 @@ def describe_log(path: str | Path, options: ReadOptions | None = None) -> Descri
     return Description(recording, tuple(check.groups.values()), tuple(found))
 
 
-def _group(check: GroupCheck, stats: bool) -> dict[str, Any]:
-    return {
-        "name": check.group.name,
-        "samples": check.samples,
-        "rate_hz": check.rate_hz,
-        "rate_source": check.rate_source,
-        "start_time": check.start_time,
-        "clock": clock(check),
-        "channels": [
-            document(channel) | (document(numbers) if stats else {})
-            for channel, numbers in zip(check.group.channels, check.stats, strict=True)
-        ],
-    }
-
-
 def clock(check: GroupCheck) -> dict[str, float | int | None] | None:
-    """First and last time and the steps between [s]; None without a clock."""
-    declared = check.group.clock
+    """First and last time and the steps between [s], as written if the unit is unknown; None without a clock."""
+    declared, recorded = check.group.clock, check.clock
     if declared is None:
         return None
-    if not isinstance(declared, UniformClock):
-        return time_in_seconds(declared, check.clock)
-    step = 1.0 / declared.rate_hz if check.samples > 1 else None
-    return {
-        "t_first_s": declared.start_s,
-        "t_last_s": declared.start_s + (check.samples - 1) / declared.rate_hz,
-        "dt_min_s": step,
-        "dt_median_s": step,
-        "dt_max_s": step,
-        "non_increasing": 0,
-    }
+    if isinstance(declared, UniformClock):
+        step = 1.0 / declared.rate_hz if check.samples > 1 else math.nan
+        last, steps = declared.start_s + (check.samples - 1) / declared.rate_hz, (step, step, step)
+        numbers, unit, factor = (declared.start_s, last, *steps), "_s", 1.0
+    else:
+        numbers = (recorded.first, recorded.last, recorded.dt_min, recorded.steps.quantile(0.5), recorded.dt_max)
+        unit, factor = ("", 1.0) if declared.seconds_per_unit is None else ("_s", declared.seconds_per_unit)
+    names = ("t_first", "t_last", "dt_min", "dt_median", "dt_max")
+    found = {f"{name}{unit}": finite(factor * number) for name, number in zip(names, numbers, strict=True)}
+    return {**found, "non_increasing": recorded.non_increasing}
 
 
 def written_description(path: Path, options: ReadOptions, found: Description) -> str:

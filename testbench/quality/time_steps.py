@@ -238,6 +238,10 @@ class Grid(NamedTuple):
         """Share of the longer steps."""
         return self.longer / (self.shorter + self.longer)
 
+    def lengths(self, unit: str) -> str:
+        """Both lengths, for a message."""
+        return f"{self.short * self.place:.6g} and {(self.short + 1) * self.place:.6g} {unit}"
+
     def kinds(self, steps: Samples) -> NDArray[np.int64]:
         """Each of ``steps``, (n,) [s or other], as 0 (the shorter kind), 1 (the longer) or -1 (any other), (n,) [-]."""
         places = steps / self.place - self.short
@@ -352,6 +356,11 @@ class Sampling:
     """Whether the step is the mean of rounded ones."""
 
     @property
+    def is_of_rounding(self) -> bool:
+        """Whether the steps scatter because the times are rounded so coarsely."""
+        return self.rounded and self.evenness is not None and self.evenness.rounded
+
+    @property
     def is_steady(self) -> bool:
         """Whether the steps are those of a sampled signal."""
         return self.step > 0 and self.spread <= IRREGULAR
@@ -408,48 +417,6 @@ def _by_median(
     if abs(found[1] / median - 1.0) <= _MATTERS:
         return Sampling(median, longest, "median_step", spread, steps, even, settled)
     return Sampling(found[1], longest, "mean_step", spread, steps, even, settled, rounded=True)
-
-
-_FEW = 10
-"""So few gaps are said as they are."""
-
-
-def is_cause(shown: Sampling) -> bool:
-    """Whether the steps scatter because the times are rounded so coarsely."""
-    return shown.rounded and shown.evenness is not None and shown.evenness.rounded
-
-
-def coarse_times_finding(shown: Sampling, rate_hz: float, unit: str) -> str:
-    """That the times were taken as rounded, and what would look the same."""
-    assert shown.grid is not None
-    place, one_in = shown.grid.place, 1.0 + 1.0 / shown.grid.longer_share
-    return (
-        f"steps of {_kinds(shown.grid, unit)} come as evenly as those of times rounded to {place:.6g} {unit}: the rate "
-        f"is {rate_hz:.6g} Hz by their mean. A logger of {rate_hz * shown.step / place:.6g} Hz that lost one sample in "
-        f"{one_in:.3g} as evenly would look the same; a rate in the log's header tells"
-    )
-
-
-def about_gaps(shown: Sampling, gaps: int, steps: int, unit: str) -> str:
-    """What the gaps may be besides, or where samples may be lost though no step is a gap; empty if there is no more."""
-    kinds, even = shown.grid, shown.evenness
-    if is_cause(shown) and even is not None:
-        missing = "the steps do not come as evenly as rounding makes them: samples may be lost there"
-        return f"in {even.uneven} of {even.tested} pieces of the column {missing}" if even.uneven else ""
-    if kinds is not None and not shown.settled and gaps >= _FEW:
-        return (
-            f"steps of {_kinds(kinds, unit)}: whether samples were lost, or none and the times have too few digits "
-            f"(then a sample takes {kinds.mean:.6g} {unit}), cannot be told; a rate in the log's header tells"
-        )
-    if shown.rounded or gaps <= MANY * steps:
-        return ""
-    if kinds is None or kinds.short > 1 or even is None or not even.tested:
-        return "so many are samples lost all over, or times in too few digits: then the rate is wrong too"
-    return "so many are samples lost all over" + ("" if even.rounded else ": they do not come as evenly as rounding")
-
-
-def _kinds(steps: Grid, unit: str) -> str:
-    return f"{steps.short * steps.place:.6g} and {(steps.short + 1) * steps.place:.6g} {unit}"
 
 
 _BESIDE = 8

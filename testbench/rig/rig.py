@@ -7,10 +7,10 @@ that a rig with a wrong name is refused at once.
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self, TypeVar
+from typing import TypeVar
 from xml.etree.ElementTree import Element
 
-from pydantic import Field, model_validator
+from pydantic import Field
 from pydantic.json_schema import SkipJsonSchema
 
 from balance import datasets
@@ -39,12 +39,9 @@ class MechanismNames:
     sites: tuple[str, ...] = ()
 
     def unknown(self, kind: str, name: str) -> str | None:
-        """Why a name is wrong, with those that the mechanism has; None if it has it."""
-        known: tuple[str, ...] = (
-            (*self.bodies, *self.sites)
-            if "body" in kind and "site" in kind
-            else getattr(self, {"body": "bodies"}.get(kind, f"{kind}s"))
-        )
+        """Why a name of a ``body``, ``joint``, ``site`` or ``body or site`` is wrong; None if the mechanism has it."""
+        of_kind = {"body": self.bodies, "joint": self.joints, "site": self.sites}
+        known = of_kind.get(kind, (*self.bodies, *self.sites))
         if name in known:
             return None
         listed = ", ".join(known) or "none"
@@ -66,13 +63,11 @@ def mechanism_names(name: str, folder: Path | None) -> MechanismNames | None:
             f"mechanism: no shipped mechanism {name!r}{suggestion(name, shipped)}{place} "
             f"(there are: {', '.join(shipped)}; '{NONE}' for a bench without one)"
         )
-    # a file of the user's own, of which names alone are taken
     with in_file("mechanism"):
-        # The names in a file; None for one that includes others, whose names are not known here.
         root = xml_root(read_text(path, RigError), path.name, RigError)
         elements = list(root.iter())
         if any(element.tag in {"include", "attach", "replicate"} for element in elements):
-            return None
+            return None  # others are included, whose names are not known here
         return MechanismNames(
             name,
             _names_of_tags(elements, _BODIES),
@@ -131,13 +126,23 @@ class Rig(Table):
     folder: SkipJsonSchema[Path | None] = Field(default=None, exclude=True)
     """Where the rig's file lies, and that of its mechanism; None for a rig from its text."""
 
-    @model_validator(mode="after")
-    def _filtered(self) -> Self:
-        """Sensors know the delay of their logger's filter."""
-        for sensor in self.sensors.values():
-            if sensor.logger in self.loggers:
-                sensor.set_delay(self.loggers[sensor.logger].delay)
-        return self
+    def _check(self) -> None:
+        """Loggers that exist, one sensor a channel; sensors then know the delay of their logger's filter."""
+        seen: dict[str, str] = {}
+        for name, sensor in self.sensors.items():
+            if sensor.logger not in self.loggers:
+                raise DataError(
+                    f"sensors.{name}.logger: no logger {sensor.logger!r}: expected {', '.join(self.loggers)}"
+                    f"{suggestion(sensor.logger, self.loggers)}"
+                )
+            sensor.set_delay(self.loggers[sensor.logger].delay)
+            for channel in sensor.components.values():
+                if channel in seen:
+                    raise DataError(
+                        f"sensors.{name}: channel {channel!r} is also that of sensors.{seen[channel]}: "
+                        "expected one sensor a channel"
+                    )
+                seen[channel] = name
 
     def columns(self, logger: str | None = None) -> Iterator[Column]:
         """The channels of one logger, or of all, in the order of the file."""
@@ -180,21 +185,7 @@ def load_rig(path_or_text: str | Path) -> Rig:
         path = datasets.find_dataset(path_or_text, "rigs", ".toml")
     except DataError as error:
         raise RigError(str(error)) from error
-    return _with_mechanism_names(rig_from_text(read_text(path, RigError), path.name), path)
-
-
-def rig_from_text(text: str, source: str = "rig") -> Rig:
-    """Read a rig from its text; ``source`` names it in messages."""
-    table = toml_tables(text, source, RigError)
-    if own := {"text", "source", "names", "folder"} & table.keys():
-        raise RigError(f"{source}: {min(own)}: unknown key")
-    rig = model_from_table(Rig, table | {"text": text, "source": source}, source, RigError)
-    _check_names(source, rig)
-    return rig
-
-
-def _with_mechanism_names(rig: Rig, path: Path) -> Rig:
-    """The rig with the names of its mechanism's parts. Raises RigError for a joint or body that it does not have."""
+    rig = rig_from_text(read_text(path, RigError), path.name)
     try:
         names = mechanism_names(rig.mechanism, path.parent)
     except RigError as error:
@@ -207,20 +198,9 @@ def _with_mechanism_names(rig: Rig, path: Path) -> Rig:
     return rig.model_copy(update={"names": names, "folder": path.parent})
 
 
-def _check_names(source: str, rig: Rig) -> None:
-    """Raise RigError for a logger that does not exist, or a channel of two sensors."""
-    seen: dict[str, str] = {}
-    for name, sensor in rig.sensors.items():
-        if sensor.logger not in rig.loggers:
-            known = ", ".join(rig.loggers)
-            raise RigError(
-                f"{source}: sensors.{name}.logger: no logger {sensor.logger!r}: expected {known}"
-                f"{suggestion(sensor.logger, rig.loggers)}"
-            )
-        for column in sensor.columns(name):
-            if column.channel in seen:
-                raise RigError(
-                    f"{source}: sensors.{name}: channel {column.channel!r} is also that of "
-                    f"sensors.{seen[column.channel]}: expected one sensor a channel"
-                )
-            seen[column.channel] = name
+def rig_from_text(text: str, source: str = "rig") -> Rig:
+    """Read a rig from its text; ``source`` names it in messages."""
+    table = toml_tables(text, source, RigError)
+    if own := {"text", "source", "names", "folder"} & table.keys():
+        raise RigError(f"{source}: {min(own)}: unknown key")
+    return model_from_table(Rig, table | {"text": text, "source": source}, source, RigError)

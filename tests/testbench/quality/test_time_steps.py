@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from testbench.quality import group_checks, time_steps
+from testbench.quality import log_description, time_steps
 from testbench.quality.group_checks import RecordingCheck
 from testbench.recording import Block, Channel, Group, Recording, TimeColumn, UniformClock
 
@@ -27,8 +27,7 @@ def test_steps_do_not_depend_on_blocks(block):
     column = np.cumsum(random.normal(0.01, 1e-4, 3000))
     group, _ = checked(column, block)
     steps = np.diff(column)
-    found = group_checks.time_in_seconds(group.group.clock, group.clock)
-    assert found == {
+    assert log_description.clock(group) == {
         "t_first_s": column[0], "t_last_s": column[-1], "dt_min_s": steps.min(), "dt_median_s": np.median(steps),
         "dt_max_s": steps.max(), "non_increasing": 0,
     }  # fmt: skip
@@ -118,7 +117,7 @@ def test_unit_of_time():
     column = np.arange(100.0)
     group, _ = checked(column, column=TimeColumn(0, 1e-3))
     assert group.rate_hz == pytest.approx(1000.0)
-    assert group_checks.time_in_seconds(group.group.clock, group.clock)["t_last_s"] == pytest.approx(0.099)
+    assert log_description.clock(group)["t_last_s"] == pytest.approx(0.099)
     assert "time_unit_assumed" in checked(column, column=TimeColumn(0, 1.0, assumed=True))[1]
     group, findings = checked(column, column=TimeColumn(0, None))
     assert (group.rate_hz, "time_unit_unknown" in findings) == (None, True)
@@ -152,7 +151,7 @@ def test_no_seconds_are_printed_where_the_unit_is_unknown():
     """The numbers of a clock carry their unit in the keys, and none where none is known."""
     for factor, keys in ((1e-3, "_s"), (None, "")):
         group, _ = checked(np.arange(100.0), column=TimeColumn(0, factor))
-        assert group_checks.time_in_seconds(group.group.clock, group.clock)[f"t_last{keys}"] == 99.0 * (factor or 1.0)
+        assert log_description.clock(group)[f"t_last{keys}"] == 99.0 * (factor or 1.0)
 
 
 @pytest.mark.parametrize(
