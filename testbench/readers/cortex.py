@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..recording import Block, Channel, Finding, Group, Recording, Refusal, Report, UniformClock
 from .csv.dialect import Dialect
-from .csv.header import key_value_pairs
+from .csv.preamble import key_value_pairs
 from .csv.row_parser import RowParser
 from .csv.table import Table
 from .csv.text_blocks import read_first_lines

@@ -273,10 +273,8 @@ class SegmentRows:
         plain, comments = without_comments(form.plain(text), form)
         self._comments = {first_line + row: words for row, words in comments}
         for piece in self._rows.pieces(plain, first_line):
-            columns = form.columns(piece.text)
-            if columns is None:
-                raise RuntimeError(f"rows from line {piece.lines[0]} on are regular, but do not parse")
-            yield from self._cut(piece, [c if c.flags.writeable else c.copy() for c in columns], bytes_read)
+            columns = [c if c.flags.writeable else c.copy() for c in piece.parsed(form)]
+            yield from self._cut(piece, columns, bytes_read)
 
     def _cut(self, piece: RegularRows, columns: list[Samples], bytes_read: int) -> Iterator[Block]:
         """Check the cells, then split at the borders of appended blocks."""

@@ -1,18 +1,13 @@
-"""Where the header of a text ends and the data begin; its names and units as channels, and which of them is time.
-
-What comments and the lines above the names state: ranges, pairs of key and value, rates, steps and counts.
-"""
+"""Where the header of a text ends and the data begin; its names and units as channels, and which of them is time."""
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 
-from ...recording import Block, Channel, Finding, Report, SensorRange, TimeColumn, UniformClock
+from ...recording import Channel, TimeColumn
 from ...units import is_unit, seconds_per
-from .. import header_claims
-from .cell_syntax import decimal_mark, is_missing, is_number_like, may_be_thousands, read_timestamp
+from .cell_syntax import decimal_mark, is_missing, is_number_like, read_timestamp
 from .dialect import Dialect, UnclearDialect, is_comment, is_data
 
 _LONGEST_UNIT = 20
@@ -77,29 +72,16 @@ def stated_header(
     if count > fields + 1:
         raise UnclearDialect(f"line {names[0]} has {count} names, the rows of data have {fields} fields")
     parts = [[*cells, *[""] * (fields - len(cells))] for cells in (*map(_spread, above[:-1]), *above[-1:])]
-    labels = [
-        " ".join(filter(None, dict.fromkeys(cells))) or f"col{i}" for i, cells in enumerate(zip(*parts, strict=False))
-    ]
-    labels = labels[:fields] or [f"col{i}" for i in range(fields)]
-    if (
-        len(labels) > 1
-        and labels[-1] == f"col{len(labels) - 1}"
-        and not any(row[-1] for row in rows[first - 1 :] if row)
-    ):
+    joined = (" ".join(filter(None, dict.fromkeys(cells))) for cells in zip(*parts, strict=False))
+    labels = [label or f"col{i}" for i, label in enumerate(joined)][:fields] or [f"col{i}" for i in range(fields)]
+    ends_empty = not any(row[-1] for row in rows[first - 1 :] if row)
+    if len(labels) > 1 and labels[-1] == f"col{len(labels) - 1}" and ends_empty:
         labels.pop()
     row_of_units = [*below, *[""] * fields][: len(labels)]
     kept = tuple(lines[i - 1] for i in (*names, *([units] if units else [])))
     preamble = tuple(text for i, text in enumerate(lines[: first - 1], 1) if text.strip() and i not in (*names, units))
     channels = named_channels(labels, row_of_units)
     return Header(channels, fields, first, bool(names), kept, preamble, tuple(names), units)
-
-
-def _row_over(rows: Sequence[Sequence[str]], at: int) -> int | None:
-    """A row of names over several columns each, above one that has a unit of time below their name of time."""
-    over = next((i for i in range(at - 1, -1, -1) if rows[i]), None)
-    if over is None or len(rows[over]) != len(rows[at]) or any(map(is_number_like, rows[over])):
-        return None
-    return over if is_time_name(rows[over][0]) and seconds_per(rows[at][0]) is not None else None
 
 
 def _spread(cells: Sequence[str]) -> list[str]:
@@ -128,18 +110,19 @@ def read_header(lines: Sequence[str], dialect: Dialect, has_header: bool | None 
         above, first = [first], first + 1
     in_comment = [] if above else _names_in_comment(lines[:first], dialect, fields)
     named = _name_rows(rows, above, fields)
-    if named and (over := _row_over(rows, named[0])) is not None:
-        return stated_header(lines, dialect, (over + 1, named[0] + 1), None, first + 1)
+    if named and (over := next((i for i in range(named[0] - 1, -1, -1) if rows[i]), None)) is not None:
+        names, below = rows[over], rows[named[0]]  # of names over several columns, above a unit of time below its name
+        are_names = len(names) == len(below) and not any(map(is_number_like, names)) and is_time_name(names[0])
+        if are_names and seconds_per(below[0]) is not None:
+            return stated_header(lines, dialect, (over + 1, named[0] + 1), None, first + 1)
     labels, row_of_units = (in_comment, [""] * fields) if in_comment else _labels(rows, named, fields)
     kept = tuple(lines[i] for i in named)
     preamble = tuple(text for i, text in enumerate(lines[:first]) if text.strip() and i not in named)
-    channels, rows_of_names = (
-        named_channels(labels, row_of_units),
-        (first,) if in_comment else tuple(i + 1 for i in named[:1]),
-    )
-    units = named[1] + 1 if len(named) > 1 else None
-    is_named = bool(named or in_comment)
-    return Header(channels, fields, first + 1, is_named, kept, preamble, rows_of_names, units)
+    return Header(
+        named_channels(labels, row_of_units), fields, first + 1, bool(named or in_comment), kept, preamble,
+        rows=(first,) if in_comment else tuple(i + 1 for i in named[:1]),
+        units=named[1] + 1 if len(named) > 1 else None,
+    )  # fmt: skip
 
 
 def _first_data(rows: Sequence[Sequence[str]]) -> int:
@@ -199,10 +182,8 @@ def _of_names(rows: Sequence[Sequence[str]], at: int) -> int:
 
     Some loggers write rates, dates and starts of the channels below their names.
     """
-    cells = rows[at]
-    if 2 * sum(map(bool, cells)) > len(cells) and not any(map(read_timestamp, cells)):
-        return at
-    found = _full_row_above(rows, at)
+    is_full = 2 * sum(map(bool, rows[at])) > len(rows[at])
+    found = None if is_full and not any(map(read_timestamp, rows[at])) else _full_row_above(rows, at)
     return at if found is None else found
 
 
@@ -244,7 +225,9 @@ def _labels(rows: Sequence[Sequence[str]], named: Sequence[int], fields: int) ->
     """Names and second-row units of the columns; a last column without name and values is no column."""
     if not named:
         return [f"col{i}" for i in range(fields)], [""] * fields
-    labels = _filled(rows, named[0])
+    labels, above = list(rows[named[0]]), None if all(rows[named[0]][:-1]) else _full_row_above(rows, named[0])
+    if above is not None:  # where some have none, the name above: ``Time, Acc, Acc`` over ``, X, Y``
+        labels = [own or over for own, over in zip(labels, rows[above], strict=True)]
     given = list(rows[named[-1]]) if len(named) > 1 else []
     below = [cells for cells in rows[named[-1] + 1 :] if len(cells) == fields]
     ends_empty = fields > 1 and not any(cells[-1] for cells in below)
@@ -253,12 +236,6 @@ def _labels(rows: Sequence[Sequence[str]], named: Sequence[int], fields: int) ->
     if len(labels) > fields or (len(labels) < fields and not ends_empty):
         raise UnclearDialect(f"line {named[0] + 1} has {len(labels)} names, the rows below it have {fields} fields")
     return [label or f"col{i}" for i, label in enumerate(labels)], (given + [""] * fields)[: len(labels)]
-
-
-def _filled(rows: Sequence[Sequence[str]], at: int) -> list[str]:
-    """The names of a row; where some have none, the name above: ``Time, Acc, Acc`` over ``, X, Y``."""
-    above = None if all(rows[at][:-1]) else _full_row_above(rows, at)
-    return list(rows[at]) if above is None else [own or over for own, over in zip(rows[at], rows[above], strict=True)]
 
 
 def _names_in_comment(lines: Sequence[str], dialect: Dialect, fields: int) -> list[str]:
@@ -319,10 +296,11 @@ def _channel(name: str, below: str) -> Channel:
         text = (match[1] or match[2] or "").strip()
         if _SCALED.match(name[match.end() :]):
             break  # F (N) x10: the numbers are of another unit than the brackets'
-        if is_unit(text) or _is_written_as_unit(text, square=match[2] is not None):
-            label = (
-                name[: match.start()].rstrip().removesuffix("/").rstrip() + " " + name[match.end() :].lstrip()
-            ).strip()
+        # an unknown text is meant as a unit in square brackets, or with the signs of units
+        is_meant = bool(text) if match[2] is not None else _SIGNS_OF_UNITS.fullmatch(text) is not None
+        if is_unit(text) or (is_meant and not text.isdecimal()):
+            before = name[: match.start()].rstrip().removesuffix("/").rstrip()
+            label = f"{before} {name[match.end() :].lstrip()}".strip()
             return Channel(name, text, label or name)
     if (found := _quantity_and_unit(name)) is not None and seconds_per(found[1]) is not None:
         return Channel(name, found[1], found[0])
@@ -330,11 +308,6 @@ def _channel(name: str, below: str) -> Channel:
     if suffixed is not None and _plain(suffixed[1]) in _TIME_NAMES:
         return Channel(name, suffixed[2], suffixed[1])
     return Channel(name, None, name)
-
-
-def _is_written_as_unit(text: str, square: bool) -> bool:
-    """Whether an unknown text in brackets is meant as a unit: in square ones, or with the signs of units."""
-    return not text.isdecimal() and (bool(text) if square else _SIGNS_OF_UNITS.fullmatch(text) is not None)
 
 
 def unknown_brackets(channel: Channel) -> str:
@@ -376,146 +349,3 @@ def time_column(channels: Sequence[Channel]) -> TimeColumn | None:
             bare = _BRACKETS.search(channel.label) is None
             return TimeColumn(i, 1.0, assumed=True) if bare else TimeColumn(i, None)
     return None
-
-
-Read = Callable[[Report], Iterator[Block]]
-
-_RANGE = re.compile(
-    r"(?:range|full scale|aralı[kğ]\w*|messbereich)\s*[:=]?\s*(?:±|\+-|\+/-|-\+)\s*(\d+(?:[.,]\d+)?)\s*([^\s,;]+)",
-    re.IGNORECASE,
-)
-_BITS = re.compile(r"\b(\d{1,2})[ -]?bits?\b", re.IGNORECASE)
-_LONGEST = 2000
-"""Letters of a comment that are looked at."""
-_PAIR = re.compile(r"\s*([^:=]{1,60}?)\s*[:=]\s*(.*?)\s*")
-_NUMBER = r"(?P<number>\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)"
-_OF_SAMPLING = (
-    r"(?:\b(?:sampl(?:e|es|ing)?|frame|scan|acquisition|data|log(?:ging|ger)?|record(?:ing)?|update)"
-    r"[ _.-]*(?:rate|freq\w*)"
-    r"|\bsampl(?:ing|ed)|\babtast\w*|\börnekleme(?: (?:hızı|frekansı|oranı|sıklığı))?|\bfs|(?:^|[,;\t|])\s*\"?rate)"
-)
-"""What a rate is called that is the data's own: ``rate gyro, bandwidth 80 Hz`` and ``strain rate at 5 Hz`` are none."""
-_LINK = r"(?:\s|[:=\"]|\b(?:at|with|of|is|was|per|the|all|each|channels?|bei|mit|für|alle|kanäle)\b)*"
-_HERTZ = r"(?P<kilo>k?)(?:Hz|Sa?/s|samples/s|sps)"
-_RATES = (
-    rf"{_OF_SAMPLING}{_LINK}(?:[,;\t]\s*\"?)?{_NUMBER}[\s,;\"]*{_HERTZ}\b",
-    rf"{_OF_SAMPLING}{_LINK}[([]\s*{_HERTZ}\s*[)\]]\"?\s*[:=;,\t]\s*\"?{_NUMBER}",
-    rf"\brate_hz(?P<kilo>)\s*[:=]\s*{_NUMBER}",
-)
-_RATE_OF_OTHERS = re.compile(r"decimat|downsampl|down-sampl|resampl|averag", re.IGNORECASE)
-"""Words of a line whose rate is that of other data: what was recorded before it was thinned out."""
-_STEP = (
-    r"\b(?:sampl\w*[ _](?:interval|period|time)|time[ _](?:step|interval|increment)|delta[ _]?[tx]|dt|Δt"
-    r"|abtast(?:intervall|zeit|periode)|örnekleme (?:aralığı|süresi|periyodu))"
-)
-_UNIT = r"(?P<unit>s|sec|ms|us|µs|μs|ns)"
-_STEPS = (
-    rf"{_STEP}\"?\s*[:=;,\t ]\s*\"?{_NUMBER}\"?[\s;,]*{_UNIT}\b",
-    rf"{_STEP}\s*[([]\s*{_UNIT}\s*[)\]]\"?\s*[:=;,\t]\s*\"?{_NUMBER}",
-)
-_COUNT = re.compile(
-    r"(?:(?:number|no\.?|count)[ _]?of[ _]?(?:samples|points|rows|scans)|samples(?:[ _]per[ _]channel)?|sample[ _]count"
-    r"|n(?:um)?[ _]?(?:of[ _])?samples|data[ _]points|record[ _]length|rows"
-    r"|anzahl[ _](?:der[ _])?\w*(?:werte|punkte|samples)|örnek sayısı)\s*[:=;,\t]\s*(\d{1,15})(?:[\s;,]+\1)*[\s;,]*",
-    re.IGNORECASE,
-)
-_ONE_RATE = 0.005
-"""Rates that differ by this share are one, written in few digits."""
-
-
-def comment_text(line: str) -> str:
-    """A comment without its sign."""
-    return line.strip().lstrip("#%/").strip().strip('"')
-
-
-def sensor_ranges(texts: Iterable[str]) -> tuple[SensorRange, ...]:
-    """Ranges such as ``range +-16 g, 16 bit``."""
-    found = []
-    for text in texts:
-        bits = _BITS.search(text[:_LONGEST])
-        for match in _RANGE.finditer(text[:_LONGEST]):
-            if is_unit(match[2]):
-                limit = float(match[1].replace(",", "."))
-                found.append(SensorRange(limit, match[2], int(bits[1]) if bits else None))
-    return tuple(found)
-
-
-def key_value_pairs(texts: Iterable[str]) -> dict[str, str]:
-    """Lines of the form ``key: value`` or ``key = value``."""
-    matches = (_PAIR.fullmatch(comment_text(text[:_LONGEST])) for text in texts)
-    return {match[1]: match[2] for match in matches if match}
-
-
-@dataclass(frozen=True)
-class StatedSampling:
-    """What is stated of the data: ``rate_hz``, the ``samples`` of each channel, and what is odd in that."""
-
-    rate_hz: float | None = None
-    samples: int | None = None
-    findings: tuple[Finding, ...] = ()
-
-    @property
-    def clock(self) -> UniformClock | None:
-        """The clock of the stated rate, if it can be one."""
-        return header_claims.clock_of_rate(self.rate_hz) if self.rate_hz else None
-
-    def checked(self, read: Read) -> Read:
-        """``read`` that reports at its end if it brought another number of samples than is stated."""
-        samples = self.samples
-        return read if samples is None else lambda report: _counted(read(report), samples, report)
-
-
-def stated_sampling(texts: Iterable[str], decimal: str) -> StatedSampling:
-    """What the ``texts`` state of sampling in a file whose numbers have this ``decimal`` mark."""
-    texts = [text[:_LONGEST] for text in texts]
-    rates = {float(rate) for text in texts for rate in _rates(text, decimal)}
-    steps = {match["number"]: step for text in texts for match, step in _steps(text, decimal)}
-    stated = [*sorted(rates), *(float(1 / step) for step in steps.values())]
-    counts = {int(match[1]) for text in texts if (match := _COUNT.fullmatch(text.strip()))}
-    samples = counts.pop() if len(counts) == 1 else None
-    if not stated:
-        return StatedSampling(None, samples)
-    if any(abs(rate / stated[0] - 1) > _ONE_RATE for rate in stated):
-        listed = ", ".join(f"{rate:.10g} Hz" for rate in stated)
-        message = f"the lines above the data state several rates ({listed}); none of them is taken"
-        return StatedSampling(None, samples, (Finding("header_contradiction", None, None, message),))
-    coarse = [] if rates else header_claims.step_findings(next(iter(steps)), "the step of time")
-    return StatedSampling(stated[0], samples, tuple(coarse))
-
-
-def _rates(text: str, decimal: str) -> Iterator[Fraction]:
-    """The rates that a line states of the data below it [Hz]."""
-    if _RATE_OF_OTHERS.search(text):
-        return
-    for pattern in _RATES:
-        for match in re.finditer(pattern, text, re.IGNORECASE):
-            if value := _value(match["number"], decimal) * (1000 if match["kilo"] else 1):
-                yield value
-
-
-def _steps(text: str, decimal: str) -> Iterator["tuple[re.Match[str], Fraction]"]:
-    """The steps of time that a line states, with their seconds."""
-    for pattern in _STEPS:
-        for match in re.finditer(pattern, text, re.IGNORECASE):
-            factor = seconds_per(match["unit"])
-            if factor and (value := _value(match["number"], decimal)):
-                yield match, value * Fraction(repr(factor))
-
-
-def _value(text: str, decimal: str) -> Fraction:
-    """A number with the file's decimal mark; three digits behind the other mark are thousands."""
-    other = "," if decimal == "." else "."
-    if other in text and may_be_thousands(text):
-        text = text.replace(other, "")
-    return Fraction(text.replace(",", "."))
-
-
-def _counted(blocks: Iterator[Block], stated: int, report: Report) -> Iterator[Block]:
-    found: Counter[str] = Counter()
-    for block in blocks:
-        found[block.group.name] += len(block)
-        yield block
-    total = found.total()
-    if stated != total and any(samples != stated for samples in found.values()):
-        code = "count_contradiction" if total < stated else "header_contradiction"
-        report(Finding(code, None, None, f"the lines above the data state {stated} samples, {total} are there"))

@@ -126,6 +126,13 @@ class RegularRows:
     columns: list[Samples] | None = None
     bytes_read: int = 0
 
+    def parsed(self, parser: RowParser) -> list[Samples]:
+        """Its columns, (n,) each [as written], parsed now."""
+        columns = parser.columns(self.text)
+        if columns is None:
+            raise RuntimeError(f"rows from line {self.lines[0]} on are regular, but do not parse")
+        return columns
+
 
 @dataclass
 class RowFilter:

@@ -1,27 +1,17 @@
 """Reader of text with delimiters: comma, semicolon, tab, bar or blanks; decimal point or comma."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 
-from ...recording import Channel, Clock, Finding, Group, Recording, Refusal, StartTime, TextLog, TimeColumn
+from ...recording import Block, Clock, Finding, Group, Recording, Refusal, Report, TextLog, TimeColumn
 from .. import header_claims
 from ..registry import ReadOptions
 from .cell_syntax import is_missing, is_number_like
 from .dialect import Dialect, UnclearDialect, detect_dialect, settles
-from .header import (
-    Header,
-    Read,
-    comment_text,
-    key_value_pairs,
-    read_header,
-    sensor_ranges,
-    stated_header,
-    stated_sampling,
-    time_name_base,
-    unknown_brackets,
-)
+from .header import Header, read_header, stated_header, time_name_base, unknown_brackets
+from .preamble import Read, comment_text, key_value_pairs, sensor_ranges, stated_sampling
 from .rewritten_columns import NotationColumn, TimeColumns, find_notations, find_time_columns, rounded_numbers
 from .row_parser import RowParser
 from .table import Table, find_multiple_time_columns
@@ -35,19 +25,32 @@ Rows = Sequence[Sequence[str]]
 def open_text(path: Path, options: ReadOptions) -> Recording:
     """Read the first lines of a text; its rows are read when asked for."""
     text = understood(path, options)
-    kept = text.kept_fields
+    kept, times = text.kept_fields, text.times
     comments = tuple(comment_text(line) for line in text.header.preamble)
-    stated = stated_sampling(comments, text.dialect.decimal)
-    channels = text.times.channels(text.header.channels)
-    clock = text.times.clock(channels, kept) or stated.clock
-    zero_of = partial(_zero, text, channels, header_claims.stated_start(comments))
-    group = Group(path.stem, tuple(channels[i] for i in kept), clock, zero_of(clock, kept))
+    stated, start = stated_sampling(comments, text.dialect.decimal), header_claims.stated_start(comments)
+    channels = times.channels(text.header.channels)
+
+    def group_of(name: str, fields: Sequence[int], clock: Clock | None) -> Group:
+        """The group of these fields; its time is zero as its column of time says, else as is stated above it."""
+        zero = times.zero(channels, fields[clock.index]) if isinstance(clock, TimeColumn) else None
+        return Group(name, tuple(channels[i] for i in fields), clock, zero or start)
+
+    def part_of(name: str, fields: Sequence[int]) -> Group:
+        """The group of these fields, where ``time 2`` is a name of time too."""
+        named = [replace(c, label=time_name_base(c.label) or c.label) for c in channels]
+        return group_of(name, fields, times.clock(named, fields))
+
+    declared = header_claims.clock_of_rate(stated.rate_hz) if stated.rate_hz else None
+    group = group_of(path.stem, kept, times.clock(channels, kept) or declared)
     multiple = None
     if options.description is None or not options.description.time:
-        multiple = find_multiple_time_columns(group, text.rows, kept, text.clock_of(channels), zero_of)
-    texts = TextLog()
+        multiple = find_multiple_time_columns(group, text.rows, kept, part_of)
+    texts, order = TextLog(), options.date_order
     table = text.table(group, kept, texts)
-    read = text.across_midnight(table.blocks, kept)
+    of_day = [kept.index(column.field) for column in times.timestamps if column.is_of_day]
+    read: Read = table.blocks
+    if of_day:
+        read = partial(_across_midnight, read, of_day)
     return Recording(
         path=path,
         format="CSV",
@@ -55,27 +58,28 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
         groups=multiple.groups if multiple else (group,),
         read=stated.checked(multiple.split(read) if multiple else read),
         origin=header_claims.stated_origin(comments),
-        settings=text.settings,
-        metadata=key_value_pairs(comments) | text.times.zeros(channels),
+        settings={
+            "encoding": text.encoding.name,
+            "delimiter": text.dialect.delimiter,
+            "decimal": text.dialect.decimal,
+            "first_data_line": str(text.header.first_data_line),
+        }
+        | ({"date_order": f"{order}, as stated"} if order else {}),
+        metadata=key_value_pairs(comments) | times.zeros(channels),
         comments=comments,
         ranges=sensor_ranges(comments),
         stated_rate_hz=stated.rate_hz,
-        findings=(
-            *text.findings,
-            *stated.findings,
-            *([multiple.finding] if multiple else []),
-        ),
+        findings=(*text.findings, *stated.findings, *([multiple.finding] if multiple else [])),
         texts=texts,
         content=table.content,
     )
 
 
-def _zero(
-    text: "_Text", channels: Sequence[Channel], stated: StartTime | None, clock: Clock | None, fields: Sequence[int]
-) -> StartTime | None:
-    """When the time of a group of these fields is zero: as its column of time says, else as is stated above it."""
-    found = text.times.zero(channels, fields[clock.index]) if isinstance(clock, TimeColumn) else None
-    return found or stated
+def _across_midnight(read: Read, columns: Sequence[int], report: Report) -> Iterator[Block]:
+    """Blocks with times of day that go on after midnight."""
+    from .timestamp_blocks import across_midnight
+
+    return across_midnight(read(report), columns, report)
 
 
 @dataclass(frozen=True)
@@ -128,63 +132,34 @@ class _Text:
         are_notes = not named and 0 in texts and self.header.fields == len(texts) + 1 and len(set(words)) == len(words)
         if self.options.header is None and are_notes:
             message = "a number behind other words on each line, as in notes; if they are data, say --no-header"
-            raise Refusal(self.path.name, Finding("no_data", None, self._first_row, message))
+            raise Refusal(self.path.name, Finding("no_data", None, f"line {self.header.first_data_line}", message))
         kept = tuple(i for i in range(len(self.header.channels)) if i not in texts | self.times.dates)
         if not kept:
             message = "no column of numbers; expected rows of numbers"
             raise Refusal(self.path.name, Finding("no_data", None, None, message))
         return kept
 
-    def clock_of(self, channels: Sequence[Channel]) -> Callable[[Sequence[int]], Clock | None]:
-        """The clock among some fields, where ``time 2`` is a name of time too."""
-        named = [replace(c, label=time_name_base(c.label) or c.label) for c in channels]
-        return lambda fields: self.times.clock(named, fields)
-
     def table(self, group: Group, kept: tuple[int, ...], texts: TextLog) -> Table:
         """The rows below the header."""
-        columns, fields = (*self.times.columns, *self.notations), self.header.fields
-        lines = self.lines[self.header.first_data_line - 1 :][:20]
+        header, stated = self.header, self.options.description
+        lines = self.lines[header.first_data_line - 1 :][:20]
         padded = any(line.endswith(" ") or any(text in line for text in (" ,", " ;", " |", " \t")) for line in lines)
-        words = frozenset[str]() if self.options.description is None else self.options.description.words
-        encoding = self.encoding.name_in_blocks
-        parser = RowParser(self.dialect, fields, padded, columns, self.times.dates, encoding, words)
-        names, above = self.header.lines[:1], (*self.header.lines[1:], *self.header.preamble)
-        first_line = self.header.first_data_line
-        written = tuple((i, self.header.channels[i].name) for i in sorted(self.fields_of_text))
-        name = names[0] if names else None
-        return Table(
-            self.path, self.encoding, parser, group, kept, first_line, name, above, written, texts,
-            unnamed=len(self.header.channels) < fields,
+        parser = RowParser(
+            self.dialect, header.fields, padded, (*self.times.columns, *self.notations), self.times.dates,
+            self.encoding.name_in_blocks, frozenset() if stated is None else stated.words,
         )  # fmt: skip
-
-    def across_midnight(self, read: Read, kept: Sequence[int]) -> Read:
-        """``read`` with times of day that go on after midnight; ``kept`` are the fields of the channels."""
-        columns = [kept.index(column.field) for column in self.times.timestamps if column.is_of_day]
-        if not columns:
-            return read
-        from .timestamp_blocks import across_midnight
-
-        return lambda report: across_midnight(read(report), columns, report)
-
-    @property
-    def settings(self) -> dict[str, str]:
-        """How the text was read: as detected or stated; of dates only what a person stated."""
-        order = self.options.date_order
-        return {
-            "encoding": self.encoding.name,
-            "delimiter": self.dialect.delimiter,
-            "decimal": self.dialect.decimal,
-            "first_data_line": str(self.header.first_data_line),
-        } | ({"date_order": f"{order}, as stated"} if order else {})
-
-    @property
-    def _first_row(self) -> str:
-        return f"line {self.header.first_data_line}"
+        return Table(
+            self.path, self.encoding, parser, group, kept, header.first_data_line,
+            names=header.lines[0] if header.lines else None, above=(*header.lines[1:], *header.preamble),
+            texts=tuple((i, header.channels[i].name) for i in sorted(self.fields_of_text)), log=texts,
+            unnamed=len(header.channels) < header.fields,
+        )  # fmt: skip
 
     @property
     def findings(self) -> list[Finding]:
         """What was detected, and what of it was inferred; of columns in other notations, how they are read."""
-        encoding, header, row = self.encoding, self.header, self._first_row
+        encoding, header = self.encoding, self.header
+        row = f"line {header.first_data_line}"
         message = f"{self.dialect}, encoding {encoding.name}, first row of data in {row}"
         if header.named and (unnamed := [c.name for i, c in enumerate(header.channels) if c.name == f"col{i}"]):
             message += f"; columns without a name: {', '.join(unnamed)}"
@@ -197,9 +172,8 @@ class _Text:
             found.append(Finding("ambiguous_number", None, row, message))
         for i, channel in enumerate(header.channels):
             if i not in self._fields_of_numbers and (text := unknown_brackets(channel)):
-                message = (
-                    f"{text!r} in brackets is not understood as a unit; the name is kept as written, without a unit"
-                )
+                message = f"{text!r} in brackets is not understood as a unit; "
+                message += "the name is kept as written, without a unit"
                 found.append(Finding("unit_unknown", channel.name, None, message))
         if not header.named:
             message = "the first row is data: the columns are named col0, col1, ... and have no units"
@@ -229,10 +203,8 @@ def understood(path: Path, options: ReadOptions) -> _Text:
         raise Refusal(path.name, Finding("unknown_dialect", None, None, str(error))) from error
     except LookupError as error:
         written = sum(bool(line.strip()) for line in lines)
-        message = (
-            f"no row of numbers in its first {written} {'line' if written == 1 else 'lines'} with text; expected "
-            "rows of as many numbers each, under a header or not"
-        )
+        message = f"no row of numbers in its first {written} {'line' if written == 1 else 'lines'} with text; "
+        message += "expected rows of as many numbers each, under a header or not"
         raise Refusal(path.name, Finding("no_data", None, None, message)) from error
     rows = [dialect.split(line) for line in lines[header.first_data_line - 1 :]]
     ends = [dialect.split(line) for line in read_last_lines(path, encoding)]

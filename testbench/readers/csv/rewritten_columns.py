@@ -38,8 +38,6 @@ _NEVER_DECIMAL = frozenset("'\u2019 \u00a0\u202f")
 _EXACT_DIGITS = 15
 """Digits that float64 holds whatever they are."""
 
-Columns = Mapping[int, Sequence[str]]
-
 
 @dataclass(frozen=True)
 class NotationColumn(RewrittenColumn):
@@ -60,7 +58,7 @@ def find_notations(
     rows = [cells for cells in rows if len(cells) == header.fields]
     fields = [i for i in range(len(header.channels)) if i not in passed_over]
     columns = {i: [cells[i] for cells in rows if not is_missing(cells[i])] for i in fields}
-    grouped = []
+    found = []
     for i, numbers in columns.items():
         for mark in _THOUSANDS_MARKS:
             marked = [cell for cell in numbers if mark in cell]
@@ -69,10 +67,17 @@ def find_notations(
             if marked and mark != decimal and sure and all(map(_group_pattern(mark, decimal).fullmatch, numbers)):
                 message = f"every number has {mark!r} between thousands and {decimal!r} before decimals"
                 finding = Finding("thousands_marks", header.channels[i].name, None, message)
-                grouped.append(NotationColumn(i, partial(_ungrouped, mark, decimal), (finding,)))
-    done = {column.field for column in grouped}
+                found.append(NotationColumn(i, partial(_ungrouped, mark, decimal), (finding,)))
+    done = {column.field for column in found}
     others = {i: cells for i, cells in columns.items() if i not in done and cells and all(map(is_number_like, cells))}
-    return (*grouped, *_foreign_columns(others, header, decimal))
+    signs = {cell[0] for cells in others.values() for cell in cells} & {"-", MINUS}
+    for i, cells in others.items():  # all numbers of a column are foreign; a typographic minus is of the whole file
+        foreign = [cell for cell in cells if _plain(decimal, cell) is not None]
+        if signs == {MINUS} or len(foreign) == len(cells):
+            message = f"numbers such as {foreign[0]!r} are read as {plain_number(foreign[0])}" if foreign else ""
+            finding = Finding("number_notation", header.channels[i].name, None, message)
+            found.append(NotationColumn(i, partial(_plain, decimal), (finding,) if foreign else ()))
+    return tuple(found)
 
 
 def rounded_numbers(rows: Sequence[Sequence[str]], header: Header, passed_over: Collection[int]) -> list[Finding]:
@@ -100,19 +105,6 @@ def _ungrouped(mark: str, decimal: str, cell: str) -> str | None:
     return cell.replace(mark, "").replace(decimal, ".")
 
 
-def _foreign_columns(numbers: Columns, header: Header, decimal: str) -> "list[NotationColumn]":
-    """Columns of other notations: all numbers of a column; a typographic minus, all of the file."""
-    signs = {cell[0] for cells in numbers.values() for cell in cells} & {"-", MINUS}
-    found = []
-    for i, cells in numbers.items():
-        foreign = [cell for cell in cells if _plain(decimal, cell) is not None]
-        if signs == {MINUS} or len(foreign) == len(cells):
-            message = f"numbers such as {foreign[0]!r} are read as {plain_number(foreign[0])}" if foreign else ""
-            finding = Finding("number_notation", header.channels[i].name, None, message)
-            found.append(NotationColumn(i, partial(_plain, decimal), (finding,) if foreign else ()))
-    return found
-
-
 def _plain(decimal: str, cell: str) -> str | None:
     """The number as ``float()`` reads it; None if the cell stays as it is."""
     plain = plain_number(cell)
@@ -121,7 +113,6 @@ def _plain(decimal: str, cell: str) -> str | None:
     return plain.replace(decimal, ".")
 
 
-_SIGNIFICANT = 15  # digits of a decimal number that float64 holds whatever they are
 _TEN_DIGITS = 10  # seconds since 1970 have no more before the point until the year 2286
 _SINCE_1970 = {13: 1e-3, 16: 1e-6, 19: 1e-9}
 """Seconds in a unit, by the digits of a time since 1970 that is counted in it, from 2001 to 2286."""
@@ -307,18 +298,34 @@ def find_time_columns(rows: Rows, ends: Rows, header: Header, order: str = "") -
     rows = [cells for cells in rows if len(cells) == header.fields]
     found = {i: notation for i in range(len(header.channels)) if (notation := _usual_notation(rows, i)) is not None}
     dates = [i for i, notation in found.items() if not notation.clock]
-    times = TimeColumns()
+    columns, findings = list[TimestampColumn | LongNumberColumn](), list[Finding]()
+    texts, coarse, digits = {*dates}, set[int](), dict[int, int]()
     for i, notation in found.items():
-        if notation.clock:
-            apart = dates[0] if not notation.date and len(dates) == 1 else None
-            dated = replace(notation, date=notation.date if apart is None else found[apart].date)
-            column = _with_zero(TimestampColumn(i, dated, date_field=apart), rows, ends, order)
-            times = _with_timestamps(times, i, column, header.channels[i].name, rows)
-    times = replace(times, texts=times.texts | frozenset(dates) - times.dates)
+        if not notation.clock:
+            continue
+        apart = dates[0] if not notation.date and len(dates) == 1 else None
+        dated = replace(notation, date=notation.date if apart is None else found[apart].date)
+        column = _with_zero(TimestampColumn(i, dated, date_field=apart), rows, ends, order)
+        name = header.channels[i].name
+        if not isinstance(column, TimestampColumn):  # no clear one
+            texts.add(i)
+            findings += [Finding("ambiguous_date", name, None, column)] if column else []
+            continue
+        columns.append(column)
+        texts -= {apart}
+        findings.append(Finding("time_as_text", name, None, _how_it_is_read(column)))
+        repeats, is_coarse = _repeats(column, rows)
+        if is_coarse:
+            coarse.add(i)
+            message = f"{repeats} of the first {len(rows)} times repeat the one before, for they are written to "
+            message += f"{10.0**-column.decimals:g} s: a channel, and no clock"
+            findings.append(Finding("time_coarse", name, None, message))
     for i, channel in enumerate(header.channels):
-        if i not in found and is_time_name(channel.name):
-            times = _with_numbers(times, i, channel, [row[i] for row in rows if not is_missing(row[i])])
-    return times
+        cells = [row[i] for row in rows if not is_missing(row[i])]
+        if i not in found and is_time_name(channel.name) and cells and all(map(is_without_exponent, cells)):
+            long, digits[i] = _numbered(i, channel, cells, findings)
+            columns += [long] if long else []
+    return TimeColumns(tuple(columns), frozenset(texts), frozenset(coarse), tuple(findings), digits)
 
 
 def _usual_notation(rows: Rows, i: int) -> TimeNotation | None:
@@ -357,46 +364,22 @@ def _with_zero(begun: TimestampColumn, rows: Rows, ends: Rows, stated: str) -> T
 def _with_order(begun: TimestampColumn, seen: Sequence[Timestamp], stated: str) -> TimestampColumn | str:
     """The column with the order of day and month as stated, or as its dates show; or what contradicts it."""
     dates = [time.date for time in seen]
+    slashed = ["/".join(map(str, date)) for date in dates]
     if stated:
-        wrong = next((time.date for time in seen if time.days(stated) is None), None)
+        wrong = next((text for time, text in zip(seen, slashed, strict=True) if time.days(stated) is None), None)
         if wrong is not None:
-            return f"{_slashed(wrong)} is no date in the order {stated}, which --date-order states: say another"
+            return f"{wrong} is no date in the order {stated}, which --date-order states: say another"
         return replace(begun, order=stated, is_stated=True)
     first, second = (max(date[k] for date in dates) > 12 for k in (0, 1))
     if begun.notation.date == "??y" and first != second:
         return replace(begun, order="dmy" if first else "mdy")
     if len(set(dates)) > 1:
-        other = next(date for date in dates if date != dates[0])
+        other = next(text for text in slashed if text != slashed[0])
         return (
-            f"{_slashed(dates[0])} and {_slashed(other)}: day or month first? state it, --date-order dmy or mdy (ymd "
-            "for a year of two digits in front); without it there are no times"
+            f"{slashed[0]} and {other}: day or month first? state it, --date-order dmy or mdy (ymd for a year of two "
+            "digits in front); without it there are no times"
         )
     return replace(begun, only_date=dates[0])
-
-
-def _slashed(date: tuple[int, int, int]) -> str:
-    return "/".join(map(str, date))
-
-
-def _with_timestamps(
-    times: TimeColumns, i: int, column: TimestampColumn | str | None, name: str, rows: Rows
-) -> TimeColumns:
-    """The times and one column more; it is left out where it is no clear one."""
-    if not isinstance(column, TimestampColumn):
-        doubts = (Finding("ambiguous_date", name, None, column),) if column else ()
-        return replace(times, texts=times.texts | {i}, findings=(*times.findings, *doubts))
-    findings = [Finding("time_as_text", name, None, _how_it_is_read(column))]
-    repeats, coarse = _repeats(column, rows)
-    if coarse:
-        message = f"{repeats} of the first {len(rows)} times repeat the one before, for they are written to "
-        message += f"{10.0**-column.decimals:g} s: a channel, and no clock"
-        findings.append(Finding("time_coarse", name, None, message))
-    return replace(
-        times,
-        columns=(*times.columns, column),
-        coarse=times.coarse | ({i} if coarse else set()),
-        findings=(*times.findings, *findings),
-    )
 
 
 def _repeats(column: TimestampColumn, rows: Rows) -> tuple[int, bool]:
@@ -424,23 +407,21 @@ def _how_it_is_read(column: TimestampColumn) -> str:
     return text
 
 
-def _with_numbers(times: TimeColumns, i: int, channel: Channel, cells: Sequence[str]) -> TimeColumns:
-    """The times and a column of numbers called time, counted from the first if float64 does not hold them."""
-    if not cells or not all(map(is_without_exponent, cells)):
-        return times
+def _numbered(
+    i: int, channel: Channel, cells: Sequence[str], findings: list[Finding]
+) -> tuple[LongNumberColumn | None, int]:
+    """A column of numbers called time, counted from the first if float64 does not hold them; and their digits."""
     whole, _, decimals = cells[0].lstrip("+-").replace(",", ".").partition(".")
     first, last = (float(cell.replace(",", ".")) for cell in (cells[0], cells[-1]))
     days = header_claims.may_be_days(first, (last - first) / len(cells))
-    findings, columns = [], times.columns
     if channel.unit is None and (unit := _unit_since_1970(channel, len(whole))):
         message = f"times such as {cells[0]} are counted since 1970 in units of {unit:g} s, as their digits tell"
         findings.append(Finding("time_as_text", channel.name, None, message))
-    if not all(map(_is_kept_by_float, cells)):
-        columns = (*columns, LongNumberColumn(i, cells[0], len(decimals)))
+    column = None if all(map(_is_kept_by_float, cells)) else LongNumberColumn(i, cells[0], len(decimals))
+    if column is not None:
         message = f"numbers of more digits than float64 holds, kept as counted from the first, {cells[0]}"
         findings.append(Finding("time_as_text", channel.name, None, message))
-    digits = times.digits | {i: _TEN_DIGITS + 1 if days else len(whole)}
-    return replace(times, columns=columns, findings=(*times.findings, *findings), digits=digits)
+    return column, _TEN_DIGITS + 1 if days else len(whole)
 
 
 def _is_kept_by_float(cell: str) -> bool:
@@ -448,6 +429,6 @@ def _is_kept_by_float(cell: str) -> bool:
     digits, as Python and others write them so that they are read back.
     """
     written = cell.replace(",", ".")
-    if sum(c.isdigit() for c in written.lstrip("+-0.")) <= _SIGNIFICANT:
+    if sum(c.isdigit() for c in written.lstrip("+-0.")) <= _EXACT_DIGITS:
         return True
     return Decimal(repr(float(written))) == Decimal(written) if "." in written else is_exact(written)

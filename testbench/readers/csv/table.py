@@ -14,11 +14,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...recording import Block, Clock, ContentDigest, Finding, Group, Report, Samples, StartTime, TextLog, TimeColumn
+from ...recording import Block, ContentDigest, Finding, Group, Report, Samples, TextLog, TimeColumn
 from ..byte_source import in_order
 from .cell_syntax import is_missing
 from .header import time_name_base
 from .irregular_rows import CellFilter, LateDecimalMark, RegularRows, RowFilter, last_row
+from .preamble import Read
 from .row_parser import FastParser, RowParser
 from .text_blocks import Encoding, TextBlock, count_lines, read_blocks
 
@@ -29,7 +30,6 @@ _COMPARED = 64
 """Bytes by which the texts of successive rows are compared all at once; longer ones are compared one by one."""
 
 Columns = list[Samples]
-Read = Callable[[Report], Iterator[Block]]
 
 
 @dataclass(frozen=True)
@@ -65,19 +65,24 @@ class Table:
         cells = CellFilter(self.parser, named, self.encoding.name)
         points = LateDecimalMark(self.parser, self.kept)
         ends_given = re.compile(rb"[^%b\s][ \t\r]*$" % re.escape(self.parser.separator.encode()), re.MULTILINE)
-        group, start = self.group, 0
+        group, part, start = self.group, 1, 0
         for piece in self._pieces(rows, report):
-            columns = self._columns(piece, cells)
+            columns = piece.columns
+            if columns is None:
+                columns = piece.parsed(self.parser)
+                cells.judge(piece, columns, list(self.kept))
             points.look(piece)
             if piece.header_line:
-                number = int(group.name.rpartition(" part ")[2]) + 1 if group is not self.group else 2
-                group, start = replace(group, name=f"{self.group.name} part {number}"), 0
-                report(self._repeated(group, piece.header_line, columns))
-            for i, name in self.texts:
+                part, start = part + 1, 0
+                group = replace(group, name=f"{self.group.name} part {part}")
+                goes_on = "" if time is None else f"; time starts again at {columns[time][0]:g}"
+                message = f"the header comes again{goes_on}; what follows is kept as a recording of its own"
+                place = f"line {piece.header_line}"
+                report(Finding("repeated_header", None, place, f"{message}, {group.name!r}"))
+            last = self.parser.fields - 1
+            behind = [(last, f"col{last}")] if self.unnamed and ends_given.search(piece.text) else []
+            for i, name in (*self.texts, *behind):
                 self._take_texts(piece.text, i, group.name, name, start)
-            if self.unnamed and ends_given.search(piece.text):
-                last = self.parser.fields - 1
-                self._take_texts(piece.text, last, group.name, f"col{last}", start)
             yield Block(group, tuple(columns[j] for j in self.kept), start, piece.lines, piece.bytes_read)
             start += len(columns[0])
         for judge in (rows, cells, points):
@@ -132,22 +137,6 @@ class Table:
                 columns = None
         return block, plain, columns
 
-    def _columns(self, piece: RegularRows, cells: CellFilter) -> Columns:
-        if piece.columns is not None:
-            return piece.columns
-        columns = self.parser.columns(piece.text)
-        if columns is None:
-            raise RuntimeError(f"{self.path.name}: rows from line {piece.lines[0]} on are regular, but do not parse")
-        cells.judge(piece, columns, list(self.kept))
-        return columns
-
-    def _repeated(self, group: Group, line: int, columns: Columns) -> Finding:
-        """That the header came again in ``line``, and where time goes on."""
-        clock = group.clock
-        time = f"; time starts again at {columns[self.kept[clock.index]][0]:g}" if isinstance(clock, TimeColumn) else ""
-        message = f"the header comes again{time}; what follows is kept as a recording of its own, {group.name!r}"
-        return Finding("repeated_header", None, f"line {line}", message)
-
     def _plain(self, line: str | None) -> bytes | None:
         if line is None:
             return None
@@ -168,10 +157,6 @@ class MultipleTimeColumns:
     groups: tuple[Group, ...]
     places: tuple[tuple[int, ...], ...]
 
-    def split(self, read: Read) -> Read:
-        """``read`` with the columns of each group for itself, up to the last row in which one of them holds a value."""
-        return lambda report: self._blocks(read, report)
-
     @property
     def finding(self) -> Finding:
         """That there are several clocks."""
@@ -179,40 +164,38 @@ class MultipleTimeColumns:
         message = f"columns of time: {listed}; each is taken as the clock of those behind it, in a group of its own"
         return Finding("several_clocks", None, None, message)
 
-    def _blocks(self, read: Read, report: Report) -> Iterator[Block]:
-        parts: list[_Part] = []
-        seen: Counter[str] = Counter()
-        table = ""
+    def split(self, read: Read) -> Read:
+        """``read`` with the columns of each group for itself, up to the last row in which one of them holds a value."""
 
-        def report_values(finding: Finding) -> None:
-            """Cells behind the end of a shorter group are no values that are missing."""
-            counted = seen + sum((part.not_numbers for part in parts), Counter())
-            if finding.code != "not_a_number" or counted[finding.channel or ""]:
-                report(finding)
+        def blocks(report: Report) -> Iterator[Block]:
+            parts: list[_Part] = []
+            seen: Counter[str] = Counter()
+            table = ""
 
-        for block in read(report_values):
-            if block.group.name != table:
-                seen += sum((part.not_numbers for part in parts), Counter())
-                table = block.group.name
-                parts = [
-                    _Part(replace(group, name=f"{table} {number}"), places)
-                    for number, (group, places) in enumerate(zip(self.groups, self.places, strict=True), 1)
-                ]
-            for part in parts:
-                yield from part.blocks(block)
+            def report_values(finding: Finding) -> None:
+                """Cells behind the end of a shorter group are no values that are missing."""
+                if finding.code != "not_a_number" or seen[finding.channel or ""]:
+                    report(finding)
+
+            for block in read(report_values):
+                if block.group.name != table:
+                    table = block.group.name
+                    parts = [
+                        _Part(replace(group, name=f"{table} {number}"), places, seen)
+                        for number, (group, places) in enumerate(zip(self.groups, self.places, strict=True), 1)
+                    ]
+                for part in parts:
+                    yield from part.blocks(block)
+
+        return blocks
 
 
 def find_multiple_time_columns(
-    group: Group,
-    rows: Sequence[Sequence[str]],
-    kept: Sequence[int],
-    clock_of: Callable[[Sequence[int]], Clock | None],
-    zero_of: Callable[[Clock | None, Sequence[int]], StartTime | None],
+    group: Group, rows: Sequence[Sequence[str]], kept: Sequence[int], part_of: Callable[[str, Sequence[int]], Group]
 ) -> MultipleTimeColumns | None:
     """The groups in a table of these ``rows``, if it begins with a time, and others of this name have columns behind.
 
-    ``kept`` are the fields of the channels of ``group``; ``clock_of`` finds the clock among fields, ``zero_of`` when
-    its time is zero.
+    ``kept`` are the fields of the channels of ``group``; ``part_of`` makes the group of a name and fields.
     """
     bases = [time_name_base(channel.label) for channel in group.channels]
     begins = [i for i, base in enumerate(bases) if base and base == bases[0]]
@@ -221,23 +204,22 @@ def find_multiple_time_columns(
     if any(all(len(row) <= kept[i] or is_missing(row[kept[i]]) for row in rows) for i in begins):
         return None
     places = tuple(tuple(range(a, b)) for a, b in pairwise([*begins, len(bases)]))
-    groups = []
-    for n, columns in enumerate(places, 1):
-        fields = [kept[i] for i in columns]
-        clock, own = clock_of(fields), tuple(group.channels[i] for i in columns)
-        groups.append(Group(f"{group.name} {n}", own, clock, zero_of(clock, fields)))
-    return MultipleTimeColumns(tuple(groups), places)
+    parts = (part_of(f"{group.name} {n}", [kept[i] for i in own]) for n, own in enumerate(places, 1))
+    return MultipleTimeColumns(tuple(parts), places)
 
 
 @dataclass
 class _Part:
-    """One group as it is read: samples so far, and rows without a value that wait for one behind them."""
+    """One group as it is read: samples so far, and rows without a value that wait for one behind them.
+
+    ``not_finite`` counts the cells of each channel that are no finite number.
+    """
 
     group: Group
     places: tuple[int, ...]
+    not_finite: Counter[str]
     samples: int = 0
     waiting: int = 0
-    not_numbers: Counter[str] = field(default_factory=Counter)
 
     def blocks(self, block: Block) -> Iterator[Block]:
         """The group's share of a block of the table."""
@@ -258,5 +240,5 @@ class _Part:
     def _next(self, columns: list[Samples], lines: "range | NDArray[np.int64] | None", bytes_read: int) -> Block:
         start, self.samples = self.samples, self.samples + len(columns[0])
         for channel, column in zip(self.group.channels, columns, strict=True):
-            self.not_numbers[channel.name] += int((~np.isfinite(column)).sum())
+            self.not_finite[channel.name] += int((~np.isfinite(column)).sum())
         return Block(self.group, tuple(columns), start, lines, bytes_read)

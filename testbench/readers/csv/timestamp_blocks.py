@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...recording import Block, Finding, Report, Samples
+from ...recording import Block, Finding, Report
 from .cell_syntax import DAY, SECOND, fraction_span
 from .row_parser import RowParser
 
@@ -113,36 +113,22 @@ def _replaced(
     return out[keep].tobytes()
 
 
-class _DaysPassed:
-    """The days that have passed in one column."""
-
-    def __init__(self) -> None:
-        self.days, self.last = 0, -np.inf
-
-    def counted_on(self, seconds: Samples) -> tuple[Samples, list[int]]:
-        """The seconds with the days that passed, to the nanosecond, and where they did; not finite ones as they are."""
-        at = np.flatnonzero(np.isfinite(seconds))
-        steps = np.diff(seconds[at], prepend=self.last)
-        passed = at[steps < -_HALF_A_DAY_S]
-        if len(at):
-            self.last = float(seconds[at[-1]])
-        before, self.days = self.days, self.days + len(passed)
-        if not self.days:
-            return seconds, []
-        days = before + np.searchsorted(passed, at, side="right")
-        result = seconds.copy()
-        result[at] = (np.rint(seconds[at] * SECOND) + days * float(DAY)) / SECOND
-        return result, [int(i) for i in passed]
-
-
 def across_midnight(blocks: Iterable[Block], columns: Collection[int], report: Report) -> Iterator[Block]:
     """The same blocks; in the ``columns`` a fall by more than half a day is a midnight, which is reported."""
-    passed = {i: _DaysPassed() for i in columns}
+    days, last = dict.fromkeys(columns, 0), dict.fromkeys(columns, -np.inf)
     for block in blocks:
         given = list(block.columns)
-        for i, days in passed.items():
-            given[i], at = days.counted_on(given[i])
-            for row in at:
+        for i in columns:
+            seconds = given[i]
+            at = np.flatnonzero(np.isfinite(seconds))
+            passed = at[np.diff(seconds[at], prepend=last[i]) < -_HALF_A_DAY_S]
+            last[i] = float(seconds[at[-1]]) if len(at) else last[i]
+            if days[i] or len(passed):  # counted on to the nanosecond
+                before = days[i] + np.searchsorted(passed, at, side="right")
+                given[i] = seconds.copy()
+                given[i][at] = (np.rint(seconds[at] * SECOND) + before * float(DAY)) / SECOND
+            days[i] += len(passed)
+            for row in map(int, passed):
                 message = "midnight passes before this row"
                 report(Finding("time_as_text", block.group.channels[i].name, block.where(row), message))
         yield replace(block, columns=tuple(given))
