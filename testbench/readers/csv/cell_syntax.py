@@ -173,11 +173,18 @@ def read_timestamp(text: str) -> Timestamp | None:
     notation = next((name for k, (name, _) in enumerate(_DATES) if match[f"a_date{k}"]), "")
     months = {name: i for i, name in enumerate(_MONTHS, 1)}
     a, b, c = (int(n) if n.isdigit() else months.get(n.casefold(), 0) for n in (found.get(key, "0") for key in "abc"))
-    clock = _nanoseconds_of_day(found, bool(notation))
-    if clock is None:
+    fraction, half = found.get("f") or found.get("ms") or "", found.get("half")
+    hours, minutes, seconds = (int(found.get(key, "0")) for key in "hms")
+    # finer than a nanosecond, no hour of a half day, or no hour of a day; hours beyond 24 are those of a stop watch
+    if fraction[9:].strip("0") or (half and not 1 <= hours <= 12):
         return None
-    decimals = len(found.get("f") or found.get("ms") or "")
-    return Timestamp(TimeNotation(notation, "m" in found, "zone" in found), (a, b, c), clock, decimals)
+    if half:
+        hours = hours % 12 + (12 if half in "pP" else 0)
+    if notation and hours > 23:
+        return None
+    whole = 3600 * hours + 60 * minutes + seconds - _seconds_east(found.get("zone", ""))
+    clock = whole * SECOND + int(fraction[:9].ljust(9, "0"))
+    return Timestamp(TimeNotation(notation, "m" in found, "zone" in found), (a, b, c), clock, len(fraction))
 
 
 def fraction_span(text: str) -> tuple[int, int] | None:
@@ -187,22 +194,6 @@ def fraction_span(text: str) -> tuple[int, int] | None:
         return None
     names = (key for key, value in match.groupdict().items() if value and key.startswith(("f_", "ms_")))
     return next(map(match.span, names), None)
-
-
-def _nanoseconds_of_day(found: dict[str, str], dated: bool) -> int | None:
-    """Nanoseconds of the day; None if it is no time of day. Hours beyond 24 are those of a stop watch."""
-    fraction = found.get("f") or found.get("ms") or ""
-    if fraction[9:].strip("0"):
-        return None
-    hours, minutes, seconds = (int(found.get(key, "0")) for key in "hms")
-    if half := found.get("half"):
-        if not 1 <= hours <= 12:
-            return None
-        hours = hours % 12 + (12 if half in "pP" else 0)
-    if dated and hours > 23:
-        return None
-    whole = 3600 * hours + 60 * minutes + seconds - _seconds_east(found.get("zone", ""))
-    return whole * SECOND + int(fraction[:9].ljust(9, "0"))
 
 
 def zone_minutes(text: str) -> int:

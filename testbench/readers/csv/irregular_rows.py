@@ -243,7 +243,11 @@ class CellFilter:
             cells = at * self.parser.fields + j
             length = ends[cells] - begins[cells]
             empty = (length == 0) | ((length == 1) & (data[begins[cells]] == ord("\r")))
-            self._count_empty(j, [int(rows.lines[row]) for row in at[empty][:_LISTED]], int(empty.sum()))
+            if empty.any():  # there may be very many, as of a slow sensor next to a fast one
+                places = self.by_channel.setdefault(j, _Places())
+                for row in at[empty][:_LISTED]:
+                    places.add(int(rows.lines[row]), "")
+                places.total += max(0, int(empty.sum()) - _LISTED)
             for row, cell in zip(at[~empty], cells[~empty], strict=True):
                 text = rows.text[begins[cell] : ends[cell]].strip(b" \t\r").decode(self.encoding, "backslashreplace")
                 value = self._judge(j, int(rows.lines[row]), text)
@@ -257,22 +261,13 @@ class CellFilter:
         if text in self.parser.missing:
             self.missing.setdefault(column, _Places()).add(line, text)
             return None
-        mark = decimal_mark(text)
-        if mark in ("", decimal) and np.isfinite(value := float(text.strip().replace(",", "."))):
+        if decimal_mark(text) in ("", decimal) and np.isfinite(value := float(text.strip().replace(",", "."))):
             return value
         other = "." if decimal == "," else ","
         if (rule := next((rule for rule in _CELLS if rule.applies(text, other)), None)) is not None:
             self.by_rule.setdefault(rule, _Places()).add(line, text)
         self.by_channel.setdefault(column, _Places()).add(line, text)
         return None
-
-    def _count_empty(self, column: int, first_lines: list[int], total: int) -> None:
-        """Note empty cells; there may be very many, as of a slow sensor next to a fast one."""
-        if total:
-            places = self.by_channel.setdefault(column, _Places())
-            for line in first_lines:
-                places.add(line, "")
-            places.total += total - len(first_lines)
 
     def report(self, report: Report) -> None:
         """Report what was found: once for each kind of contradiction, and once for each channel."""

@@ -64,9 +64,14 @@ def detect_encoding(head: bytes) -> Encoding | None:
             return Encoding(name, len(mark))
     if format_name(head) is not None:
         return None
-    if (wide := _utf16_without_mark(head)) is not None:
-        return wide
-    if _looks_binary(head):
+    pairs = head[: len(head) // 2 * 2]  # in ASCII text as UTF-16 every other byte is zero
+    even, odd = pairs[0::2].count(0), pairs[1::2].count(0)
+    if pairs and max(even, odd) >= 0.4 * len(pairs) / 2 and min(even, odd) <= 0.02 * len(pairs) / 2:
+        name = "utf-16-le" if odd > even else "utf-16-be"
+        return Encoding(name, 0, "every other byte is zero, and there is no byte order mark")
+    rest = _NUL_RUN.sub(b"", head)  # long runs of NUL are what a logger's power failure leaves in a text
+    control = sum(rest.count(c) for c in range(32) if c not in b"\t\n\r\f\x1a\x00")
+    if not rest or control > 0.005 * len(rest) or rest.count(0) > 0.3 * len(rest):
         return None
     try:
         head.decode("utf-8")
@@ -74,23 +79,6 @@ def detect_encoding(head: bytes) -> Encoding | None:
         if error.start < len(head) - 3 or error.reason != "unexpected end of data":
             return _single_byte_encoding(head)
     return Encoding("utf-8")
-
-
-def _utf16_without_mark(head: bytes) -> Encoding | None:
-    """In ASCII text as UTF-16 every other byte is zero."""
-    pairs = head[: len(head) // 2 * 2]
-    even, odd = pairs[0::2].count(0), pairs[1::2].count(0)
-    if not pairs or max(even, odd) < 0.4 * len(pairs) / 2 or min(even, odd) > 0.02 * len(pairs) / 2:
-        return None
-    name = "utf-16-le" if odd > even else "utf-16-be"
-    return Encoding(name, 0, "every other byte is zero, and there is no byte order mark")
-
-
-def _looks_binary(head: bytes) -> bool:
-    """Whether there are control characters; long runs of NUL are what a logger's power failure leaves in a text."""
-    head = _NUL_RUN.sub(b"", head)
-    control = sum(head.count(c) for c in range(32) if c not in b"\t\n\r\f\x1a\x00")
-    return not head or control > 0.005 * len(head) or head.count(0) > 0.3 * len(head)
 
 
 def _single_byte_encoding(head: bytes) -> Encoding:
@@ -187,19 +175,14 @@ class TextBlock:
 
 
 def read_blocks(
-    path: Path,
-    encoding: Encoding,
-    first_line: int,
-    block_bytes: int | None = None,
-    counted: bool = True,
-    content: ContentDigest | None = None,
+    path: Path, encoding: Encoding, first_line: int, counted: bool = True, content: ContentDigest | None = None
 ) -> Iterator[TextBlock]:
     """The lines from ``first_line`` (counted from 1) on, in blocks; not ``counted`` where the caller does it.
 
     ``content`` gets the file's digest if that is wanted.
     """
     line, rest, bytes_read = 1, b"", 0
-    for raw in _chunks(path, encoding, block_bytes or BLOCK_BYTES, content or ContentDigest()):
+    for raw in _chunks(path, encoding, content or ContentDigest()):
         bytes_read += len(raw)
         if raw.endswith(b"\n") and not rest:
             whole = raw
@@ -230,14 +213,14 @@ def _too_long(path: Path, line: int) -> Refusal:
     return Refusal(path.name, Finding("line_too_long", None, f"line {line}", message))
 
 
-def _chunks(path: Path, encoding: Encoding, size: int, content: ContentDigest) -> Iterator[bytes]:
+def _chunks(path: Path, encoding: Encoding, content: ContentDigest) -> Iterator[bytes]:
     """The file's content after its mark; other encodings than ASCII's kin as UTF-8, line ends as line feeds."""
     decoder = None if encoding.keeps_ascii else codecs.getincrementaldecoder(encoding.name)("replace")
     returns_only: bool | None = None
     content.sha256 = ""
     with path.open("rb", buffering=0) as stream:
         total = hashlib.sha256(stream.read(encoding.mark))
-        while raw := stream.read(_to_line_end(stream, size)):
+        while raw := stream.read(_to_line_end(stream, BLOCK_BYTES)):
             if content.wanted:
                 total.update(raw)
             if decoder is not None:
