@@ -32,8 +32,15 @@ class Walk:
 
     @property
     def findings(self) -> list[Finding]:
-        """What was not followed: thousands of links of one fault are one finding with their number."""
-        return [finding for links in self._links.values() for finding in _counted(links)]
+        """What was not followed: each link while they are few; thousands of one fault are one with their number."""
+        found = []
+        for code, links in self._links.items():
+            if len(links) > _NAMED:
+                others = ", ".join(str(finding.channel) for finding in links[1:4])
+                message = f"{links[0].message}; and {len(links) - 1} more links like it, such as {others}"
+                links = [Finding(code, links[0].channel, None, message)]
+            found += links
+        return found
 
     def datasets(self) -> Iterator[tuple[str, h5py.Dataset]]:
         """Each dataset with its path, in the order of the file."""
@@ -47,24 +54,18 @@ class Walk:
             if self.seen > _MOST:
                 raise TooMuch(f"more than {_MOST} objects")
             here = f"{path}/{plain(key)}"
-            if self._is_own(group, key, here):
-                yield from self._object(group, key, here, above)
-
-    def _object(
-        self, group: h5py.Group, key: str, path: str, above: tuple[int, ...]
-    ) -> Iterator[tuple[str, h5py.Dataset]]:
-        node = group[key]
-        if not isinstance(node, h5py.Group | h5py.Dataset):
-            return
-        address = _address(node)
-        if address in above:
-            self._found("cyclic_link", path, "leads back to a group that holds it; it is left out")
-        elif address not in self._done:
-            self._done.add(address)
-            if isinstance(node, h5py.Dataset):
-                yield path, node
-            else:
-                yield from self._below(node, path, (*above, address))
+            node = group[key] if self._is_own(group, key, here) else None
+            if not isinstance(node, h5py.Group | h5py.Dataset):
+                continue
+            address = _address(node)
+            if address in above:
+                self._found("cyclic_link", here, "leads back to a group that holds it; it is left out")
+            elif address not in self._done:
+                self._done.add(address)
+                if isinstance(node, h5py.Dataset):
+                    yield here, node
+                else:
+                    yield from self._below(node, here, (*above, address))
 
     def _is_own(self, group: h5py.Group, key: str, path: str) -> bool:
         """Whether the link leads to an object here; soft links are names of objects that are met anyhow."""
@@ -75,33 +76,20 @@ class Walk:
             target = f"{plain(link.filename)}:{plain(link.path)}"
             self._found("outside_reference", path, f"is a link to {target} in another file; it is never opened")
         elif isinstance(link, h5py.SoftLink):
-            self._check_soft_link(plain(link.path), path)
+            target = plain(link.path)
+            end = _resolved(self.file, target if target.startswith("/") else f"{path.rpartition('/')[0]}/{target}")
+            if end is None:
+                self._found("broken_link", path, f"is a link to {target}, which is not there")
+            elif end == "outside":
+                self._found("outside_reference", path, f"is a link by {target} out of the file; it is never followed")
+            elif end == "circle" or f"{path}/".startswith(f"{end.rstrip('/')}/"):
+                self._found("cyclic_link", path, f"is a link to {target}, which holds it; it is left out")
         else:
             self._found("outside_reference", path, "is a link of a kind that is not known; it is never followed")
         return False
 
-    def _check_soft_link(self, target: str, path: str) -> None:
-        """A soft link that leads nowhere, or back to where it comes from."""
-        absolute = target if target.startswith("/") else f"{path.rpartition('/')[0]}/{target}"
-        end = _resolved(self.file, absolute)
-        if end is None:
-            self._found("broken_link", path, f"is a link to {target}, which is not there")
-        elif end == "outside":
-            self._found("outside_reference", path, f"is a link by {target} out of the file; it is never followed")
-        elif end == "circle" or f"{path}/".startswith(f"{end.rstrip('/')}/"):
-            self._found("cyclic_link", path, f"is a link to {target}, which holds it; it is left out")
-
     def _found(self, code: str, path: str, message: str) -> None:
         self._links.setdefault(code, []).append(Finding(code, path, None, message))
-
-
-def _counted(same: list[Finding]) -> list[Finding]:
-    """Findings of one code: each while they are few, else the first one with how many there are."""
-    if len(same) <= _NAMED:
-        return same
-    others = ", ".join(str(finding.channel) for finding in same[1:4])
-    message = f"{same[0].message}; and {len(same) - 1} more links like it, such as {others}"
-    return [Finding(same[0].code, same[0].channel, None, message)]
 
 
 def _resolved(file: h5py.File, path: str) -> str | None:
@@ -146,13 +134,6 @@ _OWN_FILTERS = frozenset((h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py
 def refusal(path: str, dataset: h5py.Dataset) -> Finding | None:
     """Why a dataset is not read; None if it is."""
     plist = dataset.id.get_create_plist()
-    for check in (_outside, _declares_too_much, _unknown_filter):
-        if (found := check(path, dataset, plist)) is not None:
-            return found
-    return None
-
-
-def _outside(path: str, dataset: h5py.Dataset, plist: h5py.h5p.PropDCID) -> Finding | None:
     if plist.get_layout() == h5py.h5d.VIRTUAL:
         sources = sorted({plain(source.file_name) for source in dataset.virtual_sources()})
         message = f"is virtual, of {', '.join(sources) or 'other datasets'}; they are never opened"
@@ -161,15 +142,20 @@ def _outside(path: str, dataset: h5py.Dataset, plist: h5py.h5p.PropDCID) -> Find
         names = sorted({plain(plist.get_external(i)[0]) for i in range(min(count, 100))})
         message = f"lies in {', '.join(names)}, another file, which is never opened"
         return Finding("outside_reference", path, None, message)
+    if dataset.shape is not None and (found := _declares_too_much(path, dataset, plist)) is not None:
+        return found
+    for i in range(plist.get_nfilters()):
+        code, _, _, name = plist.get_filter(i)
+        if code not in _OWN_FILTERS:  # which would load a plugin that the file names
+            message = f"is packed with filter {code} ({plain(name) or 'without a name'}), which HDF5 lacks"
+            return Finding("left_out", path, None, message)
     return None
 
 
 def _declares_too_much(path: str, dataset: h5py.Dataset, plist: h5py.h5p.PropDCID) -> Finding | None:
     """Sizes that are not there: never written, unpacking to far more than is stored, or in giant chunks."""
-    if dataset.shape is None:  # a dataset without a value, which is whole as it is
-        return None
     there, layout, item = int(dataset.id.get_storage_size()), plist.get_layout(), int(dataset.dtype.itemsize)
-    declared = math.prod(map(int, dataset.shape or ())) * item
+    declared = math.prod(map(int, dataset.shape)) * item
     chunk = math.prod(map(int, plist.get_chunk())) * item if layout == h5py.h5d.CHUNKED else 0
     if layout == h5py.h5d.CONTIGUOUS and not there and plist.fill_value_defined() == h5py.h5d.FILL_VALUE_USER_DEFINED:
         return Finding("left_out", path, None, "none of its values was ever written: all are its fill value")
@@ -179,14 +165,4 @@ def _declares_too_much(path: str, dataset: h5py.Dataset, plist: h5py.h5p.PropDCI
     if chunk > _LARGEST_CHUNK or declared > max(_ALWAYS_ALLOWED, _MOST_RATIO * there):
         message = f"declares {declared} bytes in chunks of {chunk}, and holds {there}"
         return Finding("too_large", path, None, message)
-    return None
-
-
-def _unknown_filter(path: str, dataset: h5py.Dataset, plist: h5py.h5p.PropDCID) -> Finding | None:
-    """Filters that come with HDF5; others would load a plugin that the file names."""
-    for i in range(plist.get_nfilters()):
-        code, _, _, name = plist.get_filter(i)
-        if code not in _OWN_FILTERS:
-            message = f"is packed with filter {code} ({plain(name) or 'without a name'}), which HDF5 lacks"
-            return Finding("left_out", path, None, message)
     return None

@@ -60,24 +60,14 @@ def stated_packing(stated: Mapping[str, AttributeValue], dtype: np.dtype[Any]) -
     scale, offset = (stated.get(key) for key in ("scale_factor", "add_offset"))
     fills = [value for key in ("_FillValue", "missing_value") if isinstance(value := stated.get(key), int | float)]
     is_unsigned = dtype.kind == "i" and str(stated.get("_Unsigned", "")).casefold() == "true"
+    with np.errstate(over="ignore"):  # -999.9 as stored in float32 is not that of float64
+        stored = [float(np.array(fill).astype(dtype)) if dtype.kind == "f" else float(fill) for fill in fills]
     return Packing(
         float(scale) if isinstance(scale, int | float) else 1.0,
         float(offset) if isinstance(offset, int | float) else 0.0,
-        tuple(dict.fromkeys(_as_stored(fill, dtype) for fill in fills if not np.isnan(fill))),
+        tuple(dict.fromkeys(each for each, fill in zip(stored, fills, strict=True) if not np.isnan(fill))),
         2.0 ** (8 * dtype.itemsize) if is_unsigned else 0.0,
     )
-
-
-def _as_stored(fill: float, dtype: np.dtype[Any]) -> float:
-    """A number as one of ``dtype`` is stored: -999.9 of float32 is not that of float64."""
-    with np.errstate(over="ignore"):
-        return float(np.array(fill).astype(dtype)) if dtype.kind == "f" else float(fill)
-
-
-def left_out_fields(dtype: np.dtype[Any]) -> list[str]:
-    """The fields of one element that are no columns: texts, arrays, further fields."""
-    kept = {of for of, _ in number_columns(dtype) if of}
-    return [plain(name) for name in dtype.names or () if name not in kept and name not in ("real", "imag")]
 
 
 def unit_of(stated: Mapping[str, AttributeValue]) -> str | None:
@@ -172,9 +162,17 @@ class _File(Contents):
 
 def open_library(path: Path) -> Recording:
     """Walk through the file; the numbers are read when asked for, from the file as it was opened."""
-    with _refusing(path):
-        found = _understood(h5py.File(path, "r"), path)
-        kind = "MATLAB v7.3" if found.is_matlab else "HDF5"
+    with _refusing(path), path.open("rb") as stream:
+        is_matlab = stream.read(10) == b"MATLAB 7.3"
+        file = h5py.File(path, "r")
+        found = _File(is_matlab=is_matlab, reopened=lru_cache(_OPEN_AT_ONCE)(file.__getitem__))
+        found.metadata |= {name: str(value) for name, value in attributes(file["/"]).items()}
+        walk = Walk(file)
+        for where, dataset in walk.datasets():
+            if not (is_matlab and where.startswith(_OWN)):
+                _take(file, where, dataset, found)
+        found.findings[:0] = walk.findings
+        kind = "MATLAB v7.3" if is_matlab else "HDF5"
         return found.recording(path, kind, "testbench.readers.hdf5", partial(_refusing, path))
 
 
@@ -187,19 +185,6 @@ def _refusing(path: Path) -> Iterator[None]:
         raise damaged(path, f"HDF5 cannot read it: {error}") from error
     except TooMuch as error:
         raise Refusal(path.name, Finding("too_large", None, None, str(error))) from error
-
-
-def _understood(file: h5py.File, path: Path) -> _File:
-    with path.open("rb") as stream:
-        is_matlab = stream.read(10) == b"MATLAB 7.3"
-    found = _File(is_matlab=is_matlab, reopened=lru_cache(_OPEN_AT_ONCE)(file.__getitem__))
-    found.metadata |= {name: str(value) for name, value in attributes(file["/"]).items()}
-    walk = Walk(file)
-    for where, dataset in walk.datasets():
-        if not (is_matlab and where.startswith(_OWN)):
-            _take(file, where, dataset, found)
-    found.findings[:0] = walk.findings
-    return found
 
 
 def _take(file: h5py.File, path: str, dataset: h5py.Dataset, found: _File) -> None:
@@ -264,7 +249,8 @@ def _keep(path: str, dataset: h5py.Dataset, stated: Mapping[str, AttributeValue]
     if not found.is_matlab:
         axis, is_axis = stated_axis(path, dataset, stated, found.nexus)
         series = replace(series, axis=axis, is_axis=is_axis)
-    found.left_out += [f"{path}.{name}" for name in left_out_fields(dataset.dtype)]
+    columns = {of for of, _ in number_columns(dataset.dtype)} | {"real", "imag"}
+    found.left_out += [f"{path}.{plain(name)}" for name in dataset.dtype.names or () if name not in columns]
     packing, channel = stated_packing(stated, dataset.dtype), series.channels[0].name
     said = []
     if (packing.scale, packing.offset) != (1.0, 0.0):

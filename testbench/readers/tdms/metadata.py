@@ -61,7 +61,8 @@ def timestamp_remainder(timestamps: Timestamps, given: Samples) -> Samples:
 Property = str | int | float | bool
 _NONE, _SAME = 0xFFFFFFFF, 0
 _DAQMX_FORMAT, _DAQMX_LINES = 0x1269, (0x126A, 0x1369)
-_SIMPLE = {1: "b", 2: "h", 3: "i", 4: "q", 5: "B", 6: "H", 7: "I", 8: "Q", 9: "f", 10: "d", 0x19: "f", 0x1A: "d"}
+_SIMPLE = {1: "b", 2: "h", 3: "i", 4: "q", 5: "B", 6: "H", 7: "I", 8: "Q", 9: "f", 10: "d", 0x19: "f", 0x1A: "d",
+           BOOLEAN: "?"}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -85,14 +86,6 @@ class Index:
     widths: tuple[int, ...] = ()
 
 
-@dataclass
-class Declared:
-    """The objects of one segment: raw data by path (None: none), and new properties by path."""
-
-    indexes: dict[str, Index | None] = field(default_factory=dict)
-    properties: dict[str, dict[str, Property]] = field(default_factory=dict)
-
-
 class Unreadable(Exception):
     """Metadata that are not what they should be; the text says how."""
 
@@ -103,7 +96,7 @@ class Cursor:
     def __init__(self, raw: bytes, order: str) -> None:
         self.raw, self.order, self.at = raw, order, 0
 
-    def take(self, form: str) -> tuple[int | float, ...]:
+    def take(self, form: str) -> tuple[Any, ...]:
         """Values of a ``struct`` format."""
         try:
             values = struct.unpack_from(self.order + form, self.raw, self.at)
@@ -114,7 +107,8 @@ class Cursor:
 
     def integer(self) -> int:
         """An unsigned integer of 32 bits."""
-        return int(self.take("I")[0])
+        value: int = self.take("I")[0]
+        return value
 
     def text(self) -> str:
         """A length and as many bytes of UTF-8."""
@@ -126,65 +120,60 @@ class Cursor:
         return raw.decode("utf-8", "replace")
 
 
-def parse_metadata(raw: bytes, order: str, known: Mapping[str, Index | None]) -> Declared:
-    """The objects that the bytes ``raw`` declare; ``known`` holds the raw data that each had before."""
-    cursor, declared = Cursor(raw, order), Declared()
+def _declared(
+    raw: bytes, order: str, known: Mapping[str, Index | None]
+) -> tuple[dict[str, Index | None], dict[str, dict[str, Property]]]:
+    """The objects that the bytes ``raw`` declare: raw data by path (None: none), and new properties by path.
+
+    ``known`` holds the raw data that each object had before.
+    """
+    cursor, indexes = Cursor(raw, order), dict[str, Index | None]()
+    stated: dict[str, dict[str, Property]] = {}
     for _ in range(cursor.integer()):
         path = cursor.text()
         header = cursor.integer()
         if header == _NONE:
-            declared.indexes[path] = None
+            indexes[path] = None
         elif header == _SAME:
             if path not in known:
                 raise Unreadable(f"{path} has raw data as before, but there was nothing before")
-            declared.indexes[path] = known[path]
-        elif header == _DAQMX_FORMAT:
-            declared.indexes[path] = _daqmx(cursor)
+            indexes[path] = known[path]
         elif header in _DAQMX_LINES:
             raise Unreadable(f"{path} holds lines of digital DAQmx data, which are not read")
         else:
-            declared.indexes[path] = _index(cursor)
-        properties = declared.properties.setdefault(path, {})
+            indexes[path] = _index(cursor, header == _DAQMX_FORMAT)
+        properties = stated.setdefault(path, {})
         for _ in range(cursor.integer()):
             name = cursor.text()
             properties[name] = _property(cursor, name)
-    return declared
+    return indexes, stated
 
 
-def _index(cursor: Cursor) -> Index:
-    kind, dimension, values = (int(x) for x in cursor.take("IIQ"))
+def _index(cursor: Cursor, is_daqmx: bool) -> Index:
+    kind, dimension, values, *count = cursor.take("IIQI" if is_daqmx else "IIQ")
     if dimension != 1:
         raise Unreadable(f"an array of {dimension} dimensions; expected 1")
-    size = int(cursor.take("Q")[0]) if kind == STRING else 0
-    return Index(kind, values, size)
-
-
-def _daqmx(cursor: Cursor) -> Index:
-    kind, dimension, values, count = (int(x) for x in cursor.take("IIQI"))
-    if dimension != 1:
-        raise Unreadable(f"an array of {dimension} dimensions; expected 1")
-    scalers = []
-    for _ in range(count):
-        number, buffer, offset, _, scale = (int(x) for x in cursor.take("5I"))
-        scalers.append(Scaler(number, buffer, offset, scale))
+    if not is_daqmx:
+        return Index(kind, values, cursor.take("Q")[0] if kind == STRING else 0)
+    parts = [cursor.take("5I") for _ in range(count[0])]
+    scalers = tuple(Scaler(number, buffer, offset, scale) for number, buffer, offset, _, scale in parts)
     widths = tuple(cursor.integer() for _ in range(cursor.integer()))
     if any(scaler.buffer >= len(widths) for scaler in scalers):
         raise Unreadable("a DAQmx channel lies in a buffer that there is not")
-    return Index(kind, values, 0, tuple(scalers), widths)
+    return Index(kind, values, 0, scalers, widths)
 
 
 def _property(cursor: Cursor, name: str) -> Property:
     kind = cursor.integer()
     if kind == STRING:
         return cursor.text()
-    if kind == BOOLEAN:
-        return bool(cursor.take("B")[0])
     if kind == TIME:
         first, second = cursor.take("Qq") if cursor.order == "<" else cursor.take("qQ")[::-1]
         return float(second + EPOCH_1904) + float(first) * 2.0**-64
-    if kind in _SIMPLE:
-        return cursor.take(_SIMPLE[kind])[0]
-    raise Unreadable(f"property {name!r} is of type {kind:#x}, which is not known")
+    if kind not in _SIMPLE:
+        raise Unreadable(f"property {name!r} is of type {kind:#x}, which is not known")
+    value: Property = cursor.take(_SIMPLE[kind])[0]
+    return value
 
 
 _NAME = re.compile(r"/'((?:[^']|'')*)'")
@@ -220,6 +209,11 @@ class Channel:
     def length(self) -> int:
         """Number of samples, of each raw number if there are several."""
         return min((spans.length for spans in self.spans.values()), default=0)
+
+    @property
+    def samples(self) -> int:
+        """Samples of its group: its own, and those that it lacks."""
+        return self.length + self.lacking
 
     def of_scale(self, scale: int | None, kind: "np.dtype[Any]") -> Spans:
         """The spans of the raw numbers of a scale."""
@@ -285,9 +279,8 @@ def change_findings(contents: Contents) -> list[Finding]:
     found = []
     for change in contents.contradicted:
         last = "there is no rate" if change.name == "wf_increment" else "the last one of the file is taken for all"
-        message = (
-            f"{change.name} is {change.before!r} up to sample {change.samples} and {change.after!r} from there: {last}"
-        )
+        parts = f"{change.before!r} up to sample {change.samples} and {change.after!r} from there"
+        message = f"{change.name} is {parts}: {last}"
         found.append(Finding("header_contradiction", channel_title(change.path), f"sample {change.samples}", message))
     return found
 
@@ -304,15 +297,15 @@ def read_contents(source: ByteSource) -> Contents:
         if now is not None and now != last:  # the same once more, as many writers repeat it, says nothing new
             last = now
             try:
-                declared = parse_metadata(now[0], segment.order, known)
+                indexes, stated = _declared(now[0], segment.order, known)
             except Unreadable as error:
                 if segment.is_whole:
                     raise damaged(source.path, f"the metadata of segment {segment.number}: {error}") from error
                 contents.findings.append(_cut(segment, contents, {}, before))
                 break
-            objects = declared.indexes if now[2] else {**objects, **declared.indexes}
-            known |= declared.indexes
-            for path, properties in declared.properties.items():
+            objects = indexes if now[2] else {**objects, **indexes}
+            known |= indexes
+            for path, properties in stated.items():
                 contents.declare(path, properties)
             raw = {path: index for path, index in objects.items() if index is not None}
             for path, index in raw.items():
@@ -329,67 +322,47 @@ def _locate(source: ByteSource, segment: Segment, raw: dict[str, Index], content
     unit = _locate_chunks(source, segment, raw, contents)
     rest = segment.raw_bytes % unit if unit else segment.raw_bytes
     if segment.is_whole and rest:
-        where, whole = f"byte {segment.begin}", "rows" if segment.flags & INTERLEAVED else "chunks"
-        message = (
-            f"segment {segment.number} holds {rest} bytes behind its whole {whole} of {unit} bytes; they are not read"
-        )
-        contents.findings.append(Finding("count_contradiction", None, where, message))
+        whole = f"whole {'rows' if segment.flags & INTERLEAVED else 'chunks'} of {unit} bytes"
+        message = f"segment {segment.number} holds {rest} bytes behind its {whole}; they are not read"
+        contents.findings.append(Finding("count_contradiction", None, f"byte {segment.begin}", message))
 
 
 def _locate_chunks(source: ByteSource, segment: Segment, raw: dict[str, Index], contents: Contents) -> int:
     """Note where the samples lie; the bytes of what repeats: a row of all channels, or a chunk."""
     if any(index.scalers for index in raw.values()):
         return _locate_daqmx(source, segment, raw, contents)
-    sizes = {path: _bytes(source, index, segment) for path, index in raw.items()}
-    there = segment.raw_bytes
+    kinds = {path: stored_type(index.kind, segment.order) for path, index in raw.items()}
+    sizes, at, where = dict[str, int](), segment.raw, f"segment {segment.number}"
+    for path, index in raw.items():
+        if (kind := kinds[path]) is None and index.kind != STRING:
+            raise damaged(source.path, f"{where}: values of type {index.kind:#x}, which are not read")
+        sizes[path] = index.bytes if kind is None else index.values * kind.itemsize
     if segment.flags & INTERLEAVED:
         width = sum(size // max(index.values, 1) for size, index in zip(sizes.values(), raw.values(), strict=True))
-        if width:
-            at = segment.raw
-            for path, index in raw.items():
-                kind = stored_type(index.kind, segment.order)
-                if kind is None:
-                    raise damaged(source.path, f"segment {segment.number}: {path} is interleaved, but is no number")
-                contents.channels[path].of_scale(None, kind).add(at, there // width, width, 1, 0)
-                at += kind.itemsize
+        for path, kind in kinds.items() if width else ():
+            if kind is None:
+                raise damaged(source.path, f"{where}: {path} is interleaved, but is no number")
+            contents.channels[path].of_scale(None, kind).add(at, segment.raw_bytes // width, width, 1, 0)
+            at += kind.itemsize
         return width
     chunk = sum(sizes.values())
-    chunks, at = there // chunk if chunk else 0, segment.raw
+    chunks = segment.raw_bytes // chunk if chunk else 0
     for path, index in raw.items():
-        kind = stored_type(index.kind, segment.order)
-        if kind is None:
+        if (kind := kinds[path]) is None:
             spans = (TextSpan(at + i * chunk, index.bytes, index.values, segment.order) for i in range(chunks))
             contents.channels[path].texts.extend(spans)
         else:
             contents.channels[path].of_scale(None, kind).add(at, index.values, kind.itemsize, chunks, chunk)
         at += sizes[path]
-    if not segment.is_whole:
-        _locate_rest(segment, raw, sizes, segment.raw + chunks * chunk, contents)
+    at = segment.raw + chunks * chunk  # of a chunk in which the file ends there are channels up to somewhere
+    for path, index in raw.items() if not segment.is_whole else ():
+        kind = kinds[path]
+        if kind is None or at >= segment.end:
+            break
+        here = min(index.values, (segment.end - at) // kind.itemsize)
+        contents.channels[path].of_scale(None, kind).add(at, here, kind.itemsize, 1, 0)
+        at += sizes[path]
     return chunk
-
-
-def _locate_rest(
-    segment: Segment, raw: dict[str, Index], sizes: dict[str, int], begin: int, contents: Contents
-) -> None:
-    """Note what is there of a chunk in which the file ends: channels lie one behind the other."""
-    for path, index in raw.items():
-        kind = stored_type(index.kind, segment.order)
-        if kind is None or begin >= segment.end:
-            return
-        there = min(index.values, (segment.end - begin) // kind.itemsize)
-        contents.channels[path].of_scale(None, kind).add(begin, there, kind.itemsize, 1, 0)
-        begin += sizes[path]
-
-
-def _bytes(source: ByteSource, index: Index, segment: Segment) -> int:
-    """Bytes of an object in one chunk."""
-    if index.kind == STRING:
-        return index.bytes
-    kind = stored_type(index.kind, segment.order)
-    if kind is None:
-        message = f"values of type {index.kind:#x}, which are not read"
-        raise damaged(source.path, f"segment {segment.number}: {message}")
-    return index.values * kind.itemsize
 
 
 def _locate_daqmx(source: ByteSource, segment: Segment, raw: dict[str, Index], contents: Contents) -> int:

@@ -5,7 +5,6 @@ Scales of thermocouples, bridges and tables are npTDMS's.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
@@ -62,17 +61,10 @@ _MICROSECONDS_UPTO = 1e-4
 """Timestamps are given to the microsecond where their mean step is not below this [s]."""
 _CLOCK = ("wf_increment", "wf_start_offset", "wf_start_time")
 Raw = Mapping[int | None, NDArray[Any]]
+_Gathered = tuple[Group, Sequence[Channel]]
+"""Channels of one clock and length."""
 _RAW = 0xFFFFFFFF
 _MOST_SCALES = 100
-
-
-@dataclass(frozen=True)
-class _ChannelGroup:
-    """Channels of one clock and length."""
-
-    group: Group
-    members: tuple[Channel, ...]
-    samples: int
 
 
 def open_tdms(path: Path, options: ReadOptions) -> Recording:
@@ -94,12 +86,10 @@ def open_tdms(path: Path, options: ReadOptions) -> Recording:
         path=path,
         format="NI TDMS",
         reader="testbench.readers.tdms",
-        groups=tuple(each.group for each in gathered),
+        groups=tuple(group for group, _ in gathered),
         read=lambda report: watch_nonfinite(_blocks(path, contents, gathered, texts, report), report),
         metadata={
-            ": ".join(filter(None, ["/".join(path_names(path)), name])): repr(value)
-            if isinstance(value, float)
-            else str(value)
+            ": ".join(filter(None, ["/".join(path_names(path)), name])): str(value)
             for path, properties in contents.properties.items()
             for name, value in properties.items()
         },
@@ -122,21 +112,24 @@ def _resolve_times(source: ByteSource, channel: Channel) -> None:
     channel.to_microseconds = ends[-1] - ends[0] >= _MICROSECONDS_UPTO * (channel.length - 1)
 
 
-def _channel_groups(contents: Contents, stem: str) -> list[_ChannelGroup]:
+def _channel_groups(contents: Contents, stem: str) -> list[_Gathered]:
     """Groups of channels of one TDMS group, clock and length."""
     by_group: dict[str, list[Channel]] = {}
     for path, channel in contents.channels.items():
         if channel.length:
             by_group.setdefault(next(iter(path_names(path)), stem), []).append(channel)
-    found = []
+    found: list[_Gathered] = []
     for name, channels in by_group.items():
-        if contents.is_cut:
-            _pad(channels)
+        longest = max(channel.length for channel in channels)
+        for channel in channels if contents.is_cut else ():  # some end up to a chunk before others: with NaN there
+            if all(longest - spans.length <= max(spans.counts) for spans in channel.spans.values()):
+                channel.lacking = longest - channel.length
         parts: dict[tuple[object, ...], list[Channel]] = {}
         for channel in channels:
             stated = contents.properties.get(channel.path, {})
-            length = channel.length + channel.lacking
-            parts.setdefault((length, _seconds_per(stated), *(stated.get(key) for key in _CLOCK)), []).append(channel)
+            parts.setdefault((channel.samples, _seconds_per(stated), *(stated.get(key) for key in _CLOCK)), []).append(
+                channel
+            )
         changed = {(change.path, change.name) for change in contents.contradicted}
         for members in parts.values():
             whole = name if len(parts) == 1 else f"{name} {channel_title(members[0].path)}"
@@ -145,16 +138,8 @@ def _channel_groups(contents: Contents, stem: str) -> list[_ChannelGroup]:
             if any((member.path, "wf_increment") in changed for member in members):
                 stated.pop("wf_increment", None)
             group = Group(whole, own, _clock(members, own, stated), _zero(members, stated, contents))
-            found.append(_ChannelGroup(group, tuple(members), members[0].length + members[0].lacking))
+            found.append((group, members))
     return found
-
-
-def _pad(channels: Sequence[Channel]) -> None:
-    """In a cut file some channels end up to a chunk before others: they end with NaN, so that nothing is lost."""
-    longest = max(channel.length for channel in channels)
-    for channel in channels:
-        if all(longest - spans.length <= max(spans.counts) for spans in channel.spans.values()):
-            channel.lacking = longest - channel.length
 
 
 def _channels(member: Channel, stated: dict[str, Property]) -> list[model.Channel]:
@@ -200,24 +185,24 @@ def _seconds_per(stated: dict[str, Property]) -> float | None:
 
 
 def _blocks(
-    path: Path, contents: Contents, gathered: Sequence[_ChannelGroup], texts: TextLog, report: Report
+    path: Path, contents: Contents, gathered: Sequence[_Gathered], texts: TextLog, report: Report
 ) -> Iterator[Block]:
     rounded: set[str] = set()
     with ByteSource(path) as source:
-        for each in gathered:
-            readings = [_Values(source, member, contents) for member in each.members]
-            for start, end in block_spans(each.samples, len(each.group.channels)):
+        for group, members in gathered:
+            readings = [_Values(source, member, contents) for member in members]
+            for start, end in block_spans(members[0].samples, len(group.channels)):
                 columns = tuple(column for reading in readings for column in reading.next(end - start))
-                yield Block(each.group, columns, start)
+                yield Block(group, columns, start)
             rounded |= {channel_title(reading.path) for reading in readings if reading.is_rounded}
         _take_texts(source, contents, gathered, texts)
     for name in sorted(rounded):
         report(rounded_integers(name))
 
 
-def _take_texts(source: ByteSource, contents: Contents, gathered: Sequence[_ChannelGroup], texts: TextLog) -> None:
+def _take_texts(source: ByteSource, contents: Contents, gathered: Sequence[_Gathered], texts: TextLog) -> None:
     """The texts of each channel of text: in a chunk the ends of all, numbers of 32 bits, then their letters."""
-    names = {next(iter(path_names(each.members[0].path)), ""): each.group.name for each in reversed(gathered)}
+    names = {next(iter(path_names(members[0].path)), ""): group.name for group, members in reversed(gathered)}
     for path, channel in contents.channels.items():
         title, sample = channel_title(path), 0
         group = names.get(next(iter(path_names(path)), ""), "/")
@@ -270,10 +255,10 @@ class _Values:
         return (values,)
 
 
-def _channel_findings(contents: Contents, gathered: Sequence[_ChannelGroup]) -> list[Finding]:
+def _channel_findings(contents: Contents, gathered: Sequence[_Gathered]) -> list[Finding]:
     """Timestamps finer than float64, scales that were applied, channels without samples."""
     findings = []
-    members = [member for each in gathered for member in each.members]
+    members = [member for _, own in gathered for member in own]
     for member in members:
         if member.has_remainder:
             name = channel_title(member.path)
@@ -315,7 +300,15 @@ class Scaling:
         kinds = {self._properties.get(f"NI_Scale[{i}]_Scale_Type") for i in range(self.count)}
         if kinds <= {"Linear", "Polynomial", None}:  # of the laws below, or numbers of a DAQmx device as they are
             return self._scaled(self.count - 1, raw, 0)
-        return self._by_library(raw)
+        try:  # scales of thermocouples, bridges, tables and the like
+            library = import_module("nptdms.scaling")  # numbers alone go to it, no bytes of the file
+        except ModuleNotFoundError as error:
+            raise RecordingError(f"the scales of this TDMS file need npTDMS: pip install '{needs('tdms')}'") from error
+        scaling = library.get_scaling(self._properties, {}, {})
+        if scaling is None:
+            raise ValueError(f"scales {kinds} are not known")
+        scaled = scaling.scale(next(iter(raw.values()))) if None in raw else scaling.scale_daqmx(raw)
+        return np.asarray(scaled, dtype=np.float64)
 
     def _scaled(self, index: int, raw: Raw, depth: int) -> Samples:
         name = f"NI_Scale[{index}]"
@@ -325,33 +318,15 @@ class Scaling:
         if depth > self.count:
             raise ValueError(f"{name} takes its input from itself")
         source = int(self._properties.get(f"{name}_{kind}_Input_Source", _RAW))
-        values = (
-            np.asarray(next(iter(raw.values())), dtype=np.float64)
-            if source == _RAW
-            else self._scaled(source, raw, depth + 1)
-        )
+        first = np.asarray(next(iter(raw.values())), dtype=np.float64) if source == _RAW else None
+        values = self._scaled(source, raw, depth + 1) if first is None else first
         if kind == "Linear":
             # y = slope * x + intercept
-            return values * self._number(f"{name}_Linear_Slope") + self._number(f"{name}_Linear_Y_Intercept")
+            slope, intercept = (float(self._properties[f"{name}_Linear_{key}"]) for key in ("Slope", "Y_Intercept"))
+            return values * slope + intercept
         # y = c0 + c1 x + c2 x^2 + ...
         count = int(self._properties.get(f"{name}_Polynomial_Coefficients_Size", 4))
         if not 0 < count <= 100:
             raise ValueError(f"{name} has {count} coefficients")
-        coefficients = [self._number(f"{name}_Polynomial_Coefficients[{i}]") for i in range(count)]
+        coefficients = [float(self._properties[f"{name}_Polynomial_Coefficients[{i}]"]) for i in range(count)]
         return np.asarray(np.polynomial.polynomial.polyval(values, coefficients), dtype=np.float64)
-
-    def _number(self, name: str) -> float:
-        return float(self._properties[name])
-
-    def _by_library(self, raw: Raw) -> Samples:
-        """Scales of thermocouples, bridges, tables and the like."""
-        try:
-            library = import_module("nptdms.scaling")  # numbers alone go to it, no bytes of the file
-        except ModuleNotFoundError as error:
-            raise RecordingError(f"the scales of this TDMS file need npTDMS: pip install '{needs('tdms')}'") from error
-        scaling = library.get_scaling(self._properties, {}, {})
-        if scaling is None:
-            kinds = {self._properties.get(f"NI_Scale[{i}]_Scale_Type") for i in range(self.count)}
-            raise ValueError(f"scales {kinds} are not known")
-        scaled = scaling.scale(next(iter(raw.values()))) if None in raw else scaling.scale_daqmx(raw)
-        return np.asarray(scaled, dtype=np.float64)
