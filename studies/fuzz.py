@@ -110,7 +110,7 @@ def _of_a_recorder(head: Path) -> list[bytes]:
     for path in sorted(recordings.rglob("*.[iI][dD][eE]"), key=lambda path: path.stat().st_size)[:1]:
         head.write_bytes(path.read_bytes()[:_ELEMENTS])
         with source.ByteSource(head) as opened:
-            return [head.read_bytes()[: reader.whole_elements(opened).end]]
+            return [head.read_bytes()[: reader.whole_elements(opened)[0]]]
     return []
 
 

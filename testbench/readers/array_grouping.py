@@ -31,13 +31,7 @@ from ..units import seconds_per
 from . import header_claims
 from .byte_source import as_float64, block_spans
 from .csv.header import is_time_name, named_channels
-from .format_findings import (
-    is_beyond_exact,
-    names_listed,
-    nothing_to_read,
-    rounded_integers,
-    watch_nonfinite,
-)
+from .format_findings import is_beyond_exact, names_listed, nothing_to_read, rounded_integers, watch_nonfinite
 from .header_claims import clock_of_rate
 
 _TIME_LIKE = re.compile(r"(?:.*[. /])?(?:t|time|timestamps?|zeit|zaman)(?:[_ ].*|\d*)", re.IGNORECASE)
@@ -128,20 +122,6 @@ def _part(column: Any, of: str, part: str) -> Any:  # noqa: ANN401
 
 
 @dataclass(frozen=True)
-class SeriesGroup:
-    """Series of one group."""
-
-    group: Group
-    members: tuple[Series, ...]
-
-    def blocks(self) -> Iterator[Block]:
-        """The samples in blocks."""
-        for begin, end in block_spans(self.members[0].length, len(self.group.channels)):
-            columns = tuple(column for member in self.members for column in member.block(begin, end))
-            yield Block(self.group, columns, begin)
-
-
-@dataclass(frozen=True)
 class TextArray:
     """An array of ``length`` texts, given by ``cells(begin, end)``; ``root`` is what it shares with its neighbours."""
 
@@ -175,9 +155,8 @@ class Contents:
             stated = header_claims.start_at(unit.split(" since ")[1], unit)
             # by the conventions of netCDF (CF 4.4) it is in UTC where it says nothing else
             return stated and point_in_time(stated.nanoseconds, unit, None, 0)
-        starts = {
-            header_claims.start_at(text, key) for key, text in self.metadata.items() if _START_LIKE.fullmatch(key)
-        } - {None}
+        stated_at = [(key, text) for key, text in self.metadata.items() if _START_LIKE.fullmatch(key)]
+        starts = {header_claims.start_at(text, key) for key, text in stated_at} - {None}
         return starts.pop() if len(starts) == 1 else None
 
     def recording(
@@ -186,7 +165,7 @@ class Contents:
         """The recording of the format ``kind``, whose samples are read within ``guard``. Raises Refusal without any."""
         rate = stated_rate(self.scalars)
         gathered = group_series(path.stem, self.series, rate)
-        gathered = [replace(each, group=replace(each.group, zero=self._zero(each.group))) for each in gathered]
+        gathered = [(replace(group, zero=self._zero(group)), members) for group, members in gathered]
         listed = names_listed(self.left_out)
         if not gathered:
             grave = [finding for finding in self.findings if finding.severity > 0]
@@ -195,22 +174,24 @@ class Contents:
             self.findings.append(Finding("left_out", None, None, f"no series of numbers: {listed}"))
 
         log = TextLog()
-        places = {(one.members[0].root, one.members[0].length): one.group.name for one in reversed(gathered)}
+        places = {(members[0].root, members[0].length): group.name for group, members in reversed(gathered)}
 
         def blocks() -> Iterator[Block]:
             with guard():
-                for each in gathered:
-                    yield from each.blocks()
+                for group, members in gathered:
+                    for begin, end in block_spans(members[0].length, len(group.channels)):
+                        columns = tuple(column for member in members for column in member.block(begin, end))
+                        yield Block(group, columns, begin)
                 for text in self.texts:
-                    group = places.get((text.root, text.length), " ".join(filter(None, [path.stem, text.root])))
+                    name = places.get((text.root, text.length), " ".join(filter(None, [path.stem, text.root])))
                     for begin, end in block_spans(text.length, 64):
-                        log.take_all(group, text.name, begin, text.cells(begin, end))
+                        log.take_all(name, text.name, begin, text.cells(begin, end))
 
         return Recording(
             path=path,
             format=kind,
             reader=reader,
-            groups=tuple(each.group for each in gathered),
+            groups=tuple(group for group, _ in gathered),
             read=lambda report: watch_nonfinite(blocks(), report),
             metadata=self.metadata,
             stated_rate_hz=rate,
@@ -219,14 +200,14 @@ class Contents:
         )
 
 
-def group_series(stem: str, series: Sequence[Series], rate_hz: float | None = None) -> list[SeriesGroup]:
+def group_series(stem: str, series: Sequence[Series], rate_hz: float | None = None) -> list[tuple[Group, list[Series]]]:
     """Groups of the series of one root, length and axis; a stated rate is the clock of the only one."""
     by_place: dict[tuple[str, int, str], list[Series]] = {}
     for each in series:
         by_place.setdefault((each.root, each.length, each.axis), []).append(each)
     of_root = Counter(root for root, _, _ in by_place)
     of_length = Counter((root, length) for root, length, _ in by_place)
-    found: dict[str, SeriesGroup] = {}
+    found: dict[str, tuple[Group, list[Series]]] = {}
     for (root, length, axis), members in by_place.items():
         parts = [stem, *([root] if root else []), *([str(length)] if of_root[root] > 1 else [])]
         if of_length[root, length] > 1 and axis:
@@ -236,7 +217,7 @@ def group_series(stem: str, series: Sequence[Series], rate_hz: float | None = No
             name += f" {len(found)}"
         clock = _time(members) or (UniformClock(rate_hz) if rate_hz is not None and len(by_place) == 1 else None)
         channels = tuple(channel for member in members for channel in member.channels)
-        found[name] = SeriesGroup(Group(name, channels, clock), tuple(members))
+        found[name] = Group(name, channels, clock), members
     return list(found.values())
 
 
@@ -277,15 +258,11 @@ def _is_time(member: Series) -> bool:
     named = _TIME_LIKE.fullmatch(channel.name) is not None
     if member.is_axis:
         return named or (channel.unit is not None and seconds_per(channel.unit.split(" since ")[0]) is not None)
-    return named and _grows(member)
-
-
-def _grows(member: Series) -> bool:
     last = -np.inf
-    for begin, end in block_spans(member.length, 1):
+    for begin, end in block_spans(member.length if named else 0, 1):
         column = member.block(begin, end)[0]
         with np.errstate(invalid="ignore"):
             if not column[0] > last or not (np.diff(column) > 0).all():
                 return False
         last = float(column[-1])
-    return member.length > 1
+    return named and member.length > 1

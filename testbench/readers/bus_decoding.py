@@ -79,16 +79,13 @@ class BusDatabase:
             raise RecordingError(f"{recording.path.name}: holds no frames of a bus, which {self.name} could decode")
 
         def read(report: Report) -> Iterator[Block]:
-            decoders: dict[str, _Decoder | None] = {}
+            decoders: dict[str, _Decoder] = {}
             for block in recording.read(report):
                 yield block
-                name = block.group.name
-                if name not in decoders:
-                    frames = _Frames.of(block.group)
-                    decoders[name] = None if frames is None else _Decoder(self, block.group, frames)
-                if (decoder := decoders[name]) is not None:
+                if (frames := _Frames.of(block.group)) is not None:
+                    decoder = decoders.setdefault(block.group.name, _Decoder(self, block.group, frames))
                     yield from decoder.blocks(block)
-            for decoder in filter(None, decoders.values()):
+            for decoder in decoders.values():
                 decoder.report(report)
 
         settings = {**recording.settings, "dbc": f"{self.name}, SHA-256 {self.sha256}"}

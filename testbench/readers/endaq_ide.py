@@ -9,7 +9,6 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,21 +22,13 @@ _DATA_BLOCK = 0xA1
 _WINDOW = 12
 
 
-@dataclass(frozen=True)
-class WholeElements:
-    """Up to which byte the elements are whole, and why not to the end."""
-
-    end: int
-    findings: tuple[Finding, ...] = ()
-
-
-def whole_elements(source: ByteSource) -> WholeElements:
-    """Walk through the elements; a file that ends inside one is cut."""
+def whole_elements(source: ByteSource) -> tuple[int, Finding | None]:
+    """Up to which byte the elements are whole, and why not to the end: a file that ends inside one is cut."""
     at, number, blocks = 0, 0, 0
     while at < source.size:
         head = source.read(at, min(_WINDOW, source.size - at), "an element")
         if not head.strip(b"\0") or not head.strip(b"\xff"):
-            return WholeElements(at, _filled(source, at))
+            return at, _filled(source, at)
         identifier, used = _integer(head, keep_mark=True)
         size, more = _integer(head[used:], keep_mark=False)
         is_element, end = bool(used and more), at + used + more + size
@@ -46,12 +37,11 @@ def whole_elements(source: ByteSource) -> WholeElements:
         if not is_element or end > source.size:
             message = f"the file ends at byte {source.size} inside element {number + 1}, which begins at byte {at}; "
             message += f"{blocks} whole blocks of samples come before it"
-            return WholeElements(at, (Finding("cut_file", None, f"byte {at}", message),))
+            return at, Finding("cut_file", None, f"byte {at}", message)
         at, number, blocks = end, number + 1, blocks + (identifier == _DATA_BLOCK)
     if not blocks:
-        message = f"{number} elements, and no block of samples among them"
-        return WholeElements(at, (Finding("no_data", None, None, message),))
-    return WholeElements(at)
+        return at, Finding("no_data", None, None, f"{number} elements, and no block of samples among them")
+    return at, None
 
 
 def _integer(raw: bytes, keep_mark: bool) -> tuple[int, int]:
@@ -65,22 +55,22 @@ def _integer(raw: bytes, keep_mark: bool) -> tuple[int, int]:
     return (value if keep_mark else value & (1 << 7 * length) - 1), length
 
 
-def _filled(source: ByteSource, at: int) -> tuple[Finding, ...]:
+def _filled(source: ByteSource, at: int) -> Finding:
     """The rest of the file, if it is all zero or all one, was set aside and never written."""
     for begin in range(at, source.size, 1 << 20):
         piece = source.read(begin, min(1 << 20, source.size - begin), "the end")
         if piece.strip(b"\0") and piece.strip(b"\xff"):
             raise damaged(source.path, f"byte {at}: {source.size - at} bytes that are no element")
     message = f"from byte {at} on the file was set aside and never written: {source.size - at} empty bytes"
-    return (Finding("cut_file", None, f"byte {at}", message),)
+    return Finding("cut_file", None, f"byte {at}", message)
 
 
 def open_library(path: Path) -> Recording:
     """Open the recording; idelib goes through the whole file for that."""
     with ByteSource(path) as source:
-        whole = whole_elements(source)
-    findings = list(whole.findings)
-    with _dataset(path, whole.end, findings) as dataset:
+        end, cut = whole_elements(source)
+    findings = [] if cut is None else [cut]
+    with _dataset(path, end, findings) as dataset:
         found = list(_sources(dataset, path.stem))
         metadata = {str(key): str(value) for key, value in (dataset.recorderInfo or {}).items()}
         metadata |= {f"session {s.sessionId}: start UTC": str(s.utcStartTime) for s in dataset.sessions}
@@ -92,7 +82,7 @@ def open_library(path: Path) -> Recording:
         format="enDAQ IDE",
         reader="testbench.readers.ide",
         groups=tuple(group for group, _ in found),
-        read=lambda report: watch_nonfinite(_blocks(path, whole.end), report),
+        read=lambda report: watch_nonfinite(_blocks(path, end), report),
         metadata=metadata,
         findings=(*findings, Finding("calibration_applied", None, None, message)),
     )

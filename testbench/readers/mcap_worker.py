@@ -14,7 +14,7 @@ from mcap.exceptions import McapError
 from mcap.stream_reader import CRCValidationError, StreamReader
 
 from ..recording import Finding, Recording
-from .format_findings import damaged, refusing
+from .format_findings import damaged
 from .ros_messages import DEEPEST, RosDecoder, message_fields
 from .ros_topics import (
     MOST_NUMBERS,
@@ -111,18 +111,13 @@ def _take_messages(body: Any, each: Any, path: str, found: Message, inside: tupl
     else:
         bodies = {path: getattr(body, each.name) if body is not None and body.HasField(each.name) else None}
     for name, inner in bodies.items():
-        if kind.full_name in _POINTS:
-            _take_time(inner, name, found, is_point=_POINTS[kind.full_name])
+        if (is_point := _POINTS.get(kind.full_name)) is not None:
+            value = 0 if inner is None else int(inner.seconds) * 1_000_000_000 + int(inner.nanos)
+            if is_point:  # one of zero was not set
+                found.times.append(len(found.numbers))
+            _add(found, {name: value if inner is not None and (value or not is_point) else None})
         elif (inner is not None or kind.full_name not in inside) and len(inside) <= DEEPEST:
             _take_fields(inner, kind, f"{name}.", found, (*inside, kind.full_name))
-
-
-def _take_time(body: Any, name: str, found: Message, is_point: bool) -> None:  # noqa: ANN401
-    """Seconds and nanoseconds; a point in time of zero was not set."""
-    value = 0 if body is None else int(body.seconds) * 1_000_000_000 + int(body.nanos)
-    if is_point:
-        found.times.append(len(found.numbers))
-    _add(found, {name: value if body is not None and (value or not is_point) else None})
 
 
 def _add(found: Message, numbers: dict[str, Number | None]) -> None:
@@ -154,8 +149,7 @@ def open_library(path: Path) -> Recording:
     """Go through the file once, looking at the first messages of each topic."""
     file = _File()
     for topic, _, raw in _messages(path, file):
-        with refusing(path, f"topic {topic.name!r}", Unreadable):
-            topic.look(raw)
+        topic.look(raw)
     findings, found = file.findings, sum(file.counts.values())
     for key, topic in file.topics.items():
         if topic.reason and file.counts[key]:
@@ -177,18 +171,14 @@ def _messages(path: Path, file: _File) -> Iterator[tuple[Topic, int, bytes]]:
             for record in records:
                 yield from _record(record, file, path)
         except (McapError, ValueError, struct.error) as error:
-            if _is_closed(path) or isinstance(error, CRCValidationError):
+            with path.open("rb") as again:
+                again.seek(max(0, path.stat().st_size - len(_MAGIC)))
+                is_closed = again.read() == _MAGIC
+            if is_closed or isinstance(error, CRCValidationError):
                 raise damaged(path, f"{type(error).__name__}: {error}") from error
             total = sum(file.counts.values())
             message = f"the file ends too early ({type(error).__name__}); {total} whole messages are before that"
             file.findings.append(Finding("cut_file", None, None, message))
-
-
-def _is_closed(path: Path) -> bool:
-    """Whether the file ends as MCAP does."""
-    with path.open("rb") as stream:
-        stream.seek(max(0, path.stat().st_size - len(_MAGIC)))
-        return stream.read() == _MAGIC
 
 
 def _record(record: Any, file: _File, path: Path) -> Iterator[tuple[Topic, int, bytes]]:  # noqa: ANN401
@@ -198,7 +188,7 @@ def _record(record: Any, file: _File, path: Path) -> Iterator[tuple[Topic, int, 
     elif kind == "Schema":
         file.schemas[record.id] = record
     elif kind == "Channel" and record.id not in file.topics:
-        file.topics[record.id] = _topic(record, file)
+        file.topics[record.id] = _topic(path, record, file)
     elif kind == "Metadata":
         file.metadata |= {f"{record.name}: {key}": text for key, text in record.metadata.items()}
     elif kind == "Statistics":
@@ -214,7 +204,7 @@ def _record(record: Any, file: _File, path: Path) -> Iterator[tuple[Topic, int, 
         yield topic, record.log_time, record.data
 
 
-def _topic(channel: Any, file: _File) -> Topic:  # noqa: ANN401
+def _topic(path: Path, channel: Any, file: _File) -> Topic:  # noqa: ANN401
     """A topic and how its messages are decoded; a reason if they are not."""
     schema = file.schemas.get(channel.schema_id)
     encodings = (schema.encoding if schema else "", channel.message_encoding)
@@ -231,4 +221,4 @@ def _topic(channel: Any, file: _File) -> Topic:  # noqa: ANN401
         is_cdr = encodings[1] == "cdr"
         return RosDecoder(message_fields(schema.data.decode("utf-8", "replace"), schema.name, is_cdr), is_cdr).decode
 
-    return Topic.of(name, decoder)
+    return Topic.of(path, name, decoder)

@@ -21,9 +21,7 @@ from ..recording import (
     Refusal,
     Report,
     Samples,
-    StartTime,
     TextLog,
-    TimeColumn,
     point_in_time,
 )
 from .byte_source import block_samples
@@ -65,7 +63,7 @@ def open_library(path: Path) -> Recording:
     """Read schema and metadata; the rows are read when asked for."""
     findings: list[Finding] = []
     try:
-        with _file(path) as file:
+        with parquet.ParquetFile(path, pre_buffer=False) as file:
             schema, metadata = file.schema_arrow, file.metadata.metadata or {}
             rows = sum(file.metadata.row_group(i).num_rows for i in range(file.num_row_groups))
             if len(schema) > _MOST_COLUMNS:
@@ -82,8 +80,15 @@ def open_library(path: Path) -> Recording:
     zeros = {f"{c.name}: zero": f"{c.zero} ns since 1970" for c in kept if c.zero}
     plain = {key.decode("utf-8", "replace"): text.decode("utf-8", "replace") for key, text in metadata.items()}
     zeros |= {key: text[:_LONGEST_TEXT] for key, text in plain.items() if key != "ARROW:schema"}
-    time = clock([channel for _, channel in numbers], [column.may_be_clock for column, _ in numbers])
-    zero = None if time is None else _zero(numbers[time.index][0])
+    # the column of time: named so, or else the only one of points in time that rise
+    named = [i for i, (_, channel) in enumerate(numbers) if is_time_name(channel.name)]
+    points = [i for i, (column, _) in enumerate(numbers) if column.may_be_clock]
+    time, zero = None, None
+    for i in named[:1] or (points if len(points) == 1 else []):
+        column, channel = numbers[i]
+        time = recorded_time(i, channel.unit)
+        if column.is_point_in_time:  # counted from 1970, or from the first one
+            zero = point_in_time(column.zero, f"column {column.name}", None, 0 if column.has_zone else None)
     group, texts = Group(path.stem, tuple(channel for _, channel in numbers), time, zero), TextLog()
     return Recording(
         path=path,
@@ -95,10 +100,6 @@ def open_library(path: Path) -> Recording:
         findings=tuple(findings),
         texts=texts,
     )
-
-
-def _file(path: Path) -> parquet.ParquetFile:
-    return parquet.ParquetFile(path, pre_buffer=False)
 
 
 def _column(file: parquet.ParquetFile, i: int, findings: list[Finding]) -> Column | None:
@@ -124,26 +125,9 @@ def _column(file: parquet.ParquetFile, i: int, findings: list[Finding]) -> Colum
 
 
 def _is_text(kind: Any) -> bool:  # noqa: ANN401
-    return (
-        types.is_string(kind)
-        or types.is_large_string(kind)
-        or (types.is_dictionary(kind) and _is_text(kind.value_type))
-    )
-
-
-def clock(channels: list[Channel], is_point: list[bool]) -> TimeColumn | None:
-    """The column of time: named so, or else the only one of points in time that rise."""
-    named = [i for i, channel in enumerate(channels) if is_time_name(channel.name)]
-    points = [i for i, each in enumerate(is_point) if each]
-    found = named[:1] or (points if len(points) == 1 else [])
-    return recorded_time(found[0], channels[found[0]].unit) if found else None
-
-
-def _zero(time: Column) -> StartTime | None:
-    """When the times are zero: points in time are counted from 1970, or from the first one."""
-    if not time.is_point_in_time:
-        return None
-    return point_in_time(time.zero, f"column {time.name}", None, 0 if time.has_zone else None)
+    if types.is_dictionary(kind):
+        return _is_text(kind.value_type)
+    return bool(types.is_string(kind) or types.is_large_string(kind))
 
 
 def _batches(file: parquet.ParquetFile, columns: list[int], rows: int) -> Iterator[Any]:
@@ -162,7 +146,7 @@ def _blocks(path: Path, group: Group, given: list[Column | None], texts: TextLog
     start, rounded = 0, set[str]()
     indices = [i for i, column in enumerate(given) if column is not None]
     try:
-        with _file(path) as file:
+        with parquet.ParquetFile(path, pre_buffer=False) as file:
             for batch in _batches(file, indices, block_samples(len(indices))):
                 columns = []
                 for i, array in zip(indices, batch.columns, strict=True):

@@ -14,9 +14,9 @@ from urllib.parse import quote
 from rosbags.typesys import Stores, TypesysError, get_typestore
 
 from ..recording import Finding, Recording, Refusal, Report
-from .format_findings import cut, damaged, refusing
+from .format_findings import cut, damaged
 from .ros_messages import RosDecoder, message_fields
-from .ros_topics import Decode, Topic, UnknownType, Unreadable, topic_recording
+from .ros_topics import Decode, Topic, UnknownType, left_out, topic_recording
 
 _MAGIC = b"SQLite format 3\0"
 _PAGE_SIZE, _PAGES = slice(16, 18), slice(28, 32)
@@ -31,30 +31,25 @@ def open_library(path: Path) -> Recording:
     topics = dict[int, Topic]()
     for number, logged, raw in _rows(path, metadata, topics):
         metadata.setdefault("zero", f"{logged} ns since 1970")
-        with refusing(path, f"topic {topics[number].name!r}", Unreadable):
-            topics[number].look(raw)
+        topics[number].look(raw)
         if all(topic.is_known for topic in topics.values()):
             break
-    left = [topic for topic in topics.values() if topic.reason]
-    findings = lost + [Finding("left_out", t.name, None, f"its messages are not kept: {t.reason}") for t in left]
 
     def messages(report: Report) -> Iterator[tuple[Topic, int, bytes]]:
         anew = dict[int, Topic]()
         for number, logged, raw in _rows(path, {}, anew):
             yield anew[number], logged, raw
 
-    return topic_recording(path, "ROS 2 bag", topics.values(), findings, metadata, messages)
+    return topic_recording(path, "ROS 2 bag", topics.values(), [*lost, *left_out(topics.values())], metadata, messages)
 
 
 def _lost(path: Path) -> list[Finding]:
     """That the bag is cut. Raises Refusal if messages of it are in another file, or it is no database."""
-    if not _first_bytes(path).startswith(_MAGIC):
-        raise damaged(path, "it does not begin as an SQLite database does")
+    page, stated, there = _pages(path)
     beside = path.with_name(f"{path.name}-wal")
     if beside.is_file() and beside.stat().st_size:
         advice = f"`sqlite3 {path.name} vacuum` puts them there"
         raise cut(path, f"its recorder was stopped before it put the messages of {beside.name} into the bag; {advice}")
-    page, stated, there = _pages(path)
     if there >= stated:
         return []
     message = (
@@ -64,14 +59,12 @@ def _lost(path: Path) -> list[Finding]:
     return [Finding("cut_file", None, None, message)]
 
 
-def _first_bytes(path: Path) -> bytes:
-    with path.open("rb") as stream:
-        return stream.read(_PAGES.stop)
-
-
 def _pages(path: Path) -> tuple[int, int, int]:
     """The size of a page [bytes], how many the header states, and how many are there whole."""
-    head = _first_bytes(path)
+    with path.open("rb") as stream:
+        head = stream.read(_PAGES.stop)
+    if not head.startswith(_MAGIC):
+        raise damaged(path, "it does not begin as an SQLite database does")
     page = int.from_bytes(head[_PAGE_SIZE], "big")
     page = page if page >= _SMALLEST_PAGE else 1 << 16
     return page, int.from_bytes(head[_PAGES], "big"), path.stat().st_size // page
@@ -111,7 +104,7 @@ def _rows(path: Path, metadata: dict[str, str], topics: dict[int, Topic]) -> Ite
             for number, (name, kind, form) in kinds.items():
                 metadata[f"{name}: type"] = kind
                 title = name if names[name] == 1 else f"{name} {number}"
-                topics[number] = Topic.of(title, partial(_decoder, texts, kind, form))
+                topics[number] = Topic.of(path, title, partial(_decoder, texts, kind, form))
             for number, logged, raw in database.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id"):
                 if number not in topics or not isinstance(raw, bytes) or not isinstance(logged, int):
                     raise damaged(path, f"a message of topic {number!r} at {logged!r}, which is none")

@@ -13,8 +13,6 @@ from .format_findings import nothing_to_read, refusing, rounded_integers, watch_
 MOST_NUMBERS = 4096
 """A message of more numbers is a picture or a cloud of points, and no sample."""
 Number = float | int | bool
-LOGGED = "log time"
-_NANOSECOND = "ns"
 _ROWS = 1 << 13
 _LOOKED = 100
 """Messages of a topic at its beginning whose stamps are looked at."""
@@ -77,8 +75,9 @@ class Shape:
 
 @dataclass
 class Topic:
-    """The messages of one topic. Where their shape changes, another group begins."""
+    """The messages of one topic of the file ``path``. Where their shape changes, another group begins."""
 
+    path: Path
     name: str
     decode: Decode
     zero: int
@@ -90,12 +89,12 @@ class Topic:
     _last: Number = 0
 
     @classmethod
-    def of(cls, name: str, decoder: Callable[[], Decode], zero: int = 0) -> "Topic":
+    def of(cls, path: Path, name: str, decoder: Callable[[], Decode], zero: int = 0) -> "Topic":
         """The topic whose messages are decoded as ``decoder`` says; where it raises UnknownType, they are left out."""
         try:
-            return cls(name, decoder(), zero)
+            return cls(path, name, decoder(), zero)
         except UnknownType as error:
-            return cls(name, lambda raw: Message(), zero, reason=str(error))
+            return cls(path, name, lambda raw: Message(), zero, reason=str(error))
 
     @property
     def is_known(self) -> bool:
@@ -132,10 +131,11 @@ class Topic:
         return shape.block() if len(shape.rows) >= _ROWS else None
 
     def _message(self, raw: bytes) -> Message | None:
-        try:
-            return self.decode(raw)
-        except TooManyNumbers as error:
-            self.reason = str(error)
+        with refusing(self.path, f"topic {self.name!r}", Unreadable):
+            try:
+                return self.decode(raw)
+            except TooManyNumbers as error:
+                self.reason = str(error)
         return None
 
     def _shape(self, message: Message) -> Shape | None:
@@ -144,13 +144,11 @@ class Topic:
         if key not in self.shapes:
             is_empty = not key and not message.texts
             if is_empty or len(self.shapes) >= _MOST_SHAPES:
-                self.reason = (
-                    "neither numbers nor texts" if is_empty else f"messages of more than {_MOST_SHAPES} shapes"
-                )
+                several = f"messages of more than {_MOST_SHAPES} shapes"
+                self.reason = "neither numbers nor texts" if is_empty else several
                 return None
-            units = [_NANOSECOND if i in message.times else None for i in range(len(message.names))]
-            channels = [Channel(LOGGED, _NANOSECOND)]
-            channels += [Channel(name, unit) for name, unit in zip(message.names, units, strict=True)]
+            channels = [Channel("log time", "ns")]
+            channels += [Channel(name, "ns" if i in message.times else None) for i, name in enumerate(message.names)]
             number = len(self.shapes) + 1
             name = self.name if number == 1 else f"{self.name} part {number}"
             group = self._group(name, tuple(channels), _stamp_index(message) if self.is_stamped else None)
@@ -173,6 +171,15 @@ class Topic:
         if self.shapes and self.reason:
             message = f"from some message on {self.name!r} is not kept: {self.reason}"
             report(Finding("ragged_row", None, None, message))
+
+
+def left_out(topics: Iterable[Topic]) -> list[Finding]:
+    """The topics whose messages are not kept, and why."""
+    return [
+        Finding("left_out", topic.name, None, f"its messages are not kept: {topic.reason}")
+        for topic in topics
+        if topic.reason
+    ]
 
 
 def _stamp_index(message: Message) -> int | None:
@@ -204,9 +211,7 @@ def topic_recording(
             if id(topic) not in met:
                 met[id(topic)] = topic
                 topic.is_stamped = known[topic.name]
-            with refusing(path, f"topic {topic.name!r}", Unreadable):
-                block = topic.take(logged, raw, texts)
-            if block is not None:
+            if (block := topic.take(logged, raw, texts)) is not None:
                 yield block
         for topic in met.values():
             yield from topic.remaining_blocks(report)

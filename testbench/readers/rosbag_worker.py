@@ -10,30 +10,24 @@ from typing import Any
 from rosbags import rosbag1
 
 from ..recording import Finding, Recording, Report
-from .format_findings import cut, damaged, refusing
+from .format_findings import cut, damaged
 from .ros_messages import RosDecoder, message_fields
-from .ros_topics import Decode, Topic, Unreadable, topic_recording
+from .ros_topics import Decode, Topic, left_out, topic_recording
 
 
 def open_library(path: Path) -> Recording:
     """Look at the first messages of each topic."""
-    findings = []
     with _bag(path) as bag:
-        topics = _topics(bag)
+        topics = _topics(path, bag)
         metadata = {f"{c.topic}: type": str(c.msgtype) for c in bag.connections}
         metadata["zero"] = f"{int(bag.start_time)} ns since 1970"
         for topic, connections in topics:
-            first = () if topic.reason else bag.messages(connections)
-            with refusing(path, f"topic {topic.name!r}", Unreadable):
-                for _, _, raw in first:
-                    topic.look(raw)
-                    if topic.is_known:
-                        break
-            if topic.reason:
-                message = f"its messages are not kept: {topic.reason}"
-                findings.append(Finding("left_out", topic.name, None, message))
+            for _, _, raw in () if topic.reason else bag.messages(connections):
+                topic.look(raw)
+                if topic.is_known:
+                    break
     known = [topic for topic, _ in topics]
-    return topic_recording(path, "ROS 1 bag", known, findings, metadata, lambda report: _messages(path, report))
+    return topic_recording(path, "ROS 1 bag", known, left_out(known), metadata, lambda report: _messages(path, report))
 
 
 @contextmanager
@@ -49,7 +43,7 @@ def _bag(path: Path) -> Iterator[Any]:
         raise damaged(path, f"rosbags cannot read it: {error}") from error
 
 
-def _topics(bag: Any) -> list[tuple[Topic, list[Any]]]:  # noqa: ANN401
+def _topics(path: Path, bag: Any) -> list[tuple[Topic, list[Any]]]:  # noqa: ANN401
     """Each topic with its connections; those of one topic and type belong together."""
     gathered: dict[tuple[str, str], list[Any]] = {}
     for connection in bag.connections:
@@ -58,7 +52,8 @@ def _topics(bag: Any) -> list[tuple[Topic, list[Any]]]:  # noqa: ANN401
     topics = []
     for (name, kind), connections in gathered.items():
         title = name if names[name] == 1 else f"{name} {kind}"
-        topics.append((Topic.of(title, partial(_decoder, connections[0], kind), int(bag.start_time)), connections))
+        decoder = partial(_decoder, connections[0], kind)
+        topics.append((Topic.of(path, title, decoder, int(bag.start_time)), connections))
     return topics
 
 
@@ -70,7 +65,7 @@ def _decoder(connection: Any, kind: str) -> Decode:  # noqa: ANN401
 def _messages(path: Path, report: Report) -> Iterator[tuple[Topic, int, bytes]]:
     """Every message with its topic and time of logging."""
     with _bag(path) as bag:
-        of_connection = {c.id: topic for topic, connections in _topics(bag) for c in connections}
+        of_connection = {c.id: topic for topic, connections in _topics(path, bag) for c in connections}
         declared, found = int(bag.message_count), 0
         for connection, logged, raw in bag.messages():
             found += 1

@@ -7,7 +7,7 @@ unsaid (https://docs.px4.io/main/en/dev_log/ulog_file_format.html).
 import json
 import struct
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -53,23 +53,27 @@ def open_library(path: Path) -> Recording:
             message = f"messages {wide} of more than {MOST_NUMBERS} numbers"
             raise Refusal(path.name, Finding("too_large", None, None, message))
         log = ULog(_Stream(raw))
-    series = _titled([one for one in log.data_list if any(f.type_str != "char" for f in one.field_data)])
+    given = [one for one in log.data_list if any(f.type_str != "char" for f in one.field_data)]
+    names, series = Counter(one.name for one in given), dict[str, Any]()
+    for one in given:  # with the number of the instance where a topic has several
+        title = one.name if names[one.name] == 1 else f"{one.name} {one.multi_id}"
+        series[title if title not in series else f"{title} ({one.msg_id})"] = one
     findings = _findings(raw, log, series)
     if not series:
         raise nothing_to_read(path, findings, "no message with numbers")
     start = _start(log)
-    given = {title: _group(title, one, start) for title, one in series.items()}
+    groups = {title: _group(title, one, start) for title, one in series.items()}
     texts = TextLog()
 
     def read(report: Report) -> Iterator[Block]:
         for title, one in series.items():
-            yield from _blocks(given[title], one, texts, report)
+            yield from _blocks(groups[title], one, texts, report)
 
     return Recording(
         path=path,
         format="ULog",
         reader="testbench.readers.ulog",
-        groups=tuple(given.values()),
+        groups=tuple(groups.values()),
         read=lambda report: watch_nonfinite(read(report), report),
         metadata=_metadata(log, findings),
         findings=tuple(findings),
@@ -107,15 +111,6 @@ def _too_wide(formats: dict[str, Any]) -> str:
         return widths[name]
 
     return next((repr(name) for name in formats if width(name, ()) > MOST_NUMBERS), "")
-
-
-def _titled(series: Sequence[Any]) -> dict[str, Any]:
-    """The topics by name, with the number of the instance where there are several."""
-    names, found = Counter(one.name for one in series), dict[str, Any]()
-    for one in series:
-        title = one.name if names[one.name] == 1 else f"{one.name} {one.multi_id}"
-        found[title if title not in found else f"{title} ({one.msg_id})"] = one
-    return found
 
 
 def _findings(raw: bytes, log: ULog, series: dict[str, Any]) -> list[Finding]:
@@ -204,19 +199,14 @@ def _blocks(group: Group, one: Any, texts: TextLog, report: Report) -> Iterator[
 def _metadata(log: ULog, findings: list[Finding]) -> dict[str, str]:
     """What the log says of itself, its parameters, and what was said while it ran."""
     found = dict[str, str]()
-    for key, value in log.msg_info_dict.items():
-        if isinstance(value, bytes):
-            message = f"{len(value)} bytes of information of another kind than text and numbers"
-            findings.append(Finding("left_out", key, None, message))
-        else:
-            found[key] = str(value).rstrip("\0")
-    for key, lists in log.msg_info_multiple_dict.items():
+    single = [(key, [[value]], "\0") for key, value in log.msg_info_dict.items()]
+    for key, lists, padding in (*single, *((key, lists, "") for key, lists in log.msg_info_multiple_dict.items())):
         parts = [part for parts in lists for part in parts]
         if any(isinstance(part, bytes) for part in parts):
             message = f"{sum(map(len, parts))} bytes of information of another kind than text and numbers"
             findings.append(Finding("left_out", key, None, message))
         else:
-            found[key] = "\n".join("".join(map(str, parts)) for parts in lists)
+            found[key] = "\n".join("".join(map(str, parts)).rstrip(padding) for parts in lists)
     if log.initial_parameters:
         found["parameters"] = json.dumps(log.initial_parameters, default=str)
     for time, name, value in log.changed_parameters:

@@ -13,7 +13,7 @@ from io import BytesIO
 from pathlib import Path
 
 from ..recording import Block, Channel, Finding, Group, Recording, Samples, UniformClock
-from .byte_source import ByteSource, as_float64, block_samples
+from .byte_source import ByteSource, as_float64, block_spans
 from .format_findings import damaged, nothing_to_read, watch_nonfinite
 from .header_claims import start_in
 from .registry import ReadOptions
@@ -62,7 +62,8 @@ def open_wav(path: Path, options: ReadOptions) -> Recording:
     """Read the chunks; the samples are read when asked for."""
     with ByteSource(path) as source:
         chunk = _sample_chunk(source)
-        findings = _length_findings(source, chunk) or list(_findings_behind(source, chunk))
+        finding = _length_finding(source, chunk)
+    findings = () if finding is None else (finding,)
     form = chunk.form
     if not chunk.frames:
         raise nothing_to_read(path, findings, "no sample in it")
@@ -77,7 +78,7 @@ def open_wav(path: Path, options: ReadOptions) -> Recording:
         read=lambda report: watch_nonfinite(_blocks(path, chunk, group), report),
         settings={"numbers": f"{'float' if form.code == _FLOAT else 'integer'}, {form.bits} bits"},
         metadata=chunk.texts,
-        findings=tuple(findings),
+        findings=findings,
     )
 
 
@@ -129,11 +130,9 @@ def _sample_format(source: ByteSource, raw: bytes, order: str) -> _SampleFormat:
 def _broadcast_texts(raw: bytes) -> dict[str, str]:
     """The texts of a broadcast extension (EBU Tech 3285): date and time of day may have any sign between numbers."""
     plain = raw.ljust(338, b"\0").decode("latin-1")
-    parts = {"Description": plain[:256], "Originator": plain[256:288], "OriginatorReference": plain[288:320]}
-    parts |= {
-        "OriginationDate": re.sub(r"\D", "-", plain[320:330]),
-        "OriginationTime": re.sub(r"\D", ":", plain[330:338]),
-    }
+    parts = {"Description": plain[:256], "Originator": plain[256:288], "OriginatorReference": plain[288:320],
+             "OriginationDate": re.sub(r"\D", "-", plain[320:330]),
+             "OriginationTime": re.sub(r"\D", ":", plain[330:338])}  # fmt: skip
     return {key: text for key, value in parts.items() if (text := value.split("\0")[0].strip()).strip("-:")}
 
 
@@ -148,35 +147,31 @@ def _texts(raw: bytes, order: str) -> dict[str, str]:
     return found
 
 
-def _length_findings(source: ByteSource, chunk: _SampleChunk) -> list[Finding]:
-    there = source.size - chunk.begin
-    if chunk.declared == _UNKNOWN or (chunk.declared == 0 and there >= chunk.form.frame):
-        message = f"the length of its samples was never written; {there // chunk.form.frame} frames are there"
-        return [Finding("cut_file", None, None, message)]
-    declared = chunk.declared // chunk.form.frame
+def _length_finding(source: ByteSource, chunk: _SampleChunk) -> Finding | None:
+    """Another length than is declared; more samples behind, as a second chunk or as nothing that is a chunk at all."""
+    there, frame = source.size - chunk.begin, chunk.form.frame
+    if chunk.declared == _UNKNOWN or (chunk.declared == 0 and there >= frame):
+        message = f"the length of its samples was never written; {there // frame} frames are there"
+        return Finding("cut_file", None, None, message)
+    declared = chunk.declared // frame
     if chunk.declared > there:
         message = f"{declared} frames are declared, {chunk.frames} whole ones are there"
-        return [Finding("cut_file", None, None, message)]
-    if chunk.declared % chunk.form.frame:
+        return Finding("cut_file", None, None, message)
+    if chunk.declared % frame:
         message = f"{chunk.declared} bytes are declared, which are {declared} frames and a part of one"
-        return [Finding("count_contradiction", None, None, message)]
-    return []
-
-
-def _findings_behind(source: ByteSource, chunk: _SampleChunk) -> Iterator[Finding]:
-    """More samples behind those that are declared, as a second chunk or as nothing that is a chunk at all."""
+        return Finding("count_contradiction", None, None, message)
     at = chunk.begin + chunk.declared
     at += chunk.declared % 2 if not _is_name(source, at) else 0
     for _ in range(_MOST_CHUNKS):
         if at + 8 > source.size:
-            return
+            break
         name, size = struct.unpack(f"{chunk.form.order}4sI", source.read(at, 8, "a chunk"))
         if name == b"data" or not _is_name(source, at):
             more = "a second chunk of samples" if name == b"data" else "more samples than declared, it seems"
             message = f"{source.size - at} bytes behind the {chunk.frames} frames declared: {more}; they are not read"
-            yield Finding("count_contradiction", None, f"byte {at}", message)
-            return
+            return Finding("count_contradiction", None, f"byte {at}", message)
         at += 8 + size + size % 2
+    return None
 
 
 def _is_name(source: ByteSource, at: int) -> bool:
@@ -185,10 +180,8 @@ def _is_name(source: ByteSource, at: int) -> bool:
 
 
 def _blocks(path: Path, chunk: _SampleChunk, group: Group) -> Iterator[Block]:
-    step = block_samples(chunk.form.channels)
     with ByteSource(path) as source:
-        for start in range(0, chunk.frames, step):
-            count = min(step, chunk.frames - start)
+        for start, end in block_spans(chunk.frames, chunk.form.channels):
             begin = chunk.begin + start * chunk.form.frame
-            raw = source.read(begin, count * chunk.form.frame, "samples")
+            raw = source.read(begin, (end - start) * chunk.form.frame, "samples")
             yield Block(group, chunk.form.columns(raw), start, None, begin + len(raw))

@@ -86,23 +86,22 @@ def _sheets(
 
 def _findings(told: Mapping[str, Any]) -> Iterator[Finding]:
     """What a text does not show: what is hidden, calculated, merged, and beside the table far down."""
-    where, hidden = f"worksheet {told['title']!r}", []
-    hidden += ["the worksheet itself"] if told["is_hidden"] else []
+    hidden = ["the worksheet itself"] if told["is_hidden"] else []
     hidden += [f"{told['hidden_rows']} rows"] if told["hidden_rows"] else []
     hidden += [f"columns from {names_listed(told['hidden_columns'])} on"] if told["hidden_columns"] else []
-    if hidden:
-        message = f"the spreadsheet hides {', '.join(hidden)}; all are kept"
-        yield Finding("hidden_cells", None, where, message)
-    if told["formulas"]:
-        listed = names_listed([f"{column} ({count})" for column, count in told["formulas"].items()])
-        message = f"cells of formulas by column: {listed}; their values are those that were stored, nothing is computed"
-        yield Finding("calculated_cells", None, where, message)
-    if told["beyond"]:
-        message = f"columns {names_listed(told['beyond'])} are empty in the first rows: what is below is not kept"
-        yield Finding("left_out", None, where, message)
-    for row in told["joined"]:
-        message = f"the merged cells of row {row} are put before the names in row {row + 1}"
-        yield Finding("dialect", None, where, message)
+    formulas = names_listed([f"{column} ({count})" for column, count in told["formulas"].items()])
+    messages = [
+        ("hidden_cells", hidden, f"the spreadsheet hides {', '.join(hidden)}; all are kept"),
+        ("calculated_cells", formulas, f"cells of formulas by column: {formulas}; their values are those that were "
+         "stored, nothing is computed"),
+        ("left_out", told["beyond"], f"columns {names_listed(told['beyond'])} are empty in the first rows: what is "
+         "below is not kept"),
+        *(("dialect", True, f"the merged cells of row {row} are put before the names in row {row + 1}")
+          for row in told["joined"]),
+    ]  # fmt: skip
+    for code, there, message in messages:
+        if there:
+            yield Finding(code, None, f"worksheet {told['title']!r}", message)
 
 
 def _name(title: str, sheet: Recording, group: str) -> str:

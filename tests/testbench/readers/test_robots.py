@@ -3,6 +3,7 @@
 import sqlite3
 import struct
 from contextlib import closing
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from testbench.errors import RecordingError
 from testbench.readers.ros_messages import RosDecoder, message_fields
-from testbench.readers.ros_topics import TooManyNumbers, UnknownType, Unreadable
+from testbench.readers.ros_topics import TooManyNumbers, Topic, UnknownType, Unreadable, json_message
 from testbench.recording import TextLog, TextSeries, TimeColumn
 
 from . import reading, robots
@@ -131,9 +132,7 @@ def test_json_is_read_and_shapes_are_kept_apart(tmp_path):
 
 def test_integers_that_float64_rounds_are_said():
     """2**53 + 1 of one message; neither floating-point numbers as large nor times, which are counted from a zero."""
-    from testbench.readers.ros_topics import Topic, json_message
-
-    topic, texts = Topic("/json", json_message, robots.ZERO), TextLog()
+    topic, texts = Topic(Path("run"), "/json", json_message, robots.ZERO), TextLog()
     for i in range(3):
         raw = b'{"ticks": %d, "large": 1e300, "small": %d, "mode": "%s"}' % (2**53 + i, i, (b"idle", b"run")[i > 1])
         topic.take(robots.ZERO + i, raw, texts)
@@ -147,9 +146,7 @@ def test_integers_that_float64_rounds_are_said():
 @pytest.mark.parametrize(("stamps", "clock"), [([1, 2, 3], 1), ([1, 1, 2], 0), ([3, 2, 4], 0)])
 def test_a_stamp_is_the_clock_where_it_rises(stamps, clock):
     """Messages of two sources with the same stamps, or late ones, go by the time at which they were logged."""
-    from testbench.readers.ros_topics import Topic, json_message
-
-    topic = Topic("/json", json_message, robots.ZERO)
+    topic = Topic(Path("run"), "/json", json_message, robots.ZERO)
     for stamp in stamps:
         topic.look(b'{"header": {"stamp": {"sec": %d, "nanosec": 0}}}' % stamp)
     (shape,) = topic.shapes.values()
