@@ -104,6 +104,8 @@ def sep005(run: Run) -> list[dict[str, Any]]:
             when[group.name]["time"] = run.time(group.name)
         measured = set(group.measured)
         found += [column for column in columns(run, group.name) if column.index in measured]
+    counts = Counter(column.channel.name for column in found)
+    names = [c.channel.name if counts[c.channel.name] == 1 else f"{c.group}: {c.channel.name}" for c in found]
     return [
         {
             "data": column.values,
@@ -113,10 +115,5 @@ def sep005(run: Run) -> list[dict[str, Any]]:
             "origin": run.origin,
             **when[column.group],
         }
-        for name, column in zip(_names(found), found, strict=True)
+        for name, column in zip(unique(names), found, strict=True)
     ]
-
-
-def _names(found: list[Column]) -> list[str]:
-    counts = Counter(column.channel.name for column in found)
-    return unique([c.channel.name if counts[c.channel.name] == 1 else f"{c.group}: {c.channel.name}" for c in found])

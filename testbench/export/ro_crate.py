@@ -68,7 +68,18 @@ def crate_metadata(
     """The description of ``runs`` and the ``later`` records about them as JSON-LD; ``head`` is that of the ledger."""
     now = datetime.now(UTC).isoformat(timespec="seconds")
     parts = [node for run in runs for node in _run(run, licence)]
-    parts += [_record(record, runs) for record in later]
+    parts += [
+        {
+            "@id": _uri(f"{append_only_records.FOLDER}/{record.name}"),
+            "@type": "File",
+            "name": record.name,
+            "description": f"{record.kind}, recorded later about runs, which never change",
+            "encodingFormat": "application/json",
+            "dateCreated": record.written,
+            "about": [{"@id": _uri(run.path.name)} for run in runs if run.path.name in record.runs],
+        }
+        for record in later
+    ]
     licences = list(dict.fromkeys(text for run in runs for text in _licences(run, licence)))
     simulated = any(run.origin == "simulated" for run in runs)
     root: dict[str, Any] = {
@@ -82,29 +93,17 @@ def crate_metadata(
         **({} if head is None else {"identifier": f"sha256:{head}"}),
         "hasPart": [{"@id": node["@id"]} for node in parts if node["@type"] == "File"],
     }
-    about = {"@id": "./"}
-    metadata: dict[str, Any] = {
-        "@id": NAME,
-        "@type": "CreativeWork",
-        "conformsTo": {"@id": SPECIFICATION},
-        "about": about,
-    }
-    software: dict[str, Any] = {
-        "@id": "#counterpoise",
-        "@type": "SoftwareApplication",
-        "name": "counterpoise",
-        "version": version("counterpoise"),
-    }
+    metadata = {"@id": NAME, "@type": "CreativeWork", "conformsTo": {"@id": SPECIFICATION}, "about": {"@id": "./"}}
+    software = {"@id": "#counterpoise", "@type": "SoftwareApplication", "name": "counterpoise"}
     form = {"@id": HDF5, "@type": "WebSite", "name": "Hierarchical Data Format 5"}
     stated = [{"@id": _identity(text), "@type": "CreativeWork", "name": text, "description": text} for text in licences]
-    graph = [metadata, root, *parts, software, form, *stated]
+    graph = [metadata, root, *parts, {**software, "version": version("counterpoise")}, form, *stated]
     return {"@context": f"{SPECIFICATION}/context", "@graph": list({node["@id"]: node for node in graph}.values())}
 
 
 def _run(run: Run, licence: str | None) -> list[dict[str, Any]]:
     """A run, its digest, and the logs that it was made of, which are not in the crate."""
     logs = [_log(source) for source in run.provenance["sources"]]
-    known = _licences(run, licence)
     properties = [
         {
             "@id": f"#{_uri(run.name)}-{key}",
@@ -123,7 +122,7 @@ def _run(run: Run, licence: str | None) -> list[dict[str, Any]]:
         "contentSize": str(run.path.stat().st_size),
         "sha256": atomic_files.recorded_digest(run.path),
         "dateCreated": run.provenance.get("written", ""),
-        "license": _references(known),
+        "license": _references(_licences(run, licence)),
         "isBasedOn": [{"@id": log["@id"]} for log in logs],
         "additionalProperty": [{"@id": value["@id"]} for value in properties],
         "creator": {"@id": "#counterpoise"},
@@ -131,18 +130,6 @@ def _run(run: Run, licence: str | None) -> list[dict[str, Any]]:
     name = atomic_files.digest_file(run.path).name
     beside = {"@id": _uri(name), "@type": "File", "name": name, "encodingFormat": "text/plain"}
     return [node, beside, *logs, *properties]
-
-
-def _record(record: append_only_records.Record, runs: Sequence[Run]) -> dict[str, Any]:
-    return {
-        "@id": _uri(f"{append_only_records.FOLDER}/{record.name}"),
-        "@type": "File",
-        "name": record.name,
-        "description": f"{record.kind}, recorded later about runs, which never change",
-        "encodingFormat": "application/json",
-        "dateCreated": record.written,
-        "about": [{"@id": _uri(run.path.name)} for run in runs if run.path.name in record.runs],
-    }
 
 
 def _uri(name: str) -> str:

@@ -21,7 +21,7 @@ import numpy as np
 from balance.table_files import write_csv, write_parquet
 
 from ..errors import StoreError
-from ..recording import UniformClock
+from ..recording import Samples, UniformClock
 from ..runs.joined_channels import joined_table
 from ..store import Run
 from .columns import Column, columns, json_line, provenance, unique, unlisted_findings
@@ -96,20 +96,10 @@ def _ascii(text: str, width: int) -> str:
 def export_csv(run: Run, groups: list[str], target: Path) -> list[str]:
     """Write one group. Each number is the shortest text that reads back to it."""
     (group,) = groups
-    found = columns(run, group)
+    found, clock = columns(run, group), run.group(group).clock
     headers = [" ".join(column.header.splitlines()) for column in found]
-    clock = run.group(group).clock
-    with target.open("w", encoding="utf-8", newline="") as text:
-        text.write(f"# origin: {run.origin}\n")
-        for key, value in provenance(run).items():
-            if key not in ("origin", "findings"):
-                text.write(f"# {key} = {json_line(value)}\n")
-        if isinstance(clock, UniformClock):
-            text.write(f"# rate: {clock.rate_hz!r} Hz\n")
-        comment = any("#" in header for header in headers)  # unless it is quoted
-        csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_ALL if comment else csv.QUOTE_MINIMAL).writerow(headers)
-    with target.open("ab") as stream:
-        write_csv(stream, [column.values for column in found])
+    rate = f"# rate: {clock.rate_hz!r} Hz\n" if isinstance(clock, UniformClock) else ""
+    _write_csv(target, run, provenance(run), headers, [column.values for column in found], rate)
     losses = [
         f"name {column.header!r} is written on one line"
         for column, header in zip(found, headers, strict=True)
@@ -123,25 +113,35 @@ def export_csv(run: Run, groups: list[str], target: Path) -> list[str]:
 def export_joined(run: Run, rate: str, to: str, target: Path) -> list[str]:
     """Write all groups as one table on one clock at ``rate``, a CSV or Parquet file that says how it was made."""
     frame, problem = joined_table(run, rate)
-    how = {key: value for key, value in frame.attrs.items() if key not in ("run", "origin", "units")}
-    units = frame.attrs["units"]
+    units, lost = frame.attrs["units"], [problem] if problem else []
+    about = {"joined": {key: value for key, value in frame.attrs.items() if key not in ("run", "origin", "units")}}
+    about |= provenance(run)
     names = [
         name if not unit or re.search(rf"[(\[]{re.escape(unit)}[)\]]", name) else f"{name} ({unit})"
         for name, unit in units.items()
     ]
+    names = unique([str(frame.index.name), *names])
     values = [frame.index.to_numpy(), *(frame[name].to_numpy() for name in units)]
-    table = dict(zip(unique([str(frame.index.name), *names]), values, strict=True))
     if to == "parquet":
-        write_parquet(target, table, {KEY: json_line({"joined": how, **provenance(run), "units": units})})
-        return [problem] if problem else []
-    about = {"joined": how, **{k: v for k, v in provenance(run).items() if k not in ("origin", "findings")}}
+        write_parquet(target, dict(zip(names, values, strict=True)), {KEY: json_line({**about, "units": units})})
+        return lost
+    _write_csv(target, run, about, [" ".join(name.splitlines()) for name in names], values)
+    return lost + unlisted_findings(run, "CSV")
+
+
+def _write_csv(
+    target: Path, run: Run, about: dict[str, Any], headers: list[str], values: list[Samples], more: str = ""
+) -> None:
+    """Comments with the origin and what is known ``about`` the values but findings; headers; a row a sample."""
     with target.open("w", encoding="utf-8", newline="") as text:
         text.write(f"# origin: {run.origin}\n")
-        text.writelines(f"# {key} = {json_line(value)}\n" for key, value in about.items())
-        csv.writer(text, lineterminator="\n").writerow(" ".join(name.splitlines()) for name in table)
+        known = {key: value for key, value in about.items() if key not in ("origin", "findings")}
+        text.writelines(f"# {key} = {json_line(value)}\n" for key, value in known.items())
+        text.write(more)
+        comment = any("#" in header for header in headers)  # unless it is quoted
+        csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_ALL if comment else csv.QUOTE_MINIMAL).writerow(headers)
     with target.open("ab") as stream:
-        write_csv(stream, list(table.values()))
-    return [*([problem] if problem else []), *unlisted_findings(run, "CSV")]
+        write_csv(stream, values)
 
 
 def _is_number(header: str) -> bool:

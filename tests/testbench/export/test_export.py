@@ -12,7 +12,7 @@ import pytest
 
 from testbench.cli.campaign import export as command
 from testbench.errors import StoreError
-from testbench.export import export, sep005
+from testbench.export import export, export_joined, sep005
 from testbench.ingestion import Ingest
 from testbench.ingestion.planned_runs import plan_runs
 from testbench.quality.log_description import describe_log
@@ -391,6 +391,15 @@ def test_all_loggers_in_one_table(run, tmp_path, capsys):
         assert written.columns == ["time (s)", "İvme X, ön (m/s²)", "F (N)", "Fz (N)", "forces: Fz (N)"]
     with pytest.raises(click.UsageError, match="--to csv or parquet"):
         command.main([str(run.path), "--to", "mat", "--resample", "1 kHz", "-o", "x"], standalone_mode=False)
+
+
+def test_a_comment_sign_in_a_joined_table(tmp_path):
+    """Names are quoted, so that one with a comment sign is no comment."""
+    import pandas
+
+    written = export_joined(stored(tmp_path / "c", ["#1", "b"]), "4 kHz", "csv", tmp_path / "out")
+    table = pandas.read_csv(written.file, comment="#")
+    assert list(table.columns) == ["time (s)", "#1 (V)", "b (V)"]
 
 
 def test_the_command(run, tmp_path, capsys):
