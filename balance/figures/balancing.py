@@ -19,11 +19,8 @@ if TYPE_CHECKING:
     from ..balancing.tradeoff import Front
 
 _LABEL = {
-    "Fx_N": "force FX [N]",
-    "Fy_N": "force FY [N]",
-    "Mz_Nm": "moment M [N m]",
-    "torque_Nm": "drive torque [N m]",
-}
+    "Fx_N": "force FX [N]", "Fy_N": "force FY [N]", "Mz_Nm": "moment M [N m]", "torque_Nm": "drive torque [N m]",
+}  # fmt: skip
 _STAGE = {
     "before": ("before", "#555555", "-"),
     "force": ("counter-masses", "#3b6ea5", "-"),
@@ -94,15 +91,13 @@ def draw_sweep(designs: "Designs") -> "Figure":
     """What the designs of a sweep are ranked by [N, N m], over one variable or as contours over two."""
     columns, variables, shown = designs.columns, designs.varied, designs.ranked_by
     figure, ((axes,),) = panels(7.0, 4.5, grid=len(variables) == 1)
+    axes.set(xlabel=variables[0], ylabel=shown if len(variables) == 1 else variables[1])
     x = columns[variables[0]]
-    axes.set_xlabel(variables[0])
     if len(variables) == 1:
         order = np.argsort(x)
         axes.plot(x[order], columns[shown][order], color="#3b6ea5")
-        axes.set_ylabel(shown)
         axes.set_ylim(bottom=0.0)
     else:
-        axes.set_ylabel(variables[1])
         figure.colorbar(axes.tricontourf(x, columns[variables[1]], columns[shown], levels=20), label=shown)
     axes.set_title("simulated", fontsize=10)
     return figure

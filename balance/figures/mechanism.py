@@ -115,10 +115,8 @@ def save(figure: "Figure", path: str | Path) -> None:
 def link_points(mechanism: Mechanism, at: Pose, body: int) -> Floats:
     """Points of a link worth joining: its joint, its children's joints, where loops close, (k, 3, n) [m].
 
-    Where there are no two of them its sites too, else its centre of mass.
-
-    In the order of their angles about their middle in the plane x-y at the first sample, from one of them on that is
-    the same at every sample.
+    Where there are no two of them its sites too, else its centre of mass. In the order of their angles about their
+    middle in the plane x-y at the first sample, from one of them on that is the same at every sample.
     """
     joint = mechanism.tree.bodies[body]
     points = [at.position[:, child] for child, j in enumerate(mechanism.tree.joints) if j.parent == joint]

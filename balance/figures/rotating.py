@@ -5,7 +5,7 @@ rotor; orders of free forces and the shaking force of a slider-crank over a turn
 and start-up of a drive.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -51,11 +51,9 @@ def draw_readings(
     total = runs.in_file_sense(solution.weights)
     if uncertainty is not None:
         circle = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 181))
-        _regions(
-            readings, [(v + within * circle) * reading[1] for v, within in zip(after, uncertainty.after, strict=True)]
-        )
-        outlines = [runs.in_file_sense(region.outline()) for region in uncertainty.regions]
-        _regions(weights, [(v + outline) * weight[1] for v, outline in zip(total, outlines, strict=True)])
+        _regions(readings, reading[1] * (after[:, None] + np.outer(uncertainty.after, circle)))
+        outlines = np.array([runs.in_file_sense(region.outline()) for region in uncertainty.regions])
+        _regions(weights, weight[1] * (total[:, None] + outlines))
     _arrows(readings, before * reading[1], names, BLUE)
     _arrows(readings, after * reading[1], [""] * len(names), ORANGE)
     _arrows(weights, total * weight[1], [plane.name for plane in runs.planes], ORANGE)
@@ -69,8 +67,8 @@ def draw_readings(
     return figure
 
 
-def _regions(axes: Any, outlines: Sequence[Any]) -> None:  # noqa: ANN401
-    """Closed curves of vectors, filled; near the origin the angle of a curve must not jump by a turn."""
+def _regions(axes: Any, outlines: Complexes) -> None:  # noqa: ANN401
+    """Closed curves of vectors (k, points), filled; near the origin the angle of a curve must not jump by a turn."""
     for outline in outlines:
         angle = np.unwrap(np.angle(outline))
         axes.fill(angle, np.abs(outline), facecolor=ORANGE, alpha=0.25, edgecolor=ORANGE, lw=0.8)
@@ -103,69 +101,50 @@ _DRIVE_COLOURS = (BLUE, ORANGE, "#2a9d8f", "#8a5aa5")
 
 
 def draw_drive(document: dict[str, Any]) -> "Figure":
-    """Panels for what the document of ``balance drive`` holds."""
+    """What the document of ``balance drive`` holds: inertia and relative speed over a turn, start-up over time."""
     count = 3 if document.get("start_up") else 2
     figure, (axes,) = panels(4.4 * count, 3.9, 1, count)
-    draw_inertia(axes[0], document["reduced"])
-    draw_speed(axes[1], document["steady"])
+    _draw_inertia(axes[0], document["reduced"])
+    for row, look in _settings(document["steady"]):
+        axes[1].plot(row["turn"]["angle_deg"], np.array(row["turn"]["speed_rpm"]) / row["nominal_crank_rpm"], **look)
+    axes[1].set(xlabel="crank angle [deg]", ylabel="n / nominal", title="Speed over a turn, steady")
+    axes[1].set_xticks(range(0, 361, 90))
+    axes[1].legend(fontsize=7)
     if count == 3:
-        draw_start_up(axes[2], document["start_up"])
+        for row, look in _settings(document["start_up"]):
+            axes[2].plot(row["course"]["time_s"], row["course"]["speed_rpm"], **look)
+        axes[2].set(xlabel="time [s]", ylabel="rev/min", title="Start-up of the crank")
+        axes[2].legend(fontsize=7, loc="lower right")
     figure.suptitle(f"{document['mechanism']}: computed")
     return figure
 
 
-def draw_inertia(axes: "Axes", reduced: dict[str, Any]) -> None:
-    """I(phi), with its extremes marked."""
-    turn = reduced["turn"]
-    axes.plot(turn["angle_deg"], turn["inertia_kgm2"], color=_DRIVE_COLOURS[0])
+def _draw_inertia(axes: "Axes", reduced: dict[str, Any]) -> None:
+    """I(phi), its extremes marked and labelled with their angles, off the curve and within the frame."""
+    axes.plot(reduced["turn"]["angle_deg"], reduced["turn"]["inertia_kgm2"], color=_DRIVE_COLOURS[0])
     for extreme in reduced["mechanism_inertia_extremes"]:
-        value = extreme["inertia_kgm2"] + reduced["constant_inertia_kgm2"]
-        axes.plot(extreme["angle_deg"], value, "o", ms=4, color=_DRIVE_COLOURS[1])
-        _label_extreme(axes, extreme["angle_deg"], value, extreme["kind"] == "maximum")
+        angle, value = extreme["angle_deg"], extreme["inertia_kgm2"] + reduced["constant_inertia_kgm2"]
+        axes.plot(angle, value, "o", ms=4, color=_DRIVE_COLOURS[1])
+        side = "left" if angle < 20.0 else "right" if angle > 340.0 else "center"
+        offset, vertical = ((0, 5), "bottom") if extreme["kind"] == "maximum" else ((0, -6), "top")
+        axes.annotate(
+            f"{angle:.1f}°", (angle, value), offset, textcoords="offset points", ha=side, va=vertical, fontsize=9
+        )
     axes.set(xlabel="crank angle [deg]", ylabel="kg m²", title="Equivalent inertia I(φ)", xticks=range(0, 361, 90))
     axes.margins(y=0.15)
 
 
-def _label_extreme(axes: "Axes", angle: float, value: float, above: bool) -> None:
-    """Label an extreme with its angle, off the curve and within the frame."""
-    side = "left" if angle < 20.0 else "right" if angle > 340.0 else "center"
-    offset, vertical = ((0, 5), "bottom") if above else ((0, -6), "top")
-    axes.annotate(f"{angle:.1f}°", (angle, value), offset, textcoords="offset points", ha=side, va=vertical, fontsize=9)
-
-
-def draw_speed(axes: "Axes", rows: list[dict[str, Any]]) -> None:
-    """Speed over a turn, relative to the nominal one, a line for each setting."""
+def _settings(rows: list[dict[str, Any]]) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
+    """Each row with the look of its line: dashes distinguish readings, where there are two, colours all else."""
+    two_readings = len({row["reading"] for row in rows}) > 1
+    kinds = list(dict.fromkeys((row["nominal_rpm"], row["counter_masses"]) for row in rows))
     for row in rows:
-        share = [n / row["nominal_crank_rpm"] for n in row["turn"]["speed_rpm"]]
-        axes.plot(row["turn"]["angle_deg"], share, _dash(rows, row), color=_colour(rows, row), label=_label(row))
-    axes.set(
-        xlabel="crank angle [deg]", ylabel="n / nominal", title="Speed over a turn, steady", xticks=range(0, 361, 90)
-    )
-    axes.legend(fontsize=7)
-
-
-def draw_start_up(axes: "Axes", rows: list[dict[str, Any]]) -> None:
-    """Speed over time from standstill."""
-    for row in rows:
-        course = row["course"]
-        axes.plot(course["time_s"], course["speed_rpm"], _dash(rows, row), color=_colour(rows, row), label=_label(row))
-    axes.set(xlabel="time [s]", ylabel="rev/min", title="Start-up of the crank")
-    axes.legend(fontsize=7, loc="lower right")
-
-
-def _dash(rows: list[dict[str, Any]], row: dict[str, Any]) -> str:
-    """Lines are dashed to distinguish readings, where there are two."""
-    return _DASHES[row["reading"]] if len({r["reading"] for r in rows}) > 1 else "-"
-
-
-def _colour(rows: list[dict[str, Any]], row: dict[str, Any]) -> str:
-    kinds = list(dict.fromkeys((r["nominal_rpm"], r["counter_masses"]) for r in rows))
-    return _DRIVE_COLOURS[kinds.index((row["nominal_rpm"], row["counter_masses"])) % len(_DRIVE_COLOURS)]
-
-
-def _label(row: dict[str, Any]) -> str:
-    with_masses = ", counter-masses" if row["counter_masses"] else ""
-    return f"{row['nominal_rpm']:.4g} rpm, {row['reading']}{with_masses}"
+        kind = kinds.index((row["nominal_rpm"], row["counter_masses"]))
+        masses = ", counter-masses" if row["counter_masses"] else ""
+        yield row, {
+            "ls": _DASHES[row["reading"]] if two_readings else "-", "color": _DRIVE_COLOURS[kind % len(_DRIVE_COLOURS)],
+            "label": f"{row['nominal_rpm']:.4g} rpm, {row['reading']}{masses}",
+        }  # fmt: skip
 
 
 _HEADROOM = 1.35
@@ -185,26 +164,22 @@ def draw_orders(
     Below them, where ``residual`` is given, the residuals of both over a turn.
     """
     rows = 1 if residual is None else 2
-    units = (units[0].replace("omega^2", "ω²"), units[1].replace("omega^2", "ω²"))
     figure, drawn = panels(8.4, 3.8 * rows, rows, 2, grid=False)
-    _bars(drawn[0, 0], [f.force for f in free], factor, f"force [{units[0]}]")
-    _bars(drawn[0, 1], [f.moment for f in free], factor, f"moment [{units[1]}]")
-    if residual is not None:
-        forces = {stage: each.force for stage, each in residual.stages.items()}
-        moments = {stage: each.moment for stage, each in residual.stages.items()}
-        _turn(drawn[1, 0], residual, forces, f"size of the force [{units[0]}]")
-        _turn(drawn[1, 1], residual, moments, f"size of the moment [{units[1]}]")
+    for column, (kind, unit) in enumerate(zip(("force", "moment"), units, strict=True)):
+        label = f"{kind} [{unit.replace('omega^2', 'ω²')}]"
+        _bars(drawn[0, column], [getattr(each, kind) for each in free], factor, label)
+        if residual is not None:
+            vectors = {stage: getattr(each, kind) for stage, each in residual.stages.items()}
+            _turn(drawn[1, column], residual, vectors, f"size of the {label}")
     figure.suptitle(title)
     return figure
 
 
 def _turn(axes: Any, residual: ResidualOverTurn, values: Mapping[str, Complexes], label: str) -> None:  # noqa: ANN401
     """Size of a vector over a turn, by stage; later stages are dashed, so that an equal earlier one shows."""
-    for k, (stage, vectors) in enumerate(values.items()):
-        line = ("-", "--", ":")[k]
-        axes.plot(
-            np.degrees(residual.theta), np.abs(vectors), line, color=_ORDER_COLOURS[stage], label=STAGES[stage], lw=1.6
-        )
+    angle = np.degrees(residual.theta)
+    for line, (stage, vectors) in zip(("-", "--", ":"), values.items(), strict=False):
+        axes.plot(angle, np.abs(vectors), line, color=_ORDER_COLOURS[stage], label=STAGES[stage], lw=1.6)
     largest = max(float(np.abs(vectors).max()) for vectors in values.values())
     axes.set(xlabel="crank angle [deg]", ylabel=label, xticks=range(0, 361, 90))
     axes.set_ylim(0.0, _HEADROOM * largest or 1.0)
@@ -218,9 +193,7 @@ def _bars(axes: Any, parts: Sequence[RotatingVector], factor: float, label: str)
     backward = [factor * abs(part.backward) for part in parts]
     axes.bar(orders, forward, color=BLUE, label="turning with the crankshaft")
     axes.bar(orders, backward, bottom=forward, color=ORANGE, label="turning against it")
-    axes.set_xticks(orders)
-    axes.set_xlabel("order")
-    axes.set_ylabel(label)
+    axes.set(xticks=orders, xlabel="order", ylabel=label)
     axes.set_ylim(0.0, _HEADROOM * max(map(sum, zip(forward, backward, strict=True)), default=0.0) or 1.0)
     if not any([*forward, *backward]):
         axes.annotate("none", (0.5, 0.5), xycoords="axes fraction", ha="center")
@@ -243,8 +216,7 @@ def draw_polar(crank: SliderCrank, counterweights: Mapping[str, float], omega: f
         axes.plot(rough.imag, rough.real, ":", color=colour, lw=1.0)
     axes.plot(0.0, 0.0, "+", color=GREY, ms=12)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("across the cylinder [N]")
-    axes.set_ylabel("along the cylinder, away from the crank [N]")
+    axes.set(xlabel="across the cylinder [N]", ylabel="along the cylinder, away from the crank [N]")
     axes.set_title("Shaking force over a turn; dotted: orders 1 and 2")
     axes.legend(title="counterweight", fontsize=9)
     return figure
@@ -285,8 +257,7 @@ def _draw(axes: "Axes", polygon: Polygon) -> None:
     axes.plot(*zip(*map(_xy, corners), strict=True), ".", color=GREY, ms=4)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_title(polygon.title, fontsize=10)
-    axes.set_xlabel(f"x [{unit}]")
-    axes.set_ylabel(f"y [{unit}]")
+    axes.set(xlabel=f"x [{unit}]", ylabel=f"y [{unit}]")
     axes.margins(0.25)
     axes.locator_params(nbins=5)
 

@@ -62,9 +62,7 @@ def contradictions(text: str, *others: str) -> Any:  # noqa: ANN401
         from ..cross_examination import ADVICE
 
         if wrong := [code for code in codes if code not in ADVICE and code not in others]:
-            raise click.UsageError(
-                f"--accept {wrong[0]}: no such contradiction: expected {', '.join(sorted(ADVICE))}"
-            )
+            raise click.UsageError(f"--accept {wrong[0]}: no such contradiction: expected {', '.join(sorted(ADVICE))}")
         return codes
 
     return option(text, metavar="CODE", shell_complete=completed, callback=known)

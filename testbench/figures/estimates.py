@@ -88,15 +88,8 @@ def draw_trim(result: Trim) -> "Figure":
                 shown.append(("all", before, style.TARGET))
             shown.append(("with what is added", after, style.WITHOUT))
             for place, (_, one, colour) in enumerate(shown):
-                low, high = one.interval
-                axes.errorbar(
-                    place,
-                    one.first_moment.value,
-                    [[one.first_moment.value - low], [high - one.first_moment.value]],
-                    fmt="o",
-                    capsize=5,
-                    color=colour,
-                )
+                (low, high), value = one.interval, one.first_moment.value
+                axes.errorbar(place, value, [[value - low], [high - value]], fmt="o", capsize=5, color=colour)
             axes.set_xticks(range(len(shown)), [name for name, *_ in shown])
             axes.set_xlim(-0.6, len(shown) - 0.4)
             axes.axhline(0.0, color="k", lw=0.8)
@@ -106,13 +99,10 @@ def draw_trim(result: Trim) -> "Figure":
                 plates += f" ({counted(added.plates)})"
             axes.set_title(f"{before.site}: {plates}")
         panels[0, 0].set_ylabel("missing first moment [kg m]")
+        level = f"intervals{'' if result.interval_level else ', not'} of {LEVEL_TEXT}"
         style.headline(
             figure,
             f"{style.origin_prefix([result.origin])}{result.mechanism.name}, {first_of(result.runs, 4)}\n"
-            f"{_level(result)}; residual predicted {result.predicted_residual:.4f} kg m",
+            f"{level}; residual predicted {result.predicted_residual:.4f} kg m",
         )
     return figure
-
-
-def _level(result: Trim) -> str:
-    return f"intervals{'' if result.interval_level else ', not'} of {LEVEL_TEXT}"

@@ -45,22 +45,17 @@ def reductions(compared: Comparison | Analysis) -> "Figure":
                 panel.set_title(f"motion {motion}, {name} along {place[1]}")
             line[0].set_ylabel("reduction of the amplitude [%]")
         panels[0, 0].set_ylim(min(0.0, *(_lowest(row) - 10.0 for row in rows)), 105.0)
+        turning = any(row.analyzed.key.peak_acceleration_rad_s2 is not None for row in rows)
         for panel in panels[-1]:
-            turning = any(row.analyzed.key.peak_acceleration_rad_s2 is not None for row in rows)
             panel.set_xlabel(f"peak acceleration [{'rad/s2' if turning else 'g0'}], by payload")
         _legend(figure, panels[0, 0], rows, " and ".join(compared.origins))
         measure = rows[0].analyzed.measure
         origin = "Simulated campaign: reduction" if set(compared.origins) == {"simulated"} else "Reduction"
         band = f"band {measure.band}" if measure.band else "all frequencies"
-        about = f"{measure.metric.replace('_', '-')}, {band}"
-        style.headline(figure, "\n".join([f"{origin} of base acceleration", about, *_originals_note(compared)]))
+        notes = compared.published.notes if isinstance(compared, Comparison) and compared.published else ()
+        about = [f"{measure.metric.replace('_', '-')}, {band}", *(note for note in notes if note == ORIGINAL_LOGS)]
+        style.headline(figure, "\n".join([f"{origin} of base acceleration", *about]))
     return figure
-
-
-def _originals_note(compared: Comparison | Analysis) -> list[str]:
-    """The note that the logs behind published numbers are not available, where those are shown."""
-    notes = compared.published.notes if isinstance(compared, Comparison) and compared.published else ()
-    return [note for note in notes if note == ORIGINAL_LOGS]
 
 
 def _place(row: Row) -> tuple[str, str]:
@@ -72,8 +67,9 @@ def _panel(panel: "Axes", rows: Sequence[Row]) -> None:
     rows = sorted(rows, key=lambda r: (r.analyzed.key.payload_kg or 0.0, _peak(r)[0]))
     payloads = list(dict.fromkeys(row.analyzed.key.payload_kg for row in rows))
     at = np.array([i + payloads.index(row.analyzed.key.payload_kg) for i, row in enumerate(rows)], dtype=float)
+    estimates = [row.analyzed.percent if row.analyzed.at_least is None else None for row in rows]
     for name, _, look in _LOOKS:
-        values = [_estimate(row) if name == "analyzed" else getattr(row, name) for row in rows]
+        values = estimates if name == "analyzed" else [getattr(row, name) for row in rows]
         panel.plot(at, np.array(values, dtype=float), ls="none", **look)
     for x, row in zip(at, rows, strict=True):
         if row.analyzed.interval:
@@ -96,11 +92,6 @@ def _peak(row: Row) -> tuple[float, str]:
     return (0.0, "") if value is None else (value, f"{value:g}")
 
 
-def _estimate(row: Row) -> float | None:
-    """The analysed reduction [%], unless it is a lower bound."""
-    return row.analyzed.percent if row.analyzed.at_least is None else None
-
-
 def _lowest(row: Row) -> float:
     """The lowest value of a row [%], the interval's lower end included down to -100 %."""
     end = max(row.analyzed.interval[0], -100.0) if row.analyzed.interval else None
@@ -109,14 +100,11 @@ def _lowest(row: Row) -> float:
 
 def _legend(figure: "Figure", panel: "Axes", rows: Sequence[Row], kinds: str) -> None:
     """A legend of the sources that the rows have."""
-    there = {"analyzed"} | {
-        name for name in ("simulated", "published") for row in rows if getattr(row, name) is not None
-    }
     handles = [
         panel.plot([], [], ls="none", label=label.format(kinds), **look)[0]
         for name, label, look in _LOOKS
-        if name in there
-    ]  # fmt: skip
+        if any(getattr(row, name) is not None for row in rows)
+    ]
     if any(row.analyzed.at_least is not None for row in rows):
         handles += panel.plot([], [], ls="none", label="at least", **_LOWER_BOUND)
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))

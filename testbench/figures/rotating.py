@@ -55,11 +55,12 @@ def _panel(axes: Any, rows: list[dict[str, Any]], kind: str, document: dict[str,
 
 def draw_speed(document: dict[str, Any]) -> "Figure":
     """The steady turn with its interval, and the speed edge by edge; with the computed ones where there is a model."""
-    parts = [name for name in ("steady", "course") if document.get(name)]
+    drawn = {"steady": _turn, "course": _course}
+    parts = [name for name in drawn if document.get(name)]
     with style.styled():
         figure, panels = style.light_grid(1, max(len(parts), 1), 3.4)
         for axes, part in zip(panels[0], parts, strict=False):
-            {"steady": _turn, "course": _course}[part](axes, document)
+            drawn[part](axes, document)
         style.headline(figure, f"{document['log']}: speed of the crank (origin {document['origin']})")
     return figure
 

@@ -68,11 +68,9 @@ def motor_torques(with_run: Run, without_run: Run) -> "Figure":
     with style.styled():
         figure, panels = style.light_grid(len(columns), 1, 2.0, sharex=True)
         for axes, column in zip(panels[:, 0], columns, strict=True):
-            peaks = _draw(axes, column, runs)
+            without, balanced = (f"{peak:.1f} N m" for peak in _draw(axes, column, runs))
             axes.set_ylabel("torque [N m]")
-            axes.set_title(
-                f"{column.sensor}, joint {column.component}: peak {peaks[0]:.1f} N m without, {peaks[1]:.1f} N m with"
-            )
+            axes.set_title(f"{column.sensor}, joint {column.component}: peak {without} without, {balanced} with")
         _limit(panels[-1], columns, runs[0])
         style.legend(figure, panels[0, 0])
         style.figure_title(figure, f"Motor torques, band {DEFAULT_BAND}", runs)
@@ -167,17 +165,15 @@ def base_spectrum(run: Run) -> "Figure":
             inside = (spectrum.frequency >= LOWEST) & (spectrum.frequency <= HIGHEST)
             axes.loglog(spectrum.frequency[inside], spectrum.power()[inside], color=style.ANALYSED)
             for peak in level.peaks:
-                if LOWEST <= peak["frequency_hz"] <= HIGHEST:
-                    axes.plot(peak["frequency_hz"], peak["density_si2_hz"], "v", color=style.WITHOUT, ms=4.0)
-                    axes.annotate(
-                        f"{peak['frequency_hz']:.1f}", (peak["frequency_hz"], peak["density_si2_hz"]), fontsize=7
-                    )
+                at = peak["frequency_hz"], peak["density_si2_hz"]
+                if LOWEST <= at[0] <= HIGHEST:
+                    axes.plot(*at, "v", color=style.WITHOUT, ms=4.0)
+                    axes.annotate(f"{at[0]:.1f}", at, fontsize=7)
             axes.set_ylabel(f"{level.column.component} [(m/s2)2/Hz]")
         panels[-1, 0].set_xlabel("frequency [Hz]")
         resolution = float(np.diff(shown[0][1].frequency[:2])[0])
-        style.figure_title(
-            figure, f"Spectrum of the base's acceleration, Welch, Hann window, {resolution:.3g} Hz apart", [run]
-        )
+        title = f"Spectrum of the base's acceleration, Welch, Hann window, {resolution:.3g} Hz apart"
+        style.figure_title(figure, title, [run])
     return figure
 
 
@@ -192,8 +188,9 @@ def base_acceleration(
     runs = SIRun.of(without_run), SIRun.of(with_run)
     found = [base_accelerations(run) for run in runs]
     columns = {(c.sensor, c.component): c for c in runs[1].rig.base_columns}
-    found_reductions = stated or reduction_of_pair(_pair(with_run, without_run), measure)
-    reductions = {(r.sensor, r.axis): r for r in found_reductions}
+    masses = with_run.conditions.get("counter_masses", {})
+    pair = Pair(ConditionKey.of(with_run), masses, (with_run,), (without_run,))
+    reductions = {(r.sensor, r.axis): r for r in stated or reduction_of_pair(pair, measure)}
     with style.styled():
         figure, panels = style.light_grid(len(columns), 1, 1.7, sharex=True)
         for axes, (place, column) in zip(panels[:, 0], columns.items(), strict=True):
@@ -202,7 +199,9 @@ def base_acceleration(
             style.two_runs(axes, (times[0], shapes[0]), (times[1], shapes[1]))
             axes.set_ylabel(f"{column.component} [g0]")
             axes.set_title(f"{place[0]}, {column.component} axis: {_text(reductions[place])}")
-            _draw_noise(axes, reductions[place])
+            noise = max((floor for floor in reductions[place].noise_floor if floor is not None), default=0.0) / G0
+            half = noise / 2.0 if reductions[place].measure.metric == "peak_to_peak" else noise
+            axes.axhspan(-half, half, color="#999999", alpha=0.35, lw=0.0)
         first, column = next(iter(columns.items()))
         strongest = max(found[0].values(), key=lambda signal: float(abs(measure.shape(*signal)).max()))
         span = moving_interval(measure.shape(*strongest), strongest[1], margin_s=0.1)
@@ -212,11 +211,6 @@ def base_acceleration(
         style.legend(figure, panels[0, 0])
         style.figure_title(figure, f"Acceleration of the base, band {measure.band or 'not limited'}", runs)
     return figure
-
-
-def _pair(with_run: Run, without_run: Run) -> Pair:
-    masses = with_run.conditions.get("counter_masses", {})
-    return Pair(ConditionKey.of(with_run), masses, (with_run,), (without_run,))
 
 
 def _text(found: Reduction) -> str:
@@ -232,10 +226,3 @@ def _text(found: Reduction) -> str:
     ends = sorted(sign * end for end in found.interval or ())
     between = f" [{ends[0]:.1f}, {ends[1]:.1f}]" if ends else ""
     return f"{name} {word} by {sign * found.percent:.1f} %{between}"
-
-
-def _draw_noise(axes: "Axes", found: Reduction) -> None:
-    """The reading of noise alone, about zero."""
-    floor = max((f for f in found.noise_floor if f is not None), default=0.0) / G0
-    half = floor / 2.0 if found.measure.metric == "peak_to_peak" else floor
-    axes.axhspan(-half, half, color="#999999", alpha=0.35, lw=0.0)

@@ -71,13 +71,9 @@ def origin_prefix(origins: Iterable[str]) -> str:
 
 def condition_of(run: Run | SIRun) -> str:
     """Payload, motion and acceleration of a run in words; its name where none is known."""
-    c = run.conditions
-    parts = (
-        f"payload {payload_text(c)}" if payload_text(c) else "",
-        f"motion {c['motion']}" if "motion" in c else "",
-        f"peak {peak_text(c)}" if peak_text(c) else "",
-    )
-    return ", ".join(part for part in parts if part) or run.name
+    stated = run.conditions
+    texts = {"payload": payload_text(stated), "motion": stated.get("motion"), "peak": peak_text(stated)}
+    return ", ".join(f"{name} {text}" for name, text in texts.items() if text) or run.name
 
 
 def two_runs(axes: "Axes", without: tuple[Floats, Floats], balanced: tuple[Floats, Floats]) -> None:
