@@ -8,10 +8,10 @@ from pathlib import Path
 
 from ..recording import Block, Channel, Finding, Group, Recording, Refusal, Report, UniformClock
 from .csv.dialect import Dialect
-from .csv.preamble import key_value_pairs
 from .csv.row_parser import RowParser
 from .csv.table import Table
 from .csv.text_blocks import read_first_lines
+from .header_claims import key_value_pairs
 from .registry import ReadOptions
 
 _NAMES = "#Sample\t"

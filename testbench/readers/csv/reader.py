@@ -7,11 +7,11 @@ from pathlib import Path
 
 from ...recording import Block, Clock, Finding, Group, Recording, Refusal, Report, TextLog, TimeColumn
 from .. import header_claims
+from ..header_claims import Read, comment_text, key_value_pairs, sensor_ranges, stated_sampling
 from ..registry import ReadOptions
 from .cell_syntax import is_missing, is_number_like
 from .dialect import Dialect, UnclearDialect, detect_dialect, settles
 from .header import Header, read_header, stated_header, time_name_base, unknown_brackets
-from .preamble import Read, comment_text, key_value_pairs, sensor_ranges, stated_sampling
 from .rewritten_columns import NotationColumn, TimeColumns, find_notations, find_time_columns, rounded_numbers
 from .row_parser import RowParser
 from .table import Table, find_multiple_time_columns

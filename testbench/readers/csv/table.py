@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from ...recording import Block, ContentDigest, Finding, Group, Report, Samples, TextLog, TimeColumn
 from ..byte_source import in_order
+from ..header_claims import Read
 from .cell_syntax import is_missing
 from .header import time_name_base
 from .irregular_rows import CellFilter, LateDecimalMark, RegularRows, RowFilter, last_row
-from .preamble import Read
 from .row_parser import FastParser, RowParser
 from .text_blocks import Encoding, TextBlock, count_lines, read_blocks
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from testbench.readers import ReadOptions
-from testbench.readers.csv.preamble import stated_sampling
+from testbench.readers.header_claims import stated_sampling
 from testbench.recording import Refusal
 
 ROWS = "".join(f"{i}.5,{i}.25\n" for i in range(300))
