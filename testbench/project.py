@@ -151,21 +151,10 @@ def _moves_text(model: Mechanism, slides: list[bool], share: float) -> str:
         listed = ", ".join(f'"{end:g} {unit}"' for end in [*ends, 0])
         moves.append(f'    {{ joint = "{joint}", to = [{listed}] }},')
     peaks = [f'"{_PEAK[slide]}"' for slide in slides]
-    peak = peaks[0] if len(set(peaks)) == 1 else f"[{', '.join(peaks)}]"
-    return "\n".join(
-        [
-            f"# Motion of {model.name}: each driven joint there and back (guess). `balance schema motion`: all keys.",
-            'driven = "joints"',
-            f"joints = [{', '.join(repr_text(joint) for joint in model.driven)}]",
-            f"start = [{', '.join(starts)}]",
-            f"peak_acceleration = {peak}",
-            'rest = "0.1 s"',
-            "moves = [",
-            *moves,
-            "]",
-            "",
-        ]
-    )
+    return _template(
+        MOTION, name=model.name, joints=", ".join(map(repr_text, model.driven)), starts=", ".join(starts),
+        peak=peaks[0] if len(set(peaks)) == 1 else f"[{', '.join(peaks)}]", moves="\n".join(moves),
+    )  # fmt: skip
 
 
 def repr_text(name: str) -> str:
@@ -183,24 +172,18 @@ def _plan_text(file: str, model: Mechanism, motion: Motion) -> str:
         masses = {c.site: c.mass for c in sized.counter_masses if c.mass > 0.0}
     listed = ", ".join(f'{repr_text(site)} = "{mass:.6g} kg"' for site, mass in masses.items())
     payload = model.payload_bodies[0] if len(model.payload_bodies) == 1 else None
-    return "\n".join(
-        [
-            f"# Runs of the test of {model.name}. `testbench schema plan` says all keys.",
-            f"mechanism = {repr_text(file)}",
-            "repeats = 2",
-            "seed = 1                                  # of the noise in simulated logs",
-            "",
-            "[[conditions]]",
-            *([f'payload = "{model.mass(payload):.6g} kg"                # all that {payload} carries, itself included']
-              if payload and model.mass(payload) > 0.0 else []),
-            f"counter_masses = {{ {listed} }}" if masses else
-            "# counter_masses: none: name sites counter... in the mechanism's file, where masses can be mounted"
-            if not model.counter_sites else
-            f'# counter_masses = {{ {repr_text(model.counter_sites[0])} = "0.1 kg" }}  # least force: without any',
-            'motion = "motion"',
-            "",
-        ]
-    )  # fmt: skip
+    carried = ""
+    if payload and model.mass(payload) > 0.0:
+        carried = (
+            f'payload = "{model.mass(payload):.6g} kg"                # all that {payload} carries, itself included\n'
+        )
+    if masses:
+        mounted = f"counter_masses = {{ {listed} }}"
+    elif model.counter_sites:
+        mounted = f'# counter_masses = {{ {repr_text(model.counter_sites[0])} = "0.1 kg" }}  # least force: without any'
+    else:
+        mounted = "# counter_masses: none: name sites counter... in the mechanism's file, where masses can be mounted"
+    return _template(PLAN, name=model.name, mechanism=repr_text(file), payload=carried, counter_masses=mounted)
 
 
 def _rig_text(file: str, model: Mechanism, loggers: int) -> str:

@@ -86,7 +86,7 @@ def local_recording(name: str) -> Path | None:
 def checked(path: Path, recording: PublicRecording) -> Path:
     """``path``, if its content is the recording's. Raises RecordingError otherwise."""
     with path.open("rb") as stream:
-        _check(_at_most(stream, recording.bytes), recording, str(path))
+        _check(stream.read(recording.bytes + 1), recording, str(path))
     return path
 
 
@@ -96,8 +96,15 @@ def fetch(recording: PublicRecording, into: Path | None = None) -> Path:
     Raises RecordingError, saying how else to provide it; nothing is written unless the content is the recording's.
     """
     own = _own_folder()
-    content = _downloaded(recording) if own is None else _copied(recording, own)
-    _check(content, recording, recording.url if own is None else str(own / recording.file))
+    if own is None:
+        _check(content := _downloaded(recording), recording, recording.url)
+    elif (own / recording.file).is_file():
+        content = checked(own / recording.file, recording).read_bytes()
+    else:
+        raise RecordingError(
+            f"{recording.file}: not in {own} ({FOLDER_VARIABLE}); put it there, or unset the variable to fetch it "
+            f"from {recording.credit}"
+        )
     path = (into or cache_folder()) / recording.file
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as part:
@@ -142,39 +149,24 @@ def _own_folder() -> Path | None:
     return Path(folder)
 
 
-def _copied(recording: PublicRecording, folder: Path) -> bytes:
-    if not (folder / recording.file).is_file():
-        raise RecordingError(
-            f"{recording.file}: not in {folder} ({FOLDER_VARIABLE}); put it there, or unset the variable to fetch it "
-            f"from {recording.credit}"
-        )
-    with (folder / recording.file).open("rb") as stream:
-        return _at_most(stream, recording.bytes)
-
-
 def _downloaded(recording: PublicRecording) -> bytes:
+    """What its source answers, one byte more than expected at most, so that no answer fills the memory."""
+    expected = recording.bytes + 1
     try:
         with urllib.request.build_opener(_OnlyHttps()).open(recording.url, timeout=TIMEOUT_S) as answer:
-            content = _at_most(answer, recording.bytes)
+            content: bytes = answer.read(expected)
     except (urllib.error.URLError, http.client.HTTPException, TimeoutError, ConnectionError) as error:
         raise RecordingError(
             f"{recording.file}: cannot be fetched from {recording.url}: {error}; or name a folder that holds it in "
             f"{FOLDER_VARIABLE}"
         ) from error
-    return content if recording.member is None else _unzipped(content, recording)
-
-
-def _unzipped(archive: bytes, recording: PublicRecording) -> bytes:
+    if recording.member is None:
+        return content
     try:
-        with zipfile.ZipFile(io.BytesIO(archive)) as files, files.open(recording.member or "") as stream:
-            return _at_most(stream, recording.bytes)
+        with zipfile.ZipFile(io.BytesIO(content)) as files, files.open(recording.member) as stream:
+            return stream.read(expected)
     except (zipfile.BadZipFile, KeyError, RuntimeError) as error:  # RuntimeError: encrypted, or an unknown packing
         raise RecordingError(f"{recording.url}: not a zip archive that holds {recording.member}: {error}") from error
-
-
-def _at_most(stream: IO[bytes], expected: int) -> bytes:
-    """No more than one byte above what is expected, so that no answer, however long, fills the memory."""
-    return stream.read(expected + 1)
 
 
 def _check(content: bytes, recording: PublicRecording, where: str) -> None:

@@ -105,10 +105,7 @@ class Published:
 
         Payloads match rounded; what the table leaves empty, or has no column for, must not be stated.
         """
-        for printed in self.rows:
-            if _is(printed, stated):
-                return printed
-        return None
+        return next((printed for printed in self.rows if _is(printed, stated)), None)
 
     def reduction(
         self, payload_kg: float | None, motion: str, peak_g: float | None, axis: str, peak_rad_s2: float | None = None
@@ -119,14 +116,11 @@ class Published:
 
 
 def _is(printed: Printed, stated: Sequence[object]) -> bool:
-    """Whether two conditions are the same, in the order of CONDITIONS."""
-    return all(map(_same, printed, stated, (LABEL_STEP_KG / 2.0, 0.0, 1e-6, 1e-6)))
-
-
-def _same(printed: float | str | None, stated: object, within: float) -> bool:
-    if isinstance(printed, float) and isinstance(stated, float | int):
-        return abs(printed - stated) <= within
-    return printed == stated
+    """Whether two conditions are the same, in the order of CONDITIONS, numbers but for how they are rounded."""
+    return all(
+        abs(one - other) <= within if isinstance(one, float) and isinstance(other, float | int) else one == other
+        for one, other, within in zip(printed, stated, (LABEL_STEP_KG / 2.0, 0.0, 1e-6, 1e-6), strict=False)
+    )
 
 
 class ReductionsTable(Table):

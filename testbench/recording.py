@@ -401,14 +401,12 @@ def findings_by_group(findings: Iterable[Finding], groups: Sequence[Group], seve
 
     A check knows its group; a reader's finding about a channel is of the only group that has one of this name.
     """
-    return [replace(finding, group=_holder(finding, groups) if several else None) for finding in findings]
-
-
-def _holder(finding: Finding, groups: Sequence[Group]) -> str | None:
-    if finding.group is not None or finding.channel is None:
-        return finding.group
-    holders = [g.name for g in groups if any(finding.channel in {c.name, c.label} for c in g.channels)]
-    return holders[0] if len(holders) == 1 else None
+    found = []
+    for finding in findings:
+        holders = [g.name for g in groups if any(finding.channel in channel.names for channel in g.channels)]
+        own = finding.group or (holders[0] if len(holders) == 1 else None)
+        found.append(replace(finding, group=own if several else None))
+    return found
 
 
 @dataclass(frozen=True)

@@ -55,14 +55,10 @@ def _factors(text: str) -> dict[str, int] | None:
             match = _FACTOR.fullmatch(word)
             if word == "1" and i == 0:
                 continue
-            if match is None or not _is_atom(match[1]):
+            unit = match[1] if match else ""
+            known = unit in _PLAIN or unit in _PREFIXED or unit.casefold() in _SECONDS
+            if match is None or not (known or any(unit.removeprefix(p) in _PREFIXED for p in _PREFIXES)):
                 return None
-            unit = match[1].replace("μ", "µ")
+            unit = unit.replace("μ", "µ")
             factors[unit] = factors.get(unit, 0) + int(match[2] or 1) * (-1 if i else 1)
     return factors or None
-
-
-def _is_atom(word: str) -> bool:
-    if word in _PLAIN or word in _PREFIXED or word.casefold() in _SECONDS:
-        return True
-    return any(word.startswith(p) and word[len(p) :] in _PREFIXED for p in _PREFIXES)

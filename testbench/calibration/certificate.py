@@ -142,24 +142,24 @@ def read_certificate(path: Path) -> Certificate:
         if root.tag != f"{DCC}digitalCalibrationCertificate":
             raise RigError(f"{path.name}: its root is {root.tag[:80]!r}: expected dcc:digitalCalibrationCertificate")
         core = f"{DCC}administrativeData/{DCC}coreData/{DCC}"
+        items = root.iterfind(f"{DCC}administrativeData/{DCC}items//{DCC}identification")
+        serials = tuple(
+            value
+            for one in items
+            if "serial" in f"{one.get('refType', '')} {_name(one)}".casefold()
+            and (value := one.findtext(f"{DCC}value", "").strip())
+        )
         day = root.findtext(f"{core}endPerformanceDate") or root.findtext(f"{core}beginPerformanceDate") or ""
         return Certificate(
             root.findtext(f"{core}uniqueIdentifier", "").strip(),
             _name(root.find(f"{DCC}administrativeData/{DCC}calibrationLaboratory/{DCC}contact")),
             day.strip()[:10],
-            tuple(_serials(root)),
+            serials,
             hashlib.sha256(path.read_bytes()).hexdigest(),
             tuple(_quantities(root)),
         )
     except (ValueError, UnitError) as error:
         raise RigError(f"{path.name}: {error}: expected a digital calibration certificate (DCC, XML)") from error
-
-
-def _serials(root: Element) -> Iterator[str]:
-    for one in root.iterfind(f"{DCC}administrativeData/{DCC}items//{DCC}identification"):
-        said = f"{one.get('refType', '')} {_name(one)}"
-        if "serial" in said.casefold() and (value := one.findtext(f"{DCC}value", "").strip()):
-            yield value
 
 
 def _name(element: Element | None) -> str:

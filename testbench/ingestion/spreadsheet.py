@@ -36,7 +36,11 @@ def spreadsheet_rows(path: Path) -> list[tuple[int, list[str]]]:
     _check_archive(path)
     try:
         values, formulas = (openpyxl.load_workbook(path, read_only=True, data_only=stored) for stored in (True, False))
-        name = _worksheet(path, values.sheetnames)
+        names = values.sheetnames
+        if len(names) > 1 and WORKSHEET not in names:
+            listed = ", ".join(names)
+            raise RigError(f"{path.name}: has the worksheets {listed}: name that of the run table {WORKSHEET!r}")
+        name = WORKSHEET if WORKSHEET in names else names[0]
         rows = values[name].iter_rows(max_row=MOST_ROWS + 1, max_col=MOST_COLUMNS + 1)
         behind = formulas[name].iter_rows(max_row=MOST_ROWS + 1, max_col=MOST_COLUMNS + 1)
         found = []
@@ -70,12 +74,6 @@ def _check_archive(path: Path) -> None:
         raise RigError(f"no such file {path.name!r}") from missing
     except (zipfile.BadZipFile, zlib.error, LZMAError, OSError, EOFError, ValueError, RuntimeError) as error:
         raise RigError(f"{path.name}: not a spreadsheet (.xlsx): {error}; save it as .xlsx or CSV") from error
-
-
-def _worksheet(path: Path, names: list[str]) -> str:
-    if len(names) == 1 or WORKSHEET in names:
-        return WORKSHEET if WORKSHEET in names else names[0]
-    raise RigError(f"{path.name}: has the worksheets {', '.join(names)}: name that of the run table {WORKSHEET!r}")
 
 
 def _text(path: Path, row: int, cell: Any, source: Any) -> str:  # noqa: ANN401

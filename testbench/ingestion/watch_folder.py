@@ -260,30 +260,32 @@ class Watch:
         """How long a log must have rested [s]."""
         return max(self.settle_s, 2.0 * self._pauses.get(_kind(path), 0.0))
 
-    def _note_growth(self, path: Path, pause_s: float) -> None:
-        """Learn the pause that a log made; mark the run that was made of its beginning as incomplete."""
-        if pause_s <= LONGEST_PAUSE_S:
-            self._pauses[_kind(path)] = max(pause_s, self._pauses.get(_kind(path), 0.0))
-        if (run := self._stored.pop(path, None)) is not None:
-            with suppress(StoreError, OSError):  # a ledger that takes no entry: whoever stores the next run says so
-                enter_growth(self.ingest.folder, run)
-
     def _look(self) -> None:
-        """Note the state of every file, and since when it has been in it."""
-        now, there = time.monotonic(), _files(self.folder)
-        for path in [path for path in there if self.run_table is not None and same_file(path, self.run_table.path)]:
-            there.pop(path)
-        for path in [*self._seen]:
-            if path not in there:
-                self._seen.pop(path)
-                self._done.pop(path, None)
-                self._stored.pop(path, None)
-                self._failed.pop(path, None)
-                self._siblings.gone(path)
+        """Note the state of every file, and since when it has been in it.
+
+        Of one that has grown, learn the pause that it made; the run that was made of its beginning is incomplete.
+        """
+        now, there = time.monotonic(), dict[Path, State]()
+        for path in self.folder.iterdir():
+            if path.name.startswith(".") or path.name.endswith(_SKIPPED) or path.is_symlink():
+                continue
+            state = state_of(path)
+            is_table = self.run_table is not None and same_file(path, self.run_table.path)
+            if state is not None and path.is_file() and not is_table:
+                there[path] = state
+        for path in self._seen.keys() - there.keys():
+            for known in (self._seen, self._done, self._stored, self._failed):
+                known.pop(path, None)
+            self._siblings.gone(path)
         for path, state in there.items():
             if path not in self._seen or self._seen[path][0] != state:
                 if path in self._seen and state[0] > self._seen[path][0][0] > 0:
-                    self._note_growth(path, now - self._seen[path][1])
+                    pause_s, kind = now - self._seen[path][1], _kind(path)
+                    if pause_s <= LONGEST_PAUSE_S:
+                        self._pauses[kind] = max(pause_s, self._pauses.get(kind, 0.0))
+                    if (run := self._stored.pop(path, None)) is not None:
+                        with suppress(StoreError, OSError):  # a ledger that takes no entry: the next run says so
+                            enter_growth(self.ingest.folder, run)
                 self._seen[path] = state, now
                 self._done.pop(path, None)
                 self._siblings.changed(path)
@@ -296,13 +298,3 @@ def _kind(path: Path) -> str:
 
 def _refused(path: Path, message: str) -> Outcome:
     return Outcome(None, path.name, None, "unstated", "refused", (), message)
-
-
-def _files(folder: Path) -> dict[Path, State]:
-    found = {}
-    for path in folder.iterdir():
-        if path.name.startswith(".") or path.name.endswith(_SKIPPED) or path.is_symlink():
-            continue
-        if (state := state_of(path)) is not None and path.is_file():
-            found[path] = state
-    return found

@@ -223,20 +223,16 @@ class ChannelStats:
         if not math.isfinite(total):  # a sample is not finite, or the sum overflows
             finite = samples[np.isfinite(samples)]
             self.not_finite += len(samples) - len(finite)
-            total = _sum(finite)
+            try:
+                total = math.fsum(finite)
+            except OverflowError:
+                total = math.inf
         if not len(finite):
             return None
         least, most = float(finite.min()), float(finite.max())
         self.min, self.max = min(self.min, least), max(self.max, most)
         self.total += total
         return (least, most) if len(finite) == len(samples) else None
-
-
-def _sum(samples: Samples) -> float:
-    try:
-        return math.fsum(samples)
-    except OverflowError:
-        return math.inf
 
 
 _OTHER_AXES = re.compile(r"(?:.*[./ ])?(?:freq\w*|frekans|frequenz|order|nodes?)", re.IGNORECASE)
@@ -392,13 +388,11 @@ def header_findings(group: Group, reported: Collection[str | None] = ()) -> list
         message = f"quantity / unit: what is behind the slash is taken as the unit of {first_of(behind, 8)}"
         found.append(Finding("unit_inferred", None, None, message))
     for channel in group.channels:
-        if channel.unit is not None and not is_unit(channel.unit) and not _is_date(channel.unit):
+        if channel.unit is None or is_unit(channel.unit):
+            continue
+        span, since, _ = channel.unit.partition(" since ")  # time since a date, as netCDF writes it
+        if not since or seconds_per(span) is None:
             message = f"{channel.unit!r} is no unit that is known; it is kept as written"
             found.append(Finding("unit_unknown", channel.name, None, message))
     found += header_claims.unit_findings(group.channels)
     return found
-
-
-def _is_date(unit: str) -> bool:
-    """Whether a unit is time since a date, as netCDF writes it."""
-    return " since " in unit and seconds_per(unit.split(" since ")[0]) is not None

@@ -7,7 +7,6 @@ by chance wander off it. Only steps of one and of two places may be either.
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from heapq import heappush, heappushpop
 from typing import NamedTuple
@@ -293,7 +292,8 @@ def evenness(clock: ClockStats, steps: Grid) -> Evenness:
     """How evenly the two kinds of steps come, piece by piece."""
     length = max(_PIECE, math.ceil(_RARER / min(steps.longer_share, 1.0 - steps.longer_share)))
     even, tested, longer, count = 0, 0, 0, 0
-    for part in _unbroken(clock, steps):
+    rows = [steps.kinds(row) for row in clock.segments.in_a_row()]
+    for part in (part[part >= 0] for row in rows for part in np.split(row, np.flatnonzero(row < 0))):
         pieces = max(1, len(part) // length)
         kinds = part[: len(part) // pieces * pieces].reshape(pieces, -1)
         rarer = np.minimum(kinds.sum(axis=1), (1 - kinds).sum(axis=1))
@@ -302,14 +302,6 @@ def evenness(clock: ClockStats, steps: Grid) -> Evenness:
         even, tested = even + len(straight), tested + len(kinds)
         longer, count = longer + int(straight.sum()), count + straight.size
     return Evenness(even, tested - even, steps.place * (steps.short + longer / count) if count else math.nan)
-
-
-def _unbroken(clock: ClockStats, steps: Grid) -> Iterator[NDArray[np.int64]]:
-    """The kinds of the steps that are kept, 0 or 1, in rows that no other step interrupts."""
-    for row in clock.segments.in_a_row():
-        kinds = steps.kinds(row)
-        for part in np.split(kinds, np.flatnonzero(kinds < 0)):
-            yield part[part >= 0]
 
 
 def _widths(kinds: NDArray[np.int64]) -> Samples:
@@ -372,7 +364,9 @@ def sampling_of_times(clock: ClockStats, stated_step: float | None = None) -> Sa
     if steps is None:
         return _by_median(clock)
     even = evenness(clock, steps)
-    if steps.short == 1 and _may_be_lost(steps, even, stated_step):
+    lost = not even.rounded or _near(stated_step, steps.place)
+    lost = lost or (steps.longer_share < MANY and not _near(stated_step, steps.mean))
+    if steps.short == 1 and lost:  # steps of two places among those of one are read as samples that were lost
         settled = not even.rounded or _near(stated_step, steps.place)
         return _by_median(clock, steps, even, settled)
     if not even.rounded:
@@ -381,13 +375,6 @@ def sampling_of_times(clock: ClockStats, stated_step: float | None = None) -> Sa
     mean = even.mean if even.uneven else clock.steps.mean(0.0, longest)
     settled = steps.short > 1 or steps.longer_share > 0.5 or _near(stated_step, mean)
     return Sampling(mean, longest, "mean_step", 0.0, steps, even, settled, rounded=True)
-
-
-def _may_be_lost(steps: Grid, even: Evenness, stated_step: float | None) -> bool:
-    """Whether steps of two places among those of one are read as samples that were lost."""
-    if not even.rounded or _near(stated_step, steps.place):
-        return True
-    return steps.longer_share < MANY and not _near(stated_step, steps.mean)
 
 
 def _near(stated_step: float | None, step: float) -> bool:

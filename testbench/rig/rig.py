@@ -68,12 +68,16 @@ def mechanism_names(name: str, folder: Path | None) -> MechanismNames | None:
         elements = list(root.iter())
         if any(element.tag in {"include", "attach", "replicate"} for element in elements):
             return None  # others are included, whose names are not known here
+        masses = ((link, link.find("inertial/mass")) for link in root.iter("link"))  # without one a link is a site too
+        massless = [
+            link for link, mass in masses if mass is None or mass.get("value", mass.text or "").strip() in {"0", "0.0"}
+        ]
         return MechanismNames(
             name,
             _names_of_tags(elements, _BODIES),
             _names_of_tags(elements, _JOINTS),
             _names_of_tags([e for part in root.iter("worldbody") for e in part.iter()], {"site"})
-            + _names_of_tags(filter(_massless, root.iter("link")), {"link"}),
+            + _names_of_tags(massless, {"link"}),
         )
 
 
@@ -83,12 +87,6 @@ def mechanism_file(name: str, folder: Path | None) -> Path | None:
     own = [] if folder is None else [folder / name, *(folder / f"{name}{suffix}" for suffix in _SUFFIXES)]
     plain = Path(name).name == name and name not in {"", ".", ".."}
     return next((p for p in [*own, *([shipped] if plain else [])] if p.is_file()), None)
-
-
-def _massless(link: Element) -> bool:
-    """Whether a robot's link is a site too."""
-    mass = link.find("inertial/mass")
-    return mass is None or mass.get("value", mass.text or "").strip() in {"0", "0.0"}
 
 
 def _names_of_tags(elements: Iterable[Element], tags: set[str]) -> tuple[str, ...]:

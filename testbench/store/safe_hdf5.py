@@ -75,12 +75,33 @@ def shape(group: "h5py.Group", path: str) -> tuple[int, ...]:
 
 
 def _sound(group: "h5py.Group", path: str) -> Any:  # noqa: ANN401
-    """What h5py's lower level has at ``path``, no dataset whose data are elsewhere."""
+    """What h5py's lower level has at ``path``.
+
+    Refused are data that lie in another file, that need a foreign filter, or that were never written.
+    """
     import h5py
 
     node = _followed(group, path)
-    if isinstance(node, h5py.h5d.DatasetID):
-        _refuse_outside(node, group, path)
+    if not isinstance(node, h5py.h5d.DatasetID):
+        return node
+    plist, shape, stored = node.get_create_plist(), node.shape, node.get_storage_size()
+    kind = plist.get_layout()
+    if kind == h5py.h5d.VIRTUAL or plist.get_external_count():
+        raise StoreError(f"{_where(group, path)} lies in another file, which is refused")
+    filters = {plist.get_filter(n)[0] for n in range(plist.get_nfilters())}
+    if not filters <= _FILTERS:
+        raise StoreError(f"{_where(group, path)} needs a filter that is not a standard one")
+    ratio, item = _LARGEST_RATIO if _DEFLATE in filters else 1, node.dtype.itemsize
+    holes = False  # a chunk that was never written: HDF5 would make up its values
+    if kind == h5py.h5d.CHUNKED:
+        chunk = plist.get_chunk()
+        count = math.prod(-(-length // size) for length, size in zip(shape, chunk, strict=True))
+        if _DEFLATE in filters:
+            holes = int(node.get_num_chunks()) < count
+        else:
+            holes = stored < count * (math.prod(chunk) * item + (_CHECKSUM if _FLETCHER32 in filters else 0))
+    if holes or math.prod(shape) * item > ratio * stored:
+        raise StoreError(f"{_where(group, path)} declares more values than the file holds")
     return node
 
 
@@ -149,27 +170,3 @@ def has(group: "h5py.Group", path: str) -> bool:
     except (StoreError, AttributeError):  # not there, a link, or below what is no group
         return False
     return True
-
-
-def _refuse_outside(dataset: "h5py.h5d.DatasetID", group: "h5py.Group", path: str) -> None:
-    """Refuse data that lie in another file, that need a foreign filter, or that were never written."""
-    from h5py import h5d
-
-    plist, shape, stored = dataset.get_create_plist(), dataset.shape, dataset.get_storage_size()
-    kind = plist.get_layout()
-    if kind == h5d.VIRTUAL or plist.get_external_count():
-        raise StoreError(f"{_where(group, path)} lies in another file, which is refused")
-    filters = {plist.get_filter(n)[0] for n in range(plist.get_nfilters())}
-    if not filters <= _FILTERS:
-        raise StoreError(f"{_where(group, path)} needs a filter that is not a standard one")
-    ratio, item = _LARGEST_RATIO if _DEFLATE in filters else 1, dataset.dtype.itemsize
-    holes = False  # a chunk that was never written: HDF5 would make up its values
-    if kind == h5d.CHUNKED:
-        chunk = plist.get_chunk()
-        count = math.prod(-(-length // size) for length, size in zip(shape, chunk, strict=True))
-        if _DEFLATE in filters:
-            holes = int(dataset.get_num_chunks()) < count
-        else:
-            holes = stored < count * (math.prod(chunk) * item + (_CHECKSUM if _FLETCHER32 in filters else 0))
-    if holes or math.prod(shape) * item > ratio * stored:
-        raise StoreError(f"{_where(group, path)} declares more values than the file holds")
