@@ -11,8 +11,8 @@ against the recorded ones. Torque error favours least squares, which minimizes i
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from typing import Annotated
 
 import numpy as np
@@ -29,7 +29,7 @@ from balance.results import Key
 from ..errors import AnalysisError
 from ..kinematics.gaps import gap_reach
 from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF
-from .estimators import NAMES, Method, Methods, allowed, simulated
+from .estimators import NAMES, Method, Methods, NotSimulated, allowed
 from .records import LONGEST_DELAY_S, JointRecord
 from .regression_equations import POSITION_BANDWIDTH, RecordEquations, RegressionEquations, regression_equations
 
@@ -72,9 +72,8 @@ class CrossValidation:
         from scipy.ndimage import maximum_filter1d
 
         self.equations, self.mechanism, self.identifiable = equations, mechanism, identifiable
-        pivots = list(identifiable.pivots)
-        self.columns = equations.columns[:, :, pivots]
-        self.smooth_columns = equations.low_passed_columns(pivots)
+        self.columns = identifiable.base_columns(equations.columns)
+        self.smooth_columns = equations.low_passed_columns(identifiable.pivots)
         self.fold = np.arange(len(self.columns)) * BLOCKS // len(self.columns) % FOLDS
         guard = 2 * int(GUARD_PERIODS / equations.cutoff / equations.records[0].grid.step) + 1
         near = [maximum_filter1d((self.fold == k).astype(float), guard) for k in range(FOLDS)]
@@ -106,64 +105,44 @@ class CrossValidation:
             for of in (self.equations.low_passed_torque, self.equations.torque)
         )
         used = self.equations.moving
-        whole = _Sums.of(self.smooth_columns, smooth, used)
+        whole = _sums(self.smooth_columns, smooth, used)
         left, total = 0.0, 0.0
         for k, training in enumerate(self._training):
             lost, held = training[:, 0] == 0.0, self.fold == k
-            seen = whole.without(_Sums.of(self.smooth_columns[lost], smooth[lost], used[lost]))
+            part = _sums(self.smooth_columns[lost], smooth[lost], used[lost])
+            values = _weighted_solution(*(every - some for every, some in zip(whole, part, strict=True)))
             counts = (used * common)[held]
-            away = recorded[held] - np.einsum("njr,rc->njc", self.columns[held], seen.solve())
+            away = recorded[held] - np.einsum("njr,rc->njc", self.columns[held], values)
             left = left + np.einsum("nj,njc->jc", counts, away**2)
             total = total + np.einsum("nj,njc->jc", counts, recorded[held] ** 2)
         shares = left / np.maximum(total, np.finfo(float).tiny)
         return [float(error) for error in np.sqrt(np.mean(shares, axis=0))]
 
 
-@dataclass(frozen=True)
-class _Sums:
-    """Normal equations of each row for several choices of readings."""
+def _sums(columns: Floats, readings: Floats, used: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Normal equations of each row for several choices of readings: matrix, vector, squares, and samples that count.
 
-    matrix: Floats
-    """(rows, r, r)"""
-    vector: Floats
-    """(rows, r, choices)"""
-    square: Floats
-    """(rows, choices)"""
-    samples: Floats
-    """(rows,)"""
+    Of columns (n, rows, r) and readings (n, rows, choices), where they count (n, rows).
+    """
+    left = (columns * used[:, :, None]).transpose(1, 2, 0)
+    matrix, vector = left @ columns.transpose(1, 0, 2), left @ readings.transpose(1, 0, 2)
+    return matrix, vector, np.einsum("nj,njc->jc", used, readings**2), used.sum(axis=0)
 
-    @classmethod
-    def of(cls, columns: Floats, readings: Floats, used: Floats) -> "_Sums":
-        """Of columns (n, rows, r) and readings (n, rows, choices), where they count (n, rows)."""
-        left = (columns * used[:, :, None]).transpose(1, 2, 0)
-        square = np.einsum("nj,njc->jc", used, readings**2)
-        return cls(left @ columns.transpose(1, 0, 2), left @ readings.transpose(1, 0, 2), square, used.sum(axis=0))
 
-    def without(self, part: "_Sums") -> "_Sums":
-        """Less those of some of the samples."""
-        return _Sums(
-            self.matrix - part.matrix, self.vector - part.vector, self.square - part.square, self.samples - part.samples
-        )
-
-    def residual_squares(self, values: Floats) -> Floats:
-        """Of unknowns (r, choices), (rows, choices)."""
-        made = self.square - 2.0 * np.einsum("jrc,rc->jc", self.vector, values)
-        return np.maximum(made + np.einsum("rc,jrs,sc->jc", values, self.matrix, values), 0.0)
-
-    def solve(self) -> Floats:
-        """Unknowns of each choice by least squares, each row weighted by what it leaves, (r, choices)."""
-        left = self.square
-        for _ in range(_REWEIGHTINGS if len(self.square) > 1 else 1):
-            weights = self.samples[:, None] / np.maximum(
-                left, _EXACT**2 * np.maximum(self.square, np.finfo(float).tiny)
-            )
-            matrix = np.einsum("jc,jrs->crs", weights, self.matrix)
-            scale = np.sqrt(np.maximum(np.einsum("crr->cr", matrix), np.finfo(float).tiny))
-            inverse = np.linalg.pinv(matrix / scale[:, :, None] / scale[:, None], rcond=RANK_LIMIT**2, hermitian=True)
-            right = np.einsum("jc,jrc->cr", weights, self.vector) / scale
-            values = (np.einsum("crs,cs->cr", inverse, right) / scale).T
-            left = self.residual_squares(values)
-        return np.asarray(values)
+def _weighted_solution(matrix: Floats, vector: Floats, square: Floats, samples: Floats) -> Floats:
+    """Unknowns (r, choices) of each choice by least squares of ``_sums``, each row weighted by what it leaves."""
+    left = square
+    for _ in range(_REWEIGHTINGS if len(square) > 1 else 1):
+        least = _EXACT**2 * np.maximum(square, np.finfo(float).tiny)
+        weights = samples[:, None] / np.maximum(left, least)
+        whole = np.einsum("jc,jrs->crs", weights, matrix)
+        scale = np.sqrt(np.maximum(np.einsum("crr->cr", whole), np.finfo(float).tiny))
+        inverse = np.linalg.pinv(whole / scale[:, :, None] / scale[:, None], rcond=RANK_LIMIT**2, hermitian=True)
+        right = np.einsum("jc,jrc->cr", weights, vector) / scale
+        values = (np.einsum("crs,cs->cr", inverse, right) / scale).T
+        made = square - 2.0 * np.einsum("jrc,rc->jc", vector, values)
+        left = np.maximum(made + np.einsum("rc,jrs,sc->jc", values, matrix, values), 0.0)
+    return np.asarray(values)
 
 
 @dataclass(frozen=True)
@@ -207,11 +186,13 @@ def choose(
         best = min((Candidate(cutoff, *one) for one in tried), key=lambda candidate: candidate.error)
         found.append((best, held_out))
     chosen, held_out = min(found, key=lambda pair: pair[0].error)
-    solved = simulated(partial(held_out.at(chosen.delay).identified, method))
-    parameters = simulated(partial(held_out.parameters, chosen.delay, method))
-    if solved is None or parameters is None or not solved.determines_all:
-        method, parameters = "ls", held_out.parameters(chosen.delay)
-        solved = held_out.at(chosen.delay).identified(method)
+    try:
+        solved, parameters = held_out.at(chosen.delay).identified(method), held_out.parameters(chosen.delay, method)
+    except NotSimulated:
+        solved = None
+    if solved is None or not solved.determines_all:
+        method = "ls"
+        solved, parameters = held_out.at(chosen.delay).identified(method), held_out.parameters(chosen.delay)
     predicted = (held_out.predict(parameters, held_out.columns), held_out.predict(parameters, held_out.smooth_columns))
     return Choice(method, chosen, tuple(candidate for candidate, _ in found), held_out, solved, *predicted)
 
@@ -264,13 +245,6 @@ class SimulationError:
     median: Annotated[dict[str, float], Key()]
     rms: Annotated[dict[str, float], Key()]
 
-    @classmethod
-    def of(cls, rms: Floats, seconds: float, joints: Sequence[str]) -> "SimulationError":
-        """From the rms of each window, so many ``seconds`` long, and joint, (windows, joints) [rad, m]."""
-        median, every = np.median(rms, axis=0), np.sqrt(np.mean(rms**2, axis=0))
-        by_joint = (dict(zip(joints, values.tolist(), strict=True)) for values in (median, every))
-        return cls(float(np.sqrt(np.mean(rms**2))), len(rms), seconds, *by_joint)
-
 
 def simulation_errors(
     equations: RegressionEquations,
@@ -284,24 +258,26 @@ def simulation_errors(
     A window is a held-out block, or its first WINDOW_S; it starts from the recorded state and is left to itself. Those
     that a gap touches are left out. None where there are no torques, for mechanisms with loops, and without a window.
     """
-    count = len(equations.time)
     if not equations.records[0].torque.shape[1]:
         return None
     try:
         refuse_loops(mechanism)
     except ModelError:
         return None
-    block, first = np.arange(count) * BLOCKS // count, 0
-    rms: list[Floats] = []
-    for part in equations.parts:
-        inside = slice(first, first + len(part.inside(part.valid)))
-        first = inside.stop
-        rms.append(_windows(part, mechanism, identifiable, parameters, delay, block[inside]))
-    if not sum(one.shape[1] for one in rms):
+    count, step = len(equations.time), equations.records[0].grid.step
+    block = np.arange(count) * BLOCKS // count
+    pairs = zip(equations.parts, equations.places, strict=True)
+    windows = [_windows(part, mechanism, identifiable, parameters, delay, block[own]) for part, own in pairs]
+    errors = np.concatenate(windows, axis=1)
+    if not errors.shape[1]:
         return None
-    step = equations.records[0].grid.step
     seconds = min(_length(int(n), step) for n in np.bincount(block)) * step
-    return [SimulationError.of(found, seconds, mechanism.driven) for found in np.concatenate(rms, axis=1)]
+    found = []
+    for rms in errors:
+        each = (np.median(rms, axis=0), np.sqrt(np.mean(rms**2, axis=0)))
+        by_joint = (dict(zip(mechanism.driven, values.tolist(), strict=True)) for values in each)
+        found.append(SimulationError(float(np.sqrt(np.mean(rms**2))), len(rms), seconds, *by_joint))
+    return found
 
 
 def _length(samples: int, step: float) -> int:
@@ -327,20 +303,19 @@ def _windows(
     full = identifiable.over_all(np.array(parameters)[:, labels % FOLDS])
     full[:, :, : len(part.record.mounted)] += part.record.mounted
     used = full.reshape(-1, len(part.names))[:, : len(mechanism.pi) + len(JOINT_TERMS) * len(mechanism.driven)]
+
+    def inverse(q: Floats, v: Floats, a: Floats) -> Floats:
+        """Torques (k n, nv) of k n states, each of n with its own parameters."""
+        terms, _ = joint_friction_regressor(mechanism.driven, v, a)
+        columns = np.concatenate([torque_regressor(mechanism, q, v, a), terms], axis=2)
+        return np.einsum("njp,np->nj", columns, np.tile(used, (len(q) // len(used), 1)))
+
     q, v = (np.tile(part.inside(x)[firsts], (len(parameters), 1)) for x in (part.motion.q, part.motion.v))
     with np.errstate(over="ignore", invalid="ignore"):
-        inverse = partial(_inverse, mechanism, used)
         found = simulate_forward(inverse, q, v, np.tile(torque, (len(parameters), 1, 1)), part.record.grid.step)
     away = found.reshape(len(parameters), len(labels), -1, joints) - part.inside(part.record.q)[place[:, ::2]]
     bounded = np.minimum(np.abs(np.nan_to_num(away, nan=np.pi)), np.pi)
     return np.asarray(np.sqrt(np.mean(bounded**2, axis=2)))
-
-
-def _inverse(mechanism: Mechanism, parameters: Floats, q: Floats, v: Floats, a: Floats) -> Floats:
-    """Torques (k n, nv) of k n states, each of n with its own parameters of bodies and joints, (n, p)."""
-    terms, _ = joint_friction_regressor(mechanism.driven, v, a)
-    columns = np.concatenate([torque_regressor(mechanism, q, v, a), terms], axis=2)
-    return np.einsum("njp,np->nj", columns, np.tile(parameters, (len(q) // len(parameters), 1)))
 
 
 @dataclass(frozen=True)
@@ -360,13 +335,14 @@ class MethodErrors:
 def compare(choice: Choice, mechanism: Mechanism, identifiable: Identifiability) -> list[MethodErrors]:
     """All methods that the records allow, at the choice's cut-off and delay."""
     equations, delay, held_out = choice.equations, choice.chosen.delay, choice.held_out
-    tried = {method: simulated(partial(held_out.parameters, delay, method)) for method in allowed(equations)}
-    methods = [method for method, values in tried.items() if values is not None]
-    found = [values for values in tried.values() if values is not None]
-    strayed = simulation_errors(equations, mechanism, identifiable, found, delay)
+    found: dict[Method, Floats] = {}
+    for method in allowed(equations):
+        with suppress(NotSimulated):
+            found[method] = held_out.parameters(delay, method)
+    strayed = simulation_errors(equations, mechanism, identifiable, list(found.values()), delay)
     rows, names = equations.torque(delay), equations.records[0].rows(mechanism)
     errors = []
-    for k, (method, parameters) in enumerate(zip(methods, found, strict=True)):
+    for k, (method, parameters) in enumerate(found.items()):
         shares = unexplained(rows, held_out.predict(parameters, held_out.columns), equations.moving)
         by_row = dict(zip(names, shares.tolist(), strict=True))
         angles = None if strayed is None else strayed[k]

@@ -11,10 +11,9 @@
 * The file's own parameters: what they leave of the same torques.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Annotated, Any
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -22,13 +21,12 @@ from balance.arrays import Floats
 from balance.errors import DataError
 from balance.estimation.base_parameters import BaseParameters
 from balance.estimation.estimate import LEVEL, Estimate
-from balance.estimation.identifiability import Identifiability, identifiability
-from balance.estimation.regression import RegressionFit, RegressionRecord, fit
-from balance.results import Key, document, plain
+from balance.estimation.identifiability import identifiability
+from balance.results import document, plain
 
 from ..kinematics.gaps import GAP_FINDING
 from ..recording import Finding
-from .cross_validation import RULE, CrossValidation, unexplained
+from .cross_validation import RULE, unexplained
 from .estimators import NAMES
 from .model_tests import FALSE_ALARM, FREE_ALARM
 from .regression_equations import RegressionEquations, regression_equations
@@ -38,7 +36,6 @@ SCALE_UNKNOWN = (
     "a scale common to all torques and heavier bodies look alike: it takes runs that differ by a mass that is known "
     "(conditions payload_kg or counter_masses)"
 )
-SCALE_KNOWN = "from masses that are known to differ between the runs"
 _ROUNDS = 20
 _SETTLED = 1e-9
 _FRICTION = {
@@ -54,175 +51,101 @@ def _shown(found: Estimate) -> dict[str, Any]:
     return {"value": found.value, "interval": found.interval()}
 
 
-@dataclass(frozen=True)
-class Fit:
-    """First moments by one way of fitting, None where it does not determine them."""
-
-    name: Annotated[str, Key("fit")]
-    first_moments: Annotated[Mapping[str, Estimate | None], Key("first_moments_kgm", to=_shown)]
-    unexplained: Annotated[Mapping[str, float], Key("rms_ratio_below_cutoff")]
-    """Part of each row below the cut-off that the fit does not explain."""
-
-
-def scale_document(scale: Estimate | None) -> dict[str, Any]:
-    """The scale of all torques, or why it is not identifiable."""
-    if scale is None:
-        return {"identifiable": False, "reason": SCALE_UNKNOWN}
-    return {"identifiable": True, "reason": SCALE_KNOWN, **_shown(scale)}
-
-
-@dataclass(frozen=True)
-class Explanation:
-    """The fits, all of least squares at the cut-off and delay of an identification."""
-
-    result: Identification
-
-    @property
-    def fits_by(self) -> Annotated[str, Key()]:
-        """How they are made."""
-        return "least squares at the chosen cut-off and delay"
-
-    @cached_property
-    def rows_alone(self) -> Annotated[list[Fit], Key()]:
-        """First moments from each row by itself."""
-        names = self.equations.names
-        rows = enumerate(self.result.rows)
-        return [self._fit(f"{self.result.named(row)} alone", self._columns[:, [k]], names, [k]) for k, row in rows]
-
-    @cached_property
-    def friction(self) -> Annotated[list[Fit], Key()]:
-        """First moments with other models of friction."""
-        if not self.result.joints:
-            return []
-        fits = []
+def evidence(result: Identification) -> dict[str, Any]:
+    """First moments by other fits, all of least squares at the cut-off and delay of an identification."""
+    equations, joints = result.choice.equations, result.joints
+    names, rows = equations.names, equations.low_passed_torque(result.chosen.delay)
+    columns = equations.low_passed_columns(range(len(names)))
+    places, everything = range(len(names)), list(range(len(result.rows)))
+    alone = [
+        _fit(result, f"{result.named(row)} alone", equations, columns, names, rows, [k])
+        for k, row in enumerate(result.rows)
+    ]
+    friction, file_friction, without_delay = [], None, []
+    if joints:
         for name, lacking in _FRICTION.items():
-            kept, names = self._without(lacking)
-            fits.append(self._fit(name, self._columns[:, :, kept], names))
-        return [*fits, self._fit("dry and viscous friction, dry by direction", *self._by_direction())]
-
-    @cached_property
-    def file_friction(self) -> Annotated[Fit | None, Key("friction_of_file")]:
-        """First moments with dry and viscous friction taken from the mechanism's file."""
-        if not self.result.joints:
-            return None
-        kept, names = self._without(("coulomb[", "viscous["))
-        fixed = np.setdiff1d(np.arange(len(self.equations.names)), kept)
-        known = self._columns[:, :, fixed] @ self.result.in_file[fixed]
-        return self._fit("friction of MECH's file", self._columns[:, :, kept], names, known=known)
-
-    @cached_property
-    def without_delay(self) -> Annotated[list[Fit], Key()]:
-        """First moments without delay, at every cut-off that the records allow."""
-        if not self.result.joints:
-            return []
-        result, fits = self.result, []
+            kept = [k for k in places if not names[k].startswith(lacking)]
+            own = [names[k] for k in kept]
+            friction.append(_fit(result, name, equations, columns[:, :, kept], own, rows, everything))
+        dry = [names.index(f"coulomb[{joint}]") for joint in joints]
+        squares = equations.joined(lambda part: part.low_passed(part.whole[:, :, dry] ** 2))  # of the direction
+        both = np.concatenate([columns, squares], axis=2), [*names, *(f"uneven[{joint}]" for joint in joints)]
+        friction.append(_fit(result, "dry and viscous friction, dry by direction", equations, *both, rows, everything))
+        kept = [k for k in places if not names[k].startswith(("coulomb[", "viscous["))]
+        fixed = np.setdiff1d(places, kept)
+        known = columns[:, :, fixed] @ result.in_file[fixed]
+        others = columns[:, :, kept], [names[k] for k in kept]
+        file_friction = _fit(result, "friction of MECH's file", equations, *others, rows, everything, known)
         for one in result.choice.best_of_each:
-            equations = regression_equations(self.equations.records, result.mechanism, one.cutoff)
-            held_out = CrossValidation(equations, result.mechanism, self._seen)
-            chosen = replace(result.chosen, cutoff=one.cutoff, delay=0.0)
-            at = Explanation(replace(result, choice=replace(result.choice, chosen=chosen, held_out=held_out)))
-            fits.append(at._fit(f"no delay, {one.cutoff:.3g} Hz", at._columns, equations.names))
-        return fits
-
-    @property
-    def file_unexplained(self) -> Annotated[dict[str, float], Key("file_rms_ratio_below_cutoff")]:
-        """Part of each row below the cut-off that the parameters of the mechanism's file do not explain."""
-        shares = unexplained(self._rows, self._columns @ self.result.in_file, self.equations.moving)
-        return dict(zip(self.result.rows, shares.tolist(), strict=True))
-
-    @cached_property
-    def scale_between(self) -> Annotated[dict[str, Estimate], Key("torque_scale_between_joints", to=_shown)]:
-        """Scale of each joint's torque against the first joint's, for those that share a body."""
-        joints = self.result.joints
-        return {f"{joint} / {joints[0]}": self._scale(k) for k, joint in enumerate(joints) if k}
-
-    @property
-    def equations(self) -> RegressionEquations:
-        """At the chosen cut-off."""
-        return self.result.choice.equations
-
-    @cached_property
-    def _columns(self) -> Floats:
-        return self.equations.low_passed_columns(range(len(self.equations.names)))
-
-    @property
-    def _base(self) -> Floats:
-        return self._columns[:, :, list(self._seen.pivots)]
-
-    @cached_property
-    def _rows(self) -> Floats:
-        return self.equations.low_passed_torque(self.result.chosen.delay)
-
-    @property
-    def _seen(self) -> Identifiability:
-        return self.result.identified.identifiability
-
-    def _without(self, lacking: tuple[str, ...]) -> tuple[list[int], list[str]]:
-        """Places and names of the parameters whose names begin otherwise."""
-        names = self.equations.names
-        kept = [k for k, name in enumerate(names) if not name.startswith(lacking)]
-        return kept, [names[k] for k in kept]
-
-    def _fitted(self, columns: Floats, rows: Floats, used: Floats | None = None) -> RegressionFit:
-        blocks = self.equations.blocks(1.0 / self.equations.cutoff)
-        everything = self.equations.moving if used is None else used
-        return fit([RegressionRecord.of(columns, rows, blocks, used=everything)])
-
-    def _fit(
-        self,
-        name: str,
-        columns: Floats,
-        names: Sequence[str],
-        rows: Sequence[int] | None = None,
-        known: Floats | float = 0.0,
-    ) -> Fit:
-        chosen = list(range(len(self.result.rows)) if rows is None else rows)
-        moving, measured = self.equations.moving[:, chosen], (self._rows - known)[:, chosen]
-        seen = identifiability(columns * moving[:, :, None], names)
-        base = columns[:, :, list(seen.pivots)]
-        found = BaseParameters(seen, self._fitted(base, measured, moving))
-        ratio = unexplained(self._rows[:, chosen], self._rows[:, chosen] - measured + base @ found.values, moving)
-        return Fit(
-            name,
-            {text: _estimate(found, row) for text, row in self.result.moment_rows()},
-            {self.result.rows[k]: float(r) for k, r in zip(chosen, ratio, strict=True)},
-        )
-
-    def _by_direction(self) -> tuple[Floats, list[str]]:
-        """Columns and names with one more a joint, the square of its direction: dry friction that differs by it."""
-        places = [self.equations.names.index(f"coulomb[{joint}]") for joint in self.result.joints]
-        added = self.equations.joined(lambda part: part.low_passed(part.whole[:, :, places] ** 2))
-        names = [*self.equations.names, *(f"uneven[{joint}]" for joint in self.result.joints)]
-        return np.concatenate([self._columns, added], axis=2), names
-
-    def _scale(self, joint: int) -> Estimate:
-        """Gauss-Newton on tau_k = s W_k pi: columns s W_k, and W_k pi for the change of s."""
-        base = self._base
-        scale, pi = 1.0, self._fitted(base, self._rows).values
-        for _ in range(_ROUNDS):
-            columns = base.copy()
-            columns[:, joint] *= scale
-            made = np.zeros((*base.shape[:2], 1))
-            made[:, joint, 0] = base[:, joint] @ pi
-            found = self._fitted(np.concatenate([columns, made], axis=2), self._rows)
-            pi, step = found.values[:-1], float(found.values[-1])
-            scale += step
-            if abs(step) < _SETTLED:
-                break
-        return replace(found.estimate(np.eye(len(found.values))[-1]), values=np.array([scale]))
+            at = regression_equations(equations.records, result.mechanism, one.cutoff)
+            name, low = f"no delay, {one.cutoff:.3g} Hz", at.low_passed_columns(places)
+            without_delay.append(_fit(result, name, at, low, names, at.low_passed_torque(0.0), everything))
+    left = unexplained(rows, columns @ result.in_file, equations.moving)
+    base = result.identified.identifiability.base_columns(columns)
+    scales = {k: _scale_between(equations, base, rows, k) for k in range(1, len(joints))}
+    return {
+        "fits_by": "least squares at the chosen cut-off and delay",
+        "rows_alone": alone,
+        "friction": friction,
+        "friction_of_file": file_friction,
+        "without_delay": without_delay,
+        "file_rms_ratio_below_cutoff": dict(zip(result.rows, left.tolist(), strict=True)),
+        "torque_scale_between_joints": {f"{joints[k]} / {joints[0]}": _shown(one) for k, one in scales.items()},
+        "scale_of_all": {"identifiable": False, "reason": SCALE_UNKNOWN}
+        if (scale := result.tests.scale) is None
+        else {"identifiable": True, "reason": "from masses that are known to differ between the runs", **_shown(scale)},
+    }
 
 
-def _estimate(found: BaseParameters, row: Mapping[str, float]) -> Estimate | None:
-    if not set(row) <= set(found.identifiability.names):
-        return None
-    vector = found.identifiability.vector(row)
-    return found.estimate(vector) if found.identifiability.is_identifiable(vector) else None
+def _fit(
+    result: Identification,
+    name: str,
+    equations: RegressionEquations,
+    columns: Floats,
+    names: Sequence[str],
+    rows: Floats,
+    chosen: list[int],
+    known: Floats | float = 0.0,
+) -> dict[str, Any]:
+    """First moments from the ``chosen`` rows, of which ``known`` is taken off; None where these do not determine one.
+
+    And the part of each row below the cut-off that the fit does not explain.
+    """
+    moving, measured = equations.moving[:, chosen], (rows - known)[:, chosen]
+    seen = identifiability(columns[:, chosen] * moving[:, :, None], names)
+    base = seen.base_columns(columns[:, chosen])
+    found = BaseParameters(seen, equations.fitted(base, measured, moving))
+    left = unexplained(rows[:, chosen], rows[:, chosen] - measured + base @ found.values, moving)
+    moments = {}
+    for text, row in result.moment_rows():
+        determined = set(row) <= set(seen.names) and seen.is_identifiable(seen.vector(row))
+        moments[text] = _shown(found.estimate(row)) if determined else None
+    shares = {result.rows[k]: float(share) for k, share in zip(chosen, left, strict=True)}
+    return {"fit": name, "first_moments_kgm": moments, "rms_ratio_below_cutoff": shares}
+
+
+def _scale_between(equations: RegressionEquations, base: Floats, rows: Floats, joint: int) -> Estimate:
+    """Scale of a joint's torque against the first joint's, for those that share a body.
+
+    Gauss-Newton on tau_k = s W_k pi: columns s W_k, and W_k pi for the change of s.
+    """
+    scale, pi = 1.0, equations.fitted(base, rows).values
+    for _ in range(_ROUNDS):
+        columns = base.copy()
+        columns[:, joint] *= scale
+        made = np.zeros((*base.shape[:2], 1))
+        made[:, joint, 0] = base[:, joint] @ pi
+        found = equations.fitted(np.concatenate([columns, made], axis=2), rows)
+        pi, step = found.values[:-1], float(found.values[-1])
+        scale += step
+        if abs(step) < _SETTLED:
+            break
+    return replace(found.estimate(np.eye(len(found.values))[-1]), values=np.array([scale]))
 
 
 def identification_document(result: Identification) -> dict[str, Any]:
     """All that was found."""
     determined = bool(result.mechanism.counter_sites) and not result.undetermined_moments()
-    explained = Explanation(result)
     found = {
         "mechanism": result.mechanism.name,
         "runs": list(result.runs),
@@ -246,7 +169,7 @@ def identification_document(result: Identification) -> dict[str, Any]:
             "statistical": f"delete-block jackknife over {result.identified.fit.blocks} blocks",
             "method": f"widened to contain: {', '.join(result.variants)}",
         },
-        "evidence": {**document(explained), "scale_of_all": scale_document(result.tests.scale)},
+        "evidence": evidence(result),
         "model_tests": {
             "false_alarm_rate": FALSE_ALARM,
             "false_alarm_rate_free": FREE_ALARM,
@@ -287,20 +210,19 @@ def _consistent(result: Identification) -> dict[str, Any]:
 
 
 def _validation(result: Identification, validation: Validation | None) -> dict[str, Any]:
-    def by_row(shares: Floats) -> dict[str, float]:
-        return dict(zip(result.rows, shares.tolist(), strict=True))
-
     def ratios(of: Identification | Validation, prefix: str = "") -> dict[str, Any]:
-        below = by_row(of.rms_ratio_in_band)
-        return {f"{prefix}rms_ratio": by_row(of.rms_ratio), f"{prefix}rms_ratio_below_cutoff": below}
+        as_recorded, below = (
+            dict(zip(result.rows, shares.tolist(), strict=True)) for shares in (of.rms_ratio, of.rms_ratio_in_band)
+        )
+        return {f"{prefix}rms_ratio": as_recorded, f"{prefix}rms_ratio_below_cutoff": below}
 
     if validation is None:
         return {"on": "held-out blocks", **ratios(result)}
-    angles = None if validation.angles is None else document(validation.angles)
+    angles = validation.angles and {k: v for k, v in document(validation.angles).items() if k != "all_rms"}
     return {
         "on": "separate runs",
         "runs": list(validation.runs),
         **ratios(validation),
-        "simulated_angle_error_rad": angles and {key: angles[key] for key in angles if key != "all_rms"},
+        "simulated_angle_error_rad": angles,
         **ratios(result, "held_out_"),
     }

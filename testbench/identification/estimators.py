@@ -15,10 +15,10 @@ motion that torque and model make, fit for instruments, and e is the output erro
 IEEE Trans. Control Syst. Technol. 21, 2013, whose pull is the machine's own controller).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, TypeVar
+from typing import Literal
 
 import numpy as np
 
@@ -45,7 +45,6 @@ ROUNDS = 2
 """Of parameters -> coefficients of the deviation -> parameters, for the output error."""
 DAMPING = 0.7
 """Of the pull."""
-Solved = TypeVar("Solved")
 _BOUND = 1e12
 """Of deviations and their rates [SI], beyond which nothing is simulated."""
 _STEP = 1e-5
@@ -73,11 +72,24 @@ class Deviation:
     def of(cls, part: RecordEquations, mechanism: Mechanism, parameters: Floats) -> "Deviation":
         """About the motion of a record; ``parameters`` over all of them, (p,) [SI].
 
-        Dry friction is taken as a function of the recorded speed: its jump has no slope.
+        Slopes of W pi by central differences. Dry friction is taken as a function of the recorded speed: its jump has
+        no slope.
         """
         smooth = np.where([name.startswith("coulomb[") for name in part.names], 0.0, parameters)
         smooth[: len(part.record.mounted)] += part.record.mounted
-        inertia, damping, stiffness = (_slope(part, mechanism, smooth, k) for k in (2, 1, 0))
+        count = len(mechanism.pi)
+
+        def torque(of: str, change: Floats) -> Floats:
+            motion = replace(part.motion, **{of: getattr(part.motion, of) + change})
+            path = path_of(part.record, mechanism, motion, part.path)
+            bodies = driven_torque_regressor(mechanism, path.q, path.v, path.a, path.per_drive) @ smooth[:count]
+            terms = joint_friction_regressor(mechanism.driven, motion.v, motion.a)[0]
+            return np.asarray(bodies + terms @ smooth[count : count + terms.shape[2]])
+
+        units = _STEP * np.eye(part.record.torque.shape[1])
+        inertia, damping, stiffness = (
+            np.stack([(torque(of, unit) - torque(of, -unit)) / (2.0 * _STEP) for unit in units], axis=2) for of in "avq"
+        )
         return cls(inertia, damping, stiffness, part.record.grid.step)
 
     def refuse_negative_inertia(self) -> None:
@@ -100,13 +112,11 @@ class Deviation:
 
         From rest, by the trapezoidal rule. ``pull_hz`` is the frequency of the pull [Hz]. Raises NotSimulated.
         """
+        joints, count = load.shape[1:]
         system, pushed = self._system(load, pull_hz)
         with np.errstate(over="ignore", invalid="ignore"):
-            state = _integrated(system, pushed, self.step, np.zeros(pushed.shape[1:]))
-            rates = system @ state + pushed
-        if not np.abs(rates).max() < _BOUND:
-            raise NotSimulated("a simulation with the parameters that the torques show leaves every bound")
-        joints = load.shape[1]
+            state = _integrated(system, pushed, self.step, np.zeros((2 * joints, count)))
+            rates = _bounded(system @ state + pushed)
         return Rates(state[:, :joints], state[:, joints:], rates[:, joints:])
 
     def from_any_state(self, load: Floats) -> tuple[Floats, Floats]:
@@ -114,44 +124,23 @@ class Deviation:
 
         (samples, joints, k) and (samples, joints, 2 joints). Raises NotSimulated.
         """
-        joints, count = load.shape[1], load.shape[2]
-        units = np.eye(2 * joints)
+        joints, count = load.shape[1:]
         system, pushed = self._system(np.pad(load, ((0, 0), (0, 0), (0, 2 * joints))), 0.0)
+        start = np.hstack([np.zeros((2 * joints, count)), np.eye(2 * joints)])
         with np.errstate(over="ignore", invalid="ignore"):
-            state = _integrated(system, pushed, self.step, np.hstack([np.zeros((2 * joints, count)), units]))
-        if not np.abs(state).max() < _BOUND:
-            raise NotSimulated("a simulation with the parameters that the torques show leaves every bound")
+            state = _bounded(_integrated(system, pushed, self.step, start))
         return state[:, :joints, :count], state[:, :joints, count:]
 
     def _system(self, load: Floats, pull_hz: float) -> tuple[Floats, Floats]:
         """A and b of x' = A x + b, x the deviations and their rates."""
         w = 2.0 * np.pi * pull_hz
-        joints, count = load.shape[1], load.shape[2]
+        joints = load.shape[1]
         inverse = np.linalg.inv(self.inertia)
         system = np.zeros((len(load), 2 * joints, 2 * joints))
         system[:, :joints, joints:] = np.eye(joints)
         system[:, joints:, :joints] = -inverse @ self.stiffness - w * w * np.eye(joints)
         system[:, joints:, joints:] = -inverse @ self.damping - 2.0 * DAMPING * w * np.eye(joints)
-        pushed = np.zeros((len(load), 2 * joints, count))
-        pushed[:, joints:] = inverse @ load
-        return system, pushed
-
-
-def _slope(part: RecordEquations, mechanism: Mechanism, parameters: Floats, of: int) -> Floats:
-    """d(W pi)/d(q, v or a) by central differences, (samples, joints, joints)."""
-    count = len(mechanism.pi)
-
-    def torque(change: Floats) -> Floats:
-        values = [part.motion.q, part.motion.v, part.motion.a]
-        values[of] = values[of] + change
-        motion = Rates(*values)
-        path = path_of(part.record, mechanism, motion, part.path)
-        bodies = driven_torque_regressor(mechanism, path.q, path.v, path.a, path.per_drive) @ parameters[:count]
-        terms = joint_friction_regressor(mechanism.driven, motion.v, motion.a)[0]
-        return np.asarray(bodies + terms @ parameters[count : count + terms.shape[2]])
-
-    units = _STEP * np.eye(part.record.torque.shape[1])
-    return np.stack([(torque(unit) - torque(-unit)) / (2.0 * _STEP) for unit in units], axis=2)
+        return system, np.concatenate([np.zeros_like(load), inverse @ load], axis=1)
 
 
 def _integrated(system: Floats, pushed: Floats, step: float, start: Floats) -> Floats:
@@ -167,12 +156,10 @@ def _integrated(system: Floats, pushed: Floats, step: float, start: Floats) -> F
     return state
 
 
-def simulated(of: Callable[[], Solved]) -> Solved | None:
-    """What ``of`` gives; None where that takes a motion which cannot be simulated."""
-    try:
-        return of()
-    except NotSimulated:
-        return None
+def _bounded(values: Floats) -> Floats:
+    if not np.abs(values).max() < _BOUND:
+        raise NotSimulated("a simulation with the parameters that the torques show leaves every bound")
+    return values
 
 
 def allowed(equations: RegressionEquations) -> tuple[Method, ...]:
@@ -266,8 +253,8 @@ class Methods:
         """Low-passed base columns along the motion that ``base`` (r,) and the torques make, without its ends."""
         columns, torque = self._torques(part)
         away = _simulated(part, model, ((torque - columns @ base) * part.valid)[:, :, None])
-        made = [getattr(part.motion, x) + getattr(away, x)[:, :, 0] for x in "qva"]
-        path = path_of(part.record, self.mechanism, motion := Rates(*made), part.path)
+        motion = Rates(*(getattr(part.motion, x) + getattr(away, x)[:, :, 0] for x in "qva"))
+        path = path_of(part.record, self.mechanism, motion, part.path)
         return part.inside(part.low_passed(regressor(part.record, self.mechanism, motion, path)[:, :, self._pivots]))
 
     def _torques(self, part: RecordEquations) -> tuple[Floats, Floats]:

@@ -1,7 +1,7 @@
 """From records to an identification: what is observable, the cut-off and delay, the parameters, other choices."""
 
 from collections.abc import Sequence
-from functools import partial
+from contextlib import suppress
 
 from balance.estimation.base_parameters import BaseParameters, base_parameters
 from balance.estimation.identifiability import Identifiability, identifiability
@@ -10,7 +10,7 @@ from balance.mechanism.mechanism import Mechanism
 
 from ..recording import common_origin
 from .cross_validation import Choice, choose, possible_cutoffs
-from .estimators import BLOCK_PERIODS, Method, Methods, allowed, simulated
+from .estimators import BLOCK_PERIODS, Method, Methods, NotSimulated, allowed
 from .records import JointRecord
 from .regression_equations import one_sided, regression_equations
 from .result import Identification
@@ -41,9 +41,12 @@ def identify(
     if delay:
         tried["no delay"] = choice.held_out.at(0.0), choice.method
     tried |= {name: (at, name) for name in allowed(choice.equations) if others and name != choice.method}
-    found = {label: simulated(partial(methods.identified, name)) for label, (methods, name) in tried.items()}
-    variants = {label: one for label, one in found.items() if one is not None and one.determines_all}
-    failed = [label for label in found if label not in variants]
+    variants = {}
+    for label, (methods, name) in tried.items():
+        with suppress(NotSimulated):
+            if (one := methods.identified(name)).determines_all:
+                variants[label] = one
+    failed = [label for label in tried if label not in variants]
     return Identification(
         mechanism,
         tuple(record.name for record in records),

@@ -20,9 +20,9 @@ varies freely is sought in FREE_ALARM:
 * **The scale of all torques** where runs differ by masses that are known: tau = s (W pi + W dpi).
 """
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Annotated, Literal
 
 import numpy as np
@@ -30,7 +30,7 @@ import numpy as np
 from balance.arrays import Floats
 from balance.estimation.base_parameters import BaseParameters
 from balance.estimation.estimate import LEVEL_TEXT, Estimate, f_tail, student_quantile
-from balance.estimation.regression import RegressionFit, RegressionRecord, fit
+from balance.estimation.regression import RegressionRecord, fit
 from balance.mechanism.mechanism import Mechanism
 from balance.results import Key
 
@@ -51,9 +51,14 @@ LAW_SHARE = 3.0
 """Independent readings for each term of a law."""
 KNOT_S, KNOT_PERIODS = 0.8, 2.0
 """Between points of what varies freely in time: at least so long, and so many periods of the cut-off."""
-SMOOTHING: dict[Cause, float] = {"outside_torque": 0.01, "brief_torque": 0.005, "slip": 0.01, "angle_scale": 0.002}
-"""Part of the torques that smoothed positions may distort, along what varies freely, the one of its columns that
-explains most, or the one of a scale: what explains less says nothing."""
+CAUSES: dict[Cause, tuple[float, str]] = {
+    "outside_torque": (0.01, "a torque from outside, as of a hand or an obstacle,"),
+    "brief_torque": (0.005, "a brief torque from outside, as of a hand or an obstacle,"),
+    "slip": (0.01, "an angle that slips between encoder and body"),
+    "angle_scale": (0.002, "an encoder that reads its angle by another scale"),
+}
+"""What is sought; and the part of the torques that smoothed positions may distort, along what varies freely, the one of
+its columns that explains most, or the one of a scale: what explains less says nothing."""
 OVERSAMPLING = 8.0
 """Samples of low-passed equations kept for each period of the cut-off."""
 WINDOW_S, WINDOW_BLOCKS = 1.0, 6
@@ -119,15 +124,10 @@ class FreeTest:
     @property
     def doubts(self) -> list[Doubt]:
         """One where neither noise nor what smoothed positions leave of the torques may be it."""
-        what = {
-            "outside_torque": "a torque from outside, as of a hand or an obstacle,",
-            "brief_torque": "a brief torque from outside, as of a hand or an obstacle,",
-            "slip": "an angle that slips between encoder and body",
-            "angle_scale": "an encoder that reads its angle by another scale",
-        }[self.code]
+        least, what = CAUSES[self.code]
         text = f"{what} explains {self.share:.1%} of its torque that bodies do not (by chance {self.probability:.1g})"
-        passed = self.probability >= FREE_ALARM or self.share < SMOOTHING[self.code]
         code = "outside_torque" if self.code == "brief_torque" else self.code
+        passed = self.probability >= FREE_ALARM or self.share < least
         return [] if passed else [Doubt(code, f"{self.joint}: {text}")]
 
 
@@ -179,20 +179,17 @@ class ModelTests:
     @cached_property
     def free(self) -> list[FreeTest]:
         """Four of each joint."""
-        codes: tuple[Cause, ...] = "outside_torque", "brief_torque", "slip"
-        tests: list[Callable[[int], FreeTest]] = [partial(self._free, code=code) for code in codes]
-        tests.append(self._angle_scale)
-        return [test(k) for k in range(len(self.joints)) for test in tests]
+        causes: tuple[Cause, ...] = ("outside_torque", "brief_torque", "slip", "angle_scale")
+        return [self._free(joint, code) for joint in range(len(self.joints)) for code in causes]
 
     @cached_property
     def motion(self) -> MotionTest | None:
         """None where there are no torques, where no motion can be simulated, or records are too short."""
         if not self.joints:
             return None
+        pairs = zip(self.equations.parts, self._models, strict=True)
         try:
-            sums = [
-                one for pair in zip(self.equations.parts, self._models, strict=True) for one in self._squares(*pair)
-            ]
+            sums = [one for part, model in pairs for one in self._squares(part, model)]
         except NotSimulated:
             return None
         if not sums:
@@ -213,7 +210,7 @@ class ModelTests:
         if not np.any(self._known):
             return None
         columns = np.concatenate([self._base, self._known[:, :, None]], axis=2)
-        found = self._fitted(columns, self._rows + self._known)
+        found = self.equations.fitted(columns, self._rows + self._known)
         return found.estimate(np.eye(columns.shape[2])[-1])
 
     def scaled(self, scale: float) -> Floats:
@@ -305,61 +302,62 @@ class ModelTests:
         if self.scale is None:
             return []
         low, high = self.scale.interval(1.0 - FALSE_ALARM)
-        text = f"by masses known to differ between the runs the torques read {self.scale.value:.3f} times what they are"
         inner = "{:.3f} .. {:.3f}".format(*self.scale.interval())
-        text += f" ({LEVEL_TEXT}: {inner}), or the run table's masses are wrong"
-        text += (
-            "; where the masses are right, correct the sensor: testbench calibrate CAMPAIGN SENSOR --sensitivity "
-            f'"{self.scale.value:.4g} N m/(N m)" --reason ..., or what the rig has as sensitivity times that number'
+        text = (
+            f"by masses known to differ between the runs the torques read {self.scale.value:.3f} times what they are "
+            f"({LEVEL_TEXT}: {inner}), or the run table's masses are wrong; where the masses are right, correct the "
+            f'sensor: testbench calibrate CAMPAIGN SENSOR --sensitivity "{self.scale.value:.4g} N m/(N m)" '
+            "--reason ..., or what the rig has as sensitivity times that number"
         )
         return [] if low <= 1.0 <= high else [Doubt("torque_scale", text)]
 
+    @property
+    def _each(self) -> Iterator[tuple[RecordEquations, Deviation, slice]]:
+        """Records, their models, and their places among the equations."""
+        return zip(self.equations.parts, self._models, self.equations.places, strict=True)
+
     def _law(self, joint: int) -> Estimate:
         """Least squares of the share with the terms of a law as nuisances of each record."""
-        blocks, first, records = self.equations.blocks(1.0 / self.equations.cutoff), 0, []
-        for part, model in zip(self.equations.parts, self._models, strict=True):
-            seconds = float(part.inside(part.moving)[:, joint].sum()) * model.step
-            readings = 2.0 * self.equations.cutoff * seconds
+        blocks, records = self.equations.blocks(1.0 / self.equations.cutoff), []
+        for part, model, own in self._each:
+            used = part.inside(part.moving)[:, [joint]]
+            readings = 2.0 * self.equations.cutoff * float(used.sum()) * model.step
             count = int(np.clip(readings / LAW_SHARE, *LAW_TERMS))
             accelerated = np.einsum("nk,nk->n", model.inertia[:, joint], part.motion.a)
             columns = np.column_stack([accelerated, law_terms(part.motion.q, part.motion.v, joint)[:, :count]])
             smooth = part.inside(part.low_passed(columns))[:, None]
-            rows = part.inside(part.delayed(part.low_passed(part.record.measured), self.delay))[:, [joint]]
-            used = part.inside(part.moving)[:, [joint]]
-            own = blocks[first : first + len(rows)]
-            first += len(rows)
-            records.append(RegressionRecord.of(smooth[:, :, :1], rows, own, smooth[:, :, 1:], used, rows=("torque",)))
+            rows = part.inside(part.delayed(part.smooth[0], self.delay))[:, [joint]]
+            law = RegressionRecord.of(smooth[:, :, :1], rows, blocks[own], smooth[:, :, 1:], used, rows=("torque",))
+            records.append(law)
         return fit(records, conditions=0).estimate(np.ones(1))
 
     def _free(self, joint: int, code: Cause) -> FreeTest:
-        """By columns of a torque, or an angle, of a joint that varies in time."""
-        joints, cutoff, added, first = len(self.joints), self.equations.cutoff, [], 0
-        rows = len(self.equations.moving)
-        for part, model in zip(self.equations.parts, self._models, strict=True):
-            count = part.record.grid.count
-            points = max(3, int(count * model.step / max(KNOT_S, KNOT_PERIODS / cutoff)))
-            away = np.abs(np.linspace(0.0, points - 1.0, count)[:, None] - np.arange(points))
-            column = model.stiffness[:, :, joint] if code == "slip" else np.tile(np.eye(joints)[joint], (count, 1))
-            free = part.inside(part.low_passed(column[:, :, None] * np.maximum(1.0 - away, 0.0)[:, None]))
-            added.append(np.zeros((rows, joints, points)))
-            added[-1][first : first + len(free)] = free
-            first += len(free)
-        return self._explained(joint, code, self._base[:, :joints, :0], np.concatenate(added, axis=2))
+        """By columns of a torque, or an angle, of a joint that varies in time.
 
-    def _angle_scale(self, joint: int) -> FreeTest:
-        """By the column of an angle that is read a share too large; the encoder's zero is a nuisance parameter.
-
-        A weight's sine has its period in true angles, and a second joint turns by them: no bodies make up for that.
+        Or by the column of an angle that is read a share too large; the encoder's zero is a nuisance parameter: a
+        weight's sine has its period in true angles, and a second joint turns by them, no bodies make up for that.
         """
-        columns = []
-        for part, model in zip(self.equations.parts, self._models, strict=True):
-            slopes = (one[:, :, joint] for one in (model.stiffness, model.damping, model.inertia))
-            path = (one[:, joint, None] for one in (part.motion.q, part.motion.v, part.motion.a))
-            read = sum(slope * along for slope, along in zip(slopes, path, strict=True))
-            both = np.stack([model.stiffness[:, :, joint], read], axis=2)
-            columns.append(part.inside(part.low_passed(both)))
-        zero, scale = np.split(np.concatenate(columns), 2, axis=2)
-        return self._explained(joint, "angle_scale", zero, scale)
+        joints, nuisances, added = len(self.joints), [], []
+        for part, model, own in self._each:
+            slip = model.stiffness[:, :, joint]
+            if code == "angle_scale":
+                slopes = (one[:, :, joint] for one in (model.stiffness, model.damping, model.inertia))
+                path = (one[:, joint, None] for one in (part.motion.q, part.motion.v, part.motion.a))
+                read = sum(slope * along for slope, along in zip(slopes, path, strict=True))
+                both = part.inside(part.low_passed(np.stack([slip, read], axis=2)))
+                nuisances.append(both[:, :, :1])
+                added.append(both[:, :, 1:])
+                continue
+            count = part.record.grid.count
+            points = max(3, int(count * model.step / max(KNOT_S, KNOT_PERIODS / self.equations.cutoff)))
+            away = np.abs(np.linspace(0.0, points - 1.0, count)[:, None] - np.arange(points))
+            column = slip if code == "slip" else np.tile(np.eye(joints)[joint], (count, 1))
+            alone = np.zeros((len(self._rows), joints, points))
+            alone[own] = part.inside(part.low_passed(column[:, :, None] * np.maximum(1.0 - away, 0.0)[:, None]))
+            added.append(alone)
+        if nuisances:
+            return self._explained(joint, code, np.concatenate(nuisances), np.concatenate(added))
+        return self._explained(joint, code, self._base[:, :joints, :0], np.concatenate(added, axis=2))
 
     def _explained(self, joint: int, code: Cause, nuisance: Floats, added: Floats) -> FreeTest:
         """By the squares that ``added`` columns take off what bodies and ``nuisance`` columns leave, (n, joints, k).
@@ -434,7 +432,7 @@ class ModelTests:
 
     @cached_property
     def _known(self) -> Floats:
-        return self.equations.joined(lambda part: part.low_passed_known)
+        return self.equations.joined(lambda part: part.smooth[1])
 
     @cached_property
     def _residual(self) -> Floats:
@@ -443,11 +441,7 @@ class ModelTests:
     @cached_property
     def _unscaled(self) -> Floats:
         """Base parameters with the known masses in them (r,): what a scale of the torques multiplies."""
-        return self._fitted(self._base, self._rows + self._known).values
-
-    def _fitted(self, columns: Floats, rows: Floats) -> RegressionFit:
-        blocks = self.equations.blocks(1.0 / self.equations.cutoff)
-        return fit([RegressionRecord.of(columns, rows, blocks, used=self.equations.moving)])
+        return self.equations.fitted(self._base, self._rows + self._known).values
 
 
 def law_terms(q: Floats, v: Floats, joint: int) -> Floats:

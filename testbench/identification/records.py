@@ -17,7 +17,7 @@ from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
 from ..kinematics.gaps import Gaps
-from ..kinematics.smoothing_and_derivatives import Grid, Rates, bridge_gaps, grid_of, low_pass, on_grid
+from ..kinematics.smoothing_and_derivatives import Grid, Rates, bridge_gaps, grid_of, on_grid
 from ..loads.shaking_wrench import MeasuredLoads, measured_loads
 from ..recording import Origin
 from ..rig import Column
@@ -72,10 +72,6 @@ class JointRecord:
     def rates(self, cutoff: float) -> Rates:
         """Positions smoothed below a cut-off [Hz] and differentiated, between gaps; in gaps straight lines."""
         return self.gaps.derivatives(self.q, cutoff, self.grid)
-
-    def low_pass(self, values: Floats, cutoff: float, reach: float) -> Floats:
-        """Values (n, ...) smoothed below a cut-off [Hz], between gaps and what these disturb within ``reach`` [s]."""
-        return self.gaps.by_segment(lambda part: low_pass(part, cutoff, self.grid.rate), values, self.grid, reach)
 
     def valid(self, reach: float) -> Floats:
         """One where no gap touches positions, or torques that come late or early, else zero, (n, 1)."""

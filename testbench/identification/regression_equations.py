@@ -8,19 +8,20 @@ comparison; on simulated records with known parameters that leaves a bias below 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
 from balance.arrays import Floats, Indices
 from balance.closure import Closure, Trajectory
 from balance.dynamics.regressor import JOINT_TERMS, driven_torque_regressor, joint_friction_regressor, wrench_regressor
-from balance.estimation.regression import equal_blocks
+from balance.estimation.regression import RegressionFit, RegressionRecord, equal_blocks, fit
 from balance.mechanism.mechanism import Mechanism
 from balance.motion import Samples
 
 from ..errors import AnalysisError
 from ..kinematics.gaps import gap_reach
-from ..kinematics.smoothing_and_derivatives import Rates
+from ..kinematics.smoothing_and_derivatives import Rates, low_pass
 from .records import JointRecord
 
 POSITION_BANDWIDTH = 2.0
@@ -35,14 +36,8 @@ def path_of(record: JointRecord, mechanism: Mechanism, motion: Rates, near: Traj
     return Closure(mechanism).follow(samples, near=near)
 
 
-def names_of(mechanism: Mechanism, rows: Sequence[str]) -> tuple[str, ...]:
-    """Parameters of which rows depend: inertial ones of the bodies, terms of the joints, offsets of forces."""
-    terms = [f"{term}[{joint}]" for joint in mechanism.driven if joint in rows for term in JOINT_TERMS]
-    return (*mechanism.parameter_names, *terms, *(f"offset[{row}]" for row in rows if row not in mechanism.driven))
-
-
 def regressor(record: JointRecord, mechanism: Mechanism, motion: Rates, path: Trajectory) -> Floats:
-    """W of a record's rows for any motion of its driven joints, (samples, rows, p): columns as ``names_of`` says."""
+    """W of a record's rows for any motion of its driven joints, (samples, rows, p): columns as ``RecordEquations``."""
     bodies: Floats = np.zeros((len(path.q), 0, len(mechanism.pi)))
     own: Floats = np.zeros((len(path.q), 0, 0))
     if record.torque.shape[1]:
@@ -65,7 +60,7 @@ class RecordEquations:
     cutoff: float
     """Of the comparison [Hz]."""
     names: tuple[str, ...]
-    """Of the parameters: inertial ones of the bodies, then terms of the joints, (p)."""
+    """Of the parameters, (p): inertial ones of the bodies, terms of the joints, offsets of forces."""
     motion: Rates
     """Of the driven joints, positions smoothed, over the whole record."""
     path: Trajectory
@@ -76,8 +71,10 @@ class RecordEquations:
     @classmethod
     def of(cls, record: JointRecord, mechanism: Mechanism, cutoff: float, motion: Rates) -> "RecordEquations":
         """Those of a motion of the record's driven joints. Raises ClosureError where its loops cannot be closed."""
-        path = path_of(record, mechanism, motion)
-        names = names_of(mechanism, record.rows(mechanism))
+        path, rows = path_of(record, mechanism, motion), record.rows(mechanism)
+        terms = [f"{term}[{joint}]" for joint in mechanism.driven if joint in rows for term in JOINT_TERMS]
+        offsets = [f"offset[{row}]" for row in rows if row not in mechanism.driven]
+        names = (*mechanism.parameter_names, *terms, *offsets)
         return cls(record, cutoff, names, motion, path, regressor(record, mechanism, motion, path))
 
     @cached_property
@@ -119,22 +116,15 @@ class RecordEquations:
         """What was measured of the whole record less what is known, (samples, rows) [N m, N]."""
         return self.delayed(self.record.measured, delay) - self.known
 
-    def low_passed_measured(self, delay: float) -> Floats:
-        """The same, low-passed at the cut-off, (samples, rows) [N m, N]."""
-        return self.delayed(self._smooth, delay) - self.low_passed_known
-
     @cached_property
-    def low_passed_known(self) -> Floats:
-        """What known masses take of each row, low-passed at the cut-off, (samples, rows) [N m, N]."""
-        return self.low_passed(self.known) if self.known.any() else self.known
-
-    @cached_property
-    def _smooth(self) -> Floats:
-        return self.low_passed(self.record.measured)
+    def smooth(self) -> tuple[Floats, Floats]:
+        """What was measured, and what is known of it, low-passed at the cut-off, (samples, rows) [N m, N] each."""
+        return self.low_passed(self.record.measured), self.low_passed(self.known) if self.known.any() else self.known
 
     def low_passed(self, values: Floats) -> Floats:
         """Values (samples, ...) [any unit] of the whole record, low-passed at the cut-off between gaps."""
-        return self.record.low_pass(values, self.cutoff, self.reach)
+        grid = self.record.grid
+        return self.record.gaps.by_segment(lambda v: low_pass(v, self.cutoff, grid.rate), values, grid, self.reach)
 
     def inside(self, values: Floats) -> Floats:
         """Values (samples, ...) [any unit] of the whole record without its ends."""
@@ -144,7 +134,7 @@ class RecordEquations:
 
 @dataclass(frozen=True)
 class RegressionEquations:
-    """The equations of all records at one cut-off, one record after the other."""
+    """The equations of all records at one cut-off, one record after the other, without their ends."""
 
     parts: tuple[RecordEquations, ...]
 
@@ -162,6 +152,12 @@ class RegressionEquations:
     def records(self) -> list[JointRecord]:
         """What the equations were made of."""
         return [part.record for part in self.parts]
+
+    @property
+    def places(self) -> list[slice]:
+        """The equations of each record among all."""
+        ends = np.cumsum([0, *(len(part.inside(part.whole)) for part in self.parts)]).tolist()
+        return [slice(*pair) for pair in pairwise(ends)]
 
     @cached_property
     def time(self) -> Floats:
@@ -193,7 +189,7 @@ class RegressionEquations:
 
     def low_passed_torque(self, delay: float) -> Floats:
         """The same, low-passed at the cut-off, (n, rows) [N m, N]."""
-        return self.joined(lambda part: part.low_passed_measured(delay))
+        return self.joined(lambda part: part.delayed(part.smooth[0], delay) - part.smooth[1])
 
     def blocks(self, seconds: float) -> Indices:
         """Numbers of blocks with equal motion, at least so long, none over two records, (n,)."""
@@ -203,6 +199,11 @@ class RegressionEquations:
             own = equal_blocks(moves, seconds / part.record.grid.step)
             numbers = np.r_[numbers, own + numbers.max(initial=-1) + 1]
         return numbers
+
+    def fitted(self, columns: Floats, rows: Floats, used: Floats | None = None) -> RegressionFit:
+        """Least squares of rows (n, rows) [N m, N] in columns (n, rows, p), where they count: by default in motion."""
+        blocks, counts = self.blocks(1.0 / self.cutoff), self.moving if used is None else used
+        return fit([RegressionRecord.of(columns, rows, blocks, used=counts)])
 
     @property
     def left_out(self) -> list[str]:
@@ -236,7 +237,6 @@ def one_sided(records: Sequence[JointRecord], mechanism: Mechanism, cutoff: floa
 
     The weight then moves with the whole motion and the torque with what the low-pass leaves of it. For comparison.
     """
-    smooth = [record.rates(cutoff) for record in records]
-    motions = [Rates(record.q, rates.v, rates.a) for record, rates in zip(records, smooth, strict=True)]
-    parts = [RecordEquations.of(r, mechanism, cutoff, motion) for r, motion in zip(records, motions, strict=True)]
+    rates = ((record, record.rates(cutoff)) for record in records)
+    parts = (RecordEquations.of(r, mechanism, cutoff, Rates(r.q, motion.v, motion.a)) for r, motion in rates)
     return RegressionEquations(tuple(parts))

@@ -56,15 +56,9 @@ _TERM_UNITS = {
 }  # fmt: skip
 """Of the terms of a joint that slides, and of one that turns."""
 
-
-def _interval_text(interval: tuple[float, float]) -> str:
-    """``low .. high`` with four decimals."""
-    return f"{interval[0]:z.4f} .. {interval[1]:z.4f}"
-
-
 SCALE = "torque scale"
 """How the variants begin that the interval of the torques' scale makes."""
-_INTERVAL = (f"{LEVEL_TEXT} interval", _interval_text)
+_INTERVAL = (f"{LEVEL_TEXT} interval", lambda ends: "{:z.4f} .. {:z.4f}".format(*ends))
 
 
 @dataclass(frozen=True)
@@ -298,20 +292,19 @@ class Identification(Shown, rows="values", figure="testbench.figures.estimates:d
         """The balance conditions whose left-hand sides the record does not determine."""
         return [text for text, row in self._conditions if not self._observable(row)]
 
-    def counter_masses(self, sites: Sequence[str] = ()) -> list[CounterMassValue]:
-        """Counter-masses at ``sites`` (default: those named counter...) that would balance the mechanism.
+    def counter_masses(self) -> list[CounterMassValue]:
+        """Counter-masses at the sites named counter... that would balance the mechanism.
 
         Raises NotIdentifiable if the record does not determine what they depend on.
         """
-        names = list(sites) or self.mechanism.counter_sites
+        found, sites = self._balance, self.mechanism.counter_sites
         moments = [
             self.identified.estimate(row).value if self._observable(row) else float(row @ self.in_file)
             for _, row in self._conditions
         ]
-        found = self._balance
-        rows = masses_per_value(found, self.mechanism, names, np.array(moments)) @ found.matrix
+        rows = masses_per_value(found, self.mechanism, sites, np.array(moments)) @ found.matrix
         masses = []
-        for site, row in zip(names, rows, strict=True):
+        for site, row in zip(sites, rows, strict=True):
             whole, lever = self._padded(row), self.mechanism.lever_arm(site)
             try:
                 mass = self.value(whole, f"mass[{site}]", "kg")
@@ -335,11 +328,6 @@ class Identification(Shown, rows="values", figure="testbench.figures.estimates:d
                 others = [value / whole.variants[label] for label, value in one.variants.items()]
                 found.append(Ratio(f"{one.name} / {whole.name}", ratio, away.containing(others).interval()))
         return found
-
-    @property
-    def left_out(self) -> tuple[str, ...]:
-        """What gaps took of the records."""
-        return tuple(self.choice.equations.left_out)
 
     @cached_property
     def tests(self) -> ModelTests:
@@ -377,28 +365,26 @@ class Identification(Shown, rows="values", figure="testbench.figures.estimates:d
 
     def _doubts_of_answer(self) -> list[Doubt]:
         """What is poorly excited, at the end of what is tried, not determined or hardly known."""
+        seen, chosen = self.identified.identifiability, self.chosen
         found = [
-            Doubt("unexplained", f"{ratio:.0%} of {row} below {self.chosen.cutoff:.3g} Hz stays unexplained")
+            Doubt("unexplained", f"{ratio:.0%} of {row} below {chosen.cutoff:.3g} Hz stays unexplained")
             for row, ratio in zip(self.rows, self.rms_ratio_in_band, strict=True)
             if row not in self.joints and ratio > UNEXPLAINED
         ]
-        seen = self.identified.identifiability
         if seen.condition > POOR_CONDITION:
             text = f"the motion tells the parameters poorly apart: condition {seen.condition:.3g}, expected below"
             cure = "record a motion of all drives at once, each over more of its range and of frequencies of its own"
             found.append(Doubt("poor_excitation", f"{text} {POOR_CONDITION:g}: {cure}; weakest: {seen.weakest}"))
-        if abs(self.chosen.delay) > LONGEST_DELAY_S - 0.5 * self.choice.equations.records[0].grid.step:
-            text = f"the delay of the torques, {self.chosen.delay * 1e3:.3g} ms, is at the end of what is tried"
+        if abs(chosen.delay) > LONGEST_DELAY_S - 0.5 * self.choice.equations.records[0].grid.step:
+            text = f"the delay of the torques, {chosen.delay * 1e3:.3g} ms, is at the end of what is tried"
             found.append(Doubt("delay", text))
-        for text in self.undetermined_moments():
-            found.append(Doubt("not_determined", f"{text} is not determined by this record"))
+        undetermined = self.undetermined_moments()
+        found += [Doubt("not_determined", f"{text} is not determined by this record") for text in undetermined]
         moments = self.first_moments()
         largest = max((abs(value.value) for value in moments), default=0.0)
-        for value in moments:
-            half = float(np.ptp(value.interval)) / 2.0
-            if half > DOUBTFUL_WIDTH * largest:
-                found.append(Doubt("wide", f"{value.name} is known to {half:.2g} kg m only"))
-        return found
+        widths = [(value.name, float(np.ptp(value.interval)) / 2.0) for value in moments]
+        wide = [(name, half) for name, half in widths if half > DOUBTFUL_WIDTH * largest]
+        return [*found, *(Doubt("wide", f"{name} is known to {half:.2g} kg m only") for name, half in wide)]
 
     @property
     def excitation(self) -> str:
@@ -422,7 +408,7 @@ class Identification(Shown, rows="values", figure="testbench.figures.estimates:d
     @property
     def lost(self) -> tuple[str, ...]:
         """What gaps in the records took, those of separate runs too."""
-        return (*self.left_out, *(self.validation.equations.left_out if self.validation else ()))
+        return (*self.choice.equations.left_out, *(self.validation.equations.left_out if self.validation else ()))
 
     def named(self, row: str) -> str:
         """What a row is called: the torque of a joint, or a component of force or moment."""

@@ -11,7 +11,7 @@ from studies import simulated_runs as memory
 from testbench import rig as rigs
 from testbench.figures.estimates import draw_identification
 from testbench.identification import identify
-from testbench.identification.diagnostics import Explanation
+from testbench.identification.diagnostics import evidence
 from testbench.identification.estimators import Methods
 from testbench.identification.records import assemble
 from testbench.identification.regression_equations import regression_equations
@@ -138,14 +138,18 @@ def test_bodies_exist(result):
 def test_what_a_difference_to_the_published_comes_from(result):
     """C.1: with the published friction the first moment is the published to 2 %. A.0: friction does not explain it;
     without the delay, at the highest cut-off, least squares falls to within 4 % of the published, and explains less."""
-    explanation = Explanation(result)
+    found = evidence(result)
     first, _, second, _ = result.first_moments()
-    with_friction = explanation.file_friction.first_moments[first.name].value
+
+    def moment(fit, value):
+        return fit["first_moments_kgm"][value.name]["value"]
+
+    with_friction = moment(found["friction_of_file"], first)
     if result.mechanism.name == "two-joint-arm-c1":
         assert with_friction == pytest.approx(first.in_file, rel=0.02)
         return
     assert with_friction > first.value
-    noisy = explanation.without_delay[-1]
-    assert noisy.first_moments[first.name].value == pytest.approx(first.in_file, rel=0.04)
-    assert noisy.first_moments[second.name].value == pytest.approx(second.in_file, rel=0.05)
-    assert noisy.unexplained["J1"] > 3 * explanation.friction[3].unexplained["J1"]
+    noisy, left = found["without_delay"][-1], "rms_ratio_below_cutoff"
+    assert moment(noisy, first) == pytest.approx(first.in_file, rel=0.04)
+    assert moment(noisy, second) == pytest.approx(second.in_file, rel=0.05)
+    assert noisy[left]["J1"] > 3 * found["friction"][3][left]["J1"]
