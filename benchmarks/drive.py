@@ -16,7 +16,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -83,7 +82,7 @@ def timed(law: Callable[[float, float], float]) -> tuple[tuple[float, float, int
 def found(drive: Drive, mechanism: object) -> tuple[SteadyRotation, float, float]:
     """The steady state, the time to set up its equation of motion, and the time to find it with its extremes [s]."""
     begin = time.perf_counter()
-    (machine,) = drive.machines(mechanism)
+    (machine,) = drive.machines(mechanism, (828 * RPM,), "ungeared")
     ready = time.perf_counter()
     seconds = []
     for _ in range(REPEATS):
@@ -99,7 +98,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.drive", description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--rounds", type=int, default=5, help="times each runs; medians are shown")
     options = parser.parse_args(arguments)
-    drive = replace(load_drive("inverted-slider-crank"), speeds=(828 * RPM,), reading="ungeared")
+    drive = load_drive("inverted-slider-crank")
     mechanism = drive.load_mechanism()
     nominal, ours, setting_up, typed, modelled = 828 * RPM, [], [], [], []
     for _ in range(options.rounds):

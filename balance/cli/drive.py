@@ -59,24 +59,22 @@ def drive(
     drive file or a shipped one: inverted-slider-crank, four-bar-dc. The coefficient of speed fluctuation is
     (n_max - n_min) / n_nominal.
     """
-    from dataclasses import replace
-
     from ..drives import results as documents
     from ..drives.drive_files import load_drive
 
-    described = load_drive(drive)
-    study = replace(described, reading=reading or described.reading, speeds=speeds or described.speeds)
+    study = load_drive(drive)
     mechanism = study.load_mechanism().with_payload(payload)
-    machines = [(machine, False) for machine in study.machines(mechanism)]
+    machines = [(machine, False) for machine in study.machines(mechanism, speeds, reading)]
     if counter:
-        machines += [(machine, True) for machine in study.machines(mechanism.with_counter_mass(counter))]
+        balanced = mechanism.with_counter_mass(counter)
+        machines += [(machine, True) for machine in study.machines(balanced, speeds, reading)]
     result = documents.document_head(study, [machine for machine, _ in machines])
     result["reduced"] = documents.inertia_document(machines[0][0])
     if counter:
         result["reduced_with_counter_masses"] = documents.inertia_document(machines[-1][0])
     _fill(result, study, machines, flywheel_for, flywheel_side, start_up, convergence)
-    for machine, balanced in machines:
-        result["findings"] += [] if balanced else documents.beyond_file(machine, described.speeds)
+    for machine, has_masses in machines:
+        result["findings"] += [] if has_masses else documents.beyond_file(machine, study.table.speeds)
     options.draw(figure, "balance.figures.rotating:draw_drive", result)
     further = ("reduced", "reduced_with_counter_masses", "steady", "readings", "convergence", "convergence.trials")
     return Answer(result, lambda: _print(result), findings=result["findings"], further=further)
@@ -99,7 +97,7 @@ def _fill(
 
     result |= {"steady": [], "findings": [], "start_up": [], "flywheel": [], "convergence": []}
     for machine, balanced in machines:
-        begin = machine.reduced.direction * study.start_angle
+        begin = machine.reduced.direction * study.table.start_angle
         solutions = steady_rotations(machine)
         reached, refusal = None, None
         try:

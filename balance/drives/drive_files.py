@@ -1,6 +1,7 @@
 """Drive files (``datasets/drives``): which machine, motor, gearbox, inertias and loads, with units."""
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -25,8 +26,7 @@ from ..input_files import (
 )
 from ..mechanism.mjcf_parser import load_mechanism
 from .equivalent_inertia import reduced_to_crank
-from .machine import READINGS, Inertia, Load, Machine
-from .motors import Moment, Motor, PositiveSpeed, Speed
+from .machine import READINGS, Inertia, Load, Machine, Moment, Motor, PositiveSpeed, Speed
 
 if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator
@@ -204,43 +204,30 @@ class Drive:
     table: DriveTable
     folder: Path
     """Folder of the files that it names."""
-    speeds: tuple[float, ...]
-    """Nominal speeds of the motor [rad/s]."""
-    motor: Motor
-    reading: str | None
-    """How the gearbox's torque is read; None where the file does not state it."""
-
-    @property
-    def ratio(self) -> float:
-        """Turns of the motor per turn of the crank."""
-        return self.table.gearbox.ratio
-
-    @property
-    def start_angle(self) -> float:
-        """Crank angle of start-up [rad]."""
-        return self.table.start_angle
-
-    @property
-    def readings(self) -> tuple[str, ...]:
-        """The reading that the file states, or else all of them; without a gearbox they are one."""
-        if self.reading is None and self.ratio != 1.0:
-            return tuple(READINGS)
-        return (self.reading or next(iter(READINGS)),)
 
     def load_mechanism(self) -> "Mechanism":
         """The mechanism of the drive."""
         path = self.folder / self.table.mechanism
         return load_mechanism(path if path.is_file() else self.table.mechanism)
 
-    def machines(self, mechanism: "Mechanism") -> list[Machine]:
-        """The machine at each nominal speed, in each possible reading of the gearbox."""
-        reduced = reduced_to_crank(mechanism, self.table.crank, self.table.direction)
-        loads = tuple(self._load(table, mechanism, reduced.crank) for table in self.table.load)
-        inertias = tuple(Inertia(each.name or "inertia", each.inertia, each.side) for each in self.table.inertia)
+    def machines(
+        self, mechanism: "Mechanism", speeds: Sequence[float] = (), reading: str | None = None
+    ) -> list[Machine]:
+        """The machine at each of ``speeds`` of its motor [rad/s], else at those of the file.
+
+        The gearbox's torque is read as ``reading`` says, else the file; where neither does, once in each way, unless
+        the ratio is one.
+        """
+        table = self.table
+        reduced = reduced_to_crank(mechanism, table.crank, table.direction)
+        loads = tuple(self._load(load, mechanism, reduced.crank) for load in table.load)
+        inertias = tuple(Inertia(each.name or "inertia", each.inertia, each.side) for each in table.inertia)
+        ratio, stated = table.gearbox.ratio, reading or table.gearbox.reading
+        readings = [stated] if stated else list(READINGS)[: 2 if ratio != 1.0 else 1]
         return [
-            Machine(reduced, self.motor, self.ratio, reading, speed, inertias, loads)
-            for speed in self.speeds
-            for reading in self.readings
+            Machine(reduced, table.motor, ratio, each, speed, inertias, loads)
+            for speed in speeds or table.speeds
+            for each in readings
         ]
 
     def _load(self, table: FrictionTable | DragTable | CurveTable, mechanism: "Mechanism", crank: str) -> Load:
@@ -258,8 +245,7 @@ class Drive:
 def load_drive(name: str | Path) -> Drive:
     """Load a shipped drive by name, or a TOML file. Raises DataError, naming the key that is wrong."""
     path = datasets.find_dataset(name, "drives", ".toml")
-    table = load_model(DriveTable, path)
-    return Drive(path.name, table, path.parent, tuple(table.speeds), table.motor, table.gearbox.reading)
+    return Drive(path.name, load_model(DriveTable, path), path.parent)
 
 
 def _periodic(angles: Floats, values: Floats, key: str) -> "PchipInterpolator":

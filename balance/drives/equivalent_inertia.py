@@ -1,19 +1,20 @@
 """A machine of one degree of freedom reduced to its crank: kinetic and potential energy as functions of one angle.
 
 With the joint rates q' = g(phi) phi' that the loops allow, kinetic energy is I(phi) phi'^2 / 2, and the equation of
-motion is I phi'' + I' phi'^2 / 2 + V' = Q. All of it is computed from the mechanism's file.
+motion is I phi'' + I' phi'^2 / 2 + V' = Q. All of it is computed from the mechanism's file, as Fourier series over one
+turn: of smooth functions these are exact to rounding error.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Annotated
 
 import numpy as np
 from scipy.optimize import brentq
 
-from ..arrays import Floats
-from ..closure import Closure, Trajectory
+from ..arrays import Complexes, Floats, frozen
+from ..closure import Closure
 from ..dynamics.inverse_dynamics import simulate
 from ..dynamics.regressor import potential
 from ..errors import ModelError
@@ -21,7 +22,6 @@ from ..mechanism.mechanism import Mechanism
 from ..motion import Samples
 from ..results import Key
 from . import DriveError
-from .fourier_series import Periodic
 
 TAIL = 1e-12
 """Size of the highest harmonics, relative to the largest, at which a table counts as resolved."""
@@ -31,6 +31,71 @@ _SAME_ANGLE = 1e-9
 """Below a whole turn an angle this near is 0 [rad]."""
 _GRID = 2881
 """Angles of a turn at which the slope's sign is looked at."""
+
+
+@dataclass(frozen=True)
+class Periodic:
+    """Several functions f(phi) = Re sum_k c_k exp(i k phi) that share their harmonics."""
+
+    coefficients: Complexes
+    """c_k of each function, k = 0, 1, ..., (functions, harmonics + 1)."""
+
+    @classmethod
+    def through(cls, samples: Floats) -> "Periodic":
+        """Through equidistant samples of one turn, its end excluded, (functions, n) [unit of each function]."""
+        count = samples.shape[1]
+        coefficients = np.fft.rfft(samples, axis=1)[:, : (count + 1) // 2] * (2.0 / count)
+        coefficients[:, 0] /= 2.0
+        return cls(coefficients)
+
+    @property
+    def harmonics(self) -> int:
+        """Highest harmonic kept."""
+        return self.coefficients.shape[1] - 1
+
+    @cached_property
+    def _orders(self) -> Complexes:
+        return 1j * np.arange(self.harmonics + 1)
+
+    def __call__(self, phi: Floats | float) -> Floats:
+        """Values at angles phi of any shape [rad], (functions, *shape of phi) [unit of each function]."""
+        waves = np.exp(np.multiply.outer(self._orders, phi)).reshape(self.harmonics + 1, -1)
+        return np.real(self.coefficients @ waves).reshape(-1, *np.shape(phi))
+
+    def slope(self) -> "Periodic":
+        """Derivatives by phi."""
+        return Periodic(self.coefficients * self._orders)
+
+    def tail(self) -> float:
+        """Largest coefficient in the last eighth of the harmonics, of each function relative to its largest."""
+        last = self.coefficients[:, -max(2, self.harmonics // 8) :]
+        size = np.abs(self.coefficients).max(axis=1)
+        return float((np.abs(last).max(axis=1) / np.where(size > 0.0, size, 1.0)).max())
+
+    def trimmed(self, tol: float = 1e-17) -> "Periodic":
+        """Without the highest harmonics whose coefficients are all below ``tol`` of the largest of their function."""
+        size = np.abs(self.coefficients)
+        relative = (size / np.maximum(size.max(axis=1, keepdims=True), 1e-300)).max(axis=0)
+        last = int(np.flatnonzero(relative > tol).max(initial=0))
+        return Periodic(self.coefficients[:, : last + 1])
+
+
+def odd_grid(harmonics: int) -> Floats:
+    """Equidistant angles of one turn for so many harmonics, (2 harmonics + 1,) [rad]."""
+    return 2.0 * np.pi * np.arange(2 * harmonics + 1) / (2 * harmonics + 1)
+
+
+@lru_cache(maxsize=8)
+def differentiation(harmonics: int) -> Floats:
+    """Matrix from samples on ``odd_grid`` to samples of the derivative of their series, (n, n) [1/rad].
+
+    D_jk = (-1)^(j-k) / (2 sin((phi_j - phi_k) / 2)) off the diagonal.
+    """
+    count = 2 * harmonics + 1
+    steps = np.arange(1, count)
+    first = np.r_[0.0, 0.5 * (-1.0) ** steps / np.sin(-np.pi * steps / count)]
+    rows, columns = np.ogrid[:count, :count]
+    return frozen(first[(columns - rows) % count])
 
 
 @dataclass(frozen=True)
@@ -46,14 +111,17 @@ class EquivalentInertia:
     """1, or -1 where the crank turns clockwise (about minus its axis)."""
     functions: Periodic
     """I(u) [kg m2], V(u) [J], then the gains dq_j/du of all coordinates [-, m]."""
-    slopes: Periodic
-    """Their derivatives by u."""
     samples: Annotated[int, Key("closed_positions")]
     """Closed configurations of a turn behind the series."""
     tail: Annotated[float, Key("highest_harmonics")]
     """Size of the highest harmonics of the series, relative to the largest."""
     closure_residual: Annotated[float, Key("closure_residual_m")]
     """Largest loop residual over the turn [m, rad]."""
+
+    @cached_property
+    def slopes(self) -> Periodic:
+        """The derivatives of the functions by u."""
+        return self.functions.slope()
 
     @cached_property
     def motion(self) -> Periodic:
@@ -108,26 +176,18 @@ def reduced_to_crank(mechanism: Mechanism, crank: str | None = None, direction: 
             f"{model.name}: its reduced inertia is not resolved by {count} positions a turn (highest harmonics "
             f"{series.tail():.1e}): a position is nearly singular; change the lengths, or another crank"
         )
-    short = series.trimmed()
-    return EquivalentInertia(mechanism, name, direction, short, short.slope(), count, series.tail(), residual)
+    return EquivalentInertia(mechanism, name, direction, series.trimmed(), count, series.tail(), residual)
 
 
 def _turn(closure: Closure, crank: str, direction: int, count: int) -> tuple[Floats, float]:
-    """I, V and gains at equidistant positions of one turn, (2 + nv, count), and the loop residual."""
+    """I, V and gains at equidistant positions of one turn, (2 + nv, count), and the loop residual.
+
+    Raises DriveError for a joint that is not back after the turn, a hinge up to whole turns.
+    """
     u = 2.0 * np.pi * np.arange(count + 1) / count
     rate = np.full((count + 1, 1), float(direction))
     at = Samples(u, direction * u[:, None], rate, np.zeros_like(rate), joints=(crank,))
-    trajectory = closure.follow(at)
-    _refuse_unless_it_repeats(closure.mechanism, trajectory)
-    at_rest = replace(trajectory, v=np.zeros_like(trajectory.v), a=np.zeros_like(trajectory.v))
-    weight = simulate(closure.mechanism, at_rest).torque[crank]
-    accelerated = simulate(closure.mechanism, replace(at_rest, a=direction * trajectory.v)).torque[crank]
-    energy = potential(closure.mechanism, trajectory.q)
-    return np.vstack([accelerated - weight, energy, trajectory.v.T])[:, :-1], trajectory.residual
-
-
-def _refuse_unless_it_repeats(mechanism: Mechanism, trajectory: Trajectory) -> None:
-    """Refuse a joint that is not back after a turn of the crank, a hinge up to whole turns."""
+    trajectory, mechanism = closure.follow(at), closure.mechanism
     change = trajectory.q[-1] - trajectory.q[0]
     hinge = np.array([joint.revolute for joint in mechanism.tree.joints])
     gap = np.abs(np.where(hinge, change - 2.0 * np.pi * np.rint(change / (2.0 * np.pi)), change))
@@ -137,6 +197,11 @@ def _refuse_unless_it_repeats(mechanism: Mechanism, trajectory: Trajectory) -> N
             f"{mechanism.name}: joint {joint!r} is not back after a turn of the crank (off {gap.max():.3g}): the drive "
             "needs a mechanism that repeats with its crank"
         )
+    at_rest = replace(trajectory, v=np.zeros_like(trajectory.v), a=np.zeros_like(trajectory.v))
+    weight = simulate(mechanism, at_rest).torque[crank]
+    accelerated = simulate(mechanism, replace(at_rest, a=direction * trajectory.v)).torque[crank]
+    energy = potential(mechanism, trajectory.q)
+    return np.vstack([accelerated - weight, energy, trajectory.v.T])[:, :-1], trajectory.residual
 
 
 def stationary_points(slope: Callable[[Floats], Floats]) -> list[float]:

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from ..arrays import Floats
 from ..results import Brief, Key, rpm
 from . import DriveError
-from .fourier_series import Periodic, differentiation, odd_grid
+from .equivalent_inertia import Periodic, differentiation, odd_grid
 from .machine import Machine
 
 TAIL = 1e-12

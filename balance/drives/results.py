@@ -10,8 +10,7 @@ from ..results import document
 from .drive_files import Drive, PublishedSpeeds
 from .equivalent_inertia import inertia_extremes
 from .harmonic_balance import DEFINITIONS, Flywheel, SteadyRotation, flywheel_estimate
-from .machine import READINGS, Machine
-from .motors import DirectCurrent, MeasuredMotor
+from .machine import READINGS, DirectCurrent, Machine, MeasuredMotor
 from .time_integration import StartUp, by_harmonics, by_tolerance, periodicity, solver_scatter
 
 RPM = math.pi / 30.0
@@ -115,24 +114,20 @@ def drive_findings(solution: SteadyRotation, row: dict[str, Any]) -> list[str]:
         findings.append(f"{where}: after an integrated turn the speed is off by {row['periodicity']:.1e} of itself")
     if not solution.is_converged():
         findings.append(f"{where}: harmonics still at {solution.tail:.1e}; a load or friction with a kink")
-    return findings + [f"{where}: {text}" for text in _beyond(solution)]
-
-
-def _beyond(solution: SteadyRotation) -> list[str]:
-    """Speeds beyond those that the motor's data cover."""
     machine = solution.machine
     slowest, fastest = (machine.ratio * at[1] / RPM for at in (solution.slowest, solution.fastest))
     if isinstance(motor := machine.motor, MeasuredMotor) and not motor.covers(np.array([slowest, fastest]) * RPM):
-        return [
-            f"the motor turns at {slowest:.4g} to {fastest:.4g} rpm, its table covers {motor.speed[0] / RPM:.4g} to "
-            f"{motor.speed[-1] / RPM:.4g} rpm; it was extrapolated by its tangent"
-        ]
+        findings.append(
+            f"{where}: the motor turns at {slowest:.4g} to {fastest:.4g} rpm, its table covers "
+            f"{motor.speed[0] / RPM:.4g} to {motor.speed[-1] / RPM:.4g} rpm; it was extrapolated by its tangent"
+        )
     if isinstance(motor, DirectCurrent) and machine.nominal > (1.0 + _ROUNDING) * motor.no_load_speed:
-        return [
-            f"the nominal speed is {machine.nominal / motor.no_load_speed:.3g} times the motor's speed without load at "
-            f"full voltage, {motor.no_load_speed / RPM:.4g} rpm: it would need as many times its voltage"
-        ]
-    return []
+        findings.append(
+            f"{where}: the nominal speed is {machine.nominal / motor.no_load_speed:.3g} times the motor's speed "
+            f"without load at full voltage, {motor.no_load_speed / RPM:.4g} rpm: it would need as many times its "
+            "voltage"
+        )
+    return findings
 
 
 def beyond_file(machine: Machine, speeds: Sequence[float]) -> list[str]:

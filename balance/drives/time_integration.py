@@ -131,16 +131,23 @@ def start_up(
 
     Raises DriveError, naming the angle, where the motor cannot move the crank, or does not bring it round.
     """
-    _refuse_stall(machine, start)
+    name, direction = machine.reduced.mechanism.name, machine.reduced.direction
+    pull = float(machine.motor_torque(0.0))
+    net = float(machine.torque(start, 1e-12 * machine.nominal_crank)) - float(machine.reduced.potential_slope(start))
+    if not net > 0.0:
+        raise DriveError(
+            f"{name} does not start at {np.degrees(direction * start):g} deg: "
+            f"{pull:.4g} N m of the motor at the crank against {pull - net:.4g} N m; start it elsewhere"
+        )
     state, time, done, evaluations = np.array([start, 0.0]), 0.0, [], 0
     pieces: list[tuple[Floats, Floats]] = []
     for number in range(1, turns + 1):
         turn = run_to(machine, time, state, start + 2.0 * np.pi * number, rtol, method)
         if turn.outcome != "arrived":
-            angle = np.degrees(machine.reduced.direction * float(turn.state[0])) % 360.0
+            angle = np.degrees(direction * float(turn.state[0])) % 360.0
             raise DriveError(
-                f"{machine.reduced.mechanism.name} does not come round in its start-up: the crank {turn.outcome} at "
-                f"{angle:.1f} deg after {turn.time:.3g} s; the motor is too weak or starts in the wrong place"
+                f"{name} does not come round in its start-up: the crank {turn.outcome} at {angle:.1f} deg after "
+                f"{turn.time:.3g} s; the motor is too weak or starts in the wrong place"
             )
         instants = np.linspace(time, turn.time, _SAMPLES + 1)
         course = turn.course(instants)
@@ -161,18 +168,6 @@ def reached_from_rest(solutions: Sequence[SteadyRotation], start: float = 0.0) -
     """
     start_up(solutions[0].machine, 1, start, _COARSE)
     return solutions[-1] if solutions[-1].is_stable else None
-
-
-def _refuse_stall(machine: Machine, start: float) -> None:
-    pull = float(machine.motor_torque(0.0))
-    least = 1e-12 * machine.nominal_crank
-    net = float(machine.torque(start, least)) - float(machine.reduced.potential_slope(start))
-    if not net > 0.0:
-        angle = np.degrees(machine.reduced.direction * start)
-        raise DriveError(
-            f"{machine.reduced.mechanism.name} does not start at {angle:g} deg: "
-            f"{pull:.4g} N m of the motor at the crank against {pull - net:.4g} N m; start it elsewhere"
-        )
 
 
 def _peak(values: Floats) -> float:

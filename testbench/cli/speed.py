@@ -100,7 +100,7 @@ def speed(
     course = rotating.speed_history(edges)
     result |= {"findings": speed_results.speed_findings(edges, turn), "course": document(course)}
     mean = float(course.speed[-len(course.speed) // 2 :].mean()) if turn is None else turn.mean.value
-    machine = _machine(drive, motor_speed, reading, mean) if drive else None
+    machine = speed_results.drive_machine(drive, motor_speed, reading, mean) if drive else None
     nominal = nominal or (machine.nominal_crank if machine else None)
     if turn is not None:
         result["steady"] = speed_results.turn_document(turn, nominal)
@@ -151,16 +151,6 @@ def _measured(
             raise
         found["not_steady"] = str(error)
     return edges, found, turn
-
-
-def _machine(name: str, motor_speed: float | None, reading: str | None, mean: float) -> Any:  # noqa: ANN401
-    from balance.drives.drive_files import load_drive
-
-    from ..rotating import speed_results
-
-    drive = load_drive(name)
-    nearest = min(drive.speeds, key=lambda nominal: abs(nominal / drive.ratio - mean))
-    return speed_results.drive_machine(name, motor_speed or nearest, reading)
 
 
 def _print(result: dict[str, Any]) -> None:

@@ -354,20 +354,21 @@ class JointFit:
         return float(np.sqrt(np.mean((self.turn.speed(phi) - self.computed(phi)) ** 2)))
 
 
-def drive_machine(name: str, nominal: float, reading: str | None) -> "Machine":
+def drive_machine(name: str, nominal: float | None, reading: str | None, mean: float = 0.0) -> "Machine":
     """The machine of a drive file at a nominal speed of its motor [rad/s].
 
-    ``reading`` is how the gearbox's torque is read. Raises AnalysisError where neither it nor the file says so.
+    Without ``nominal`` it is the file's nearest to a ``mean`` speed of the crank [rad/s]. ``reading`` is how the
+    gearbox's torque is read. Raises AnalysisError where neither it nor the file says so.
     """
     from balance.drives.drive_files import load_drive
 
     drive = load_drive(name)
-    if reading is None and drive.reading is None:
+    if reading is None and drive.table.gearbox.reading is None:
         raise AnalysisError(
             f"{drive.name} does not state how the gearbox's torque is read: give --reading geared or ungeared"
         )
-    drive = replace(drive, speeds=(nominal,), reading=reading or drive.reading)
-    return drive.machines(drive.load_mechanism())[0]
+    nearest = min(drive.table.speeds, key=lambda speed: abs(speed / drive.table.gearbox.ratio - mean))
+    return drive.machines(drive.load_mechanism(), (nominal or nearest,), reading)[0]
 
 
 def joint_fit(turn: SteadySpeedFit, machine: "Machine", first_edge: float | None = None) -> JointFit:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from balance.drives.motors import Constant, DirectCurrent, MeasuredMotor
+from balance.drives.machine import Constant, DirectCurrent, MeasuredMotor
 
 
 def dc(stall_torque: float, no_load_speed: float) -> DirectCurrent:

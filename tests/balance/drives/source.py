@@ -1,7 +1,6 @@
 """The source's drive, as the tests set it up, and reference values worked out with independent code."""
 
 import json
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -26,6 +25,4 @@ def mechanism() -> Mechanism:
 def machine(nominal_rpm: float, reading: str = "ungeared") -> Machine:
     """The source's machine at a nominal speed."""
     drive = load_drive("inverted-slider-crank")
-    return next(
-        m for m in replace(drive, reading=reading).machines(mechanism()) if abs(m.nominal - nominal_rpm * RPM) < 1e-6
-    )
+    return next(m for m in drive.machines(mechanism(), reading=reading) if abs(m.nominal - nominal_rpm * RPM) < 1e-6)

@@ -6,7 +6,7 @@ import pytest
 from balance import datasets
 from balance.drives.drive_files import load_drive
 from balance.drives.harmonic_balance import steady_rotation
-from balance.drives.motors import Induction, MeasuredMotor
+from balance.drives.machine import Induction, MeasuredMotor
 from balance.errors import DataError
 
 from .motor_kinds import constant, dc
@@ -48,15 +48,15 @@ def test_shipped_drives_turn(name):
 def test_the_source_s_drive():
     """The source's table, in SI; both readings of the gearbox, since the source does not state it."""
     drive = load_drive("inverted-slider-crank")
-    assert drive.motor == Induction(
+    assert drive.table.motor == Induction(
         kind="induction", peak_torque="12.75 N m", peak_slip=0.315, a=2.565, b=1.380, synchronous_speed="nominal"
     )
-    assert drive.speeds == pytest.approx((276 * RPM, 828 * RPM))
-    assert drive.readings == ("geared", "ungeared")
+    assert drive.table.speeds == pytest.approx((276 * RPM, 828 * RPM))
     assert drive.published_at(276 * RPM).fluctuation == 0.201
     assert drive.published_at(828 * RPM).fluctuation == 0.116
     assert drive.published_at(500 * RPM) is None
-    machine = drive.machines(drive.load_mechanism())[0]
+    machine, other = drive.machines(drive.load_mechanism(), (276 * RPM,))
+    assert (machine.reading, other.reading) == ("geared", "ungeared")
     assert machine.constant_inertia == pytest.approx(0.42)
     assert machine.nominal_crank / RPM == pytest.approx(76.45, abs=0.005)
 
@@ -97,7 +97,7 @@ torque = ["1 N m", "2 N m", "0 N m"]
     }
     for text, motor in kinds.items():
         drive = load_drive(written(tmp_path, f"{head}[motor]\n{text}\n{gear}{loads}"))
-        assert drive.motor == motor
+        assert drive.table.motor == motor
         (machine,) = drive.machines(drive.load_mechanism())
         assert machine.constant_inertia == pytest.approx(4 * 20e-4)
         assert [load.joint for load in machine.loads] == [2, 0, 0]
@@ -106,8 +106,8 @@ torque = ["1 N m", "2 N m", "0 N m"]
         assert machine.loads[2].torque(2 * np.pi, 1.0, 1.0) == pytest.approx(-1.0)
     table = 'kind = "table"\nspeed = ["0 rpm", "100 rpm"]\ntorque = ["3 N m", "1 N m"]'
     drive = load_drive(written(tmp_path, f"{head}[motor]\n{table}\n"))
-    assert isinstance(drive.motor, MeasuredMotor)
-    assert drive.motor.torque_at(50 * RPM, 0.0) == pytest.approx(2.0)
+    assert isinstance(drive.table.motor, MeasuredMotor)
+    assert drive.table.motor.torque_at(50 * RPM, 0.0) == pytest.approx(2.0)
 
 
 def test_a_mechanism_beside_the_drive_s_file_is_found(tmp_path):

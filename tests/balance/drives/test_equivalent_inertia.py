@@ -10,6 +10,7 @@ from balance.closure import Closure
 from balance.drives import DriveError, equivalent_inertia
 from balance.drives.equivalent_inertia import reduced_to_crank
 from balance.errors import ClosureError, ModelError
+from balance.mechanism.mjcf_parser import mechanism_from_text
 from balance.motion import Samples
 
 from .. import models, referees
@@ -105,13 +106,14 @@ def test_what_cannot_be_reduced_is_refused():
         reduced_to_crank(models.load("parallelogram-6bar"))
 
 
-def test_a_joint_that_is_not_back_after_a_turn_is_named():
-    """A screw-like machine whose slide creeps on with every turn has no periodic equation of motion."""
-    from balance.closure import Trajectory
-    from balance.drives import equivalent_inertia as module
+SCREW = """<mujoco model="screw"><worldbody>
+<body name="wheel"><joint name="turn" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>
+<body name="nut"><joint name="slide" type="slide" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+</body></worldbody><equality><joint joint1="slide" joint2="turn" polycoef="0 0.01 0 0 0"/></equality>
+<actuator><motor joint="turn"/></actuator></mujoco>"""
 
-    model = mechanism()
-    q = np.array([[0.0, 0.0, 0.3], [2 * np.pi, 0.0, 0.31]])
-    fields = (np.zeros((2, 3)), np.zeros((2, 3)), np.zeros((2, 3, 1)), 0.0, 1.0, "home")
-    with pytest.raises(DriveError, match="'slide' is not back"):
-        module._refuse_unless_it_repeats(model, Trajectory(model.name, np.arange(2.0), q, *fields))
+
+def test_a_joint_that_is_not_back_after_a_turn_is_named():
+    """A screw whose nut goes on with every turn has no periodic equation of motion."""
+    with pytest.raises(DriveError, match="'slide' is not back after a turn of the crank"):
+        reduced_to_crank(mechanism_from_text(SCREW, "screw.xml"))

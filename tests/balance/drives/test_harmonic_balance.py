@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from balance.drives import DriveError, time_integration
-from balance.drives.equivalent_inertia import reduced_to_crank
-from balance.drives.fourier_series import Periodic, differentiation, odd_grid
+from balance.drives.equivalent_inertia import Periodic, differentiation, odd_grid, reduced_to_crank
 from balance.drives.harmonic_balance import DEFINITIONS, steady_rotation, steady_rotations
 from balance.drives.machine import Inertia, Load, Machine
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from balance.drives.motors import Induction
+from balance.drives.machine import Induction
 
 from . import motor_kinds as motors
 from .source import REFERENCE, RPM
