@@ -1,6 +1,6 @@
 """The report of a design as one page: counter-masses, what remains, conditions, a motion with and without them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -17,13 +17,9 @@ from .plotted import PlottedRun, plotted, spans_for
 KINDS = {"F": "Shaking force", "M": "Shaking moment", "t": "Torque of the drives", "d": "Force of the drives"}
 """Headings by the first letter of a component's name."""
 SECTIONS = (
-    ("sizing", "Counter-masses"),
-    ("conditions", "Conditions"),
-    ("forces", "Forces, moments, torques"),
-    ("motion", "The mechanism"),
-    ("series", "Time series"),
-    ("provenance", "Provenance"),
-)
+    ("sizing", "Counter-masses"), ("conditions", "Conditions"), ("forces", "Forces, moments, torques"),
+    ("motion", "The mechanism"), ("series", "Time series"), ("provenance", "Provenance"),
+)  # fmt: skip
 
 
 def design_page(study: SizingStudy) -> Page:
@@ -36,8 +32,13 @@ def design_page(study: SizingStudy) -> Page:
     masses = {one.site: one.mass for one in study.counter_masses if one.mass > 0.0}
     designs = {"without counter-masses": (study.before, {}), "with counter-masses": (study.after, masses)}
     forces = {label: one.force for label, one in zip(designs, responses.values(), strict=True)}
+    spans = spans_for([len(one.time) for one in responses.values() for _ in shown])
+    series = [
+        plotted_response(motion, f"motion {motion}, {label}", side == "after", one, shown, spans)
+        for label, (side, one) in zip(designs, responses.items(), strict=True)
+    ]
     data = {
-        "runs": [run.as_dict() for run in _series(motion, responses, shown)],
+        "runs": [run.as_dict() for run in series],
         "motions": [moving(f"motion {motion}", trajectory, designs, forces)],
     }
     figure = inline_svg(draw_responses(responses, shown), "Forces, moments and torques with and without counter-masses")
@@ -62,16 +63,6 @@ def _document(study: SizingStudy) -> dict[str, Any]:
         ],
         "responses": compared(study.responses),
     })  # fmt: skip
-
-
-def _series(motion: str, responses: Mapping[str, Response], shown: list[str]) -> list[PlottedRun]:
-    """Every component that is not zero, before and after."""
-    spans = spans_for([len(one.time) for one in responses.values() for _ in shown])
-    words = {"before": "without", "after": "with"}
-    return [
-        plotted_response(motion, f"motion {motion}, {words[side]} counter-masses", side == "after", one, shown, spans)
-        for side, one in responses.items()
-    ]
 
 
 def plotted_response(

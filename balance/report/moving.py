@@ -6,7 +6,6 @@ only lengths across the line of sight are to scale.
 
 import base64
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -41,14 +40,6 @@ Designs = Mapping[str, tuple[Mechanism, Mapping[str, float]]]
 """By label the mechanism as it moves, and its counter-masses [kg] by site."""
 
 
-@dataclass(frozen=True)
-class _Picture:
-    """What is drawn of one design: points (frames, k, 2) [m], and shapes that refer to them by index."""
-
-    points: Floats
-    shapes: list[dict[str, Any]]
-
-
 def moving(
     name: str,
     trajectory: Trajectory,
@@ -71,7 +62,7 @@ def moving(
     room_for = trajectory.q[frames] if around is None else np.concatenate([trajectory.q[frames], around])
     view, flat = _view(next(iter(designs.values()))[0], room_for, seen_from)
     each = {label: _picture(mechanism, masses, room_for, view) for label, (mechanism, masses) in designs.items()}
-    extent = np.concatenate([one.points.reshape(-1, 2) for one in each.values()])
+    extent = np.concatenate([points.reshape(-1, 2) for points, _ in each.values()])
     low, size = extent.min(axis=0), np.ptp(extent, axis=0)
     arrow = _LONGEST_ARROW * float(size.max()) / (largest or 1.0)
     scale = (WIDTH - 2.0 * _MARGIN) / (float(size[0]) + 2.0 * arrow * largest)
@@ -84,17 +75,14 @@ def moving(
         return np.stack([room + off[..., 0], height - room - off[..., 1]], axis=-1)
 
     panels = []
-    for label, one in each.items():
-        force = forces[label][frames] @ view.T
-        drawn_points = one.points[: len(frames)]
-        arrows = _arrow(drawn_points[:, -1], arrow * force, _HEAD * float(size.max()))
-        parts = [{**shape, "radius": shape["radius"] * scale} if "radius" in shape else shape for shape in one.shapes]
-        last = drawn_points.shape[1] - 1
-        parts += [
-            {"kind": "centre", "points": [last]},
-            {"kind": "force", "points": [last, last + 1, last + 2, last + 1, last + 3]},
-        ]
-        points = np.concatenate([drawn_points, arrows], axis=1)
+    for label, (places, parts) in each.items():
+        force, in_frames = forces[label][frames] @ view.T, places[: len(frames)]
+        arrows = _arrow(in_frames[:, -1], arrow * force, _HEAD * float(size.max()))
+        parts = [{**shape, "radius": shape["radius"] * scale} if "radius" in shape else shape for shape in parts]
+        last = in_frames.shape[1] - 1
+        parts.append({"kind": "centre", "points": [last]})
+        parts.append({"kind": "force", "points": [last, last + 1, last + 2, last + 1, last + 3]})
+        points = np.concatenate([in_frames, arrows], axis=1)
         tenths = np.rint(10.0 * drawn(points)).astype("<i2")
         panels.append({
             "label": label, "shapes": parts, "count": points.shape[1],
@@ -119,7 +107,7 @@ def drawn_points(
     They are numbered as in the first configuration.
     """
     view, _ = _view(mechanism, around, seen_from)
-    return lambda q: _picture(mechanism, masses, q, view).points
+    return lambda q: _picture(mechanism, masses, q, view)[0]
 
 
 def pictures(panel: Mapping[str, Any]) -> Floats:
@@ -153,17 +141,22 @@ def _view(mechanism: Mechanism, q: Floats, seen_from: tuple[float, float]) -> tu
     return np.array([right, np.cos(elevation) * up + np.sin(elevation) * away]), False
 
 
-def _picture(mechanism: Mechanism, masses: Mapping[str, float], q: Floats, view: Floats) -> _Picture:
-    """Links, pivots and counter-masses at ``q`` (frames, nv) [rad, m]; the centre of mass is the last point."""
+def _picture(
+    mechanism: Mechanism, masses: Mapping[str, float], q: Floats, view: Floats
+) -> tuple[Floats, list[dict[str, Any]]]:
+    """Links, pivots, counter-masses at ``q`` (frames, nv) [rad, m]: points (frames, k, 2) [m], and shapes by index.
+
+    The centre of mass is the last point.
+    """
     points: list[Floats] = []
     drawn: list[dict[str, Any]] = []
     for one in shapes(mechanism, masses, q):
         places = list(range(len(points), len(points) + len(one.points)))
-        stated = {"label": one.label, "radius": one.radius}
-        drawn.append({"kind": one.kind, "points": places, **{name: x for name, x in stated.items() if x}})
+        label, radius = {"label": one.label} if one.label else {}, {"radius": one.radius} if one.radius else {}
+        drawn.append({"kind": one.kind, "points": places, **label, **radius})
         points.extend(view @ point for point in one.points)
     points.append(view @ (first_moment(mechanism, q) / mechanism.total_mass).T)
-    return _Picture(np.array(points).transpose(2, 0, 1), drawn)
+    return np.array(points).transpose(2, 0, 1), drawn
 
 
 def designs_of(mechanism: Mechanism, masses: dict[str, float]) -> Designs:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from importlib.metadata import version
+from operator import call
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -76,6 +77,8 @@ class CampaignReport:
     def document(self) -> dict[str, Any]:
         """The report in plain JSON types, units in the keys."""
         compared = self.comparison
+        manipulator = any(run.rig and SIRun.of(run).rig.mechanism.startswith(MANIPULATOR) for run in self.runs)
+        published = isinstance(compared, Comparison) and compared.published is not None
         findings: list[Finding] = [] if isinstance(compared, str) else list(compared.findings)
         findings += self.examination.findings
         findings += [finding for one in self.reports.values() for finding in one.findings]
@@ -92,9 +95,22 @@ class CampaignReport:
             "compared": torques_compared(self.runs, self.reports),
             "findings": grouped(dict.fromkeys(findings), self._decisions(findings)),
             "calibrations": calibrations_in_force(SIRun.of(run) for run in self.runs if run.rig),
-            "provenance": [_provenance(run) for run in self.runs],
+            "provenance": [
+                {
+                    "run": run.name,
+                    "origin": str(run.origin),
+                    "sha256": digest_of(run),
+                    "written": run.provenance.get("written"),
+                    "software": run.provenance.get("software", {}),
+                    "sources": [
+                        {key: source[key] for key in ("name", "size_bytes", "sha256")}
+                        for source in run.provenance["sources"]
+                    ],
+                }
+                for run in self.runs
+            ],
             "ledgers": ledger_heads(run.path.parent for run in self.runs),
-            "notes": self._notes,
+            "notes": [ORIGINAL_LOGS] if manipulator or published else [],
         })  # fmt: skip
 
     def _decisions(self, findings: Iterable[Finding]) -> dict[str, str]:
@@ -102,9 +118,10 @@ class CampaignReport:
         about_runs = {*ADVICE, *(one.code for run in self.runs for one in run.findings)}
         found = {one.code: NOTHING_TO_ACCEPT for one in findings if one.code not in about_runs}
         found |= dict.fromkeys(self.accepted, "accepted in this report (--accept)")
-        for code in {code for run in self.runs for code in run.provenance.get("accepted_findings", ())}:
+        accepted = {id(run): run.provenance.get("accepted_findings", ()) for run in self.runs}
+        for code in {code for codes in accepted.values() for code in codes}:
             having = [run for run in self.runs if any(one.code == code for one in run.findings)]
-            some = [run for run in having if code in run.provenance.get("accepted_findings", ())]
+            some = [run for run in having if code in accepted[id(run)]]
             people = [run.provenance.get("acceptance") for run in some]
             if some:
                 one = people[0] if people.count(people[0]) == len(people) else None
@@ -112,13 +129,6 @@ class CampaignReport:
                 still_open = "open in other runs; " if len(some) < len(having) else ""
                 found[code] = f"{still_open}accepted as {names} was ingested{by}"
         return found | recorded_decisions(self.runs, self.examination)
-
-    @property
-    def _notes(self) -> list[str]:
-        """What a reader must know beside the numbers."""
-        manipulator = any(run.rig and SIRun.of(run).rig.mechanism.startswith(MANIPULATOR) for run in self.runs)
-        published = isinstance(self.comparison, Comparison) and self.comparison.published is not None
-        return [ORIGINAL_LOGS] if manipulator or published else []
 
     def page(self) -> Page:
         """The page, with pictures and what its script draws."""
@@ -148,13 +158,9 @@ class CampaignReport:
             partial(reductions_svg, self.comparison),
             lambda: self.document,
         ]
-        drawn: dict[int, Any] = dict(cores(len(self.runs)).results(_called, parts))
+        drawn: dict[int, Any] = dict(cores(len(self.runs)).results(call, parts))
         *pictures, figure, document = (drawn[place] for place in range(len(parts)))
         return [picture for picture in pictures if picture is not None], figure, document
-
-
-def _called(work: Callable[[], Any]) -> Any:  # noqa: ANN401
-    return work()
 
 
 SECTIONS = (
@@ -279,21 +285,6 @@ def digest_of(run: "Run") -> str | None:
         return None
 
 
-def _provenance(run: "Run") -> dict[str, Any]:
-    """Where a run is from: its digest, the logs' digests, what wrote it."""
-    return {
-        "run": run.name,
-        "origin": str(run.origin),
-        "sha256": digest_of(run),
-        "written": run.provenance.get("written"),
-        "software": run.provenance.get("software", {}),
-        "sources": [
-            {"name": source["name"], "size_bytes": source["size_bytes"], "sha256": source["sha256"]}
-            for source in run.provenance["sources"]
-        ],
-    }
-
-
 def torques_compared(runs: "Sequence[Run]", reports: dict[str, RunReport]) -> list[dict[str, Any]]:
     """Effect of the counter-masses on the torques of each condition; runs without a report are left out."""
     found = []
@@ -317,7 +308,12 @@ def _trim(
     examination: Examination,
 ) -> dict[str, Any]:
     """One mounting as `testbench trim --json` has it, or the reason why the runs cannot tell."""
-    chosen = sorted(runs, key=_peak, reverse=True)[:TRIM_RUNS]
+
+    def peak(run: "Run") -> float:
+        stated = run.conditions
+        return float(stated.get("peak_acceleration_g") or stated.get("peak_acceleration_rad_s2") or 0.0)
+
+    chosen = sorted(runs, key=peak, reverse=True)[:TRIM_RUNS]
     about = {"payload_kg": payload, "counter_masses_kg": masses, "runs": [run.name for run in chosen]}
     if doubts := examination.doubts([run.name for run in chosen]):
         return {**about, "reason": f"contradictions about these runs are open: {', '.join(doubts)}"}
@@ -327,8 +323,3 @@ def _trim(
         return about | trim_document(trim_runs([AlignedRun(run, model, recorded_clocks(run)) for run in bound]))
     except CounterpoiseError as error:
         return {**about, "reason": str(error)}
-
-
-def _peak(run: "Run") -> float:
-    c = run.conditions
-    return float(c.get("peak_acceleration_g") or c.get("peak_acceleration_rad_s2") or 0.0)

@@ -1,6 +1,7 @@
 """What the page of a campaign draws: every channel of its rig with peaks kept, spectra, the mechanism along the log."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -53,7 +54,14 @@ def spans_of(runs: "Sequence[Run]") -> int:
 
 def plotted_run(run: SIRun, levels: "Sequence[ChannelLevels]", spans: int) -> PlottedRun:
     """A run with all channels that its rig names and the log holds, in SI; spectra are those of ``levels``."""
-    return PlottedRun(run.name, *run_label(run), tuple(_channels(run, spans)), tuple(_spectra(levels)))
+    spectra = []
+    for level in levels:
+        if level.spectrum is not None:
+            frequency, power = level.spectrum.frequency, level.spectrum.power()
+            used = (frequency >= LOWEST) & (frequency <= HIGHEST)
+            name = f"{level.column.sensor} {level.column.component}"
+            spectra.append(spectrum(BASE, name, "m/s²", frequency[used], power[used]))
+    return PlottedRun(run.name, *run_label(run), tuple(_channels(run, spans)), tuple(spectra))
 
 
 def run_label(run: "Run | SIRun") -> tuple[str, bool]:
@@ -74,11 +82,10 @@ def columns_of(run: SIRun) -> "Iterator[tuple[str, Column]]":
     base = {column.channel for column in run.rig.base_columns}
     supports = {c.channel for name, sensor in run.rig.supports.items() for c in sensor.columns(name)}
     found = []
-    for column in run.rig.columns():
-        if run.holds(column):
-            sensor = run.rig.sensors[column.sensor]
-            kind = next((heading for of, heading in KINDS if isinstance(sensor, of)), SUPPORTS)
-            found.append((BASE if column.channel in base else SUPPORTS if column.channel in supports else kind, column))
+    for column in filter(run.holds, run.rig.columns()):
+        sensor = run.rig.sensors[column.sensor]
+        kind = next((heading for of, heading in KINDS if isinstance(sensor, of)), SUPPORTS)
+        found.append((BASE if column.channel in base else SUPPORTS if column.channel in supports else kind, column))
     yield from sorted(found, key=lambda one: (one[0] != BASE, one[0] != SUPPORTS))
 
 
@@ -96,16 +103,6 @@ def _channels(run: SIRun, spans: int) -> "Iterator[PlottedChannel]":
             continue
         if (drawn := clocks[clock]) is not None:
             yield drawn.plotted(kind, f"{column.sensor} {column.component}", unit, values)
-
-
-def _spectra(levels: "Sequence[ChannelLevels]") -> "Iterator[Mapping[str, Any]]":
-    """Power spectral densities of the base's acceleration."""
-    for level in levels:
-        if level.spectrum is not None:
-            frequency, power = level.spectrum.frequency, level.spectrum.power()
-            used = (frequency >= LOWEST) & (frequency <= HIGHEST)
-            name = f"{level.column.sensor} {level.column.component}"
-            yield spectrum(BASE, name, "m/s²", frequency[used], power[used])
 
 
 def conditions_of(runs: "Sequence[Run]", names: Sequence[str]) -> list[dict[str, Any]]:
@@ -131,10 +128,8 @@ def motions_of(runs: "Sequence[Run]", given: str | None) -> list[dict[str, Any]]
     for run, condition in shown:
         if len(motions) == MOST_MOTIONS:
             break
-        try:
+        with suppress(CounterpoiseError):
             motions.append(_motion(SIRun.of(run), condition, given))
-        except CounterpoiseError:
-            continue
     return motions
 
 
@@ -163,11 +158,11 @@ def strongest_condition(found: "Comparison", runs: "Sequence[Run]") -> "list[Cal
     names, (count, _) = row.analyzed.runs, row.analyzed.n
     balanced, unbalanced = by_name[names[0]], by_name[names[count]]
     stated = [one.analyzed for one in found.rows if one.analyzed.runs == names]
-    draws: tuple[tuple[str, Callable[[], Figure]], ...] = (
-        ("Acceleration of the base", lambda: figures.base_acceleration(balanced, unbalanced, found.measure, stated)),
-        ("Torques of the drives", lambda: figures.motor_torques(balanced, unbalanced)),
-        ("Spectrum of the base's acceleration without counter-masses", lambda: figures.base_spectrum(unbalanced)),
-    )
+    draws: dict[str, Callable[[], Figure]] = {
+        "Acceleration of the base": partial(figures.base_acceleration, balanced, unbalanced, found.measure, stated),
+        "Torques of the drives": partial(figures.motor_torques, balanced, unbalanced),
+        "Spectrum of the base's acceleration without counter-masses": partial(figures.base_spectrum, unbalanced),
+    }
 
     def drawn(name: str, draw: "Callable[[], Figure]") -> "Markup | None":
         try:
@@ -175,4 +170,4 @@ def strongest_condition(found: "Comparison", runs: "Sequence[Run]") -> "list[Cal
         except CounterpoiseError:
             return None
 
-    return [partial(drawn, *one) for one in draws]
+    return [partial(drawn, *one) for one in draws.items()]

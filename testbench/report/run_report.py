@@ -1,6 +1,7 @@
 """The report of one run, each part with its definition or the reason why it is unknown, and the figures of a report."""
 
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
@@ -19,13 +20,13 @@ from ..cross_examination.examination import observed
 from ..kinematics import motion_recognition
 from ..kinematics.encoder_motion import encoder_gaps, mechanism_of
 from ..kinematics.gaps import gap_reach
-from ..loads import command_tracking
+from ..loads import command_tracking, drive_torque
 from ..loads.shaking_wrench import shaking_wrench
 from ..recording import Finding
 from ..rig.sensors import Encoder
 from ..runs.aligned_run import AlignedRun
 from ..runs.si_run import SIRun
-from ..vibration.channel_levels import ChannelLevels, channel_levels
+from ..vibration.channel_levels import ChannelLevels, channel_levels, level_definitions
 from ..vibration.metrics import DEFAULT_BAND, Measure
 from ..vibration.run_amplitudes import AmplitudesOfRun, amplitudes_or_reason
 from ..vibration.run_pairs import pairs
@@ -38,8 +39,6 @@ if TYPE_CHECKING:
 
     from ..signal.filters import Band
     from ..store import Run
-
-Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -64,7 +63,7 @@ class RunReport:
 class Reporting:
     """How runs are reported: vibration and forces in ``band``, accelerations and torques below ``bandwidth_hz``."""
 
-    point: Point = (0.0, 0.0, 0.0)
+    point: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """That moments are about [m]."""
     band: "Band | None" = DEFAULT_BAND
     bandwidth_hz: float = command_tracking.BANDWIDTH_HZ
@@ -101,20 +100,14 @@ def _observed_and_reported(
     """What a run shows, and its report, without contradictions, or why it has none."""
     seen = None
     try:
-        bound = _in_memory(SIRun.of(run))
+        bound = SIRun.of(run)
+        with suppress(CounterpoiseError):  # what needs a channel that cannot be read says why
+            bound = bound.preloaded([column for column in bound.rig.columns() if bound.holds(column)])
         seen = observed(bound, known, given)
         report = _report(bound, how, seen, spans)
         return seen, replace(report, amplitudes=amplitudes_or_reason(bound, how.measure) if how.measure else None)
     except CounterpoiseError as error:
         return seen, str(error)
-
-
-def _in_memory(run: SIRun) -> SIRun:
-    """With every channel read at once; as it was where one cannot be read, for what needs it says why."""
-    try:
-        return run.preloaded([column for column in run.rig.columns() if run.holds(column)])
-    except CounterpoiseError:
-        return run
 
 
 def _report(run: SIRun, how: Reporting, seen: Observation | None, spans: int | None) -> RunReport:
@@ -125,7 +118,11 @@ def _report(run: SIRun, how: Reporting, seen: Observation | None, spans: int | N
 
     def vibration() -> Part:
         levels.extend(channel_levels(run, sections.base_columns(run), band))
-        return sections.base_levels(levels, band)
+        return {"axes": plain(levels), "definitions": level_definitions(band)}
+
+    def torque() -> Part:
+        drives = [drive.as_dict() for drive in drive_torque.drive_torques(aligned(), bandwidth_hz)]
+        return {"drives": drives, "definitions": drive_torque.DEFINITIONS}
 
     shown, of_command = _command(aligned, bandwidth_hz)
     forces: Part = {}
@@ -138,8 +135,8 @@ def _report(run: SIRun, how: Reporting, seen: Observation | None, spans: int | N
         findings += [found for found in wrench.findings if found not in findings]
     except CounterpoiseError as error:
         forces = response = {"reason": str(error)}
-    torque = attempt_part(lambda: sections.torque_part(aligned(), bandwidth_hz))
-    findings += _gaps(run, bandwidth_hz)
+    with suppress(CounterpoiseError):  # a finding for each gap of the encoders, with what it removes from the analysis
+        findings += encoder_gaps(run).findings(run.name, gap_reach(bandwidth_hz)) if run.rig.columns_of(Encoder) else []
     parts = {
         "motions": {
             "found": [one for some in found.values() for one in some],
@@ -151,7 +148,7 @@ def _report(run: SIRun, how: Reporting, seen: Observation | None, spans: int | N
         "modes": attempt_part(lambda: sections.base_modes(run, sections.motion_on_base_clock(run, found, shown))),
         "response": response,
         "wrench": forces,
-        "torque": torque,
+        "torque": attempt_part(torque),
     }
     plotted = None if spans is None else plotted_run(run, levels, spans)
     return RunReport(run.recorded, parts, tuple(findings), plotted)
@@ -174,39 +171,22 @@ def _command(
     }
 
 
-def _gaps(run: "SIRun", bandwidth_hz: float) -> Sequence[Finding]:
-    """A finding for each gap of the encoders, with what it removes from the analysis."""
-    if not run.rig.columns_of(Encoder):
-        return []
-    try:
-        gaps = encoder_gaps(run)
-    except CounterpoiseError:
-        return []
-    return gaps.findings(run.name, gap_reach(bandwidth_hz))
-
-
 def draw(runs: "Sequence[Run]", folder: Path, mechanism: str | None, bandwidth_hz: float) -> list[Path]:
     """Write figures as SVG; what cannot be drawn is left out, since the report has the reason."""
-    written = []
+    drawn: dict[Path, Callable[[], Figure]] = {}
     for run in runs:
-        written += _saved(folder / f"{run.name}-command.svg", partial(_draw_command, run, mechanism, bandwidth_hz))
-        written += _saved(folder / f"{run.name}-spectrum.svg", partial(figures.base_spectrum, run))
+        drawn[folder / f"{run.name}-command.svg"] = lambda run=run: figures.command_performance(  # type: ignore[misc]
+            run, mechanism_of(SIRun.of(run), mechanism), bandwidth_hz
+        )
+        drawn[folder / f"{run.name}-spectrum.svg"] = partial(figures.base_spectrum, run)
+    ends = {"base": figures.base_acceleration, "torques": figures.motor_torques, "forces": figures.force_sensors}
     for pair in pairs(runs)[0]:
-        both = f"{pair.balanced[0].name}-{pair.unbalanced[0].name}"
-        ends = {"base_acceleration": "base", "motor_torques": "torques", "force_sensors": "forces"}
-        for name, path in {name: folder / f"{both}-{end}.svg" for name, end in ends.items()}.items():
-            written += _saved(path, partial(getattr(figures, name), pair.balanced[0], pair.unbalanced[0]))
+        sides = pair.balanced[0], pair.unbalanced[0]
+        for end, draw_pair in ends.items():
+            drawn[folder / f"{sides[0].name}-{sides[1].name}-{end}.svg"] = partial(draw_pair, *sides)
+    written = []
+    for path, work in drawn.items():
+        with suppress(CounterpoiseError):
+            work().savefig(path)
+            written.append(path)
     return written
-
-
-def _draw_command(run: "Run", mechanism: str | None, bandwidth_hz: float) -> "Figure":
-    return figures.command_performance(run, mechanism_of(SIRun.of(run), mechanism), bandwidth_hz)
-
-
-def _saved(path: Path, work: "Callable[[], Figure]") -> list[Path]:
-    try:
-        figure = work()
-    except CounterpoiseError:
-        return []
-    figure.savefig(path)
-    return [path]

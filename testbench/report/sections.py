@@ -14,16 +14,13 @@ import numpy as np
 from balance.arrays import Floats
 from balance.errors import CounterpoiseError
 from balance.estimation.estimate import LEVEL_TEXT, coverage_factor
-from balance.results import plain
 
 from ..errors import AnalysisError
-from ..loads import drive_torque
 from ..runs.aligned_run import recorded_clocks
 from ..signal.filters import Band
 from ..signal.free_decay_modes import free_decay_modes
-from ..signal.frequency_response import FrequencyResponse, response_of
+from ..signal.frequency_response import response_of
 from ..signal.welch import Spectra, welch
-from ..vibration.channel_levels import ChannelLevels, level_definitions
 from ..vibration.metrics import METRICS
 
 if TYPE_CHECKING:
@@ -31,7 +28,6 @@ if TYPE_CHECKING:
     from ..loads.command_tracking import CommandPerformance
     from ..loads.shaking_wrench import MeasuredWrench
     from ..rig import Column
-    from ..runs.aligned_run import AlignedRun
     from ..runs.si_run import SIRun
 
 Part = dict[str, Any]
@@ -63,11 +59,6 @@ def base_columns(run: "SIRun") -> "list[Column]":
     return columns
 
 
-def base_levels(found: "list[ChannelLevels]", band: Band | None) -> Part:
-    """Every metric of every axis, and the peaks of its spectrum."""
-    return {"axes": plain(found), "definitions": level_definitions(band)}
-
-
 def base_modes(run: "SIRun", moved: tuple[float, float]) -> Part:
     """Modes from the decay after the motion, ``moved`` its start and end on the base accelerometers' clock [s]."""
     start, end = moved
@@ -80,7 +71,10 @@ def base_modes(run: "SIRun", moved: tuple[float, float]) -> Part:
     after = time > end + SETTLED_S
     found = free_decay_modes(values[after], rate, band.high_hz, ambient=values[time < start - SETTLED_S])
     return {
-        "modes": [_named(mode.as_dict()) for mode in found],
+        "modes": [
+            {"amplitudes_m_s2" if name == "amplitudes" else name: value for name, value in mode.as_dict().items()}
+            for mode in found
+        ],
         "channels": [c.channel for c in columns],
         "from_s": end + SETTLED_S,
         "to_s": float(time[-1]),
@@ -89,10 +83,6 @@ def base_modes(run: "SIRun", moved: tuple[float, float]) -> Part:
         "definition": "free decay after the motion as damped sines that all channels share; intervals of "
         f"{LEVEL_TEXT}, with the vibration of the base before the motion",
     }
-
-
-def _named(mode: Part) -> Part:
-    return {"amplitudes_m_s2" if name == "amplitudes" else name: value for name, value in mode.items()}
 
 
 def motion_on_base_clock(
@@ -149,25 +139,21 @@ def _rows(column: "Column", forces: list[str], spectra: Spectra, place: int) -> 
     """The lines of one channel, which follows the forces in the spectra at its place."""
     along = forces.index(f"F{column.component}")
     found = response_of(spectra, [along], place)
-    used = found.significant[0] & (found.frequency > 0.0)
     others = {  # lines in which a component explains the acceleration beyond the force
         name: response_of(spectra, [along, other], place).significant[1]
         for other, name in enumerate(forces)
         if other != along
     }
-    return [
-        _row(column, found, int(i)) | {"also_follows": [name for name, more in others.items() if more[i]]}
-        for i in np.flatnonzero(used)
-    ]
-
-
-def _row(column: "Column", found: FrequencyResponse, i: int) -> Part:
-    gain, share = float(np.abs(found.response[0, i])), coverage_factor() * float(found.relative_deviation[0, i])
-    return {
-        "sensor": column.sensor, "axis": column.component, "frequency_hz": float(found.frequency[i]),
-        "gain_1_kg": gain, "gain_interval_1_kg": [gain * max(1.0 - share, 0.0), gain * (1.0 + share)],
-        "phase_rad": float(np.angle(found.response[0, i])), "coherence": float(found.coherence[0, i]),
-    }  # fmt: skip
+    rows = []
+    for i in map(int, np.flatnonzero(found.significant[0] & (found.frequency > 0.0))):
+        gain, share = float(np.abs(found.response[0, i])), coverage_factor() * float(found.relative_deviation[0, i])
+        rows.append({
+            "sensor": column.sensor, "axis": column.component, "frequency_hz": float(found.frequency[i]),
+            "gain_1_kg": gain, "gain_interval_1_kg": [gain * max(1.0 - share, 0.0), gain * (1.0 + share)],
+            "phase_rad": float(np.angle(found.response[0, i])), "coherence": float(found.coherence[0, i]),
+            "also_follows": [name for name, more in others.items() if more[i]],
+        })  # fmt: skip
+    return rows
 
 
 def _at_force_instants(run: "SIRun", wrench: "MeasuredWrench", column: "Column") -> Floats:
@@ -210,25 +196,16 @@ def wrench_part(wrench: "MeasuredWrench", band: Band | None) -> Part:
     }
 
 
-def torque_part(run: "AlignedRun", bandwidth_hz: float) -> Part:
-    """Torque of each drive compared with the model."""
-    drives = drive_torque.drive_torques(run, bandwidth_hz)
-    return {"drives": [drive.as_dict() for drive in drives], "definitions": drive_torque.DEFINITIONS}
-
-
-def _gapped(part: Part) -> bool:
-    return any(drive["left_out_s"] > LEAST_GAP_S for drive in part.get("drives", []))
-
-
 def torque_changes(balanced: list[Part], unbalanced: list[Part]) -> list[Part]:
     """RMS torques with and without counter-masses, measured and by the model, means of repeats.
 
-    From parts of :func:`torque_part`; without drives that are not in all of them, and without runs with a gap, whose
+    From the parts ``torque`` of reports; without drives that are not in all of them, and without runs with a gap, whose
     RMS is over another span.
     """
+    drives_of = [[part.get("drives", []) for part in some] for some in (balanced, unbalanced)]
     sides = [
-        [{d["joint"]: d for d in part.get("drives", [])} for part in some if not _gapped(part)]
-        for some in (balanced, unbalanced)
+        [{d["joint"]: d for d in part} for part in some if all(d["left_out_s"] <= LEAST_GAP_S for d in part)]
+        for some in drives_of
     ]
     if not all(sides):
         return []
