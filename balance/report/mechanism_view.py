@@ -41,6 +41,8 @@ SPANS = 800
 """Of a time series."""
 _RANGE, _STROKE, _PEAK, _RAMP = np.pi, 0.35, 5.0, 0.25
 """Reach of a coordinate by hand, stroke and peak acceleration of a move [rad, lengths of the mechanism]; its ramp."""
+_DIMENSIONS = {"rad": ("angle", "angular acceleration"), "m": ("length", "acceleration")}
+"""Of a coordinate and of its acceleration, by its unit."""
 _SMALL, _STIFF = 1e-6, 1e-3
 """Step of a difference, and how much coordinates that need not move resist being dragged [rad, lengths]."""
 SECTIONS = (
@@ -91,6 +93,8 @@ class MechanismView:
     sites: Sequence[str] = ()
     unmounted: str = field(default="", init=False)
     """Why nothing can be mounted, where nothing can."""
+    reach: Floats = field(init=False)
+    """Least and largest value of each coordinate by hand: limits of the file, or half a turn, (dof, 2) [rad, m]."""
 
     def __post_init__(self) -> None:
         self._lock, self.closure = Lock(), Closure(self.mechanism).without_idle()
@@ -102,9 +106,13 @@ class MechanismView:
             self.unmounted = str(error)
         self._free = self.closure.free_coordinates()
         self.joints = [self.mechanism.coordinates[i] for i in self._free]
-        self.scales = np.array([1.0 if self._turns(joint) else self.closure.length for joint in self.joints])
+        self.units = ["rad" if self.mechanism.tree.joints[i].revolute else "m" for i in self._free]
+        self.scales = np.array([1.0 if unit == "rad" else self.closure.length for unit in self.units])
         self.stroke = _STROKE
         self.start = self.closure.home[self._free]
+        limits = self.mechanism.limits[self._free]
+        about = self.start[:, None] + np.outer(self.scales, [-_RANGE, _RANGE])
+        self.reach = np.where(np.isfinite(limits), limits, about)
         if not self.joints:
             raise DataError(f"{self.mechanism.name}: no joint can move: there is nothing to view")
         for part in () if self.motions else (1.0, -1.0, 0.3, -0.3, 0.1, -0.1):  # as far as there is room
@@ -112,9 +120,6 @@ class MechanismView:
             with suppress(ClosureError):
                 self.closure.follow(self._move(0, "", "").sample(1e3))
                 break
-
-    def _turns(self, joint: str) -> bool:
-        return self.mechanism.tree.joints[self.mechanism.coordinate_index(joint)].revolute
 
     def server(self, port: int = 0) -> Loopback:
         """A server of all this, for this machine alone. Raises ClosureError where its first motion cannot be made."""
@@ -125,14 +130,14 @@ class MechanismView:
         """The page, with the first motion."""
         moves = [
             {"name": f"{joint} alone", "stroke": f"{self.stroke * x:.3g} {unit}", "peak": f"{_PEAK * x:.3g} {unit}/s2"}
-            for joint, x, unit in zip(self.joints, self.scales, self._units, strict=True)
+            for joint, x, unit in zip(self.joints, self.scales, self.units, strict=True)
         ]  # fmt: skip
         first, pose = self.response({}), self.pose({})
         heaviest = 2.0 * max([*first["masses_kg"]["sized"], 0.5 * self.mechanism.total_mass])
         masses = [{"name": site, "unit": "kg", "low": 0.0, "high": heaviest} for site in self.sites]
         coordinates = [
             {"name": joint, "unit": unit, "low": float(low), "high": float(high)}
-            for joint, unit, (low, high) in zip(self.joints, self._units, self._reach, strict=True)
+            for joint, unit, (low, high) in zip(self.joints, self.units, self.reach, strict=True)
         ]
         data = {
             "runs": first["runs"], "motions": [first["moving"]], "response": first, "pose": pose, "masses": masses,
@@ -142,17 +147,6 @@ class MechanismView:
         here, document = Path(__file__), document_of({"mechanism": self.mechanism.name, "unmounted": self.unmounted})
         page, script = here.with_name("mechanism_view.html"), here.with_name("mechanism_view.js")
         return Page(page, document, data, {"sections": SECTIONS}, script)
-
-    @property
-    def _units(self) -> list[str]:
-        return ["rad" if self._turns(joint) else "m" for joint in self.joints]
-
-    @property
-    def _reach(self) -> Floats:
-        """Least and largest value of each coordinate by hand: limits of the file, or half a turn, (dof, 2) [rad, m]."""
-        limits = self.mechanism.limits[self._free]
-        about = self.start[:, None] + np.outer(self.scales, [-_RANGE, _RANGE])
-        return np.where(np.isfinite(limits), limits, about)
 
     @lru_cache(4)  # noqa: B019 - as long as the program runs
     def _driven(self, choice: int, stroke: str, peak: str) -> _Driven:
@@ -176,23 +170,15 @@ class MechanismView:
 
     def _move(self, place: int, stroke: str, peak: str) -> Motion:
         """There and back of one coordinate, the others at rest."""
-        scale, turns = self.scales[place], self._turns(self.joints[place])
-        kind = "angle" if turns else "length"
+        scale, (kind, rate) = self.scales[place], _DIMENSIONS[self.units[place]]
         length = parse(stroke, kind) if stroke else self.stroke * scale
-        largest = parse(peak, "angular acceleration" if turns else "acceleration") if peak else _PEAK * scale
+        largest = parse(peak, rate) if peak else _PEAK * scale
         if length == 0.0 or not largest > 0.0:
             raise DataError(f"stroke {stroke}, peak {peak}: expected a stroke other than zero, a peak above zero")
         away = self.start.copy()
         away[place] += length
-        sliding = tuple(unit == "m" for unit in self._units)
-        motion = Motion(
-            np.array([self.start, away, self.start]),
-            np.full(2, largest),
-            _RAMP,
-            0.0,
-            tuple(self.joints),
-            sliding=sliding,
-        )
+        there_and_back, sliding = np.array([self.start, away, self.start]), tuple(unit == "m" for unit in self.units)
+        motion = Motion(there_and_back, np.full(2, largest), _RAMP, 0.0, tuple(self.joints), sliding=sliding)
         if motion.duration > LONGEST_S:
             raise DataError(f"the move takes {motion.duration:.3g} s: expected at most {LONGEST_S:g} s")
         return motion
@@ -266,7 +252,7 @@ class MechanismView:
             moved = place(np.concatenate([here.q, here.q + _SMALL * here.per_drive[0].T]))
             return np.vstack([(moved[1:] - moved[0]).T / _SMALL, np.diag(stiffness)])
 
-        low, high = self._reach.T
+        low, high = self.reach.T
         found = least_squares(
             gap, np.clip(start, low, high), rates, (low, high), x_scale=self.scales, xtol=_SMALL, max_nfev=30
         )
@@ -278,10 +264,9 @@ class MechanismView:
         Its centre of mass, and what its drives hold it with, weight and payload included.
         """
         stated = [words.get(f"at{i}", "") for i in range(len(self.joints))]
-        kinds = ["angle" if self._turns(joint) else "length" for joint in self.joints]
         at = [
-            parse(text, kind) if text else float(home)
-            for text, kind, home in zip(stated, kinds, self.start, strict=True)
+            parse(text, _DIMENSIONS[unit][0]) if text else float(home)
+            for text, unit, home in zip(stated, self.units, self.start, strict=True)
         ]
         masses = self._masses(words, (0.0,) * len(self.sites))
         mounted, seen_from = self.mechanism.with_counter_mass(masses), self._seen_from(words)

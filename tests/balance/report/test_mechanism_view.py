@@ -112,7 +112,7 @@ def test_dragged_the_mechanism_comes_as_near_as_it_can(name, right, up):
     words, start, unit = gripped(here, 0.3)
     found = view.pose({**words, "right": f"{right} m", "up": f"{up} m"})
     wanted = start + [right, up]
-    assert view.pose({f"at{i}": f"{x!r} {u}" for i, (x, u) in enumerate(zip(found["at"], view._units, strict=True))})[
+    assert view.pose({f"at{i}": f"{x!r} {u}" for i, (x, u) in enumerate(zip(found["at"], view.units, strict=True))})[
         "centre_m"
     ] == pytest.approx(found["centre_m"])
     missed = np.linalg.norm(gripped(found, 0.3)[1] - wanted)
