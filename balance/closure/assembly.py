@@ -25,10 +25,6 @@ With positions rounded like that, redundant loops close to about 1e-7 m only.
 _ITERATIONS = 100
 _LONGEST_STEP = 0.5
 """Of an iteration [rad, lengths of the mechanism]."""
-_STARTS = 60
-"""Random starts from which assembly branches are sought."""
-_SAME = 1e-4
-"""Distance up to which two configurations are one [rad, m]."""
 
 
 def nearest_closed(
@@ -85,34 +81,3 @@ class Configuration:
     """Largest residual of the loops [m, rad]."""
     distance: float
     """Largest difference of a coordinate from branch A [rad, m]."""
-
-
-def configurations(
-    engine: "PinocchioEngine", mechanism: Mechanism, home: Floats, length: float, fixed: Indices
-) -> list[Configuration]:
-    """The closed configurations in which the coordinates ``fixed`` are those of ``home`` (nv,) [rad, m], A first.
-
-    They are sought from random starts, so that one may be missed; each was found, and differs from the others.
-    """
-    free = np.setdiff1d(np.arange(len(home)), fixed)
-    turning = np.array([joint.revolute for joint in mechanism.tree.joints])
-    found = [(0.0, home, float(np.abs(engine.constraint_residual(home)).max(initial=0.0)))]
-    for start in starts(mechanism, length, _STARTS) if len(free) else ():
-        start[fixed] = home[fixed]
-        q, residual = nearest_closed(engine, start, length, free)
-        if residual <= CLOSED_LIMIT * length:
-            turns = np.round((q - home) / (2 * np.pi)) * turning
-            q = q - 2 * np.pi * turns
-            if all(np.abs(_difference(q, other, turning)).max() > _SAME for _, other, _ in found):
-                found.append((float(np.abs(q - home).max()), q, residual))
-    found.sort(key=lambda one: one[0])
-    return [
-        Configuration(chr(ord("A") + k % 26) + (str(k // 26) if k >= 26 else ""), q, residual, far)
-        for k, (far, q, residual) in enumerate(found)
-    ]
-
-
-def _difference(q: Floats, other: Floats, turning: Floats) -> Floats:
-    """Of two configurations, whole turns apart (nv,) [rad, m]."""
-    apart = q - other
-    return np.where(turning, np.remainder(apart + np.pi, 2 * np.pi) - np.pi, apart)

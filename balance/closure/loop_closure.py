@@ -16,7 +16,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.pinocchio_engine import PinocchioEngine
 from ..motion import Samples
 from ..motion.driven_coordinates import Drive
-from .assembly import CLOSED_LIMIT, RANK_LIMIT, Configuration, configurations, nearest_closed, starts
+from .assembly import CLOSED_LIMIT, RANK_LIMIT, Configuration, nearest_closed, starts
 from .newton import LoopSystem
 from .trajectory import Trajectory, follow
 
@@ -24,6 +24,10 @@ FAR = 0.2
 """How far a configuration of a file may be from closed before the name of its branch says so [rad, m]."""
 _FURTHER_STARTS = 4
 """Starts that are tried where the loops do not close from the file's configuration."""
+_STARTS = 60
+"""Random starts from which assembly branches are sought."""
+_SAME = 1e-4
+"""Distance up to which two configurations are one [rad, m]."""
 
 
 class Closure:
@@ -241,8 +245,28 @@ class Closure:
         return np.array([np.abs(self.engine.constraint_residual(state)).max(initial=0.0) for state in q])
 
     def configurations(self) -> list[Configuration]:
-        """The closed configurations with the driven coordinates as at home, or as many others that leave no freedom."""
-        return configurations(self.engine, self.mechanism, self.home, self.length, self.free_coordinates())
+        """The closed configurations with the driven coordinates as at home, or as many others that leave no freedom.
+
+        Home is A. They are sought from random starts, so that one may be missed; each was found, and differs.
+        """
+        home, turning, fixed = self.home, self.engine.turning, self.free_coordinates()
+        free = np.setdiff1d(np.arange(len(home)), fixed)
+        found = [(0.0, home, float(self.residual(home[None])[0]))]
+        for start in starts(self.mechanism, self.length, _STARTS) if len(free) else ():
+            start[fixed] = home[fixed]
+            q, residual = nearest_closed(self.engine, start, self.length, free)
+            if residual > CLOSED_LIMIT * self.length:
+                continue
+            q = q - 2 * np.pi * np.round((q - home) / (2 * np.pi)) * turning
+            apart = q - np.array([other for _, other, _ in found])
+            apart = np.where(turning, np.remainder(apart + np.pi, 2 * np.pi) - np.pi, apart)
+            if (np.abs(apart).max(axis=1) > _SAME).all():
+                found.append((float(np.abs(q - home).max()), q, residual))
+        found.sort(key=lambda one: one[0])
+        return [
+            Configuration(chr(ord("A") + k % 26) + (str(k // 26) if k >= 26 else ""), q, residual, far)
+            for k, (far, q, residual) in enumerate(found)
+        ]
 
     def free_coordinates(self) -> Indices:
         """Indices of the driven coordinates, or of as many others that leave no freedom, (dof,)."""

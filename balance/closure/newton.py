@@ -93,35 +93,27 @@ class LoopSystem:
 
         Steps are halved as needed. Raises ClosureError, naming ``time`` [s] and how far it got, where it is stuck.
         """
-        done, step = 0.0, 1.0
+        done, step, limit = 0.0, 1.0, RESIDUAL_LIMIT * self.length
         while done < 1.0:
             step = min(step, 1.0 - done)
-            trial = self._step(q, start + (done + step) * (target - start))
-            if trial is None:
-                step /= 2.0
-                if step < 1e-4:
-                    raise self._stuck(start + done * (target - start), target, time)
+            ahead = start + (done + step) * (target - start)
+            try:
+                trial = self.newton(q, ahead)
+                open_by, far = np.abs(self.gaps(trial, ahead)).max(), np.abs(trial - q).max()
+            except np.linalg.LinAlgError:
+                open_by = far = np.inf
+            if open_by < limit and far <= 0.5 * max(1.0, self.length):
+                q, done, step = trial, done + step, step * 2.0
                 continue
-            q, done, step = trial, done + step, step * 2.0
+            step /= 2.0
+            if step < 1e-4:
+                at = ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.drive.names, target, strict=True))
+                got = ", ".join(f"{value:.6g}" for value in start + done * (target - start))
+                raise ClosureError(
+                    f"{self.mechanism.name} cannot be closed at {at} (t = {time:.6g} s): it gets as far as {got} on "
+                    f"the branch of {self.mechanism.branch!r}; the position is out of reach or singular"
+                )
         return q
-
-    def _step(self, q: Floats, target: Floats) -> Floats | None:
-        try:
-            trial = self.newton(q, target)
-        except np.linalg.LinAlgError:
-            return None
-        gap = np.abs(self.gaps(trial, target)).max()
-        if not gap < RESIDUAL_LIMIT * self.length or np.abs(trial - q).max() > 0.5 * max(1.0, self.length):
-            return None
-        return trial
-
-    def _stuck(self, reached: Floats, target: Floats, time: float) -> ClosureError:
-        at = ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.drive.names, target, strict=True))
-        got = ", ".join(f"{value:.6g}" for value in reached)
-        return ClosureError(
-            f"{self.mechanism.name} cannot be closed at {at} (t = {time:.6g} s): it gets as far as {got} on "
-            f"the branch of {self.mechanism.branch!r}; the position is out of reach or singular"
-        )
 
 
 @dataclass(frozen=True)

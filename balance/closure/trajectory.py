@@ -4,7 +4,6 @@ Continuation from home closes a coarse set of its samples. All samples are then 
 of third order between the coarse ones, which keeps each on the branch; rates and accelerations follow from the factors.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,7 +41,10 @@ class Continuation:
 
         Raises ClosureError, naming the time, where that is not possible or a singular position is passed.
         """
-        nodes = _nodes(samples.position, COARSE_STEP * system.drive.scale(system.length))
+        step, last = COARSE_STEP * system.drive.scale(system.length), len(samples.time) - 1
+        travel = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(samples.position, axis=0), axis=1))]
+        marks = np.searchsorted(travel, np.arange(0.0, travel[-1] + step, step)).clip(max=last)
+        nodes = np.unique([*marks, 0, last])
         targets = np.concatenate([system.drive.value(system.engine, home)[None], samples.position[nodes]])
         q, side, solved, rates = home, system.determinant_sign(home), [], []
         for previous, target, node in zip(targets, targets[1:], nodes, strict=False):
@@ -59,8 +61,10 @@ class Continuation:
 
         The mean of the chord and of the two tangents: their errors, +h2 t (1 - t) / 2 of the second derivative, cancel.
         """
-        rates = self.rates
-        left, right = self._around(part)
+        rates, last = self.rates, len(self.nodes) - 1
+        before = np.searchsorted(self.nodes, np.arange(part.start, part.stop), side="right") - 1
+        left = before.clip(0, max(last - 1, 0))  # the same one twice where there is only one
+        right = np.minimum(left + 1, last)
         chord = self.u[right] - self.u[left]
         squared = np.maximum((chord**2).sum(axis=1), 1e-300)
         t = (((u - self.u[left]) * chord).sum(axis=1) / squared).clip(0.0, 1.0)[:, None]
@@ -70,21 +74,6 @@ class Continuation:
         from_left = self.q[left] + np.einsum("nij,nj->ni", rates[left], u - self.u[left])
         from_right = self.q[right] + np.einsum("nij,nj->ni", rates[right], u - self.u[right])
         return np.ascontiguousarray((0.5 * straight + 0.5 * ((1 - t) * from_left + t * from_right)).T)
-
-    def _around(self, part: slice) -> tuple[Indices, Indices]:
-        """Coarse samples before and after each of the samples ``part``; the same one where there is only one."""
-        last = len(self.nodes) - 1
-        before = np.searchsorted(self.nodes, np.arange(part.start, part.stop), side="right") - 1
-        left = before.clip(0, max(last - 1, 0))
-        return left, np.minimum(left + 1, last)
-
-
-def _nodes(position: Floats, step: float) -> Indices:
-    """Indices of samples at most about ``step`` of travel apart, the first and the last among them."""
-    travel = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(position, axis=0), axis=1))])
-    marks = np.arange(0.0, travel[-1] + step, step)
-    nodes = np.searchsorted(travel, marks).clip(max=len(position) - 1)
-    return np.unique(np.concatenate([nodes, [0, len(position) - 1]]))
 
 
 def _refuse_singular_between(system: LoopSystem, q: Floats, start: Floats, end: Floats, time: float) -> None:
@@ -161,16 +150,26 @@ def follow(system: LoopSystem, home: Floats, samples: Samples, near: Trajectory 
     Raises ClosureError, naming the time, where it cannot be closed, is singular, or changes its branch.
     """
     found = _Following(system, samples)
-    guess_of: Callable[[slice], Floats]
-    if near is not None:
-        order, closed = found.program.order(near.q.T), near.q
-        guess_of = lambda part: np.ascontiguousarray(closed[part].T)  # noqa: E731
-    else:
+    if near is None:
         coarse = Continuation.closed(system, home, samples)
         order = found.program.order(coarse.q.T)
-        guess_of = lambda part: coarse.guess(samples.position[part], part)  # noqa: E731
-    conditions = list(parallel_blocks(len(samples.time), lambda part: found.close(part, guess_of(part), order)))
-    return found.trajectory(max(conditions))
+
+        def close(part: slice) -> float:
+            return found.close(part, coarse.guess(samples.position[part], part), order)
+
+    else:
+        closed, order = near.q, found.program.order(near.q.T)
+
+        def close(part: slice) -> float:
+            return found.close(part, np.ascontiguousarray(closed[part].T), order)
+
+    condition = max(parallel_blocks(len(samples.time), close))
+    found.refuse_other_than_pinocchio()
+    per_drive = found.per_drive.reshape(system.drive.size, -1, len(samples.time)).transpose(2, 1, 0)
+    worst, mechanism = float(found.gap.max(initial=0.0)), system.mechanism
+    return Trajectory(
+        mechanism.name, samples.time, found.q.T, found.v.T, found.a.T, per_drive, worst, condition, mechanism.branch
+    )
 
 
 class _Following:
@@ -180,86 +179,62 @@ class _Following:
         mechanism, dof = system.mechanism, system.drive.size
         self.system, self.samples = system, samples
         self.program = LoopProgram(mechanism.tree, mechanism.loops, system.drive)
-        self._driven = [np.ascontiguousarray(x.T) for x in (samples.position, samples.velocity, samples.acceleration)]
+        self.driven = [np.ascontiguousarray(x.T) for x in (samples.position, samples.velocity, samples.acceleration)]
         count, size = len(samples.time), mechanism.tree.size
-        self._q, self._v, self._a = np.empty((3, size, count))
-        self._per_drive = np.empty((dof * size, count))
-        self._gap, self._inverse_pivot = np.empty((2, 1, count))
+        self.q, self.v, self.a = np.empty((3, size, count))
+        self.per_drive = np.empty((dof * size, count))
+        self.gap, self.inverse_pivot = np.empty((2, 1, count))
 
     def close(self, part: slice, guess: Floats, order: Order, chosen_here: bool = False) -> float:
-        """Close a block of samples, and return its largest condition number.
+        """Close a block of samples, and return its condition number where elimination did worst.
 
         Where the order of pivots is poor for some samples, it is chosen anew for these, then the block is halved.
         """
-        driven = [x[:, part] for x in self._driven]
+        length, name, time = self.system.length, self.system.mechanism.name, self.samples.time[part]
+        driven = [x[:, part] for x in self.driven]
         with np.errstate(all="ignore"):  # a pivot may vanish: the checks below find the infinite values
             q = self.program.closed(guess, driven[0], order)
-            out = [x[:, part] for x in (self._v, self._a, self._per_drive, self._gap, self._inverse_pivot)]
+            out = [x[:, part] for x in (self.v, self.a, self.per_drive, self.gap, self.inverse_pivot)]
             self.program.rates(order).run([q, *driven], out)
-        self._q[:, part] = q
-        growth = self._inverse_pivot[0, part] * max(1.0, self.system.length)
+        self.q[:, part] = q
+        growth = self.inverse_pivot[0, part] * max(1.0, length)
         if not growth.max() < POOR_LIMIT and not chosen_here:
             return self.close(part, guess, self.program.order(guess), True)
         if not growth.max() < POOR_LIMIT and q.shape[1] > 1:
             middle = (part.start + part.stop) // 2
-            halves = np.split(guess, [middle - part.start], axis=1)
+            halves = map(np.ascontiguousarray, np.split(guess, [middle - part.start], axis=1))
             parts = (slice(part.start, middle), slice(middle, part.stop))
             return max(
-                self.close(half, np.ascontiguousarray(its), self.program.order(its), True)
-                for half, its in zip(parts, halves, strict=True)
+                self.close(half, its, self.program.order(its), True) for half, its in zip(parts, halves, strict=True)
             )
-        _refuse_open(self.system, self.samples, part, self._gap[0, part])
-        far = np.abs(q - guess).max(axis=0)
-        if not far.max() < BRANCH_LIMIT * max(1.0, self.system.length):
+        gap, far, worst = self.gap[0, part], np.abs(q - guess).max(axis=0), int(np.argmax(growth))
+        if not gap.max() < RESIDUAL_LIMIT * length:  # of the redundant rows too
+            k = int(np.argmax(~(gap < RESIDUAL_LIMIT * length)))
+            raise ClosureError(f"{name} cannot be closed at t = {time[k]:.6g} s: {gap[k]:.3g} m stays open")
+        if not far.max() < BRANCH_LIMIT * max(1.0, length):
             raise ClosureError(
-                f"{self.system.mechanism.name} leaves the branch of {self.system.mechanism.branch!r} at "
-                f"t = {self.samples.time[part][int(np.argmax(far))]:.6g} s: a singular position is near"
+                f"{name} leaves the branch of {self.system.mechanism.branch!r} at t = {time[int(np.argmax(far))]:.6g} "
+                "s: a singular position is near"
             )
-        return _condition(self.system, self.samples, part, q, int(np.argmax(growth)))
+        size = np.linalg.svd(self.system.all_rows(q[:, worst]), compute_uv=False)
+        condition = float(size[0] / max(float(size[-1]), 1e-300))
+        if not condition < SINGULAR_LIMIT:
+            raise ClosureError(
+                f"{name} is singular at t = {time[worst]:.6g} s of this motion (condition number {condition:.3g}): the "
+                "driven coordinates do not determine it there"
+            )
+        return condition
 
-    def trajectory(self, condition: float) -> Trajectory:
-        """What was found, once all samples are closed; some of them are compared with Pinocchio."""
-        mechanism, dof = self.system.mechanism, self.system.drive.size
-        per_drive = self._per_drive.reshape(dof, mechanism.tree.size, -1).transpose(2, 1, 0)
-        worst = float(self._gap.max(initial=0.0))
-        self._refuse_other_than_pinocchio()
-        return Trajectory(
-            mechanism.name, self.samples.time, self._q.T, self._v.T, self._a.T, per_drive, worst, condition,
-            mechanism.branch,
-        )  # fmt: skip
-
-    def _refuse_other_than_pinocchio(self) -> None:
+    def refuse_other_than_pinocchio(self) -> None:
         """Raise ModelError where Pinocchio finds loops open, or rates that open them, that were closed here."""
         for k in np.unique(np.linspace(0, len(self.samples.time) - 1, 5).astype(int)):
-            q, v = self._q[:, k], self._v[:, k]
+            q, v = self.q[:, k], self.v[:, k]
             gap = np.abs(self.system.gaps(q, self.samples.position[k])).max()
             matrix = self.system.all_rows(q)
-            rate = np.abs(matrix @ v - np.r_[np.zeros(len(matrix) - len(self._driven[1])), self._driven[1][:, k]])
+            rate = np.abs(matrix @ v - np.r_[np.zeros(len(matrix) - len(self.driven[1])), self.driven[1][:, k]])
             if not (gap < RESIDUAL_LIMIT * self.system.length and rate.max() <= AGREEMENT * max(1.0, np.abs(v).max())):
                 raise ModelError(
                     f"{self.system.mechanism.name}: at t = {self.samples.time[k]:.6g} s Pinocchio finds the loops "
-                    f"{gap:.3g} m or rad open where they were closed to {self._gap.max():.3g}: the two engines differ, "
+                    f"{gap:.3g} m or rad open where they were closed to {self.gap.max():.3g}: the two engines differ, "
                     "so no answer is given; please report the file"
                 )
-
-
-def _refuse_open(system: LoopSystem, samples: Samples, part: slice, gap: Floats) -> None:
-    """Raise ClosureError where a residual, of the redundant rows too, is not closed."""
-    limit = RESIDUAL_LIMIT * system.length
-    if not gap.max() < limit:
-        k = int(np.argmax(~(gap < limit)))
-        raise ClosureError(
-            f"{system.mechanism.name} cannot be closed at t = {samples.time[part][k]:.6g} s: {gap[k]:.3g} m stays open"
-        )
-
-
-def _condition(system: LoopSystem, samples: Samples, part: slice, q: Floats, worst: int) -> float:
-    """Condition number where elimination did worst. Raises ClosureError if the state is singular there."""
-    size = np.linalg.svd(system.all_rows(q[:, worst]), compute_uv=False)
-    number = float(size[0] / max(float(size[-1]), 1e-300))
-    if not number < SINGULAR_LIMIT:
-        raise ClosureError(
-            f"{system.mechanism.name} is singular at t = {samples.time[part][worst]:.6g} s of this motion "
-            f"(condition number {number:.3g}): the driven coordinates do not determine it there"
-        )
-    return number
