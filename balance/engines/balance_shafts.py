@@ -53,25 +53,25 @@ def balance_shafts(free: Sequence[FreeForces], first: float, last: float) -> lis
     needed = []
     for order in free:
         for forward in (True, False):
-            force = order.force.forward if forward else order.force.backward
-            moment = order.moment.forward if forward else order.moment.backward
+            force, moment = (part.forward if forward else part.backward for part in (order.force, order.moment))
             if force or moment:
-                needed.append(_shaft(order, forward, (force, moment), (first, last)))
+                unbalances = _unbalances(order, force, moment, (first, last))
+                needed.append(Shaft(order.force.order, forward, tuple(unbalances)))
     return needed
 
 
-def _shaft(order: FreeForces, forward: bool, parts: tuple[complex, complex], ends: tuple[float, float]) -> Shaft:
-    """The rotor whose two-plane correction removes force and moment, both per omega^2."""
-    k, (force, moment) = order.force.order, parts
-    size = max(abs(force), abs(moment) / abs(ends[1] - ends[0])) if ends[0] != ends[1] else abs(force)
+def _unbalances(order: FreeForces, force: complex, moment: complex, ends: tuple[float, float]) -> list[Unbalance]:
+    """By the two-plane correction of a rotor that has force and moment, both per omega^2."""
+    k, span = order.force.order, abs(ends[1] - ends[0])
+    size = max(abs(force), abs(moment) / span) if span else abs(force)
     place = moment / force if abs(force) > 1e-12 * size else None
-    if place is not None and abs(place.imag) <= 1e-9 * max(abs(place), abs(ends[1] - ends[0])):
-        return Shaft(k, forward, (Unbalance("1", -force / k**2, order.about + place.real),))
+    if place is not None and abs(place.imag) <= 1e-9 * max(abs(place), span):
+        return [Unbalance("1", -force / k**2, order.about + place.real)]
     pair = [Unbalance("force", force, order.about), Unbalance("+", moment, order.about + 1.0)]
     pair.append(Unbalance("-", -moment, order.about))
     correction = correct_planes(pair, [Plane("1", ends[0]), Plane("2", ends[1])])
     planes = zip(correction.planes, correction.vectors, strict=True)
-    return Shaft(k, forward, tuple(Unbalance(p.name, v / k**2, p.at) for p, v in planes))
+    return [Unbalance(plane.name, vector / k**2, plane.at) for plane, vector in planes]
 
 
 @dataclass(frozen=True)
@@ -100,21 +100,20 @@ class ResidualOverTurn:
 def residual_over_turn(engine: Engine, shafts: Sequence[Shaft], omega: float, about: float) -> ResidualOverTurn:
     """Exact force and moment about a place [m] at constant speed [rad/s], by stage."""
     theta = np.append(crank_angles(_SAMPLES), 2 * np.pi)
-    on_crank = [shaft for shaft in shafts if shaft.is_crankshaft]
-    mounted: dict[str, Sequence[Shaft]] = {"before": (), "counterweights": on_crank, "shafts": shafts}
-    return ResidualOverTurn(theta, {stage: _residual(engine, mounted[stage], theta, omega, about) for stage in STAGES})
-
-
-def _residual(engine: Engine, shafts: Sequence[Shaft], theta: Floats, omega: float, about: float) -> ResidualForces:
-    def force(at: Floats) -> Complexes:
-        return engine.force(at, omega) + omega**2 * shaft_vectors(shafts, at)
-
-    def moment(at: Floats) -> Complexes:
-        return engine.tilting(at, omega, about=about) + omega**2 * shaft_vectors(shafts, at, about)
-
     size, length = force_scale(engine, about)
     least = _ROUNDING * size * omega**2
-    return ResidualForces(*_over(force, theta, least), *_over(moment, theta, least * length))
+
+    def residual(mounted: Sequence[Shaft]) -> ResidualForces:
+        def force(at: Floats) -> Complexes:
+            return engine.force(at, omega) + omega**2 * shaft_vectors(mounted, at)
+
+        def moment(at: Floats) -> Complexes:
+            return engine.tilting(at, omega, about=about) + omega**2 * shaft_vectors(mounted, at, about)
+
+        return ResidualForces(*_over(force, theta, least), *_over(moment, theta, least * length))
+
+    on_crank = [shaft for shaft in shafts if shaft.is_crankshaft]
+    return ResidualOverTurn(theta, dict(zip(STAGES, map(residual, ((), on_crank, shafts)), strict=True)))
 
 
 def _over(vector: Callable[[Floats], Complexes], theta: Floats, least: float) -> tuple[Complexes, float]:

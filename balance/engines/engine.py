@@ -4,7 +4,6 @@ The crankshaft is the z axis, x up, angles in the sense of rotation, from x to y
 of cylinder i at beta_i; its own crank angle, from its own top dead centre, is theta + phi_i - beta_i.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
 from typing import Annotated
@@ -71,10 +70,8 @@ class Engine:
 
     def force(self, theta: Floats, omega: float | Floats, alpha: float | Floats = 0.0) -> Complexes:
         """Exact shaking force at crank angles (n,) [rad], speed [rad/s] and acceleration [rad/s2], (n,) [N]."""
-        total: Complexes = np.zeros(np.shape(theta), dtype=complex)
-        for _, force in self._forces(theta, omega, alpha):
-            total = total + force
-        return total
+        forces = [force for _, force in self._forces(theta, omega, alpha)]
+        return np.asarray(sum(forces, np.zeros(np.shape(theta), dtype=complex)))
 
     def tilting(
         self, theta: Floats, omega: float | Floats, alpha: float | Floats = 0.0, about: float = 0.0
@@ -84,10 +81,8 @@ class Engine:
         At crank angles (n,) [rad], speed [rad/s] and acceleration [rad/s2]. Its direction is that of the forces; the
         moment vector is a quarter turn ahead, M = e_z x this, as (-y, x).
         """
-        total: Complexes = np.zeros(np.shape(theta), dtype=complex)
-        for at, force in self._forces(theta, omega, alpha):
-            total = total + (at - about) * force
-        return total
+        moments = [(at - about) * force for at, force in self._forces(theta, omega, alpha)]
+        return np.asarray(sum(moments, np.zeros(np.shape(theta), dtype=complex)))
 
     def rolling(self, theta: Floats, omega: float | Floats, alpha: float | Floats = 0.0) -> Floats:
         """Exact shaking moment about the crankshaft's axis, in the sense of rotation, (n,) [N m]; see ``force``."""
@@ -144,36 +139,24 @@ def firing(engine: Engine) -> Firing:
     Each cylinder fires at its top dead centre, in a four-stroke engine in the first turn or in the second: of all
     choices the most even. Raises DataError for an order that does not fit into one cycle.
     """
-    dead, doubled = dead_centres(engine), engine.strokes == 4
+    dead, turns = dead_centres(engine), (0.0, _TURN) if engine.strokes == 4 else (0.0,)
     if len(dead) > _MOST_CYLINDERS:
         raise DataError(f"{engine.name}: {len(dead)} cylinders: firing angles are found for up to {_MOST_CYLINDERS}")
-    cycle = _TURN * (2 if doubled else 1)
-    order = engine.firing_order
+    cycle, order = _TURN * len(turns), engine.firing_order
     first = order[0] - 1 if order else 0
-    turns = product((0.0, _TURN) if doubled else (0.0,), repeat=len(dead) - 1)
-    choices = (_in_turn(dead, (*turn[:first], 0.0, *turn[first:]), first, cycle) for turn in turns)
-    if order:
-        choices = (Firing(order, c.angles_deg, c.intervals_deg) for c in choices if _fires_in(c, order))
-    best = min(choices, key=lambda choice: round(float(np.std(choice.intervals_deg)), 6), default=None)
-    if best is None:
+    choices = []
+    for turn in product(*((0.0,) if i == first else turns for i in range(len(dead)))):
+        angles = [(d + t - dead[first]) % cycle for d, t in zip(dead, turn, strict=True)]
+        angles = [0.0 if cycle - angle < 1e-6 else angle for angle in angles]
+        if any(angles[a - 1] > angles[b - 1] + 1e-6 for a, b in pairwise(order)):
+            continue
+        rising = sorted(range(len(angles)), key=lambda i: (round(angles[i], 6), i))
+        fired = tuple(angles[i] - angles[rising[0]] for i in rising)
+        intervals = tuple(b - a for a, b in pairwise([*fired, cycle]))
+        choices.append(Firing(order or tuple(i + 1 for i in rising), fired, intervals))
+    if not choices:
         raise DataError(
             f"{engine.name}: firing order {'-'.join(map(str, order))} does not fit into one cycle of {cycle:g} deg: "
             "these throws and banks cannot fire in that order; correct firing_order, throws or banks"
         )
-    return best
-
-
-def _fires_in(choice: Firing, order: Sequence[int]) -> bool:
-    """Whether the cylinders fire in this order, those that fire at once in any."""
-    angle = dict(zip(choice.order, choice.angles_deg, strict=True))
-    return all(angle[a] <= angle[b] + 1e-6 for a, b in pairwise(order))
-
-
-def _in_turn(dead: Sequence[float], turn: Sequence[float], first: int, cycle: float) -> Firing:
-    """Firing angles in rising order, counted from cylinder ``first``."""
-    angles = [(d + t - dead[first]) % cycle for d, t in zip(dead, turn, strict=True)]
-    angles = [0.0 if cycle - angle < 1e-6 else angle for angle in angles]
-    order = sorted(range(len(angles)), key=lambda i: (round(angles[i], 6), i))
-    rising = [angles[i] - angles[order[0]] for i in order]
-    intervals = tuple(b - a for a, b in pairwise([*rising, cycle]))
-    return Firing(tuple(i + 1 for i in order), tuple(rising), intervals)
+    return min(choices, key=lambda choice: round(float(np.std(choice.intervals_deg)), 6))

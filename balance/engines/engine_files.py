@@ -1,5 +1,6 @@
 """Engine files (``datasets/engines``): cylinders, counterweights, firing order; and an engine as a mechanism file."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 from xml.etree import ElementTree
@@ -124,15 +125,19 @@ def load_engine(name: str | Path, ratio: float = DEFAULT_RATIO) -> Engine:
     """
     table, stem = _table(name)
     if table.slider_crank is None:
-        return _layout(table, stem, ratio)
+        return load_layout(name, ratio)
     spacing = table.spacing or 0.0
     weights = tuple(Unbalance(each.name, each.unbalance, spacing * each.at) for each in table.counterweights)
-    return _engine(table, stem, table.slider_crank.slider_crank(), spacing, weights)
+    return replace(_engine(table, stem, table.slider_crank.slider_crank(), spacing), counterweights=weights)
 
 
 def load_layout(name: str | Path, ratio: float = DEFAULT_RATIO) -> Engine:
     """Load an engine as a layout, without its sizes, for comparing engines."""
-    return _layout(*_table(name), ratio)
+    table, stem = _table(name)
+    if not 0.0 < ratio < 1.0:
+        raise DataError(f"ratio r / l is {ratio:g}: expected more than 0 and less than 1")
+    engine = _engine(table, stem, SliderCrank(1.0, 1.0 / ratio, piston_mass=1.0), 1.0)
+    return replace(engine, speed=None, normalised=True)
 
 
 def has_sizes(name: str | Path) -> bool:
@@ -145,26 +150,15 @@ def _table(name: str | Path) -> tuple[EngineTable, str]:
     return load_model(EngineTable, path), path.stem
 
 
-def _layout(table: EngineTable, stem: str, ratio: float) -> Engine:
-    if not 0.0 < ratio < 1.0:
-        raise DataError(f"ratio r / l is {ratio:g}: expected more than 0 and less than 1")
-    return _engine(table, stem, SliderCrank(1.0, 1.0 / ratio, piston_mass=1.0), 1.0, None)
-
-
-def _engine(
-    table: EngineTable, stem: str, crank: SliderCrank, spacing: float, weights: tuple[Unbalance, ...] | None
-) -> Engine:
-    """The engine; a layout, without sizes, where ``weights`` is None."""
-    places = table.at if table.at is not None else range(len(table.throws))
-    cylinders = zip(places, table.throws, table.banks or [0.0] * len(table.throws), strict=True)
+def _engine(table: EngineTable, stem: str, crank: SliderCrank, spacing: float) -> Engine:
+    count = len(table.throws)
+    cylinders = zip(table.at or range(count), table.throws, table.banks or [0.0] * count, strict=True)
     return Engine(
         table.name or stem,
         tuple(Cylinder(place * spacing, throw, bank, crank) for place, throw, bank in cylinders),
-        weights or (),
-        table.strokes,
-        tuple(table.firing_order or ()),
-        None if weights is None else table.speed,
-        normalised=weights is None,
+        strokes=table.strokes,
+        firing_order=tuple(table.firing_order or ()),
+        speed=table.speed,
         source=table.source,
     )
 
@@ -229,16 +223,13 @@ def _inertial(body: Element, along: float, mass: float, inertia: float) -> None:
 
 def _crank_inertia(shaft: Element, engine: Engine) -> None:
     """Throws and counterweights as one rigid body; a counterweight is a point mass at one crank radius."""
-    points = []
-    for cylinder in engine.cylinders:
-        at = cylinder.crank.crank_centre * np.exp(1j * cylinder.throw)
-        points.append((cylinder.crank.crank_mass, at.real, at.imag, cylinder.at))
+    points = [(c.crank.crank_mass, c.crank.crank_centre * np.exp(1j * c.throw), c.at) for c in engine.cylinders]
     radius = engine.cylinders[0].crank.radius
     for weight in engine.counterweights:
         mass = abs(weight.vector) / radius
-        at = weight.vector / mass if mass else 0j
-        points.append((mass, at.real, at.imag, weight.at))
-    masses, places = np.array(points)[:, 0], np.array(points)[:, 1:]
+        points.append((mass, weight.vector / mass if mass else 0j, weight.at))
+    masses = np.array([mass for mass, _, _ in points])
+    places = np.array([(at.real, at.imag, z) for _, at, z in points])
     mass = float(masses.sum())
     if mass <= 0.0:
         raise DataError(f"{engine.name}: a mechanism file needs a crankshaft with mass: give crank_mass")

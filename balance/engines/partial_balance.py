@@ -6,7 +6,7 @@ m_b r_b = (rotating) + c m r. The residual force is m r omega^2 (f(theta) - c e^
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
@@ -69,19 +69,12 @@ def counterweight(crank: SliderCrank, fraction: float) -> float:
     return crank.rotating_unbalance + fraction * crank.reciprocating_mass * crank.radius
 
 
-@dataclass(frozen=True)
-class BestCounterweight:
+class BestCounterweight(NamedTuple):
     """The fraction whose largest shaking force is least."""
 
     fraction: float
     largest: float
     """Largest |F| / (m r omega^2)."""
-    slopes: tuple[float, float]
-    """Slopes of the largest force just below and above: of opposite sign at the least."""
-
-    def is_optimal(self, tol: float) -> bool:
-        """Whether the largest force decreases below the fraction and increases above it."""
-        return self.slopes[0] <= tol and self.slopes[1] >= -tol
 
 
 def best_fraction(crank: SliderCrank, model: Model = "exact") -> BestCounterweight:
@@ -89,37 +82,29 @@ def best_fraction(crank: SliderCrank, model: Model = "exact") -> BestCounterweig
 
     Bisection on the sign of its slope, -2 f cos theta + 2 c at the theta of the largest force.
     """
+
+    def largest(fraction: float) -> tuple[float, float]:
+        def square(theta: Floats) -> Floats:
+            f = reciprocating_force(crank, theta, model)
+            return np.asarray(f**2 - 2.0 * fraction * f * np.cos(theta) + fraction**2)
+
+        return largest_over_turn(square)
+
     low, high = 0.0, 1.0
     for _ in range(60):
         middle = 0.5 * (low + high)
-        if _slope(crank, middle, model) > 0.0:
+        theta = np.array([largest(middle)[1]])
+        if (middle - reciprocating_force(crank, theta, model) * np.cos(theta))[0] > 0.0:
             high = middle
         else:
             low = middle
     fraction = 0.5 * (low + high)
-    step = 1e-6
-    slopes = _slope(crank, fraction - step, model), _slope(crank, fraction + step, model)
-    return BestCounterweight(fraction, float(np.sqrt(_largest(crank, fraction, model)[0])), slopes)
+    return BestCounterweight(fraction, float(np.sqrt(largest(fraction)[0])))
 
 
 def least_rms_fraction(crank: SliderCrank) -> float:
     """The fraction of least mean square: c_1 / 2 of the exact series, a half for any cylinder without offset."""
     return slider_crank.exact_series(crank, 1)[1].real / 2.0
-
-
-def _slope(crank: SliderCrank, fraction: float, model: Model) -> float:
-    theta = np.array([_largest(crank, fraction, model)[1]])
-    return float(2.0 * (fraction - reciprocating_force(crank, theta, model) * np.cos(theta))[0])
-
-
-def _largest(crank: SliderCrank, fraction: float, model: Model) -> tuple[float, float]:
-    """Largest |f - c e^(i theta)|^2 and where [rad]."""
-
-    def square(theta: Floats) -> Floats:
-        f = reciprocating_force(crank, theta, model)
-        return np.asarray(f**2 - 2.0 * fraction * f * np.cos(theta) + fraction**2)
-
-    return largest_over_turn(square)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from .balance_shafts import ResidualForces, ResidualOverTurn, Shaft
 from .engine import Engine, dead_centres, firing
 from .free_forces import FreeForces, RotatingVector, cylinder_sums, free_forces
 from .partial_balance import largest_over_turn
-from .slider_crank import Replacement, SliderCrank, replacements, rod_findings
+from .slider_crank import SliderCrank, replacements, rod_findings
 
 _POLAR = 24
 """Crank angles of the polar diagram in the document."""
@@ -33,12 +33,13 @@ def cylinder_document(
     theta = partial_balance.crank_angles(3600)
     exact, rough = (partial_balance.reciprocating_force(crank, theta, model) for model in ("exact", "order2"))
     error = float(np.abs(exact - rough).max())
+    units = {key: {"mass": "kg", "inertia": "kgm2"}.get(key.rpartition("_")[2], "m") for key in asdict(crank)}
     return {
         "engine": engine.name,
         "cylinders": len(engine.cylinders),
         "speed_rad_per_s": omega,
         "ratio_r_over_l": crank.ratio,
-        "slider_crank": {f"{key}_{_unit(key)}": value for key, value in asdict(crank).items()},
+        "slider_crank": {f"{key}_{unit}": getattr(crank, key) for key, unit in units.items()},
         "rotating_mass_at_r_kg": crank.rotating_unbalance / crank.radius,
         "rotating_unbalance_kgm": crank.rotating_unbalance,
         "reciprocating_mass_kg": crank.reciprocating_mass,
@@ -48,7 +49,7 @@ def cylinder_document(
         "exact_orders_of_reciprocating_force": {
             str(k): [c.real, c.imag] for k, c in slider_crank.exact_series(crank).items() if abs(c) > 1e-12
         },
-        "rod": [document(each) for each in rod_replacements(crank)],
+        "rod": [document(each) for each in replacements(crank)],
         "findings": rod_findings(crank),
         "cases": {name: _case(crank, weight, omega, radius, mass) for name, weight in cases.items()},
         "best_fraction": {
@@ -60,15 +61,6 @@ def cylinder_document(
     }
 
 
-def _unit(key: str) -> str:
-    return "kg" if key.endswith("mass") else "kgm2" if key.endswith("inertia") else "m"
-
-
-def rod_replacements(crank: SliderCrank) -> list[Replacement]:
-    """Point masses in the place of the rod; none of a rod without mass, or whose centre is not between its pins."""
-    return replacements(crank) if 0.0 < crank.rod_centre < crank.rod_length and crank.rod_mass else []
-
-
 def _case(crank: SliderCrank, weight: float, omega: float, radius: float | None, mass: float | None) -> dict[str, Any]:
     found: dict[str, Any] = {
         "counterweight_kgm": weight,
@@ -76,17 +68,15 @@ def _case(crank: SliderCrank, weight: float, omega: float, radius: float | None,
         "counterweight_mass_kg": weight / radius if radius else mass if mass and weight else None,
         "counterweight_radius_mm": 1e3 * radius if radius else 1e3 * weight / mass if mass and weight else None,
     }
+    theta = partial_balance.crank_angles(_POLAR)
+    polar = {}
     for model in partial_balance.MODELS:
         found[model] = document(partial_balance.residual_extremes(crank, weight, omega, model))
-    theta = partial_balance.crank_angles(_POLAR)
-    found["polar"] = {
-        model: [
+        polar[model] = [
             {"theta_deg": 360.0 * i / _POLAR, "Fx_N": float(f.real), "Fy_N": float(f.imag)}
             for i, f in enumerate(partial_balance.residual_force(crank, weight, theta, omega, model))
         ]
-        for model in partial_balance.MODELS
-    }
-    return found
+    return found | {"polar": polar}
 
 
 def engine_document(
@@ -113,7 +103,15 @@ def engine_document(
             for f in free
         ],
         "textbook_sums": {str(k): cylinder_sums(engine, k) for k in (1, 2)} if engine.in_line else None,
-        "balance_shafts": [_shaft(shaft, length, unbalance) for shaft in balancing],
+        "balance_shafts": [
+            {
+                "order": shaft.order,
+                "turns": "forward" if shaft.forward else "backward",
+                "is_crankshaft": shaft.is_crankshaft,
+                "unbalances": [{f"at_{length}": u.at} | vector_document(u.vector, unbalance) for u in shaft.unbalances],
+            }
+            for shaft in balancing
+        ],
         "over_a_turn_exact": {
             f"force_{force}": residual.stages["before"].largest_force,
             f"moment_{moment}": residual.stages["before"].largest_moment,
@@ -135,15 +133,6 @@ def _rotating(part: RotatingVector, unit: str, omega: float) -> dict[str, Any]:
         "direction_of_largest_deg": degrees(part.direction) % 180.0,
         "forward": vector_document(scale * part.forward, unit),
         "backward": vector_document(scale * part.backward, unit),
-    }
-
-
-def _shaft(shaft: Shaft, length: str, unbalance: str) -> dict[str, Any]:
-    return {
-        "order": shaft.order,
-        "turns": "forward" if shaft.forward else "backward",
-        "is_crankshaft": shaft.is_crankshaft,
-        "unbalances": [{f"at_{length}": u.at} | vector_document(u.vector, unbalance) for u in shaft.unbalances],
     }
 
 

@@ -162,13 +162,12 @@ class Replacement:
 def replacements(crank: SliderCrank) -> list[Replacement]:
     """Two masses at the pins; two masses of which one at the crank pin, exact; three masses, exact.
 
+    None of a rod without mass, or whose centre is not between its pins.
     The two at the pins: m_B = m l_C / l, m_C = m l_B / l. Exact with one at the pin: the other at the centre of
     percussion, I / (m l_B) beyond the centre. Three: m_B = I / (l_B l), m_C = I / (l_C l), the rest at the centre.
     """
-    if not 0.0 < crank.rod_centre < crank.rod_length:
-        raise DataError(
-            f"centre of the rod at {crank.rod_centre:g} m of {crank.rod_length:g} m: expected it between the two pins"
-        )
+    if not (crank.rod_mass and 0.0 < crank.rod_centre < crank.rod_length):
+        return []
     mass, inertia, length = crank.rod_mass, crank.rod_inertia, crank.rod_length
     l_b, l_c = crank.rod_centre, crank.rod_length - crank.rod_centre
     beyond = inertia / (mass * l_b)

@@ -69,5 +69,4 @@ def test_what_cannot_turn_is_refused():
     """A rod not longer than crank and offset together locks."""
     with pytest.raises(DataError, match="cannot make a full turn"):
         SliderCrank(0.05, 0.06, offset=0.02)
-    with pytest.raises(DataError, match="between the two pins"):
-        replacements(SliderCrank(0.05, 0.2, rod_mass=1.0, rod_centre=0.3, piston_mass=1.0))
+    assert replacements(SliderCrank(0.05, 0.2, rod_mass=1.0, rod_centre=0.3, piston_mass=1.0)) == []
