@@ -37,17 +37,10 @@ Damping = Annotated[float, Quantity("damping", above=0.0)]
 
 
 def skew(vector: Floats) -> Floats:
-    """The matrix S (3, 3) with S b = vector x b, in SI as ``vector`` (3,)."""
-    x, y, z = vector
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-
-
-def skews(vectors: Floats) -> Floats:
-    """The matrices S (n, 3, 3) with S b = vector x b, in SI as ``vectors`` (n, 3)."""
-    found = np.zeros((len(vectors), 3, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        found[:, k, j], found[:, j, k] = vectors[:, i], -vectors[:, i]
-    return found
+    """The matrices S (..., 3, 3) with S b = vector x b, in SI as ``vector`` (..., 3)."""
+    x, y, z = np.moveaxis(vector, -1, 0)
+    zero = np.zeros_like(x)
+    return np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), (0, 1), (-2, -1))
 
 
 def displacement_at(point: Floats) -> Floats:
@@ -90,7 +83,7 @@ def inertia_along(mechanism: Mechanism, q: Floats) -> Floats:
     x, y, z, xx, yy, zz, xy, xz, yz = program.values(q.T, parameters=mechanism.pi)
     found = np.zeros((len(q), 6, 6))
     found[:, :3, :3] = mechanism.total_mass * np.eye(3)
-    found[:, 3:, :3] = skews(np.stack([x, y, z], axis=1))
+    found[:, 3:, :3] = skew(np.stack([x, y, z], axis=1))
     found[:, :3, 3:] = -found[:, 3:, :3]
     found[:, 3:, 3:] = np.array([[xx, -xy, -xz], [-xy, yy, -yz], [-xz, -yz, zz]]).transpose(2, 0, 1)
     return found

@@ -123,7 +123,10 @@ class _Parts:
         self._refuse_unknown("<text name='payload'> names body", payload, own_mass)
         self._refuse_unknown(f"<numeric name='...{_RADIUS}'> names site", radii, sites)
         driven, reflected, notes = self._drives()
-        loops = self._loops()
+        if len(model.eq_type) and model.disableflags & _LOOPS_OFF:
+            raise ModelError(f"{self.file}: <flag> switches <equality> off; remove the flag, or the <equality>")
+        # connects in the order of the file, then welds, then couplings
+        loops = tuple(self._loop(k) for k in sorted(range(len(model.eq_type)), key=lambda k: int(model.eq_type[k])))
         return Mechanism(
             name=name,
             text=text,
@@ -216,28 +219,18 @@ class _Parts:
         model = self.model
         return _moved(self.placed[model.site_bodyid[site]], _rotation(model.site_quat[site]), model.site_pos[site])
 
-    def _loops(self) -> tuple[Constraint, ...]:
-        """Connects in the order of the file, then welds, then couplings."""
-        model = self.model
-        if len(model.eq_type) and model.disableflags & _LOOPS_OFF:
-            raise ModelError(f"{self.file}: <flag> switches <equality> off; remove the flag, or the <equality>")
-        return tuple(self._loop(k) for k in sorted(range(len(model.eq_type)), key=lambda k: int(model.eq_type[k])))
-
     def _loop(self, k: int) -> Constraint:
-        model, data, ends = (
-            self.model,
-            self.model.eq_data[k],
-            (int(self.model.eq_obj1id[k]), int(self.model.eq_obj2id[k])),
-        )
-        kind = model.eq_type[k]
+        model, data, kind = self.model, self.model.eq_data[k], self.model.eq_type[k]
+        ends = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+        given = self.names["equality"][k]
         if kind not in (_CONNECT, _WELD):
             names = [self.names["joint"][end] for end in ends if end >= 0]
             dofs = [int(model.jnt_dofadr[end]) if end >= 0 else None for end in ends]
             zeros = [float(model.qpos0[model.jnt_qposadr[end]]) if end >= 0 else 0.0 for end in ends]
-            label, law = self._loop_name(k, "joint", "-".join(names)), frozen(data[:5].copy())
-            return Coupling(label, dofs[0] or 0, dofs[1], law, (zeros[0], zeros[1]))
+            label = given or f"joint {'-'.join(names)}"
+            return Coupling(label, dofs[0] or 0, dofs[1], frozen(data[:5].copy()), (zeros[0], zeros[1]))
         by_site = model.eq_objtype[k] == _SITE
-        label = "-".join(self.names["site" if by_site else "body"][end] for end in ends if by_site or end > 0)
+        bodies = "-".join(self.names["site" if by_site else "body"][end] for end in ends if by_site or end > 0)
         if by_site:
             first, second = (self._site(end) for end in ends)
         else:
@@ -245,11 +238,8 @@ class _Parts:
             turn = _rotation(data[6:10]) if kind == _WELD else np.eye(3)
             first = _moved(self.placed[ends[0]], turn, of_first)
             second = _moved(self.placed[ends[1]], np.eye(3), of_second)
-        word = "weld" if kind == _WELD else "connect"
-        return Loop(self._loop_name(k, word, label), first, second, bool(kind == _WELD and data[10] != 0.0))
-
-    def _loop_name(self, k: int, kind: str, ends: str) -> str:
-        return self.names["equality"][k] or f"{kind} {ends}"
+        label = given or f"{'weld' if kind == _WELD else 'connect'} {bodies}"
+        return Loop(label, first, second, bool(kind == _WELD and data[10] != 0.0))
 
     def _payload(self) -> tuple[str, ...]:
         """Bodies that ``<custom><text name="payload">`` names."""
@@ -291,10 +281,11 @@ class _Parts:
         """Forces of the file that no force or torque computed here has."""
         model = self.model
         springs = not model.disableflags & _SPRINGS_OFF
-        stiff = model.jnt_stiffness.astype(bool) | np.any(model.jnt_stiffnesspoly, axis=1)
+        sprung = model.jnt_stiffness.astype(bool) | np.any(model.jnt_stiffnesspoly, axis=1)
+        stiff = [self.names["joint"][i] for i in np.flatnonzero(sprung)]
         pulled = np.any(model.tendon_stiffness) or np.any(model.tendon_damping) or np.any(model.tendon_frictionloss)
         found = {
-            f"springs of joints {', '.join(self._joints_where(stiff))}": springs and np.any(stiff),
+            f"springs of joints {', '.join(stiff)}": springs and stiff,
             "springs, damping and friction of tendons": pulled,
             "damping that grows with speed": np.any(model.dof_dampingpoly),
             "damping of actuators": np.any(model.actuator_damping),
@@ -302,9 +293,6 @@ class _Parts:
             "weight taken off bodies (gravcomp)": np.any(model.body_gravcomp),
         }
         return [what for what, present in found.items() if present]
-
-    def _joints_where(self, mask: Floats) -> list[str]:
-        return [self.names["joint"][i] for i in np.flatnonzero(mask)]
 
     def _refuse_unknown(self, what: str, names: Iterable[str], known: Collection[str]) -> None:
         """Raise ModelError for the first of ``names`` that is not among the known."""

@@ -117,23 +117,32 @@ class Mechanism(Brief):
         """Pinocchio's model with the present masses: joint i + 1 carries body i, by several axes where it has them."""
         import pinocchio
 
-        model, numbers = pinocchio.Model(), {-1: 0}
+        def kind(joint: Joint) -> Any:  # noqa: ANN401
+            units = zip("XYZ", np.eye(3), strict=True)
+            letter = next((letter for letter, unit in units if np.array_equal(joint.axis, unit)), "")
+            if letter:
+                return getattr(pinocchio, f"JointModel{'R' if joint.revolute else 'P'}{letter}")()
+            name = f"JointModel{'Revolute' if joint.revolute else 'Prismatic'}Unaligned"
+            return getattr(pinocchio, name)(joint.axis)
+
+        model, numbers, here = pinocchio.Model(), {-1: 0}, pinocchio.SE3.Identity()
         model.name, model.gravity.linear = self.name, self.gravity
-        for row, (body, joint) in enumerate(zip(self.bodies, self.tree.bodies, strict=True)):
+        for row, body, joint in zip(self.parameters, self.bodies, self.tree.bodies, strict=True):
             path = self.tree.path(joint)
             axes = path[max((k + 1 for k, other in enumerate(path[:-1]) if other in numbers), default=0) :]
-            placed = [(_pinocchio_joint(self.tree.joints[k]), self.tree.joints[k]) for k in axes]
-            whole, first = placed[0]
-            if len(axes) > 1:
+            first, *others = [self.tree.joints[k] for k in axes]
+            whole = kind(first)
+            if others:
                 whole = pinocchio.JointModelComposite()
-                for k, (kind, other) in enumerate(placed):
-                    whole.addJoint(
-                        kind, pinocchio.SE3(other.rotation, other.position) if k else pinocchio.SE3.Identity()
-                    )
+                whole.addJoint(kind(first), here)
+                for other in others:
+                    whole.addJoint(kind(other), pinocchio.SE3(other.rotation, other.position))
             at = pinocchio.SE3(first.rotation, first.position)
             number = model.addJoint(numbers[first.parent], whole, at, "+".join(self.coordinates[k] for k in axes))
-            model.appendBodyToJoint(number, _pinocchio_inertia(self.parameters[row]), pinocchio.SE3.Identity())
-            model.addBodyFrame(body, number, pinocchio.SE3.Identity(), 0)
+            inertia = pinocchio.Inertia
+            mass = inertia.FromDynamicParameters(row) if row[0] > 0.0 else inertia.Zero()
+            model.appendBodyToJoint(number, mass, here)
+            model.addBodyFrame(body, number, here, 0)
             numbers[joint] = number
         for site in self.sites.values():
             at = pinocchio.SE3(np.eye(3), site.position)
@@ -292,21 +301,3 @@ class Mechanism(Brief):
                 )
             parameters[site.body] += mass * site.unit_mass()
         return replace(self, parameters=frozen(parameters))
-
-
-def _pinocchio_joint(joint: Joint) -> Any:  # noqa: ANN401
-    import pinocchio
-
-    letter = next(
-        (letter for letter, unit in zip("XYZ", np.eye(3), strict=True) if np.array_equal(joint.axis, unit)), ""
-    )
-    if letter:
-        return getattr(pinocchio, f"JointModel{'R' if joint.revolute else 'P'}{letter}")()
-    kind = pinocchio.JointModelRevoluteUnaligned if joint.revolute else pinocchio.JointModelPrismaticUnaligned
-    return kind(joint.axis)
-
-
-def _pinocchio_inertia(row: Floats) -> "pinocchio.Inertia":
-    import pinocchio
-
-    return pinocchio.Inertia.FromDynamicParameters(row) if row[0] > 0.0 else pinocchio.Inertia.Zero()

@@ -299,31 +299,26 @@ class Program:
                 write[d][...] = cells[a]
             else:
                 out = cells[d] = space[d - len(values)]
-                if op in _PLAIN:
-                    _PLAIN[op](cells[a], cells[b], out=out)
-                elif op == Op.NEG:
-                    np.negative(cells[a], out=out)
-                elif op == Op.INVERSE:
-                    np.divide(1.0, cells[a], out=out)
-                elif op == Op.SINCOS:
+                if op == Op.SINCOS:
                     cells[b] = space[b - len(values)]
-                    np.sin(cells[a], out=out)
                     np.cos(cells[a], out=cells[b])
-                elif op == Op.SIGN:
-                    np.sign(cells[a], out=out)
-                elif op == Op.LARGER:
-                    np.maximum(np.abs(cells[a]), np.abs(cells[b]), out=out)
-                else:
-                    np.multiply(cells[a], cells[b], out=spare)
-                    _AFTER_PRODUCT[op](spare, cells[c], out=out)
+                _NUMPY[op](cells[a], cells[b], cells[c], out, spare)
 
 
-_PLAIN: dict[int, Callable[..., Floats]] = {Op.ADD: np.add, Op.SUB: np.subtract, Op.MUL: np.multiply}
-_AFTER_PRODUCT: dict[int, Callable[..., Floats]] = {
-    Op.PLUS_PRODUCT: np.add,
-    Op.MINUS_PRODUCT: lambda product, c, out: np.subtract(c, product, out=out),
-    Op.PRODUCT_LESS: np.subtract,
+_NUMPY: dict[int, Callable[[Floats, Floats, Floats, Floats, Floats], Floats]] = {
+    Op.ADD: lambda a, b, c, out, spare: np.add(a, b, out=out),
+    Op.SUB: lambda a, b, c, out, spare: np.subtract(a, b, out=out),
+    Op.MUL: lambda a, b, c, out, spare: np.multiply(a, b, out=out),
+    Op.NEG: lambda a, b, c, out, spare: np.negative(a, out=out),
+    Op.INVERSE: lambda a, b, c, out, spare: np.divide(1.0, a, out=out),
+    Op.SINCOS: lambda a, b, c, out, spare: np.sin(a, out=out),
+    Op.SIGN: lambda a, b, c, out, spare: np.sign(a, out=out),
+    Op.LARGER: lambda a, b, c, out, spare: np.maximum(np.abs(a), np.abs(b), out=out),
+    Op.PLUS_PRODUCT: lambda a, b, c, out, spare: np.add(np.multiply(a, b, out=spare), c, out=out),
+    Op.MINUS_PRODUCT: lambda a, b, c, out, spare: np.subtract(c, np.multiply(a, b, out=spare), out=out),
+    Op.PRODUCT_LESS: lambda a, b, c, out, spare: np.subtract(np.multiply(a, b, out=spare), c, out=out),
 }
+"""Operations of a block of samples; ``spare`` is a row for what is between."""
 
 
 class _Assembler:

@@ -32,7 +32,7 @@ from balance.dynamics.moving_base import (
     first_moment,
     inertia_along,
     second_moment,
-    skews,
+    skew,
 )
 from balance.mechanism.forward_kinematics import motion, pose
 from balance.mechanism.mechanism import Mechanism
@@ -57,9 +57,9 @@ class Coupling:
         inertia = inertia_along(mechanism, trajectory.q)
         moving = momentum(mechanism, trajectory.q, trajectory.v)
         gyration = np.zeros_like(inertia)
-        gyration[:, :3, 3:] = -2.0 * skews(moving[:, :3])
+        gyration[:, :3, 3:] = -2.0 * skew(moving[:, :3])
         rate = np.gradient(inertia[:, 3:, 3:], float(trajectory.time[1] - trajectory.time[0]), axis=0)
-        gyration[:, 3:, 3:] = rate - skews(moving[:, 3:] + rotor_momentum(mechanism, rotors, trajectory.v))
+        gyration[:, 3:, 3:] = rate - skew(moving[:, 3:] + rotor_momentum(mechanism, rotors, trajectory.v))
         return cls(inertia, gyration)
 
     def every(self, stride: int) -> "Coupling":
