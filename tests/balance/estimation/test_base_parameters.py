@@ -84,7 +84,7 @@ def test_an_impossible_estimate_is_recognised():
 
 
 def test_no_random_feasible_set_is_nearer():
-    """Of a thousand feasible sets about the nearest, none is nearer to the free estimate."""
+    """Of a hundred feasible sets about the nearest, none is nearer to the free estimate."""
     found, made = infeasible()
     inverse = np.linalg.pinv(found.covariance, rcond=1e-8)
     rng = np.random.default_rng(2)
@@ -95,7 +95,7 @@ def test_no_random_feasible_set_is_nearer():
 
     best = distance(made.parameters)
     tried = 0
-    for _ in range(1500):
+    for _ in range(5000):  # some 7 of 100 are feasible
         anywhere = FILE * (1.0 + 0.2 * rng.normal(size=28))
         other = made.parameters + 10.0 ** rng.uniform(-5, 0) * (anywhere - made.parameters)
         bodies = [pseudo_inertia(row) for row in other[:20].reshape(2, 10)]
@@ -104,7 +104,7 @@ def test_no_random_feasible_set_is_nearer():
         if least > LEAST_SHARE and (other[[20, 21, 23, 24, 25, 27]] >= 0.0).all():
             tried += 1
             assert distance(other) > best * (1.0 - 1e-3)
-    assert tried > 100
+    assert tried >= 100
 
 
 @pytest.mark.parametrize("name", ["serial-2r", "parallelogram-6bar"])
