@@ -21,9 +21,9 @@ from .task_pool import HERE, TaskPool
 from .units import si
 
 if TYPE_CHECKING:  # what each function needs is imported when it is called: a command starts as quickly as without
-    from .balancing import Sizing
     from .balancing.conditions import Conditions
     from .balancing.methods import Methods, MethodSettings
+    from .balancing.sizing import Sizing
     from .balancing.sizing_study import SizingStudy
     from .balancing.sweep import Designs, Problem
     from .balancing.tolerance import Tolerance, ToleranceAnalysis
@@ -172,7 +172,7 @@ def check(mechanism: Mechanism | str | Path, counter_masses: Mapping[str, float 
     >>> round(found.remaining_percent(), 1)
     4.5
     """
-    from .balancing import sizing_of_given
+    from .balancing.sizing import sizing_of_given
 
     model = _mechanism(mechanism)
     found, masses = conditions(model), _masses(counter_masses)

@@ -4,9 +4,10 @@ import json
 import sys
 from pathlib import Path
 
-from balance import balancing, datasets
-from balance.balancing import Sizing, stock_plates
+from balance import datasets
+from balance.balancing import stock_plates
 from balance.balancing.conditions import Conditions, balance_conditions
+from balance.balancing.sizing import Sizing, best_sets_from_stock, exact_sizing, sizing_of_given
 from balance.cli.framework import emit_table
 from balance.figures.mechanism import draw_mechanism, save
 from balance.mechanism.mechanism import Mechanism
@@ -34,7 +35,7 @@ def run(out: Path) -> None:
         note="Printed masses are the source's (Kiper 2019); all else is computed. The printed 17.1064 kg does not "
         "follow from the printed inputs: those ask for 17.931 kg.",
     )
-    balanced = balancing.exact_sizing(conditions, mechanism.with_payload({"platform": 5.0}))
+    balanced = exact_sizing(conditions, mechanism.with_payload({"platform": 5.0}))
     figure = draw_mechanism(balanced.after, balanced.counter_masses, title="Balanced for a payload of 5 kg")
     save(figure, out / "mechanism.png")
     saved(out / "mechanism.png", "the manipulator with its counter-masses")
@@ -45,8 +46,8 @@ def _payload_rows(conditions: Conditions, sheet: dict, payload: str) -> list[lis
     plates = stock_plates.load_stock("kiper2019")
     built = next(s for label, s in sheet["built_sets"].items() if abs(float(label.split()[0]) - float(payload)) < 0.01)
     variants = {
-        "exact": balancing.exact_sizing(conditions, mechanism),
-        "stock": balancing.size_from_stock(conditions, mechanism, plates),
+        "exact": exact_sizing(conditions, mechanism),
+        "stock": best_sets_from_stock(conditions, mechanism, plates)[0],
         f"built ({'+'.join(built)})": _given(conditions, mechanism, stock_plates.plates_mass(built, plates)),
         "printed": _given(conditions, mechanism, sheet["printed_counter_mass_kg_per_arm"][payload]),
     }
@@ -54,7 +55,7 @@ def _payload_rows(conditions: Conditions, sheet: dict, payload: str) -> list[lis
 
 
 def _given(conditions: Conditions, mechanism: Mechanism, mass: float) -> Sizing:
-    return balancing.sizing_of_given(conditions, mechanism, dict.fromkeys(mechanism.counter_sites, mass))
+    return sizing_of_given(conditions, mechanism, dict.fromkeys(mechanism.counter_sites, mass))
 
 
 def _row(payload: str, name: str, result: Sizing) -> list[str]:

@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-from balance.balancing import sizing_of_given
 from balance.balancing.conditions import balance_conditions
+from balance.balancing.sizing import sizing_of_given
 from balance.closure import Closure
 from balance.figures.mechanism import draw_on
 from balance.mechanism.mjcf_parser import load_mechanism

@@ -13,9 +13,9 @@ from string import Template
 from typing import Annotated, Any
 
 from balance import datasets
-from balance.balancing import exact_sizing
 from balance.balancing.conditions import balance_conditions
 from balance.balancing.objective import motion_objective
+from balance.balancing.sizing import exact_sizing
 from balance.closure import Closure
 from balance.errors import CounterpoiseError, DataError, ModelError, suggestion
 from balance.mechanism.mechanism import Mechanism

@@ -171,9 +171,9 @@ class VibrationObjective(Objective):
 def vibration_objective(
     mechanism: Mechanism, trajectory: Trajectory, measured: MeasuredBase, weights: Mapping[str, float] | None = None
 ) -> VibrationObjective:
-    """The vibration of a rig's base in a motion of ``mechanism``; weighed, as ``combined`` does, against QUANTITIES.
+    """The vibration of a rig's base in a motion of ``mechanism``; with ``weights`` of other QUANTITIES, a sum of parts.
 
-    ``weights`` are of the vibration and the others by name. Raises SizingError for samples of uneven steps.
+    As in ``motion_objective``. Raises SizingError for samples of uneven steps.
     """
     steps = np.diff(trajectory.time)
     if len(steps) < 2 or np.ptp(steps) > _EVEN * steps[0]:
@@ -187,7 +187,7 @@ def vibration_objective(
     whole = alone.value(mechanism)
     if not whole > 0.0:
         raise SizingError(f"{mechanism.name} does not shake the base in this motion: there is nothing to weigh against")
-    others = Objective(scaled(mechanism, parts, list(shares.values()), list(shares)), "1")
+    others = Objective(scaled(mechanism, parts, shares), "1")
     return replace(alone, unit="1", scale=(weights or {})["vibration"] / whole, others=others)
 
 

@@ -85,13 +85,6 @@ def discs(mechanism: Mechanism, sites: Sequence[str]) -> Floats:
     return np.kron(bodies, _DISC)
 
 
-def objective_of(
-    mechanism: Mechanism, trajectory: Trajectory | None, weights: Mapping[str, float] | None = None
-) -> Objective:
-    """Of the motion of a trajectory, or without one of the workspace."""
-    return workspace_objective(mechanism) if trajectory is None else motion_objective(mechanism, trajectory, weights)
-
-
 def motion_objective(
     mechanism: Mechanism, trajectory: Trajectory, weights: Mapping[str, float] | None = None
 ) -> Objective:
@@ -101,22 +94,16 @@ def motion_objective(
     """
     weights = weights or {"force": 1.0}
     parts = [Objective(triangle(_ROWS[name](mechanism, trajectory)), QUANTITIES[name]) for name in weights]
-    return combined(mechanism, parts, list(weights.values()), list(weights))
+    return parts[0] if len(parts) == 1 else Objective(scaled(mechanism, parts, weights), "1")
 
 
-def combined(
-    mechanism: Mechanism, parts: Sequence[Objective], weights: Sequence[float], names: Sequence[str]
-) -> Objective:
-    """One objective of several, each in parts of what it is for ``mechanism``; a single one as it is."""
-    return parts[0] if len(parts) == 1 else Objective(scaled(mechanism, parts, weights, names), "1")
-
-
-def scaled(mechanism: Mechanism, parts: Sequence[Objective], weights: Sequence[float], names: Sequence[str]) -> Floats:
+def scaled(mechanism: Mechanism, parts: Sequence[Objective], weights: Mapping[str, float]) -> Floats:
     """Factor (k, 10 nb + 1) [-] of the weighted sum of objectives, each in parts of what it is for ``mechanism``."""
-    whole = [part.value(mechanism) for part in parts]
-    if idle := [name for name, value in zip(names, whole, strict=True) if not value > 0.0]:
-        raise SizingError(f"{mechanism.name} has no {idle[0]} in this motion: there is nothing to weigh against")
-    rows = [part.factor * np.sqrt(w / value) for part, w, value in zip(parts, weights, whole, strict=True)]
+    rows = []
+    for part, (name, weight) in zip(parts, weights.items(), strict=True):
+        if not (value := part.value(mechanism)) > 0.0:
+            raise SizingError(f"{mechanism.name} has no {name} in this motion: there is nothing to weigh against")
+        rows.append(part.factor * np.sqrt(weight / value))
     return np.asarray(np.linalg.qr(np.vstack(rows), mode="r"))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..arrays import Floats, Indices
 from ..errors import SizingError
-from ..mechanism.mechanism import Mechanism, Site
+from ..mechanism.mechanism import Mechanism
 from ..results import Key, Shown, counted, plain
 from .conditions import Conditions
 from .least_masses import distribute_masses
@@ -25,8 +25,6 @@ COMPLETE = 1e-6
 """Share of the root mean square without counter-masses up to which a mechanism counts as balanced completely."""
 BALANCES = 0.01
 """Residual, relative to the payload's own first moment, up to which a payload counts as balanced."""
-
-
 _ROUNDING = 1e-9
 """Part of a vector in which a component is rounding."""
 
@@ -144,11 +142,12 @@ class Sizing(Shown, rows="counter_masses", figure="balance.figures.mechanism:dra
     @property
     def _as_made(self) -> Mechanism:
         """Without counter-masses, its sites with the radii of gyration of the plates that go there."""
-        drawn = {c.site: c.inertia / c.mass for c in self.counter_masses if c.inertia is not None and c.mass > 0.0}
-        sites = {
-            name: replace(self.before.site(name), radius_of_gyration=square**0.5) for name, square in drawn.items()
-        }
-        return replace(self.before, sites={**self.before.sites, **sites}) if sites else self.before
+        drawn = {}
+        for one in self.counter_masses:
+            if one.inertia is not None and one.mass > 0.0:
+                radius = (one.inertia / one.mass) ** 0.5
+                drawn[one.site] = replace(self.before.site(one.site), radius_of_gyration=radius)
+        return replace(self.before, sites={**self.before.sites, **drawn}) if drawn else self.before
 
     def residual(self) -> float:
         """First-moment residual: largest first moment that a body lacks, not what is made small [kg m]."""
@@ -175,7 +174,13 @@ class Sizing(Shown, rows="counter_masses", figure="balance.figures.mechanism:dra
     @property
     def added_inertia(self) -> float:
         """Inertia of all counter-masses about the joint axes of the bodies that carry them [kg m2]."""
-        return sum(c.mass * _inertia_about_joint(self._as_made, c.site) for c in self.counter_masses)
+        made, total = self._as_made, 0.0
+        for one in self.counter_masses:
+            site = made.site(one.site)
+            xx, xy, yy, xz, yz, zz = site.unit_mass()[4:]
+            axis = made.tree.joints[made.tree.bodies[site.body]].axis
+            total += one.mass * float(axis @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ axis)
+        return total
 
     def balanced_payloads(self) -> dict[str, float | None]:
         """For each payload body, the payload that these counter-masses balance best [kg]; None where there is none."""
@@ -208,24 +213,12 @@ def sizing_of_given(
     found = []
     for name, mass in masses.items():
         site, stack = mechanism.site(name), (plates or {}).get(name, ())
+        # plates on one axis, their centres at the site; one that is not drawn has the site's radius of gyration
+        square, own = site.radius_of_gyration**2, [(plate.mass, plate.inertia) for plate in stack]
+        inertia = sum(m * square if i is None else i for m, i in own) if any(i is not None for _, i in own) else None
         names = tuple(plate.name for plate in stack)
-        found.append(CounterMass(name, float(mass), site.position, names, _inertia_of_stack(stack, site)))
+        found.append(CounterMass(name, float(mass), site.position, names, inertia))
     return Sizing(conditions, mechanism, tuple(found), mechanism.payload_bodies, objective, bound)
-
-
-def _inertia_of_stack(stack: "Sequence[Plate]", site: Site) -> float | None:
-    """Plates on one axis, their centres at the site; one that is not drawn has the site's radius of gyration."""
-    if all(plate.inertia is None for plate in stack):
-        return None
-    square = site.radius_of_gyration**2
-    return sum(plate.mass * square if plate.inertia is None else plate.inertia for plate in stack)
-
-
-def _inertia_about_joint(mechanism: Mechanism, name: str) -> float:
-    site = mechanism.site(name)
-    xx, xy, yy, xz, yz, zz = site.unit_mass()[4:]
-    axis = mechanism.tree.joints[mechanism.tree.bodies[site.body]].axis
-    return float(axis @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ axis)
 
 
 def sizing_document(result: Sizing) -> dict[str, Any]:
@@ -308,56 +301,6 @@ def site_groups(names: Sequence[str], equal: Sequence[Sequence[str]]) -> list[li
     return [[i] for i, name in enumerate(names) if name not in named] + groups
 
 
-def nested_exact_sizing(
-    conditions: Conditions,
-    mechanisms: Sequence[Mechanism],
-    sites: Sequence[str] = (),
-    objectives: Sequence[Objective] = (),
-) -> tuple[Sizing, ...]:
-    """Counter-masses for each of ``mechanisms`` (one mechanism, payloads rising), as sets that only grow.
-
-    Least is the sum of the objectives, one for each payload.
-    """
-    names = chosen_sites(mechanisms[0], sites)
-    objectives = objectives or [workspace_objective(mechanism) for mechanism in mechanisms]
-    columns, target = nested_system(mechanisms, objectives, names)
-    added = distribute_masses(columns, target).masses.reshape(len(mechanisms), len(names))
-    sets = []
-    for mechanism, masses, objective in zip(mechanisms, np.cumsum(added, axis=0), objectives, strict=True):
-        one = sizing_of_given(conditions, mechanism, dict(zip(names, masses, strict=True)), None, objective)
-        sets.append(replace(one, bound=objective.value(one.after)))
-    return tuple(sets)
-
-
-def nested_system(
-    mechanisms: Sequence[Mechanism], objectives: Sequence[Objective], names: Sequence[str]
-) -> tuple[Floats, Floats]:
-    """Columns (rows, loads times sites) [unit / kg] and target (rows,) [unit] of the sum of the objectives.
-
-    Unknown is what each set adds to the one before, load by load, site by site.
-    """
-    systems = [o.system(m, names) for o, m in zip(objectives, mechanisms, strict=True)]
-    return _growing([columns for columns, _ in systems]), np.concatenate([target for _, target in systems])
-
-
-def _growing(columns: Sequence[Floats]) -> Floats:
-    """Columns of each load (rows, sites) as those of what each set adds to the one before (rows, loads times sites)."""
-    loads = len(columns)
-    return np.block([[one if j <= k else np.zeros_like(one) for j in range(loads)] for k, one in enumerate(columns)])
-
-
-def size_from_stock(
-    conditions: Conditions,
-    mechanism: Mechanism,
-    plates: "Sequence[Plate]",
-    sites: Sequence[str] = (),
-    limits: Mapping[str, float] | None = None,
-    objective: Objective | None = None,
-) -> Sizing:
-    """The plates at each site of least ``objective``, among equals the lightest: see ``best_sets_from_stock``."""
-    return best_sets_from_stock(conditions, mechanism, plates, sites, limits, objective)[0]
-
-
 def best_sets_from_stock(
     conditions: Conditions,
     mechanism: Mechanism,
@@ -380,50 +323,58 @@ def best_sets_from_stock(
     objective = objective or conditions.objective
     columns, target = objective.system(mechanism, names)
     groups = [group for group in site_groups(names, equal) if len(group) > 1]
-    masses, quantities = _stock_arrays(plates)
     turning = objective.turning(mechanism, names), _turning_inertia(mechanism, names, plates)
-    found = best_plates(columns, target, masses, quantities, upper_limits(names, limits), groups, best, turning, exact)
-    return tuple(
-        sizing_of_given(
-            conditions,
-            mechanism,
-            dict(zip(names, one.masses, strict=True)),
-            _piles(names, one.counts, plates),
-            objective,
-            found.bound,
-        )
-        for one in found.selections
+    found = best_plates(
+        columns, target, *_stock_arrays(plates), upper_limits(names, limits), groups, best, turning, exact
     )
+    sets = []
+    for one in found.selections:
+        masses, piles = dict(zip(names, one.masses, strict=True)), _piles(names, one.counts, plates)
+        sets.append(sizing_of_given(conditions, mechanism, masses, piles, objective, found.bound))
+    return tuple(sets)
 
 
-def nested_size_from_stock(
+def nested_sizing(
     conditions: Conditions,
     mechanisms: Sequence[Mechanism],
-    plates: "Sequence[Plate]",
+    plates: "Sequence[Plate] | None" = None,
     sites: Sequence[str] = (),
     objectives: Sequence[Objective] = (),
 ) -> tuple[Sizing, ...]:
-    """A set of plates for each of ``mechanisms`` (one mechanism, payloads rising), each set holding the one before it.
+    """Counter-masses for each of ``mechanisms`` (one mechanism, payloads rising), as sets that only grow.
 
-    Least is the sum of the objectives, one for each payload; the sets have a ``bound`` where that is proven.
+    Of any mass, or of ``plates``, each set holding the one before it. Least is the sum of the objectives, one for each
+    payload; the sets have a ``bound`` where that is proven.
     """
-    from .stock_search import best_plates  # late: masses of any size are found without it
-
-    names = chosen_sites(mechanisms[0], sites)
+    names, loads = chosen_sites(mechanisms[0], sites), len(mechanisms)
     objectives = objectives or [workspace_objective(mechanism) for mechanism in mechanisms]
-    columns, target = nested_system(mechanisms, objectives, names)
-    masses, quantities = _stock_arrays(plates)
-    beyond = np.tile(_turning_inertia(mechanisms[0], names, plates), (len(mechanisms), 1))
-    per_turning = _growing([one.turning(m, names) for one, m in zip(objectives, mechanisms, strict=True)])
-    found = best_plates(columns, target, masses, quantities, turning=(per_turning, beyond))
-    added = found.selections[0].counts
-    counts = np.cumsum(added.reshape(len(mechanisms), len(names), len(plates)), axis=0)
+    each = list(zip(objectives, mechanisms, strict=True))
+    systems = [objective.system(mechanism, names) for objective, mechanism in each]
+    columns, target = _growing([own for own, _ in systems]), np.concatenate([own for _, own in systems])
+    if plates is None:
+        added, proven = distribute_masses(columns, target).masses.reshape(loads, len(names)), True
+        masses = np.cumsum(added, axis=0)
+    else:
+        from .stock_search import best_plates  # late: masses of any size are found without it
+
+        beyond = np.tile(_turning_inertia(mechanisms[0], names, plates), (loads, 1))
+        per_turning = _growing([objective.turning(mechanism, names) for objective, mechanism in each])
+        weights, quantities = _stock_arrays(plates)
+        found = best_plates(columns, target, weights, quantities, turning=(per_turning, beyond))
+        counts = np.cumsum(found.selections[0].counts.reshape(loads, len(names), len(plates)), axis=0)
+        masses, proven = counts @ weights, not found.gap > 0.0
     sets = []
-    for mechanism, rows, objective in zip(mechanisms, counts, objectives, strict=True):
-        chosen = dict(zip(names, rows @ masses, strict=True))
-        one = sizing_of_given(conditions, mechanism, chosen, _piles(names, rows, plates), objective)
-        sets.append(one if found.gap > 0.0 else replace(one, bound=objective.value(one.after)))
+    for k, (objective, mechanism) in enumerate(each):
+        piles = None if plates is None else _piles(names, counts[k], plates)
+        one = sizing_of_given(conditions, mechanism, dict(zip(names, masses[k], strict=True)), piles, objective)
+        sets.append(replace(one, bound=objective.value(one.after)) if proven else one)
     return tuple(sets)
+
+
+def _growing(columns: Sequence[Floats]) -> Floats:
+    """Columns of each load (rows, sites) as those of what each set adds to the one before (rows, loads times sites)."""
+    loads = len(columns)
+    return np.block([[one if j <= k else np.zeros_like(one) for j in range(loads)] for k, one in enumerate(columns)])
 
 
 def _stock_arrays(plates: "Sequence[Plate]") -> tuple[Floats, Indices]:

@@ -18,9 +18,9 @@ from ..closure.assembly import RANK_LIMIT
 from ..dynamics.regressor import potential, potential_regressor
 from ..errors import ModelError, SizingError
 from ..mechanism.mechanism import Mechanism
-from . import Sizing
 from .conditions import Conditions, pivot_order, reduced_row_echelon, row_space
 from .objective import Objective, triangle, with_constant, workspace_states
+from .sizing import Sizing
 from .springs import End, Spring, joint_torques, spring_energy, spring_lengths, unit_energies
 
 _STATES, _SEED = 120, 11

@@ -380,7 +380,7 @@ def check(
     """
     if not counter:
         raise click.UsageError("missing counter-masses to check: give --counter SITE=M")
-    from ..balancing import balanced_payload
+    from ..balancing.sizing import balanced_payload
     from ..dynamics.inverse_dynamics import shaking_force_per_acceleration
     from ..front_door import check as checked
     from ..units import G0

@@ -126,7 +126,7 @@ def static(
     Springs have no free length (force in proportion to length, as over a pulley). The softest set that makes the
     potential energy constant is found, and evaluated at other configurations of the workspace. The base still shakes.
     """
-    from ..balancing import exact_sizing
+    from ..balancing.sizing import exact_sizing
     from ..balancing.static_balancing import potential_objective, static_conditions, static_document
 
     model = options.load_mechanism_option(mechanism, payload)

@@ -215,21 +215,17 @@ def _size_growing(
     weights: dict[str, float],
 ) -> Answer:
     """Size a set for each of ``payloads``, which rise."""
-    from ..balancing import exact_sizing, nested_exact_sizing, nested_size_from_stock
     from ..balancing.conditions import balance_conditions
-    from ..balancing.objective import MADE_SMALL, objective_of
+    from ..balancing.objective import MADE_SMALL, motion_objective, workspace_objective
     from ..balancing.remaining_force import STEPS
-    from ..balancing.sizing import sizing_document
+    from ..balancing.sizing import exact_sizing, nested_sizing, sizing_document
     from ..balancing.stock_plates import load_stock
     from ..front_door import follow
 
     models = [options.load_mechanism_option(mechanism, payload) for payload in payloads]
     found, along = balance_conditions(models[0]), follow(models[0], motion) if motion else None
-    objectives = [objective_of(model, along, weights) for model in models]
-    if stock:
-        nested = nested_size_from_stock(found, models, load_stock(stock), sites, objectives)
-    else:
-        nested = nested_exact_sizing(found, models, sites, objectives)
+    objectives = [motion_objective(m, along, weights) if along else workspace_objective(m) for m in models]
+    nested = nested_sizing(found, models, load_stock(stock) if stock else None, sites, objectives)
     sets, mounted = [], dict[str, float]()
     for model, payload, one in zip(models, payloads, nested, strict=True):
         masses = {counter.site: counter.mass for counter in one.counter_masses}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arrays import Floats
-from ..balancing import CounterMass, Sizing
+from ..balancing.sizing import CounterMass, Sizing
 from ..balancing.sizing_study import SizingStudy
 from ..closure import Closure
 from ..errors import DataError

@@ -6,9 +6,9 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from balance import balancing
 from balance.arrays import Floats
 from balance.balancing.conditions import Conditions, text_of
+from balance.balancing.sizing import Sizing, best_sets_from_stock, exact_sizing, sizing_of_given
 from balance.balancing.stock_plates import Plate
 from balance.estimation.estimate import LEVEL, Estimate
 from balance.estimation.first_moment_imbalance import (
@@ -152,14 +152,14 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
         )
 
     @cached_property
-    def addition(self) -> balancing.Sizing:
+    def addition(self) -> Sizing:
         """What to add to the sites that significantly lack something: from the plates, else of any mass."""
         lacking = [m.site for m in self.missing if m.is_significant and m.first_moment.value > 0.0]
         if not lacking:
-            return balancing.sizing_of_given(self.conditions, self._measured, {})
+            return sizing_of_given(self.conditions, self._measured, {})
         if self.plates:
-            return balancing.size_from_stock(self.conditions, self._measured, self.plates, lacking)
-        return balancing.exact_sizing(self.conditions, self._measured, lacking)
+            return best_sets_from_stock(self.conditions, self._measured, self.plates, lacking)[0]
+        return exact_sizing(self.conditions, self._measured, lacking)
 
     @property
     def removal(self) -> tuple[MissingMass, ...]:

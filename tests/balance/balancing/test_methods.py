@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from balance import balancing
 from balance.balancing import closed_forms, conditions, counter_inertia, methods
+from balance.balancing.sizing import Sizing, exact_sizing
 from balance.closure import Closure, Trajectory
 from balance.dynamics.inverse_dynamics import momentum, simulate
 from balance.dynamics.regressor import first_moment
@@ -106,9 +106,9 @@ def waving(mechanism: Mechanism, count: int = 120) -> Trajectory:
     )
 
 
-def balanced(mechanism: Mechanism) -> tuple[Mechanism, balancing.Sizing]:
+def balanced(mechanism: Mechanism) -> tuple[Mechanism, Sizing]:
     """With the exact counter-masses."""
-    sized = balancing.exact_sizing(conditions.balance_conditions(mechanism), mechanism)
+    sized = exact_sizing(conditions.balance_conditions(mechanism), mechanism)
     return sized.after, sized
 
 

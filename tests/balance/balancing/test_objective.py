@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from balance import balancing
 from balance.balancing.conditions import balance_conditions
 from balance.balancing.counter_inertia import fit_wheels
 from balance.balancing.objective import motion_objective, workspace_objective
 from balance.balancing.remaining_force import remaining_directions, verdict_of
+from balance.balancing.sizing import exact_sizing
 from balance.balancing.static_balancing import evaluate_springs
 from balance.dynamics.inverse_dynamics import simulate
 from balance.dynamics.regressor import potential
@@ -75,7 +75,7 @@ def slider(scale=1.0, base=0.0, zero=0.0):
 
 def masses_of(mechanism):
     """Masses by site over the workspace."""
-    sized = balancing.exact_sizing(balance_conditions(mechanism), mechanism)
+    sized = exact_sizing(balance_conditions(mechanism), mechanism)
     return {c.site: c.mass for c in sized.counter_masses}
 
 
@@ -166,7 +166,7 @@ def test_what_remains_and_which_body_lacks_a_site():
     mechanism = models.load("four-bar")
     trajectory = follow(mechanism, "four-bar")
     objective = motion_objective(mechanism, trajectory)
-    sized = balancing.exact_sizing(balance_conditions(mechanism), mechanism, ["counter_A0A"], objective=objective)
+    sized = exact_sizing(balance_conditions(mechanism), mechanism, ["counter_A0A"], objective=objective)
     for other in (0.0, 1.0, 1.658, 2.17):
         assert objective.value(mechanism.with_counter_mass({"counter_A0A": other})) > objective.value(sized.after)
     verdict = verdict_of(sized, sized, lambda one: simulate(one, trajectory).force)
@@ -195,7 +195,7 @@ def test_directions_in_which_nothing_is_left_are_those_of_what_there_was():
 def test_complete_balance_needs_nothing():
     """Both sites of the four-bar: nothing remains."""
     mechanism = models.load("four-bar")
-    sized = balancing.exact_sizing(balance_conditions(mechanism), mechanism)
+    sized = exact_sizing(balance_conditions(mechanism), mechanism)
     verdict = verdict_of(sized, sized, None)
     assert (verdict.balanced, verdict.needed, verdict.directions, verdict.has_finding) == (True, (), (), False)
 
@@ -204,7 +204,7 @@ def test_equal_masses():
     """Sites of one group carry the same mass, which is the best that is the same."""
     mechanism = five_bar()
     found = balance_conditions(mechanism)
-    sized = balancing.exact_sizing(found, mechanism, equal=[("counter_l", "counter_r")])
+    sized = exact_sizing(found, mechanism, equal=[("counter_l", "counter_r")])
     one, other = (c.mass for c in sized.counter_masses)
     assert one == other
     for step in (-1e-3, 1e-3):

@@ -5,10 +5,17 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
-from balance import balancing
 from balance.balancing import stock_plates
 from balance.balancing.conditions import Conditions, balance_conditions
-from balance.balancing.sizing import CounterMass
+from balance.balancing.least_masses import distribute_masses
+from balance.balancing.sizing import (
+    CounterMass,
+    balanced_payload,
+    best_sets_from_stock,
+    exact_sizing,
+    nested_sizing,
+    sizing_of_given,
+)
 from balance.balancing.stock_plates import Plate
 from balance.errors import SizingError
 from balance.mechanism.mechanism import Mechanism
@@ -34,7 +41,7 @@ EXACT = {1.451: 10.099021, 3.4116: 17.930978, 5.0: 24.276118}
 def test_exact_counter_masses(name: str, payload: float) -> None:
     """Found from the model, both models: 10.099021, 17.930978 and 24.276118 kg on each arm; nothing is sizing."""
     mechanism = models.load(name).with_payload({"platform": payload})
-    sized = balancing.exact_sizing(balance_conditions(mechanism), mechanism)
+    sized = exact_sizing(balance_conditions(mechanism), mechanism)
     assert [c.site for c in sized.counter_masses] == list(SITES)
     assert [c.mass for c in sized.counter_masses] == pytest.approx([EXACT[payload]] * 2, abs=1e-6)
     assert sized.residual() < 1e-12
@@ -54,7 +61,7 @@ def test_built_sets(payload: float) -> None:
     """What the sets that were built leave: kg m, and per cent of what there was without."""
     plates, residual, per_cent = BUILT[payload]
     found, mechanism = carrying(payload)
-    sizing = balancing.sizing_of_given(found, mechanism, dict.fromkeys(SITES, sum(plates)))
+    sizing = sizing_of_given(found, mechanism, dict.fromkeys(SITES, sum(plates)))
     assert sizing.residual() == pytest.approx(residual, rel=5e-4)
     assert sizing.residual_percent() == pytest.approx(per_cent, abs=5e-4)
 
@@ -63,14 +70,14 @@ def test_the_built_and_the_printed_set_for_3_4116_kg_balance_less() -> None:
     """17.1105 kg built and 17.1064 kg printed balance 3.206 and 3.205 kg."""
     found, mechanism = carrying(3.4116)
     for counter, payload in ((M1 + M2 + M3, 3.2062), (17.1064, 3.2052)):
-        sizing = balancing.sizing_of_given(found, mechanism, dict.fromkeys(SITES, counter))
-        assert balancing.balanced_payload(found, sizing.after, "platform") == pytest.approx(payload, abs=5e-5)
+        sizing = sizing_of_given(found, mechanism, dict.fromkeys(SITES, counter))
+        assert balanced_payload(found, sizing.after, "platform") == pytest.approx(payload, abs=5e-5)
 
 
 def test_best_stock_for_3_4116_kg() -> None:
     """M1 + M2 + M4 = 17.24375 kg on each arm leaves 0.02581 kg m: better than the set that was built."""
     found, mechanism = carrying(3.4116)
-    best = balancing.size_from_stock(found, mechanism, stock_plates.load_stock("kiper2019"))
+    best, *_ = best_sets_from_stock(found, mechanism, stock_plates.load_stock("kiper2019"))
     assert [c.plates for c in best.counter_masses] == [("M1", "M2", "M4")] * 2
     assert best.counter_masses[0].mass == pytest.approx(17.24375, abs=1e-9)
     assert best.residual() == pytest.approx(0.02581, abs=5e-6)
@@ -80,8 +87,8 @@ def test_best_stock_for_3_4116_kg() -> None:
 def test_best_stock_is_no_worse_than_what_was_built(payload: float) -> None:
     """For 1.451 and 5 kg the best set is the built one."""
     found, mechanism = carrying(payload)
-    best = balancing.size_from_stock(found, mechanism, stock_plates.load_stock("kiper2019"))
-    built = balancing.sizing_of_given(found, mechanism, dict.fromkeys(SITES, sum(BUILT[payload][0])))
+    best, *_ = best_sets_from_stock(found, mechanism, stock_plates.load_stock("kiper2019"))
+    built = sizing_of_given(found, mechanism, dict.fromkeys(SITES, sum(BUILT[payload][0])))
     assert best.residual() <= built.residual() + 1e-12
     if payload != 3.4116:
         assert best.residual() == pytest.approx(built.residual())
@@ -95,7 +102,7 @@ def test_stock_is_the_best_of_all_combinations(seed: int) -> None:
     mechanism = models.model(text).with_payload({"platform": float(rng.uniform(1.0, 3.0))})
     found = balance_conditions(mechanism)
     plates = [Plate(f"P{i}", round(float(rng.uniform(1.0, 9.0)), 3), int(rng.integers(1, 4))) for i in range(3)]
-    best = balancing.size_from_stock(found, mechanism, plates)
+    best, *_ = best_sets_from_stock(found, mechanism, plates)
     counts = [range(p.quantity + 1) for p in plates]
     results = []
     for first, second in product(product(*counts), repeat=2):
@@ -114,7 +121,7 @@ def test_stock_is_the_best_of_all_combinations(seed: int) -> None:
 def test_nothing_in_stock_mounts_nothing() -> None:
     """Plates of which there are none: no counter-mass, all of the unbalance sizing."""
     found, mechanism = carrying(1.451)
-    none = balancing.size_from_stock(found, mechanism, [Plate("M1", 5.0, 0)])
+    none, *_ = best_sets_from_stock(found, mechanism, [Plate("M1", 5.0, 0)])
     assert none.added_mass == 0.0
     assert none.residual_percent() == pytest.approx(100.0)
 
@@ -122,13 +129,13 @@ def test_nothing_in_stock_mounts_nothing() -> None:
 def test_a_limit_holds_and_the_rest_is_best() -> None:
     """One arm limited to 5 kg takes all 5; the other takes what leaves the least, which is not its exact mass."""
     found, mechanism = carrying(1.451)
-    sized = balancing.exact_sizing(found, mechanism, limits={"counter_A0A": 5.0})
+    sized = exact_sizing(found, mechanism, limits={"counter_A0A": 5.0})
     first, second = (c.mass for c in sized.counter_masses)
     assert first == 5.0
     _, least = sized.root_mean_squares()
     for other in (second - 1e-3, second + 1e-3):
         masses = dict(zip(SITES, (5.0, other), strict=True))
-        given = balancing.sizing_of_given(found, mechanism, masses, objective=sized.objective)
+        given = sizing_of_given(found, mechanism, masses, objective=sized.objective)
         assert given.root_mean_squares()[1] > least
     assert sized.bound == pytest.approx(least**2, rel=1e-12)
 
@@ -136,20 +143,20 @@ def test_a_limit_holds_and_the_rest_is_best() -> None:
 def test_a_limit_of_nothing_and_impossible_limits() -> None:
     """A site limited to zero gets none; a negative limit, or none of a number, is refused."""
     found, mechanism = carrying(1.451)
-    sized = balancing.exact_sizing(found, mechanism, limits={"counter_A0A": 0.0})
+    sized = exact_sizing(found, mechanism, limits={"counter_A0A": 0.0})
     assert sized.counter_masses[0].mass == 0.0
     for limit in (-1.0, float("nan")):
         with pytest.raises(SizingError, match=rf"limit at 'counter_B0B' is {limit:g} kg: expected zero or more"):
-            balancing.exact_sizing(found, mechanism, limits={"counter_B0B": limit})
+            exact_sizing(found, mechanism, limits={"counter_B0B": limit})
     with pytest.raises(SizingError, match="the limit at 'C_AC' has no effect: counter-masses are sized at counter_A0A"):
-        balancing.exact_sizing(found, mechanism, limits={"C_AC": 1.0})
+        exact_sizing(found, mechanism, limits={"C_AC": 1.0})
 
 
 def test_what_pulls_the_wrong_way_gets_nothing() -> None:
     """A site ahead of the pivot would need a negative mass: it gets none."""
     text = models.load("serial-1r").text.replace('name="counter_link_1" pos="-0.1', 'name="counter_link_1" pos="0.1')
     mechanism = models.model(text)
-    sized = balancing.exact_sizing(balance_conditions(mechanism), mechanism)
+    sized = exact_sizing(balance_conditions(mechanism), mechanism)
     assert sized.counter_masses[0].mass == 0.0
     assert sized.residual_percent() == pytest.approx(100.0)
 
@@ -163,11 +170,11 @@ def test_a_site_that_does_not_move_gets_nothing() -> None:
     slide = models.link("", "c", '<joint name="c" type="slide" axis="0.3 0.5 0.7"/>')
     tied = '<equality><weld body1="a" body2="b"/></equality>'
     mechanism = models.model(models.mjcf(bars + slide, tied))
-    sized = balancing.exact_sizing(balance_conditions(mechanism), mechanism)
+    sized = exact_sizing(balance_conditions(mechanism), mechanism)
     assert [one.mass for one in sized.counter_masses] == [0.0, 0.0]
     assert sized.residual() == 0.0  # there is a condition on a mass alone, and no first moment is lacking
     columns = np.diag([1.0, 0.0, 0.0])
-    assert balancing.least_masses.distribute_masses(columns, np.ones(3)).masses.tolist() == [1.0, 0.0, 0.0]
+    assert distribute_masses(columns, np.ones(3)).masses.tolist() == [1.0, 0.0, 0.0]
 
 
 def test_of_redundant_sites_the_lightest_choice() -> None:
@@ -175,9 +182,9 @@ def test_of_redundant_sites_the_lightest_choice() -> None:
     near, far = (f'<site name="counter_{n}" pos="-{d} 0 0"/>' for n, d in (("near", 0.05), ("far", 0.2)))
     text = models.load("serial-1r").text.replace('<site name="counter_link_1" pos="-0.1 0 0"/>', near + far)
     mechanism = models.model(text)
-    masses = {c.site: c.mass for c in balancing.exact_sizing(balance_conditions(mechanism), mechanism).counter_masses}
+    masses = {c.site: c.mass for c in exact_sizing(balance_conditions(mechanism), mechanism).counter_masses}
     assert masses == pytest.approx({"counter_near": 0.0, "counter_far": 1.2 * 0.14 / 0.2}, abs=1e-9)
-    limited = balancing.exact_sizing(balance_conditions(mechanism), mechanism, limits={"counter_far": 0.5})
+    limited = exact_sizing(balance_conditions(mechanism), mechanism, limits={"counter_far": 0.5})
     assert {c.site: c.mass for c in limited.counter_masses} == pytest.approx(
         {"counter_far": 0.5, "counter_near": (1.2 * 0.14 - 0.5 * 0.2) / 0.05}, abs=1e-9
     )
@@ -186,7 +193,7 @@ def test_of_redundant_sites_the_lightest_choice() -> None:
 def test_serial_chain_by_the_printed_rule() -> None:
     """Each link of a 2R carries the outer ones: the printed rule link by link, from the tip inwards."""
     mechanism = models.load("serial-2r")
-    sized = balancing.exact_sizing(balance_conditions(mechanism), mechanism)
+    sized = exact_sizing(balance_conditions(mechanism), mechanism)
     outer = 0.9 * 0.11 / 0.1
     inner = (1.2 * 0.14 + (0.9 + outer) * 0.3) / 0.1
     assert [c.mass for c in sized.counter_masses] == pytest.approx([inner, outer], abs=1e-9)
@@ -196,7 +203,7 @@ def test_serial_chain_by_the_printed_rule() -> None:
 def test_four_bar_by_loop_closure() -> None:
     """Crank and rocker counter-masses of the four-bar from the printed conditions."""
     mechanism = models.load("four-bar")
-    sized = balancing.exact_sizing(balance_conditions(mechanism), mechanism)
+    sized = exact_sizing(balance_conditions(mechanism), mechanism)
     crank = (0.4 * 0.04 + 0.7 * (1 - 0.12 / 0.26) * 0.1) / 0.05
     rocker = (0.5 * 0.09 + 0.7 * (0.12 / 0.26) * 0.2) / 0.08
     assert [c.mass for c in sized.counter_masses] == pytest.approx([crank, rocker], abs=1e-9)
@@ -205,7 +212,7 @@ def test_four_bar_by_loop_closure() -> None:
 def test_inertia_added_is_about_the_joints() -> None:
     """m (p2 + k2) of each counter-mass, k its own radius of gyration."""
     found, mechanism = carrying(5.0)
-    sized = balancing.sizing_of_given(found, mechanism, {"counter_A0A": 3.0, "counter_B0B": 1.0})
+    sized = sizing_of_given(found, mechanism, {"counter_A0A": 3.0, "counter_B0B": 1.0})
     assert sized.added_inertia == pytest.approx(4.0 * (0.03755**2 + 0.06**2))
     assert sized.added_mass == 4.0
     np.testing.assert_allclose(sized.counter_masses[0].first_moment, [-3.0 * 0.03755, 0.0, 0.0])
@@ -215,14 +222,14 @@ def test_nothing_to_balance_has_no_per_cent() -> None:
     """Where the mechanism is balanced already, per cent of nothing is no number."""
     text = models.load("serial-1r").text.replace('pos="0.14 0 0"', 'pos="0 0 0"')
     mechanism = models.model(text)
-    assert balancing.exact_sizing(balance_conditions(mechanism), mechanism).residual_percent() is None
+    assert exact_sizing(balance_conditions(mechanism), mechanism).residual_percent() is None
 
 
 def test_a_body_that_no_payload_balances() -> None:
     """A mass on the axis of its joint moves nothing: no payload there balances anything."""
     text = models.load("serial-1r").text.replace('pos="0.14 0 0"', 'pos="0 0 0"')
     mechanism = models.model(text)
-    assert balancing.balanced_payload(balance_conditions(mechanism), mechanism, "link_1") is None
+    assert balanced_payload(balance_conditions(mechanism), mechanism, "link_1") is None
 
 
 def test_sites_can_be_chosen() -> None:
@@ -231,26 +238,24 @@ def test_sites_can_be_chosen() -> None:
     mechanism = models.model(text)
     found = balance_conditions(mechanism)
     with pytest.raises(SizingError, match=r"no site named counter\.\.\.: add one.*tail, tip"):
-        balancing.exact_sizing(found, mechanism)
-    assert balancing.exact_sizing(found, mechanism, ["tail"]).counter_masses[0].mass == pytest.approx(1.2 * 0.14 / 0.1)
+        exact_sizing(found, mechanism)
+    assert exact_sizing(found, mechanism, ["tail"]).counter_masses[0].mass == pytest.approx(1.2 * 0.14 / 0.1)
     with pytest.raises(SizingError, match="no site named counter"):
-        balancing.size_from_stock(found, mechanism, [Plate("M1", 5.0, 1)])
+        best_sets_from_stock(found, mechanism, [Plate("M1", 5.0, 1)])
 
 
 def test_payloads_of_other_bodies() -> None:
     """Asked for two bodies, each has its own balanced payload."""
     found, mechanism = carrying(5.0)
-    sized = balancing.exact_sizing(found, mechanism)
-    payload = balancing.balanced_payload(found, sized.after, "AC")
+    sized = exact_sizing(found, mechanism)
+    payload = balanced_payload(found, sized.after, "AC")
     assert payload == pytest.approx(0.58909, abs=1e-9)
 
 
 def test_sets_that_grow_for_the_payloads_of_the_source() -> None:
     """M1 + M2, + M4, + M3: as the built sets at 1.451 and 5 kg, better than the built one between."""
     found, _ = carrying(1.451)
-    sets = balancing.nested_size_from_stock(
-        found, [carrying(p)[1] for p in BUILT], stock_plates.load_stock("kiper2019")
-    )
+    sets = nested_sizing(found, [carrying(p)[1] for p in BUILT], stock_plates.load_stock("kiper2019"))
     assert [c.counter_masses[0].plates for c in sets] == [
         ("M1", "M2"),
         ("M1", "M2", "M4"),
@@ -263,7 +268,7 @@ def test_sets_that_grow_for_the_payloads_of_the_source() -> None:
 def test_exact_sets_that_grow() -> None:
     """Any mass: each payload's own exact counter-mass, the order of payloads rising; nothing is sizing."""
     found, _ = carrying(1.451)
-    sets = balancing.nested_exact_sizing(found, [carrying(p)[1] for p in EXACT])
+    sets = nested_sizing(found, [carrying(p)[1] for p in EXACT])
     assert [s.counter_masses[1].mass for s in sets] == pytest.approx(list(EXACT.values()), abs=1e-6)
     for less, more in pairwise(sets):
         assert more.added_mass > less.added_mass
@@ -273,7 +278,7 @@ def test_exact_sets_that_grow() -> None:
 def test_sets_for_loads_that_ask_for_less_stay_as_they_are() -> None:
     """Payloads that fall: the best compromise never shrinks, and lies between what each asks for."""
     found, _ = carrying(1.451)
-    falling = balancing.nested_exact_sizing(found, [carrying(5.0)[1], carrying(1.451)[1]])
+    falling = nested_sizing(found, [carrying(5.0)[1], carrying(1.451)[1]])
     first, second = ([c.mass for c in sizing.counter_masses] for sizing in falling)
     assert second == pytest.approx(first, abs=1e-9)
     assert all(EXACT[1.451] < mass < EXACT[5.0] for mass in first)
@@ -283,7 +288,7 @@ def test_plates_as_drawn_bring_their_own_inertia() -> None:
     """The mechanism as made has m p2 + the plates' own inertia, not that of the site's assumed radius of gyration."""
     found, mechanism = carrying(1.451)
     drawn = [Plate("A", 10.0, 2, 0.05), Plate("B", 0.1, 2)]
-    sized = balancing.size_from_stock(found, mechanism, drawn)
+    sized, *_ = best_sets_from_stock(found, mechanism, drawn)
     assert [c.plates for c in sized.counter_masses] == [("A", "B")] * 2
     own = 0.05 + 0.1 * 0.06**2
     assert [c.inertia for c in sized.counter_masses] == pytest.approx([own] * 2)
@@ -296,7 +301,7 @@ def test_plates_as_drawn_bring_their_own_inertia() -> None:
 def test_no_payload_is_balanced_by_unequal_counter_masses() -> None:
     """With 1 kg on one arm and 10.099 kg on the other no payload is balanced: none is named."""
     conditions, mechanism = carrying(0.3121)
-    result = balancing.sizing_of_given(conditions, mechanism, dict(zip(SITES, (1.0, 10.099), strict=True)))
+    result = sizing_of_given(conditions, mechanism, dict(zip(SITES, (1.0, 10.099), strict=True)))
     assert result.balanced_payloads() == {"platform": None}
 
 

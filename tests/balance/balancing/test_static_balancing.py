@@ -7,8 +7,8 @@ import numpy as np
 import pinocchio
 import pytest
 
-from balance import balancing
 from balance.balancing import static_balancing
+from balance.balancing.sizing import exact_sizing
 from balance.balancing.springs import End, Spring, joint_torques, load_springs, spring_energy, spring_lengths
 from balance.closure import Closure
 from balance.dynamics.regressor import first_moment, potential
@@ -88,7 +88,7 @@ def test_counter_masses_make_the_potential_energy_constant(name):
     mechanism = models.load(name)
     found = static_balancing.static_conditions(mechanism)
     objective = static_balancing.potential_objective(mechanism)
-    sized = balancing.exact_sizing(found, mechanism, objective=objective)
+    sized = exact_sizing(found, mechanism, objective=objective)
     q = Closure(mechanism).states(60, 5)
     assert np.ptp(potential(sized.after, q)) < 1e-12 * np.ptp(potential(mechanism, q))
     from balance.balancing.conditions import balance_conditions

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from balance import balancing
 from balance.balancing.conditions import balance_conditions
 from balance.balancing.objective import motion_objective
+from balance.balancing.sizing import exact_sizing
 from balance.balancing.tradeoff import tradeoff_front
 from balance.dynamics.inverse_dynamics import simulate
 from balance.front_door import follow
@@ -55,9 +55,7 @@ def test_the_ends_of_the_front(four_bar):
     """Nothing mounted at one end; at the other the least force, which sizing finds."""
     mechanism, trajectory, front = four_bar
     assert min(point.added_mass for point in front) == 0.0
-    sized = balancing.exact_sizing(
-        balance_conditions(mechanism), mechanism, objective=motion_objective(mechanism, trajectory)
-    )
+    sized = exact_sizing(balance_conditions(mechanism), mechanism, objective=motion_objective(mechanism, trajectory))
     before, least = sized.root_mean_squares()
     assert front[0].force == pytest.approx(least, abs=1e-9 * before)  # the mean square's rounding, 1e-16, of its root
 

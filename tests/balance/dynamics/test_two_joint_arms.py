@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from balance import balancing
 from balance.balancing import conditions
+from balance.balancing.sizing import exact_sizing
 from balance.dynamics.regressor import torque_regressor
 from balance.mechanism.mjcf_parser import load_mechanism
 
@@ -51,7 +51,7 @@ def test_equations_of_the_double_pendulum(arm):
 def test_counter_masses_at_100_mm(arm):
     """Counter-masses 100 mm behind the joints balance the arm; the inner one carries the outer one too."""
     mechanism, (l1, *_) = arm
-    inner, outer = balancing.exact_sizing(conditions.balance_conditions(mechanism), mechanism).counter_masses
+    inner, outer = exact_sizing(conditions.balance_conditions(mechanism), mechanism).counter_masses
     p1 = mechanism.pi[1] + l1 * mechanism.pi[10]
     assert outer.mass == pytest.approx(mechanism.pi[11] / 0.1)
     assert inner.mass == pytest.approx((p1 + l1 * outer.mass) / 0.1)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from balance import balancing
 from balance.balancing import conditions
+from balance.balancing.sizing import exact_sizing
 from balance.closure import Closure
 from balance.dynamics.regressor import wrench_regressor
 from balance.errors import DataError
@@ -70,7 +70,7 @@ def test_missing_masses_are_those_of_exact_sizing(name):
     mechanism = load_mechanism(name)
     found, columns, force = equations(mechanism)
     lacking = measure([record(columns, force)], found).missing(mechanism, mechanism.counter_sites)
-    sized = balancing.exact_sizing(found, mechanism)
+    sized = exact_sizing(found, mechanism)
     for one, other in zip(lacking, sized.counter_masses, strict=True):
         if other.mass > 0.0:
             assert one.mass.value == pytest.approx(other.mass, rel=1e-6)
@@ -132,7 +132,7 @@ def test_adjusted_has_the_values_that_it_is_given():
     values = np.array([0.4, 0.01, 0.39, -0.02])
     changed = with_condition_values(found, mechanism, values)
     assert found.values(changed) == pytest.approx(values, abs=1e-12)
-    left = found.values(balancing.exact_sizing(found, changed).after)  # across the links, where no site is
+    left = found.values(exact_sizing(found, changed).after)  # across the links, where no site is
     assert left[[1, 3]] == pytest.approx([0.01, -0.02], abs=1e-9)
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from balance import balancing
 from balance.balancing import conditions
+from balance.balancing.sizing import exact_sizing
 from balance.dynamics.regressor import torque_regressor
 from balance.errors import DataError
 from balance.estimation.base_parameters import base_parameters
@@ -167,6 +167,6 @@ def test_counter_masses_are_linear_in_the_parameters(name):
     found = conditions.balance_conditions(plain)
     rows = masses_per_value(found, plain, plain.counter_sites, found.values(plain))
     for mechanism in (plain, plain.with_payload(models.LOADS[name][0])):
-        exact = balancing.exact_sizing(found, mechanism)
+        exact = exact_sizing(found, mechanism)
         for counter, row in zip(exact.counter_masses, rows, strict=True):
             assert row @ found.values(mechanism) == pytest.approx(counter.mass, abs=1e-9)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.patches import Circle
 
-from balance.balancing import CounterMass
+from balance.balancing.sizing import CounterMass
 from balance.errors import DataError
 from balance.figures.mechanism import STEEL_KG_PER_M2, draw_mechanism, save
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from balance import balancing
 from balance.balancing.conditions import balance_conditions
+from balance.balancing.sizing import exact_sizing
 from balance.estimation.identifiability import NotIdentifiable
 from balance.mechanism.mjcf_parser import load_mechanism
 from testbench.errors import AnalysisError
@@ -78,7 +78,7 @@ def test_the_file_s_values_have_no_part_in_it(result):
 
 def test_counter_masses_balance_the_arm(result):
     """Counter-masses behind the joints are those that sizing gives for the true arm, within their intervals."""
-    exact = {c.site: c.mass for c in balancing.exact_sizing(balance_conditions(ARM), ARM).counter_masses}
+    exact = {c.site: c.mass for c in exact_sizing(balance_conditions(ARM), ARM).counter_masses}
     found = {c.site: c for c in result.counter_masses()}
     assert set(found) == set(exact) == {"counter_link_1", "counter_link_2"}
     for site, mass in exact.items():
