@@ -13,6 +13,7 @@ where asked for, is ingested without conditions. While the table cannot be read,
 Without a run table each log is a run of its own, and what another log in the folder holds is not missing in it.
 """
 
+import math
 import os
 import re
 import time
@@ -120,6 +121,22 @@ def _stat(path: Path) -> os.stat_result | None:
 
 
 @dataclass
+class WatchedLog:
+    """What is known of a log in the folder."""
+
+    state: State
+    since: float
+    """When it was first seen in this state [s]."""
+    is_done: bool = False
+    """Whether it was ingested or refused in this state."""
+    run: str | None = None
+    """File of the run that it was stored as."""
+    due: float = math.inf
+    """When it is tried again, if the disk or share failed at it [s]; and what was said of that then."""
+    failure: str = ""
+
+
+@dataclass
 class Watch:
     """The files of a folder that became runs, those that were refused, and those that still grow.
 
@@ -140,14 +157,9 @@ class Watch:
     """Those of them that a process holds, by its number."""
     waiting: dict[Path, str] = field(default_factory=dict, init=False)
     """Files that have stopped growing, and what they wait for."""
-    _done: dict[Path, State] = field(default_factory=dict, init=False)
-    _seen: dict[Path, tuple[State, float]] = field(default_factory=dict, init=False)
-    _stored: dict[Path, str] = field(default_factory=dict, init=False)
-    """Files of the runs that logs were stored as."""
+    _logs: dict[Path, WatchedLog] = field(default_factory=dict, init=False)
     _pauses: dict[str, float] = field(default_factory=dict, init=False)
     """Longest pause of logs while they grew [s], by their name without its digits."""
-    _failed: dict[Path, tuple[float, str]] = field(default_factory=dict, init=False)
-    """Logs at which the disk or share failed: when they are tried again [s], and what was said of it."""
     _trouble: str = field(default="", init=False)
     """Why the last look saw nothing."""
     _siblings: SiblingLogs = field(init=False)
@@ -161,10 +173,10 @@ class Watch:
     def once(self) -> Iterator[Outcome]:
         """One pass: what is there and does not grow. Files that still grow are named by ``growing``."""
         self._look()
-        if any(path not in self._done for path in self._seen) or self.run_table is not None:
+        if not all(log.is_done for log in self._logs.values()) or self.run_table is not None:
             if self.run_table is not None:
                 self.run_table.note(time.monotonic())
-            time.sleep(max([self.settle_s, *map(self._settle_s, self._seen)]))
+            time.sleep(max([self.settle_s, *map(self._settle_s, self._logs)]))
         yield from self.look()
 
     def forever(self, looked: Callable[[], None] = lambda: None, interval_s: float = 1.0) -> Iterator[Outcome]:
@@ -185,21 +197,21 @@ class Watch:
             return
         self._trouble = ""
         now = time.monotonic()
-        for path in [path for path, (due, _) in self._failed.items() if due <= now]:
-            self._done.pop(path, None)
+        for log in self._logs.values():
+            log.is_done &= log.due > now
         if self.run_table is not None:
             try:
                 changed = self.run_table.look(now)
             except RigError as error:
                 yield _refused(self.run_table.path, str(error))
             else:
-                for path in [path for path in self._done if path.name in changed]:  # whose row changed
-                    self._done.pop(path)
-        pending = sorted((path, *seen) for path, seen in self._seen.items() if path not in self._done)
-        resting = [path for path, _, since in pending if now - since >= self._settle_s(path)]
+                for path, log in self._logs.items():
+                    log.is_done &= path.name not in changed
+        pending = sorted(path for path, log in self._logs.items() if not log.is_done)
+        resting = [path for path in pending if now - self._logs[path].since >= self._settle_s(path)]
         self.writing = writers(resting)
-        self.growing = [path for path, *_ in pending if path not in resting or path in self.writing]
-        settled = [path for path, _, _ in pending if path not in self.growing]
+        self.growing = [path for path in pending if path not in resting or path in self.writing]
+        settled = [path for path in pending if path not in self.growing]
         if self.run_table is None:
             self.waiting = {}
             for path in settled:
@@ -214,7 +226,7 @@ class Watch:
             reason = f"waits for {self.run_table.path.name}, the run table"
             yield from self._wait(dict.fromkeys(settled, reason))
             return
-        there = [path for path in self._seen if path not in self.growing]
+        there = [path for path in self._logs if path not in self.growing]
         try:
             planned = plan_rows(self.run_table.rows, there, self.run_table.path)
         except RigError as error:
@@ -238,7 +250,7 @@ class Watch:
 
     def _one(self, run: PlannedRun) -> list[Outcome]:
         for path in run.files:
-            self._done[path] = self._seen[path][0]
+            self._logs[path].is_done = True
         try:
             if run.conditions is None:
                 (run,) = plan_runs(run.files, None)
@@ -247,13 +259,12 @@ class Watch:
             return [_refused(path, str(error)) for path in run.files]
         told = []
         for path, outcome in zip(run.files, outcomes, strict=False):
-            if outcome.file is not None:
-                self._stored[path] = outcome.file
-            _, before = self._failed.pop(path, (0.0, ""))
-            if outcome.may_pass:
-                self._failed[path] = time.monotonic() + TRIED_AGAIN_S, outcome.message
-            if not outcome.may_pass or outcome.message != before:
+            log = self._logs[path]
+            log.run = outcome.file or log.run
+            if not outcome.may_pass or outcome.message != log.failure:
                 told.append(outcome)
+            log.due = time.monotonic() + TRIED_AGAIN_S if outcome.may_pass else math.inf
+            log.failure = outcome.message if outcome.may_pass else ""
         return told
 
     def _settle_s(self, path: Path) -> float:
@@ -273,22 +284,23 @@ class Watch:
             is_table = self.run_table is not None and same_file(path, self.run_table.path)
             if state is not None and path.is_file() and not is_table:
                 there[path] = state
-        for path in self._seen.keys() - there.keys():
-            for known in (self._seen, self._done, self._stored, self._failed):
-                known.pop(path, None)
+        for path in self._logs.keys() - there.keys():
+            self._logs.pop(path)
             self._siblings.gone(path)
         for path, state in there.items():
-            if path not in self._seen or self._seen[path][0] != state:
-                if path in self._seen and state[0] > self._seen[path][0][0] > 0:
-                    pause_s, kind = now - self._seen[path][1], _kind(path)
-                    if pause_s <= LONGEST_PAUSE_S:
-                        self._pauses[kind] = max(pause_s, self._pauses.get(kind, 0.0))
-                    if (run := self._stored.pop(path, None)) is not None:
-                        with suppress(StoreError, OSError):  # a ledger that takes no entry: the next run says so
-                            enter_growth(self.ingest.folder, run)
-                self._seen[path] = state, now
-                self._done.pop(path, None)
-                self._siblings.changed(path)
+            log = self._logs.setdefault(path, WatchedLog((-1, 0), now))
+            if log.state == state:
+                continue
+            if state[0] > log.state[0] > 0:
+                pause_s, kind = now - log.since, _kind(path)
+                if pause_s <= LONGEST_PAUSE_S:
+                    self._pauses[kind] = max(pause_s, self._pauses.get(kind, 0.0))
+                if log.run is not None:
+                    with suppress(StoreError, OSError):  # a ledger that takes no entry: the next run says so
+                        enter_growth(self.ingest.folder, log.run)
+                    log.run = None
+            log.state, log.since, log.is_done = state, now, False
+            self._siblings.changed(path)
 
 
 def _kind(path: Path) -> str:

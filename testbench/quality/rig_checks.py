@@ -20,7 +20,7 @@ _CODE = "rig_contradiction"
 _FLAT = {"clipping_suspected", "constant_channel"}
 
 
-def range_findings(rig: "Rig | None", recording: Recording) -> dict[str, SensorRange]:
+def channel_ranges(rig: "Rig | None", recording: Recording) -> dict[str, SensorRange]:
     """The range of each channel that the rig states, in the unit of the log: its own where the rig states none."""
     logged = {name: c.unit for group in recording.groups for c in group.channels for name in c.names}
     columns = () if rig is None else rig.columns()

@@ -8,7 +8,7 @@ import zipfile
 
 import pytest
 
-from ..store.test_writer import names_in
+from ..store.stored import names_in
 
 ROWS = "Time (s),F [N]\n" + "".join(f"{i / 100:.2f},{i * 1.5:.2f}\n" for i in range(200))
 

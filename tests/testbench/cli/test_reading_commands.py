@@ -13,7 +13,7 @@ from testbench.recording import Finding
 from testbench.store import open_run
 
 from ..readers import reading
-from ..store.test_writer import names_in
+from ..store.stored import names_in
 
 HEADER = "Time (s),AccX (g)\n"
 ROWS = "".join(f"{i / 1000:.4f},{0.5 * (i % 7) - 3:.4f}\n" for i in range(200))

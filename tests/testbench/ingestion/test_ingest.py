@@ -13,7 +13,7 @@ from testbench.ingestion.planned_runs import PlannedRun
 from testbench.store import open_campaign, open_run
 from testbench.store.ledger import read_ledger
 
-from ..store.test_writer import names_in
+from ..store.stored import names_in
 
 HEADER = "Time (s),AccX (g),AccY (g),AccZ (g)\n"
 ROWS = [f"{i / 1000:.4f},{0.5 * (i % 7) - 3:.4f},{1.25 * (i % 11):.4f},{i % 5:.4f}\n" for i in range(400)]

@@ -85,7 +85,7 @@ position = ["0 m", "0 m", "0 m"]
 """
     )
     log = Recording(Path("r.csv"), "CSV", "csv", (Group("r", (Channel("Fx", logged),)),), lambda report: iter(()))
-    (found,) = rig_checks.range_findings(bench, log).values()
+    (found,) = rig_checks.channel_ranges(bench, log).values()
     assert found.limit == pytest.approx(limit, rel=1e-12)
 
 

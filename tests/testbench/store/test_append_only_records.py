@@ -9,19 +9,16 @@ import pytest
 
 from testbench.cli.campaign import verify
 from testbench.errors import StoreError
-from testbench.recording import Channel, Group
 from testbench.store import append_only_records, atomic_files, open_campaign
 
-from .test_writer import store
-
-GROUP = Group("log", (Channel("AccX (g)", "g", "AccX"),))
+from .stored import ACC, store
 
 
 @pytest.fixture
 def campaign(tmp_path):
     """A folder with two runs and their digests."""
     for number, name in enumerate(("a", "b")):
-        store(tmp_path, GROUP, [np.full(3, float(number))], name=name)
+        store(tmp_path, ACC, [np.full(3, float(number))], name=name)
     return tmp_path
 
 
@@ -46,7 +43,7 @@ def test_a_record_is_about_the_bytes_that_it_names(campaign):
     assert not append_only_records.about(campaign, "alignment", campaign / "b.h5")
     run.unlink()
     atomic_files.digest_file(run).unlink()
-    store(campaign, GROUP, [np.full(3, 7.0)], name="a")
+    store(campaign, ACC, [np.full(3, 7.0)], name="a")
     assert not append_only_records.about(campaign, "alignment", run)
 
 

@@ -23,7 +23,7 @@ from testbench.store import archive as archives
 from testbench.store.archive import archive
 from testbench.store.writer import RunWriter
 
-from .test_writer import store
+from .stored import store
 
 N = writer.GATHERED + 12_345
 RANDOM = np.random.default_rng(8)

@@ -13,7 +13,7 @@ from testbench.store import atomic_files, chunk_io, layout, open_campaign, open_
 from testbench.store.archive import archive
 from testbench.store.writer import RunWriter
 
-from .test_writer import store
+from .stored import store, store_groups
 
 LENGTHS = [chunk_io.WORTH // 8, writer.GATHERED + 1, 3 * writer.GATHERED, 5 * writer.GATHERED - 7]
 GROUP = Group("log", (Channel("AccX (g)", "g", "AccX"), Channel("AccY (g)", "g", "AccY")), UniformClock(5000.0))
@@ -139,11 +139,8 @@ def test_a_whole_chunk_in_the_place_of_another_is_found(run, put, named):
 @pytest.mark.parametrize("path", [layout.RIG, layout.FINDINGS, layout.DESCRIPTION])
 def test_a_hole_in_the_texts_is_found(tmp_path, path):
     """An empty rig would be one that states nothing."""
-    with RunWriter(tmp_path, "r001") as storing:
-        storing.group(GROUP).append([np.ones(3), np.ones(3)])
-        storing.group(GROUP).finish(None, None)
-        storing.describe("simulated", {}, [Finding("clipping", "AccX", None, "x")], {"sources": []}, "a = 1\n")
-        stored = storing.commit()
+    findings = [Finding("clipping", "AccX", None, "x")]
+    stored = store_groups(tmp_path, {GROUP: [np.ones(3), np.ones(3)]}, findings=findings, rig="a = 1\n").path
     with h5py.File(stored) as file:
         info = file[path].id.get_chunk_info(0)
     content = bytearray(stored.read_bytes())

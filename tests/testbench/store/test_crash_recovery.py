@@ -20,12 +20,12 @@ from testbench.ingestion import Ingest
 from testbench.ingestion.planned_runs import plan_runs
 from testbench.ingestion.recovered_runs import recover
 from testbench.recording import Channel, Group, TimeColumn, UniformClock
-from testbench.store import atomic_files, chunk_io, open_campaign, open_run, writer
+from testbench.store import Campaign, atomic_files, chunk_io, open_campaign, open_run, writer
 from testbench.store.archive import archive
 from testbench.store.atomic_files import JournalWriter
 from testbench.store.writer import RunWriter
 
-from .test_writer import names_in
+from .stored import fill, names_in, store_groups
 
 INTENT = {
     "origin": "simulated", "conditions": {"payload_kg": 5.0}, "rig": "a = 1\n",
@@ -153,11 +153,7 @@ def test_stopped_between_digest_and_run(tmp_path, monkeypatch):
 def test_the_whole_log_makes_what_was_saved_unnecessary(tmp_path, monkeypatch):
     """If the log was ingested again before, the leftover only goes; another run of the name stays as it is."""
     stopped(tmp_path, monkeypatch)
-    with RunWriter(tmp_path, "r001") as run:
-        run.group(GROUP).append(COLUMNS)
-        run.group(GROUP).finish(None, None)
-        run.describe("simulated", {}, [], {"sources": []}, None)
-        run.commit()
+    store_groups(tmp_path, {GROUP: COLUMNS})
     before = (tmp_path / "r001.h5").read_bytes()
     assert [found.status for found in recover(tmp_path)] == ["superseded"]
     stopped_again = COLUMNS[1][7]
@@ -193,19 +189,12 @@ def test_a_running_ingest_is_left_alone(tmp_path):
     with RunWriter(tmp_path, "r001", INTENT) as run:
         run.group(GROUP).append(COLUMNS)
         assert [found.status for found in recover(tmp_path)] == ["running"]
-        (state,) = [s for s in open_campaign_states(tmp_path) if s.status == "unfinished"]
+        (state,) = [s for s in Campaign(tmp_path).verify() if s.status == "unfinished"]
         assert "at this moment" in state.message
         run.group(GROUP).finish(None, None)
         run.describe("simulated", {}, [], {"sources": []}, None)
         run.commit()
     assert recover(tmp_path) == []
-
-
-def open_campaign_states(folder):
-    """What verify says of a folder that may hold no run yet."""
-    from testbench.store import Campaign
-
-    return Campaign(folder).verify()
 
 
 @pytest.mark.parametrize("clock", [TimeColumn(0), UniformClock(100.0, 0.5), None])
@@ -267,7 +256,7 @@ def test_files_of_others_are_left_alone(tmp_path):
         (tmp_path / name).write_bytes(content)
     assert recover(tmp_path) == []
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == mine
-    assert {state.status for state in open_campaign_states(tmp_path)} == {"extra"}
+    assert {state.status for state in Campaign(tmp_path).verify()} == {"extra"}
 
 
 @pytest.mark.parametrize("name", ["my.journal", "a.journal.b", "r001.part", "a.h5.sha256.b"])
@@ -305,9 +294,7 @@ def test_the_digest_of_a_running_ingest_is_left_alone(tmp_path, monkeypatch):
 
     monkeypatch.setattr(atomic_files, "take_name", amid)
     with RunWriter(tmp_path, "r001", INTENT) as run:
-        run.group(GROUP).append(COLUMNS)
-        run.group(GROUP).finish(None, None)
-        run.describe("simulated", {}, [], {"sources": []}, None)
+        fill(run, {GROUP: COLUMNS})
         run.commit()
     assert [[one.status for one in each] for each in found] == [["running"], ["running"]]
     assert {state.status for state in open_campaign(tmp_path).verify()} == {"intact"}

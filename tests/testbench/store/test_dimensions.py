@@ -11,7 +11,7 @@ import pytest
 from testbench.recording import Channel, Group
 from testbench.store.writer import attach_dimensions
 
-from .test_writer import store
+from .stored import store
 
 
 def made(path, how):

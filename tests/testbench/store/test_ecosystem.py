@@ -19,7 +19,7 @@ from testbench.synchronization.clock_map import ClockMap
 from testbench.synchronization.offset_and_drift import AlignedClock
 from testbench.synchronization.run_alignment import RunClocks, write_alignments
 
-from .test_writer import store
+from .stored import store, store_groups
 
 GROUP = Group("daq", (Channel("Time (ms)", "ms", "Time"), Channel("AccX (g)", "g", "AccX"), Channel("İvme", None)))
 N = 500
@@ -72,16 +72,9 @@ def test_a_run_prints_as_a_table_and_without_xarray_says_what_to_install(run, mo
 
 def test_two_loggers_in_pandas(tmp_path):
     """One table below the other, each value with its logger, channel and time; clashing names are refused."""
-    groups = [
-        Group("daq", (Channel("AccX (g)", "g"), Channel("T (K)", "K")), UniformClock(1000.0)),
-        Group("plc", (Channel("q (rad)", "rad"), Channel("T (K)", "K")), UniformClock(100.0)),
-    ]
-    with RunWriter(tmp_path, "two") as writer:
-        for group, count in zip(groups, (N, 50), strict=True):
-            writer.group(group).append([column[:count] for column in COLUMNS[:2]])
-            writer.group(group).finish(None, None)
-        writer.describe("simulated", {}, [], {"sources": []}, None)
-        run = testbench.open_run(writer.commit())
+    daq = Group("daq", (Channel("AccX (g)", "g"), Channel("T (K)", "K")), UniformClock(1000.0))
+    plc = Group("plc", (Channel("q (rad)", "rad"), Channel("T (K)", "K")), UniformClock(100.0))
+    run = store_groups(tmp_path, {daq: COLUMNS[:2], plc: [column[:50] for column in COLUMNS[:2]]}, "two")
     table = run.to_pandas()
     assert table.attrs["units"] == {"AccX (g)": "g", "T (K)": "K", "q (rad)": "rad"}
     for name in ("daq", "plc"):
@@ -109,12 +102,7 @@ def test_two_loggers_in_pandas(tmp_path):
         with pytest.raises(CounterpoiseError, match=message):
             run.to_xarray(resample="50 Hz", **asked)
     twice = Group("daq", (Channel("Fz", "N"), Channel("Fz", "N")), UniformClock(10.0))
-    with RunWriter(tmp_path, "clash") as writer:
-        for group in (twice, groups[1]):
-            writer.group(group).append(COLUMNS[:2])
-            writer.group(group).finish(None, None)
-        writer.describe("simulated", {}, [], {"sources": []}, None)
-        run = testbench.open_run(writer.commit())
+    run = store_groups(tmp_path, {twice: COLUMNS[:2], plc: COLUMNS[:2]}, "clash")
     with pytest.raises(StoreError, match="several channels or units: name a group, there are 'daq', 'plc'"):
         run.to_pandas()
 
@@ -176,13 +164,9 @@ def test_lines_of_several_values_are_held_and_what_is_measured_is_not(tmp_path):
     measured["mask"] = np.repeat(np.random.default_rng(1).permutation(1000), 4).astype(float)
     sensor = '[sensors.sync]\nkind = "trigger"\nlogger = "daq"\nchannel = "Sync"\n'
     rig = f'mechanism = "none"\n[loggers.daq]\n{sensor}'
-    with RunWriter(tmp_path, "run") as writer:
-        channels = tuple(Channel(name, label="Sync" if name == "trigger" else "") for name in lines | measured)
-        writer.group(group := Group("daq", channels, UniformClock(1000.0)))
-        writer.group(group).append([*lines.values(), *measured.values()])
-        writer.group(group).finish(None, None)
-        writer.describe("simulated", {}, [], {"sources": []}, rig)
-        run = testbench.open_run(writer.commit())
+    channels = tuple(Channel(name, label="Sync" if name == "trigger" else "") for name in lines | measured)
+    group = Group("daq", channels, UniformClock(1000.0))
+    run = store_groups(tmp_path, {group: [*lines.values(), *measured.values()]}, rig=rig)
     with pytest.warns(UserWarning, match="small, hops, mask: whole numbers, few or each for some samples") as said:
         table = run.to_pandas(resample="100 Hz")
     assert len(said) == 1
@@ -253,13 +237,9 @@ SEVERAL = {
 @pytest.fixture
 def several(tmp_path):
     """A run of groups of every clock, of different lengths, with names of several words; its archive."""
-    with RunWriter(tmp_path, "run 1") as writer:
-        for number, group in enumerate(SEVERAL):
-            writer.group(group).append([np.sqrt(np.arange(N + number)) for _ in group.channels])
-            writer.group(group).finish(None, None)
-        source = {"name": "a b.csv", "sha256": "0" * 64, "size_bytes": 1}
-        writer.describe("simulated", {"counter_masses": {"counter A": 1.0}}, [], {"sources": [source]}, "a = 1\n")
-        run = testbench.open_run(writer.commit())
+    groups = {group: [np.sqrt(np.arange(N + i)) for _ in group.channels] for i, group in enumerate(SEVERAL)}
+    known = {"provenance": {"sources": [{"name": "a b.csv", "sha256": "0" * 64, "size_bytes": 1}]}, "rig": "a = 1\n"}
+    run = store_groups(tmp_path, groups, "run 1", conditions={"counter_masses": {"counter A": 1.0}}, **known)
     return run, testbench.open_run(archive(run, tmp_path / "archive").file)
 
 

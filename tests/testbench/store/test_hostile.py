@@ -12,9 +12,8 @@ from testbench.recording import Channel, Finding, Group, TimeColumn
 from testbench.store import layout, open_run
 from testbench.store.archive import archive
 from testbench.store.safe_hdf5 import open_for_reading
-from testbench.store.writer import RunWriter
 
-from .test_writer import store
+from .stored import ACC, store, store_groups
 
 SECRET = 424242.0
 
@@ -84,15 +83,6 @@ def objects(node, folder):
     node.create_dataset("AccX", data=np.array(["a", "b"], dtype=object), dtype=h5py.string_dtype())
 
 
-@pytest.mark.parametrize(
-    "make", [external_link, soft_link, dangling_link, external_storage, virtual, never_written, cycle, objects]
-)
-def test_what_leads_elsewhere_is_refused(run, make):
-    """One clear error, and no number of another file, whichever way it is asked for."""
-    with pytest.raises(StoreError):
-        open_run(replaced(run, make)).channel("AccX")
-
-
 @pytest.mark.parametrize("content", [b"", b"no HDF5 at all", b"\x89HDF\r\n\x1a\n" + b"\0" * 500])
 def test_other_files_are_no_runs(tmp_path, content):
     """Anything that is no stored run is refused as such."""
@@ -139,25 +129,33 @@ def incompressible_but_the_last(node, folder):
     assert dataset.id.get_storage_size() > dataset.nbytes
 
 
+ELSEWHERE = "is a link to elsewhere|lies in another file|does not hold one number a sample|not a stored run|expected 4"
+NOT_THERE = "declares more values than the file holds|filter that is not a standard one"
+
+
 @pytest.mark.parametrize(
-    "make", [deflated_hole, half_a_hole, last_chunk_missing, incompressible_but_the_last, foreign_filter]
+    ("make", "said"),
+    [
+        *(
+            (make, ELSEWHERE)
+            for make in (external_link, soft_link, dangling_link, external_storage, virtual, cycle, objects)
+        ),
+        *((make, NOT_THERE) for make in (never_written, deflated_hole, half_a_hole, last_chunk_missing)),
+        *((make, NOT_THERE) for make in (incompressible_but_the_last, foreign_filter)),
+    ],
 )
-def test_compressed_data_must_be_there(run, make):
-    """What archives are made of is no way round the rules."""
-    with pytest.raises(StoreError, match=r"declares more values than the file holds|filter that is not a standard one"):
+def test_what_leads_elsewhere_or_is_not_there_is_refused(run, make, said):
+    """One clear error, and no number of another file, whichever way it is asked for; an archive is no way round."""
+    with pytest.raises(StoreError, match=said):
         open_run(replaced(run, make)).channel("AccX")
 
 
 def test_long_texts_open_and_deflated_ones_do_not(tmp_path, monkeypatch):
     """Findings and descriptions of any length are read back; texts a thousand times as long as their file are not."""
     monkeypatch.setattr(layout, "LARGEST", 1000)
-    channel = Group("log", (Channel("AccX (g)", "g", "AccX"),))
-    with RunWriter(tmp_path, "r001") as writer:
-        writer.group(channel).append([np.ones(4)])
-        writer.group(channel).finish(None, None)
-        findings = [Finding("clipping", f"channel {i}" * (1 + i % 9), None, "cut") for i in range(100)]
-        writer.describe("simulated", {}, findings, {"sources": [], "comments": ["long " * 400]}, None)
-        run = open_run(writer.commit())
+    findings = [Finding("clipping", f"channel {i}" * (1 + i % 9), None, "cut") for i in range(100)]
+    provenance = {"sources": [], "comments": ["long " * 400]}
+    run = store_groups(tmp_path, {ACC: [np.ones(4)]}, findings=findings, provenance=provenance)
     assert list(run.findings) == findings
     with h5py.File(run.path, "r+") as file:
         content = file[layout.FINDINGS][()]

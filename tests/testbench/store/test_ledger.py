@@ -12,21 +12,18 @@ from testbench.cli.campaign import ledger as command
 from testbench.cli.campaign import remove, verify
 from testbench.errors import NotConfirmedError, StoreError
 from testbench.ingestion.recovered_runs import recover
-from testbench.recording import Channel, Group
 from testbench.store import append_only_records, atomic_files, open_campaign
 from testbench.store.ledger import FILE, read_ledger
 from testbench.store.writer import RunWriter
 
-from .test_writer import names_in, store
-
-GROUP = Group("log", (Channel("AccX (g)", "g", "AccX"),))
+from .stored import ACC, fill, names_in, store
 
 
 @pytest.fixture
 def campaign(tmp_path):
     """A folder with two runs and a record."""
     for number, name in enumerate(("a", "b")):
-        store(tmp_path, GROUP, [np.full(3, float(number))], name=name)
+        store(tmp_path, ACC, [np.full(3, float(number))], name=name)
     append_only_records.append_record(tmp_path, "decision", [tmp_path / "a.h5"], {"x": 1})
     return tmp_path
 
@@ -72,13 +69,13 @@ def run_exchanged(campaign):
     """Another run with its own digest in the place of one."""
     gone("a.h5", "a.h5.sha256")(campaign)
     before = (campaign / FILE).read_bytes()
-    store(campaign, GROUP, [np.full(3, 9.0)], name="a")
+    store(campaign, ACC, [np.full(3, 9.0)], name="a")
     (campaign / FILE).write_bytes(before)
 
 
 def run_added(campaign):
     """A run from elsewhere, with its digest."""
-    other = store(campaign.parent / f"{campaign.name}_other", GROUP, [np.full(3, 9.0)], name="c").path
+    other = store(campaign.parent / f"{campaign.name}_other", ACC, [np.full(3, 9.0)], name="c").path
     for path in (other, atomic_files.digest_file(other)):
         (campaign / path.name).write_bytes(path.read_bytes())
 
@@ -128,15 +125,15 @@ def test_a_ledger_that_was_changed_is_named(campaign, capsys, change, named):
     with pytest.raises(StoreError, match="ledger"):
         append_only_records.append_record(campaign, "decision", [], {})
     with pytest.raises(StoreError, match="take it out of the campaign"):
-        store(campaign, GROUP, [np.ones(3)], name="c")
+        store(campaign, ACC, [np.ones(3)], name="c")
     assert names_in(campaign) == ["a.h5", "a.h5.sha256", "b.h5", "b.h5.sha256", "records"]
 
 
 def test_an_entry_of_another_ledger_does_not_follow(campaign, tmp_path_factory):
     """Whole by itself, of the right number: the digest of the entry before tells."""
     other = tmp_path_factory.mktemp("other")
-    store(other, GROUP, [np.full(3, 5.0)], name="a")
-    store(other, GROUP, [np.full(3, 6.0)], name="b")
+    store(other, ACC, [np.full(3, 5.0)], name="a")
+    store(other, ACC, [np.full(3, 6.0)], name="b")
     lines = (campaign / FILE).read_bytes().splitlines(keepends=True)
     lines[1] = (other / FILE).read_bytes().splitlines(keepends=True)[1]
     (campaign / FILE).write_bytes(b"".join(lines))
@@ -238,9 +235,7 @@ def test_a_run_that_the_disk_does_not_confirm(campaign, monkeypatch, capsys, fai
     if not os.path.exists("/proc/self/fd"):
         pytest.skip("the system does not say which file a handle is of")
     with RunWriter(campaign, "c") as run:
-        run.group(GROUP).append([np.ones(3)])
-        run.group(GROUP).finish(None, None)
-        run.describe("simulated", {}, [], {"sources": []}, None)
+        fill(run, {ACC: [np.ones(3)]})
         run.seal()
         with monkeypatch.context() as patch:
             patch.setattr(os, "fsync", fsync)

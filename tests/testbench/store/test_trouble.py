@@ -18,7 +18,7 @@ from testbench.ingestion.recovered_runs import recover
 from testbench.store import open_campaign
 from testbench.store.archive import archive
 
-from .test_writer import names_in
+from .stored import names_in
 
 TWO = [sys.executable, "-c", "from testbench.cli import main; main()", "ingest"]
 

@@ -8,27 +8,13 @@ import pytest
 
 from testbench.errors import StoreError
 from testbench.recording import Channel, Group, TimeColumn
-from testbench.store import atomic_files, open_campaign, open_run, writer
+from testbench.store import atomic_files, open_campaign, writer
 from testbench.store.writer import RunWriter
+
+from .stored import ACC, fill, names_in, store
 
 RANDOM = np.random.default_rng(11)
 NAMES = ["Time (s)", "AccX (g)", "Acc/../../X", "İvme µ (m/s²)", "Şaft", "AccX (g)", "time", "\x1b[31m", "a" * 300]
-
-
-def store(folder, group, columns, name="r001", block=1000, rig=None, **described):
-    """Store one group, given in blocks."""
-    with RunWriter(folder, name) as writer:
-        for start in range(0, len(columns[0]), block):
-            writer.group(group).append([c[start : start + block] for c in columns])
-        writer.group(group).finish(described.pop("rate_hz", None), described.pop("rate_source", None))
-        provenance = {"sources": [{"name": "log.csv", "sha256": "0" * 64, "size_bytes": 1}]}
-        writer.describe("simulated", described, [], provenance, rig)
-        return open_run(writer.commit())
-
-
-def names_in(folder):
-    """The names of the files in a campaign, its ledger and its lock apart."""
-    return sorted({path.name for path in folder.iterdir()} - {"ledger.jsonl", ".lock"})
 
 
 @pytest.mark.parametrize("samples", [1, 622, writer.CHUNK, writer.GATHERED + 12_345, 3 * writer.GATHERED])
@@ -37,7 +23,7 @@ def test_the_same_bits_come_back(tmp_path, samples):
     columns = [np.arange(samples) / 5000.0, RANDOM.normal(size=samples)]
     columns[1][:3] = [-0.0, np.nan, np.inf][:samples]
     group = Group("log", (Channel("Time (s)", "s", "Time"), Channel("AccX (g)", "g", "AccX")), TimeColumn(0))
-    run = store(tmp_path, group, columns, block=77_777, rate_hz=5000.0, rate_source="median_step")
+    run = store(tmp_path, group, columns, block=77_777, rate=(5000.0, "median_step"))
     assert run.channel("AccX").tobytes() == columns[1].tobytes()
     assert run.time().tobytes() == columns[0].tobytes()
     assert (run.group().samples, run.rate_hz, run.group().rate_source) == (samples, 5000.0, "median_step")
@@ -72,12 +58,11 @@ def test_a_channel_is_found_with_and_without_its_unit(tmp_path):
 def test_conditions_rig_and_findings_come_back(tmp_path):
     """What is known of the run is in the run; the rig's text to the byte."""
     rig = 'name = "Prüfstand"\r\n# ölçüm\n[loggers.daq]\n'
-    group = Group("log", (Channel("AccX (g)", "g"),))
     conditions = {"payload_kg": 5.0, "counter_masses": {"counter_A0A": 24.2626}, "motion": "x", "repeat": 2}
-    run = store(tmp_path, group, [np.ones(3)], rig=rig, **conditions)
+    run = store(tmp_path, ACC, [np.ones(3)], rig=rig, **conditions)
     assert (run.origin, run.conditions, run.rig) == ("simulated", conditions, rig)
     assert run.provenance["sources"][0]["name"] == "log.csv"
-    without = store(tmp_path, group, [np.ones(3)], name="r002", counter_masses={})
+    without = store(tmp_path, ACC, [np.ones(3)], name="r002", counter_masses={})
     assert without.conditions == {"counter_masses": {}}
     assert without.rig is None
 
@@ -102,9 +87,8 @@ def test_h5py_and_nexus_find_their_way(tmp_path):
 
 def test_nothing_is_left_of_a_run_that_is_not_committed(tmp_path, monkeypatch):
     """Neither the run nor a part of it, nor a folder that was not there; interrupted before its name, no digest."""
-    group = Group("log", (Channel("AccX (g)", "g"),))
     with RunWriter(tmp_path / "new", "r") as writer:
-        writer.group(group).append([np.ones(200_000)])
+        writer.group(ACC).append([np.ones(200_000)])
     assert list(tmp_path.iterdir()) == []
 
     def sync(_):
@@ -113,18 +97,15 @@ def test_nothing_is_left_of_a_run_that_is_not_committed(tmp_path, monkeypatch):
 
     monkeypatch.setattr(atomic_files, "sync", sync)
     with pytest.raises(KeyboardInterrupt):
-        store(tmp_path, group, [np.ones(3)])
+        store(tmp_path, ACC, [np.ones(3)])
     assert names_in(tmp_path) == []
 
 
 def test_a_stored_run_is_never_replaced(tmp_path):
     """A second run of the name is refused before anything is read; one that comes meanwhile is not overwritten."""
-    group = Group("log", (Channel("AccX (g)", "g"),))
     with RunWriter(tmp_path, "r001") as late:
-        late.group(group).append([np.zeros(3)])
-        late.group(group).finish(None, None)
-        late.describe("unstated", {}, [], {"sources": []}, None)
-        first = store(tmp_path, group, [np.ones(3)])
+        fill(late, {ACC: [np.zeros(3)]})
+        first = store(tmp_path, ACC, [np.ones(3)])
         with pytest.raises(StoreError, match="is there already"):
             late.commit()
     with pytest.raises(StoreError, match="stored runs never change"):
@@ -136,7 +117,7 @@ def test_a_stored_run_is_never_replaced(tmp_path):
 
 def test_layout_is_documented_in_the_file(tmp_path):
     """Provenance is JSON that anyone can read."""
-    run = store(tmp_path, Group("log", (Channel("AccX (g)", "g"),)), [np.ones(3)])
+    run = store(tmp_path, ACC, [np.ones(3)])
     with h5py.File(run.path) as file:
         assert json.loads(file["entry/provenance"].attrs["json"])["sources"][0]["size_bytes"] == 1
         assert file["entry/provenance/source_1"].attrs["name"] == "log.csv"
