@@ -41,7 +41,7 @@ from .store import Run
 from .trimming import trim_runs
 from .trimming.estimators import ESTIMATORS, present_sources
 from .trimming.missing_masses import lacking, trim_problem
-from .trimming.problem import NAMES, Source, TrimProblem
+from .trimming.problem import SOURCES, Source, TrimProblem
 from .vibration.metrics import Measure
 from .vibration.reduction import Reduction, analyze
 from .vibration.run_pairs import ConditionKey
@@ -360,7 +360,7 @@ class _Knowledge:
             try:
                 found.append(_source(source, problem, replace(problem, runs=[*problem.runs, *simulated])))
             except CounterpoiseError as error:
-                notes.append(f"{NAMES[source].capitalize()} would not tell: {error}")
+                notes.append(f"{SOURCES[source].name.capitalize()} would not tell: {error}")
         if not found:
             raise AnalysisError(" ".join(notes))
         known: list[float | None] = [None] * len(problem.sites)

@@ -7,6 +7,7 @@ columns are computed, are uncertain near a gap: within REACH_PERIODS of their ba
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from balance.arrays import Floats
 
 from ..recording import Finding
-from .smoothing_and_derivatives import LARGEST_STEP, Grid, Rates, smoothed_derivatives
+from .smoothing_and_derivatives import LARGEST_STEP, Grid, Rates, low_pass, smoothed_derivatives
 
 REACH_PERIODS = 2.0
 """How far beyond its ends a gap disturbs positions that are smoothed, in periods of their bandwidth."""
@@ -99,6 +100,49 @@ class Gaps:
             f"{np.sum(spans[:, 1] - spans[:, 0]):.4g} s in all, the first after {spans[0, 0]:.6g} s"
             for name, spans in self.spans.items()
         ]
+
+
+@dataclass(frozen=True)
+class ValidSamples:
+    """Where every record that counts holds samples; values there are smoothed segment by segment, zero elsewhere."""
+
+    run: str
+    grid: Grid
+    gaps: Gaps
+    """On the grid's clock."""
+    reach: float
+    """How far beyond its ends a gap disturbs [s]."""
+
+    @property
+    def left_out(self) -> list[slice]:
+        """The samples that gaps touch, gap by gap."""
+        return true_segments(self.kept == 0.0)
+
+    @cached_property
+    def kept(self) -> Floats:
+        """One where nothing is left out, else zero, (n,) [-]."""
+        return self.gaps.valid_samples(self.grid, self.reach).astype(float)
+
+    def low_pass(self, values: Floats, cutoff: float) -> Floats:
+        """Values (n, ...) [any unit] smoothed below a cut-off [Hz]; zero where they are left out."""
+        flat = values.reshape(len(values), -1)
+        smooth = self.gaps.by_segment(lambda part: low_pass(part, cutoff, self.grid.rate), flat, self.grid, self.reach)
+        return (smooth * self.kept[:, None]).reshape(values.shape)
+
+    def rates(self, values: Floats) -> Floats:
+        """Rates (n, k) [1/s] by central differences; smoothed later with everything else."""
+        step = self.grid.step
+        return self.gaps.by_segment(lambda part: np.gradient(part, step, axis=0), values, self.grid, self.reach)
+
+    @property
+    def texts(self) -> str:
+        """What is left out of each record."""
+        return "; ".join(self.gaps.texts(self.reach))
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """The same, a finding for each record."""
+        return self.gaps.findings(self.run, self.reach)
 
 
 def longest_segment(mask: NDArray[np.bool_]) -> slice:

@@ -12,12 +12,10 @@ from balance.arrays import Floats
 from balance.dynamics.inverse_dynamics import simulate
 
 from ..errors import AnalysisError
-from ..kinematics.gaps import gap_reach, longest_segment
-from ..kinematics.smoothing_and_derivatives import low_pass
-from ..rig import Column
+from ..kinematics.gaps import longest_segment
 from ..rig.sensors import Torque
 from ..runs.aligned_run import AlignedRun
-from ..signal.filters import correlation_lag
+from ..signal.filters import correlation_lag, without_mean
 
 BANDWIDTH_HZ = 80.0
 """Bandwidth of both [Hz]: twice that of the motions, and below most of the encoders' quantization noise."""
@@ -44,16 +42,18 @@ class DriveTorque:
     @property
     def residual_share(self) -> float:
         """Root mean square of measured less model, both less their means, as a share of the measured one's."""
-        return _rms(self._moving(self.measured) - self._moving(self.model)) / _rms(self._moving(self.measured))
+        return float(np.std(self.measured - self.model) / np.std(self.measured))
 
     @property
     def scale(self) -> float:
         """Measured torque as a multiple of the model's: least squares, both less their means."""
-        model, measured = self._moving(self.model), self._moving(self.measured)
+        model, measured = without_mean(self.model), without_mean(self.measured)
         return float(model @ measured / (model @ model))
 
     def as_dict(self) -> dict[str, Any]:
         """As a JSON document."""
+        even = longest_segment(np.diff(self.time) < 1.5 / self.rate_hz)
+        even = slice(even.start, even.stop + 1)  # instants without a gap
         return {
             "joint": self.joint,
             "sensor": self.sensor,
@@ -67,19 +67,8 @@ class DriveTorque:
             "residual_share": self.residual_share,
             "scale": self.scale,
             "left_out_s": float(self.time[-1] - self.time[0]) - (len(self.time) - 1) / self.rate_hz,
-            "delay_s": correlation_lag(self.measured[self._even], self.model[self._even], self.rate_hz),
+            "delay_s": correlation_lag(self.measured[even], self.model[even], self.rate_hz),
         }
-
-    @property
-    def _even(self) -> slice:
-        """The longest segment without a gap."""
-        close = np.diff(self.time) < 1.5 / self.rate_hz
-        found = longest_segment(close)
-        return slice(found.start, found.stop + 1)
-
-    @staticmethod
-    def _moving(values: Floats) -> Floats:
-        return values - values.mean()
 
 
 DEFINITIONS = {
@@ -103,38 +92,23 @@ def drive_torques(aligned: AlignedRun, bandwidth_hz: float = BANDWIDTH_HZ) -> li
     columns = run.rig.columns_of(Torque)
     if not columns:
         raise AnalysisError(f"{run.name}: its rig has no sensor of kind torque: describe one to compare the drives")
-    grid, gaps, reach = aligned.grid, aligned.gaps(), gap_reach(bandwidth_hz)
-    valid = gaps.valid_samples(grid, reach)
-    if not valid.any():
-        raise AnalysisError(f"{run.name}: {'; '.join(gaps.texts(reach))}: no valid sample remains")
-
-    def smooth(values: Floats) -> Floats:
-        return gaps.by_segment(lambda part: low_pass(part, bandwidth_hz, grid.rate), values, grid, reach)[valid]
-
+    grid, valid = aligned.grid, aligned.valid_samples(bandwidth_hz)
+    kept = valid.kept > 0.0
+    if not kept.any():
+        raise AnalysisError(f"{run.name}: {valid.texts}: no valid sample remains")
     response = simulate(aligned.mechanism, aligned.trajectory(bandwidth_hz))
-    return [
-        DriveTorque(
-            column.component,
-            column.sensor,
-            grid.time[valid],
-            smooth(np.interp(grid.time, *_recorded(aligned, column))),
-            smooth(response.torque[column.component]),
-            grid.rate,
-            bandwidth_hz,
-            "N" if column.component in response.sliding else "Nm",
-        )
-        for column in columns
-        if column.component in response.torque
-    ]
-
-
-def _recorded(aligned: AlignedRun, column: Column) -> tuple[Floats, Floats]:
-    run = aligned.run
-    if (group := run.group_of(column)) != aligned.reference:
-        raise AnalysisError(
-            f"{run.name}: torque {column.channel} is of {group}, the encoders of {aligned.reference}: two clocks"
-        )
-    return run.instants(column), run.values(column)
+    found = []
+    for column in (column for column in columns if column.component in response.torque):
+        if (group := run.group_of(column)) != aligned.reference:
+            raise AnalysisError(
+                f"{run.name}: torque {column.channel} is of {group}, the encoders of {aligned.reference}: two clocks"
+            )
+        both = np.interp(grid.time, run.instants(column), run.values(column)), response.torque[column.component]
+        measured, model = valid.low_pass(np.column_stack(both), bandwidth_hz)[kept].T
+        unit = "N" if column.component in response.sliding else "Nm"
+        time = grid.time[kept]
+        found.append(DriveTorque(column.component, column.sensor, time, measured, model, grid.rate, bandwidth_hz, unit))
+    return found
 
 
 def _rms(values: Floats) -> float:

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from balance.arrays import Floats, Mask
+from balance.arrays import Floats
 from balance.closure import Trajectory
 from balance.mechanism.mechanism import Mechanism
 
@@ -21,7 +21,7 @@ from ..kinematics.encoder_motion import (
     loaded_mechanism,
     moving_interval,
 )
-from ..kinematics.gaps import Gaps, gap_reach
+from ..kinematics.gaps import Gaps, ValidSamples, gap_reach
 from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF, Grid, grid_of, low_pass
 from ..recording import Conditions
 from ..rig import Column, Rig
@@ -129,9 +129,9 @@ class AlignedRun:
         times = {group: self.clock(group).to_reference(self.run.time(group)) for group in others}
         return Gaps.of({self.reference: self.run.instants(self.encoders[0])} | times)
 
-    def valid_samples(self, bandwidth_hz: float, groups: Collection[str] = ()) -> Mask:
-        """Samples of the grid that no gap touches, (n,) [-], positions smoothed below ``bandwidth_hz``."""
-        return self.gaps(groups).valid_samples(self.grid, gap_reach(bandwidth_hz))
+    def valid_samples(self, bandwidth_hz: float, groups: Collection[str] = ()) -> ValidSamples:
+        """Samples of the grid that no gap of encoders and ``groups`` touches, positions smoothed below a bandwidth."""
+        return ValidSamples(self.name, self.grid, self.gaps(groups), gap_reach(bandwidth_hz))
 
     def on_grid(self, group: str, time: Floats, values: Floats) -> Floats:
         """Values (m, k) at instants (m,) [s] of a group's clock interpolated on the grid, (n, k); low-passed first."""

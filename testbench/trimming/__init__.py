@@ -2,7 +2,7 @@
 
 from .load_regression import CUTOFF_HZ
 from .missing_masses import trim_runs
-from .problem import NAMES, Source
+from .problem import Source
 from .result import Share, Trim
 
-__all__ = ["CUTOFF_HZ", "NAMES", "Share", "Source", "Trim", "trim_runs"]
+__all__ = ["CUTOFF_HZ", "Share", "Source", "Trim", "trim_runs"]

@@ -1,7 +1,7 @@
 """The estimator of each source: its equations, its least squares, and what its interval contains besides noise."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -9,7 +9,6 @@ import numpy as np
 from balance.arrays import Floats
 from balance.estimation.first_moment_imbalance import Imbalance, ImbalanceFit, Subspace, imbalance_fit
 from balance.estimation.identifiability import NotIdentifiable
-from balance.estimation.regression import RegressionRecord
 
 from ..errors import AnalysisError
 from ..kinematics.gaps import GAP_FINDING
@@ -20,7 +19,7 @@ from ..runs.aligned_run import AlignedRun
 from . import sensor_errors
 from .load_regression import CUTOFF_HZ, TORQUE_CUTOFF_HZ, force_regression, torque_channels, torque_regression
 from .problem import (
-    Entry,
+    SOURCES,
     NoValidMotion,
     RunEquations,
     Source,
@@ -30,7 +29,6 @@ from .problem import (
     shared_unknowns,
     with_shared_unknowns,
 )
-from .result import DOUBTFUL_SHARE
 from .trial_mass_runs import CUTOFF_HZ as TRIALS_CUTOFF_HZ
 from .trial_mass_runs import trial_mass_runs_imbalance, without_gaps
 from .vibration_regression import (
@@ -44,18 +42,10 @@ from .vibration_regression import (
 
 T = TypeVar("T")
 
-MORE_RUNS = (
-    "add runs in another direction (the triangle), with more acceleration, or a second accelerometer on the base"
-)
-LONGER = "give longer runs that move more, or runs of several motions (x, y, triangle)"
 BASE_UNKNOWN = (
     "no accelerometer on the base: if the base moves, the forces hold the mechanism's inertia against that motion, "
     "which is taken for shaking force, and the intervals do not hold"
 )
-HINTS: dict[Source, str] = {
-    "wrench": MORE_RUNS, "torque": LONGER, "vibration": MORE_RUNS, "trials": "use heavier trial masses, or more runs",
-}  # fmt: skip
-"""What helps a source that cannot tell."""
 WEIGHTLESS = (
     "the rig's [bench] does not state weight = true: the weight's moment as the bodies move, which tilts the base, is "
     "left out"
@@ -75,39 +65,46 @@ UNSTATED = (
 STEPS = "what the encoders' resolution leaves open"
 
 
-@dataclass(frozen=True)
 class _Equations:
     """The records of a source, what the rigs state of its sensors' errors among the unknowns."""
 
-    records: list[RegressionRecord]
-    entries: list[Entry]
-    """Of the sensitivities, the last columns of the records."""
-    prior: Floats
-
-    @classmethod
-    def of(cls, problem: TrimProblem, runs: "Sequence[RunEquations]") -> "_Equations":
+    def __init__(self, problem: TrimProblem, runs: Sequence[RunEquations]) -> None:
         """Noise below a cut-off lasts half of its period: so many samples a prior counts for."""
-        records = [run.record for run in runs]
-        joined, entries = sensor_errors.with_error_columns(records, [r.effects for r in runs], _deviations(problem))
-        others = joined[0].columns.shape[2] - problem.conditions.rank - len(entries)
-        return cls(joined, entries, np.r_[np.zeros(others), np.full(len(entries), 0.5 * runs[0].period)])
+        deviations = sensor_errors.stated_deviations(run.run for run in problem.runs)
+        effects = [run.effects for run in runs]
+        self.problem = problem
+        self.records, self.entries = sensor_errors.with_error_columns([r.record for r in runs], effects, deviations)
+        others = self.records[0].columns.shape[2] - problem.conditions.rank - len(self.entries)
+        self.prior = np.r_[np.zeros(others), np.full(len(self.entries), 0.5 * runs[0].period)]
 
     @classmethod
     def channel_by_channel(
-        cls, problem: TrimProblem, runs: "Sequence[RunEquations]", columns: Sequence[Sequence[Column]], shared: Floats
+        cls, problem: TrimProblem, runs: Sequence[RunEquations], columns: Sequence[Sequence[Column]], shared: Floats
     ) -> "_Equations":
         """Of rows that are channels, exposed to what explains them without errors; ``shared`` (p, k) as excited."""
         records = with_shared_unknowns([run.record for run in runs], problem.conditions.rank, shared)
         runs = [replace(run, record=record) for run, record in zip(runs, records, strict=True)]
-        if deviations := _deviations(problem):
+        if deviations := sensor_errors.stated_deviations(run.run for run in problem.runs):
             explained = imbalance_fit(records, problem.conditions).regression.explained()
-            effects = [sensor_errors.reading_effects(e, c, deviations) for e, c in zip(explained, columns, strict=True)]
+            effects = (sensor_errors.reading_effects(e, c, deviations) for e, c in zip(explained, columns, strict=True))
             runs = [replace(run, effects=own) for run, own in zip(runs, effects, strict=True)]
-        return cls.of(problem, runs)
+        return cls(problem, runs)
 
-    def fit(self, problem: TrimProblem, free: Subspace | None = None) -> ImbalanceFit:
+    def fit(self, free: Subspace | None = None) -> ImbalanceFit:
         """Values of the conditions."""
-        return imbalance_fit(self.records, problem.conditions, free, self.prior)
+        return imbalance_fit(self.records, self.problem.conditions, free, self.prior)
+
+    def fit_all_or_at_sites(self) -> tuple[ImbalanceFit, tuple[str, ...]]:
+        """All conditions where the records determine them, else those that masses at the sites can change."""
+        problem, whole = self.problem, self.fit()
+        most = DETERMINED * float(np.abs(problem.conditions.values(problem.mechanism)).max(initial=0.0))
+        try:
+            if all(whole.imbalance.estimate(row).half_width() <= most for row in np.eye(problem.conditions.rank)):
+                return whole, ()
+        except NotIdentifiable:
+            pass
+        subspace = Subspace.at_sites(problem.conditions, problem.mounted, problem.sites)
+        return (whole, ()) if subspace.is_whole else (self.fit(subspace), (FIXED,))
 
     def widened(self, found: ImbalanceFit) -> tuple[Imbalance, list[str]]:
         """With what the errors leave open, and what that is called."""
@@ -128,13 +125,13 @@ def by_wrench(problem: TrimProblem) -> SourceEstimate:
         problem, AnalysisError, lambda run: force_regression(run, problem.conditions, cutoff)
     )
     findings += [f for one in every for f in one.findings]
-    equations = _Equations.of(problem, every)
-    measured, within = equations.widened(equations.fit(problem))
+    equations = _Equations(problem, every)
+    measured, within = equations.widened(equations.fit())
     base = "the base's motion taken out." if problem.runs[0].base is not None else "the base taken for still."
-    about = (f"Forces and model low-passed alike at {cutoff:g} Hz, clocks of the loggers aligned, {base}",)
+    about = f"Forces and model low-passed alike at {cutoff:g} Hz, clocks of the loggers aligned, {base}"
     doubts = () if all(run.base is not None for run in problem.runs) else (BASE_UNKNOWN,)
     return SourceEstimate(
-        "wrench", measured, (*about, _jackknife(measured, within)), doubts, tuple(findings), problem.runs
+        "wrench", measured, (about, _jackknife(measured, within)), doubts, tuple(findings), problem.runs
     )
 
 
@@ -148,13 +145,13 @@ def by_torque(problem: TrimProblem) -> SourceEstimate:
     columns = [torque_channels(run) for run in problem.runs]
     shared = shared_unknowns([part.record for part in parts], problem.conditions.rank)
     equations = _Equations.channel_by_channel(problem, parts, columns, shared)
-    found, fixed = _all_or_at_sites(equations, problem)
+    found, fixed = equations.fit_all_or_at_sites()
     measured, within = equations.widened(found)
     about = (
         f"Motor torques and model low-passed alike at {cutoff:g} Hz; inertias, friction, offsets, drifts and delays "
-        "estimated with the conditions, the base taken for still.",
+        "estimated with the conditions, the base taken for still."
     )
-    text = (*about, *fixed, _jackknife(measured, within))
+    text = (about, *fixed, _jackknife(measured, within))
     return SourceEstimate("torque", measured, text, (), tuple(findings), problem.runs)
 
 
@@ -167,26 +164,23 @@ def by_vibration(problem: TrimProblem) -> SourceEstimate:
     combinations = shared_unknowns([part.record for part in parts], problem.conditions.rank)
     columns = [list(one.sensors.columns) for one in bases]
     equations = _Equations.channel_by_channel(problem, parts, columns, combinations)
-    found, fixed = _all_or_at_sites(equations, problem)
+    found, fixed = equations.fit_all_or_at_sites()
     measured, within = equations.widened(found)
     # Wider by what the encoders' steps do to the columns.
     rank, basis = problem.conditions.rank, parameter_basis(problem.conditions)
     pi = basis[:, :rank] @ measured.values + basis[:, rank:] @ (combinations @ found.shared[: combinations.shape[1]])
-    steps = [
-        step_covariance(base, run.encoders, gain, pi)
-        for base, run, gain in zip(bases, problem.runs, found.gains(), strict=True)
-    ]
-    measured = replace(measured, covariance=measured.covariance + np.sum(steps, axis=0))
+    each = zip(bases, problem.runs, found.gains(), strict=True)
+    steps = np.sum([step_covariance(base, run.encoders, gain, pi) for base, run, gain in each], axis=0)
+    measured = replace(measured, covariance=measured.covariance + steps)
     about = (
         "The base's mass, centre, inertia and mounts are those that the rig states: a model that is assumed, whose "
         "errors the intervals do not contain.",
         f"Readings and the base's response low-passed alike at {cutoff:g} Hz; inertias of the mechanism estimated with "
         "the conditions.",
     )
-    text = (*about, *fixed, _jackknife(measured, [*within, STEPS]))
     by_steps = _share_of_steps(bases, problem, found, pi)
     doubts = []
-    if by_steps == 0.0 and found.regression.unexplained > DOUBTFUL_SHARE["vibration"]:
+    if by_steps == 0.0 and found.regression.unexplained > SOURCES["vibration"].doubtful_share:
         names = ", ".join(column.sensor for column in problem.runs[0].encoders)
         doubts += [UNSTATED.format(names)] * (not any(column.total_noise for column in problem.runs[0].encoders))
     if any(run.run.origin != "simulated" and not run.rig.bench.weight for run in problem.runs):
@@ -195,13 +189,14 @@ def by_vibration(problem: TrimProblem) -> SourceEstimate:
     change = max((one.inertia_change for one, moves in zip(bases, moving, strict=True) if moves), default=0.0)
     if (change * np.abs(measured.values) > 2.0 * np.sqrt(np.diag(measured.covariance))).any():
         doubts.append(MOVING_INERTIA.format(change))
+    text = (*about, *fixed, _jackknife(measured, [*within, STEPS]))
     return SourceEstimate("vibration", measured, text, tuple(doubts), tuple(findings), problem.runs, by_steps)
 
 
 def _share_of_steps(bases: Sequence[ShakenBase], problem: TrimProblem, found: ImbalanceFit, pi: Floats) -> float:
     """Share of what was measured that the encoders' steps and noise may leave; zero where little is unexplained."""
     regression = found.regression
-    if regression.unexplained <= DOUBTFUL_SHARE["vibration"]:
+    if regression.unexplained <= SOURCES["vibration"].doubtful_share:
         return 0.0
     shown = np.concatenate([step_readings(b, r.encoders, pi) for b, r in zip(bases, problem.runs, strict=True)])
     left = sum(rms**2 for rms in regression.residual_rms.values())
@@ -243,10 +238,6 @@ def present_sources(problem: TrimProblem, one_mounting: bool) -> list[Source]:
     return found
 
 
-def _deviations(problem: TrimProblem) -> dict[Entry, float]:
-    return sensor_errors.stated_deviations(run.run for run in problem.runs)
-
-
 def _each(
     problem: TrimProblem, left_out_by: type[AnalysisError], made: Callable[[AlignedRun], T]
 ) -> tuple[list[T], TrimProblem, list[Finding]]:
@@ -268,23 +259,6 @@ def _each(
     return every, replace(problem, runs=kept), findings
 
 
-def _all_or_at_sites(equations: _Equations, problem: TrimProblem) -> tuple[ImbalanceFit, tuple[str, ...]]:
-    """All conditions where the records determine them, else those that masses at the sites can change."""
-    whole = equations.fit(problem)
-    measured = whole.imbalance
-    most = DETERMINED * float(np.abs(problem.conditions.values(problem.mechanism)).max(initial=0.0))
-    try:
-        widths = [measured.estimate(row).half_width() for row in np.eye(problem.conditions.rank)]
-    except NotIdentifiable:
-        widths = [np.inf]
-    if max(widths) <= most:
-        return whole, ()
-    subspace = Subspace.at_sites(problem.conditions, problem.mounted, problem.sites)
-    if subspace.is_whole:
-        return whole, ()
-    return equations.fit(problem, subspace), (FIXED,)
-
-
-def _jackknife(measured: Imbalance, within: Sequence[str] = ()) -> str:
+def _jackknife(measured: Imbalance, within: Sequence[str]) -> str:
     text = f"Intervals: delete-block jackknife, {measured.degrees_of_freedom:.3g} degrees of freedom"
     return f"{text}; in them {' and '.join(within)}." if within else f"{text}."

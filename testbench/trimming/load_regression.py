@@ -11,9 +11,7 @@ drifts and delays of the torques run by run.
 
 import numpy as np
 
-from balance.arrays import Floats
 from balance.balancing.conditions import Conditions
-from balance.closure import Trajectory
 from balance.dynamics.regressor import driven_torque_regressor, joint_friction_regressor, wrench_regressor
 from balance.estimation.first_moment_imbalance import condition_columns
 
@@ -22,7 +20,7 @@ from ..loads.shaking_wrench import COMPONENTS, measured_loads
 from ..rig import Column
 from ..rig.sensors import Torque
 from ..runs.aligned_run import AlignedRun
-from .problem import RunEquations, ValidSamples, motion_name, offset_and_drift, parameter_basis
+from .problem import RunEquations, motion_name, offset_and_drift, parameter_basis, refuse_no_motion
 from .sensor_errors import force_effects, reading_effects, stated_deviations
 
 MARGIN_PERIODS = 3.0
@@ -48,8 +46,8 @@ def force_regression(run: AlignedRun, conditions: Conditions, cutoff: float = CU
         raise AnalysisError(f"{run.name}: no motion: the encoders stand still, so that the record tells nothing")
     loads, _ = measured_loads(run, columns, bandwidth)
     axes = [COMPONENTS.index(name) for name in loads.names]
-    valid = ValidSamples.of(run, loads.groups, bandwidth)
-    valid.refuse_no_motion(path)
+    valid = run.valid_samples(bandwidth, loads.groups)
+    refuse_no_motion(valid, path)
     nuisance = [loads.projected(valid.rates(loads.forces))]
     deviations = stated_deviations([run.run])
     effects = {entry: loads.projected(change) for entry, change in force_effects(run, deviations, axes).items()}
@@ -64,7 +62,7 @@ def force_regression(run: AlignedRun, conditions: Conditions, cutoff: float = CU
     kept = valid.kept[used]
     return RunEquations.of(
         valid,
-        1.0 / (cutoff * run.grid.step),
+        cutoff,
         own,
         readings,
         np.concatenate([offset_and_drift(kept, len(axes)), *(delay[:, :, None] for delay in delays)], axis=2),
@@ -92,15 +90,21 @@ def torque_regression(run: AlignedRun, conditions: Conditions, cutoff: float) ->
     if len(groups) > 1:
         raise AnalysisError(f"{run.name}: its motor torques are on several loggers, {', '.join(groups)}")
     path = run.trajectory(bandwidth)
-    valid = ValidSamples.of(run, groups, bandwidth)
-    valid.refuse_no_motion(path)
+    valid = run.valid_samples(bandwidth, groups)
+    refuse_no_motion(valid, path)
     torque = run.channels(channels)
     places = [model.coordinate_index(joint) for joint in model.driven]
     speed = path.v[:, places]
     terms, _ = joint_friction_regressor(model.driven, speed, path.a[:, places])
     joints = len(places)
     friction = terms.reshape(len(terms), joints, joints, 4)[..., [0, 1, 3]].reshape(len(terms), joints, -1)
-    bodies = driven_torque_regressor(model, path.q, path.v, path.a, _driven_rates(run, path))
+    seen = [column.component for column in run.encoders]
+    if sorted(seen) != sorted(model.driven):
+        raise AnalysisError(
+            f"{run.name}: encoders on {', '.join(seen)}, motors on {', '.join(model.driven)}: expected the same joints"
+        )
+    rates = path.per_drive[:, :, [seen.index(joint) for joint in model.driven]]
+    bodies = driven_torque_regressor(model, path.q, path.v, path.a, rates)
     whole = np.concatenate(
         [bodies @ parameter_basis(conditions), friction, torque[:, :, None], valid.rates(torque)[:, :, None]], axis=2
     )
@@ -110,7 +114,7 @@ def torque_regression(run: AlignedRun, conditions: Conditions, cutoff: float) ->
     counts = (moving * valid.kept[:, None, None])[used]
     return RunEquations.of(
         valid,
-        1.0 / (cutoff * run.grid.step),
+        cutoff,
         smooth[:, :, :-2],
         smooth[:, :, -2],
         np.concatenate([offset_and_drift(valid.kept[used], joints) * moving[used], smooth[:, :, -1:]], axis=2),
@@ -119,16 +123,6 @@ def torque_regression(run: AlignedRun, conditions: Conditions, cutoff: float) ->
         model.driven,
         conditions.rank,
     )
-
-
-def _driven_rates(run: AlignedRun, path: Trajectory) -> Floats:
-    """Rates of all coordinates per rate of the driven joints, (n, nv, dof). Raises AnalysisError without encoders."""
-    seen, driven = [column.component for column in run.encoders], run.mechanism.driven
-    if sorted(seen) != sorted(driven):
-        raise AnalysisError(
-            f"{run.name}: encoders on {', '.join(seen)}, motors on {', '.join(driven)}: expected the same joints"
-        )
-    return path.per_drive[:, :, [seen.index(joint) for joint in driven]]
 
 
 def torque_channels(run: AlignedRun) -> list[Column]:

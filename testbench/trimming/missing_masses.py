@@ -14,15 +14,19 @@ from balance.estimation.identifiability import NotIdentifiable
 from ..errors import AnalysisError
 from ..recording import common_origin
 from ..runs.aligned_run import AlignedRun
-from .estimators import ESTIMATORS, HINTS, present_sources
-from .problem import NAMES, Source, SourceEstimate, TrimProblem
+from .estimators import ESTIMATORS, present_sources
+from .problem import SOURCES, Source, SourceEstimate, TrimProblem
 from .result import Share, Trim
 
-_PAYLOAD = ("payload_kg", "payloads")
 _STATES = 40
 """Random states of a chain for each of its joints."""
 _ROUNDING, _NO_PART = 1e-9, 1e-6
 """Singular values over the largest that are rounding; parts of conditions that are."""
+COMPROMISE = (
+    "No masses at these sites meet all conditions: these leave the least momentum over the whole workspace, and differ "
+    "from those of least force for one motion, which `balance size --motion` gives; compare the two by `balance "
+    "simulate` before masses are removed."
+)
 RESOLUTION = 0.25
 """Half of an interval, as a part of the first moment that the site lacks without counter-masses, from which a record
 cannot tell what is missing."""
@@ -44,15 +48,21 @@ def trim_runs(
     problem = trim_problem(runs, sites, cutoff)
     mounted, names = problem.mounted, problem.sites
     named = [source] if isinstance(source, str) else list(dict.fromkeys(source or ()))
-    wanted = _checked(problem, named) if named else _present(problem)
-    found, failed = _estimated(problem, wanted, bool(named))
+    found, failed = _estimated(problem, _sources(problem, named), bool(named))
     both = combine([one.imbalance for one in found]) if len(found) > 1 else None
     measured = both.imbalance if both else found[0].imbalance
-    contradiction = () if both is None or both.agrees else (
-        f"the sources contradict each other: chi-square {both.chi_square:.3g} with {both.degrees_of_freedom} degrees "
-        f"of freedom, probability {both.probability:.1g}; see what each says, and trust none before the reason is "
-        "found",
-    )  # fmt: skip
+    doubts = [doubt for one in found for doubt in one.doubts]
+    if both and not both.agrees:
+        doubts.append(
+            f"the sources contradict each other: chi-square {both.chi_square:.3g} with {both.degrees_of_freedom} "
+            f"degrees of freedom, probability {both.probability:.1g}; see what each says, and trust none before the "
+            "reason is found"
+        )
+    about = [line for one in found for line in one.about]
+    if both:
+        about = [f"By {SOURCES[o.source].name}: {text[0].lower()}{text[1:]}" for o in found for text in o.about]
+    if not can_be_met(problem.conditions, mounted, names):
+        about.append(COMPROMISE)
     return Trim(
         problem.conditions,
         mounted,
@@ -64,24 +74,13 @@ def trim_runs(
         ),
         tuple(measured.missing(mounted, names)),
         measured,
-        tuple(dict.fromkeys([*_about(found), *_compromise(problem), *failed])),
-        tuple(doubt for one in found for doubt in one.doubts) + contradiction,
+        tuple(dict.fromkeys([*about, *failed])),
+        tuple(doubts),
         both,
         tuple(plates),
         tuple(finding for one in found for finding in one.findings),
         tuple(one.imbalance for one in found),
     )
-
-
-def _compromise(problem: TrimProblem) -> list[str]:
-    """A note where no masses at the sites meet all conditions; none where some do."""
-    if can_be_met(problem.conditions, problem.mounted, problem.sites):
-        return []
-    return [
-        "No masses at these sites meet all conditions: these leave the least momentum over the whole workspace, and "
-        "differ from those of least force for one motion, which `balance size --motion` gives; compare the two by "
-        "`balance simulate` before masses are removed."
-    ]
 
 
 def trim_problem(runs: Sequence[AlignedRun], sites: Sequence[str], cutoff: float | None) -> TrimProblem:
@@ -97,31 +96,25 @@ def trim_problem(runs: Sequence[AlignedRun], sites: Sequence[str], cutoff: float
     return TrimProblem(runs, conditions.balance_conditions(mounted), names, cutoff)
 
 
-def _checked(problem: TrimProblem, wanted: list[Source]) -> list[Source]:
-    """The sources that are named, if the runs are fit for them."""
-    differs = _differs(problem, *_PAYLOAD, "counter_masses")
-    if "trials" in wanted and len(wanted) > 1:
+def _sources(problem: TrimProblem, named: list[Source]) -> list[Source]:
+    """The sources that are named, if the runs are fit for them, else those that the rig has for these runs."""
+    payload, masses = _differs(problem, "payload_kg", "payloads"), _differs(problem, "counter_masses")
+    if "trials" in named and len(named) > 1:
         raise AnalysisError("trial masses are runs of several mountings, other sources take runs of one: name one")
-    if wanted != ["trials"] and differs:
-        raise AnalysisError(f"{differs}: expected runs of one mounting")
-    if wanted == ["trials"] and not differs:
-        raise AnalysisError(f"{problem.names}: all of one mounting: trial masses must differ from run to run")
-    return wanted
-
-
-def _present(problem: TrimProblem) -> list[Source]:
-    """The sources that the rig has for these runs."""
-    first = problem.runs[0]
-    if other := _differs(problem, *_PAYLOAD):
-        raise AnalysisError(f"{other}: expected runs of one mounting")
-    differs = _differs(problem, "counter_masses")
-    if differs and not first.rig.base_accelerometers:
-        raise AnalysisError(f"{differs}: expected runs of one mounting, or an accelerometer on the base")
-    if found := present_sources(problem, not differs):
+    if named == ["trials"]:
+        if not (payload or masses):
+            raise AnalysisError(f"{problem.names}: all of one mounting: trial masses must differ from run to run")
+        return named
+    if payload or (masses and named):
+        raise AnalysisError(f"{payload or masses}: expected runs of one mounting")
+    rig, first = problem.runs[0].rig, problem.runs[0].name
+    if masses and not rig.base_accelerometers:
+        raise AnalysisError(f"{masses}: expected runs of one mounting, or an accelerometer on the base")
+    if found := named or present_sources(problem, not masses):
         return found
     raise AnalysisError(
-        f"{first.name}: its rig has neither force sensors nor motor torques, nor accelerometers on a base that it "
-        "states: nothing tells what is missing"
+        f"{first}: its rig has neither force sensors nor motor torques, nor accelerometers on a base that it states: "
+        "nothing tells what is missing"
     )
 
 
@@ -151,7 +144,7 @@ def _estimated(problem: TrimProblem, sources: list[Source], named: bool) -> tupl
             failed[source] = error
     if not found:
         raise next(iter(failed.values()))
-    return found, [f"{NAMES[source].capitalize()} cannot tell: {error}" for source, error in failed.items()]
+    return found, [f"{SOURCES[source].name.capitalize()} cannot tell: {error}" for source, error in failed.items()]
 
 
 def _shown_by_torques(problem: TrimProblem) -> bool:
@@ -170,7 +163,7 @@ def _shown_by_torques(problem: TrimProblem) -> bool:
 
 def _refuse_wide(estimate: SourceEstimate, problem: TrimProblem) -> None:
     """Raise AnalysisError where nothing is determined, or intervals are so wide that they say next to nothing."""
-    hint = "; ".join([HINTS[estimate.source], *(finding.message for finding in estimate.findings)])
+    hint = "; ".join([SOURCES[estimate.source].help, *(finding.message for finding in estimate.findings)])
     try:
         missing = estimate.imbalance.missing(problem.mounted, problem.sites)
     except NotIdentifiable as error:
@@ -200,10 +193,3 @@ def lacking(problem: TrimProblem) -> list[float]:
     values = problem.conditions.values(bare)
     masses = masses_per_value(problem.conditions, bare, problem.sites, values) @ values
     return [float(mass) * bare.lever_arm(site) for mass, site in zip(masses, problem.sites, strict=True)]
-
-
-def _about(found: list[SourceEstimate]) -> list[str]:
-    """How it was found, each line with its source where there are several."""
-    if len(found) == 1:
-        return list(found[0].about)
-    return [f"By {NAMES[one.source]}: {line[0].lower()}{line[1:]}" for one in found for line in one.about]

@@ -1,9 +1,8 @@
 """What is asked of the runs, the equations of one run in one form for all sources, and what a source estimates."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.linalg import null_space
@@ -16,8 +15,7 @@ from balance.estimation.regression import RegressionRecord, equal_blocks
 from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
-from ..kinematics.gaps import Gaps, gap_reach, true_segments
-from ..kinematics.smoothing_and_derivatives import Grid, low_pass
+from ..kinematics.gaps import ValidSamples, true_segments
 from ..recording import Finding, peak_text
 from ..runs.aligned_run import AlignedRun
 
@@ -29,64 +27,41 @@ class NoValidMotion(AnalysisError):
     """Gaps leave nothing of a run's motion."""
 
 
-@dataclass(frozen=True)
-class ValidSamples:
-    """Where every record that counts holds samples; values there are smoothed block by block, zero elsewhere."""
-
-    run: str
-    grid: Grid
-    gaps: Gaps
-    """On the grid's clock."""
-    reach: float
-    """How far beyond its ends a gap disturbs [s]."""
-
-    @classmethod
-    def of(cls, run: AlignedRun, groups: Collection[str], bandwidth_hz: float) -> "ValidSamples":
-        """Of the encoders, positions smoothed below ``bandwidth_hz``, and of other ``groups`` by their clocks."""
-        return cls(run.name, run.grid, run.gaps(groups), gap_reach(bandwidth_hz))
-
-    @property
-    def left_out(self) -> list[slice]:
-        """The samples that gaps touch, gap by gap."""
-        return true_segments(self.kept == 0.0)
-
-    @cached_property
-    def kept(self) -> Floats:
-        """One where nothing is left out, else zero, (n,) [-]."""
-        return self.gaps.valid_samples(self.grid, self.reach).astype(float)
-
-    def low_pass(self, values: Floats, cutoff: float) -> Floats:
-        """Values (n, ...) smoothed below a cut-off [Hz]; zero where they are left out."""
-        flat = values.reshape(len(values), -1)
-        smooth = self.gaps.by_segment(lambda part: low_pass(part, cutoff, self.grid.rate), flat, self.grid, self.reach)
-        return (smooth * self.kept[:, None]).reshape(values.shape)
-
-    def rates(self, values: Floats) -> Floats:
-        """Rates (n, k) [1/s] by central differences; smoothed later with everything else."""
-        return self.gaps.by_segment(
-            lambda part: np.gradient(part, self.grid.step, axis=0), values, self.grid, self.reach
-        )
-
-    def refuse_no_motion(self, path: Trajectory) -> None:
-        """Raise AnalysisError where the gaps leave no motion."""
-        if self.gaps and not any(np.ptp(path.q[s], axis=0).max() > MOVES for s in true_segments(self.kept > 0.0)):
-            raise NoValidMotion(
-                f"{self.run}: {'; '.join(self.gaps.texts(self.reach))}: nothing of its motion is left; give another run"
-            )
-
-    @property
-    def findings(self) -> tuple[Finding, ...]:
-        """What is left out, a finding for each record."""
-        return self.gaps.findings(self.run, self.reach)
-
-
 Source = Literal["wrench", "torque", "vibration", "trials"]
-NAMES: dict[Source, str] = {
-    "wrench": "force sensors",
-    "torque": "motor torques",
-    "vibration": "vibration of the base, by the base that the rig states",
-    "trials": "vibration of the base, by trial masses",
-}
+
+
+class SourceWords(NamedTuple):
+    """What is told of a source."""
+
+    name: str
+    measured: str
+    doubtful_share: float
+    """Of what was measured that stays unexplained, from which a result is doubtful: noise leaves half of that where
+    sensors are as their data sheets say, and what is systematic is not in the intervals; of trial masses it is noise,
+    which they contain."""
+    help: str
+    """What helps where it cannot tell."""
+    lacks: str = ""
+    """What its model leaves out, which may be unexplained."""
+
+
+_MORE_RUNS = (
+    "add runs in another direction (the triangle), with more acceleration, or a second accelerometer on the base"
+)
+SOURCES: dict[Source, SourceWords] = {
+    "wrench": SourceWords("force sensors", "force", 0.1, _MORE_RUNS),
+    "torque": SourceWords(
+        "motor torques", "torque", 0.15, "give longer runs that move more, or runs of several motions (x, y, triangle)"
+    ),
+    "vibration": SourceWords(
+        "vibration of the base, by the base that the rig states", "vibration", 0.1, _MORE_RUNS,
+        "; the mechanism's inertia on the moving base, which is that of its start",
+    ),
+    "trials": SourceWords(
+        "vibration of the base, by trial masses", "vibration", np.inf, "use heavier trial masses, or more runs",
+        "; of bodies that move up and down, the weight's moment, which is left out",
+    ),
+}  # fmt: skip
 BLOCKS = 20
 """Of a record, of equal information on the conditions, that are left out in turn."""
 INDEPENDENT = 1e-7
@@ -142,7 +117,7 @@ class RunEquations:
     def of(
         cls,
         valid: ValidSamples,
-        period: float,
+        cutoff: float,
         columns: Floats,
         readings: Floats,
         nuisance: Floats,
@@ -153,6 +128,7 @@ class RunEquations:
         effects: Effects | None = None,
     ) -> "RunEquations":
         """In blocks of equal information on the ``rank`` conditions; arguments as of ``RegressionRecord``."""
+        period = 1.0 / (cutoff * valid.grid.step)
         blocks = equal_blocks(np.sum(columns[:, :, :rank] ** 2, axis=(1, 2)), period, BLOCKS)
         record = RegressionRecord.of(columns, readings, blocks, nuisance, used, motion=motion, rows=rows)
         return cls(record, period, valid.findings, effects or {})
@@ -172,6 +148,13 @@ class SourceEstimate:
     """Those of which the regression has a record, in its order."""
     by_steps: float = 0.0
     """Share of what was measured that the encoders' steps leave unexplained; zero where it was not asked."""
+
+
+def refuse_no_motion(valid: ValidSamples, path: Trajectory) -> None:
+    """Raise NoValidMotion where the gaps leave no motion."""
+    kept = true_segments(valid.kept > 0.0)
+    if valid.gaps and not any(np.ptp(path.q[part], axis=0).max() > MOVES for part in kept):
+        raise NoValidMotion(f"{valid.run}: {valid.texts}: nothing of its motion is left; give another run")
 
 
 def parameter_basis(conditions: Conditions) -> Floats:

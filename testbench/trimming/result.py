@@ -1,5 +1,6 @@
 """What is missing at each site and what to add there, with the verdict."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any
@@ -25,12 +26,8 @@ from balance.results import Key, Shown, plain
 
 from ..kinematics.gaps import GAP_FINDING
 from ..recording import Finding, Origin
-from .problem import NAMES, Source
+from .problem import SOURCES, Source
 
-DOUBTFUL_SHARE: dict[Source, float] = {"wrench": 0.1, "torque": 0.15, "vibration": 0.1, "trials": np.inf}
-"""Of what was measured that stays unexplained, from which a result is doubtful: noise leaves half of that where
-sensors are as their data sheets say, and what is systematic is not in the intervals; of trial masses it is noise, which
-they contain."""
 _STEPS_MATTER = 0.5
 """Part of what stays unexplained that the encoders' steps may leave, from which they are named for it."""
 
@@ -49,7 +46,7 @@ class Share:
     @property
     def doubtful(self) -> bool:
         """Whether too much stays unexplained."""
-        return self.unexplained > DOUBTFUL_SHARE[self.source]
+        return self.unexplained > SOURCES[self.source].doubtful_share
 
     @property
     def why(self) -> str:
@@ -61,17 +58,8 @@ class Share:
             )
         return (
             "more than noise leaves; what is systematic (sensors, levers, the model"
-            f"{_LEFT_OUT.get(self.source, '')}) may exceed the intervals"
+            f"{SOURCES[self.source].lacks}) may exceed the intervals"
         )
-
-
-_MEASURED: dict[Source, str] = {
-    "wrench": "force", "torque": "torque", "vibration": "vibration", "trials": "vibration",
-}  # fmt: skip
-_LEFT_OUT: dict[Source, str] = {
-    "vibration": "; the mechanism's inertia on the moving base, which is that of its start",
-    "trials": "; of bodies that move up and down, the weight's moment, which is left out",
-}
 
 
 @dataclass(frozen=True)
@@ -118,20 +106,14 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
         gains = [np.eye(len(combined.values))] if len(self.estimates) < 2 else [
             combined.covariance @ np.linalg.pinv(one.covariance, hermitian=True) for one in self.estimates
         ]  # fmt: skip
-        return [
-            Budget(
-                f"first moment missing at {one.site}",
-                one.first_moment.value,
-                "kg m",
-                tuple(
-                    part
-                    for share, estimate, gain in zip(self.shares, self.estimates, gains, strict=True)
-                    for part in _contributions(share.source, estimate, one.lever_arm * row @ gain)
-                ),
-                one.first_moment.degrees_of_freedom,
-            )
-            for one, row in zip(self.missing, rows, strict=True)
-        ]
+        found = []
+        for one, row in zip(self.missing, rows, strict=True):
+            parts = []
+            for share, estimate, gain in zip(self.shares, self.estimates, gains, strict=True):
+                parts += _contributions(share.source, estimate, one.lever_arm * row @ gain)
+            moment, name = one.first_moment, f"first moment missing at {one.site}"
+            found.append(Budget(name, moment.value, "kg m", tuple(parts), moment.degrees_of_freedom))
+        return found
 
     @property
     def source(self) -> str:
@@ -146,10 +128,14 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
     @cached_property
     def values(self) -> tuple[tuple[str, Estimate | None], ...]:
         """The balance conditions, left-hand sides as measured; None where the runs do not determine one."""
-        return tuple(
-            (text_of(self.conditions.coefficients(row)), self._estimate(unit))
-            for row, unit in enumerate(np.eye(self.conditions.rank))
-        )
+        found = []
+        for row, unit in enumerate(np.eye(self.conditions.rank)):
+            estimate = None
+            if not self.imbalance.is_fixed(unit):
+                with suppress(NotIdentifiable):
+                    estimate = self.imbalance.estimate(unit)
+            found.append((text_of(self.conditions.coefficients(row)), estimate))
+        return tuple(found)
 
     @cached_property
     def addition(self) -> Sizing:
@@ -189,14 +175,6 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
         values = [file if e is None else e.value for (_, e), file in zip(self.values, by_file, strict=True)]
         return with_condition_values(self.conditions, self.mechanism, np.array(values))
 
-    def _estimate(self, combination: Floats) -> Estimate | None:
-        if self.imbalance.is_fixed(combination):
-            return None
-        try:
-            return self.imbalance.estimate(combination)
-        except NotIdentifiable:
-            return None
-
     @property
     def interval_level(self) -> float | None:
         """Of the intervals; None where they do not contain what a source does not explain, or no source is trusted."""
@@ -205,13 +183,13 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
 
     def doubts(self) -> list[str]:
         """Why the result is doubtful; empty if it is not."""
-        found = list(self.doubts_before)
-        for share in self.shares:
-            if share.doubtful:
-                found.append(
-                    f"{share.unexplained:.0%} of the measured {_MEASURED[share.source]} stays unexplained: {share.why}"
-                )
-        return found + [finding.message for finding in self.findings if finding.code != GAP_FINDING]
+        unexplained = [
+            f"{share.unexplained:.0%} of the measured {SOURCES[share.source].measured} stays unexplained: {share.why}"
+            for share in self.shares
+            if share.doubtful
+        ]
+        others = [finding.message for finding in self.findings if finding.code != GAP_FINDING]
+        return [*self.doubts_before, *unexplained, *others]
 
     @property
     def gaps(self) -> tuple[str, ...]:
@@ -237,7 +215,7 @@ def _contributions(source: Source, estimate: Imbalance, gain: Floats) -> list[Co
         own = estimate.coordinates(gain, len(estimate.regression.values))
         noise = min(float(own @ estimate.regression.covariance @ own), whole)
         freedom = estimate.regression.degrees_of_freedom(own)
-    name = NAMES[source].partition(",")[0]
+    name = SOURCES[source].name.partition(",")[0]
     parts = [Contribution(f"{name}: noise, and what the model lacks", "A", noise**0.5, "kg m", 1.0, "t", freedom)]
     if whole > noise * (1.0 + 1e-9):
         stated = f"{name}: stated errors of calibration, cross-talk, resolution"

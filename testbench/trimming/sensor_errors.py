@@ -67,7 +67,7 @@ def reading_effects(exposed_to: Floats, columns: Sequence[Column], deviations: M
     That is what explains the readings, and not they: their noise would seem to be explained by the sensitivities.
     """
     found: dict[Entry, Floats] = {}
-    for (name, shows, exposed), _ in deviations.items():
+    for name, shows, exposed in deviations:
         places = {column.index: place for place, column in enumerate(columns) if column.sensor == name}
         if shows in places and exposed in places:
             change = np.zeros_like(exposed_to)

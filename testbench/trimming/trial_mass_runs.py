@@ -12,13 +12,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import null_space
 
-from balance.arrays import Floats, Indices
 from balance.balancing.conditions import Conditions
 from balance.balancing.sizing import site_columns
 from balance.dynamics.moving_base import locked_inertia
 from balance.dynamics.regressor import wrench_regressor
-from balance.estimation import trial_mass_response
 from balance.estimation.first_moment_imbalance import Imbalance, Subspace
+from balance.estimation.trial_mass_response import Trial, transform, transform_frequencies, trial_mass_imbalance
 from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
@@ -62,23 +61,16 @@ def without_gaps(problem: TrimProblem) -> tuple[TrimProblem, tuple[Finding, ...]
 
     Raises AnalysisError if no run is whole.
     """
-    texts = [_own_gaps(run).descriptions for run in problem.runs]
-    reason = "the run is left out, for the base rings on through a gap"
-    findings = tuple(
-        Finding(GAP_FINDING, None, run.name, f"{run.name}: {text}: {reason}")
-        for run, some in zip(problem.runs, texts, strict=True)
-        for text in some
-    )
-    whole = [run for run, some in zip(problem.runs, texts, strict=True) if not some]
+    whole, findings = [], []
+    for run in problem.runs:
+        groups = dict.fromkeys([run.reference, *([run.base.group] if run.base else [])])  # each on its own clock
+        gaps = Gaps.of({group: run.run.time(group) for group in groups}).descriptions
+        reason = "the run is left out, for the base rings on through a gap"
+        findings += [Finding(GAP_FINDING, None, run.name, f"{run.name}: {text}: {reason}") for text in gaps]
+        whole += [] if gaps else [run]
     if not whole:
         raise AnalysisError("no run can tell:\n" + "\n".join(f"  {finding.message}" for finding in findings))
-    return replace(problem, runs=whole), findings
-
-
-def _own_gaps(run: AlignedRun) -> Gaps:
-    """Of the encoders and of the accelerometers on the base, each on its own clock."""
-    groups = dict.fromkeys([run.reference, *([run.base.group] if run.base else [])])
-    return Gaps.of({group: run.run.time(group) for group in groups})
+    return replace(problem, runs=whole), tuple(findings)
 
 
 def trial_mass_runs_imbalance(problem: TrimProblem, first: Mechanism, cutoff: float) -> Imbalance:
@@ -94,24 +86,16 @@ def trial_mass_runs_imbalance(problem: TrimProblem, first: Mechanism, cutoff: fl
     rows = np.flatnonzero(size > PUSHES * size.max())
     own, rest = np.linalg.pinv(conditions.matrix), null_space(conditions.matrix)
     nuisance = rest @ excited_combinations([one.wrench[:, rows] @ rest for one in seen], LEAST_EXCITATION)
-    at = trial_mass_response.transform_frequencies(max(float(one.time[-1]) for one in seen), cutoff)
-    fixed = first.pi - own @ conditions.values(first)
-    each = [_trial(one, rows, np.hstack([own, nuisance]), fixed, at) for one in seen]
+    at = transform_frequencies(max(float(one.time[-1]) for one in seen), cutoff)
+    fixed, basis = first.pi - own @ conditions.values(first), np.hstack([own, nuisance])
+    trials = []
+    for one in seen:
+        wrench = one.wrench[:, rows]
+        slow = np.stack([np.ones_like(one.time), one.time - one.time.mean()], axis=1)
+        shown = (wrench @ basis, one.known[:, rows] + wrench @ fixed, one.reading, slow)
+        trials.append(Trial(*(transform(values, one.time, at) for values in shown)))
     free = Subspace.at_sites(conditions, first, sites)
-    return trial_mass_response.trial_mass_imbalance(each, at, conditions, conditions.values(first), free)
-
-
-def _trial(seen: _Seen, rows: Indices, basis: Floats, fixed: Floats, at: Floats) -> trial_mass_response.Trial:
-    wrench = seen.wrench[:, rows]
-    known = seen.known[:, rows] + wrench @ fixed
-    columns = trial_mass_response.transform(wrench @ basis, seen.time, at)
-    slow = np.stack([np.ones_like(seen.time), seen.time - seen.time.mean()], axis=1)
-    return trial_mass_response.Trial(
-        columns,
-        trial_mass_response.transform(known, seen.time, at),
-        trial_mass_response.transform(seen.reading, seen.time, at),
-        trial_mass_response.transform(slow, seen.time, at),
-    )
+    return trial_mass_imbalance(trials, at, conditions, conditions.values(first), free)
 
 
 def refuse_dependent_masses(

@@ -40,11 +40,19 @@ from balance.motion import Samples
 
 from ..errors import AnalysisError
 from ..kinematics import base_motion
+from ..kinematics.gaps import ValidSamples
 from ..kinematics.smoothing_and_derivatives import Grid, smoothed_derivatives
 from ..loads.shaking_wrench import refuse_clipped_base
 from ..rig import Column, Rig
 from ..runs.aligned_run import AlignedRun
-from .problem import RunEquations, ValidSamples, excited_combinations, motion_name, offset_and_drift, parameter_basis
+from .problem import (
+    RunEquations,
+    excited_combinations,
+    motion_name,
+    offset_and_drift,
+    parameter_basis,
+    refuse_no_motion,
+)
 
 NEEDED = ("mass", "mounts")
 """What a rig must state of its bench, besides centre and inertia, for its base to be taken for a model."""
@@ -163,7 +171,7 @@ def vibration_regression(run: ShakenBase, conditions: Conditions) -> RunEquation
     nuisance = [offset_and_drift(kept, count), np.eye(count)[None] * smooth[:, :, -1:], run.ringing()]
     return RunEquations.of(
         run.valid,
-        1.0 / (run.cutoff * run.grid.step),
+        run.cutoff,
         smooth[:, :, :-2],
         smooth[:, :, -2],
         np.concatenate(nuisance, axis=2),
@@ -188,8 +196,8 @@ def shaken_base(run: AlignedRun, cutoff: float) -> ShakenBase:
     refuse_clipped_base(run.run)
     bandwidth = POSITION_BANDWIDTH * cutoff
     path = run.trajectory(bandwidth)
-    valid = ValidSamples.of(run, {sensors.group}, bandwidth)
-    valid.refuse_no_motion(path)
+    valid = run.valid_samples(bandwidth, {sensors.group})
+    refuse_no_motion(valid, path)
     readings = run.on_grid(sensors.group, sensors.time, sensors.values)
     level = run.mechanism.gravity if rig.bench.weight else np.zeros(3)
     gravity = gravity_in_tilted_axes(level, np.array(rig.bench.tilt))

@@ -9,10 +9,9 @@ from balance.dynamics.moving_base import displacement_at, locked_inertia
 from balance.mechanism.mjcf_parser import mechanism_from_text
 from balance.motion import Samples
 from testbench.kinematics.base_motion import BaseAcceleration
-from testbench.kinematics.gaps import Gaps
+from testbench.kinematics.gaps import Gaps, ValidSamples
 from testbench.kinematics.smoothing_and_derivatives import Grid
 from testbench.rig.bench import Bench
-from testbench.trimming.problem import ValidSamples
 from testbench.trimming.vibration_regression import ShakenBase
 
 PENDULUM = """

@@ -9,9 +9,9 @@ from balance.balancing import conditions
 from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from testbench.errors import AnalysisError
-from testbench.kinematics.gaps import Gaps
+from testbench.kinematics.gaps import Gaps, ValidSamples
 from testbench.kinematics.smoothing_and_derivatives import Grid
-from testbench.trimming.problem import TrimProblem, ValidSamples
+from testbench.trimming.problem import TrimProblem
 from testbench.trimming.trial_mass_runs import without_gaps
 
 GRID = Grid(0.0, 1e-3, 2000)
