@@ -38,7 +38,7 @@ from .format_findings import damaged
 from .header_claims import clock_of_step, recorded_time
 from .registry import ReadOptions
 
-END = "***End_of_Header***"
+_END = "***End_of_Header***"
 _SPECIAL = ("***Start_Special***", "***End_Special***")
 _LETTERS = np.frombuffer(b"*ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz", dtype=np.uint8)
 _NUMBER_WORD = re.compile(r"(?:nan|inf)", re.IGNORECASE)
@@ -58,24 +58,10 @@ class Header:
     end: int
 
 
-def find_headers(path: Path, encoding: Encoding) -> list[Header]:
+def _headers(path: Path, encoding: Encoding) -> list[Header]:
     """The header of the file, then that of each segment with the lines of its data."""
-    words, found, begin = _lines_of_words(path, encoding), list[Header](), 0
-    for i, (number, text) in enumerate(words):
-        if text.startswith(END):
-            following, behind = words[i + 1]
-            last = i + 2 if following == number + 1 and behind.startswith("X_Value") else i + 1
-            found.append(Header(tuple(t for _, t in words[begin:last]), words[last - 1][0] + 1, words[last][0]))
-            begin = last
-    if not found:
-        raise damaged(path, f"no {END} in it; expected one below the header")
-    return found
-
-
-def _lines_of_words(path: Path, encoding: Encoding) -> list[tuple[int, str]]:
-    """The lines that begin with a letter or a star, special blocks left out; at last an empty one behind the file."""
-    words: list[tuple[int, str]] = []
-    name, total, skipping = encoding.name if encoding.keeps_ascii else "latin-1", 0, False
+    words, total, skipping = list[tuple[int, str]](), 0, False  # lines that begin with a letter or a star
+    name = encoding.name if encoding.keeps_ascii else "latin-1"
     for lines in read_blocks(path, encoding, 1):
         content = lines.text + lines.rest
         data = np.frombuffer(content, dtype=np.uint8)
@@ -91,7 +77,17 @@ def _lines_of_words(path: Path, encoding: Encoding) -> list[tuple[int, str]]:
         total = lines.first + len(starts) - 1
         if len(words) > _MOST_HEADER_LINES:
             raise damaged(path, f"more than {_MOST_HEADER_LINES} lines of header; this is no LVM file")
-    return [*words, (total + 1, "")]
+    words.append((total + 1, ""))
+    found, begin = list[Header](), 0
+    for i, (number, text) in enumerate(words):
+        if text.startswith(_END):
+            following, behind = words[i + 1]
+            last = i + 2 if following == number + 1 and behind.startswith("X_Value") else i + 1
+            found.append(Header(tuple(t for _, t in words[begin:last]), words[last - 1][0] + 1, words[last][0]))
+            begin = last
+    if not found:
+        raise damaged(path, f"no {_END} in it; expected one below the header")
+    return found
 
 
 @dataclass(frozen=True)
@@ -130,22 +126,11 @@ class Segment:
         return any(isinstance(part.group.clock, TimeColumn) for part in self.parts)
 
 
-def text_settings(path: Path, head: Header) -> tuple[Dialect, dict[str, str]]:
-    """Separator and decimal mark that the header of the file states, and all of its pairs of key and value."""
-    separator = "\t" if "\t" in "".join(head.lines) else ","
-    pairs = {key: cells[0] for key, *cells in (line.split(separator) for line in head.lines) if cells and cells[0]}
-    if pairs.get("Separator", "Tab") not in ("Tab", "Comma"):
-        raise damaged(path, f"Separator is {pairs['Separator']!r}; expected Tab or Comma")
-    decimal = pairs.get("Decimal_Separator", ".") or "."
-    if decimal not in ".,":
-        raise damaged(path, f"Decimal_Separator is {decimal!r}; expected a point or a comma")
-    return Dialect(separator, decimal), pairs
+def _segment(path: Path, head: Header, dialect: Dialect, file: Mapping[str, str], name: str, encoding: str) -> Segment:
+    """The segment below ``head``; its groups are called ``name``, and by their channel where there are several.
 
-
-def read_segment(
-    path: Path, head: Header, dialect: Dialect, file: Mapping[str, str], name: str, encoding: str
-) -> Segment:
-    """The segment below ``head``; its groups are called ``name``, and by their channel where there are several."""
+    ``file`` are the keys of the file's header that hold for it: of its first segment the start too.
+    """
     split = dialect.delimiter
     rows = {line.split(split)[0]: [cell.strip() for cell in line.split(split)[1:]] for line in head.lines}
     names = [cell.strip() for cell in head.lines[-1].split(split)]
@@ -164,7 +149,18 @@ def read_segment(
     parts, findings = _parts(path, name, rows, names, columns, dialect.decimal, file)
     texts = {key: "; ".join(filter(None, cells)) for key, cells in rows.items() if any(cells) and key != "X_Value"}
     form = RowParser(dialect, len(names), encoding=encoding)
-    return Segment(form, parts, head.first, head.end, tuple(names), texts, tuple(findings))
+    segment = Segment(form, parts, head.first, head.end, tuple(names), texts, tuple(findings))
+    declared, count = segment.declared, head.end - head.first
+    if not declared or count <= _MOST_BLOCKS * declared or segment.has_recorded_abscissa:
+        return segment
+    # very many blocks under one header were written in pieces: one group, and no rate is known
+    joined = tuple(replace(p, group=replace(p.group, clock=None), declared=None) for p in parts)
+    message = f"{declared} samples are declared, about {count} follow under one header: they were written in pieces, "
+    message += (
+        "and are kept as one group; whether time passed between the pieces cannot be told, so that there is no rate"
+    )
+    finding = Finding("appended_blocks", None, f"line {head.first}", message)
+    return replace(segment, parts=joined, findings=(*findings, finding))
 
 
 def _parts(
@@ -199,9 +195,8 @@ def _parts(
         count = common["Samples"]
         if count and (not count.isascii() or not count.isdecimal() or len(count) > 15):
             raise damaged(path, f"Samples is {count!r}; expected a number of samples")
-        group = Group(
-            title, tuple(channels), clock, header_claims.start_in(common if common["Date"] else file, "Date", "Time")
-        )
+        zero = header_claims.start_in(common if common["Date"] else file, "Date", "Time")
+        group = Group(title, tuple(channels), clock, zero)
         parts.append(Part(group, tuple(fields), int(count) if count else None, rate))
     return tuple(parts), list(dict.fromkeys(findings))
 
@@ -225,10 +220,10 @@ def _clock(path: Path, stated: Mapping[str, str], decimal: str, x: int | None) -
     return None if factor is None else clock_of_step(step * factor, start * factor), None
 
 
-def without_comments(text: bytes, form: RowParser) -> tuple[bytes, list[tuple[int, str]]]:
+def _without_comments(text: bytes, form: RowParser) -> tuple[bytes, dict[int, str]]:
     """Rows with what stands behind their last column cut off: a comment, or a separator alone.
 
-    Comments that say something are given too, each with the index of its row.
+    Comments that say something are given too, by the index of their row.
     """
     data = np.frombuffer(text, dtype=np.uint8)
     ends = np.flatnonzero(data == ord("\n"))
@@ -237,17 +232,14 @@ def without_comments(text: bytes, form: RowParser) -> tuple[bytes, list[tuple[in
     before = np.concatenate(([0], upto[:-1]))
     long = np.flatnonzero(upto - before >= form.fields)
     if not len(long):
-        return text, []
+        return text, {}
     begins = separators[before[long] + form.fields - 1]
     change = np.zeros(len(data) + 1, dtype=np.int8)
     change[begins] = 1
     change[ends[long]] = -1
-    said = [
-        (int(row), words)
-        for row, begin, end in zip(long, begins, ends[long], strict=True)
-        if end - begin > 1 and (words := text[begin:end].strip(b"\t, \r").decode(form.encoding, "replace"))
-    ]
-    return data[np.cumsum(change[:-1]) == 0].tobytes(), said
+    places = zip(long.tolist(), begins, ends[long], strict=True)
+    said = {row: text[begin:end].strip(b"\t, \r").decode(form.encoding, "replace") for row, begin, end in places}
+    return data[np.cumsum(change[:-1]) == 0].tobytes(), {row: words for row, words in said.items() if words}
 
 
 @dataclass
@@ -270,8 +262,8 @@ class SegmentRows:
     def blocks(self, text: bytes, first_line: int, bytes_read: int) -> Iterator[Block]:
         """Whole lines of this segment, each with its line feed, as blocks of its groups."""
         form = self.segment.form
-        plain, comments = without_comments(form.plain(text), form)
-        self._comments = {first_line + row: words for row, words in comments}
+        plain, comments = _without_comments(form.plain(text), form)
+        self._comments = {first_line + row: words for row, words in comments.items()}
         for piece in self._rows.pieces(plain, first_line):
             columns = [c if c.flags.writeable else c.copy() for c in piece.parsed(form)]
             yield from self._cut(piece, columns, bytes_read)
@@ -296,17 +288,11 @@ class SegmentRows:
                     name = f"{part.group.name} part {number + 1}" if number else part.group.name
                     data = tuple(columns[j][begin:stop] for j in part.fields)
                     zero = None if number else part.group.zero
-                    if part is parts[0]:
-                        self._take_comments(name, start, lines[begin:stop].tolist())
+                    for i, line in enumerate(lines[begin:stop].tolist() if self._comments and part is parts[0] else ()):
+                        if line in self._comments or line - 1 in self._comments:
+                            self.texts.take(name, _COMMENT, start + i, self._comments.get(line, ""))
                     yield Block(replace(part.group, name=name, zero=zero), data, start, lines[begin:stop], bytes_read)
         self.rows += len(lines)
-
-    def _take_comments(self, group: str, start: int, lines: Sequence[int]) -> None:
-        """Note the comments behind the rows of these lines, of which the first is sample ``start`` of a group."""
-        for i, line in enumerate(lines) if self._comments else ():
-            words = self._comments.get(line, "")
-            if words or self._comments.get(line - 1):
-                self.texts.take(group, _COMMENT, start + i, words)
 
     def report(self, report: Report) -> None:
         """Report what was odd in rows and cells, and in the number of rows against the declared one."""
@@ -328,22 +314,30 @@ class SegmentRows:
 
 def open_lvm(path: Path, options: ReadOptions) -> Recording:
     """Find and read all headers; the rows are read when asked for."""
-    encoding = Encoding(options.encoding) if options.encoding else _encoding(path)
-    found = find_headers(path, encoding)
-    dialect, metadata = text_settings(path, found[0])
-    if len(found) == 1:
+    with path.open("rb") as stream:
+        start = stream.read(1 << 16).replace(_MAGIC, b"LVM", 1)
+    stated = options.encoding
+    encoding = Encoding(stated) if stated else detect_encoding(start) or read_first_lines(path)[0]
+    head, *found = _headers(path, encoding)
+    separator = "\t" if "\t" in "".join(head.lines) else ","
+    metadata = {key: cells[0] for key, *cells in (line.split(separator) for line in head.lines) if cells and cells[0]}
+    if metadata.get("Separator", "Tab") not in ("Tab", "Comma"):
+        raise damaged(path, f"Separator is {metadata['Separator']!r}; expected Tab or Comma")
+    decimal = metadata.get("Decimal_Separator", ".") or "."
+    if decimal not in ".,":
+        raise damaged(path, f"Decimal_Separator is {decimal!r}; expected a point or a comma")
+    if not found:
         raise damaged(path, "the header of the file stands alone: no segment with channels below it")
-    names = [path.stem, *(f"{path.stem} segment {i}" for i in range(2, len(found)))]
-    later = {"X_Columns": metadata.get("X_Columns", "No")}
-    block_encoding = encoding.name_in_blocks
-    written = [
-        read_segment(path, h, dialect, later if i else dict(metadata), name, block_encoding)
-        for i, (h, name) in enumerate(zip(found[1:], names, strict=True))
+    names = [path.stem, *(f"{path.stem} segment {i}" for i in range(2, len(found) + 1))]
+    files = [dict(metadata), *[{"X_Columns": metadata.get("X_Columns", "No")}] * (len(found) - 1)]
+    segments = [
+        _segment(path, each, Dialect(separator, decimal), file, name, encoding.name_in_blocks)
+        for each, file, name in zip(found, files, names, strict=True)
     ]
-    for i, each in enumerate(written, 1):
-        metadata |= {key if len(written) == 1 else f"segment {i}: {key}": text for key, text in each.pairs.items()}
-    segments, texts = tuple(map(_joined_writes, written)), TextLog()
-    rates = {part.stated_rate_hz for each in written for part in each.parts if part.stated_rate_hz is not None}
+    for i, segment in enumerate(segments, 1):
+        metadata |= {key if len(found) == 1 else f"segment {i}: {key}": text for key, text in segment.pairs.items()}
+    texts = TextLog()
+    rates = {part.stated_rate_hz for each in segments for part in each.parts if part.stated_rate_hz is not None}
     return Recording(
         path=path,
         format="LabVIEW LVM",
@@ -351,31 +345,11 @@ def open_lvm(path: Path, options: ReadOptions) -> Recording:
         groups=tuple(part.group for each in segments for part in each.parts),
         read=lambda report: _blocks(path, encoding, segments, texts, report),
         texts=texts,
-        settings={"encoding": encoding.name, "decimal": dialect.decimal},
+        settings={"encoding": encoding.name, "decimal": decimal},
         metadata=metadata,
         stated_rate_hz=rates.pop() if len(rates) == 1 else None,
         findings=tuple(finding for each in segments for finding in each.findings),
     )
-
-
-def _encoding(path: Path) -> Encoding:
-    with path.open("rb") as stream:
-        head = stream.read(1 << 16)
-    return detect_encoding(head.replace(_MAGIC, b"LVM", 1)) or read_first_lines(path)[0]
-
-
-def _joined_writes(segment: Segment) -> Segment:
-    """A segment with very many blocks under one header was written in pieces: one group, and no rate is known."""
-    declared, rows = segment.declared, segment.end - segment.first
-    if not declared or rows <= _MOST_BLOCKS * declared or segment.has_recorded_abscissa:
-        return segment
-    parts = tuple(replace(p, group=replace(p.group, clock=None), declared=None) for p in segment.parts)
-    message = (
-        f"{declared} samples are declared, about {rows} follow under one header: they were written in pieces, and are "
-        "kept as one group; whether time passed between the pieces cannot be told, so that there is no rate"
-    )
-    finding = Finding("appended_blocks", None, f"line {segment.first}", message)
-    return replace(segment, parts=parts, findings=(*segment.findings, finding))
 
 
 def _blocks(

@@ -193,7 +193,7 @@ class Function:
     the text holds fewer.
     """
 
-    ids: tuple[str, ...]
+    ids: list[str]
     kind: int
     node: tuple[str, int, int]
     reference: tuple[str, int, int]
@@ -241,9 +241,7 @@ class Function:
         """Letters of each number in a full line, by the standard's formats E13.5 and E20.12."""
         if not self.is_double:
             return (13,) * 6
-        if self.even:
-            return (20,) * 4
-        return (13, 20, 20) if self.is_complex else (13, 20, 13, 20)
+        return (20,) * 4 if self.even else (13, 20, 20) if self.is_complex else (13, 20, 13, 20)
 
 
 def _function(source: ByteSource, dataset: Dataset) -> Function:
@@ -257,7 +255,7 @@ def _function(source: ByteSource, dataset: Dataset) -> Function:
             raise ValueError(f"data type {kind} with {count} values")
         start, step = (float(text.replace("D", "E")) for text in form[3:5])
         found = Function(
-            ids=tuple(line.strip() for line in lines[:5]),
+            ids=[line.strip() for line in lines[:5]],
             kind=_integer(dof[0:5]),
             node=(dof[31:41].strip(), _integer(dof[41:51]), _integer(dof[51:55])),
             reference=(dof[56:66].strip(), _integer(dof[66:76]), _integer(dof[76:80])),
