@@ -8,7 +8,8 @@ else is applied to what any reader gives.
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from contextlib import suppress
+from dataclasses import replace
 from datetime import datetime
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -111,9 +112,8 @@ class ImportDescription(Table):
             raise DataError(f"time_unit: {len(self.time_unit)} units for {len(self.time)} columns of time")
         for unit in self.time_unit:
             if seconds_per(unit.split(_SINCE)[0]) is None:
-                raise DataError(
-                    f"time_unit: {unit!r} is no unit of time: expected one such as us, or day since 1899-12-30"
-                )
+                expected = "one such as us, or day since 1899-12-30"
+                raise DataError(f"time_unit: {unit!r} is no unit of time: expected {expected}")
             if _SINCE in unit and _point(unit.split(_SINCE)[1]) is None:
                 raise DataError(f"time_unit: {unit!r}: expected a date after since, such as 1970-01-01")
         if self.time_zone and not _OFFSET.fullmatch(self.time_zone):
@@ -164,10 +164,8 @@ class ImportDescription(Table):
 
     def applied(self, recording: Recording) -> Recording:
         """The recording as the description has it. Raises RecordingError for a column of time that is not there."""
-        named_zone = (
-            self.time_zone and not _OFFSET.fullmatch(self.time_zone) and any(_SINCE in u for u in self.time_unit)
-        )
-        firsts = _first_times(recording, self.time[0]) if named_zone else {}
+        is_named = self.time_zone and not _OFFSET.fullmatch(self.time_zone)
+        firsts = _first_times(recording, self.time[0]) if is_named and any(_SINCE in u for u in self.time_unit) else {}
         known = [_Plan(self, group, recording, firsts) for group in recording.groups]
         if self.time and not any(plan.places for plan in known):
             names = list(dict.fromkeys(channel.name for group in recording.groups for channel in group.channels))
@@ -180,10 +178,9 @@ class ImportDescription(Table):
         def read(report: Report) -> Iterator[Block]:
             plans: dict[str, _Plan] = {}
             for block in recording.read(report):
-                plan = plans.get(block.group.name)
-                if plan is None:
-                    plan = plans[block.group.name] = _Plan(self, block.group, recording, firsts)
-                yield plan.block(block)
+                if (name := block.group.name) not in plans:
+                    plans[name] = _Plan(self, block.group, recording, firsts)
+                yield plans[name].block(block)
             for plan in plans.values():
                 plan.report(report)
 
@@ -204,53 +201,40 @@ class ImportDescription(Table):
         return BusDatabase.load((self.folder or Path()) / self.dbc).applied(found)
 
 
-@dataclass
 class _Plan:
-    """What the description makes of one group: its channels, its clock, and of its blocks their columns."""
+    """What the description makes of one group: its channels, its clock, and of its blocks their columns.
 
-    description: ImportDescription
-    before: Group
-    recording: Recording
-    firsts: Mapping[str, float]
-    """First time of each group, where the zone's offset from UTC must be that of then."""
-    places: list[int] = field(init=False)
-    group: Group = field(init=False)
-    _missing: Counter[int] = field(default_factory=Counter)
-    _first: dict[int, str] = field(default_factory=dict)
-    _turns: int = 0
-    _last: float = -np.inf
+    ``firsts`` is the first time of a group where the zone's offset from UTC must be that of then.
+    """
 
-    def __post_init__(self) -> None:
-        named = [_place(self.before, name) for name in self.description.time]
+    def __init__(
+        self, description: ImportDescription, before: Group, recording: Recording, firsts: Mapping[str, float]
+    ) -> None:
+        self.description, self.before, self._stated = description, before, recording.metadata
+        named = [_place(before, name) for name in description.time]
         self.places = [i for i in named if i is not None] if None not in named else []
-        channels = list(self.before.channels)
+        units = [before.channels[i].unit for i in self.places]  # of each column of time: as stated, else its own
+        self._units = [*description.time_unit, *units[len(description.time_unit) :]]
+        self._seconds = [None if unit is None else seconds_per(unit.split(_SINCE)[0]) for unit in self._units]
+        channels = list(before.channels)
         if len(self.places) > 1 and None in self._seconds:
             unknown = channels[self.places[self._seconds.index(None)]].name
             raise RecordingError(
-                f"{self.recording.path.name}: the column of time {unknown!r} has no unit of time, and is one of a sum: "
+                f"{recording.path.name}: the column of time {unknown!r} has no unit of time, and is one of a sum: "
                 'state time_unit, a unit for each column, such as ["s", "ms"]'
             )
         if self.places and self._units[0] is not None:
             first = channels[self.places[0]]
             channels[self.places[0]] = Channel(first.name, self._units[0].split(_SINCE)[0], first.label)
         for i, channel in enumerate(channels):
-            stated = self.description.channels
+            stated = description.channels
             if (other := stated.get(channel.name) or stated.get(channel.label)) is not None:
                 renamed = named_channels([other], [""])[0]
                 channels[i] = replace(renamed, unit=renamed.unit or channel.unit)
-        clock = self._clock(channels)
-        self.group = replace(self.before, channels=tuple(channels), clock=clock, zero=self._zero(clock))
-
-    @property
-    def _units(self) -> list[str | None]:
-        """Unit of each column of time: as stated, else its own."""
-        stated: list[str | None] = [*self.description.time_unit]
-        own = [self.before.channels[i].unit for i in self.places]
-        return stated + own[len(stated) :]
-
-    @property
-    def _seconds(self) -> list[float | None]:
-        return [None if unit is None else seconds_per(unit.split(_SINCE)[0]) for unit in self._units]
+        zero = self._zero(firsts.get(before.name, 0.0))
+        self.group = replace(before, channels=tuple(channels), clock=self._clock(channels), zero=zero)
+        self._missing, self._first = Counter[int](), dict[int, str]()
+        self._turns, self._last = 0, -np.inf
 
     def _clock(self, channels: Sequence[Channel]) -> Clock | None:
         """That of the columns of time, of the rate, or of the reader; of a column that is renamed by its new name."""
@@ -266,26 +250,19 @@ class _Plan:
         taken = time_column([channels[i] for i in renamed])
         return before if taken is None else replace(taken, index=renamed[taken.index])
 
-    def _zero(self, clock: Clock | None) -> StartTime | None:
+    def _zero(self, first: float) -> StartTime | None:
         """When the group's time is zero, as its unit says, else as its log; in the zone that is stated."""
-        unit = self._units[0] if self.places else None
-        found = self.before.zero
-        if self.places and found is None:  # text that is no clock by itself
-            found = start_at(
-                self.recording.metadata.get(f"zero of {self.before.channels[self.places[0]].name}", ""), "log"
-            )
-            found = found and replace(found, source=f"first time of {self.before.channels[self.places[0]].name}")
-        if unit is not None and _SINCE in unit and (found := _point(unit.split(_SINCE)[1])) is not None:
-            name = self.before.channels[self.places[0]].name
-            begun = _decimal(self.recording.metadata.get(f"zero of {name}", ""))  # counted from the first by the reader
-            if begun is not None:
-                seconds = Decimal(repr(self._seconds[0] or 1.0))
-                minutes = 0 if found.has_zone else None
-                found = point_in_time(found.nanoseconds + int(begun * seconds * 10**9), unit, None, minutes)
-        if found is None:
-            return None
-        first = self.firsts.get(self.before.name, 0.0) * (self._seconds[0] or 1.0 if self.places else 1.0)
-        return _in_zone(found, self.description.time_zone, found.later(first) or found)
+        found, zone, factor = self.before.zero, self.description.time_zone, 1.0
+        if self.places:
+            name, unit, factor = self.before.channels[self.places[0]].name, self._units[0], self._seconds[0] or 1.0
+            begun = self._stated.get(f"zero of {name}", "")  # counted from there by the reader
+            if found is None and (found := start_at(begun, "log")) is not None:  # text that is no clock by itself
+                found = replace(found, source=f"first time of {name}")
+            if unit is not None and _SINCE in unit and (found := _point(unit.split(_SINCE)[1])) is not None:
+                with suppress(InvalidOperation):
+                    counted = int(Decimal(begun.replace(",", ".")) * Decimal(repr(factor)) * 10**9)
+                    found = point_in_time(found.nanoseconds + counted, unit, None, 0 if found.has_zone else None)
+        return None if found is None else _in_zone(found, zone, found.later(first * factor) or found)
 
     def block(self, block: Block) -> Block:
         """The block with times unwrapped and summed, and no value where the description says so."""
@@ -337,13 +314,6 @@ def _number(text: str | float) -> float | None:
         return None
 
 
-def _decimal(text: str) -> Decimal | None:
-    try:
-        return Decimal(text.replace(",", "."))
-    except InvalidOperation:
-        return None
-
-
 def _point(text: str) -> StartTime | None:
     """The point in time from which a unit counts; also dates before the age of loggers, as of serial days."""
     text = text.strip()
@@ -357,10 +327,10 @@ def _point(text: str) -> StartTime | None:
 def _first_times(recording: Recording, name: str) -> dict[str, float]:
     """The first time of the first group that has this column."""
     for block in recording.blocks(lambda finding: None):
-        if (place := _place(block.group, name)) is not None and len(
-            at := np.flatnonzero(np.isfinite(block.columns[place]))
-        ):
-            return {block.group.name: float(block.columns[place][at[0]])}
+        place = _place(block.group, name)
+        times = block.columns[place] if place is not None else np.empty(0)
+        if len(given := times[np.isfinite(times)]):
+            return {block.group.name: float(given[0])}
     return {}
 
 

@@ -45,7 +45,7 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
     multiple = None
     if options.description is None or not options.description.time:
         multiple = find_multiple_time_columns(group, text.rows, kept, part_of)
-    texts, order = TextLog(), options.date_order
+    texts = TextLog()
     table = text.table(group, kept, texts)
     of_day = [kept.index(column.field) for column in times.timestamps if column.is_of_day]
     read: Read = table.blocks
@@ -58,13 +58,7 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
         groups=multiple.groups if multiple else (group,),
         read=stated.checked(multiple.split(read) if multiple else read),
         origin=header_claims.stated_origin(comments),
-        settings={
-            "encoding": text.encoding.name,
-            "delimiter": text.dialect.delimiter,
-            "decimal": text.dialect.decimal,
-            "first_data_line": str(text.header.first_data_line),
-        }
-        | ({"date_order": f"{order}, as stated"} if order else {}),
+        settings=text.settings,
         metadata=key_value_pairs(comments) | times.zeros(channels),
         comments=comments,
         ranges=sensor_ranges(comments),
@@ -154,6 +148,14 @@ class _Text:
             texts=tuple((i, header.channels[i].name) for i in sorted(self.fields_of_text)), log=texts,
             unnamed=len(header.channels) < header.fields,
         )  # fmt: skip
+
+    @property
+    def settings(self) -> dict[str, str]:
+        """How the text was read: as detected or stated; of dates only what a person stated."""
+        found = {"encoding": self.encoding.name, "delimiter": self.dialect.delimiter, "decimal": self.dialect.decimal}
+        found["first_data_line"] = str(self.header.first_data_line)
+        order = self.options.date_order
+        return found | ({"date_order": f"{order}, as stated"} if order else {})
 
     @property
     def findings(self) -> list[Finding]:
