@@ -53,23 +53,23 @@ def write_frame(stream: IO[bytes], document: Mapping[str, Any], columns: tuple[S
     stream.flush()
 
 
-def read_frame(stream: IO[bytes]) -> tuple[dict[str, Any], Samples]:
-    """The next document, and its columns one behind the other."""
-    text_length, data_length = _HEAD.unpack(_read_exactly(stream, _HEAD.size))
+def _read_frame(stream: IO[bytes]) -> tuple[dict[str, Any], Samples]:
+    """The next document, and its columns one behind the other. Raises BrokenPipe where there is no such frame."""
+
+    def exactly(count: int) -> bytes:
+        data = stream.read(count)
+        if len(data) != count:
+            raise BrokenPipe
+        return data
+
+    text_length, data_length = _HEAD.unpack(exactly(_HEAD.size))
     if text_length > _LONGEST_DOCUMENT or data_length > _LONGEST_COLUMNS or data_length % 8:
-        raise BrokenPipe(f"a frame of {text_length} and {data_length} bytes")
+        raise BrokenPipe
     try:
-        document = json.loads(_read_exactly(stream, text_length))
+        document = json.loads(exactly(text_length))
     except ValueError as error:
-        raise BrokenPipe(f"no JSON: {error}") from error
-    return document, np.frombuffer(_read_exactly(stream, data_length), dtype=np.float64)
-
-
-def _read_exactly(stream: IO[bytes], count: int) -> bytes:
-    data = stream.read(count)
-    if len(data) != count:
-        raise BrokenPipe("the pipe ended")
-    return data
+        raise BrokenPipe from error
+    return document, np.frombuffer(exactly(data_length), dtype=np.float64)
 
 
 def raise_failure(path: Path, document: Mapping[str, Any]) -> None:
@@ -144,22 +144,19 @@ class Process:
         silent = threading.Timer(patience, self._process.kill)
         silent.start()
         try:
-            document, data = read_frame(self._process.stdout)
+            document, data = _read_frame(self._process.stdout)
         except BrokenPipe as error:
-            raise self._failure(patience, silent.finished.is_set()) from error
+            was_silent, status = silent.finished.is_set(), self._process.wait()
+            if was_silent:
+                message = f"reading it came to no end within {patience:.0f} s; it is damaged, or made to do so"
+                raise Refusal(self._path.name, Finding("too_large", None, None, message)) from error
+            died = signal.Signals(-status).name if status < 0 else f"exit code {status}"
+            message = f"the library that reads it crashed on it ({died}); it is damaged"
+            raise damaged(self._path, message) from error
         finally:
             silent.cancel()
         raise_failure(self._path, document)
         return document, data
-
-    def _failure(self, patience: float, was_silent: bool) -> Refusal:
-        """Why the process brought nothing more."""
-        status = self._process.wait()
-        if was_silent:
-            message = f"reading it came to no end within {patience:.0f} s; it is damaged, or made to do so"
-            return Refusal(self._path.name, Finding("too_large", None, None, message))
-        died = signal.Signals(-status).name if status < 0 else f"exit code {status}"
-        return damaged(self._path, f"the library that reads it crashed on it ({died}); it is damaged")
 
 
 _WAITING: list[Process] = []
@@ -191,10 +188,9 @@ def open_in_subprocess(path: Path, module: str, function: str = "open_library") 
     groups, texts = tuple(group_from_dict(group) for group in header["groups"]), TextLog()
 
     def read(report: Report) -> Iterator[Block]:
-        known = {group.name: group for group in groups}
+        known, asked = {group.name: group for group in groups}, process
         if process in _WAITING:
             _WAITING.remove(process)
-            asked = process
         else:
             asked = Process(path, module, function)
             asked.header()

@@ -24,27 +24,30 @@ def main(arguments: list[str]) -> None:
     A function that gives no recording is answered for at once.
     """
     module, function, path, *others = arguments
-    out = _private_output()
-    _limit_memory()
+    out = os.fdopen(os.dup(1), "wb", buffering=1 << 20)  # the pipe to the parent; what libraries print goes nowhere
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.dup2(nowhere, 2)
+    with suppress(ImportError, ValueError, OSError):  # Windows has no such limit
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, MOST_MEMORY))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     try:
         opener: Callable[..., Any] = getattr(import_module(module), function)
         found = opener(Path(path), *others)
         if not isinstance(found, Recording):
             protocol.write_frame(out, {"answer": found})
         else:
-            protocol.write_frame(out, {"recording": _header(found)})
+            plain = ("format", "reader", "origin", "settings", "metadata", "comments", "stated_rate_hz")
+            header = {name: getattr(found, name) for name in plain}
+            header |= {name: list(map(asdict, getattr(found, name))) for name in ("groups", "ranges", "findings")}
+            protocol.write_frame(out, {"recording": header})
             if sys.stdin.buffer.read(1):
                 _send_data(out, found)
     except Exception as error:  # whatever a library makes of a damaged file
         protocol.write_frame(out, failure(error))
     out.flush()
-
-
-def _header(recording: Recording) -> dict[str, Any]:
-    """All of a recording but its data."""
-    names = ("groups", "ranges", "findings", "format", "reader", "origin", "settings", "metadata", "comments")
-    parts = {name: getattr(recording, name) for name in (*names, "stated_rate_hz")}
-    return parts | {name: [asdict(each) for each in parts[name]] for name in names[:3]}
 
 
 def failure(error: Exception) -> dict[str, Any]:
@@ -58,23 +61,6 @@ def failure(error: Exception) -> dict[str, Any]:
         message = "its structure is nested without end"
     finding = error.finding if isinstance(error, Refusal) else Finding(code, None, None, message)
     return {"refusal": finding.as_dict()}
-
-
-def _private_output() -> IO[bytes]:
-    """The pipe to the parent; what libraries print goes nowhere."""
-    out = os.fdopen(os.dup(1), "wb", buffering=1 << 20)
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 1)
-    os.dup2(nowhere, 2)
-    return out
-
-
-def _limit_memory() -> None:
-    with suppress(ImportError, ValueError, OSError):  # Windows has no such limit
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, MOST_MEMORY))
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
 def _send_data(out: IO[bytes], recording: Recording) -> None:
