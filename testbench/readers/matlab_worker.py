@@ -88,10 +88,11 @@ def _loaded(path: Path, variable: _Variable) -> object:
 def _take(name: str, value: Any, found: Contents) -> None:  # noqa: ANN401
     """Sort a value: a series of samples, a number, a text, fields, cells, or something else."""
     others = ((MatlabFunction, "a function"), (MatlabOpaque | MatlabObject, "an object"))
-    if (what := next((what for kind, what in others if isinstance(value, kind)), "")) or issparse(value):
-        found.left_out.append(f"{name} ({what or 'a sparse matrix'})")
-    elif not isinstance(value, np.ndarray):
-        found.left_out.append(f"{name} ({type(value).__name__})")
+    what = next(
+        (what for kind, what in others if isinstance(value, kind)), "a sparse matrix" if issparse(value) else ""
+    )
+    if what or not isinstance(value, np.ndarray):
+        found.left_out.append(f"{name} ({what or type(value).__name__})")
     elif value.dtype.names:
         for i, element in enumerate(value.ravel(order="F"), 1):
             for key in value.dtype.names:

@@ -101,22 +101,16 @@ class _Sheet(WorkSheetParser):  # type: ignore[misc]
         for element in row.iterfind(CELL_TAG):
             column, text = self._number(element) or self._cell(element)
             if column in given or not 0 < column <= MOST_COLUMNS:
-                message = (
-                    f"worksheet {self._sheet.title!r}: two cells of row {self.row_counter} are one, or of no column"
-                )
-                raise damaged(self._path, message)
+                row = f"two cells of row {self.row_counter} are one, or of no column"
+                raise damaged(self._path, f"worksheet {self._sheet.title!r}: {row}")
             if text:
                 given[column] = text
         return self.row_counter, given
 
     def _number(self, element: Any) -> tuple[int, str] | None:  # noqa: ANN401
         """A cell of nothing but a number, of which there are most."""
-        if (
-            element.get("t", "n") != "n"
-            or len(element) != 1
-            or element[0].tag != VALUE_TAG
-            or not (at := element.get("r"))
-        ):
+        at = element.get("r")
+        if element.get("t", "n") != "n" or len(element) != 1 or element[0].tag != VALUE_TAG or not at:
             return None
         text = (element[0].text or "").strip()
         letters = at.rstrip("0123456789")

@@ -5,7 +5,7 @@ Nothing is guessed: a cell that is no number is NaN, and each kind of contradict
 
 import re
 from bisect import insort
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -164,33 +164,22 @@ class RowFilter:
                 odd[i] = kind
                 self.odd.setdefault(kind, _Places()).add(first_line + i, line[:200].decode("utf-8", "replace"))
         headers = [i for i, kind in odd.items() if kind == "repeated_header"]
+        offset, empty = np.concatenate(([0], ends)), self.parser.separator.encode() * (self.parser.fields - 1) + b"\n"
         for begin, end in pairwise([0, *headers, len(ends)]):
             if begin in headers:
                 self._header_line = first_line + begin
-            rows = self._regular_rows(text, ends, range(begin, end), odd, first_line)
-            if len(rows.lines):
-                self._header_line = 0
-                yield rows
-
-    def _regular_rows(
-        self, text: bytes, ends: NDArray[np.int64], rows: range, odd: Mapping[int, str], first_line: int
-    ) -> RegularRows:
-        """The regular rows among ``rows``, those that are ragged as rows of empty cells."""
-        here = [i for i in odd if i in rows]
-        offset = np.concatenate(([0], ends))
-        parts, done, keep = [], int(offset[rows.start]), np.ones(len(rows), dtype=bool)
-        for i in here:
-            parts.append(text[done : offset[i]])
-            done = int(offset[i + 1])
-            if odd[i] == "ragged_row":
-                parts.append(self.parser.separator.encode() * (self.parser.fields - 1) + b"\n")
-            else:
-                keep[i - rows.start] = False
-        parts.append(text[done : offset[rows.stop]])
-        lines = first_line + rows.start + np.flatnonzero(keep)
-        row_of = np.cumsum(keep) - 1
-        emptied = tuple(int(row_of[i - rows.start]) for i in here if odd[i] == "ragged_row")
-        return RegularRows(b"".join(parts), lines, self._header_line, emptied)
+            parts, done, keep = list[bytes](), int(offset[begin]), np.ones(end - begin, dtype=bool)
+            here = [i for i in odd if begin <= i < end]
+            for i in here:
+                ragged = odd[i] == "ragged_row"
+                parts += [text[done : offset[i]], empty if ragged else b""]
+                done, keep[i - begin] = int(offset[i + 1]), ragged
+            parts.append(text[done : offset[end]])
+            lines, row_of = first_line + begin + np.flatnonzero(keep), np.cumsum(keep) - 1
+            if len(lines):
+                emptied = tuple(int(row_of[i - begin]) for i in here if odd[i] == "ragged_row")
+                header_line, self._header_line = self._header_line, 0
+                yield RegularRows(b"".join(parts), lines, header_line, emptied)
 
     def _kind(self, line: bytes, fields: int) -> str:
         """What a line is; empty if it is a row."""
