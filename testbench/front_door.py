@@ -164,8 +164,9 @@ def ingest(
     from .ingestion.log_sources import SiblingLogs, own_files
     from .ingestion.planned_runs import plan_runs
 
-    files, folder, described = [Path(log) for log in logs], Path(to), _rig(rig)
-    files = [file for file in files if file not in own_files(files, folder)]
+    given, folder, described = [Path(log) for log in logs], Path(to), _rig(rig)
+    own = own_files(given, folder)
+    files = [file for file in given if file not in own]
     work = Ingest(folder, described, options, frozenset(accept))
     others = SiblingLogs(files if runs is None else (), work.reading)
     work = replace(work, sibling_log=others.holding)

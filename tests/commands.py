@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import click
 import pytest
+from click.testing import CliRunner
 from rich.cells import cell_len
 
 from balance.cli import printing
@@ -40,6 +41,13 @@ def call(main: Callable[[], None], name: str, *words: object) -> Outcome:
     finally:
         sys.argv = before
     return Outcome(code, out.getvalue(), err.getvalue())
+
+
+def invoke(command: click.Command, *words: object, code: int = 0) -> Outcome:
+    """Call a command by itself, which ends with this code; what it refuses is raised."""
+    done = CliRunner().invoke(command, [*map(str, words)], standalone_mode=False, catch_exceptions=False)
+    assert done.return_value == code, done.output
+    return Outcome(code, done.stdout, done.stderr)
 
 
 def held_to_widths(monkeypatch: pytest.MonkeyPatch) -> list[str]:

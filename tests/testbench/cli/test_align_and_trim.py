@@ -1,7 +1,6 @@
 """``testbench align`` and ``testbench trim`` as a person calls them."""
 
 import errno
-import json
 import os
 import shutil
 
@@ -14,6 +13,8 @@ from testbench.cli.trim import trim
 from testbench.cross_examination import Examination, Statement
 from testbench.errors import AnalysisError, StoreError
 from testbench.store import append_only_records
+
+from ...commands import invoke
 
 STARTS = {"daq": -0.237, "forces": -0.151, "controller": -0.100}
 """Of the loggers in the shipped rig, from the start of the motion [s]."""
@@ -29,26 +30,19 @@ def campaign(pair_built):
 def aligned(campaign, tmp_path_factory):
     """The same whose clocks were aligned, and what that said."""
     folder = shutil.copytree(campaign, tmp_path_factory.mktemp("aligned") / "campaign")
-    return folder, json.loads(invoke(align, folder, "--no-drift", "--json"))
+    return folder, invoke(align, folder, "--no-drift", "--json").json
 
 
 @pytest.fixture(scope="module")
 def trimmed(campaign):
     """The document of ``trim``, MECH as it is stored with the runs."""
-    return json.loads(invoke(trim, campaign, "--json", "--budget"))
-
-
-def invoke(command, *arguments, expected=0) -> str:
-    """Run a command; its standard output."""
-    done = CliRunner().invoke(command, [str(a) for a in arguments], standalone_mode=False, catch_exceptions=False)
-    assert done.return_value == expected
-    return done.stdout
+    return invoke(trim, campaign, "--json", "--budget").json
 
 
 def test_align_stores_a_record(campaign, aligned):
     """Offsets are those of the bench, within their intervals' size; a dry run leaves no record, another leaves one."""
     folder, found = aligned
-    dry = json.loads(invoke(align, campaign / "r001.h5", "--dry-run", "--json"))
+    dry = invoke(align, campaign / "r001.h5", "--dry-run", "--json").json
     assert not dry["records"]
     assert not append_only_records.read_records(campaign)
     assert len(found["alignments"]) == 4
@@ -82,7 +76,7 @@ def test_align_that_cannot_be_recorded(campaign, tmp_path, monkeypatch):
 
     folder = shutil.copytree(campaign, tmp_path / "campaign")
     monkeypatch.setattr(append_only_records.os, "fsync", full)
-    found = json.loads(invoke(align, folder / "r001.h5", "--no-drift", "--json", expected=1))
+    found = invoke(align, folder / "r001.h5", "--no-drift", "--json", code=1).json
     assert len(found["alignments"]) == 2
     assert not found["records"]
     assert "cannot be written (No space left on device); nothing was recorded" in found["refused"][0]
@@ -91,7 +85,7 @@ def test_align_that_cannot_be_recorded(campaign, tmp_path, monkeypatch):
 
 def test_align_for_people(campaign):
     """The table says against which clock, within what, by what, and that the runs are simulated."""
-    text = invoke(align, campaign / "r001.h5", "--no-drift", "--dry-run")
+    text = invoke(align, campaign / "r001.h5", "--no-drift", "--dry-run").out
     for words in ("against r001_controller", "within [ms]", "base motion taken", "simulated"):
         assert words in text
 
@@ -105,7 +99,7 @@ def test_align_names_the_triggers_of_a_rig(campaign, tmp_path):
         text = text.replace(f', y = "{channel}"', "")
         text += f'\n[sensors.trigger_{logger}]\nkind = "trigger"\nlogger = "{logger}"\nchannel = "{channel}"\n'
         rig.write_text(text, "utf-8")
-        shown.append(invoke(align, campaign / "r001.h5", "--no-drift", "--dry-run", "--rig", rig))
+        shown.append(invoke(align, campaign / "r001.h5", "--no-drift", "--dry-run", "--rig", rig).out)
     assert "--by trigger" not in shown[0]
     assert "--by trigger aligns the clocks by its edges" in shown[1]
 
@@ -139,7 +133,7 @@ def test_trim_gives_what_is_accepted_on_record(campaign, monkeypatch):
     stated = Statement("r002", "payload", None, "8 kg", "5 kg", "the drives", "payload_contradiction")
     found = Examination(("r002",), (stated,), {}, accepted=frozenset({"payload_contradiction"}))
     monkeypatch.setattr("testbench.cross_examination.examine", lambda *_: found)
-    document = json.loads(invoke(trim, campaign, "--by", "wrench", "--json", expected=3))
+    document = invoke(trim, campaign, "--by", "wrench", "--json", code=3).json
     assert [one["code"] for one in document["accepted"]] == ["payload_contradiction"]
     assert document["verdict"] == "add"
 
@@ -148,7 +142,7 @@ def test_a_doubtful_trim_says_what_to_do(campaign, monkeypatch):
     """A contradiction that nobody accepted: the line of the verdict has what to do before masses are mounted."""
     stated = Statement("r002", "payload", None, "8 kg", "5 kg", "the drives", "payload_contradiction")
     monkeypatch.setattr("testbench.cross_examination.examine", lambda *_: Examination(("r002",), (stated,), {}))
-    first = " ".join(invoke(trim, campaign, "--by", "wrench", expected=3).split("\n\n")[0].split())
+    first = " ".join(invoke(trim, campaign, "--by", "wrench", code=3).out.split("\n\n")[0].split())
     assert "Verdict: doubtful. Before anything is mounted, mend what is named below (testbench doctor RUN)" in first
 
 
@@ -156,7 +150,7 @@ def test_trim_for_people(aligned, tmp_path):
     """The text says what to add where, how it was found, and that the runs are simulated; plates are named."""
     shelf = tmp_path / "shelf.csv"
     shelf.write_text("name,mass_kg,quantity\nP400,0.4,6\n", encoding="utf-8")
-    text = invoke(trim, "parallelogram-6bar", aligned[0], "--stock", shelf, "--all")
+    text = invoke(trim, "parallelogram-6bar", aligned[0], "--stock", shelf, "--all").out
     for words in ("Add 0.800 kg at counter_A0A = 2 P400", "base's motion taken out", "simulated", "Verdict: add"):
         assert words in text
 
@@ -165,7 +159,7 @@ def test_plates_that_are_too_heavy(aligned, tmp_path):
     """Said as such beside the verdict, not as if nothing were missing; each line says which source it is of."""
     shelf = tmp_path / "shelf.csv"
     shelf.write_text("name,mass_kg,quantity\nP5,5.0,4\n", encoding="utf-8")
-    text = invoke(trim, "parallelogram-6bar", aligned[0], "--stock", shelf, "--all")
+    text = invoke(trim, "parallelogram-6bar", aligned[0], "--stock", shelf, "--all").out
     assert "bring it nearer: what is missing stays: 0.8" in text
     assert f"Verdict: add, but not from {shelf}" in text
     assert "Add nothing" not in text
@@ -184,7 +178,7 @@ def test_trim_of_two_mountings_that_nobody_meant_for_trials(campaign, brief):
 def test_trim_uses_what_align_stored(trimmed, aligned, monkeypatch):
     """With a stored alignment no clock is aligned anew, and the answer is the same to a tenth of its interval."""
     monkeypatch.setattr("testbench.synchronization.run_alignment.align_run", None)
-    after = json.loads(invoke(trim, "parallelogram-6bar", aligned[0], "--json"))
+    after = invoke(trim, "parallelogram-6bar", aligned[0], "--json").json
     for one, other in zip(trimmed["missing"], after["missing"], strict=True):
         width = one["interval"][1] - one["interval"][0]
         assert other["first_moment_kgm"] == pytest.approx(one["first_moment_kgm"], abs=0.1 * width)

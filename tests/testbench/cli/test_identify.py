@@ -1,7 +1,5 @@
 """``testbench identify``: one JSON document with units, tables for people, exit codes."""
 
-import json
-
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -14,6 +12,7 @@ from testbench.errors import AnalysisError
 from testbench.ingestion import Ingest
 from testbench.ingestion.planned_runs import PlannedRun
 
+from ...commands import invoke
 from .gapped import without_rows
 
 ARM = "two-joint-arm-a0"
@@ -40,17 +39,10 @@ def run(tmp_path_factory):
     return folder / "swing.h5"
 
 
-def invoke(*arguments: object, expected: int = 0) -> str:
-    """Run the command; its standard output."""
-    done = CliRunner().invoke(identify, [str(a) for a in arguments], standalone_mode=False, catch_exceptions=False)
-    assert done.return_value == expected
-    return done.stdout
-
-
 @pytest.fixture(scope="module")
 def found(run):
     """The document of the command, MECH as the rig names it."""
-    return json.loads(invoke(run, "--json", "--budget"))
+    return invoke(identify, run, "--json", "--budget").json
 
 
 def test_document(found):
@@ -81,7 +73,7 @@ def test_document(found):
 
 def test_tables_and_figure(run, tmp_path):
     """The verdict comes first, then its scale, the combination, its interval, the unexplained torque; and a figure."""
-    text = invoke(ARM, run, "--method", "ls", "--figure", tmp_path / "torque.svg", "--all")
+    text = invoke(identify, ARM, run, "--method", "ls", "--figure", tmp_path / "torque.svg", "--all").out
     for words in ("mcx[link_1] + 0.3 m[link_2]", "origin simulated", "RMS ratio below cutoff", "ratios of first"):
         assert words in text
     assert text.startswith("Verdict: usable up to a torque scale; ")
@@ -94,11 +86,11 @@ def test_doubtful_results_exit_with_3(run, tmp_path):
     rig = datasets.find_dataset(ARM, "rigs", ".toml").read_text("utf-8")
     swapped = tmp_path / "swapped.toml"
     swapped.write_text(rig.replace('"tau1"', '"x"').replace('"tau2"', '"tau1"').replace('"x"', '"tau2"'), "utf-8")
-    found = json.loads(invoke(ARM, run, "--rig", swapped, "--method", "ls", "--json", expected=3))
+    found = invoke(identify, ARM, run, "--rig", swapped, "--method", "ls", "--json", code=3).json
     assert found["verdict"] == "doubtful"
     assert {"no_such_bodies", "slip"} & set(found["doubt_codes"])
     assert len(found["doubts"]) == len(found["doubt_codes"])
-    shown = invoke(ARM, run, "--rig", swapped, "--method", "ls", expected=3)
+    shown = invoke(identify, ARM, run, "--rig", swapped, "--method", "ls", code=3).out
     assert "Do not build on it: mend what is named below the tables" in " ".join(shown.split("\n\n")[0].split())
     assert "-0.0000" not in shown
 
@@ -106,9 +98,9 @@ def test_doubtful_results_exit_with_3(run, tmp_path):
 def test_a_run_of_another_mechanism_is_refused(run):
     """A run whose rig is of another mechanism is refused; where that is accepted, the joint that lacks is named."""
     with pytest.raises(AnalysisError, match=r"rig is of 'two-joint-arm-a0', expected 'parallelogram-6bar'"):
-        invoke("parallelogram-6bar", run)
+        invoke(identify, "parallelogram-6bar", run)
     with pytest.raises(AnalysisError, match="on joint 'A0'"):
-        invoke("parallelogram-6bar", run, "--accept", "mechanism_differs")
+        invoke(identify, "parallelogram-6bar", run, "--accept", "mechanism_differs")
 
 
 def test_the_same_machine_by_another_name(run, tmp_path):
@@ -116,8 +108,8 @@ def test_the_same_machine_by_another_name(run, tmp_path):
     other = tmp_path / "my-arm.xml"
     other.write_text(datasets.find_dataset(ARM, "mechanisms", ".xml").read_text("utf-8"), "utf-8")
     with pytest.raises(AnalysisError, match="expected 'my-arm'"):
-        invoke(other, run)
-    found = json.loads(invoke(other, run, "--accept", "mechanism_differs", "--method", "ls", "--json"))
+        invoke(identify, other, run)
+    found = invoke(identify, other, run, "--accept", "mechanism_differs", "--method", "ls", "--json").json
     assert found["method"]["name"] == "ls"
 
 
@@ -134,7 +126,7 @@ def test_a_gap_is_left_out_and_said(run, found, tmp_path):
     log = tmp_path / "paused.csv"
     log.write_text("".join([*lines[:2], *(x for x in lines[2:] if not 2.5 <= float(x.split(",")[0]) < 3.0)]), "utf-8")
     assert Ingest(tmp_path, rigs.load_rig(ARM)).run(PlannedRun("paused", (log,)))[0].status == "stored"
-    whole, found = found, json.loads(invoke(ARM, tmp_path / "paused.h5", "--json", expected=3))
+    whole, found = found, invoke(identify, ARM, tmp_path / "paused.h5", "--json", code=3).json
     assert found["verdict"] == "usable up to a torque scale"
     (finding,) = found["findings"]
     assert finding["code"] == "time_gap"
@@ -151,7 +143,7 @@ def test_a_gap_is_left_out_and_said(run, found, tmp_path):
 def test_a_gap_through_loops_and_loggers(pair_built, tmp_path):
     """Force sensors and encoders of their own clocks, a gap in the encoders': first moments as built, and a finding."""
     campaign = without_rows(pair_built, tmp_path / "gapped", {"r002_controller.csv": (0.5, 0.65)})
-    found = json.loads(invoke("parallelogram-6bar", campaign, "--by", "wrench", "--json", expected=3))
+    found = invoke(identify, "parallelogram-6bar", campaign, "--by", "wrench", "--json", code=3).json
     assert [f["message"][:33] for f in found["findings"]] == ["r002: 1 gap in the record of r002"]
     for moment in found["first_moments"]:
         assert moment["interval"][0] < moment["in_file"] < moment["interval"][1]

@@ -5,16 +5,10 @@ import re
 
 import click
 import pytest
-from click.testing import CliRunner
 
 from testbench.cli.report import report
 
-
-def invoke(*arguments, expected=0) -> str:
-    """Run the command; its standard output."""
-    done = CliRunner().invoke(report, [str(a) for a in arguments], standalone_mode=False, catch_exceptions=False)
-    assert done.return_value == expected
-    return done.stdout
+from ...commands import invoke
 
 
 @pytest.fixture(scope="module")
@@ -25,8 +19,8 @@ def pair(brief):
 
 def test_text_has_every_part_and_says_simulated(pair):
     """The base's vibration with its definition, with --all a table a part; units in one spelling, in every table."""
-    assert "Torque, drives" not in invoke(pair[0])
-    text = invoke(*pair, "--all")
+    assert "Torque, drives" not in invoke(report, pair[0]).out
+    text = invoke(report, *pair, "--all").out
     assert re.match(r"Simulated: 2 runs, \d+ findings\.\n\nSimulated: r005: payload 5 kg, motion x, peak 3 g0", text)
     for words in (
         "Motions",
@@ -44,7 +38,7 @@ def test_text_has_every_part_and_says_simulated(pair):
 
 def test_json_and_figures_of_two_runs(pair, tmp_path):
     """One document; the figures of each run and of the two beside each other; torques with and without."""
-    found = json.loads(invoke(*pair, "-o", tmp_path / "out", "--at", "0m,-10cm,0m", "--json"))
+    found = invoke(report, *pair, "-o", tmp_path / "out", "--at", "0m,-10cm,0m", "--json").json
     assert [run["run"] for run in found["runs"]] == ["r005", "r006"]
     assert found["runs"][0]["wrench"]["point_m"] == [0.0, -0.1, 0.0]
     (compared,) = found["compared"]
@@ -62,4 +56,4 @@ def test_json_and_figures_of_two_runs(pair, tmp_path):
 def test_a_point_without_units_is_a_wrong_command_line(pair, point):
     """Three lengths are expected."""
     with pytest.raises(click.UsageError):
-        invoke(pair[0], "--at", point)
+        invoke(report, pair[0], "--at", point)

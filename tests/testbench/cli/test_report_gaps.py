@@ -1,12 +1,10 @@
 """``testbench report`` of a run whose encoders' log has a gap: all parts are told, less what the gap touches."""
 
-import json
-
 import pytest
-from click.testing import CliRunner
 
 from testbench.cli.report import report
 
+from ...commands import invoke
 from .gapped import without_rows
 
 
@@ -19,9 +17,7 @@ def gapped(brief, tmp_path_factory):
 
 def told(run, expected) -> dict:
     """The document of the command for one run."""
-    done = CliRunner().invoke(report, [str(run), "--json"], standalone_mode=False, catch_exceptions=False)
-    assert done.return_value == expected
-    (found,) = json.loads(done.stdout)["runs"]
+    (found,) = invoke(report, run, "--json", code=expected).json["runs"]
     return found
 
 
@@ -60,14 +56,14 @@ def test_a_gap_at_rest_touches_no_motion(gapped):
 
 def test_torques_of_unequal_spans_are_not_compared(gapped):
     """A run with a gap has no part in the torques with and without counter-masses; whole runs have."""
-    done = CliRunner().invoke(report, [str(gapped), "--json"], standalone_mode=False, catch_exceptions=False)
-    compared = {tuple(c["runs"]): c["torques"] for c in json.loads(done.stdout)["compared"]}
+    found = invoke(report, gapped, "--json", code=3).json
+    compared = {tuple(c["runs"]): c["torques"] for c in found["compared"]}
     assert {runs for runs, torques in compared.items() if not torques} == {("r001", "r002"), ("r003", "r004")}
     assert {runs for runs, torques in compared.items() if torques} == {("r005", "r006"), ("r007", "r008")}
 
 
 def test_text_says_what_is_left_out(gapped):
     """For people: the finding below the table."""
-    done = CliRunner().invoke(report, [str(gapped / "r001.h5")], standalone_mode=False, catch_exceptions=False)
-    assert "time_gap: r001: 1 gap in the record of r001_controller" in done.stdout
-    assert "No torque" not in done.stdout
+    said = invoke(report, gapped / "r001.h5", code=3).out
+    assert "time_gap: r001: 1 gap in the record of r001_controller" in said
+    assert "No torque" not in said

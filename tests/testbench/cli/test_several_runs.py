@@ -1,6 +1,5 @@
 """Commands that do each run by itself: one that cannot be opened is named, exit code 1, and keeps no other out."""
 
-import json
 import shutil
 
 import pytest
@@ -10,6 +9,8 @@ from testbench.cli.campaign import archive, export
 from testbench.cli.campaign import list_runs as listing
 from testbench.cli.report import report
 from testbench.store import open_run
+
+from ...commands import invoke
 
 
 @pytest.fixture
@@ -24,68 +25,60 @@ def campaign(brief, tmp_path):
     return folder
 
 
-def call(capsys, command, *words):
-    """Exit code, the document and what is said beside it."""
-    code = command.main([*map(str, words), "--json"], standalone_mode=False)
-    out, err = capsys.readouterr()
-    return code, json.loads(out), err
+def refused(command, *words):
+    """The document, and what is said beside it, of a call in which some run was refused."""
+    done = invoke(command, *words, "--json", code=1)
+    return done.json, done.err
 
 
-def test_archive(campaign, tmp_path, capsys):
+def test_archive(campaign, tmp_path):
     """The file that is not there comes first; the two that can be are archived, to the bit."""
-    code, found, _ = call(capsys, archive, campaign / "nope.h5", campaign, "-o", tmp_path / "archive")
-    assert code == 1
+    found, _ = refused(archive, campaign / "nope.h5", campaign, "-o", tmp_path / "archive")
     assert [(run["run"], run["status"]) for run in found["runs"]] == [
         ("r001", "archived"), ("r003", "archived"), ("nope", "refused"), ("r002", "refused"),
     ]  # fmt: skip
     for name in ("r001", "r003"):
         before, after = (open_run(folder / f"{name}.h5") for folder in (campaign, tmp_path / "archive"))
         assert before.channel("AccX").tobytes() == after.channel("AccX").tobytes()
-    assert archive.main([str(campaign / "nope.h5"), "-o", str(tmp_path / "a")], standalone_mode=False) == 1
-    out, err = capsys.readouterr()
-    assert (out, "no such file" in err) == ("", True)
+    said = invoke(archive, campaign / "nope.h5", "-o", tmp_path / "a", code=1)
+    assert (said.out, "no such file" in said.err) == ("", True)
 
 
-def test_export(campaign, tmp_path, capsys):
+def test_export(campaign, tmp_path):
     """The tables of the two that can be opened, and the reason for the third."""
-    code, found, err = call(capsys, export, campaign, "--to", "csv", "-o", tmp_path / "tables")
-    assert code == 1
+    found, err = refused(export, campaign, "--to", "csv", "-o", tmp_path / "tables")
     assert [one["run"] for one in found["refused"]] == ["r002"]
     assert len(found["files"]) == 6
     assert "r002.h5" in err
-    again = call(capsys, export, campaign, "--to", "csv", "-o", tmp_path / "tables")[1]
+    again, _ = refused(export, campaign, "--to", "csv", "-o", tmp_path / "tables")
     assert [one["run"] for one in again["refused"]] == ["r002", "r001", "r003"], "each says that its file is there"
 
 
-def test_list(campaign, capsys):
+def test_list(campaign):
     """The two with their conditions, the third with its reason."""
-    code, found, err = call(capsys, listing, campaign)
-    assert code == 1
+    found, err = refused(listing, campaign)
     assert [run.get("status") for run in found["runs"]] == [None, None, "refused"]
     assert "r002.h5" in err
 
 
-def test_report(campaign, tmp_path, capsys):
+def test_report(campaign, tmp_path):
     """What can be reported is."""
-    code, found, _ = call(capsys, report, campaign / "nope.h5", campaign / "r001.h5")
-    assert code == 1
+    found, _ = refused(report, campaign / "nope.h5", campaign / "r001.h5")
     assert len(found["runs"]) == 1
     assert [one["run"] for one in found["refused"]] == ["nope"]
-    assert call(capsys, report, campaign / "nope.h5", "-o", tmp_path / "figures")[0] == 1
+    refused(report, campaign / "nope.h5", "-o", tmp_path / "figures")
     assert not (tmp_path / "figures").exists()
 
 
-def test_align(campaign, capsys):
+def test_align(campaign):
     """The clocks of the run that is there are aligned."""
-    code, found, _ = call(capsys, align, campaign / "nope.h5", campaign / "r001.h5", "--dry-run")
-    assert code == 1
+    found, _ = refused(align, campaign / "nope.h5", campaign / "r001.h5", "--dry-run")
     assert found["alignments"]
-    align.main([str(campaign / "r001.h5"), "--dry-run"], standalone_mode=False)
-    assert capsys.readouterr().out.startswith("Clocks: 2 aligned, 0 not.")
+    assert invoke(align, campaign / "r001.h5", "--dry-run").out.startswith("Clocks: 2 aligned, 0 not.")
     assert "no such file" in found["refused"][0]
 
 
-def test_the_folder_that_one_stands_in(campaign, monkeypatch, capsys):
+def test_the_folder_that_one_stands_in(campaign, monkeypatch):
     """A campaign called `.` has its folder's name in what is printed."""
     monkeypatch.chdir(campaign)
-    assert call(capsys, listing, ".")[1]["campaign"] == campaign.name
+    assert refused(listing, ".")[0]["campaign"] == campaign.name

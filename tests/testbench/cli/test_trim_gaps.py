@@ -1,13 +1,11 @@
 """``testbench trim`` of runs whose encoders paused: what a gap touches is left out, said, and the truth is told."""
 
-import json
-
 import pytest
-from click.testing import CliRunner
 
 from testbench.cli.trim import trim
 from testbench.errors import AnalysisError
 
+from ...commands import invoke
 from .gapped import without_rows
 
 MISSING = 0.030809
@@ -23,10 +21,7 @@ def gapped(pair_built, tmp_path_factory):
 
 def told(campaign, *options, expected) -> dict:
     """The document of the command."""
-    words = ["parallelogram-6bar", str(campaign), "--json", *options]
-    done = CliRunner().invoke(trim, words, standalone_mode=False, catch_exceptions=False)
-    assert done.return_value == expected
-    return json.loads(done.stdout)
+    return invoke(trim, "parallelogram-6bar", campaign, "--json", *options, code=expected).json
 
 
 @pytest.mark.parametrize(("source", "wider"), [("wrench", 2.0), ("torque", 3.0), ("vibration", 2.0)])
@@ -54,9 +49,9 @@ def test_a_gap_is_left_out_and_said(pair_built, gapped, source, wider):
 
 def test_the_finding_stands_in_the_text(gapped):
     """For people too."""
-    done = CliRunner().invoke(trim, ["parallelogram-6bar", str(gapped), "--from", "torque"], standalone_mode=False)
-    assert "time_gap: r002: 1 gap in the record of r002_controller, 0.151 s in all" in done.stdout
-    assert done.stdout.startswith("Add nothing: every interval holds zero.")
+    said = invoke(trim, "parallelogram-6bar", gapped, "--from", "torque", code=3).out
+    assert "time_gap: r002: 1 gap in the record of r002_controller, 0.151 s in all" in said
+    assert said.startswith("Add nothing: every interval holds zero.")
 
 
 def test_a_run_of_which_nothing_is_left(pair_built, tmp_path):
