@@ -1,7 +1,6 @@
 """Simulated campaigns, each made once a test run, for the tests of what comes after the logs; and the command."""
 
 import hashlib
-import subprocess
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import pytest
 from filelock import FileLock
 
+from ..commands import Outcome
 from ..commands import call as call_main
 
 if TYPE_CHECKING:
@@ -111,9 +111,9 @@ def pair_built(shared: Callable[..., Simulated]) -> Simulated:
 
 
 @pytest.fixture
-def command() -> Callable[..., tuple[int, str, str]]:
+def command() -> Callable[..., Outcome]:
     """``testbench`` with words, in this process: exit code, standard output and error."""
-    return lambda *words: (lambda done: (done.returncode, done.stdout, done.stderr))(call(*words))
+    return call
 
 
 def reported(run, *how):
@@ -123,9 +123,8 @@ def reported(run, *how):
     return Reporting(*how).runs([run])[1][run.name]
 
 
-def call(*words: object) -> subprocess.CompletedProcess[str]:
+def call(*words: object) -> Outcome:
     """``testbench`` with words as a process of its own would do it, but in this one."""
     from testbench.cli import main
 
-    done = call_main(main, "testbench", *words)
-    return subprocess.CompletedProcess(list(map(str, words)), done.code, done.out, done.err)
+    return call_main(main, "testbench", *words)

@@ -1,6 +1,5 @@
 """``testbench simulate``, ``analyze`` and ``compare`` as a person calls them."""
 
-import json
 import shutil
 
 import pytest
@@ -25,14 +24,14 @@ def test_from_plan_to_comparison(tmp_path):
     plan, logs, campaign = tmp_path / "plan.toml", tmp_path / "logs", tmp_path / "campaign"
     plan.write_text(PLAN, encoding="utf-8")
     made = command("simulate", "--plan", plan, "--rig", "parallelogram-6bar", "-o", logs)
-    assert (made.returncode, made.stderr) == (0, "")
-    assert "2 simulated runs, 6 logs" in made.stdout
+    assert (made.code, made.err) == (0, "")
+    assert "2 simulated runs, 6 logs" in made.out
     files = sorted(logs.glob("r*_*.csv"))
     stored = command("ingest", *files, "--rig", "parallelogram-6bar", "--runs", logs / "runs.csv", "-o", campaign)
-    assert stored.returncode in {0, 3}
+    assert stored.code in {0, 3}
     analyzed = command("analyze", campaign, "--json", "--metric", "rms", "--band", "1..100")
-    assert analyzed.returncode == 3  # what is left is below the noise
-    first = json.loads(analyzed.stdout)["reductions"][1]
+    assert analyzed.code == 3  # what is left is below the noise
+    first = analyzed.json["reductions"][1]
     assert (first["axis"], first["metric"], first["band_hz"], first["origin"]) == (
         "y",
         "rms",
@@ -45,11 +44,11 @@ def test_from_plan_to_comparison(tmp_path):
     assert (first["method"], first["n"]) == ("propagation", {"with": 1, "without": 1})
     assert first["noise_floor_m_s2"]["with"] > 0.0
     compared = command("compare", campaign, "--published", "kiper2019", "--figure", tmp_path / "all.png")
-    assert compared.returncode == 3
+    assert compared.code == 3
     assert (tmp_path / "all.png").read_bytes().startswith(b"\x89PNG")
-    assert "< noise" in compared.stdout
-    assert "original logs of the manipulator tests are not available" in compared.stdout
-    assert "2 of 2 runs are simulated." in compared.stdout
+    assert "< noise" in compared.out
+    assert "original logs of the manipulator tests are not available" in compared.out
+    assert "2 of 2 runs are simulated." in compared.out
 
 
 def test_sets_of_counter_masses_are_told_apart(brief):
@@ -81,16 +80,16 @@ def three(brief, tmp_path):
 def test_text_of_analyze(three):
     """People read the metric, the band and the origin beside the numbers."""
     said = command("analyze", three, "--budget")
-    assert said.returncode == 3
-    assert "combined standard uncertainty" in said.stdout
-    assert f"{DEFAULT_METRIC} (" in said.stdout
-    assert f"band {VIBRATION_BAND}" in said.stdout
-    assert "2 of 2 runs are simulated." in said.stdout  # of the pair
+    assert said.code == 3
+    assert "combined standard uncertainty" in said.out
+    assert f"{DEFAULT_METRIC} (" in said.out
+    assert f"band {VIBRATION_BAND}" in said.out
+    assert "2 of 2 runs are simulated." in said.out  # of the pair
 
 
 def test_defaults_of_the_commands_are_those_of_the_module(three):
     """What the help shows as default is what the analysis has as default."""
-    said = json.loads(command("compare", three, "--published", "kiper2019", "--json").stdout)
+    said = command("compare", three, "--published", "kiper2019", "--json").json
     assert said["rows"][0]["metric"] == DEFAULT_METRIC
     assert said["rows"][0]["band_hz"] == [VIBRATION_BAND.low_hz, VIBRATION_BAND.high_hz]
 
@@ -98,8 +97,8 @@ def test_defaults_of_the_commands_are_those_of_the_module(three):
 def test_no_band_and_a_run_without_partner(three):
     """``--band none`` keeps all frequencies and says null; the run that is left over is listed: exit 3."""
     said = command("analyze", three, "--json", "--metric", "rms", "--band", "none", "--budget")
-    assert said.returncode == 3
-    document = json.loads(said.stdout)
+    assert said.code == 3
+    document = said.json
     for row in document["reductions"]:
         for budget in row["budget"]:
             assert sum(budget["variance_shares"]) == pytest.approx(1.0)
@@ -115,15 +114,15 @@ def test_no_band_and_a_run_without_partner(three):
 def test_plan_next(three):
     """The verdict comes first, and names the run; JSON has every candidate; what does not fit is refused."""
     said = command("plan", "next", three, "--metric", "rms", "--axis", "y")
-    assert said.returncode == 0
-    assert said.stdout.startswith("repeat r00")
-    document = json.loads(command("plan", "next", three, "--metric", "rms", "--axis", "y", "--json").stdout)
+    assert said.code == 0
+    assert said.out.startswith("repeat r00")
+    document = command("plan", "next", three, "--metric", "rms", "--axis", "y", "--json").json
     assert [one["run"]["repeats"] for one in document["proposals"]] in (["r001", "r002"], ["r002", "r001"])
-    assert document["verdict"] in said.stdout
+    assert document["verdict"] in said.out
     assert document["unit"] == "points"
     for words in (["--site", "counter_A0A"], ["--for", "first-moment", "--axis", "x"], ["--peak", "3 kg"]):
-        assert command("plan", "next", three, *words).returncode == 2
-    assert command("plan", "next", three, "--payload", "77").returncode == 1
+        assert command("plan", "next", three, *words).code == 2
+    assert command("plan", "next", three, "--payload", "77").code == 1
 
 
 def test_no_rig(brief, tmp_path):
@@ -134,6 +133,6 @@ def test_no_rig(brief, tmp_path):
     )
     command("ingest", *files, "--runs", tmp_path / "runs.csv", "-o", tmp_path / "campaign")
     said = command("analyze", tmp_path / "campaign")
-    assert said.returncode == 1
-    assert "stored without a rig" in said.stderr
-    assert "--rig" in said.stderr
+    assert said.code == 1
+    assert "stored without a rig" in said.err
+    assert "--rig" in said.err

@@ -1,17 +1,16 @@
 """`testbench ingest lg/* -o lg`: logs that lie in the campaign's own folder, beside the runs made of them."""
 
-import json
-import sys
-
 import pytest
 
 from testbench.cli import main
+
+from ...commands import call
 
 PATTERN = "lg/*"
 
 
 @pytest.fixture
-def ingest(tmp_path, monkeypatch, capsys):
+def ingest(tmp_path, monkeypatch):
     """Two logs in a folder; `testbench ingest` of what the shell makes of a pattern: exit code, statuses, stderr."""
     folder = tmp_path / "lg"
     folder.mkdir()
@@ -23,12 +22,8 @@ def ingest(tmp_path, monkeypatch, capsys):
     def run(*words, output="lg"):
         given = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.glob(PATTERN))
         files = [file for word in words for file in (given if word == PATTERN else [word])]
-        monkeypatch.setattr(sys, "argv", ["testbench", "ingest", *files, "-o", output, "--json"])
-        with pytest.raises(SystemExit) as stop:
-            main()
-        out, err = capsys.readouterr()
-        runs = json.loads(out)["runs"] if out else []
-        return stop.value.code, {one["source"]: one["status"] for one in runs}, err
+        done = call(main, "testbench", "ingest", *files, "-o", output, "--json")
+        return done.code, {one["source"]: one["status"] for one in done.json["runs"]}, done.err
 
     return run
 

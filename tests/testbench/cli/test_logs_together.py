@@ -1,8 +1,5 @@
 """Several loggers' logs in one ``testbench ingest`` or ``watch``, under a rig that describes the whole bench."""
 
-import json
-import sys
-
 import pytest
 
 from testbench import rig as rigs
@@ -10,6 +7,8 @@ from testbench.cli import main
 from testbench.ingestion import Ingest
 from testbench.ingestion.watch_folder import Watch
 from testbench.store import open_run
+
+from ...commands import call
 
 RIG = """
 mechanism = "none"
@@ -32,7 +31,7 @@ position = ["0.15 m", "0.10 m", "0 m"]
 
 
 @pytest.fixture
-def ingest(tmp_path, monkeypatch, capsys):
+def ingest(tmp_path, monkeypatch):
     """Two logs of two loggers, and an ingest of what is named; the exit code and the codes beyond `dialect` by log."""
     (tmp_path / "rig.toml").write_text(RIG)
     rows = range(200)
@@ -44,13 +43,9 @@ def ingest(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
 
     def run(*words, command="ingest"):
-        line = ["testbench", command, *words, "--rig", "rig.toml", "-o", "c", "--json"]
-        monkeypatch.setattr(sys, "argv", line)
-        with pytest.raises(SystemExit) as stop:
-            main()
-        runs = json.loads(capsys.readouterr().out)["runs"]
-        found = {r["source"]: [f["code"] for f in r["findings"] if f["code"] != "dialect"] for r in runs}
-        return stop.value.code, found
+        done = call(main, "testbench", command, *words, "--rig", "rig.toml", "-o", "c", "--json")
+        runs = done.json["runs"]
+        return done.code, {r["source"]: [f["code"] for f in r["findings"] if f["code"] != "dialect"] for r in runs}
 
     return run
 

@@ -66,8 +66,8 @@ def told(shared, tmp_path_factory):
         document, text = (
             call("report", campaign, "-o", path, "--published", "kiper2019", words) for words in ("--json", "--all")
         )
-    assert document.returncode == text.returncode == 0, document.stderr
-    return (campaign, path, json.loads(document.stdout)), text.stdout
+    assert document.code == text.code == 0, document.err
+    return (campaign, path, document.json), text.out
 
 
 @pytest.fixture(scope="module")
@@ -141,10 +141,10 @@ def test_open_is_what_a_person_can_accept(made):
 def test_the_document_is_that_of_the_commands(made):
     """Reductions as compare has them, contradictions as doctor has them."""
     campaign, _, document = made
-    compared = json.loads(call("compare", campaign, "--published", "kiper2019", "--json").stdout)
+    compared = call("compare", campaign, "--published", "kiper2019", "--json").json
     for ours, theirs in zip(document["comparison"]["rows"], compared["rows"], strict=True):
         assert {name: ours[name] for name in theirs} == theirs
-    examined = json.loads(call("doctor", campaign, "--json").stdout)
+    examined = call("doctor", campaign, "--json").json
     assert {run["run"]: run for run in document["examination"]["runs"]} == {r["run"]: r for r in examined["runs"]}
     assert document["examination"]["verdict"] == examined["verdict"]
 
@@ -193,7 +193,7 @@ def test_runs_that_cannot_be_compared_have_a_page(made, tmp_path):
     """One run alone: the reason in place of reductions, and all that the run shows by itself."""
     done = call("report", made[0] / "r001.h5", "-o", tmp_path / "one.html")
     text = (tmp_path / "one.html").read_text("utf-8")
-    assert done.stdout.startswith("r001: No reduction: ")
+    assert done.out.startswith("r001: No reduction: ")
     assert "no two runs can be compared" in text
     assert "Shaking force" in text
 

@@ -180,7 +180,7 @@ def test_a_run_that_was_changed_is_not_spoken_for(shared, tmp_path):
 def test_runs_of_one_name_are_refused(shared):
     """Two campaigns both have an r001: which of them is meant could not be told."""
     done = call("view", *2 * [shared(PAIR).campaign], "--no-browser", "--idle", "0")
-    assert (done.returncode, "r001: of several campaigns" in done.stderr) == (1, True)
+    assert (done.code, "r001: of several campaigns" in done.err) == (1, True)
 
 
 def test_a_run_without_a_rig_that_can_be_read(tmp_path):

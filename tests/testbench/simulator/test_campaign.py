@@ -205,7 +205,7 @@ def deep(tmp_path_factory) -> Path:
     ingested = command(
         "ingest", *logs, "--rig", DEEP_RIG, "--runs", folder / "logs" / "runs.csv", "-o", folder / "campaign"
     )
-    assert ingested.returncode in {0, 3}
+    assert ingested.code in {0, 3}
     return folder
 
 
@@ -294,4 +294,4 @@ def test_everything_is_marked(deep):
     """Logs, sheet, truth and stored runs all say that they are simulated."""
     assert all(p.read_text("utf-8").startswith("# origin: simulated") for p in (deep / "logs").glob("r*_*.csv"))
     said = command("list", deep / "campaign")
-    assert said.stdout.count("simulated") >= 2
+    assert said.out.count("simulated") >= 2
