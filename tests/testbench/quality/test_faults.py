@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from balance.results import document
 from studies import simulated_runs as memory
 from testbench.errors import AnalysisError
 from testbench.quality.clipping import flat_tops, is_dead, stuck_value
+from testbench.recording import Finding
 from testbench.vibration.amplitude import Amplitude
 from testbench.vibration.condition import unequal_durations
 from testbench.vibration.metrics import Measure
@@ -110,3 +112,31 @@ def test_more_vibration_with_counter_masses_is_said(runs):
     (found,), findings = analysed(turned[1], turned[0])
     assert found.percent < 0.0
     assert "vibrates_more" in findings
+
+
+def clipped(run):
+    """The run with AccX at the end of its range, at six tenths of its largest value, as ingest finds it."""
+    values = run.channel("AccX")
+    middle = np.median(values)
+    top = 0.6 * np.abs(values - middle).max()
+    found = Finding("clipping", "AccX", run.name, f"{run.name}: AccX: at the end of its range")
+    cut_off = changed(run, lambda v: middle + np.clip(v - middle, -top, top))
+    return replace(cut_off, findings=(*run.findings, found))
+
+
+def test_what_a_clipped_side_leaves_of_the_interval(runs):
+    """Without counter-masses more was there than was read, with them more is left; of both nothing is known."""
+    ((whole,), _), ((low,), _) = analysed(*runs), analysed(runs[0], clipped(runs[1]))
+    assert whole.limit is None
+    assert whole.interval[0] < whole.percent < whole.interval[1] < 100.0
+    assert low.limit == "at_least"
+    assert low.interval[0] < whole.percent
+    assert low.percent < whole.percent
+    assert low.interval[1] == 100.0
+    assert document(low)["at_least_percent"] == low.interval[0]
+    (high,), _ = analysed(clipped(runs[0]), runs[1])
+    assert high.limit == document(high)["limit"] == "at_most"
+    assert high.percent > whole.percent
+    assert high.interval is document(high)["at_least_percent"] is None
+    (unknown,), _ = analysed(*map(clipped, runs))
+    assert unknown.limit is unknown.interval is None

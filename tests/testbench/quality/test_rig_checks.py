@@ -10,10 +10,15 @@ from testbench.quality.group_checks import GroupCheck
 from testbench.recording import Channel, Finding, Group, Recording, SensorRange
 
 
+def log_of(*channels: Channel, path: str = "r.csv") -> Recording:
+    """A log of these channels, without data."""
+    return Recording(Path(path), "CSV", "csv", (Group("r", channels),), lambda report: iter(()))
+
+
 def test_a_commanded_channel_may_rest_and_hold() -> None:
     """A target that stays at zero, or at its plateau, is no dead channel and no clipping; a sensor's is."""
     channels = (Channel("TargetX (m/s^2)", "m/s^2", "TargetX"), Channel("AccX (g)", "g", "AccX"))
-    recording = Recording(Path("r.csv"), "CSV", "csv", (Group("r", channels),), lambda report: iter(()))
+    recording = log_of(*channels)
     found = [Finding(code, c.name, None, "") for c in channels for code in ("constant_channel", "clipping_suspected")]
     found.append(Finding("not_a_number", "TargetX (m/s^2)", None, ""))
     left = rig_checks.without_commanded(rig.load_rig("parallelogram-6bar"), recording, found)
@@ -52,7 +57,7 @@ channels = { x = "Soll", y = "Beschl. Y" }
         Channel("Beschl. Y [m/s²]", "m/s²", "Beschl. Y"),
         Channel("Soll [m/s²]", "m/s²", "Soll"),
     )
-    log = Recording(Path("r.csv"), "CSV", "csv", (Group("r", channels),), lambda report: iter(()))
+    log = log_of(*channels)
     bench = rig.load_rig(text)
     assert rig_checks.rig_findings(bench, [log]) == []
     check = GroupCheck(Group("r", channels), channel_ranges={"Beschl. X [m/s²]": SensorRange(20.0, "m/s^2")})
@@ -84,7 +89,7 @@ position = ["0 m", "0 m", "0 m"]
 {key}
 """
     )
-    log = Recording(Path("r.csv"), "CSV", "csv", (Group("r", (Channel("Fx", logged),)),), lambda report: iter(()))
+    log = log_of(Channel("Fx", logged))
     (found,) = rig_checks.channel_ranges(bench, log).values()
     assert found.limit == pytest.approx(limit, rel=1e-12)
 
@@ -97,13 +102,8 @@ def test_a_log_may_hold_a_column_that_is_called_as_one_of_another_logger() -> No
     )
 
     def said(*logs: str) -> list[str]:
-        groups = [
-            (name, Group("r", tuple(Channel(one) for one in held))) for name, held in zip("PQR", logs, strict=False)
-        ]
-        found = rig_checks.rig_findings(
-            rig.load_rig(text),
-            [Recording(Path(name), "CSV", "csv", (g,), lambda report: iter(())) for name, g in groups],
-        )
+        recordings = [log_of(*map(Channel, held), path=name) for name, held in zip("PQR", logs, strict=False)]
+        found = rig_checks.rig_findings(rig.load_rig(text), recordings)
         return [one.message.partition(":")[0] for one in found if one.code == "logger_twice"]
 
     assert said("ab", "bc") == said("a", "bc", "x") == []
@@ -122,8 +122,7 @@ channel = "Winkel"
 joint = "A0"
 """
     calibration = '[sensors.encoder.calibration]\nsensitivity = "4096 counts/rev"\n'
-    channels = (Channel("Winkel", "Inkr"),)
-    log = Recording(Path("r.csv"), "CSV", "csv", (Group("r", channels),), lambda report: iter(()))
+    log = log_of(Channel("Winkel", "Inkr"))
     for rest, codes in (
         ("", ["rig_contradiction"]),
         (calibration, ["calibration_contradiction"]),
@@ -139,13 +138,7 @@ def test_loggers_that_no_log_of_the_run_holds() -> None:
     """A rig of the whole bench: what another log of the run holds is no finding; what none holds is, with the logs."""
     bench = rig.load_rig("parallelogram-6bar")
     logs = [
-        Recording(
-            Path(f"lab/r1_{logger}.csv"),
-            "CSV",
-            "csv",
-            (Group(logger, tuple(Channel(c.channel, c.unit) for c in bench.columns(logger))),),
-            lambda report: iter(()),
-        )
+        log_of(*(Channel(c.channel, c.unit) for c in bench.columns(logger)), path=f"lab/r1_{logger}.csv")
         for logger in bench.loggers
     ]
     assert not rig_checks.rig_findings(bench, logs)

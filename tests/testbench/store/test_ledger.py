@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from testbench.cli.campaign import ledger as command
-from testbench.cli.campaign import remove, verify
+from testbench.cli.campaign import remove
 from testbench.errors import NotConfirmedError, StoreError
 from testbench.ingestion.recovered_runs import recover
 from testbench.store import append_only_records, atomic_files, open_campaign
@@ -20,20 +20,10 @@ from .stored import ACC, fill, names_in, store
 
 
 @pytest.fixture
-def campaign(tmp_path):
+def campaign(two_runs):
     """A folder with two runs and a record."""
-    for number, name in enumerate(("a", "b")):
-        store(tmp_path, ACC, [np.full(3, float(number))], name=name)
-    append_only_records.append_record(tmp_path, "decision", [tmp_path / "a.h5"], {"x": 1})
-    return tmp_path
-
-
-def states(campaign, capsys):
-    """What verify says of what is not intact, and its exit code."""
-    capsys.readouterr()
-    code = verify.main([str(campaign), "--json"], standalone_mode=False)
-    files = json.loads(capsys.readouterr().out)["files"]
-    return {file["name"]: file["status"] for file in files if file["status"] != "intact"}, code
+    append_only_records.append_record(two_runs, "decision", [two_runs / "a.h5"], {"x": 1})
+    return two_runs
 
 
 def record_of(campaign):
@@ -42,14 +32,14 @@ def record_of(campaign):
     return f"records/{path.name}"
 
 
-def test_everything_is_an_entry(campaign, capsys):
+def test_everything_is_an_entry(campaign, verified, capsys):
     """Runs and records with their SHA-256, each chained to the one before; the command prints them."""
     found = read_ledger(campaign)
     assert [(entry.number, entry.kind) for entry in found.entries] == [(1, "run"), (2, "run"), (3, "record")]
     assert [entry.previous for entry in found.entries] == ["", *(entry.digest for entry in found.entries[:-1])]
     assert found.newest["a.h5"].sha256 == atomic_files.sha256_of(campaign / "a.h5")
     assert found.newest[record_of(campaign)].details == {"kind": "decision", "number": 1}
-    assert states(campaign, capsys) == ({}, 0)
+    assert verified(campaign) == ({}, 0)
     assert command.main([str(campaign), "--json"], standalone_mode=False) == 0
     document = json.loads(capsys.readouterr().out)
     assert (document["head"], len(document["entries"])) == (found.head, 3)
@@ -97,11 +87,11 @@ def records_gone(campaign):
         (gone(FILE), {FILE: "missing"}, 1),
     ],
 )
-def test_what_is_missing_exchanged_or_added_is_named(campaign, capsys, act, expected, code):
+def test_what_is_missing_exchanged_or_added_is_named(campaign, verified, act, expected, code):
     """Every file for itself is intact; what should be there is known all the same."""
     record = record_of(campaign)
     act(campaign)
-    assert states(campaign, capsys) == ({record if name == "record" else name: s for name, s in expected.items()}, code)
+    assert verified(campaign) == ({record if name == "record" else name: s for name, s in expected.items()}, code)
 
 
 @pytest.mark.parametrize(
@@ -115,13 +105,13 @@ def test_what_is_missing_exchanged_or_added_is_named(campaign, capsys, act, expe
         (lambda lines: [bytes(len(lines[0]) - 1) + b"\n", *lines[1:]], "line 1: no entry"),
     ],
 )
-def test_a_ledger_that_was_changed_is_named(campaign, capsys, change, named):
+def test_a_ledger_that_was_changed_is_named(campaign, verified, change, named):
     """Removed, exchanged, repeated and edited lines; nothing is appended to it until a person has seen to it."""
     path = campaign / FILE
     path.write_bytes(b"".join(change(path.read_bytes().splitlines(keepends=True))))
     with pytest.raises(StoreError, match=named):
         read_ledger(campaign)
-    assert states(campaign, capsys) == ({FILE: "damaged"}, 1)
+    assert verified(campaign) == ({FILE: "damaged"}, 1)
     with pytest.raises(StoreError, match="ledger"):
         append_only_records.append_record(campaign, "decision", [], {})
     with pytest.raises(StoreError, match="take it out of the campaign"):
@@ -141,63 +131,63 @@ def test_an_entry_of_another_ledger_does_not_follow(campaign, tmp_path_factory):
         read_ledger(campaign)
 
 
-def test_a_torn_append_is_dropped(campaign, capsys):
+def test_a_torn_append_is_dropped(campaign, verified):
     """What was not written whole was never acknowledged: named, and the next entry takes its place."""
     with (campaign / FILE).open("ab") as stream:
         stream.write(b'{"number": 4, "prev' + bytes(7))
-    assert states(campaign, capsys) == ({FILE: "unfinished"}, 3)
+    assert verified(campaign) == ({FILE: "unfinished"}, 3)
     append_only_records.append_record(campaign, "decision", [], {})
     assert len(read_ledger(campaign).entries) == 4
-    assert states(campaign, capsys) == ({}, 0)
+    assert verified(campaign) == ({}, 0)
 
 
-def test_an_older_campaign_gets_one_at_the_next_append(campaign, capsys):
+def test_an_older_campaign_gets_one_at_the_next_append(campaign, verified):
     """What is there then is entered as found; before, recover begins one too."""
     (campaign / FILE).unlink()
     append_only_records.append_record(campaign, "decision", [], {})
     found = read_ledger(campaign)
     assert [entry.details.get("found", False) for entry in found.entries] == [True, True, True, False]
-    assert states(campaign, capsys) == ({}, 0)
+    assert verified(campaign) == ({}, 0)
     (campaign / FILE).unlink()
     assert [one.status for one in recover(campaign)] == ["entered"] * 4
-    assert states(campaign, capsys) == ({}, 0)
+    assert verified(campaign) == ({}, 0)
 
 
-def test_what_a_stopped_append_left_is_entered_by_recover(campaign, capsys):
+def test_what_a_stopped_append_left_is_entered_by_recover(campaign, verified):
     """A record that has its name, and whose entry was not written."""
     lines = (campaign / FILE).read_bytes().splitlines(keepends=True)
     (campaign / FILE).write_bytes(b"".join(lines[:-1]))
-    assert states(campaign, capsys) == ({record_of(campaign): "added"}, 3)
+    assert verified(campaign) == ({record_of(campaign): "added"}, 3)
     assert [(one.run, one.status) for one in recover(campaign)] == [(record_of(campaign), "entered")]
-    assert states(campaign, capsys) == ({}, 0)
+    assert verified(campaign) == ({}, 0)
 
 
-def test_a_digest_of_a_run_that_never_was_goes(campaign, capsys):
+def test_a_digest_of_a_run_that_never_was_goes(campaign, verified):
     """A loss of power kept the name of a digest and not that of its run; one of a run that was entered stays."""
     gone("a.h5")(campaign)
     (campaign / "c.h5.sha256").write_text(atomic_files.line_for("c.h5", "0" * 64))
     recover(campaign)
     assert names_in(campaign) == ["a.h5.sha256", "b.h5", "b.h5.sha256", "records"]
-    assert states(campaign, capsys) == ({"a.h5": "missing"}, 1)
+    assert verified(campaign) == ({"a.h5": "missing"}, 1)
 
 
-def test_a_person_removes(campaign, capsys):
+def test_a_person_removes(campaign, verified):
     """Run, damaged run and record, by whom and why; the number of a removed record is not given again."""
     names = ["a.h5", record_of(campaign)]
     (campaign / "a.h5").write_bytes(b"damaged")
     words = ["--by", "A. Kaya", "--reason", "the wrong rig"]
     assert remove.main([*(str(campaign / name) for name in names), *words], standalone_mode=False) == 0
     assert names_in(campaign) == ["b.h5", "b.h5.sha256", "records"]
-    assert states(campaign, capsys) == ({}, 0)
+    assert verified(campaign) == ({}, 0)
     newest = read_ledger(campaign).newest
     assert {newest[name].kind for name in names} == {"removed"}
     assert newest["a.h5"].details == {"by": "A. Kaya", "reason": "the wrong rig"}
     append_only_records.append_record(campaign, "decision", [campaign / "b.h5"], {"x": 2})
     assert [record.number for record in append_only_records.read_records(campaign)] == [2]
     gone("b.h5", "b.h5.sha256")(campaign)
-    assert states(campaign, capsys) == ({"b.h5": "missing"}, 1)
+    assert verified(campaign) == ({"b.h5": "missing"}, 1)
     assert remove.main([str(campaign / "b.h5"), *words], standalone_mode=False) == 0
-    assert states(campaign, capsys)[0] == {}
+    assert verified(campaign)[0] == {}
     for wrong in ("b.h5.sha256", "none.h5", FILE):
         assert remove.main([str(campaign / wrong), *words], standalone_mode=False) == 1
 
@@ -222,7 +212,7 @@ def test_numbers_of_appends_at_once(campaign):
 
 
 @pytest.mark.parametrize("failing", ["folder", "ledger"])
-def test_a_run_that_the_disk_does_not_confirm(campaign, monkeypatch, capsys, failing):
+def test_a_run_that_the_disk_does_not_confirm(campaign, monkeypatch, verified, failing):
     """It has its name; that it may be lost is said, and recover enters it once the disk is well."""
     real = os.fsync
 
@@ -243,8 +233,8 @@ def test_a_run_that_the_disk_does_not_confirm(campaign, monkeypatch, capsys, fai
                 NotConfirmedError, match=r"c\.h5: was written and has its name, but .*Input/output error"
             ):
                 run.commit()
-    found, code = states(campaign, capsys)
+    found, code = verified(campaign)
     assert (found["c.h5"], code) == ("added", 3)
     assert [one.status for one in recover(campaign)] == ["completed"]
-    assert states(campaign, capsys) == ({}, 0)
+    assert verified(campaign) == ({}, 0)
     assert open_campaign(campaign).runs[2].channel("AccX").tolist() == [1.0, 1.0, 1.0]
