@@ -23,7 +23,7 @@ Vector = tuple[float, float, float]
 
 def _not_zero(direction: Vector) -> Vector:
     if not any(direction):
-        raise ValueError("expected a direction, found 0, 0, 0")
+        raise ValueError("expected a direction, with a component other than 0")
     return direction
 
 
