@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from balance.arrays import Floats
+from balance.task_pool import HERE, TaskPool
 
 from .observation import SPANS, ChannelRecord, Observation
 from .statement import Statement
@@ -50,16 +51,16 @@ class _Signature:
         return np.fft.rfft(self._values * np.hanning(len(self._values)))[self._frequencies] / len(self._values)
 
 
-def copies(observations: Sequence[Observation]) -> list[Statement]:
-    """A statement for each run whose noise is that of an earlier one."""
+def copies(observations: Sequence[Observation], pool: TaskPool = HERE) -> list[Statement]:
+    """A statement for each run whose noise is that of an earlier one; each channel is a task of the ``pool``."""
     by_channel: dict[str, list[tuple[int, ChannelRecord]]] = defaultdict(list)
     noisy = [_noisy(seen) for seen in observations]
     for i, own in enumerate(noisy):
         for record in own:
             by_channel[record.column.channel].append((i, record))
     found: dict[tuple[int, int], list[str]] = defaultdict(list)
-    for channel, records in by_channel.items():
-        for pair in _equal(records):
+    for channel, pairs in zip(by_channel, pool.in_memory.map(_equal, list(by_channel.values())), strict=True):
+        for pair in pairs:
             found[pair].append(channel)
     source: dict[int, int] = {}
     statements = []

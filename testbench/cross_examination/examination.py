@@ -146,23 +146,23 @@ def examine(
     """
     tasks, known = list(runs), dict[object, Mechanism]()
     work = partial(observed_or_why, known=known, given=mechanism)
-    return examined(tasks, pool.map(work, tasks, imports=True), accepted)
+    return examined(tasks, pool.map(work, tasks, imports=True), accepted, pool)
 
 
 def examined(
-    runs: Sequence[Run | SIRun], seen: Sequence[Observation | str], accepted: Iterable[str] = ()
+    runs: Sequence[Run | SIRun], seen: Sequence[Observation | str], accepted: Iterable[str] = (), pool: TaskPool = HERE
 ) -> Examination:
     """The examination of runs of one campaign by what each shows, or why nothing is known of it."""
-    heard = hear([one for one in seen if not isinstance(one, str)], accepted).decided(runs)
+    heard = hear([one for one in seen if not isinstance(one, str)], accepted, pool).decided(runs)
     return replace(
         heard, unexamined={run.name: one for run, one in zip(runs, seen, strict=True) if isinstance(one, str)}
     )
 
 
-def hear(seen: Sequence[Observation], accepted: Iterable[str] = ()) -> Examination:
+def hear(seen: Sequence[Observation], accepted: Iterable[str] = (), pool: TaskPool = HERE) -> Examination:
     """What the observations of runs of one campaign state, each for itself and against the others."""
     reasons = {one.name: one.reasons for one in seen}
-    statements = [*copies(seen), *levels(seen), *(paths := encoder_paths(seen))]
+    statements = [*copies(seen, pool), *levels(seen), *(paths := encoder_paths(seen))]
     wrong = {s.run for s in paths if s.code}
     statements += (short := record_ends(seen))
     reasons |= {s.run: reasons[s.run] | {"record": "nothing else is examined of a part of the motion"} for s in short}

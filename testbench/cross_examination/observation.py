@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -168,12 +168,12 @@ class Observation:
         return replace(self, peak_acceleration=peaks, motions=motions, peak_joint_acceleration=(), torque=None,
                        responses=[], unclosed=None)  # fmt: skip
 
-    @property
+    @cached_property
     def commanded(self) -> dict[str, object]:
         """What the run table states of how a run moves, whatever it carries."""
         return {key: value for key, value in self.condition.items() if key not in _CARRIED}
 
-    @property
+    @cached_property
     def condition(self) -> dict[str, object]:
         """What the run table states of a run and all its repeats."""
         return {key: value for key, value in self.conditions.items() if key != "repeat"}

@@ -140,9 +140,9 @@ def _by_other_runs(seen: Observation, observations: Sequence[Observation]) -> La
         for part, whole, kind in pairs:
             if not (part.size and whole.size):
                 continue
-            before, after = _lacks(part, whole, kind)
-            before = 0.0 if _rests(part, 0, kind) or not _rests(whole, 0, kind) else before
-            after = 0.0 if _rests(part, -1, kind) or not _rests(whole, -1, kind) else after
+            cut = [_rests(whole, end, kind) and not _rests(part, end, kind) for end in (0, -1)]
+            lacks = _lacks(part, whole, kind) if any(cut) else (0.0, 0.0)
+            before, after = (lack if here else 0.0 for lack, here in zip(lacks, cut, strict=True))
             witness = "its encoders" if kind == "motion" else "its accelerometers"
             if said := _said(witness, f"the {kind} of {other.name}", part, whole, (before, after), kind):
                 return said

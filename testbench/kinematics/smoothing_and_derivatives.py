@@ -19,6 +19,8 @@ ORDER = 4
 """Of the low-pass, each way."""
 LARGEST_STEP = 5.0
 """Longest step between samples, in median steps, that a spline may bridge."""
+_EVEN = 1e-6
+"""Of the longest step, by how much steps of an even clock differ: then their mean is the best known."""
 HIGHEST_CUTOFF = 0.4
 """Of a low-pass, as a part of the sampling rate."""
 
@@ -56,17 +58,18 @@ def grid_of(time: Floats, what: str, bridged: bool = False) -> Grid:
 
     Raises AnalysisError where time does not increase, or has a gap that the caller does not mask (``bridged``).
     """
-    if len(time) < 2 or not np.isfinite(time).all():
-        raise AnalysisError(f"{what}: {len(time)} instants, or some that are not numbers: expected a clock")
     steps = np.diff(time)
-    worst = int(np.argmin(steps))
-    if not steps[worst] > 0.0:
-        raise AnalysisError(f"{what}: time does not increase at sample {worst + 1} ({time[worst + 1]:.9g} s)")
-    median = float(np.median(steps))
-    widest = int(np.argmax(steps))
-    if steps[widest] > LARGEST_STEP * median and not bridged:
+    least, most = float(steps.min(initial=np.inf)), float(steps.max(initial=-np.inf))
+    if len(time) < 2 or not np.isfinite(most - least):
+        raise AnalysisError(f"{what}: {len(time)} instants, or some that are not numbers: expected a clock")
+    if not least > 0.0:
+        worst = int(np.argmin(steps)) + 1
+        raise AnalysisError(f"{what}: time does not increase at sample {worst} ({time[worst]:.9g} s)")
+    even = most - least < _EVEN * most
+    median = float(time[-1] - time[0]) / len(steps) if even else float(np.median(steps))
+    if most > LARGEST_STEP * median and not bridged:
         raise AnalysisError(
-            f"{what}: a gap of {steps[widest]:.6g} s after {time[widest]:.9g} s, where steps are {median:.6g} s: "
+            f"{what}: a gap of {most:.6g} s after {time[np.argmax(steps)]:.9g} s, where steps are {median:.6g} s: "
             "nothing is interpolated there; cut the log into two runs"
         )
     return Grid(float(time[0]), median, int((time[-1] - time[0]) / median + 1e-6) + 1)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from balance.results import Key, Shown, frame
+from balance.task_pool import cores
 
 from ..errors import StoreError
 from . import atomic_files, ledger
@@ -96,7 +97,8 @@ class Campaign(Mapping[str, Run], Shown):
     @cached_property
     def runs(self) -> tuple[Run, ...]:
         """The stored runs, by name; their data are read when asked for. Of a log that grew, its newest version."""
-        return tuple(newest_versions([open_run(path) for path in self.run_paths]))
+        paths = self.run_paths
+        return tuple(newest_versions(cores(len(paths)).map(open_run, paths, imports=True)))
 
     def verify(self, progress: Callable[[int], None] = lambda count: None) -> list[FileState]:
         """The state of every file in the folder: of runs by their digests, of others that they are there.

@@ -404,7 +404,8 @@ def _pooled(
     themselves: what the ``unsure`` lines may be wrong by is taken off first.
     """
     least, rest, left, rounded, unsure = shown
-    at_rest, moving, steps, lines = (Noise.of(some, least) for some in (rest, left, rounded, unsure))
+    longest = max((len(one.values) for one in (*rest, *left) if one.usable), default=0)
+    at_rest, moving, steps, lines = (Noise.of(some, least, longest) for some in (rest, left, rounded, unsure))
     if moving is not None and lines is not None:
         moving = moving.without_lines(lines)
     if moving is None or (steps is None and at_rest is None):

@@ -112,7 +112,7 @@ def random_numbers(values: Floats) -> np.random.Generator:
     return np.random.default_rng(int(np.float32(np.log(values @ values + 1e-300)).view(np.uint32)))
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=256)
 def tapers(count: int) -> Floats:
     """Sines of one, two and three half periods, each of power one, (3, count) [-]."""
     along = np.pi * np.arange(1, count + 1) / (count + 1)
@@ -145,14 +145,17 @@ class Noise:
     """Of a cell that is like those about it, so that its power is no narrow mode's; None: as of any other."""
 
     @classmethod
-    def of(cls, segments: Sequence[Segment], least: float = 0.0) -> "Noise | None":
-        """Pooled over segments of one rate; None where none is usable. ``least`` is a density below which none is."""
+    def of(cls, segments: Sequence[Segment], least: float = 0.0, longest: int = 0) -> "Noise | None":
+        """Pooled over segments of one rate; None where none is usable. ``least`` is a density below which none is.
+
+        Noises at the same frequencies are of segments with the same ``longest`` [samples], or of longer ones.
+        """
         from scipy.fft import next_fast_len
 
         some = [segment for segment in segments if segment.usable]
         if not some:
             return None
-        rate, longest = some[0].rate_hz, max(len(segment.values) for segment in some)
+        rate, longest = some[0].rate_hz, max(longest, *(len(segment.values) for segment in some))
         size = next_fast_len(2 * longest, real=True)
         size += size % 2
         frequency = np.arange(size // 2 + 1) * rate / size

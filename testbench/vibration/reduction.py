@@ -220,7 +220,7 @@ def analyze(
         work = partial(_observed_and_read, known={}, given=mechanism)
         tasks = [(run, measure if id(run) in paired else None) for run in runs]
         seen, read = zip(*pool.map(work, tasks, imports=True), strict=True) if tasks else ((), ())
-        examination = examined(runs, seen, accept)
+        examination = examined(runs, seen, accept, pool)
         known = {id(run): one for run, one in zip(runs, read, strict=True) if id(run) in paired}
     found, findings = pairs(run for run in runs if run.name not in examination.copied)
     findings += examination.findings
