@@ -80,10 +80,9 @@ def on_grid(time: Floats, values: Floats, grid: Grid) -> Floats:
 
     The values themselves where the instants are those of the grid, to a millionth of its step.
     """
-    from scipy.interpolate import make_interp_spline
-
     if len(time) == grid.count and np.abs(time - grid.time).max() < 1e-6 * grid.step:
         return values
+    from scipy.interpolate import make_interp_spline
 
     return np.asarray(make_interp_spline(time, values, 3)(grid.time))
 

@@ -514,7 +514,8 @@ def _rounding(
 
 def _neighbours(spectrum: Floats) -> Floats:
     """Power of frequencies (k,), each averaged with its neighbours, (k,)."""
-    return np.convolve(spectrum**2, np.full(_NEIGHBOURS, 1.0 / _NEIGHBOURS), "same")
+    around = np.pad(spectrum**2, _NEIGHBOURS // 2)
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(around, len(spectrum)).mean(axis=0))
 
 
 def _samples(span: tuple[float, float], count: int, seconds: float) -> slice:
