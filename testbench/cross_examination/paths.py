@@ -121,7 +121,7 @@ def _by_stored_motion(seen: Observation) -> Lacking | None:
         return None
     part = seen.encoder_speeds[:, [seen.encoders.index(name) for name in names]]
     whole = np.column_stack([seen.commanded_speeds[name] for name in names])
-    if not (_rests(whole, -1, "motion") and _rests(whole, 0, "motion")):
+    if any(_moving_ends(whole, "motion")):
         return None
     lacks = _lacks(part, whole, "motion")
     return _said("its encoders", "the motion that is stored with the run", part, whole, lacks, "motion")
@@ -129,22 +129,31 @@ def _by_stored_motion(seen: Observation) -> Lacking | None:
 
 def _by_other_runs(seen: Observation, observations: Sequence[Observation]) -> Lacking | None:
     """By encoders of runs of the same motion, by accelerometers of repeats: they are at rest where this run is not."""
-    for other in observations:
+    longest = int(VIBRATION_S * VIBRATION_RATE_HZ)
+    speeds, vibrations = (
+        _moving_ends(seen.encoder_speeds, "motion"),
+        {
+            channels: ends
+            for channels, values in seen.vibrations.items()
+            if any(ends := _moving_ends(values, "vibration"))
+        },
+    )
+    for other in observations if any(speeds) or vibrations else ():
         if other is seen or other.commanded != seen.commanded:
             continue
-        pairs = [(seen.encoder_speeds, other.encoder_speeds, "motion")] if seen.encoders == other.encoders else []
-        if other.condition == seen.condition:
-            longest = int(VIBRATION_S * VIBRATION_RATE_HZ)
-            both = [(v, other.vibrations[k], "vibration") for k, v in seen.vibrations.items() if k in other.vibrations]
-            pairs += [one for one in both if max(len(one[0]), len(one[1])) < longest]
-        for part, whole, kind in pairs:
-            if not (part.size and whole.size):
+        same = any(speeds) and seen.encoders == other.encoders
+        pairs = [(seen.encoder_speeds, other.encoder_speeds, speeds, "motion")] if same else []
+        for channels, ends in vibrations.items() if other.condition == seen.condition else ():
+            part, whole = seen.vibrations[channels], other.vibrations.get(channels, np.zeros((0, 0)))
+            if max(len(part), len(whole)) < longest:
+                pairs.append((part, whole, ends, "vibration"))
+        for part, whole, ends, kind in pairs:
+            cut = [here and not there for here, there in zip(ends, _moving_ends(whole, kind), strict=True)]
+            if not (whole.size and any(cut)):
                 continue
-            cut = [_rests(whole, end, kind) and not _rests(part, end, kind) for end in (0, -1)]
-            lacks = _lacks(part, whole, kind) if any(cut) else (0.0, 0.0)
-            before, after = (lack if here else 0.0 for lack, here in zip(lacks, cut, strict=True))
+            lacks = tuple(lack * here for lack, here in zip(_lacks(part, whole, kind), cut, strict=True))
             witness = "its encoders" if kind == "motion" else "its accelerometers"
-            if said := _said(witness, f"the {kind} of {other.name}", part, whole, (before, after), kind):
+            if said := _said(witness, f"the {kind} of {other.name}", part, whole, (lacks[0], lacks[1]), kind):
                 return said
     return None
 
@@ -200,10 +209,10 @@ def _moving(values: Floats, kind: str) -> Mask:
     return np.asarray(size > MOVES[kind] * float(size.max(initial=0.0)))
 
 
-def _rests(values: Floats, end: int, kind: str) -> bool:
-    """Whether a record (n, k) is at rest at its beginning, 0, or its end, -1."""
-    count = round(SEEN_S[kind] * SPEED_RATE_HZ)
-    return not _moving(values, kind)[slice(-count, None) if end else slice(count)].any()
+def _moving_ends(values: Floats, kind: str) -> tuple[bool, bool]:
+    """Whether a record (n, k) is not at rest at its beginning, and at its end."""
+    count, moving = round(SEEN_S[kind] * SPEED_RATE_HZ), _moving(values, kind) if values.size else np.zeros(0, bool)
+    return bool(moving[:count].any()), bool(moving[-count:].any())
 
 
 def _period(values: Floats) -> float:

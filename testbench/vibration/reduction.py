@@ -312,14 +312,15 @@ class CampaignLikelihoods:
     def of(cls, conditions: Sequence[Condition], pool: TaskPool = HERE) -> "CampaignLikelihoods":
         """Runs that are compared with several sets of counter-masses count once; place by place, for its noise.
 
-        Of so many places as copies of this process share evenly each is one task, so that its noise is drawn once.
+        Of so many places as copies of this process share evenly each is one task, so that its noise is drawn once;
+        the others are cut finer than that, so that all are done at about the same time.
         """
         found = cls(CampaignNoise.of(conditions, pool), {}, {}, {})
         once: dict[Place, dict[tuple[int, ...], Group]] = {}
         places = list(dict.fromkeys(place for condition in conditions for place in condition.places))
         some = {place: [condition for condition in conditions if place in condition.places] for place in places}
         shared = places[len(places) - len(places) % pool.processes :]
-        cuts = {place: -(-len(some[place]) // (pool.processes if place in shared else 1)) for place in places}
+        cuts = {place: -(-len(some[place]) // (2 * pool.processes if place in shared else 1)) for place in places}
         each = [(p, some[p][i : i + cuts[p]]) for p in places for i in range(0, len(some[p]), cuts[p])]
         for (place, part), shown in zip(each, pool.map(found.noise.groups_and_means, each), strict=True):
             for condition, (both, means) in zip(part, shown, strict=True):
