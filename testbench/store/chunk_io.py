@@ -164,27 +164,33 @@ def checked_samples(chunk: bytes) -> Samples:
     return samples
 
 
-def is_possible(dataset: "h5py.Dataset", block: int) -> bool:
-    """Whether ``dataset`` is long float64 in whole chunks of ``block`` samples, with no filter but the checksum."""
-    import h5py
+def is_possible(dataset: "h5py.h5d.DatasetID", block: int) -> bool:
+    """Whether ``dataset`` is long float64 in whole chunks of ``block`` samples, with no filter but the checksum.
 
-    shape, kind = dataset.id.shape, dataset.id.dtype
+    It is what h5py's lower level has: objects of the upper one take several times as long.
+    """
+    from h5py import h5d, h5fd, h5i, h5z
+
+    shape, kind = dataset.shape, dataset.dtype
     if kind != np.dtype("<f8") or len(shape) != 1 or kind.itemsize * shape[0] < WORTH or not hasattr(os, "preadv"):
         return False
-    file, plist = dataset.file, dataset.id.get_create_plist()
-    one = plist.get_nfilters() == 1 and plist.get_filter(0)[0] == h5py.h5z.FILTER_FLETCHER32
-    whole = one and plist.get_layout() == h5py.h5d.CHUNKED and plist.get_chunk() == (block,)
-    return whole and sys.byteorder == "little" and file.driver == "sec2" and not file.userblock_size
+    plist, file = dataset.get_create_plist(), h5i.get_file_id(dataset)
+    one = plist.get_nfilters() == 1 and plist.get_filter(0)[0] == h5z.FILTER_FLETCHER32
+    whole = one and plist.get_layout() == h5d.CHUNKED and plist.get_chunk() == (block,)
+    plain = file.get_access_plist().get_driver() == h5fd.SEC2 and not file.get_create_plist().get_userblock()
+    return whole and plain and sys.byteorder == "little"
 
 
-def read_chunks(dataset: "h5py.Dataset", check: Callable[[int, Samples], None]) -> Samples:
-    """The values of ``dataset``, (n,) as recorded [-]; ``check`` is given the first sample and the values of each part.
+def read_chunks(dataset: "h5py.h5d.DatasetID", length: int, check: Callable[[int, Samples], None]) -> Samples:
+    """The values of ``dataset``, (n,) as recorded [-], in chunks of ``length`` samples; ``check`` is given the first
+    sample and the values of each part.
 
     Raises OSError if a chunk is missing or elsewhere. :func:`is_possible` is asked before.
     """
-    length, total = dataset.chunks[0], len(dataset)
-    handle = dataset.file.id.get_vfd_handle()
-    places = _places(dataset, os.fstat(handle).st_size)
+    from h5py import h5i
+
+    (total,), handle = dataset.shape, h5i.get_file_id(dataset).get_vfd_handle()
+    places = _places(dataset, length, os.fstat(handle).st_size)
     values = np.empty((len(places), length))
 
     def read(first: int) -> None:
@@ -199,19 +205,25 @@ def read_chunks(dataset: "h5py.Dataset", check: Callable[[int, Samples], None]) 
     return values.reshape(-1)[:total]
 
 
-def _places(dataset: "h5py.Dataset", file_size: int) -> list[int]:
-    """Where each chunk lies, in order [bytes]."""
-    size = dataset.chunks[0] * dataset.dtype.itemsize
+def _places(dataset: "h5py.h5d.DatasetID", length: int, file_size: int) -> list[int]:
+    """Where each chunk of ``length`` samples lies, in order [bytes]."""
+    (total,), size = dataset.shape, length * np.dtype("<f8").itemsize
     found: list[tuple[int, int, int, int]] = []
-    dataset.id.chunk_iter(lambda c: found.append((c.chunk_offset[0], c.byte_offset, c.size, c.filter_mask)))
+    dataset.chunk_iter(lambda c: found.append((c.chunk_offset[0], c.byte_offset, c.size, c.filter_mask)))
     found.sort()
-    whole = [first for first, *_ in found] == list(range(0, len(dataset), dataset.chunks[0]))
+    whole = [first for first, *_ in found] == list(range(0, total, length))
     inside = all(at + size + _CHECKSUM_BYTES <= file_size for _, at, *_ in found)
     if not whole or not inside or any((s, mask) != (size + _CHECKSUM_BYTES, 0) for *_, s, mask in found):
-        raise OSError(f"{dataset.name}: its chunks are not those of {len(dataset)} samples, or lie outside the file")
+        raise OSError(f"{_name(dataset)}: its chunks are not those of {total} samples, or lie outside the file")
     if len(found) * size > file_size:
-        raise OSError(f"{dataset.name} declares more values than the file holds")
+        raise OSError(f"{_name(dataset)} declares more values than the file holds")
     return [at for _, at, *_ in found]
+
+
+def _name(dataset: "h5py.h5d.DatasetID") -> str:
+    from h5py import h5i
+
+    return str(h5i.get_name(dataset).decode())
 
 
 def _read(handle: int, places: Sequence[int], values: Samples, part: range) -> None:

@@ -145,12 +145,14 @@ def numbers(
 
     ``check`` is given them, and refuses those that are not as written; long ones in parts of ``block`` samples.
     """
-    dataset = member(group, path)
-    if dataset.dtype.kind not in "fiu" or dataset.ndim != 1:
+    import h5py
+
+    node = _sound(group, path)
+    if node.dtype.kind not in "fiu" or len(node.shape) != 1:
         raise StoreError(f"{group.file.filename}: {path} does not hold one number a sample")
-    if block and (begin, end) == (0, len(dataset)) and chunk_io.is_possible(dataset, block):
-        return chunk_io.read_chunks(dataset, check)
-    values = np.asarray(dataset[begin:end], dtype=np.float64)
+    if block and (begin, end) == (0, *node.shape) and chunk_io.is_possible(node, block):
+        return chunk_io.read_chunks(node, block, check)
+    values = np.asarray(h5py.Dataset(node)[begin:end], dtype=np.float64)
     check(begin, values)
     return values
 

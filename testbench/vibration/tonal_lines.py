@@ -18,7 +18,7 @@ SHORTEST_S = 0.12
 _SIGNIFICANT = 25.0
 """Power of a line over its variance from which it is taken out: by chance once in a million."""
 _TRIED = 61
-_FINER = 8
+_FINER = 4
 """How much closer than one period a record frequencies are looked at."""
 
 

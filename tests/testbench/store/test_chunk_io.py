@@ -39,8 +39,8 @@ def test_the_same_bits_as_hdf5_reads(tmp_path, samples):
     columns[0][:3] = -0.0, np.nan, np.inf
     run = store(tmp_path, GROUP, columns, block=77_777)
     with h5py.File(run.path) as file:
-        assert chunk_io.is_possible(file["entry/log/AccX"], writer.CHUNK)
-        read = chunk_io.read_chunks(file["entry/log/AccX"], lambda first, values: None)
+        assert chunk_io.is_possible(file["entry/log/AccX"].id, writer.CHUNK)
+        read = chunk_io.read_chunks(file["entry/log/AccX"].id, writer.CHUNK, lambda first, values: None)
         assert read.tobytes() == file["entry/log/AccX"][()].tobytes()
         part = run.group().samples_of(file, 1, 33_000, 70_000)
         assert part.tobytes() == columns[1][33_000:70_000].tobytes()
@@ -235,10 +235,12 @@ def test_places_outside_the_file_are_refused(run, monkeypatch):
     with h5py.File(run) as file:
         size = run.stat().st_size
         with pytest.raises(OSError, match="outside the file"):
-            chunk_io._places(file["entry/log/AccY"], size // 4)
-        monkeypatch.setattr(chunk_io, "_places", lambda dataset, _: [size - 100] * -(-len(dataset) // writer.CHUNK))
+            chunk_io._places(file["entry/log/AccY"].id, writer.CHUNK, size // 4)
+        monkeypatch.setattr(
+            chunk_io, "_places", lambda dataset, length, _: [size - 100] * -(-dataset.shape[0] // length)
+        )
         with pytest.raises(OSError, match="ends inside a chunk"):
-            chunk_io.read_chunks(file["entry/log/AccY"], lambda first, values: None)
+            chunk_io.read_chunks(file["entry/log/AccY"].id, writer.CHUNK, lambda first, values: None)
 
 
 def test_what_cannot_be_read_so_is_left_to_hdf5(tmp_path):
@@ -248,11 +250,11 @@ def test_what_cannot_be_read_so_is_left_to_hdf5(tmp_path):
         for name, options in kinds.items():
             options |= {"chunks": (1000,)} if name != "short" else {}
             data = np.zeros(10 if name == "short" else LENGTHS[1])
-            assert not chunk_io.is_possible(file.create_dataset(name, data=data, **options), 1000)
+            assert not chunk_io.is_possible(file.create_dataset(name, data=data, **options).id, 1000)
         f4 = file.create_dataset("f4", data=data.astype("f4"), fletcher32=True, chunks=(1000,))
-        assert not chunk_io.is_possible(f4, 1000)
+        assert not chunk_io.is_possible(f4.id, 1000)
         other = file.create_dataset("other", data=data, fletcher32=True, chunks=(999,))
-        assert not chunk_io.is_possible(other, 1000)
+        assert not chunk_io.is_possible(other.id, 1000)
 
 
 @pytest.mark.parametrize("length", [256, 1024, 1 << 15])
