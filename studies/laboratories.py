@@ -227,7 +227,7 @@ def oracle(laboratory: Laboratory, pair: Pair, measure: Measure) -> dict[str, tu
             runs = [laboratory.in_known_noise(run[place], name, axis) for run, name in each]
             group = Group(tuple(run.likelihood for run in runs), side.names)
             if both and not group.clear:
-                mean = {part.name: getattr(both.means[place], part.name) for part in fields(Amplitude)}
+                mean = {part.name: getattr(both.places[place].mean, part.name) for part in fields(Amplitude)}
                 group = Group((replace(runs[0], **mean).likelihood,), side.names)
             sides.append(ConditionAmplitude(group))
             scatters.append(np.mean([run.scatter for run in runs]) / len(runs) ** 0.5)

@@ -4,6 +4,7 @@ How sure a mean of repeats is follows from the noise of the campaign, rests and 
 (``CampaignNoise``), and from what the repeats differ by beyond it (``repeatability``).
 """
 
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -201,6 +202,61 @@ class Condition:
         return max(run[place].step for run in self.runs)
 
 
+@dataclass
+class _Shown:
+    """What runs with one setting of the logger show of the noise of a place."""
+
+    least: float = 0.0
+    """Density below which none is [unit^2/Hz]."""
+    rests: list[Segment] = field(default_factory=list)
+    residuals: list[Segment] = field(default_factory=list)
+    """What does not repeat."""
+    rounded: list[Segment] = field(default_factory=list)
+    """What steps that no noise dithers add to it."""
+    unsure: list[Segment] = field(default_factory=list)
+    """What the lines of the mains may be wrong by that were taken out."""
+    undithered: list[Amplitude] = field(default_factory=list)
+
+    def add(self, one: Amplitude, repeated: bool) -> None:
+        """Take in a run; ``repeated``: it is among aligned repeats."""
+        self.least = max(self.least, one.hidden_density)
+        if one.resting is not None and not one.dead:
+            self.rests.append(one.resting)
+            self.undithered += [one] if one.rounded is not None else []
+        if repeated:
+            self.rounded += [one.rounded] if one.rounded is not None else []
+            self.unsure += one.unsure_lines
+
+    def noise(self, band: "Band | None") -> tuple[Noise | None, bool]:
+        """The noise of rests and of what does not repeat; of the latter alone where that is louder, and whether it is.
+
+        What does not repeat shows steps that no noise dithers too, which have an error of their own: it is louder only
+        if it is so than rests and ``rounded`` together, and then what these add is taken off; else rests alone show
+        the noise. It shows too by how much the lines of the mains were wrong that were taken out, of which records are
+        drawn by themselves: what the ``unsure`` lines may be wrong by is taken off first.
+        """
+        least, rests = self.least, self.rests
+        hidden = bool(rests) and len(self.undithered) == len(rests)
+        if hidden and all(one.toggles is not None for one in self.undithered):
+            least, rests = noise_behind_steps(self.undithered)
+        longest = max((len(one.values) for one in (*rests, *self.residuals) if one.usable), default=0)
+        shown = (rests, self.residuals, self.rounded, self.unsure)
+        at_rest, moving, steps, lines = (Noise.of(some, least, longest) for some in shown)
+        if moving is not None and lines is not None:
+            moving = moving.without_lines(lines)
+        if moving is None or (steps is None and at_rest is None):
+            return at_rest or moving, False
+        if steps is None:
+            louder = at_rest is not None and moving.exceeds(at_rest, band)
+            if louder:
+                return moving, True
+            both = Noise.of([*rests, *self.residuals], least)
+            return both.without_lines(lines) if both and lines else both, False
+        quiet = at_rest or replace(moving, density=np.full_like(moving.density, least))
+        louder = moving.exceeds(steps.plus(quiet), band)
+        return moving.without(steps, quiet) if louder else quiet, louder
+
+
 @dataclass(frozen=True)
 class CampaignNoise:
     """The noise of every channel, and the repeats of every side, of a campaign."""
@@ -230,34 +286,19 @@ class CampaignNoise:
         conditions = list(conditions)
         sides = {side.key: side for condition in conditions for side in condition.sides}
         aligned = dict(zip(sides, pool.map(Synchronous.of, [s.records for s in sides.values()]), strict=True))
-        rests: dict[tuple[Place, int], list[Segment]] = {}
-        residuals: dict[tuple[Place, int], list[Segment]] = {}
-        least: dict[tuple[Place, int], float] = {}
-        rounded: dict[tuple[Place, int], list[Segment]] = {}
-        unsure: dict[tuple[Place, int], list[Segment]] = {}
-        undithered: dict[tuple[Place, int], list[Amplitude]] = {}
+        shown: dict[tuple[Place, int], _Shown] = defaultdict(_Shown)
         for name, side in sides.items():
+            both = aligned[name]
             for place, one in (item for record in side.records for item in record.items()):
-                key = place, round(one.rate_hz)
-                least[key] = max(least.get(key, 0.0), one.hidden_density)
-                if one.rounded is not None and one.resting is not None and not one.dead:
-                    undithered.setdefault(key, []).append(one)
-                if aligned[name] is not None and one.rounded is not None:
-                    rounded.setdefault(key, []).append(one.rounded)
-                if aligned[name] is not None and one.line_errors is not None:
-                    unsure.setdefault(key, []).extend(one.unsure_lines)
-                if one.resting is not None and not one.dead:
-                    rests.setdefault(key, []).append(one.resting)
-            for place, some in (both.residuals if (both := aligned[name]) else {}).items():
-                residuals.setdefault((place, round(some[0].rate_hz)), []).extend(some)
-        for key, runs in undithered.items():
-            if len(runs) == len(rests.get(key, [])) and all(one.toggles is not None for one in runs):
-                least[key], rests[key] = noise_behind_steps(runs)
+                shown[place, round(one.rate_hz)].add(one, repeated=both is not None)
+            for place, some in (both.places if both else {}).items():
+                shown[place, round(some.mean.rate_hz)].residuals += some.residuals
         noises: dict[tuple[Place, int], Noise | None] = {}
         in_motion: dict[Place, bool] = {}
         band = conditions[0].measure.band if conditions else None
-        shown = [(least[key], *(some.get(key, []) for some in (rests, residuals, rounded, unsure))) for key in least]
-        for key, (noise, louder) in zip(least, pool.map(partial(_pooled, band), shown), strict=True):
+        for key, (noise, louder) in zip(
+            shown, pool.map(partial(_Shown.noise, band=band), [*shown.values()]), strict=True
+        ):
             noises[key], in_motion[key[0]] = noise, louder or in_motion.get(key[0], False)
         found = cls(noises, in_motion, aligned, rounding_in_common=rounding_in_common(aligned.values()))
         for condition in conditions:
@@ -293,7 +334,7 @@ class CampaignNoise:
 
     def repeated(self, place: Place) -> bool:
         """Whether repeats of the campaign show the noise."""
-        return any(both is not None and place in both.means for both in self.aligned.values())
+        return any(both is not None and place in both.places for both in self.aligned.values())
 
     def groups_and_means(
         self, of: tuple[Place, Sequence[Condition]]
@@ -322,8 +363,9 @@ class CampaignNoise:
             likelihoods = tuple(AmplitudeLikelihood.of(one, noise) for one, noise in some if noise)
             one = Group(likelihoods, side.names)
             if both and (noise := some[0][1]):
-                mean = self.in_envelope(condition, place, both.means[place])
-                one = replace(one, gains=both.gains[place], gain_error=gain_error(mean, both.weights[place], noise))
+                together = both.places[place]
+                mean = self.in_envelope(condition, place, together.mean)
+                one = replace(one, gains=together.gains, gain_error=gain_error(mean, together.weights, noise))
             found.append(one)
         return found[0], found[1]
 
@@ -332,7 +374,7 @@ class CampaignNoise:
         both = self.aligned[side.key]
         if both is None or condition.dead(place):
             return None
-        one = self.in_envelope(condition, place, both.means[place])
+        one = self.in_envelope(condition, place, both.places[place].mean)
         noise = self.noise(condition, one, place)
         if noise is None or noise is one.stated or one.reading <= 0.0:
             return None
@@ -350,11 +392,11 @@ class CampaignNoise:
             both, first = self.aligned[side.key], side.records[0][place]
             if both is None:
                 continue
-            own = one is both.means[place] or any(one is run[place] for run in side.records)
+            own = one is both.places[place].mean or any(one is run[place] for run in side.records)
             if own:
-                shown.append((both.over_time[place], lag))
+                shown.append((both.places[place].over_time, lag))
             elif one.moving and first.moving:
-                shown.append((both.over_time[place], float(one.moving.start - first.moving.start)))
+                shown.append((both.places[place].over_time, float(one.moving.start - first.moving.start)))
         moving = one.moving or slice(0, len(one.course))
         return replace(one, over_time=NoiseOverTime.pooled(shown, len(one.course), moving)) if shown else one
 
@@ -363,7 +405,12 @@ def rounding_in_common(aligned: Iterable[Synchronous | None]) -> float:
     """Share of what steps add that aligned repeats have in common, by what they do not share on plateaus, where noise
     counts as that. All of it where nothing tells: whether the zeros of a converter are one is one fact of a campaign.
     """
-    shown = [(left, steps, len(both.lags) - 1) for both in aligned if both for left, steps in both.plateaus.values()]
+    shown = [
+        (*one.plateaus, len(both.lags) - 1)
+        for both in aligned
+        for one in (both.places.values() if both else ())
+        if one.plateaus
+    ]
     freedom = sum(count for _, steps, count in shown if steps > 0.0)
     own = sum(min(left / steps, 1.0) * count for left, steps, count in shown if steps > 0.0)
     return 1.0 - own / freedom if freedom else 1.0
@@ -391,34 +438,6 @@ def noise_behind_steps(runs: Sequence[Amplitude]) -> tuple[float, list[Segment]]
         if (rest := one.resting)
     ]
     return 2.0 * deviation**2 / max(one.logger_hz for one in runs), rests
-
-
-def _pooled(
-    band: "Band | None", shown: tuple[float, Sequence[Segment], Sequence[Segment], Sequence[Segment], Sequence[Segment]]
-) -> tuple[Noise | None, bool]:
-    """The noise of rests and of what does not repeat; of the latter alone where that is louder, and whether it is.
-
-    What does not repeat shows steps that no noise dithers too, which have an error of their own: it is louder only if
-    it is so than rests and ``rounded`` together, and then what these add is taken off; else rests alone show the noise.
-    It shows too by how much the lines of the mains were wrong that were taken out, of which records are drawn by
-    themselves: what the ``unsure`` lines may be wrong by is taken off first.
-    """
-    least, rest, left, rounded, unsure = shown
-    longest = max((len(one.values) for one in (*rest, *left) if one.usable), default=0)
-    at_rest, moving, steps, lines = (Noise.of(some, least, longest) for some in (rest, left, rounded, unsure))
-    if moving is not None and lines is not None:
-        moving = moving.without_lines(lines)
-    if moving is None or (steps is None and at_rest is None):
-        return at_rest or moving, False
-    if steps is None:
-        louder = at_rest is not None and moving.exceeds(at_rest, band)
-        if louder:
-            return moving, True
-        both = Noise.of([*rest, *left], least)
-        return both.without_lines(lines) if both and lines else both, False
-    quiet = at_rest or replace(moving, density=np.full_like(moving.density, least))
-    louder = moving.exceeds(steps.plus(quiet), band)
-    return moving.without(steps, quiet) if louder else quiet, louder
 
 
 def _readable(

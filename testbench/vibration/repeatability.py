@@ -240,24 +240,72 @@ def _unlike_the_others(groups: Sequence[Group], least: float) -> list[Group]:
 
 
 @dataclass(frozen=True)
-class Synchronous:
-    """Repeats of one side, aligned: their mean, and what does not repeat."""
+class AlignedPlace:
+    """One channel in aligned repeats of one side: their mean, and what does not repeat."""
 
-    means: dict[Place, Amplitude]
-    residuals: dict[Place, tuple[Segment, ...]]
+    mean: Amplitude
+    residuals: tuple[Segment, ...]
     """In motion, each divided by its envelope, of the power in the band that they have there."""
-    over_time: dict[Place, NoiseOverTime]
+    over_time: NoiseOverTime
     """How what does not repeat goes over the time of the first run."""
+    gains: Floats
+    """By what share of it each run shows more of the mean than the mean itself, where all of them reach, (k,) [-]."""
+    weights: Floats
+    """What a gain is the sum of a record times, (n,) [1/unit]: the mean's course, less what is like its shifts."""
+    plateaus: tuple[float, float] | None
+    """Mean squares in the band, where the mean changes so slowly that all repeats would lie on one plateau of a step
+    that is not dithered: of what repeats do not share, and of what rounding at other zeros makes [unit^2]. None where
+    there is no such plateau.
+    """
+
+    @classmethod
+    def of(cls, runs: Sequence[Amplitude], whole: Floats, lags: Sequence[float]) -> "AlignedPlace | None":
+        """From repeats, the whole record of each moved to the first, (k, n) [unit]; None where too little is common."""
+        first, (number, count) = runs[0], whole.shape
+        at, lengths = np.arange(count) + np.array(lags)[:, None], np.array([[len(run.course)] for run in runs])
+        held = (at >= 0.0) & (at <= lengths - 1.0)
+        shared = np.flatnonzero(held.all(axis=0))
+        if len(shared) <= 2 * EDGE:
+            return None
+        nearly = (at > -1.0) & (at < lengths)  # within a sample, of which there is one at each end
+        fewer = None if nearly.all() else np.sqrt(number / held.sum(axis=0))
+        common = slice(int(shared[0]) + EDGE * (shared[0] > 0), int(shared[-1]) + 1 - EDGE * (shared[-1] < count - 1))
+        mean = (whole * held).sum(axis=0) / held.sum(axis=0)
+        basis, apart = with_shifts(first.in_band(mean))[common], (whole - mean).T[common]
+        inverse = np.linalg.pinv(basis)
+        left, gains = (apart - basis @ (inverse @ apart)).T, inverse[0] @ apart
+        weights = np.pad(inverse[0], (common.start, count - common.stop))
+        scale = (number / (number - 1.0)) ** 0.5
+        rate, moving = first.rate_hz, first.moving or slice(0, count)
+        part = slice(max(moving.start - common.start, 0), max(moving.stop - common.start, 0))
+        shown = scale * first.in_band(left)
+        course = NoiseOverTime.of(shown, number - 1.0, common, moving, count, rate)
+        over_time = course.power[common] ** 0.5
+        evened = float(np.mean((shown / over_time)[:, part] ** 2))  # less: the envelope follows the noise itself
+        level = scale * np.sqrt(np.mean(shown[:, part] ** 2) / max(evened, 1e-300))
+        residuals = tuple(Segment((level * one / over_time)[part], rate, 1.0 / scale**2) for one in left)
+        plateaus = None
+        slow = np.abs(np.gradient(mean))[common] * rate < _SLOW * first.step * first.logger_hz
+        slow[: part.start], slow[part.stop :] = False, False
+        made = [
+            np.interp(late[common], np.arange(len(run.plateaus)), run.plateaus)
+            for run, late in zip(runs, at, strict=True)
+            if run.plateaus is not None
+        ]
+        if slow.any() and len(made) == number:
+            steps = first.in_band(np.array(made))[:, slow]
+            plateaus = float(np.mean(shown[:, slow] ** 2)), float(np.mean(steps**2))
+        together = replace(first.mean_of(runs, lags, mean), envelope=fewer)
+        return cls(together, residuals, course, gains, weights, plateaus)
+
+
+@dataclass(frozen=True)
+class Synchronous:
+    """Repeats of one side, aligned."""
+
+    places: dict[Place, AlignedPlace]
     lags: tuple[float, ...]
     """By how much later each run shows what the first shows [samples]."""
-    gains: dict[Place, Floats]
-    """By what share of it each run shows more of the mean than the mean itself, where all of them reach, (k,) [-]."""
-    weights: dict[Place, Floats]
-    """What a gain is the sum of a record times, (n,) [1/unit]: the mean's course, less what is like its shifts."""
-    plateaus: dict[Place, tuple[float, float]]
-    """Mean squares in the band, where the mean changes so slowly that all repeats would lie on one plateau of a step
-    that is not dithered: of what repeats do not share, and of what rounding at other zeros makes [unit^2].
-    """
 
     @classmethod
     def of(cls, runs: Sequence[dict[Place, Amplitude]]) -> "Synchronous | None":
@@ -271,48 +319,17 @@ class Synchronous:
         if aligned is None:
             return None
         lags, signs = aligned
-        means, residuals, courses, gains, weights, plateaus = {}, {}, {}, {}, {}, {}
-        first, at = runs[0], np.arange(count) + np.array(lags)[:, None]
-        lengths = np.array([[len(run[places[0]].course)] for run in runs])
-        held = (at >= 0.0) & (at <= lengths - 1.0)
-        shared = np.flatnonzero(held.all(axis=0))
-        nearly = (at > -1.0) & (at < lengths)  # within a sample, of which there is one at each end
-        fewer = None if nearly.all() else np.sqrt(len(runs) / held.sum(axis=0))
-        if len(shared) <= 2 * EDGE:
-            return None
-        common = slice(int(shared[0]) + EDGE * (shared[0] > 0), int(shared[-1]) + 1 - EDGE * (shared[-1] < count - 1))
         moved = [
             _moved([run[place].whole for place in places], lag, count) for run, lag in zip(runs, lags, strict=True)
         ]
+        found = {}
         for i, (place, turned) in enumerate(zip(places, signs.T, strict=True)):
             whole = turned[:, None] * [records[i] for records in moved]
-            mean = (whole * held).sum(axis=0) / held.sum(axis=0)
-            basis = with_shifts(first[place].in_band(mean))[common]
-            apart = (whole - mean).T[common]
-            inverse = np.linalg.pinv(basis)
-            left, gains[place] = (apart - basis @ (inverse @ apart)).T, inverse[0] @ apart
-            weights[place] = np.pad(inverse[0], (common.start, count - common.stop))
-            scale = (len(runs) / (len(runs) - 1.0)) ** 0.5
-            rate, moving = first[place].rate_hz, first[place].moving or slice(0, count)
-            part = slice(max(moving.start - common.start, 0), max(moving.stop - common.start, 0))
-            shown = scale * first[place].in_band(left)
-            courses[place] = NoiseOverTime.of(shown, len(runs) - 1.0, common, moving, count, rate)
-            over_time = courses[place].power[common] ** 0.5
-            evened = float(np.mean((shown / over_time)[:, part] ** 2))  # less: the envelope follows the noise itself
-            level = scale * np.sqrt(np.mean(shown[:, part] ** 2) / max(evened, 1e-300))
-            residuals[place] = tuple(Segment((level * one / over_time)[part], rate, 1.0 / scale**2) for one in left)
-            means[place] = replace(first[place].mean_of([run[place] for run in runs], lags, mean), envelope=fewer)
-            made = [
-                np.interp(late[common], np.arange(len(one)), one)
-                for run, late in zip(runs, at, strict=True)
-                if (one := run[place].plateaus) is not None
-            ]
-            slow = np.abs(np.gradient(mean))[common] * rate < _SLOW * first[place].step * first[place].logger_hz
-            slow[: part.start], slow[part.stop :] = False, False
-            if slow.any() and len(made) == len(runs):
-                steps = first[place].in_band(np.array(made))[:, slow]
-                plateaus[place] = float(np.mean(shown[:, slow] ** 2)), float(np.mean(steps**2))
-        return cls(means, residuals, courses, tuple(lags), gains, weights, plateaus)
+            one = AlignedPlace.of([run[place] for run in runs], whole, lags)
+            if one is None:
+                return None
+            found[place] = one
+        return cls(found, tuple(lags))
 
 
 def _moved(records: Sequence[Floats], lag: float, count: int) -> Sequence[Floats]:

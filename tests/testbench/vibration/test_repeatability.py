@@ -139,8 +139,8 @@ def test_error_of_gains_in_a_narrow_band():
         runs = [{("s", "x"): Amplitude.of(r[None], rate, measure, (0.0, 0.25), (0.3, 1.5))[0]} for r in records]
         both = Synchronous.of(runs)
         noise = Noise.of([Segment(0.02 * rng.standard_normal(len(time)), rate) for _ in range(20)])
-        (place, mean) = next(iter(both.means.items()))
-        squares.append((both.gains[place] ** 2).sum() / gain_error(mean, both.weights[place], noise) ** 2)
+        one = next(iter(both.places.values()))
+        squares.append((one.gains**2).sum() / gain_error(one.mean, one.weights, noise) ** 2)
     assert 1.4 < np.mean(squares) < 2.6  # chi squared of two degrees of freedom: 2, 60 times, to 0.26
 
 
@@ -174,7 +174,7 @@ def test_repeats_that_begin_at_other_times():
         runs.append({place: one})
     both = Synchronous.of(runs)
     assert both.lags == pytest.approx([0.0, -78.3, 70.0], abs=0.5)  # what is left of a lag goes with the slope
-    left = np.concatenate([segment.values for segment in both.residuals[place]])
+    left = np.concatenate([segment.values for segment in both.places[place].residuals])
     assert left.std() == pytest.approx(0.01, rel=0.15)
 
 
@@ -187,7 +187,7 @@ def test_noise_of_a_speed_keeps_its_power(repeats):
     true = np.array([speed * rng.normal(size=len(time)) for _ in range(repeats)])
     shown = 20.0 * np.sin(2.0 * np.pi * 9.0 * time) * moving + true
     runs = [{place: Amplitude.of(one[None], rate, Measure(), (0.0, 0.49), (0.5, 8.5))[0]} for one in shown]
-    noise = Noise.of(Synchronous.of(runs).residuals[place])
+    noise = Noise.of(Synchronous.of(runs).places[place].residuals)
     mean_square = np.mean(Measure().band.filtered(true, rate)[:, moving] ** 2)
     assert noise.power(Measure().band)[0] == pytest.approx(mean_square, rel=0.1)  # 2,000 degrees of freedom: 3 %
 
@@ -204,7 +204,7 @@ def test_a_channel_that_one_repeat_has_reversed():
         runs.append(dict(zip(places, found, strict=True)))
     both = Synchronous.of(runs)
     for place in places:
-        left = np.concatenate([segment.values for segment in both.residuals[place]])
+        left = np.concatenate([segment.values for segment in both.places[place].residuals])
         assert left.std() == pytest.approx(0.01, rel=0.15)
 
 
@@ -303,7 +303,7 @@ def test_what_steps_leave_between_repeats_is_no_noise(steps):
         runs = Amplitude.of(np.round(exact), rate, measure, (0.0, 0.25), (0.3, 1.5), [1.0] * 3)
         place = "base", "x"
         synchronous = Synchronous.of([{place: one} for one in runs])
-        moving = Noise.of(synchronous.residuals[place], least)
+        moving = Noise.of(synchronous.places[place].residuals, least)
         added = Noise.of([one.rounded for one in runs], least)
         known = added.plus(Noise.of([one.resting for one in runs], least))
         louder.append(moving.exceeds(known, measure.band))
