@@ -92,16 +92,18 @@ def equal_blocks(information: Floats, shortest: float, count: int | None = None)
     """Numbers of blocks that share the information (n,) [-] of samples equally, (n,) from zero.
 
     ``count`` of them, else as many as fit with at least ``shortest`` samples that tell something. One that is shorter,
-    where information is dense, is joined with those after it.
+    where information is dense, is joined with those after it. ``shortest`` is known to its rounding: 24.999999999 of a
+    clock's steps are 25.
     """
+    least = int(shortest * (1.0 + 1e-9))
     before = np.cumsum(information) - information
     total = max(float(before[-1] + information[-1]), np.finfo(float).tiny)
-    count = count or max(1, int(np.count_nonzero(information) / shortest))
+    count = count or max(1, int(np.count_nonzero(information) / shortest * (1.0 + 1e-9)))
     numbers = np.minimum(before * count // total, count - 1).astype(np.intp)
     joined, current, begun = np.zeros(len(numbers), dtype=np.intp), -1, -np.inf
     starts = np.flatnonzero(np.diff(numbers, prepend=-1))
     for a, b in zip(starts, np.r_[starts[1:], len(numbers)], strict=True):
-        if a - begun >= int(shortest):
+        if a - begun >= least:
             current, begun = current + 1, float(a)
         joined[a:b] = current
     return joined

@@ -24,7 +24,7 @@ from ..kinematics.motion_recognition import (
     legs_of_path,
     name_motions,
 )
-from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF, block_means, bridge_gaps, grid_of, low_pass
+from ..kinematics.smoothing_and_derivatives import ALMOST, HIGHEST_CUTOFF, block_means, bridge_gaps, grid_of, low_pass
 from ..quality.clipping import is_dead, stuck_value
 from ..recording import Conditions
 from ..rig import Column, Rig
@@ -378,10 +378,10 @@ def _smooth(
     if grid.count < LEAST_SAMPLES:
         raise AnalysisError(f"{run.name}: {columns[0].channel}: {grid.count} samples are too few to compare")
     rate = grid.rate
-    if averaged and (count := int(rate // (VIBRATION_SAMPLES * BAND_HZ))) > 1:
+    if averaged and (count := int(rate / ALMOST // (VIBRATION_SAMPLES * BAND_HZ))) > 1:
         time, values, rate = block_means(time, count), block_means(values.T, count).T, rate / count
     smooth = low_pass(values, min(BAND_HZ, HIGHEST_CUTOFF * rate), rate)
-    every = max(int(step * rate), 1)
+    every = max(int(step * rate / ALMOST), 1)
     return time[::every], smooth[::every]
 
 

@@ -28,7 +28,7 @@ from balance.results import Key
 
 from ..errors import AnalysisError
 from ..kinematics.gaps import gap_reach
-from ..kinematics.smoothing_and_derivatives import HIGHEST_CUTOFF
+from ..kinematics.smoothing_and_derivatives import ALMOST, HIGHEST_CUTOFF
 from .estimators import NAMES, Method, Methods, NotSimulated, allowed
 from .records import LONGEST_DELAY_S, JointRecord
 from .regression_equations import POSITION_BANDWIDTH, RecordEquations, RegressionEquations, regression_equations
@@ -198,13 +198,16 @@ def choose(
 
 
 def possible_cutoffs(records: Sequence[JointRecord]) -> list[float]:
-    """The CUTOFFS_HZ for which the records are long enough and densely enough sampled."""
+    """The CUTOFFS_HZ for which the records are long enough and densely enough sampled.
+
+    Not the one that a rate of 500 Hz would just allow: whether it does must not depend on how its steps are rounded.
+    """
     seconds = sum(record.grid.count * record.grid.step for record in records)
     rate = min(record.grid.rate for record in records)
     possible = [
         cutoff
         for cutoff in CUTOFFS_HZ
-        if cutoff * seconds >= LEAST_PERIODS and 2 * POSITION_BANDWIDTH * cutoff <= HIGHEST_CUTOFF * rate
+        if cutoff * seconds >= LEAST_PERIODS and 2 * POSITION_BANDWIDTH * cutoff < ALMOST * HIGHEST_CUTOFF * rate
     ]
     if not possible:
         raise AnalysisError(

@@ -20,7 +20,7 @@ from ..rig.sensors import Encoder
 from ..runs.si_run import SIRun
 from . import smoothing_and_derivatives
 from .gaps import Gaps
-from .smoothing_and_derivatives import HIGHEST_CUTOFF, Grid, grid_of, on_grid
+from .smoothing_and_derivatives import ALMOST, HIGHEST_CUTOFF, Grid, grid_of, on_grid
 
 MOVING_DEVIATIONS = 8.0
 """Robust standard deviations by which a moving signal leaves its level at rest."""
@@ -93,7 +93,7 @@ def encoder_trajectory(
     gaps, columns = encoder_gaps(run), run.rig.columns_of(Encoder)
     time = run.instants(columns[0])
     grid = grid_of(time, f"{run.name}: encoders", bridged)
-    if bandwidth_hz > HIGHEST_CUTOFF * grid.rate:
+    if ALMOST * bandwidth_hz > HIGHEST_CUTOFF * grid.rate:
         raise AnalysisError(
             f"{run.name}: encoders at {grid.rate:.4g} samples per second do not show {bandwidth_hz:g} Hz: expected at "
             f"most {HIGHEST_CUTOFF * grid.rate:.4g} Hz; ask for a lower --cutoff, or --bandwidth"

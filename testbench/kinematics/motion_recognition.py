@@ -23,7 +23,7 @@ from ..runs.si_run import SIRun
 from ..signal.filters import Band
 from .encoder_motion import point_path
 from .gaps import gap_spans
-from .smoothing_and_derivatives import Grid, grid_of, on_grid
+from .smoothing_and_derivatives import ALMOST, Grid, grid_of, on_grid
 
 REST_S = 0.03
 """Shortest rest between two legs [s]."""
@@ -282,7 +282,7 @@ def legs_by_accelerometer(run: SIRun) -> tuple[str, list[Leg], Floats]:
             continue
         time = run.instants(columns[0])
         grid = grid_of(time, f"{run.name}: {name}")
-        every = max(int(grid.rate // (SAMPLES_PER_PERIOD * BANDWIDTH_HZ)), 1)
+        every = max(int(grid.rate / ALMOST // (SAMPLES_PER_PERIOD * BANDWIDTH_HZ)), 1)
         coarse = Grid(grid.start + 0.5 * (every - 1) * grid.step, every * grid.step, grid.count // every)
         even = on_grid(time, run.stacked(columns), grid)[: coarse.count * every]
         even = np.einsum("nik->kn", even.reshape(coarse.count, every, -1)) / every

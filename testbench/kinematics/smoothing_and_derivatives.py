@@ -23,6 +23,8 @@ _EVEN = 1e-6
 """Of the longest step, by how much steps of an even clock differ: then their mean is the best known."""
 HIGHEST_CUTOFF = 0.4
 """Of a low-pass, as a part of the sampling rate."""
+ALMOST = 1.0 - 1e-9
+"""Of what is compared with a rate: steps of a clock are known to their rounding."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,7 @@ def low_pass(values: Floats, cutoff: float, rate: float) -> Floats:
     """``values`` (n, ...) [any unit] smoothed along the first axis with zero phase; ``cutoff`` and ``rate`` in Hz."""
     from ..signal.filters import both_ways
 
-    if not 0.0 < cutoff <= HIGHEST_CUTOFF * rate:
+    if not 0.0 < ALMOST * cutoff <= HIGHEST_CUTOFF * rate:
         raise AnalysisError(
             f"a low-pass at {cutoff:g} Hz cannot be run at {rate:g} samples per second: "
             f"expected at most {HIGHEST_CUTOFF * rate:g} Hz"

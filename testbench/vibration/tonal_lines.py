@@ -1,7 +1,9 @@
 """Hum of the mains and its harmonics: found in the rest, where its phase is known, and extrapolated into the motion."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -11,13 +13,17 @@ from .noise_floor import squared_magnitudes
 
 MAINS_HZ = (50.0, 60.0)
 OFF_HZ = 0.15
-"""Standard deviation of the mains' frequency about its nominal one."""
+"""Standard deviation of a large grid's frequency about its nominal one."""
+OWN_HZ = 1.05
+"""By how much a small grid or a generator may be off."""
+OWN_SURE = 50.0
+"""Logarithm of the likelihood by which lines of such a frequency must explain more than those of a large grid."""
 HARMONICS = 8
 SHORTEST_S = 0.12
 """Rest from which lines of the mains are told from each other: six periods."""
 _SIGNIFICANT = 25.0
 """Power of a line over its variance from which it is taken out: by chance once in a million."""
-_TRIED = 61
+_TRIED = 141
 _FINER = 4
 """How much closer than one period a record frequencies are looked at."""
 
@@ -59,10 +65,11 @@ class Lines:
             weights = _weights(_periodogram(left - slow @ _solved(slow, left)), count, rate_hz, hz, orders)
             scale = np.concatenate([np.repeat(weights, 2), [weights.mean()], np.full(slow.shape[1], weights.mean())])
             information = design.T @ design / np.sqrt(np.outer(scale, scale))
-            nominal = min(MAINS_HZ, key=lambda mains: abs(mains - hz))
-            information[size, size] += 1.0 / OFF_HZ**2
+            off = hz - min(MAINS_HZ, key=lambda mains: abs(mains - hz))
+            known = (OFF_HZ if abs(off) <= 3.0 * OFF_HZ else OWN_HZ) ** -2
+            information[size, size] += known
             score = design.T @ left / scale
-            score[size] += (nominal - hz) / OFF_HZ**2
+            score[size] -= known * off
             covariance = np.linalg.inv(information)
             hz += float(np.clip((covariance @ score)[size], -0.1, 0.1))
         shares = _solved(np.column_stack([_waves(count, rate_hz, hz, orders), slow]), resting)[:size]
@@ -107,10 +114,13 @@ def _candidate(flat: Floats, power: Floats, about: Floats, rate_hz: float, mains
     the likeliest fundamental, and the orders of those that are.
     """
     orders = np.arange(1, min(HARMONICS, int(0.38 * rate_hz / mains)) + 1).astype(float)
-    tried = mains + np.linspace(-3.0, 3.0, _TRIED) * OFF_HZ
-    powers = np.interp(np.outer(tried, orders), np.linspace(0.0, rate_hz / 2.0, len(power)), power)
-    best = int(np.argmax(powers.sum(axis=1) * np.exp(-0.5 * ((tried - mains) / OFF_HZ) ** 2)))
-    hz, count = float(tried[best]), len(flat)
+    off, count = np.linspace(-OWN_HZ, OWN_HZ, _TRIED), len(flat)
+    powers = np.interp(np.outer(mains + off, orders), np.linspace(0.0, rate_hz / 2.0, len(power)), power)
+    near = np.where(np.abs(off) <= 3.0 * OFF_HZ, powers.sum(axis=1) * np.exp(-0.5 * (off / OFF_HZ) ** 2), 0.0)
+    likelihood = (powers / count / _weights(about, count, rate_hz, mains, orders, _median)).sum(axis=1)
+    best, own = int(np.argmax(near)), int(np.argmax(likelihood))
+    best = own if likelihood[own] > likelihood[best] + OWN_SURE else best
+    hz = float(mains + off[best])
     rough = 2.0 / count * powers[best] / _weights(about, count, rate_hz, hz, orders)
     if count >= rate_hz and rough.max() < 0.5 * _SIGNIFICANT:  # over many periods that is the ratio below, to a third
         return 0.0, hz, orders[:0]
@@ -129,13 +139,20 @@ def _periodogram(left: Floats) -> Floats:
     return squared_magnitudes(rfft(left * _hanning(count), next_fast_len(4 * count, real=True))) / (0.375 * count)
 
 
-def _weights(power: Floats, count: int, rate_hz: float, hz: float, orders: Floats) -> Floats:
-    """Mean of a periodogram (k,) of ``count`` samples around each order, (h,) [unit^2]."""
+def _weights(
+    power: Floats, count: int, rate_hz: float, hz: float, orders: Floats, of: Callable[[Floats], Any] = np.mean
+) -> Floats:
+    """Mean of a periodogram (k,) of ``count`` samples around each order, (h,) [unit^2], or what ``of`` says of it."""
     from scipy.fft import next_fast_len
 
     step, reach = rate_hz / next_fast_len(4 * count, real=True), max(0.4 * hz, 3.0 * rate_hz / count)
     ends = np.maximum(np.ceil(np.stack([orders * hz - reach, orders * hz + reach]) / step).astype(int), 0)
-    return np.array([max(float(power[first:last].mean()), 1e-300) for first, last in ends.T])
+    return np.array([max(float(of(power[first:last])), 1e-300) for first, last in ends.T])
+
+
+def _median(power: Floats) -> float:
+    """Mean of a periodogram (k,) of noise by its median, which lines do not move [unit^2]."""
+    return float(np.median(power)) / np.log(2.0)
 
 
 _hanning = lru_cache(maxsize=4)(np.hanning)
