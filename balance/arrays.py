@@ -25,6 +25,19 @@ def frozen(array: Floats) -> Floats:
     return array
 
 
+def parabola_peak(values: Floats, k: int, periodic: bool = False) -> tuple[float, float]:
+    """The vertex of the parabola through a peak of samples (n,) [any unit], sample ``k``, and its two neighbours.
+
+    Its distance from sample ``k`` [samples], half of one at most, and its value; sample ``k`` itself at an end, unless
+    the samples are ``periodic``. Of a trough: the negative samples.
+    """
+    if not periodic and not 0 < k < len(values) - 1:
+        return 0.0, float(values[k])
+    before, top, after = values[k - 1], values[k], values[(k + 1) % len(values)]
+    offset = 0.5 * np.clip((before - after) / min(before - 2.0 * top + after, -1e-300), -1.0, 1.0)
+    return float(offset), float(top - 0.25 * (before - after) * offset)
+
+
 BLOCK = 4096
 """Samples in a block: so few that they stay in the processor's cache."""
 

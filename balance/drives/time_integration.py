@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, cast
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from ..arrays import Floats
+from ..arrays import Floats, parabola_peak
 from ..results import Key, rpm
 from . import DriveError
 from .harmonic_balance import SteadyRotation, steady_rotation
@@ -153,7 +153,9 @@ def start_up(
         course = turn.course(instants)
         evaluations += turn.evaluations
         time, state = turn.time, turn.state
-        done.append(Turn(number, time, _peak(course[1]), -_peak(-course[1])))
+        both = (course[1], -course[1])
+        fastest, least = (parabola_peak(speed, int(np.argmax(speed)))[1] for speed in both)
+        done.append(Turn(number, time, fastest, -least))
         pieces.append((instants[:-1], course[:, :-1]))
     course = np.hstack([piece for _, piece in pieces] + [state[:, None]])
     return StartUp(np.r_[*(t for t, _ in pieces), time], course[0], course[1], tuple(done), evaluations)
@@ -168,16 +170,6 @@ def reached_from_rest(solutions: Sequence[SteadyRotation], start: float = 0.0) -
     """
     start_up(solutions[0].machine, 1, start, _COARSE)
     return solutions[-1] if solutions[-1].is_stable else None
-
-
-def _peak(values: Floats) -> float:
-    """Largest of equidistant samples, by the parabola through the three about it."""
-    k = int(np.argmax(values))
-    if not 0 < k < len(values) - 1:
-        return float(values[k])
-    before, top, after = values[k - 1 : k + 2]
-    bend = before - 2.0 * top + after
-    return float(top - 0.125 * (after - before) ** 2 / bend) if bend < 0.0 else float(top)
 
 
 @dataclass(frozen=True)

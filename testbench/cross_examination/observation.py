@@ -7,7 +7,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from balance.arrays import Floats
+from balance.arrays import Floats, parabola_peak
 from balance.errors import ClosureError, CounterpoiseError
 from balance.mechanism.mechanism import Mechanism
 from balance.motion.motion_files import motion_from_texts
@@ -406,8 +406,4 @@ def _lag(readings: list[tuple[Floats, Floats]], expected: list[Floats], step: fl
     if not isinstance(total, np.ndarray):
         return 0.0
     k = int(np.argmax(total))
-    shift = float(k - (len(expected[0]) - 1))
-    if 0 < k < len(total) - 1:
-        left, top, right = total[k - 1 : k + 2]
-        shift += float(0.5 * (left - right) / (left - 2.0 * top + right)) if left - 2.0 * top + right < 0.0 else 0.0
-    return shift * step
+    return (k - (len(expected[0]) - 1) + parabola_peak(total, k)[0]) * step

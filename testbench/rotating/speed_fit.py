@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from balance.arrays import Floats, Indices
+from balance.arrays import Floats, Indices, parabola_peak
 from balance.estimation.estimate import chi_square_tail, coverage_factor, effective_degrees_of_freedom
 from balance.results import Brief
 
@@ -266,11 +266,9 @@ class SteadySpeedFit(Brief):
     def _least(self, sign: float) -> float:
         """Angle where ``sign`` times the slope is least: the best of a grid, refined by a parabola [rad]."""
         step = 2.0 * np.pi / _GRID
-        values = sign * self.slope(step * np.arange(_GRID))
-        k = int(np.argmin(values))
-        before, least, after = values[k - 1], values[k], values[(k + 1) % _GRID]
-        bend = float(before - 2.0 * least + after)
-        return float(step * (k + (0.5 * (before - after) / bend if bend > 0.0 else 0.0)) % (2.0 * np.pi))
+        values = -sign * self.slope(step * np.arange(_GRID))
+        k = int(np.argmax(values))
+        return float(step * (k + parabola_peak(values, k, periodic=True)[0]) % (2.0 * np.pi))
 
     @property
     def fastest(self) -> SpeedEstimate:

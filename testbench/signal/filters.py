@@ -15,7 +15,7 @@ from types import ModuleType
 
 import numpy as np
 
-from balance.arrays import Floats
+from balance.arrays import Floats, parabola_peak
 from balance.compiled_kernels import can_compile
 
 from ..errors import AnalysisError
@@ -126,12 +126,7 @@ def correlation_lag(late: Floats, early: Floats, rate_hz: float) -> float:
 
     both = correlate(without_mean(late), without_mean(early))
     k = int(np.argmax(both))
-    shift = float(correlation_lags(len(late), len(early))[k])
-    if 0 < k < len(both) - 1:
-        left, top, right = both[k - 1 : k + 2]
-        bend = left - 2.0 * top + right
-        shift += float(0.5 * (left - right) / bend) if bend < 0.0 else 0.0
-    return shift / rate_hz
+    return (float(correlation_lags(len(late), len(early))[k]) + parabola_peak(both, k)[0]) / rate_hz
 
 
 def loaded_loops() -> ModuleType | None:

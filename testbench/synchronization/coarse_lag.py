@@ -7,7 +7,7 @@ equal ones, is refused.
 
 import numpy as np
 
-from balance.arrays import Floats, Mask
+from balance.arrays import Floats, Mask, parabola_peak
 from balance.estimation.estimate import beta_quantile
 
 from ..errors import AnalysisError
@@ -60,11 +60,7 @@ def search_lag(content: PreparedSignals) -> tuple[float, tuple[float, float]]:
     _refuse_chance(content, residual, independent, sum(c.shape[1] for c in columns))
     whole = best - (len(own_signals) - 1)
     _refuse_ambiguity(content, residual, _scatter(columns, own_signals, whole, known), step)
-    lag = float(whole)
-    if 0 < best < len(residual) - 1:  # the vertex of the parabola through the least value and its neighbours
-        before, least, after = residual[best - 1 : best + 2]
-        hessian = before - 2.0 * least + after
-        lag += float(0.5 * (before - after) / hessian) if hessian > 0.0 else 0.0
+    lag = whole + parabola_peak(-residual, best)[0]
     return float(reference.start + lag * step - begin), (begin, end)
 
 

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from balance.arrays import Floats
+from balance.arrays import Floats, parabola_peak
 from balance.estimation.estimate import chi_square_tail, coverage_factor, f_tail
 
 from .amplitude import Amplitude, Place, shifted, with_shifts
@@ -388,8 +388,7 @@ def _lags(
                 both = _likelihood(turned[:, None] * spectrum, spectra[0], later)
                 both[shifts % size] -= 0.5 * ((shifts - later) / (0.5 * near)) ** 2
                 best = int(shifts[np.argmax(both[shifts % size])] % size)
-        before, top, after = both[best - 1], both[best], both[(best + 1) % size]
-        lag = best + 0.5 * np.clip((before - after) / min(before - 2.0 * top + after, -1e-300), -1.0, 1.0)
+        lag = best + parabola_peak(both, best, periodic=True)[0]
         lags.append(lag - size if lag > count else lag)
     return lags, signs
 
