@@ -1,8 +1,8 @@
-"""Arrays and how they are worked on: types for annotations, read-only arrays, blocks in parallel, silent solvers."""
+"""Arrays and how they are worked on: types for annotations, blocks in parallel, convex programmes, silent solvers."""
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
@@ -72,3 +72,35 @@ def stdout_discarded() -> Iterator[None]:
         os.dup2(stdout, 1)
         os.close(stdout)
         os.close(nowhere)
+
+
+Cones = Sequence[tuple[str, int]]
+"""Kind (``Zero``, ``Nonnegative``, ``SecondOrder``, ``PSDTriangle``) and size of each cone, of the last its side."""
+
+
+def conic_optimum(
+    cost: Floats, rows: Floats, right: Floats, cones: Cones, tolerance: float, quadratic: Floats | None = None
+) -> Any:  # noqa: ANN401
+    """Clarabel's solution of the convex programme: least cost @ x + x' quadratic x / 2, right - rows @ x in the cones.
+
+    ``cost`` (n,), ``rows`` (m, n) and ``right`` (m,), in the order of the cones, near one in size [-]; of ``quadratic``
+    (n, n) the upper triangle counts. Its status is the caller's to judge.
+    """
+    import clarabel  # late: most sizes are found without it
+    from scipy import sparse
+
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+    square = sparse.csc_matrix((len(cost), len(cost)) if quadratic is None else np.triu(quadratic))
+    sets = [getattr(clarabel, f"{kind}ConeT")(size) for kind, size in cones]
+    return clarabel.DefaultSolver(square, cost, sparse.csc_matrix(rows), right, sets, settings).solve()
+
+
+def packed_triangle(matrices: Floats) -> Floats:
+    """Symmetric matrices (..., k, k) [any unit] as a cone ``PSDTriangle`` takes them, (..., k (k + 1) / 2).
+
+    Upper triangles, column by column, entries off the diagonal times sqrt(2).
+    """
+    columns, rows = np.tril_indices(matrices.shape[-1])
+    return np.asarray(matrices[..., rows, columns] * np.where(rows == columns, 1.0, np.sqrt(2.0)))

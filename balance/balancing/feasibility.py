@@ -11,11 +11,13 @@ from typing import Literal
 
 import numpy as np
 
-from ..arrays import Floats
-from ..mechanism.mechanism import PARAMETERS, Mechanism
+from ..arrays import Floats, conic_optimum, packed_triangle
+from ..mechanism.mechanism import PARAMETERS, Mechanism, pseudo_inertia
 from .conditions import Conditions, text_of
 
 _SIZE = 4
+_TOLERANCE = 1e-10
+"""Of the solver."""
 _ROUNDING = 1e-7
 """What the solver may miss a matrix without negative eigenvalues by, per unit of the trace of all W [-]."""
 _ZERO = 1e-6
@@ -43,9 +45,6 @@ def feasibility(conditions: Conditions) -> Feasibility:
 
     Of several such combinations the one that weighs most on the last bodies of the file is given: it has few others.
     """
-    import clarabel
-    from scipy import sparse
-
     mechanism = conditions.mechanism
     bodies, length = len(mechanism.bodies), _length(mechanism)
     per_length = np.tile(length ** -np.array([0.0, 1, 1, 1, 2, 2, 2, 2, 2, 2]), bodies)
@@ -53,12 +52,9 @@ def feasibility(conditions: Conditions) -> Feasibility:
     quadratic = np.array([_weight_of(unit) for unit in np.eye(len(PARAMETERS))])
     by_body = np.einsum("rbk,kij->brij", basis.reshape(len(basis), bodies, -1), quadratic)
     traces = np.einsum("brii->br", by_body)
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
-    cones = [clarabel.ZeroConeT(1), *[clarabel.PSDTriangleConeT(_SIZE)] * bodies]
-    rows = np.concatenate([traces.sum(axis=0)[None], *(-_triangles(of_body).T for of_body in by_body)])
-    identity = np.concatenate([[0.0], *[_triangles(np.eye(_SIZE)[None])[0]] * bodies])
+    cones = [("Zero", 1), *[("PSDTriangle", _SIZE)] * bodies]
+    rows = np.concatenate([traces.sum(axis=0)[None], *(-packed_triangle(of_body).T for of_body in by_body)])
+    identity = np.concatenate([[0.0], *[packed_triangle(np.eye(_SIZE))] * bodies])
     right = np.concatenate([[1.0], np.zeros(len(rows) - 1)])
     weights, zero = np.arange(1.0, bodies + 1) / bodies, np.zeros(len(basis))
     programmes = [
@@ -67,8 +63,7 @@ def feasibility(conditions: Conditions) -> Feasibility:
         (np.append(zero, -1.0), np.column_stack([rows, identity])),  # the least eigenvalue: where others have no inside
     ]
     for cost, sides in programmes:
-        square = sparse.csc_matrix((len(cost),) * 2)
-        solution = clarabel.DefaultSolver(square, cost, sparse.csc_matrix(sides), right, cones, settings).solve()
+        solution = conic_optimum(cost, sides, right, cones, _TOLERANCE)
         if str(solution.status) in {"PrimalInfeasible", "AlmostPrimalInfeasible"}:
             return Feasibility("possible")
         y = np.asarray(solution.x)[: len(basis)]
@@ -80,38 +75,24 @@ def feasibility(conditions: Conditions) -> Feasibility:
             if left > _ROUNDING * float(np.abs(combined) @ np.abs(mechanism.pi)):
                 names = mechanism.parameter_names
                 return Feasibility("forbidden", {names[k]: float(combined[k]) for k in np.flatnonzero(combined)}, left)
-    return Feasibility("possible" if _masses_meet(basis, mechanism.pi / per_length, settings) else "undecided")
+    return Feasibility("possible" if _masses_meet(basis, mechanism.pi / per_length) else "undecided")
 
 
-def _masses_meet(basis: Floats, pi: Floats, settings: object) -> bool:
+def _masses_meet(basis: Floats, pi: Floats) -> bool:
     """Whether added bodies, of least pseudo-inertia, are found with which all conditions (rank, k) are met [-]."""
-    import clarabel
-    from scipy import sparse
-
-    bodies, count = basis.shape[1] // len(PARAMETERS), basis.shape[1]
-    units = np.array([_pseudo_inertia(unit) for unit in np.eye(len(PARAMETERS))])
-    rows = np.concatenate([basis, np.kron(np.eye(bodies), -_triangles(units).T)])
+    bodies = basis.shape[1] // len(PARAMETERS)
+    units = np.array([pseudo_inertia(unit) for unit in np.eye(len(PARAMETERS))])
+    rows = np.concatenate([basis, np.kron(np.eye(bodies), -packed_triangle(units).T)])
     right = np.concatenate([-basis @ pi, np.zeros(len(rows) - len(basis))])
-    cones = [clarabel.ZeroConeT(len(basis)), *[clarabel.PSDTriangleConeT(_SIZE)] * bodies]
+    cones = [("Zero", len(basis)), *[("PSDTriangle", _SIZE)] * bodies]
     cost = np.tile(np.einsum("kii->k", units), bodies)
-    found = clarabel.DefaultSolver(
-        sparse.csc_matrix((count, count)), cost, sparse.csc_matrix(rows), right, cones, settings
-    )
-    added = np.asarray(found.solve().x)
+    added = np.asarray(conic_optimum(cost, rows, right, cones, _TOLERANCE).x)
     if not np.isfinite(added).all():
         return False
-    least = min(float(np.linalg.eigvalsh(_pseudo_inertia(row))[0]) for row in added.reshape(bodies, -1))
+    least = min(float(np.linalg.eigvalsh(pseudo_inertia(row))[0]) for row in added.reshape(bodies, -1))
     missed = float(np.abs(basis @ (pi + added)).max())
     size = float(np.abs(pi).max() + np.abs(added).max())
     return missed < _ROUNDING * size and least > -_ROUNDING * size
-
-
-def _pseudo_inertia(row: Floats) -> Floats:
-    """Second moments, first moments and mass of ten parameters as a matrix (4, 4) [kg m2, kg m, kg]."""
-    m, x, y, z, xx, xy, yy, xz, yz, zz = row
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    moments = 0.5 * np.trace(inertia) * np.eye(3) - inertia
-    return np.block([[moments, np.array([[x], [y], [z]])], [np.array([[x, y, z, m]])]])
 
 
 def _no_mass_lowers(y: Floats, by_body: Floats) -> bool:
@@ -135,9 +116,3 @@ def _weight_of(row: Floats) -> Floats:
     second = np.array([[yy + zz, -xy / 2, -xz / 2], [-xy / 2, xx + zz, -yz / 2], [-xz / 2, -yz / 2, xx + yy]])
     first = np.array([[x], [y], [z]]) / 2
     return np.block([[second, first], [first.T, np.array([[m]])]])
-
-
-def _triangles(matrices: Floats) -> Floats:
-    """Upper triangles (n, 10), column by column, off-diagonal entries times sqrt(2): the solver's form."""
-    places = [(i, j) for j in range(_SIZE) for i in range(j + 1)]
-    return np.array([[one[i, j] * (1.0 if i == j else np.sqrt(2.0)) for i, j in places] for one in matrices])

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..arrays import Floats, conic_optimum
 from ..errors import SizingError
 
 _DEPENDENT = 1e-10
@@ -115,9 +115,6 @@ def _lightest(columns: Floats, made: Floats, least: Floats, most: Floats) -> Flo
     min sum(p + n) + e (p - n)^2 / 2 of m = p - n, which for a small enough e is the answer of both, one after the
     other (Mangasarian, Meyer, SIAM J. Control Optim. 17, 1979).
     """
-    import clarabel
-    from scipy import sparse
-
     if not columns.any():
         return np.zeros(len(least))
     count = len(least)
@@ -125,16 +122,12 @@ def _lightest(columns: Floats, made: Floats, least: Floats, most: Floats) -> Flo
     ends = np.concatenate([np.minimum(most, 1e9 * size), np.minimum(-least, 1e9 * size)]) / size
     unit = np.eye(2 * count)
     both = np.hstack([columns, -columns]) / np.abs(columns).max()
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-11
     bounded = ends < 1e9
     sides = np.vstack([both, unit[bounded], -unit])
     right = np.concatenate([made / np.abs(columns).max() / size, ends[bounded], np.zeros(2 * count)])
-    cones = [clarabel.ZeroConeT(len(made)), clarabel.NonnegativeConeT(int(bounded.sum()) + 2 * count)]
-    cost = sparse.csc_matrix(np.triu(_TIES * np.kron([[1.0, -1.0], [-1.0, 1.0]], np.eye(count))))
-    solver = clarabel.DefaultSolver(cost, np.ones(2 * count), sparse.csc_matrix(sides), right, cones, settings)
-    solution = solver.solve()
+    cones = [("Zero", len(made)), ("Nonnegative", int(bounded.sum()) + 2 * count)]
+    squares = _TIES * np.kron([[1.0, -1.0], [-1.0, 1.0]], np.eye(count))
+    solution = conic_optimum(np.ones(2 * count), sides, right, cones, 1e-11, squares)
     if str(solution.status) not in {"Solved", "AlmostSolved"}:
         raise SizingError(f"counter-masses did not converge: the conic solver stopped at {solution.status}")
     parts = np.asarray(solution.x)

@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Cones, Floats, conic_optimum, packed_triangle
 from ..errors import DataError
-from ..mechanism.mechanism import PARAMETERS, Mechanism
+from ..mechanism.mechanism import PARAMETERS, Mechanism, pseudo_inertia
 from .estimate import Estimate
 from .identifiability import Identifiability
 from .regression import RegressionFit, RegressionRecord, fit
@@ -97,14 +97,6 @@ class Consistent:
         return min(float(np.linalg.eigvalsh(pseudo_inertia(row))[0]) for row in bodies.reshape(-1, len(PARAMETERS)))
 
 
-def pseudo_inertia(row: Floats) -> Floats:
-    """The 4 x 4 pseudo-inertia of a body's ten parameters, about the origin of its frame [kg m2, kg m, kg]."""
-    m, x, y, z, xx, xy, yy, xz, yz, zz = row
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    moments = 0.5 * np.trace(inertia) * np.eye(3) - inertia
-    return np.block([[moments, np.array([[x], [y], [z]])], [np.array([[x, y, z, m]])]])
-
-
 def consistent(identified: BaseParameters, mechanism: Mechanism, file: Floats) -> Consistent:
     """The nearest feasible base parameters, then the member of their set that is nearest to ``file`` (p,) [SI].
 
@@ -159,27 +151,14 @@ class _Problem:
 
     def _optimum(self, matrix: Floats, target: Floats) -> Floats:
         """Parameters (p,) of the least |matrix x - target|. Raises DataError where that is not proven."""
-        import clarabel
-        from scipy import sparse
-
         cone_rows, cone_right, cones = self._cones()
         count, slack = matrix.shape[1], matrix.shape[0]
         # min |s|^2 with s = matrix x - target as unknowns of their own: far better conditioned than matrix' matrix
-        cost = sparse.diags_array(np.concatenate([np.zeros(count), np.ones(slack)]), format="csc")
+        square = np.diag(np.concatenate([np.zeros(count), np.ones(slack)]))
         equal = np.hstack([matrix, -np.eye(slack)])
         constraints = np.hstack([cone_rows, np.zeros((len(cone_rows), slack))])
-        settings = clarabel.DefaultSettings()
-        settings.verbose = False
-        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
-        solver = clarabel.DefaultSolver(
-            sparse.csc_matrix(cost),
-            np.zeros(count + slack),
-            sparse.csc_matrix(np.vstack([equal, constraints])),
-            np.concatenate([target, cone_right]),
-            [clarabel.ZeroConeT(slack), *cones],
-            settings,
-        )
-        solution = solver.solve()
+        rows, right = np.vstack([equal, constraints]), np.concatenate([target, cone_right])
+        solution = conic_optimum(np.zeros(count + slack), rows, right, [("Zero", slack), *cones], 1e-10, square)
         if str(solution.status) not in {"Solved", "AlmostSolved"}:
             raise DataError(f"no proven set of bodies for these parameters: the conic solver says {solution.status}")
         return np.asarray(solution.x[:count]) * self.scale
@@ -202,27 +181,17 @@ class _Problem:
         whole = np.concatenate([*rows, np.eye(count)[self.bodies * wide :]])
         return whole, whole @ (self.file / self.scale)
 
-    def _cones(self) -> tuple[Floats, Floats, list[object]]:
+    def _cones(self) -> tuple[Floats, Floats, Cones]:
         """A, b and cones of b - A x in cones: pseudo-inertias above their least share, terms not negative."""
-        import clarabel
-
         count, wide = len(self.names), len(PARAMETERS)
         blocks = np.zeros((self.bodies, _SIZE * (_SIZE + 1) // 2, count))
         for body, units in enumerate(self._relative()):
-            blocks[body, :, body * wide : (body + 1) * wide] = -np.transpose([_triangle(unit) for unit in units])
+            blocks[body, :, body * wide : (body + 1) * wide] = -np.transpose([packed_triangle(unit) for unit in units])
         blocks *= self.scale
         terms = [k for k, name in enumerate(self.names) if name.startswith(_NOT_NEGATIVE)]
-        cones: list[object] = [clarabel.PSDTriangleConeT(_SIZE)] * self.bodies
-        cones += [clarabel.NonnegativeConeT(len(terms))] if terms else []
-        least = np.tile(-LEAST_SHARE * _triangle(np.eye(_SIZE)), self.bodies)
+        cones = [("PSDTriangle", _SIZE)] * self.bodies + ([("Nonnegative", len(terms))] if terms else [])
+        least = np.tile(-LEAST_SHARE * packed_triangle(np.eye(_SIZE)), self.bodies)
         return np.concatenate([*blocks, -np.eye(count)[terms]]), np.pad(least, (0, len(terms))), cones
-
-
-def _triangle(matrix: Floats) -> Floats:
-    """Upper triangle, column by column, entries off the diagonal times sqrt(2): the solver's form."""
-    return np.array(
-        [matrix[i, j] * (1.0 if i == j else np.sqrt(2.0)) for j in range(len(matrix)) for i in range(j + 1)]
-    )
 
 
 def _definite(row: Floats) -> Floats:

@@ -25,6 +25,14 @@ PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"
 """Inertial parameters of a body in Pinocchio's order, inertia about the origin of the joint's frame."""
 
 
+def pseudo_inertia(row: Floats) -> Floats:
+    """The 4 x 4 pseudo-inertia of a body's ten parameters, about the origin of its frame [kg m2, kg m, kg]."""
+    m, x, y, z, xx, xy, yy, xz, yz, zz = row
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    moments = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    return np.block([[moments, np.array([[x], [y], [z]])], [np.array([[x, y, z, m]])]])
+
+
 @dataclass(frozen=True)
 class Site:
     """A point of a body where a counter-mass may be mounted, or two links meet."""

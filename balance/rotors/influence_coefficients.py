@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from scipy.sparse import csc_matrix
 
-from ..arrays import Complexes, Floats
+from ..arrays import Complexes, Floats, conic_optimum
 from ..errors import SizingError
 from ..results import INLINE, Key
 
@@ -165,8 +164,6 @@ def _cone_programme(matrix: Complexes, initial: Complexes, limits: Floats, metho
     Unknowns are the parts of the weights and the bounds t: |r_i| <= t_i, or the norm of all r <= t; the sum of t is
     least. Raises SizingError where cost and bound do not meet.
     """
-    import clarabel
-
     size = float(np.abs(initial).max(initial=0.0))
     planes, rows = matrix.shape[1], len(initial)
     if size == 0.0:
@@ -188,17 +185,8 @@ def _cone_programme(matrix: Complexes, initial: Complexes, limits: Floats, metho
         cone[[1, 2], [plane, planes + plane]] = -1.0
         blocks.append((cone, np.r_[limits[plane] / scale[plane], 0.0, 0.0]))
     cost = np.r_[np.zeros(2 * planes), np.ones(bounds)]
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TOLERANCE
-    solved = clarabel.DefaultSolver(
-        csc_matrix((len(cost), len(cost))),
-        cost,
-        csc_matrix(np.vstack([cone for cone, _ in blocks])),
-        np.concatenate([side for _, side in blocks]),
-        [clarabel.SecondOrderConeT(len(side)) for _, side in blocks],
-        settings,
-    ).solve()
+    sides, right = np.vstack([cone for cone, _ in blocks]), np.concatenate([side for _, side in blocks])
+    solved = conic_optimum(cost, sides, right, [("SecondOrder", len(side)) for _, side in blocks], _TOLERANCE)
     x = np.asarray(solved.x)
     weights = (x[:planes] + 1j * x[planes : 2 * planes]) * scale
     weights = weights * np.minimum(1.0, limits / np.maximum(np.abs(weights), 1e-300))

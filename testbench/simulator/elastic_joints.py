@@ -14,10 +14,9 @@ from functools import lru_cache
 import numpy as np
 
 from balance.arrays import Floats
-from balance.estimation.base_parameters import pseudo_inertia
 from balance.mechanism.forward_kinematics import Joint, Tree, poses
 from balance.mechanism.loop_constraints import Anchor, Constraint, Loop
-from balance.mechanism.mechanism import Mechanism
+from balance.mechanism.mechanism import Mechanism, pseudo_inertia
 
 from ..errors import RigError
 from ..rig.bench import ElasticLink

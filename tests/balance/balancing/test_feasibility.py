@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from balance.balancing.conditions import balance_conditions
-from balance.balancing.feasibility import _pseudo_inertia, feasibility
+from balance.balancing.feasibility import feasibility
+from balance.mechanism.mechanism import pseudo_inertia
 
 from .. import models
 
@@ -65,4 +66,4 @@ def test_the_matrix_of_a_body_is_the_sum_over_its_points() -> None:
     inertia = np.einsum("p,pij->ij", m, (x**2).sum(axis=1)[:, None, None] * np.eye(3) - np.einsum("pi,pj->pij", x, x))
     row = np.array([m.sum(), *(m @ x), *inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
     whole = np.column_stack([x, np.ones(5)])
-    np.testing.assert_allclose(_pseudo_inertia(row), np.einsum("p,pi,pj->ij", m, whole, whole), atol=1e-12)
+    np.testing.assert_allclose(pseudo_inertia(row), np.einsum("p,pi,pj->ij", m, whole, whole), atol=1e-12)

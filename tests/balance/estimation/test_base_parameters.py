@@ -10,10 +10,10 @@ from balance.estimation.base_parameters import (
     Consistent,
     base_parameters,
     consistent,
-    pseudo_inertia,
 )
 from balance.estimation.identifiability import identifiability
 from balance.estimation.regression import RegressionRecord
+from balance.mechanism.mechanism import pseudo_inertia
 from balance.mechanism.mjcf_parser import load_mechanism
 
 from .. import models
