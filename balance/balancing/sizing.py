@@ -11,7 +11,7 @@ import numpy as np
 
 from ..arrays import Floats, Indices
 from ..errors import SizingError
-from ..mechanism.mechanism import Mechanism
+from ..mechanism.mechanism import Mechanism, inertia_matrix
 from ..results import Key, Shown, counted, plain
 from .conditions import Conditions
 from .least_masses import distribute_masses
@@ -177,9 +177,8 @@ class Sizing(Shown, rows="counter_masses", figure="balance.figures.mechanism:dra
         made, total = self._as_made, 0.0
         for one in self.counter_masses:
             site = made.site(one.site)
-            xx, xy, yy, xz, yz, zz = site.unit_mass()[4:]
             axis = made.tree.joints[made.tree.bodies[site.body]].axis
-            total += one.mass * float(axis @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ axis)
+            total += one.mass * float(axis @ inertia_matrix(site.unit_mass()) @ axis)
         return total
 
     def balanced_payloads(self) -> dict[str, float | None]:

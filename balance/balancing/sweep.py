@@ -21,7 +21,7 @@ from ..closure import Closure, Trajectory
 from ..dynamics.inverse_dynamics import simulate
 from ..errors import DataError, ModelError
 from ..mechanism.loop_constraints import Loop
-from ..mechanism.mechanism import Mechanism
+from ..mechanism.mechanism import Mechanism, mass_at
 from ..mechanism.mjcf_compiler import tags
 from ..mechanism.mjcf_parser import mechanism_from_text
 from ..motion import Samples
@@ -210,7 +210,7 @@ class Problem:
                     stated = self.place(name, axis)
                     moved = self.with_points({(name, axis): stated + 1.0}).mechanism.site(name).position
                     place += np.outer(moved - site.position, column[name, axis] - stated)
-                unit = _unit_masses(place, site.radius_of_gyration)
+                unit = mass_at(place, site.radius_of_gyration)
                 coefficients += list((mass[:, None] * unit - fixed * site.unit_mass()).T)
                 directions += [_one_body(mechanism, site.body, row) for row in np.eye(unit.shape[1])]
             else:
@@ -302,14 +302,6 @@ def _one_body(mechanism: Mechanism, row: int, parameters: Floats) -> Floats:
     change = np.zeros_like(mechanism.parameters)
     change[row] = parameters
     return change.ravel()
-
-
-def _unit_masses(place: Floats, gyration: float) -> Floats:
-    """PARAMETERS of 1 kg at each place (3, n) [m], a disc normal to the body's z axis, (n, 10): as Site.unit_mass."""
-    x, y, z = place
-    k2 = gyration**2
-    about = (y * y + z * z + k2 / 2, -x * y, x * x + z * z + k2 / 2, -x * z, -y * z, x * x + y * y + k2)
-    return np.stack([np.ones_like(x), x, y, z, *about], axis=1)
 
 
 def _points(root: ElementTree.Element) -> Iterator[ElementTree.Element]:

@@ -195,8 +195,6 @@ _DETAIL = (
     (["-q", "--quiet"], _quiet, "The first line alone: the answer."),
 )
 """Options of every command: how much is printed."""
-Declared = Callable[[str, Any], Callable[[Callable[..., Any]], Callable[..., Any]]]
-"""From name and type of a parameter to the decorator of click that adds it."""
 
 
 def _is_open(kind: Any) -> bool:  # noqa: ANN401

@@ -15,7 +15,7 @@ from ..arrays import Floats, parallel_blocks
 from ..closure import Closure, Trajectory
 from ..errors import ClosureError, ModelError
 from ..mechanism.forward_kinematics import Motion, Pose, Tree, motion, pose
-from ..mechanism.mechanism import Mechanism
+from ..mechanism.mechanism import Mechanism, inertia_matrix
 from ..mechanism.pinocchio_engine import PinocchioEngine, refuse_other_than_pinocchio
 from ..mechanism.tape import Operand, Program, Symbols, Tape, cross, numbers
 from ..motion import Samples
@@ -74,9 +74,7 @@ def body_weight(row: Symbols | Floats, at: Pose, gravity: Symbols | Floats, join
 
 def _inertia_times(rotation: Symbols, row: Symbols | Floats, angular: Symbols) -> Symbols:
     """Inertia about the joint's origin times a base-frame vector."""
-    xx, xy, yy, xz, yz, zz = row[4:]
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    return rotation @ (inertia @ (rotation.T @ angular))
+    return rotation @ (inertia_matrix(row) @ (rotation.T @ angular))
 
 
 @dataclass(frozen=True)

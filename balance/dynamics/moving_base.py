@@ -19,7 +19,7 @@ from ..closure import Trajectory
 from ..errors import DataError
 from ..input_files import OneForAll, Quantity, Table
 from ..mechanism.forward_kinematics import Pose, motions, point_acceleration, pose, poses
-from ..mechanism.mechanism import Mechanism
+from ..mechanism.mechanism import Mechanism, inertia_matrix
 from ..mechanism.tape import Program, Symbols, Tape
 
 BLOCK = 128
@@ -91,8 +91,7 @@ def inertia_along(mechanism: Mechanism, q: Floats) -> Floats:
 
 def second_moment(row: Symbols | Floats) -> NDArray[Any]:
     """The sum of m r r' from a body's parameters (10,) [kg, kg m, kg m2], (3, 3): S = tr(I) / 2 - I [kg m2]."""
-    xx, xy, yy, xz, yz, zz = row[4:]
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    (xx, _, _), (_, yy, _), (_, _, zz) = inertia = inertia_matrix(row)
     return 0.5 * (xx + yy + zz) * np.eye(3) - inertia
 
 

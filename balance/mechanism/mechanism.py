@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Floats, frozen
 from ..errors import ModelError, suggestion
@@ -13,6 +14,7 @@ from ..results import Brief
 from ..units import si
 from .forward_kinematics import Joint, Tree
 from .loop_constraints import Constraint, Loop
+from .tape import Symbols
 
 if TYPE_CHECKING:
     import pinocchio
@@ -25,12 +27,27 @@ PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"
 """Inertial parameters of a body in Pinocchio's order, inertia about the origin of the joint's frame."""
 
 
+def mass_at(place: Floats, gyration: float) -> Floats:
+    """PARAMETERS (..., 10) of 1 kg at a ``place`` (3, ...) [m], a disc normal to the body's z axis [-, m, m2].
+
+    Of radius of ``gyration`` about its own centre and that axis [m].
+    """
+    x, y, z = place
+    k2 = gyration**2
+    about = [y * y + z * z + k2 / 2, -x * y, x * x + z * z + k2 / 2, -x * z, -y * z, x * x + y * y + k2]
+    return np.stack([np.ones_like(x), x, y, z, *about], axis=-1)
+
+
+def inertia_matrix(row: Symbols | Floats) -> NDArray[Any]:
+    """Inertia (3, 3) [kg m2] about the origin of a body's frame, of its ten parameters (10,), numbers or nodes."""
+    xx, xy, yy, xz, yz, zz = row[4:]
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
 def pseudo_inertia(row: Floats) -> Floats:
     """The 4 x 4 pseudo-inertia of a body's ten parameters, about the origin of its frame [kg m2, kg m, kg]."""
-    m, x, y, z, xx, xy, yy, xz, yz, zz = row
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    moments = 0.5 * np.trace(inertia) * np.eye(3) - inertia
-    return np.block([[moments, np.array([[x], [y], [z]])], [np.array([[x, y, z, m]])]])
+    inertia, first = inertia_matrix(row), row[1:4, None]
+    return np.block([[0.5 * np.trace(inertia) * np.eye(3) - inertia, first], [first.T, row[:1, None]]])
 
 
 @dataclass(frozen=True)
@@ -47,10 +64,7 @@ class Site:
 
     def unit_mass(self) -> Floats:
         """PARAMETERS of 1 kg mounted here, a disc normal to the body's z axis, (10,) [-, m, m2]."""
-        x, y, z = self.position
-        k2 = self.radius_of_gyration**2
-        about = [y * y + z * z + k2 / 2, -x * y, x * x + z * z + k2 / 2, -x * z, -y * z, x * x + y * y + k2]
-        return np.array([1.0, x, y, z, *about])
+        return mass_at(self.position, self.radius_of_gyration)
 
 
 @dataclass(frozen=True)
@@ -220,8 +234,7 @@ class Mechanism(Brief):
         """
         found = []
         for name, (_, row) in self.own_mass.items():
-            m, c, (xx, xy, yy, xz, yz, zz) = row[0], row[1:4], row[4:]
-            about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            m, c, about = row[0], row[1:4], inertia_matrix(row)
             moved = (c @ c * np.eye(3) - np.outer(c, c)) / m if m else np.zeros((3, 3))
             size = np.linalg.eigvalsh(about - moved)
             if min(size[0], size[0] + size[1] - size[2]) < -1e-9 * np.abs(about).max():
