@@ -107,18 +107,20 @@ class SliderCrank:
         """Exact -s'' / r at crank angles (n,) [rad]: reciprocating force by m r omega^2 at constant speed, (n,) [-]."""
         return -self._slide(theta)[2] / self.radius
 
-    def _slide(self, theta: Floats) -> tuple[Floats, Floats, Floats]:
-        """Piston's place along the axis and its derivatives by theta, (n,) [m]."""
+    def _rod(self, theta: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """r sin theta and r cos theta; the rod across the axis, w, and along it, (n,) [m]."""
         sine, cosine = self.radius * np.sin(theta), self.radius * np.cos(theta)
         w = sine - self.offset
-        q = np.sqrt(self.rod_length**2 - w**2)
+        return sine, cosine, w, np.sqrt(self.rod_length**2 - w**2)
+
+    def _slide(self, theta: Floats) -> tuple[Floats, Floats, Floats]:
+        """Piston's place along the axis and its derivatives by theta, (n,) [m]."""
+        sine, cosine, w, q = self._rod(theta)
         return cosine + q, -sine - w * cosine / q, -cosine - (cosine**2 - w * sine) / q - (w * cosine) ** 2 / q**3
 
     def _lean(self, theta: Floats) -> tuple[Floats, Floats]:
         """First and second derivative of the rod's angle chi = -asin(w / l) by theta, (n,)."""
-        sine, cosine = self.radius * np.sin(theta), self.radius * np.cos(theta)
-        w = sine - self.offset
-        q = np.sqrt(self.rod_length**2 - w**2)
+        sine, cosine, w, q = self._rod(theta)
         return -cosine / q, sine / q - w * cosine**2 / q**3
 
     def _points(self, theta: Floats) -> list[tuple[float, Complexes, Complexes, Complexes]]:

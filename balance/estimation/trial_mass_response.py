@@ -127,6 +127,18 @@ def _found(problem: "_Problem", near: _Found | None = None) -> _Found:
 MORE = "add runs of another motion (x, y, triangle) with the same trial masses, or heavier trial masses"
 
 
+def _singular_values(matrix: Floats, least: float) -> tuple[Floats, Floats, Floats, Floats]:
+    """Of a matrix (n, p) with columns of length one: (n, k), (k,) and (k, p), above a share ``least`` of the largest.
+
+    Then the lengths that its columns had, (p,).
+    """
+    length = np.linalg.norm(matrix, axis=0)
+    length[length == 0.0] = 1.0
+    u, sizes, rows = np.linalg.svd(matrix / length, full_matrices=False)
+    kept = sizes > least * sizes[0]
+    return u[:, kept], sizes[kept], rows[kept], length
+
+
 @dataclass(frozen=True)
 class _Sides:
     """Least squares of what a step of the unknowns changes, the base's response solved for; rows of unit noise."""
@@ -143,13 +155,9 @@ class _Sides:
 
     def step(self) -> tuple[Floats, Floats]:
         """Gauss-Newton step (p,), and the orthonormal combinations (k, p) that are determined."""
-        length = np.linalg.norm(self.slope, axis=0)
-        length[length == 0.0] = 1.0
-        u, sizes, rows = np.linalg.svd(self.slope / length, full_matrices=False)
-        kept = sizes > _BLIND * sizes[0]
-        step = (rows[kept].T @ ((u[:, kept].T @ self.residual) / sizes[kept])) / length
-        determined = np.linalg.qr((rows[kept] * length).T)[0].T
-        return step, determined
+        u, sizes, rows, length = _singular_values(self.slope, _BLIND)
+        step = (rows.T @ ((u.T @ self.residual) / sizes)) / length
+        return step, np.linalg.qr((rows * length).T)[0].T
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -161,11 +169,8 @@ class _Sides:
 
         Of a residual (rows,), larger by what the response took up of it.
         """
-        length = np.linalg.norm(self.slope, axis=0)
-        length[length == 0.0] = 1.0
-        _, sizes, rows = np.linalg.svd(self.slope / length, full_matrices=False)
-        kept = sizes > _BLIND * sizes[0]
-        half = rows[kept] / sizes[kept, None] / length
+        _, sizes, rows, length = _singular_values(self.slope, _BLIND)
+        half = rows / sizes[:, None] / length
         scores = np.zeros((int(self.bands.max()) + 1, self.slope.shape[1]))
         np.add.at(scores, self.bands, self.slope * residual[:, None])
         return np.asarray(scores @ half.T @ half / np.sqrt(self.shrunk))
@@ -217,16 +222,12 @@ class _Problem:
         inputs = range(pushed.shape[1])
         answer = [pushed[:, j, None] * self.memory for j in inputs]
         design = _real(np.concatenate([*answer, self.nuisance, self.delay[q]], axis=1))
-        length = np.linalg.norm(design, axis=0)
-        length[length == 0.0] = 1.0
-        u, sizes, rows = np.linalg.svd(design / length, full_matrices=False)
-        kept = sizes > _DEPENDENT * sizes[0]
-        u = u[:, kept]
+        u, sizes, rows, length = _singular_values(design, _DEPENDENT)
         reading = _real(self.readings[:, q])
-        freedom = len(reading) - int(kept.sum()) - self.columns.shape[2]
+        freedom = len(reading) - len(sizes) - self.columns.shape[2]
         if freedom < 1:
-            raise DataError(f"{len(reading)} equations for {int(kept.sum())} numbers of the base's response: {MORE}")
-        response = (rows[kept].T @ ((u.T @ reading) / sizes[kept])) / length
+            raise DataError(f"{len(reading)} equations for {len(sizes)} numbers of the base's response: {MORE}")
+        response = (rows.T @ ((u.T @ reading) / sizes)) / length
         taps = self.memory.shape[1]
         gains = np.stack([self.memory @ response[j * taps : (j + 1) * taps] for j in inputs], axis=1)
         slope = _real(np.einsum("kj,kjp->kp", gains, self.columns))
