@@ -25,6 +25,11 @@ def frozen(array: Floats) -> Floats:
     return array
 
 
+def root_mean_square(values: Floats | Complexes) -> float:
+    """Of all values (...,) [any unit], or of their moduli."""
+    return float(np.sqrt(np.mean(np.abs(values) ** 2)))
+
+
 def parabola_peak(values: Floats, k: int, periodic: bool = False) -> tuple[float, float]:
     """The vertex of the parabola through a peak of samples (n,) [any unit], sample ``k``, and its two neighbours.
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Floats, root_mean_square
 from ..closure import Trajectory
 from ..dynamics.inverse_dynamics import Response, driven_rates, momentum, simulate
 from ..dynamics.regressor import first_moment
@@ -72,7 +72,7 @@ class Outcome:
     @property
     def moment_rms(self) -> float:
         """Root mean square of the moment's size [N m]."""
-        return _rms(np.linalg.norm(self.moment, axis=1))
+        return root_mean_square(np.linalg.norm(self.moment, axis=1))
 
     @property
     def moment_peak(self) -> float:
@@ -81,15 +81,11 @@ class Outcome:
 
     def torque_rms(self) -> dict[str, float]:
         """Root mean square of each motor's torque or force [N m, N]."""
-        return {joint: _rms(values) for joint, values in self.torque.items()}
+        return {joint: root_mean_square(values) for joint, values in self.torque.items()}
 
     def torque_peak(self) -> dict[str, float]:
         """Largest size of each motor's torque or force [N m, N]."""
         return {joint: float(np.abs(values).max()) for joint, values in self.torque.items()}
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 @dataclass(frozen=True)
@@ -342,7 +338,7 @@ def _outcome(outcome: Outcome, mechanism: Mechanism) -> dict[str, Any]:
         "method": outcome.name,
         "added_mass_kg": outcome.added_mass,
         "added_inertia_kgm2": outcome.added_inertia,
-        "force_rms_N": _rms(np.linalg.norm(outcome.force, axis=1)),
+        "force_rms_N": root_mean_square(np.linalg.norm(outcome.force, axis=1)),
         "force_peak_N": outcome.force_peak,
         "moment_rms_Nm": outcome.moment_rms,
         "moment_peak_Nm": outcome.moment_peak,

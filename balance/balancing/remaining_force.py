@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Floats, root_mean_square
 from ..mechanism.mechanism import PARAMETERS, Mechanism
 from .least_masses import bounded_least_squares
 from .sizing import COMPLETE, Sizing
@@ -43,7 +43,7 @@ def remaining_directions(before: Floats, after: Floats) -> tuple[RemainingDirect
     found = []
     for size, axis in zip(sizes[::-1], axes.T[::-1], strict=True):
         axis = np.where(np.abs(axis) > 1e-6, axis, 0.0) * np.sign(axis[np.argmax(np.abs(axis))]) + 0.0
-        found.append(RemainingDirection(axis, float(np.sqrt(np.mean((before @ axis) ** 2))), float(size**0.5)))
+        found.append(RemainingDirection(axis, root_mean_square(before @ axis), float(size**0.5)))
     return tuple(found)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import Floats, parallel_blocks
+from ..arrays import Floats, parallel_blocks, root_mean_square
 from ..closure import Closure, Trajectory
 from ..errors import ClosureError, ModelError
 from ..mechanism.forward_kinematics import Motion, Pose, Tree, motion, pose
@@ -103,7 +103,7 @@ class Response(Shown, figure="balance.figures.balancing:draw_response"):
 
     def rms(self) -> dict[str, float]:
         """Root mean square of each component [N, N m]."""
-        return {name: float(np.sqrt(np.mean(values**2))) for name, values in self.columns().items()}
+        return {name: root_mean_square(values) for name, values in self.columns().items()}
 
     def peak(self) -> dict[str, float]:
         """Largest absolute value of each component [N, N m]."""
@@ -128,7 +128,7 @@ class Response(Shown, figure="balance.figures.balancing:draw_response"):
             load, power = self.torque[joint], self.torque[joint] * speed
             name, of_speed = ("force_N", "m_per_s") if joint in self.sliding else ("torque_Nm", "rad_per_s")
             found[joint] = {
-                f"peak_{name}": float(np.abs(load).max()), f"rms_{name}": float(np.sqrt(np.mean(load**2))),
+                f"peak_{name}": float(np.abs(load).max()), f"rms_{name}": root_mean_square(load),
                 f"peak_speed_{of_speed}": float(np.abs(speed).max()),
                 "peak_power_W": float(power.max()), "least_power_W": float(power.min()),
             }  # fmt: skip

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import BLOCK, Floats
+from ..arrays import BLOCK, Floats, root_mean_square
 from ..closure import Trajectory
 from ..errors import ModelError
 from ..mechanism.forward_kinematics import Pose, motion, pose, poses
@@ -61,7 +61,7 @@ class Reactions:
 
 
 def _rms_and_peak(values: Floats) -> dict[str, float]:
-    return {"rms": float(np.sqrt(np.mean(values**2))), "peak": float(np.abs(values).max())}
+    return {"rms": root_mean_square(values), "peak": float(np.abs(values).max())}
 
 
 def find_reactions(mechanism: Mechanism, trajectory: Trajectory, response: Response) -> Reactions:

@@ -10,7 +10,7 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
-from ..arrays import Complexes, Floats
+from ..arrays import Complexes, Floats, root_mean_square
 from ..results import Key
 from . import slider_crank
 from .slider_crank import SliderCrank
@@ -135,7 +135,7 @@ def residual_extremes(crank: SliderCrank, counterweight: float, omega: float, mo
         top,
         round(float(np.degrees(at)), _ANGLE_DECIMALS) % 360.0,
         -low,
-        float(np.sqrt(np.mean(np.abs(values) ** 2))),
+        root_mean_square(values),
         (float(values.real.min()), float(values.real.max())),
         (float(values.imag.min()), float(values.imag.max())),
     )

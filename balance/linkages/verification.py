@@ -11,7 +11,7 @@ from math import inf
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Floats, root_mean_square
 from ..closure import Closure, Trajectory
 from ..dynamics.inverse_dynamics import Response, simulate
 from ..errors import ClosureError, ModelError
@@ -79,7 +79,7 @@ class SimulatedLinkage:
 
     def rms(self, stage: str) -> dict[str, float]:
         """Root mean squares [N, N m]."""
-        return {name: float(np.sqrt(np.mean(values**2))) for name, values in self.series(stage).items()}
+        return {name: root_mean_square(values) for name, values in self.series(stage).items()}
 
     def residual(self, stage: str) -> dict[str, float]:
         """Largest force and moment as a share of before; infinite where they were zero before and are not now."""

@@ -15,7 +15,7 @@ from typing import Annotated
 
 import numpy as np
 
-from ..arrays import Complexes, Floats, conic_optimum
+from ..arrays import Complexes, Floats, conic_optimum, root_mean_square
 from ..errors import SizingError
 from ..results import INLINE, Key
 
@@ -95,7 +95,7 @@ def influence_coefficients(weights: Complexes, readings: Complexes) -> Coefficie
             "run without weights and one trial weight in each plane"
         )
     found = np.linalg.lstsq(design, readings, rcond=None)[0]
-    misfit = float(np.sqrt(np.mean(np.abs(readings - design @ found) ** 2)))
+    misfit = root_mean_square(readings - design @ found)
     return Coefficients(found[0], found[1:].T / scale, misfit if runs > planes + 1 else 0.0)
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Complexes
+from ..arrays import Complexes, root_mean_square
 from ..estimation.estimate import LEVEL_TEXT
 from ..results import document, finite
 from ..units import G0
@@ -138,8 +138,8 @@ def trial_runs_document(runs: TrialRuns, solution: Solution) -> dict[str, Any]:
         "planes": _planes(runs, solution, uncertainty),
         "readings": _readings(runs, solution, uncertainty),
         "intervals": None if uncertainty is None else {"level": LEVEL_TEXT, **document(uncertainty)},
-        f"rms_before_{reading}": float(np.sqrt(np.mean(np.abs(before) ** 2))) * r,
-        f"rms_after_{reading}": float(np.sqrt(np.mean(np.abs(after) ** 2))) * r,
+        f"rms_before_{reading}": root_mean_square(before) * r,
+        f"rms_after_{reading}": root_mean_square(after) * r,
         f"misfit_of_runs_{reading}": solution.coefficients.misfit * r,
         "findings": _findings(runs, solution, uncertainty),
     }
