@@ -7,6 +7,15 @@ from .errors import DataError, suggestion
 _HERE = Path(__file__).parent
 ROOT = _HERE / "_datasets" if (_HERE / "_datasets").is_dir() else _HERE.parent / "datasets"
 
+KINDS = {
+    "mechanism": ("mechanisms", ".xml"), "motion": ("motions", ".toml"), "stock": ("stock", ".csv"),
+    "rig": ("rigs", ".toml"), "plan": ("plans", ".toml"), "drive": ("drives", ".toml"), "engine": ("engines", ".toml"),
+    "linkage": ("linkages", ".toml"), "rotor": ("rotors", ".toml"), "springs": ("springs", ".toml"),
+    "robot": ("robots", ".urdf"), "materials": ("materials", ".toml"), "published": ("published", ".json"),
+    "import-description": ("loggers", ".toml"),
+}  # fmt: skip
+"""Folder and ending of each kind of file that is shipped."""
+
 
 def dataset_names(folder: str, suffix: str) -> list[str]:
     """Names, without ending, of the shipped files of one kind, such as ``dataset_names("mechanisms", ".xml")``."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .closure import Closure, Trajectory
-from .datasets import dataset_names
+from .datasets import KINDS, dataset_names
 from .dynamics import inverse_dynamics
 from .dynamics.inverse_dynamics import Response
 from .errors import DataError, ModelError
@@ -34,10 +34,8 @@ if TYPE_CHECKING:  # what each function needs is imported when it is called: a c
     from .linkages.equivalence_method import LinkageBalance
     from .rotors.rotor import Correction
 
-FOLDERS = {
-    "mechanisms": ".xml", "motions": ".toml", "stock": ".csv", "rigs": ".toml", "plans": ".toml", "drives": ".toml",
-    "engines": ".toml", "linkages": ".toml", "rotors": ".toml", "springs": ".toml",
-}  # fmt: skip
+_KINDS = "mechanism motion stock rig plan drive engine linkage rotor springs"
+FOLDERS = dict(KINDS[kind] for kind in _KINDS.split())
 
 
 def shipped(kind: str) -> list[str]:

@@ -6,15 +6,10 @@ from pathlib import Path
 import click
 from click.shell_completion import CompletionItem
 
-from ..datasets import dataset_names
+from ..datasets import KINDS, dataset_names
 from ..errors import CounterpoiseError
 
-SHIPPED = {
-    "mechanism": ("mechanisms", ".xml"), "words": ("mechanisms", ".xml"), "motion": ("motions", ".toml"),
-    "rig": ("rigs", ".toml"), "plan": ("plans", ".toml"), "tests": ("plans", ".toml"), "stock": ("stock", ".csv"),
-    "drive": ("drives", ".toml"), "engine": ("engines", ".toml"), "linkage": ("linkages", ".toml"),
-    "rotor": ("rotors", ".toml"), "springs": ("springs", ".toml"), "published": ("published", ".json"),
-}  # fmt: skip
+SHIPPED = {**KINDS, "words": KINDS["mechanism"], "tests": KINDS["plan"]}
 """Folder and ending of the data sets that a parameter of this name takes, besides files."""
 OF_A_MECHANISM = {"site": "", "without": "", "counter": "=", "limit": "=", "payload": "="}
 """What follows the name of a site, or with ``payload`` of a body, in parameters of these names."""

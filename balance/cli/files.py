@@ -21,18 +21,8 @@ from ..results import Key, table
 from .framework import Answer, Word, argument, command, option
 from .printing import emit_table, json_text, plain_text, say
 
-MECHANICS = {
-    "mechanism": ("mechanisms", ".xml"),
-    "robot": ("robots", ".urdf"),
-    "motion": ("motions", ".toml"),
-    "linkage": ("linkages", ".toml"),
-    "engine": ("engines", ".toml"),
-    "drive": ("drives", ".toml"),
-    "rotor": ("rotors", ".toml"),
-    "springs": ("springs", ".toml"),
-    "stock": ("stock", ".csv"),
-    "materials": ("materials", ".toml"),
-}
+_OF_MECHANICS = "mechanism robot motion linkage engine drive rotor springs stock materials"
+MECHANICS = {kind: datasets.KINDS[kind] for kind in _OF_MECHANICS.split()}
 """Folder and ending of each kind of file that ``balance`` takes."""
 _SENTENCE = re.compile(r"(.*?)(?:(?<=[\w)%-]{2})\.\s|\.?$)")
 
