@@ -407,8 +407,8 @@ def rounding_in_common(aligned: Iterable[Synchronous | None]) -> float:
     """
     shown = [
         (*one.plateaus, len(both.lags) - 1)
-        for both in aligned
-        for one in (both.places.values() if both else ())
+        for both in filter(None, aligned)
+        for one in both.places.values()
         if one.plateaus
     ]
     freedom = sum(count for _, steps, count in shown if steps > 0.0)

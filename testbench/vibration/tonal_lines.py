@@ -66,10 +66,10 @@ class Lines:
             scale = np.concatenate([np.repeat(weights, 2), [weights.mean()], np.full(slow.shape[1], weights.mean())])
             information = design.T @ design / np.sqrt(np.outer(scale, scale))
             off = hz - min(MAINS_HZ, key=lambda mains: abs(mains - hz))
-            known = (OFF_HZ if abs(off) <= 3.0 * OFF_HZ else OWN_HZ) ** -2
-            information[size, size] += known
+            prior = (OFF_HZ if abs(off) <= 3.0 * OFF_HZ else OWN_HZ) ** -2
+            information[size, size] += prior
             score = design.T @ left / scale
-            score[size] -= known * off
+            score[size] -= prior * off
             covariance = np.linalg.inv(information)
             hz += float(np.clip((covariance @ score)[size], -0.1, 0.1))
         shares = _solved(np.column_stack([_waves(count, rate_hz, hz, orders), slow]), resting)[:size]
