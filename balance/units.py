@@ -57,9 +57,10 @@ _SPELLINGS = {
 _SPELLINGS_OF = {
     "length": {"mil": "thou", "mils": "thou"},
     "first moment": {"gmm": "g mm", "kgmm": "kg mm", "gcm": "g cm", "ozin": "oz in"},
-    "acceleration": {"g": "g0", "G": "g0"},
+    "acceleration": {"g": "g0", "G": "g0", "mg": "mg0", "µg": "ug0", "μg": "ug0", "ug": "ug0"},
 }
-"""A mil of a vibration instrument is a thousandth of an inch, elsewhere an angle; g is g0 and not a gram."""
+"""A mil of a vibration instrument is a thousandth of an inch, elsewhere an angle; of an acceleration g is g0
+and no gram, mg no milligram."""
 _HALF_WIDTH = re.compile(r"\s*(?:±|\+/?-)\s*")
 """Between a value and the half width of its interval."""
 

@@ -16,6 +16,11 @@ _PLAIN_WORDS = (
     " Celsius Kelvin Pascal Grad grad tr rps st N.m Nmm kgm px frames day days -"
 )
 _PREFIXED, _PLAIN = frozenset(_PREFIXED_WORDS.split()), frozenset(_PLAIN_WORDS.split())
+_SAME = {
+    "°": "deg", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad", "Newton": "N", "Newtons": "N",
+    "newton": "N", "newtons": "N", "volt": "V", "Volt": "V", "volts": "V", "Volts": "V",
+}  # fmt: skip
+"""Words and signs of a unit, and its usual sign."""
 _SECONDS = {
     "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "saniye": 1.0, "sn": 1.0, "sek": 1.0,
     "ms": 1e-3, "msec": 1e-3, "millisecond": 1e-3, "milliseconds": 1e-3, "us": 1e-6, "usec": 1e-6,
@@ -59,6 +64,6 @@ def _factors(text: str) -> dict[str, int] | None:
             known = unit in _PLAIN or unit in _PREFIXED or unit.casefold() in _SECONDS
             if match is None or not (known or any(unit.removeprefix(p) in _PREFIXED for p in _PREFIXES)):
                 return None
-            unit = unit.replace("μ", "µ")
+            unit = _SAME.get(unit, unit.replace("μ", "µ"))
             factors[unit] = factors.get(unit, 0) + int(match[2] or 1) * (-1 if i else 1)
     return factors or None

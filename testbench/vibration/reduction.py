@@ -47,8 +47,9 @@ Method = Literal["repeats", "propagation"]
 Limit = Literal["at_least", "at_most"]
 REPEATS_DIFFER = "repeats_differ"
 WITHHELD = frozenset({*WITHHOLDING, REPEATS_DIFFER})
-MASSES = "counter_mass_contradiction"
 """Doubts after which there is no interval."""
+_TELLS = 100.0
+"""Percent by which a lower bound may lie below zero and still say something in the first line."""
 ONE_RUN = (
     "Where nothing is repeated, noise that acts only during the motion, such as that of drives and bearings, is told "
     "by what of one side is no smooth multiple of the other, to a factor of two: make each run at least twice."
@@ -227,9 +228,9 @@ def analyze(
     if not found:
         raise AnalysisError("no two runs can be compared:\n" + "\n".join(f"  {f.message}" for f in findings))
     conditions = _conditions(found, measure, findings, known or {})
-    mixed = {run for run in examination.runs if examination.withheld({MASSES} & {*examination.doubts([run])})}
+    mixed = {s.run for s in examination.contradictions if s.code and examination.withheld([s.code])}
     unlike = [not mixed.isdisjoint(run.name for run in condition.pair.runs) for condition in conditions]
-    # What differs between runs of unlike masses is no noise of the other conditions.
+    # What differs between repeats of which one is not what it is taken for is no noise of the other conditions.
     apart = [[c for c, one in zip(conditions, unlike, strict=True) if one is wrong] for wrong in (False, True)]
     judges = [CampaignLikelihoods.of(some, pool.in_memory) for some in apart]
     known_of = [iter(pool.in_memory.map(one.calibrated, some)) for one, some in zip(judges, apart, strict=True)]
@@ -564,6 +565,8 @@ def verdict(reductions: Sequence[Reduction]) -> str:
         note = f"in {len(some)} conditions" if len(some) > 1 else f"({why})"
         least = min(r.at_least for r in some if r.at_least is not None)
         bound = f"raised by at most {-least:.1f} %" if least < 0.0 else f"reduced by at least {least:.1f} %"
+        if least < -_TELLS:
+            bound, note = "the noise hides whether it fell or rose", f"in {len(some)} condition{'s' * (len(some) > 1)}"
         parts.append(f"{f'{sensor} ' if several else ''}{axis}: {bound} {note}")
     counts = [f"{len(bounds)} {of_all} are lower bounds, below noise or clipped"] if len(bounds) > 1 else []
     if withheld:

@@ -12,7 +12,8 @@ from balance.units import G0, SI_UNITS, factor_to_si, parse, parse_unit, parse_v
 
 GOOD = [
     ("5kg", "mass", 5.0), ("250 g", "mass", 0.25), ("37.55mm", "length", 0.03755), ("+40 mm", "length", 0.04),
-    ("-1.5e2 cm", "length", -1.5), ("3 g0", "acceleration", 3 * G0), ("1 m/s2", "acceleration", 1.0),
+    ("-1.5e2 cm", "length", -1.5), ("3 g0", "acceleration", 3 * G0), ("5 mg", "acceleration", 0.005 * G0),
+    ("1 m/s2", "acceleration", 1.0),
     ("1 m/s²", "acceleration", 1.0), ("2 kHz", "frequency", 2000.0), ("90 deg", "angle", 1.5707963267948966),
     ("90°", "angle", 1.5707963267948966), ("60 rpm", "angular velocity", 6.283185307179586),
     ("20 N m", "moment", 20.0),

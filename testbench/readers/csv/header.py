@@ -26,7 +26,8 @@ _TIME_NAMES = frozenset({
     "t", "time", "timestamp", "time stamp", "elapsed", "elapsed time", "relative time", "test time",
     "unix", "epoch", "posix", "unix time", "unixtime", "epoch time", "posix time", "unix timestamp", "time unix",
     "timestamp unix", "time epoch",
-    "zaman", "süre", "sure", "geçen süre", "zaman damgası", "zeit", "temps", "tiempo", "tempo",
+    "zaman", "süre", "sure", "geçen süre", "zaman damgası", "zeit", "zeitstempel", "messzeit", "zeitpunkt",
+    "temps", "tiempo", "tempo",
 })  # fmt: skip
 
 

@@ -104,6 +104,9 @@ def test_the_verdict_says_what_is_raised(brief_analysis):
     assert verdict([most, less]) == f"{sound.axis}: between raised by 13.2 % and reduced by 4.0 % in 2 conditions."
     bound = next(r for r in brief_analysis("peak_to_peak").reductions if r.below_noise)
     assert "raised by at most 12.0 % (" in verdict([replace(bound, interval=(-12.0, 100.0))])
+    assert "the noise hides whether it fell or rose in 1 condition." in verdict(
+        [replace(bound, interval=(-1600.0, 100.0))]
+    )
 
 
 def _true_amplitude(logs, run: str, axis: str, measure: Measure) -> float:

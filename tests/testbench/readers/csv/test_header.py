@@ -104,7 +104,8 @@ def test_names_in_a_comment() -> None:
 @pytest.mark.parametrize(
     ("name", "factor", "assumed"),
     [("Time (s)", 1.0, False), ("t_us", 1e-6, False), ("Zaman [ms]", 1e-3, False), ("ZAMAN", 1.0, True),
-     ("timestamp", 1.0, True), ("t (ticks)", None, False), ("Time [ticks]", None, False)],
+     ("Zeitstempel (s)", 1.0, False), ("timestamp", 1.0, True), ("t (ticks)", None, False),
+     ("Time [ticks]", None, False)],
 )  # fmt: skip
 def test_time_is_known_by_name_and_its_unit_is_not_guessed(name: str, factor: float | None, assumed: bool) -> None:
     """The time column's unit is read; if there is none, that seconds were assumed is marked."""
