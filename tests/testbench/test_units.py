@@ -21,7 +21,8 @@ def test_other_texts_in_brackets_are_no_units(text: str) -> None:
 def test_spellings_of_one_unit_are_the_same() -> None:
     """m/s², m/s^2, m s-2 and m/s/s are one unit; m/s is another."""
     assert all(units.same_unit("m/s²", other) for other in ("m/s^2", "m s-2", "m/s/s"))
-    assert units.same_unit("deg/s", "°/s") and not units.same_unit("deg", "rad")
+    assert units.same_unit("deg/s", "°/s")
+    assert not units.same_unit("deg", "rad")
     assert not units.same_unit("m/s²", "m/s")
     assert not units.same_unit(None, None)
 
