@@ -8,7 +8,7 @@ from balance import datasets
 from balance.balancing import stock_plates
 from balance.balancing.conditions import Conditions, balance_conditions
 from balance.balancing.sizing import Sizing, best_sets_from_stock, exact_sizing, sizing_of_given
-from balance.cli.framework import emit_table
+from balance.cli.printing import emit_table
 from balance.figures.mechanism import draw_mechanism, save
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism
