@@ -160,6 +160,7 @@ def _shared(work: Callable[[Task], Result], tasks: Sequence[Task], processes: in
 
     context, ends, copies = get_context("fork"), list[Any](), list[Any]()
     left, failed = dict.fromkeys(range(len(tasks))), dict[int, Exception]()
+    gc.freeze()  # what copies inherit is never garbage to them: looking for any would copy its pages, here too
     with TemporaryFile(buffering=0) as places:
         places.write(b"".join(place.to_bytes(_PLACE_BYTES, "little") for place in left))
         places.seek(0)
@@ -201,6 +202,7 @@ def _shared(work: Callable[[Task], Result], tasks: Sequence[Task], processes: in
                 end.close()
             for copy in copies:
                 copy.join()
+            gc.unfreeze()
 
 
 def _next(places: int) -> int | None:
@@ -219,7 +221,6 @@ def _tried(work: Callable[[Task], Result], tasks: Sequence[Task], place: int) ->
 
 def _copy(work: Callable[[Task], Result], tasks: Sequence[Task], places: int, sent: Any) -> None:  # noqa: ANN401
     """In a copy of this process: the terminal's interrupt is for this process, with which the copy ends."""
-    gc.freeze()  # what is inherited is never garbage: looking for any would copy its pages
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     _keep_memory()

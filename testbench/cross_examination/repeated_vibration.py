@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from itertools import combinations
 
+import numpy as np
+
 from balance.arrays import Floats
 
 from .observation import Observation
@@ -33,12 +35,10 @@ class _Vibration:
         from scipy.fft import irfft
 
         power = max(float(self.power[list(pair)].sum() * other.power[list(pair)].sum()) ** 0.5, 1e-300)
-        turned = other.spectra.conj()
-        own, crosswise = (
-            float(irfft(sum(self.spectra[i] * turned[j] for i, j in zip(pair, of, strict=True)), self.size).max())
-            for of in (pair, pair[::-1])
-        )
-        return own / power, crosswise / power
+        one, turned = self.spectra[list(pair)], other.spectra[list(pair)].conj()
+        products = np.stack([(one * turned).sum(axis=0), (one * turned[::-1]).sum(axis=0)])
+        own, crosswise = irfft(products, self.size).max(axis=1)
+        return float(own / power), float(crosswise / power)
 
 
 def repeated_vibration(observations: Sequence[Observation]) -> list[Statement]:

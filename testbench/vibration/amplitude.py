@@ -15,7 +15,7 @@ would count as larger in truth.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Literal
 
 import numpy as np
@@ -117,6 +117,11 @@ class ConstrainedPeaks:
     def _heights(self) -> Floats:
         return np.maximum(*self._ends)
 
+    @cached_property
+    def _divisors(self) -> Floats:
+        """Height of each swing, infinite where it has none, (m,) [unit]."""
+        return np.where(self._heights > 0.0, self._heights, np.inf)
+
     def _limited(
         self, limits: tuple[Floats, Floats], raised: Sequence[int], sign: Sign, reach: float
     ) -> tuple[Indices, Floats]:
@@ -127,13 +132,12 @@ class ConstrainedPeaks:
         near = ends >= min(float(ends.max()), float(limit.min())) - reach
         near[raised] = True
         swings = np.flatnonzero(near)
-        lengths, heights, is_raised = self._lengths[swings], self._heights[swings], np.zeros(len(near), dtype=bool)
-        is_raised[raised] = True
-        begins = np.cumsum(lengths) - lengths
-        samples = np.repeat(self._starts[swings] - begins, lengths) + np.arange(lengths.sum())
-        above, below = (limit[:, None] / np.where(heights > 0.0, heights, np.inf) for limit in limits)
-        factors = np.where(self._ends[0][swings] > 0.0, above, below)
-        factors = np.where(is_raised[swings], factors, np.minimum(factors, 1.0))
+        lengths, (above, below) = self._lengths[swings], limits
+        ends_of = lengths.cumsum()
+        samples = np.repeat(self._starts[swings] - ends_of + lengths, lengths) + np.arange(ends_of[-1])
+        wanted = np.where(self._ends[0][swings] > 0.0, above[:, None], below[:, None]) / self._divisors[swings]
+        factors, set_to = np.minimum(wanted, 1.0), swings.searchsorted(raised)
+        factors[:, set_to] = wanted[:, set_to]
         return samples, sign * self.course[samples] * np.repeat(factors, lengths, axis=1)
 
 
@@ -368,9 +372,10 @@ class Amplitude:
         gain = gain_of_record(self.measure, count, count / self.rate_hz, self.logger_hz)
         return _from_cosines(_cosines(whole, count) * gain)
 
-    def mean_of(self, runs: Sequence["Amplitude"], lags: Sequence[float], mean: Floats) -> "Amplitude":
-        """The mean (n,) [unit] of repeats that show it ``lags`` [samples] later, read as each of them would show it."""
-        course = self.in_band(mean)
+    def mean_of(self, runs: Sequence["Amplitude"], lags: Sequence[float], mean: Floats, course: Floats) -> "Amplitude":
+        """The mean of repeats that show it ``lags`` [samples] later, read as each of them would show it; whole, and in
+        the band, (n,) [unit] each.
+        """
         rows = zip(runs, lags, strict=True)
         if self.statistic.squared:  # which is the same at every rate
             sizes = [(shifted(course, -lag, len(course))[: len(run.course)], len(run.course)) for run, lag in rows]
@@ -394,11 +399,18 @@ class Amplitude:
         the noise. They are not weighted as by a Wiener filter, which would make the swings too low.
         """
         count = len(self.course)
-        spectrum, gain = _cosines(self.course, count), gain_of_record(self.measure, count, self.seconds)
-        density = noise.at(np.arange(count) / 2.0 / self.seconds) / self.averages
-        expected = density * gain**2 * count / (2.0 * self.seconds)
-        seen = _neighbours(spectrum) > _SIGNIFICANT * expected
+        spectrum = _cosines(self.course, count)
+        seen = _neighbours(spectrum) > _SIGNIFICANT / self.averages * _expected(
+            noise, self.measure, count, self.seconds
+        )
         return ConstrainedPeaks(_from_cosines(spectrum * seen)) if seen.any() else ConstrainedPeaks(self.course).highest
+
+
+@lru_cache(maxsize=8)
+def _expected(noise: Noise, measure: Measure, count: int, seconds: float) -> Floats:
+    """Squares of the cosines of noise in the band, on average, (count,) [unit^2]."""
+    density = noise.at(np.arange(count) / 2.0 / seconds)
+    return np.asarray(density * gain_of_record(measure, count, seconds) ** 2 * count / (2.0 * seconds))
 
 
 def shifted(values: Floats, lag: float, count: int) -> Floats:
@@ -466,11 +478,17 @@ def undithered_share(resting: Floats, step: float) -> float:
     if step <= 0.0 or not len(resting):
         return 0.0
     for some in (resting[:: max(len(resting) // _LOOKED_AT, 1)], resting):
-        median = float(np.median(np.abs(some - np.median(some))))
+        median = _median(np.abs(some - _median(some)))
         dither = max(min(float(np.std(some)), 1.4826 * median + 0.5 * step) ** 2 - step**2 / 4.0, 0.0)
         if dither > step**2:  # then it drowns for certain
             break
     return float(np.exp(-2.0 * np.pi**2 * dither / step**2))
+
+
+def _median(values: Floats) -> float:
+    """Of values (n,) [any unit], the upper of two; numpy's takes several times as long."""
+    middle = len(values) // 2
+    return float(np.partition(values, middle)[middle])
 
 
 def _toggles(resting: Floats, step: float) -> float | None:
@@ -519,7 +537,7 @@ def _neighbours(spectrum: Floats) -> Floats:
 
 
 def _samples(span: tuple[float, float], count: int, seconds: float) -> slice:
-    begin, end = (int(np.clip(round(at * count / seconds), 0, count)) for at in span)
+    begin, end = (min(max(round(at * count / seconds), 0), count) for at in span)
     return slice(begin, end)
 
 
@@ -538,6 +556,7 @@ def _from_cosines(spectrum: Floats) -> Floats:
     return np.asarray(idct(spectrum, norm="ortho"))
 
 
+@lru_cache(maxsize=8)
 def _taper(count: int) -> Floats:
     """Factors on the cosines of a resampled record (count,) [-]: its uppermost frequencies fade out."""
     share = np.arange(count) / count

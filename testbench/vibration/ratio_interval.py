@@ -19,7 +19,7 @@ from .condition import ConditionAmplitude, pooled_degrees_of_freedom
 
 _FINE = 65
 """Amplitudes between three of a grid among which the likeliest is searched: to less than 1e-3 standard deviations."""
-_TOLERANCE = 1e-10
+_TOLERANCE = 1e-8
 """Of an end, relative and absolute."""
 _FIRST_STEP = 1.0 / 64.0
 """First step of the search for the upper end, of the largest amplitude with counter-masses."""

@@ -271,7 +271,8 @@ class AlignedPlace:
         fewer = None if nearly.all() else np.sqrt(number / held.sum(axis=0))
         common = slice(int(shared[0]) + EDGE * (shared[0] > 0), int(shared[-1]) + 1 - EDGE * (shared[-1] < count - 1))
         mean = (whole * held).sum(axis=0) / held.sum(axis=0)
-        basis, apart = with_shifts(first.in_band(mean))[common], (whole - mean).T[common]
+        felt = first.in_band(mean)
+        basis, apart = with_shifts(felt)[common], (whole - mean).T[common]
         inverse = np.linalg.pinv(basis)
         left, gains = (apart - basis @ (inverse @ apart)).T, inverse[0] @ apart
         weights = np.pad(inverse[0], (common.start, count - common.stop))
@@ -295,7 +296,7 @@ class AlignedPlace:
         if slow.any() and len(made) == number:
             steps = first.in_band(np.array(made))[:, slow]
             plateaus = float(np.mean(shown[:, slow] ** 2)), float(np.mean(steps**2))
-        together = replace(first.mean_of(runs, lags, mean), envelope=fewer)
+        together = replace(first.mean_of(runs, lags, mean, felt), envelope=fewer)
         return cls(together, residuals, course, gains, weights, plateaus)
 
 

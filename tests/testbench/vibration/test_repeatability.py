@@ -222,7 +222,7 @@ def test_mean_as_runs_read_it(metric, rate):
     measure = Measure(metric, Band(1.0, 200.0))
     runs = [Amplitude.of(course(late)[None], rate, measure)[0] for late in lags]
     samples = [late * runs[0].rate_hz for late in lags]
-    mean = runs[0].mean_of(runs, samples, runs[0].whole)
+    mean = runs[0].mean_of(runs, samples, runs[0].whole, runs[0].in_band(runs[0].whole))
     assert mean.reading == pytest.approx(np.mean([run.reading for run in runs]), rel=2e-4)
     if metric != "rms":
         shown = runs[0].in_band(runs[0].whole)
