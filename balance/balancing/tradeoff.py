@@ -1,12 +1,14 @@
 """The front of shaking force, shaking moment, drive torque and added mass: what each costs in the others.
 
 Mean squares of force, moment and torque over a motion, and the added mass, are convex in the counter-masses: every
-point of the front is the least of a weighted sum. Weights are an even lattice (Das, Dennis, SIAM J. Optim. 8, 1998).
+point of the front is the least of a weighted sum. Even weights would crowd its points where it bends (Das, Dennis,
+SIAM J. Optim. 8, 1998): the two neighbours that are furthest apart get a point between them, until there are enough.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from math import comb
+from heapq import heappop, heappush
+from itertools import combinations
 from typing import Annotated
 
 import numpy as np
@@ -24,6 +26,8 @@ _SAME = 1e-9
 """Difference of a quantity, relative to its largest on the front, that is rounding."""
 _FAINT = 1e-6
 """Weight of what has none, so that of equals the better is taken."""
+_NEAR = 1e-5
+"""Difference of weights below which nothing is sought between two neighbours: the front has a corner there."""
 
 
 @dataclass(frozen=True)
@@ -78,20 +82,23 @@ def tradeoff_front(
         _reduced(*motion_objective(mechanism, trajectory, {name: 1.0}).system(mechanism, names)) for name in quantities
     ]
     scales = [float(np.linalg.norm(target)) or 1.0 for _, target in systems]
-    found = [np.zeros(len(names)), *(distribute_masses(*system, upper).masses for system in systems)]
-    heaviest = float(found[1].sum()) or 1.0
+    ends = [*(distribute_masses(*system, upper).masses for system in systems), np.zeros(len(names))]
     systems.append((np.ones((1, len(names))), np.zeros(1)))
-    scales.append(heaviest)
-    for weights in _lattice(len(systems), points):
-        if weights.max() == 1.0:
-            continue  # the ends, which are there: each exactly, and of equals the lightest
+    scales.append(float(ends[0].sum()) or 1.0)
+
+    def least(weights: Floats) -> Floats:
         parts = [
             (np.sqrt(max(weight, _FAINT)) / scale * columns, np.sqrt(max(weight, _FAINT)) / scale * target)
             for weight, scale, (columns, target) in zip(weights, scales, systems, strict=True)
         ]
         columns, target = (np.concatenate(blocks) for blocks in zip(*parts, strict=True))
-        found.append(distribute_masses(columns, target, upper).masses)
-    values = np.array([[np.linalg.norm(c @ m - t) for c, t in systems] for m in found])
+        return distribute_masses(columns, target, upper).masses
+
+    def quantities_of(masses: Floats) -> Floats:
+        return np.array([np.linalg.norm(c @ masses - t) for c, t in systems])
+
+    found = _spread(ends, least, quantities_of, points)
+    values = np.array([quantities_of(masses) for masses in found])
     return tuple(
         FrontPoint(
             float(row[0]),
@@ -110,14 +117,40 @@ def _reduced(columns: Floats, target: Floats) -> tuple[Floats, Floats]:
     return triangle[:, :-1], triangle[:, -1]
 
 
-def _lattice(size: int, points: int) -> Iterator[Floats]:
-    """Weights that sum to one, in equal steps, of at most ``points`` combinations (at least each alone), (size,)."""
-    steps = 1
-    while comb(size + steps, steps + 1) <= points:
-        steps += 1
-    for counts in np.ndindex(*[steps + 1] * (size - 1)):
-        if sum(counts) <= steps:
-            yield np.array([*counts, steps - sum(counts)]) / steps
+def _spread(
+    ends: Sequence[Floats],
+    least: Callable[[Floats], Floats],
+    quantities_of: Callable[[Floats], Floats],
+    points: int,
+) -> list[Floats]:
+    """Masses of so many points of a front, spread evenly over it, the ``ends`` first: the least of each quantity.
+
+    ``least`` gives the masses of weights. The weights fill a simplex, whose corners are the ends; it is cut where
+    neighbours are furthest apart in their quantities, each over its range, at half of their weights.
+    """
+    found, weights = list(ends), list(np.eye(len(ends)))
+    values = [quantities_of(masses) for masses in found]
+    ranges = np.ptp(values, axis=0)
+    ranges[ranges == 0.0] = np.inf
+    simplices = {frozenset(range(len(ends)))}
+    apart: list[tuple[float, int, int]] = []
+
+    def neighbours(pairs: Iterable[tuple[int, int]]) -> None:
+        for one, other in pairs:
+            if np.abs(weights[one] - weights[other]).max() > _NEAR:
+                heappush(apart, (-float(np.linalg.norm((values[one] - values[other]) / ranges)), one, other))
+
+    neighbours(combinations(range(len(ends)), 2))
+    while len(found) < points and apart:
+        _, one, other = heappop(apart)
+        new, cut = len(found), [simplex for simplex in simplices if {one, other} <= simplex]
+        weights.append(0.5 * (weights[one] + weights[other]))
+        found.append(least(weights[new]))
+        values.append(quantities_of(found[new]))
+        simplices.difference_update(cut)
+        simplices.update(simplex - {old} | {new} for simplex in cut for old in (one, other))
+        neighbours([(corner, new) for corner in sorted(frozenset().union(*cut))])
+    return found
 
 
 def _unbettered(values: Floats, masses: Sequence[Floats]) -> list[tuple[Floats, Floats]]:

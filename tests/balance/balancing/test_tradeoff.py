@@ -77,3 +77,14 @@ def test_limits_hold(four_bar):
     mechanism, trajectory, _ = four_bar
     front = tradeoff_front(mechanism, trajectory, limits={"counter_A0A": 0.5}, points=30)
     assert max(point.masses["counter_A0A"] for point in front) <= 0.5
+
+
+def test_points_are_spread_over_the_front(four_bar):
+    """Each of forty points has a neighbour near it, between any two forces one lies: even weights leave holes."""
+    mechanism, trajectory, _ = four_bar
+    front = np.array([values_of(point) for point in tradeoff_front(mechanism, trajectory, points=40)])
+    assert len(front) > 35
+    front = (front - front.min(axis=0)) / np.ptp(front, axis=0)
+    assert np.diff(front[:, 0]).max() < 0.2
+    apart = np.linalg.norm(front[:, None] - front, axis=2) + 9.0 * np.eye(len(front))
+    assert apart.min(axis=1).max() < 0.35
