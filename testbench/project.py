@@ -30,7 +30,7 @@ from .errors import RecordingError, RigError
 from .ingestion.log_sources import LogReading
 from .ingestion.planned_runs import plan_rows
 from .ingestion.run_table import RunTableRow, run_table_rows, write_run_table
-from .quality.rig_checks import rig_findings
+from .quality.rig_checks import rig_findings, unclocked
 from .recording import Recording, Severity
 from .rig import Rig, load_rig
 from .rig.rig import mechanism_file
@@ -334,7 +334,7 @@ def _log_problems(rig: Rig | None, rows: Sequence[RunTableRow], logs: Sequence[P
     incomplete = {run for name, run in named if name not in recordings}
     said: dict[tuple[str, str | None, str], tuple[str, list[str]]] = {}
     for run, held in runs.items():
-        for one in () if rig is None else rig_findings(rig, held):
+        for one in () if rig is None else [*rig_findings(rig, held), *unclocked(rig, held)]:
             if one.severity > Severity.NOTE and not (run in incomplete and one.code == "sensor_not_recorded"):
                 message = f"{one.channel}: {one.message}" if one.channel else one.message
                 key = (one.code, one.channel, one.message.partition(":")[0])

@@ -313,11 +313,8 @@ class GroupCheck:
         if not self.samples:
             return [Finding("no_data", None, None, f"group {self.group.name!r} holds no sample")]
         found = []
-        first = self.group.channels[0]
-        hertz = any(same_unit(first.unit, unit) for unit in ("Hz", "kHz"))
-        if self.group.clock is None and self.samples > 1 and not hertz and _OTHER_AXES.fullmatch(first.label) is None:
-            message = f"group {self.group.name!r} has neither a time column nor a declared rate: no time"
-            found.append(Finding("no_clock", None, None, message))
+        if self.samples > 1:
+            found += clock_findings(self.group)
         if (time := self._time) is not None:
             found += time.findings()
         for i, channel in enumerate(self.group.channels):
@@ -363,6 +360,20 @@ class RecordingCheck:
         if self.recording.origin == "simulated":
             found.append(Finding("simulated", None, None, "the log says that it is simulated, and not measured"))
         return found + [replace(f, group=name) for name, check in self.groups.items() for f in check.findings()]
+
+
+def clock_findings(group: Group) -> list[Finding]:
+    """That a group whose channels ought to follow time has no clock."""
+    first = group.channels[0]
+    hertz = any(same_unit(first.unit, unit) for unit in ("Hz", "kHz"))
+    if group.clock is not None or hertz or _OTHER_AXES.fullmatch(first.label) is not None:
+        return []
+    message = (
+        f"no column of {first_of((c.name for c in group.channels), 4)} is known as time, and no rate is declared: "
+        'state time = "NAME", or rate = "1 kHz", in an import description (testbench describe LOG writes one), '
+        "which is given with --as, or by the rig as read_as of the logger"
+    )
+    return [Finding("no_clock", None, None, message)]
 
 
 def header_findings(group: Group, reported: Collection[str | None] = ()) -> list[Finding]:

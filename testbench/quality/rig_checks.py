@@ -1,6 +1,7 @@
 """A rig against the logs: channels that are missing, units and rates that differ, the ranges of the sensors."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from balance.errors import suggestion
@@ -8,7 +9,7 @@ from balance.results import first_of
 
 from ..recording import Channel, Finding, Recording, SensorRange, by_name
 from ..units import same_unit
-from .group_checks import GroupCheck
+from .group_checks import GroupCheck, clock_findings
 from .time_steps import RATE_TOLERANCE
 
 if TYPE_CHECKING:
@@ -54,6 +55,16 @@ def rate_findings(rig: "Rig | None", groups: Iterable[GroupCheck]) -> list[Findi
             if any(column.channel in names for column in rig.columns(name)):
                 message = f"loggers.{name}: rate {stated:g} Hz in the rig, {check.rate_hz:.6g} Hz in the log"
                 found.append(Finding("rate_contradicts_rig", None, None, f"{message}, which is taken"))
+    return found
+
+
+def unclocked(rig: "Rig", recordings: Iterable[Recording]) -> list[Finding]:
+    """Loggers of the rig whose logs hold no time, by their headers."""
+    found: list[Finding] = []
+    for group in (group for recording in recordings for group in recording.groups):
+        names = {name for channel in group.channels for name in channel.names}
+        loggers = dict.fromkeys(column.logger for column in rig.columns() if column.channel in names)
+        found += [replace(f, message=f"loggers.{one}: {f.message}") for one in loggers for f in clock_findings(group)]
     return found
 
 
