@@ -96,9 +96,10 @@ class LogReading:
         return self._options, recording
 
     def _holds(self, recording: Recording, named: str) -> bool:
-        """Whether a log holds a channel of one of the loggers with a description."""
+        """Whether a log holds a channel of one of the loggers with a description, be it by its name as written."""
         held = {name for group in recording.groups for channel in group.channels for name in channel.names}
-        loggers = self._loggers[named]
+        loggers, description = self._loggers[named], self._described[named].description
+        held |= description.renamed(held) if description is not None else set()
         return any(column.channel in held for name in loggers if self._rig for column in self._rig.columns(name))
 
 

@@ -114,7 +114,7 @@ def written_description(path: Path, options: ReadOptions, found: Description) ->
     lines += [f"missing = {_toml(sorted(words | codes))}"]
     normal = list(dict.fromkeys(finding.code for finding in found.findings if finding.severity > 0))
     lines += [f"# normal = {_toml(normal)}  # found here; which of them has each log of this logger?"]
-    lines += ["", "[channels]  # name as written = name with its unit in brackets"]
+    lines += ["", "[channels]  # below all settings: name as written = name with its unit in brackets"]
     for channel in dict.fromkeys(channel for group in clocked for channel in group.channels):
         unit = "" if channel.unit is None or f"({channel.unit})" in channel.name else f" ({channel.unit})"
         lines += [f"# {_toml(channel.name)} = {_toml(f'{channel.label}{unit}' if unit else channel.name)}"]

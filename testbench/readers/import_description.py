@@ -7,7 +7,7 @@ else is applied to what any reader gives.
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
@@ -59,6 +59,7 @@ _SINCE = " since "
 _OFFSET = re.compile(r"([+-])(\d\d):?(\d\d)|Z|UTC", re.IGNORECASE)
 _OF_OTHER_CLOCKS = ("time_coarse", "several_clocks")
 """Findings on the columns of time that the reader would have taken."""
+_STRAY = "the setting {} stands below [channels], where names are of channels: write it above that line"
 DECIMALS = {"point": ".", "comma": ","}
 """Decimal marks as a person calls them."""
 
@@ -134,6 +135,10 @@ class ImportDescription(Table):
         table = toml_tables(text, path.name, RecordingError)
         if own := {"text", "folder"} & table.keys():
             raise RecordingError(f"{path.name}: {min(own)}: unknown key")
+        renamed = table.get("channels")
+        for key, value in renamed.items() if isinstance(renamed, dict) else ():
+            if key in cls.model_fields and not isinstance(value, str):
+                raise RecordingError(f"{path.name}: channels.{key}: {_STRAY.format(key)}")
         return model_from_table(cls, table | {"text": text, "folder": path.parent}, path.name, RecordingError)
 
     @property
@@ -155,6 +160,11 @@ class ImportDescription(Table):
         found = {"encoding": self.encoding or None, "delimiter": delimiter, "decimal": decimal}
         return found | {"date_order": self.date_order}
 
+    def renamed(self, written: Collection[str]) -> set[str]:
+        """What it calls channels of these names as written, with and without the unit."""
+        stated = [new for key, new in self.channels.items() if key in written]
+        return {name for new in stated for name in named_channels([new], [""])[0].names}
+
     def with_normal_as_notes(self, findings: Iterable[Finding]) -> list[Finding]:
         """Findings, of which those that are normal for the logger are notes that name them."""
         return [
@@ -163,12 +173,20 @@ class ImportDescription(Table):
         ]
 
     def applied(self, recording: Recording) -> Recording:
-        """The recording as the description has it. Raises RecordingError for a column of time that is not there."""
+        """The recording as the description has it. Raises RecordingError for a column or channel that is not there."""
         is_named = self.time_zone and not _OFFSET.fullmatch(self.time_zone)
         firsts = _first_times(recording, self.time[0]) if is_named and any(_SINCE in u for u in self.time_unit) else {}
         known = [_Plan(self, group, recording, firsts) for group in recording.groups]
+        channels = [channel for group in recording.groups for channel in group.channels]
+        names = list(dict.fromkeys(channel.name for channel in channels))
+        for key in self.channels:
+            if not any(key in channel.names for channel in channels):
+                wrong = _STRAY.format(key) if key in type(self).model_fields else "the log has no channel of this name"
+                raise RecordingError(
+                    f"{recording.path.name}: the import description's channels.{key}: {wrong}{suggestion(key, names)}; "
+                    f"there are {', '.join(names[:20])}"
+                )
         if self.time and not any(plan.places for plan in known):
-            names = list(dict.fromkeys(channel.name for group in recording.groups for channel in group.channels))
             missing = next((n for n in self.time if not any(_place(g, n) is not None for g in recording.groups)), "")
             raise RecordingError(
                 f"{recording.path.name}: no column {missing or self.time!r} with the others of time in one group"

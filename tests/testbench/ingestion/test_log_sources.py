@@ -158,9 +158,23 @@ def test_logs_and_descriptions_are_opened_no_more_often_than_needed(bench, monke
         ),
         ("plc.csv", "winkel", "Kraft 1", r"plc\.csv: holds channels of the loggers daq, plc, .* different import desc"),
         ("daq.toml", "channels =", 'time = "Clock"\nchannels =', ""),
+        (
+            "daq.toml",
+            '"Clock" =',
+            'rate = "1 kHz", "Clock" =',
+            r"daq\.csv: .* channels\.rate: the setting rate stands below",
+        ),
         ("daq.csv", "Clock,Kraft 1", "Uhr,K1", r"daq\.csv: no column 'Clock'"),
     ],
-    ids=["not there", "above", "elsewhere", "of two loggers", "stated as well", "its time is not there"],
+    ids=[
+        "not there",
+        "above",
+        "elsewhere",
+        "of two loggers",
+        "stated as well",
+        "a setting below",
+        "its time is not there",
+    ],
 )
 def test_a_description_that_does_not_fit_is_said(bench, file, old, new, said, monkeypatch):
     """Nothing is read by another description than its logger's in silence, nor by one that lies elsewhere."""
@@ -170,7 +184,7 @@ def test_a_description_that_does_not_fit_is_said(bench, file, old, new, said, mo
     (bench / file).write_text((bench / file).read_text().replace(old, new))
     if file == "plc.csv":
         (bench / "plc.toml").write_text('channels = { "Kraft 1" = "angle (deg)" }')
-        (bench / "plc.csv").write_text(f"Kraft 1,angle\n{ROWS}\n")
+        (bench / "plc.csv").write_text(f"Clock,Kraft 1\n{ROWS}\n")
     if file == "daq.csv":
         (bench / "daq.toml").write_text('time = "Clock"')
     if not said:

@@ -230,6 +230,12 @@ def test_normal_findings_are_notes(tmp_path, command):
         ("time = 'Time (s)'\ntime_unit = 'parsec'", "'parsec' is no unit of time"),
         ("time = 'Time (s)'\ntime_unit = 's since when'", "expected a date after since"),
         ("time = 'Time (s)'\ntime_unit = ['s', 'ms']", "2 units for 1 columns"),
+        ("[channels]\nrate = '1 kHz'", "channels.rate: the setting rate stands below .*: write it above"),
+        ("[channels]\nnames = [1]", "channels.names: the setting names stands below .*: write it above"),
+        (
+            "[channels]\nTimes = 't (s)'",
+            "channels.Times: the log has no channel .*; did you mean 'Time .*; there are Time",
+        ),
         ("time_zone = 'Mars/Olympus'", "expected an offset such as"),
         ("normal = ['bad_luck']", "no code of a finding"),
         ("names = 70", "no row of number"),
