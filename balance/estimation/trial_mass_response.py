@@ -114,8 +114,9 @@ def _found(problem: "_Problem", near: _Found | None = None) -> _Found:
             break
     else:
         raise DataError(
-            f"the runs with trial masses tell too little: after {_STEPS} steps the values still change by "
-            f"{np.abs(step[:size]).max():.2g} kg m; {MORE}"
+            "the runs with trial masses do not tell what is missing: what the trial masses change is lost in the "
+            f"{sides.unexplained:.1%} of the vibration that the fit leaves, and after {_STEPS} steps the values still "
+            f"change by {np.abs(step[:size]).max():.2g} kg m; {MORE}"
         )
     eye = np.eye(determined.shape[1])[: problem.free]
     outside = np.abs(eye - (eye @ determined.T) @ determined).max(axis=1, initial=0.0)
@@ -124,19 +125,22 @@ def _found(problem: "_Problem", near: _Found | None = None) -> _Found:
     return _Found(unknown, sides, determined)
 
 
-MORE = "add runs of another motion (x, y, triangle) with the same trial masses, or heavier trial masses"
+MORE = "mount heavier trial masses, or add runs of a motion unlike these, as fast, with each of them"
 
 
 def _singular_values(matrix: Floats, least: float) -> tuple[Floats, Floats, Floats, Floats]:
     """Of a matrix (n, p) with columns of length one: (n, k), (k,) and (k, p), above a share ``least`` of the largest.
 
-    Then the lengths that its columns had, (p,).
+    Then the lengths that its columns had, (p,). By the squares of its columns, which take a tenth of the time and hold
+    shares down to 1e-8.
     """
     length = np.linalg.norm(matrix, axis=0)
     length[length == 0.0] = 1.0
-    u, sizes, rows = np.linalg.svd(matrix / length, full_matrices=False)
-    kept = sizes > least * sizes[0]
-    return u[:, kept], sizes[kept], rows[kept], length
+    scaled = matrix / length
+    squares, rows = np.linalg.eigh(scaled.T @ scaled)
+    kept = squares > least**2 * squares[-1]
+    sizes, rows = np.sqrt(squares[kept]), rows[:, kept].T
+    return scaled @ (rows.T / sizes), sizes, rows, length
 
 
 @dataclass(frozen=True)

@@ -45,13 +45,11 @@ class SourceWords(NamedTuple):
     """What its model leaves out, which may be unexplained."""
 
 
-_MORE_RUNS = (
-    "add runs in another direction (the triangle), with more acceleration, or a second accelerometer on the base"
-)
+_MORE_RUNS = "add runs of a motion in another direction, with more acceleration, or a second accelerometer on the base"
 SOURCES: dict[Source, SourceWords] = {
     "wrench": SourceWords("force sensors", "force", 0.1, _MORE_RUNS),
     "torque": SourceWords(
-        "motor torques", "torque", 0.15, "give longer runs that move more, or runs of several motions (x, y, triangle)"
+        "motor torques", "torque", 0.15, "give longer runs that move more, or runs of several motions"
     ),
     "vibration": SourceWords(
         "vibration of the base, by the base that the rig states", "vibration", 0.1, _MORE_RUNS,

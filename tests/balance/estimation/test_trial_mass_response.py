@@ -6,6 +6,7 @@ from scipy.signal import lfilter
 from scipy.stats import t as student
 
 from balance.balancing import conditions
+from balance.errors import DataError
 from balance.estimation import trial_mass_response as trials
 from balance.estimation.first_moment_imbalance import Subspace
 from balance.mechanism.mjcf_parser import load_mechanism
@@ -118,3 +119,11 @@ def test_what_noise_explains_is_no_bound():
     half = np.linalg.cholesky(0.25 * (by_long - by_short).T @ (by_long - by_short)) @ np.array([1.0, 0.9])
     mean = 0.5 * (by_short + by_long)
     assert trials.mean_covariance(-half, half, by_short, by_long) == pytest.approx(mean.T @ mean)
+
+
+def test_what_noise_hides_is_refused():
+    """It is said why, and what helps on any machine."""
+    with pytest.raises(
+        DataError, match=r"lost in the 8\d\..* of the vibration .* heavier trial masses, or add runs of a m"
+    ):
+        measured(0, noise=100.0 * NOISE)
