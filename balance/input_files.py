@@ -101,9 +101,10 @@ class Quantity(FromText):
 
     def __init__(self, *dimensions: str, above: float = -math.inf, at_least: float = -math.inf) -> None:
         self.dimensions, self._above, self._at_least = dimensions, above, at_least
-        super().__init__(self._parse, example(dimensions[0]), dimensions)
+        super().__init__(self.parse, example(dimensions[0]), dimensions)
 
-    def _parse(self, text: str, _context: object) -> Any:  # noqa: ANN401
+    def parse(self, text: str, _context: object = None) -> Any:  # noqa: ANN401
+        """What the text says. Raises UnitError."""
         dimension = dimension_of(text, *self.dimensions)
         value = parse(text, dimension)
         if not value > self._above:

@@ -42,11 +42,13 @@ if TYPE_CHECKING:
         load_plan as load_plan,
         load_rig as load_rig,
         new_project as new_project,
+        plan_next as plan_next,
         read as read,
         simulate as simulate,
         trim as trim,
     )
     from .identification import Identification as Identification
+    from .next_run import Design as Design
     from .recording import Finding as Finding, Recording as Recording
     from .rig import Rig as Rig
     from .runs.aligned_run import AlignedRun as AlignedRun
@@ -67,6 +69,7 @@ __all__, __getattr__, __dir__ = lazy_names(__name__, {
     "store": "Campaign Run open_campaign open_run",
     "vibration.comparison": "Comparison",
     "errors": "CounterpoiseError",
+    "next_run": "Design",
     "cross_examination": "Examination",
     "recording": "Finding Recording",
     "identification": "Identification",
@@ -75,5 +78,5 @@ __all__, __getattr__, __dir__ = lazy_names(__name__, {
     "runs.si_run": "SIRun physical",
     "trimming": "Trim",
     "front_door": "align analyze compare doctor encoder_speed formats identify ingest load_plan load_rig new_project "
-    "read simulate trim",
+    "plan_next read simulate trim",
 })  # fmt: skip

@@ -5,7 +5,7 @@ The commands call the same functions. A campaign is a ``Campaign`` or its folder
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +15,7 @@ from balance.mechanism.mechanism import Mechanism
 from .store import Campaign, Run, open_campaign, open_run
 
 if TYPE_CHECKING:  # what each function needs is imported when it is called: a command starts as quickly as without
+    from balance.input_files import Measured
     from balance.task_pool import TaskPool
 
     from .campaign_plan import Plan
@@ -23,6 +24,7 @@ if TYPE_CHECKING:  # what each function needs is imported when it is called: a c
     from .identification.estimators import Method
     from .identification.records import By
     from .ingestion import Outcome
+    from .next_run import Design, Question
     from .readers import ReadOptions
     from .recording import Recording
     from .rig import Rig
@@ -270,6 +272,45 @@ def doctor(
 
     runs = runs_of(campaign)
     return examine(runs, accept, _mechanism(mechanism), pool or cores(len(runs)))
+
+
+def plan_next(
+    campaign: Runs,
+    question: Question = "reduction",
+    payload: str | float | Mapping[str, str | float] | None = None,
+    motions: Sequence[str] = (),
+    peaks: Sequence[str | Measured[float]] = (),
+    axes: Sequence[str] = (),
+    sites: Sequence[str] = (),
+    metric: Metric = "peak_to_peak",
+    band: Band | str | None = VIBRATION,
+    accept: Sequence[str] = (),
+) -> Design:
+    """Which run to make next: how far each narrows what is asked, the best first; ``.verdict`` names it.
+
+    ``question``: ``reduction``, ``first-moment`` or ``counter-mass``. ``payload``: of the runs with this one alone, by
+    body or site where several carry one (``{"tool": "1.5 kg"}``). ``motions``, ``peaks`` (``"2 g0"``): of a reduction
+    these alone; of others candidates besides those made. ``axes``, ``metric``, ``band``, ``accept``: of a reduction;
+    ``sites``: of the others. Raises AnalysisError where nothing that a run would show tells what is asked.
+
+    >>> import testbench
+    >>> testbench.plan_next("campaign", axes=["y"]).table()["run.repeats"].tolist()
+    ['r001', 'r002']
+    """
+    from balance.units import si
+
+    from .errors import AnalysisError
+    from .next_run import next_for_first_moment, next_for_reduction
+    from .rig.key_types import PEAK_ACCELERATION
+
+    stated = payload if isinstance(payload, Mapping) else {} if payload is None else {"": payload}
+    payloads = [(name, si(mass, "mass")) for name, mass in stated.items()]
+    sizes = [PEAK_ACCELERATION.parse(peak) if isinstance(peak, str) else peak for peak in peaks]
+    if unfit := "sites" if sites and question == "reduction" else "axes" if axes and question != "reduction" else "":
+        raise AnalysisError(f"{unfit}: nothing of a {question}; sites are of first moments, axes of reductions")
+    if question == "reduction":
+        return next_for_reduction(runs_of(campaign), _measure(metric, band), payloads, motions, sizes, axes, accept)
+    return next_for_first_moment(runs_of(campaign), question, sites, payloads, motions, sizes)
 
 
 def _model(mechanism: Mechanism | str | None, runs: Sequence[SIRun]) -> Mechanism:

@@ -26,7 +26,7 @@ from balance.estimation.regression import RegressionFit
 from balance.input_files import Measured
 from balance.motion import Motion
 from balance.motion.motion_files import load_motion, motion_from_texts
-from balance.results import INLINE, Key
+from balance.results import INLINE, Key, Shown
 from balance.units import G0
 
 from .errors import AnalysisError
@@ -84,8 +84,14 @@ class Proposal:
 
 
 @dataclass(frozen=True)
-class Design:
-    """All candidates, the best first."""
+class Design(Shown, rows="proposals"):
+    """All runs that may be made next, the best first.
+
+    >>> import testbench
+    >>> design = testbench.plan_next("campaign", axes=["y"])
+    >>> design.proposals[0].now > design.proposals[0].after
+    True
+    """
 
     question: Annotated[Question, Key("for")]
     unit: Annotated[str, Key()]

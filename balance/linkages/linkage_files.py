@@ -39,8 +39,9 @@ RESERVED = {GROUND: "the ground needs no description", "base": "the name of the 
 class _Stated(Quantity):
     """A quantity as written, with the rounding of its last digit."""
 
-    def _parse(self, text: str, context: object) -> Symbol:
-        super()._parse(text, context)
+    def parse(self, text: str, _context: object = None) -> Symbol:
+        """The text as a symbol. Raises UnitError."""
+        super().parse(text)
         return expressions.symbol(text, self.dimensions[0])
 
 

@@ -94,6 +94,14 @@ def _payload(text: str) -> tuple[str, float]:
         return name.strip(), si(mass, "mass")
 
 
+def _peak(text: str) -> "Measured[float]":
+    """A peak acceleration of a point or of joints that turn."""
+    from ..rig.key_types import PEAK_ACCELERATION
+
+    found: Measured[float] = PEAK_ACCELERATION.parse(text)
+    return found
+
+
 @command(
     "next",
     group=plan,
@@ -124,7 +132,12 @@ def next_run(
     motion: tuple[str, ...] = option(
         "Reductions of these alone; of first moments candidates besides the motions made."
     ),
-    peak: tuple[str, ...] = option("These peak accelerations alone, such as '2 g0' or '60 rad/s^2'.", metavar="TEXT"),
+    peak: "tuple[Measured[float], ...]" = option(
+        "These peak accelerations alone, such as '2 g0' or '60 rad/s^2'.",
+        Read("peak", _peak),
+        metavar="TEXT",
+        multiple=True,
+    ),
     axis: tuple[str, ...] = option("Reductions along these axes alone.", Word(["x", "y", "z"])),
     metric: "Metric" = METRIC,
     band: "Band | None" = BAND,
@@ -140,15 +153,12 @@ def next_run(
         raise click.UsageError("--site is of first moments and counter-masses: give --for first-moment")
     if question != "reduction" and axis:
         raise click.UsageError("--axis is of reductions")
-    from ..next_run import Proposal, next_for_first_moment, next_for_reduction
+    from ..front_door import plan_next
+    from ..next_run import Proposal
     from ..store import open_campaign
-    from ..vibration.metrics import Measure
 
-    runs, peaks = open_campaign(campaign).runs, [_peak(text) for text in peak]
-    if question == "reduction":
-        found = next_for_reduction(runs, Measure(metric, band), payload, motion, peaks, axis, accept)
-    else:
-        found = next_for_first_moment(runs, question, site, payload, motion, peaks)
+    runs = open_campaign(campaign)
+    found = plan_next(runs, question, dict(payload), motion, peak, axis, site, metric, band, accept)
 
     def show() -> None:
         say(plain_text(found.verdict))
@@ -157,17 +167,3 @@ def next_run(
             say(note)
 
     return Answer(document(found), show)
-
-
-def _peak(text: str) -> "Measured[float]":
-    """A peak acceleration of a point or of joints that turn."""
-    from pydantic import TypeAdapter, ValidationError
-
-    from ..rig.key_types import PeakAcceleration
-
-    try:
-        found: Measured[float] = TypeAdapter(PeakAcceleration).validate_python(text)
-    except ValidationError as error:
-        message = error.errors(include_url=False)[0]["msg"].removeprefix("Value error, ")
-        raise click.UsageError(f"--peak {message}") from error
-    return found

@@ -43,7 +43,8 @@ Inertia = Annotated[float, Quantity("inertia", above=0.0)]
 Stiffness = Annotated[float, Quantity("stiffness", above=0.0)]
 TurningStiffness = Annotated[float, Quantity("moment", above=0.0)]
 Acceleration = Annotated[float, Quantity("acceleration", above=0.0)]
-PeakAcceleration = Annotated[Measured[float], Quantity("acceleration", "angular acceleration", above=0.0)]
+PEAK_ACCELERATION = Quantity("acceleration", "angular acceleration", above=0.0)
+PeakAcceleration = Annotated[Measured[float], PEAK_ACCELERATION]
 """Of a point, or of joints that turn."""
 Force = Annotated[float, Quantity("force", above=0.0)]
 Moment = Annotated[float, Quantity("moment", above=0.0)]

@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from balance.errors import CounterpoiseError
 from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
-from testbench import next_run
+from testbench import next_run, plan_next
 from testbench.errors import AnalysisError
 from testbench.next_run import next_for_first_moment, next_for_reduction
 from testbench.rig import rig_from_text
@@ -173,6 +174,24 @@ def test_a_repeat_narrows_a_reduction_as_predicted():
     assert found == pytest.approx(brought, rel=0.15)
     assert next(iter(found)) == min(brought, key=lambda name: brought[name]) == "with20"
     assert design.verdict.startswith("repeat with20 (3.4116 kg, motion x, 3 g0, with counter-masses) narrows")
+
+
+def test_in_python(brief):
+    """Masses and accelerations are texts with units; what is not of the question is refused."""
+    campaign = brief.campaign
+    asked = {"metric": "rms", "axes": ["y"], "motions": ["y"], "peaks": ["3 g0"]}
+    rows = [plan_next(campaign, payload=mass, **asked).table() for mass in ("5 kg", {"": 5.0})]
+    assert rows[0].equals(rows[1])
+    assert set(rows[0]["run.motion"]) == {"y"}
+    for wrong, message in (
+        ({"sites": SITES}, "sites: nothing of a reduction"),
+        ({"question": "first-moment", "axes": "x"}, "axes: nothing of a first-moment"),
+        ({"payload": "7 kg"}, "no reduction is of what is asked"),
+        ({"payload": "7 m"}, "not a unit of mass"),
+        ({"peaks": ["-2 g0"]}, "expected more than zero"),
+    ):
+        with pytest.raises(CounterpoiseError, match=message):
+            plan_next(campaign, **wrong)
 
 
 def test_no_reduction_to_narrow():
