@@ -206,11 +206,12 @@ def analyze(
 
     ``metric``: ``peak``, ``peak_to_peak`` or ``rms`` of the acceleration [m/s2] in ``band`` [Hz]. ``accept``: codes of
     contradictions that a person accepts. Intervals of 95 % by propagation of distributions (JCGM 101), near the noise
-    those of Feldman and Cousins. Raises AnalysisError where no two runs can be compared.
+    those of Feldman and Cousins. Raises AnalysisError where no two runs can be compared. The column ``kind`` tells
+    numbers from bounds (``at_least``, ``at_most``) and from what is ``withheld``.
 
     >>> import testbench
-    >>> result = testbench.analyze("campaign")
-    >>> result.table()[["axis", "reduction_percent"]].shape
+    >>> rows = testbench.analyze("campaign").table()
+    >>> rows[rows["kind"] == "number"][["axis", "reduction_percent"]].shape
     (3, 2)
     """
     from balance.task_pool import cores

@@ -218,9 +218,9 @@ def _text(found: Reduction) -> str:
     name = found.measure.metric.replace("_", "-")
     if found.percent is None:
         return "nothing moves above the noise"
-    if found.at_least is not None:
+    if found.kind == "at_least":
         return f"{name} reduced by at least {found.at_least:.1f} %"
-    if found.text.startswith("withheld"):
+    if found.kind == "withheld":
         return f"{name}: {found.text}, contradicted by {', '.join(found.doubts)}"
     word, sign = ("reduced", 1.0) if found.percent >= 0.0 else ("raised", -1.0)
     ends = sorted(sign * end for end in found.interval or ())

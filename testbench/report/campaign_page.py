@@ -256,7 +256,6 @@ def _comparison(found: Comparison) -> dict[str, Any]:
     shown: dict[str, Any] = plain(found)
     for row, one in zip(shown["rows"], found.rows, strict=True):
         row["budget"] = plain(one.analyzed.uncertainty.budgets if one.analyzed.uncertainty else [])
-        row["text"] = one.analyzed.text
     return shown
 
 

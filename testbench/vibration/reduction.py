@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 Method = Literal["repeats", "propagation"]
 """Where an interval comes from: what repeats of the campaign differ by, or noise of single runs, propagated."""
 Limit = Literal["at_least", "at_most"]
+Kind = Literal["number", "at_least", "at_most", "withheld", "no_interval"]
 REPEATS_DIFFER = "repeats_differ"
 WITHHELD = frozenset({*WITHHOLDING, REPEATS_DIFFER})
 """Doubts after which there is no interval."""
@@ -83,7 +84,7 @@ class Reduction:
     measure: Annotated[Measure, INLINE]
     percent: Annotated[float | None, Key("reduction_percent")]
     """Of the amplitudes of each run, without noise; None where nothing vibrated above the noise without
-    counter-masses.
+    counter-masses. Whether it is more than an end of what is known is told by ``kind``.
     """
     interval: Annotated[tuple[float, float] | None, Key("interval_percent")]
     """95 % interval of ``percent``; None where there is none."""
@@ -132,6 +133,17 @@ class Reduction:
         return self.interval[0] if self.limit == "at_least" and self.interval else None
 
     @property
+    def kind(self) -> Annotated[Kind, Key()]:
+        """What is known: a ``number`` with its interval, a bound of it, or why there is neither."""
+        if self.interval is None and not WITHHELD.isdisjoint(self.doubts):
+            return "withheld"
+        if self.at_least is not None:
+            return "at_least"
+        if self.limit == "at_most":
+            return "at_most"
+        return "no_interval" if self.percent is None or self.interval is None else "number"
+
+    @property
     def confidence(self) -> Annotated[float, Key("confidence_percent")]:
         """Of the interval [%]."""
         return 100.0 * LEVEL
@@ -139,12 +151,12 @@ class Reduction:
     @property
     def text(self) -> Annotated[str, Key(None, "reduction % [95 %]")]:
         """``94.2 [93.1, 95.0]``; a lower bound as ``>= 97.2`` with its reason."""
-        if self.limit == "at_least" and self.at_least is not None:
+        if self.at_least is not None:
             return f">= {self.at_least:.1f} {'< noise' if self.below_noise else 'clipped'}"
         value = "-" if self.percent is None else f"{self.percent:.1f}"
-        if self.percent is not None and self.interval is None and not WITHHELD.isdisjoint(self.doubts):
+        if self.kind == "withheld" and self.percent is not None:
             return f"withheld ({value})"
-        if self.limit == "at_most":
+        if self.kind == "at_most":
             return f"<= {value} clipped"
         return value if self.interval is None else f"{value} [{self.interval[0]:.1f}, {self.interval[1]:.1f}]"
 
@@ -544,9 +556,7 @@ def _change(values: Sequence[float]) -> str:
 
 def verdict(reductions: Sequence[Reduction]) -> str:
     """By how much each axis is reduced or raised, and how many reductions are bounds, withheld, or none."""
-    withheld = [r for r in reductions if r.interval is None and not WITHHELD.isdisjoint(r.doubts)]
-    bounds = [r for r in reductions if r.at_least is not None]
-    sound = [r for r in reductions if r.percent is not None and r.interval is not None and r.limit is None]
+    withheld, bounds, sound = ([r for r in reductions if r.kind == kind] for kind in ("withheld", "at_least", "number"))
     several = len({r.sensor for r in reductions}) > 1
     parts = []
     for sensor, axis in dict.fromkeys((r.sensor, r.axis) for r in sound):

@@ -81,6 +81,10 @@ def test_the_verdict_counts_what_is_no_number(brief_analysis):
     sound = next(r for r in reductions if r.limit is None)
     bound = next(r for r in reductions if r.below_noise)
     withheld = replace(bound, interval=None, doubts=("counter_mass_contradiction", "gain"))
+    high = replace(sound, limit="at_most", interval=None)
+    each = [sound, bound, high, withheld, replace(sound, interval=None), replace(withheld, limit="at_most")]
+    kinds = ["number", "at_least", "at_most", "withheld", "no_interval", "withheld"]
+    assert [document(one)["kind"] for one in each] == kinds
     assert verdict([withheld]) == ("1 of 1 reductions are withheld for counter_mass_contradiction: see the findings.")
     low, high = sound.interval
     assert verdict([sound, bound, withheld, replace(sound, interval=None)]) == (
