@@ -37,7 +37,8 @@ def draw_mechanism(
 
 def draw_sizing(result: Sizing | SizingStudy) -> "Figure":
     """Draw a mechanism with the counter-masses that were found for it."""
-    return draw_mechanism(result.after, result.counter_masses)
+    added = f"{sum(counter.mass for counter in result.counter_masses):.4g} kg added, drawn as steel 100 mm thick"
+    return draw_mechanism(result.after, result.counter_masses, title=f"{result.after.name}\n{added}")
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,7 @@ def draw_on(axes: "Axes", mechanism: Mechanism, counter_masses: Sequence[Counter
         elif one.radius is not None:
             axes.add_patch(Circle(centre, one.radius, color=COUNTER, alpha=0.55, lw=0, zorder=2))
             mass = one.label.partition(" at ")[0]
-            axes.annotate(mass, centre, ha="center", va="center", fontsize=9, zorder=7)
+            axes.annotate(mass, centre, ha="center", va="center", fontsize=9, zorder=7, bbox=box)
         else:
             ground = one.kind == "ground"
             axes.plot(*centre, "^" if ground else "o", ms=11 if ground else 6, mfc="white", mec=GROUND, mew=1.6,

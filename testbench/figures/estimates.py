@@ -90,13 +90,14 @@ def draw_trim(result: Trim) -> "Figure":
             for place, (_, one, colour) in enumerate(shown):
                 (low, high), value = one.interval, one.first_moment.value
                 axes.errorbar(place, value, [[value - low], [high - value]], fmt="o", capsize=5, color=colour)
-            axes.set_xticks(range(len(shown)), [name for name, *_ in shown])
+            slant = {"rotation": 30, "ha": "right"} if len(shown) > 2 else {}
+            axes.set_xticks(range(len(shown)), [name for name, *_ in shown], **slant)
             axes.set_xlim(-0.6, len(shown) - 0.4)
             axes.axhline(0.0, color="k", lw=0.8)
             added = next((c for c in result.addition.counter_masses if c.site == before.site), None)
             plates = f"add {added.mass:.3f} kg" if added is not None and added.mass > 0.0 else "add nothing"
             if added is not None and added.plates:
-                plates += f" ({counted(added.plates)})"
+                plates += f"\n({counted(added.plates)})"
             axes.set_title(f"{before.site}: {plates}")
         panels[0, 0].set_ylabel("missing first moment [kg m]")
         level = f"intervals{'' if result.interval_level else ', not'} of {LEVEL_TEXT}"

@@ -5,9 +5,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from balance.estimation.estimate import LEVEL_TEXT
+
 from ..published_tables import ORIGINAL_LOGS
 from ..vibration.comparison import Comparison, Row
 from ..vibration.reduction import Analysis
+from ..vibration.run_pairs import masses_text
 from . import style
 
 if TYPE_CHECKING:
@@ -19,14 +22,17 @@ _LOOKS: tuple[tuple[str, str, dict[str, Any]], ...] = (
     ("simulated", "simulated, without noise",
      {"marker": "o", "color": style.SIMULATED, "ms": 8.5, "mfc": "none", "mew": 1.8}),
     ("analyzed", "analysed from {} logs", {"marker": "x", "color": style.ANALYSED, "ms": 5.5, "mew": 1.8}),
+    ("at_least", "at least", {"marker": "^", "color": style.ANALYSED, "ms": 4.0}),
+    ("at_most", "at most", {"marker": "v", "color": style.ANALYSED, "ms": 4.0}),
+    ("withheld", "withheld", {"marker": "x", "color": "#bbbbbb", "ms": 5.5}),
 )  # fmt: skip
+"""Names, labels and looks of the sources, and of what was analysed and is no number, by its kind."""
 _MARGIN = 0.8
 """Space before the first and after the last condition [conditions]."""
-_LOWER_BOUND: dict[str, Any] = {"marker": "^", "color": style.ANALYSED, "ms": 4.0}
 
 
 def reductions(compared: Comparison | Analysis) -> "Figure":
-    """A panel for each motion, sensor and axis, by payload and acceleration; triangles are lower bounds.
+    """A panel for each motion, sensor and axis, by payload and acceleration; triangles are bounds.
 
     A comparison also shows what was simulated and published.
     """
@@ -45,15 +51,15 @@ def reductions(compared: Comparison | Analysis) -> "Figure":
                 panel.set_title(f"motion {motion}, {name} along {place[1]}")
             line[0].set_ylabel("reduction of the amplitude [%]")
         panels[0, 0].set_ylim(min(0.0, *(_lowest(row) - 10.0 for row in rows)), 105.0)
-        turning = any(row.analyzed.key.peak_acceleration_rad_s2 is not None for row in rows)
-        for panel in panels[-1]:
-            panel.set_xlabel(f"peak acceleration [{'rad/s2' if turning else 'g0'}], by payload")
         _legend(figure, panels[0, 0], rows, " and ".join(compared.origins))
         measure = rows[0].analyzed.measure
         origin = "Simulated campaign: reduction" if set(compared.origins) == {"simulated"} else "Reduction"
         band = f"band {measure.band}" if measure.band else "all frequencies"
         notes = compared.published.notes if isinstance(compared, Comparison) and compared.published else ()
-        about = [f"{measure.metric.replace('_', '-')}, {band}", *(note for note in notes if note == ORIGINAL_LOGS)]
+        about = [
+            f"{measure.metric.replace('_', '-')}, {band}; lines: intervals of {LEVEL_TEXT}",
+            *(note for note in notes if note == ORIGINAL_LOGS),
+        ]
         style.headline(figure, "\n".join([f"{origin} of base acceleration", *about]))
     return figure
 
@@ -64,32 +70,52 @@ def _place(row: Row) -> tuple[str, str]:
 
 def _panel(panel: "Axes", rows: Sequence[Row]) -> None:
     """Conditions of one motion and axis, payload after payload, a gap between two."""
-    rows = sorted(rows, key=lambda r: (r.analyzed.key.payload_kg or 0.0, _peak(r)[0]))
-    payloads = list(dict.fromkeys(row.analyzed.key.payload_kg for row in rows))
-    at = np.array([i + payloads.index(row.analyzed.key.payload_kg) for i, row in enumerate(rows)], dtype=float)
-    estimates = [row.analyzed.percent if row.analyzed.at_least is None else None for row in rows]
+    rows = sorted(rows, key=lambda r: (r.analyzed.key.payload_kg or 0.0, r.analyzed.key.payloads, _peak(r)[0]))
+    payloads = list(dict.fromkeys(_payload(row) for row in rows))
+    at = np.array([i + payloads.index(_payload(row)) for i, row in enumerate(rows)], dtype=float)
     for name, _, look in _LOOKS:
-        values = estimates if name == "analyzed" else [getattr(row, name) for row in rows]
-        panel.plot(at, np.array(values, dtype=float), ls="none", **look)
+        panel.plot(at, np.array([_value(row, name) for row in rows], dtype=float), ls="none", **look)
     for x, row in zip(at, rows, strict=True):
         if row.analyzed.interval:
             panel.vlines(x, *row.analyzed.interval, color=style.ANALYSED, lw=1.2)
-        if row.analyzed.at_least is not None:
-            panel.plot(x, row.analyzed.at_least, **_LOWER_BOUND)
-    panel.set_xticks(at, [_peak(row)[1] for row in rows], fontsize=8)
-    for payload in payloads:
-        here = [x for x, row in zip(at, rows, strict=True) if row.analyzed.key.payload_kg == payload]
-        label, place = "" if payload is None else f"{payload:g} kg", panel.get_xaxis_transform()
-        panel.text(float(np.mean(here)), 0.02, label, transform=place, ha="center", color="#555555")
+    panel.axhline(0.0, color="k", lw=0.8)
+    peaks = [_peak(row) for row in rows]
+    panel.set_xticks(at, [f"{value:g}" if unit else "" for value, unit in peaks], fontsize=8)
+    middles = [float(np.mean([x for x, row in zip(at, rows, strict=True) if _payload(row) == p])) for p in payloads]
+    below = panel.secondary_xaxis(0.0)  # a second line of labels
+    units = " or ".join(dict.fromkeys(unit for _, unit in peaks if unit))
+    below.set_xticks(middles, [f"\n{payload}" if units else payload for payload in payloads], fontsize=8)
+    below.tick_params(length=0)
+    below.set_xlabel(", ".join(filter(None, (f"peak acceleration [{units}]" * bool(units), "payload" * any(payloads)))))
     panel.set_xlim(at[0] - _MARGIN, at[-1] + _MARGIN)
     panel.grid(axis="x", visible=False)
 
 
-def _peak(row: Row) -> tuple[float, str]:
-    """Peak acceleration of a condition [g0 or rad/s2], and its text."""
+def _value(row: Row, name: str) -> float | None:
+    """What a source says, or what was analysed where it is of this kind [%]; None for nothing."""
+    one = row.analyzed
+    if name in ("published", "simulated"):
+        value: float | None = getattr(row, name)
+        return value
+    if name != (one.kind if one.kind in {known for known, *_ in _LOOKS} else "analyzed"):
+        return None
+    return one.percent if one.at_least is None else one.at_least
+
+
+def _payload(row: Row) -> str:
+    """Payload of a condition, one a line where several bodies or sites carry one."""
     key = row.analyzed.key
-    value = key.peak_acceleration_rad_s2 if key.peak_acceleration_g is None else key.peak_acceleration_g
-    return (0.0, "") if value is None else (value, f"{value:g}")
+    return masses_text(key.payloads_kg).replace(", ", "\n") or (
+        "" if key.payload_kg is None else f"{key.payload_kg:g} kg"
+    )
+
+
+def _peak(row: Row) -> tuple[float, str]:
+    """Peak acceleration of a condition and its unit; empty for none."""
+    key = row.analyzed.key
+    if key.peak_acceleration_g is not None:
+        return key.peak_acceleration_g, "g0"
+    return (0.0, "") if key.peak_acceleration_rad_s2 is None else (key.peak_acceleration_rad_s2, "rad/s2")
 
 
 def _lowest(row: Row) -> float:
@@ -103,8 +129,6 @@ def _legend(figure: "Figure", panel: "Axes", rows: Sequence[Row], kinds: str) ->
     handles = [
         panel.plot([], [], ls="none", label=label.format(kinds), **look)[0]
         for name, label, look in _LOOKS
-        if any(getattr(row, name) is not None for row in rows)
+        if any(_value(row, name) is not None for row in rows)
     ]
-    if any(row.analyzed.at_least is not None for row in rows):
-        handles += panel.plot([], [], ls="none", label="at least", **_LOWER_BOUND)
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))

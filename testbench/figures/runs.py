@@ -220,6 +220,8 @@ def _text(found: Reduction) -> str:
         return "nothing moves above the noise"
     if found.kind == "at_least":
         return f"{name} reduced by at least {found.at_least:.1f} %"
+    if found.kind == "at_most":
+        return f"{name} reduced by at most {found.percent:.1f} %"
     if found.kind == "withheld":
         return f"{name}: {found.text}, contradicted by {', '.join(found.doubts)}"
     word, sign = ("reduced", 1.0) if found.percent >= 0.0 else ("raised", -1.0)

@@ -1,7 +1,9 @@
 """Figures: every panel has its unit, and what is simulated says so."""
 
 import io
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from testbench import figures
@@ -10,6 +12,7 @@ from testbench.published_tables import load_published
 from testbench.store import open_campaign
 from testbench.vibration.comparison import compare_campaign
 from testbench.vibration.metrics import Measure
+from testbench.vibration.reduction import analyze
 
 
 @pytest.fixture(scope="module")
@@ -41,8 +44,6 @@ def test_two_runs(runs, name, panels, unit):
 
 def test_base_acceleration_states_the_reduction(brief, runs):
     """The title of each panel states the reduction that the analysis finds."""
-    from testbench.vibration.reduction import analyze
-
     found = {r.axis: r for r in analyze(runs, Measure()).reductions}
     figure = figures.base_acceleration(*runs)
     for axis, axes in zip("xyz", figure.axes, strict=True):
@@ -74,10 +75,6 @@ def test_reductions(brief):
 
 def test_reductions_of_an_analysis_alone(runs):
     """What was analysed, its intervals, and nothing else in the legend; each sensor has panels of its own."""
-    from dataclasses import replace
-
-    from testbench.vibration.reduction import analyze
-
     analysis = analyze(runs, Measure())
     second = tuple(replace(r, sensor="second") for r in analysis.reductions)
     figure = figures.reductions(replace(analysis, reductions=(*analysis.reductions, *second)))
@@ -87,10 +84,36 @@ def test_reductions_of_an_analysis_alone(runs):
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["analysed from simulated logs"]
 
 
+def test_what_is_no_number_is_drawn_as_such(runs):
+    """Bounds and what is withheld have marks of their own; payloads by name are below the peak accelerations."""
+    analysis = analyze(runs, Measure())
+    sound = analysis.reductions[0]
+    key = replace(sound.key, payload_kg=None, payloads=(("tip", 0.1), ("tool", 5.0)))
+    rows = [
+        replace(sound, key=key, **changed)
+        for changed in (
+            {},
+            {"limit": "at_least"},
+            {"limit": "at_most", "interval": None},
+            {"interval": None, "doubts": ("counter_mass_contradiction",)},
+        )
+    ]
+    figure = figures.reductions(replace(analysis, reductions=tuple(rows)))
+    drawn(figure)
+    (axes,), (legend,) = figure.axes, figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == [
+        "analysed from simulated logs", "at least", "at most", "withheld"
+    ]  # fmt: skip
+    found = np.array([line.get_ydata() for line in axes.lines[2:6]])
+    values = [sound.percent, sound.interval[0], sound.percent, sound.percent]
+    np.testing.assert_array_equal(found, np.where(np.eye(4, dtype=bool), values, np.nan))
+    (below,) = axes.child_axes
+    assert below.get_xlabel() == "peak acceleration [g0], payload"
+    assert [label.get_text() for label in below.get_xticklabels()] == ["\ntip 0.1 kg\ntool 5 kg"]
+
+
 def test_origin(runs):
     """Measured runs carry no mark; a mixture names both."""
-    from dataclasses import replace
-
     measured = replace(runs[0], origin="measured")
     assert origin_of([measured]) == ""
     assert origin_of([measured, runs[1]]) == "Measured and Simulated: "
