@@ -26,6 +26,8 @@ from importlib import import_module
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, get_args
 
+from .errors import CounterpoiseError
+
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
@@ -155,7 +157,9 @@ class Shown:
         return frame(getattr(self, self._rows))
 
     def plot(self) -> "Figure":
-        """A picture, as a figure of matplotlib that is saved by ``.savefig(path)``."""
+        """A figure of matplotlib that is saved by ``.savefig(path)``. Raises CounterpoiseError for none."""
+        if not self._figure:
+            raise CounterpoiseError(f"{type(self).__name__} has no picture: see its .table()")
         module, _, function = self._figure.partition(":")
         figure: Figure = getattr(import_module(module), function)(self)
         return figure

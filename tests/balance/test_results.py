@@ -7,8 +7,8 @@ from typing import Annotated
 import numpy as np
 import pytest
 
-from balance.errors import suggestion
-from balance.results import INLINE, Key, document, per_cent, rpm, table
+from balance.errors import CounterpoiseError, suggestion
+from balance.results import INLINE, Key, Shown, document, per_cent, rpm, table
 
 
 @dataclass(frozen=True)
@@ -88,6 +88,16 @@ class Rounded:
     """A number in few digits."""
 
     value: Annotated[float, Key("", "value", ".4f")]
+
+
+def test_a_result_without_a_picture_says_so():
+    """In a sentence that names what it has."""
+
+    class Rows(Shown, rows="rows"):
+        rows = ()
+
+    with pytest.raises(CounterpoiseError, match=r"Rows has no picture: see its \.table\(\)"):
+        Rows().plot()
 
 
 def test_what_rounds_to_zero_has_no_sign():
