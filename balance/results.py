@@ -78,6 +78,15 @@ def rpm(speed: Any) -> Any:  # noqa: ANN401
     return speed / (math.pi / 30.0)
 
 
+LARGE_INSTANT_S = 1e5
+"""From which six digits no longer tell seconds apart [s]."""
+
+
+def instant_text(seconds: float) -> str:
+    """An instant for a message [s]: of a large one, such as seconds since 1970, to the millisecond."""
+    return f"{seconds:.6g}" if abs(seconds) < LARGE_INSTANT_S else f"{seconds:.3f}"
+
+
 def given(text: str) -> str | None:
     """A text, or None for an empty one."""
     return text or None

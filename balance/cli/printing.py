@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from ..errors import CounterpoiseError
-from ..results import NO_VALUE, plain
+from ..results import LARGE_INSTANT_S, NO_VALUE, instant_text, plain
 from ..results import plain_text as plain_text
 
 VERSION = {"schema_version": 1}
@@ -338,10 +338,13 @@ def _flat(part: Any, above: str = "") -> Iterable[tuple[str, str]]:  # noqa: ANN
         for k, one in enumerate(part if len(part) <= _MOST_VALUES else (), 1):
             yield from _flat(one, f"{one_of} {k}".strip())
     elif not isinstance(part, list) or 0 < len(part) <= _MOST_VALUES:
-        yield above or "value", ", ".join(map(_value_text, part if isinstance(part, list) else [part]))
+        every = part if isinstance(part, list) else [part]
+        yield above or "value", ", ".join(_value_text(one, above.endswith("[s]")) for one in every)
 
 
-def _value_text(value: Any) -> str:  # noqa: ANN401
+def _value_text(value: Any, is_time: bool) -> str:  # noqa: ANN401
+    if is_time and isinstance(value, float) and abs(value) >= LARGE_INSTANT_S:
+        return instant_text(value)
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:.5g}" if isinstance(value, float) else NO_VALUE if value is None else str(value)

@@ -7,7 +7,7 @@ import click
 
 from balance.cli.framework import Answer, argument, command, option
 from balance.cli.printing import emit_table, plain_text, say
-from balance.results import table
+from balance.results import instant_text, table
 
 from . import options
 
@@ -105,9 +105,8 @@ def print_description(found: "Description", stats: bool) -> None:
         rate = f", {check.rate_hz:.6g} Hz ({check.rate_source})" if check.rate_hz else ", no rate"
         times = clock(check) or {}  # in seconds where the unit of time is known
         unit = next((end for end in ("_s", "") if times.get(f"t_last{end}") is not None), None)
-        span = (
-            "" if unit is None else f", {times['t_first' + unit]:g} to {times['t_last' + unit]:g} {unit[1:]}".rstrip()
-        )
+        first, last = ("" if unit is None else instant_text(times[f"{t}{unit}"] or 0.0) for t in ("t_first", "t_last"))
+        span = "" if unit is None else f", {first} to {last} {unit[1:]}".rstrip()
         start = f"\n  started {plain_text(str(check.start_time))}" if check.start_time else ""
         say(f"{plain_text(check.group.name)}: {check.samples} samples{rate}{span}{start}")
         emit_table("", header, rows)

@@ -14,6 +14,7 @@ import numpy as np
 from balance.arrays import Floats
 from balance.dynamics.regressor import wrench_regressor
 from balance.mechanism.mechanism import Mechanism
+from balance.results import instant_text
 
 from ..errors import AnalysisError
 from ..kinematics.gaps import Gaps
@@ -148,7 +149,7 @@ def joint_record(run: AlignedRun, *, torque: bool = True) -> JointRecord:
         sample, column = (int(i) for i in np.argwhere(lost)[0])
         raise AnalysisError(
             f"{run.name}: channel {channels[column].channel!r} holds {int(lost[:, column].sum())} samples that are no "
-            f"numbers, the first at {time[sample]:.6g} s: expected none; cut the log there"
+            f"numbers, the first at {instant_text(time[sample])} s: expected none; cut the log there"
         )
     grid, gaps = grid_of(time, run.name, bridged=True), Gaps.of({groups[0]: time})
     even = on_grid(*bridge_gaps(time, values, grid.step), grid) if gaps else on_grid(time, values, grid)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from balance.arrays import Floats
+from balance.results import instant_text
 
 from ..recording import Finding
 from .smoothing_and_derivatives import LARGEST_STEP, Grid, Rates, low_pass, smoothed_derivatives
@@ -97,7 +98,7 @@ class Gaps:
         """How many gaps each record has, how long and where, as text."""
         return [
             f"{len(spans)} gap{'s' if len(spans) > 1 else ''} in the record of {name}, "
-            f"{np.sum(spans[:, 1] - spans[:, 0]):.4g} s in all, the first after {spans[0, 0]:.6g} s"
+            f"{np.sum(spans[:, 1] - spans[:, 0]):.4g} s in all, the first after {instant_text(spans[0, 0])} s"
             for name, spans in self.spans.items()
         ]
 

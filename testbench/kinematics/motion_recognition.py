@@ -14,7 +14,7 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.errors import CounterpoiseError
-from balance.results import Key
+from balance.results import Key, instant_text
 
 from ..errors import AnalysisError
 from ..rig.sensors import Accelerometer, Target
@@ -180,7 +180,7 @@ def _gap_reason(legs: Sequence[Leg], gaps: Floats) -> tuple[str, str] | None:
     """``unknown`` and why, where a gap touches the motion."""
     for begin, end in gaps:
         if legs[0].start - REST_S < end and begin < legs[-1].end + REST_S:
-            return "unknown", f"a gap of {end - begin:.4g} s after {begin:.6g} s touches it"
+            return "unknown", f"a gap of {end - begin:.4g} s after {instant_text(begin)} s touches it"
     return None
 
 

@@ -18,6 +18,7 @@ from balance.errors import CounterpoiseError
 from balance.report.loopback import Loopback
 from balance.report.page import Page, document_of
 from balance.report.plotted import LEAST_SPANS, spectrum
+from balance.results import instant_text
 
 from ..cross_examination import Examination, examine
 from ..cross_examination.statement import accept
@@ -192,10 +193,14 @@ class Viewer:
             raise AnalysisError(f"{run}: {channel}: expected at least 8 samples without a gap for a spectrum")
         rate = (len(time) - 1) / float(time[-1] - time[0])
         if float(np.abs(np.diff(time) * rate - 1.0).max()) > 0.5:
-            raise AnalysisError(f"{run}: {channel}: samples are missing between {time[0]:g} and {time[-1]:g} s")
+            raise AnalysisError(
+                f"{run}: {channel}: samples are missing between {instant_text(time[0])} and {instant_text(time[-1])} s"
+            )
         found = welch([values], rate, min(SEGMENT, len(values) // 2 * 2))
         drawn = spectrum(trace.kind, channel, trace.unit, found.frequency, found.power())
-        return drawn | {"about": f"{run}: {len(time)} samples from {time[0]:g} to {time[-1]:g} s."}
+        return drawn | {
+            "about": f"{run}: {len(time)} samples from {instant_text(time[0])} to {instant_text(time[-1])} s."
+        }
 
     @cached_property
     def examination(self) -> Examination:

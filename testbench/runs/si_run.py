@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from balance.arrays import Floats, Mask
 from balance.errors import UnitError
-from balance.results import plain
+from balance.results import instant_text, plain
 from balance.units import G0, SI_UNITS, factor_to_si
 
 from .. import units
@@ -223,7 +223,7 @@ class SIRun:
         at = self.time(self.group_of(column))[int(np.searchsorted(steps, begin)) - 1]
         raise AnalysisError(
             f"{self.name}: the clock of channel {column.channel!r} leaves out {many} sample{'s' * (many > 1)}, "
-            f"{many / self.rate(column):.4g} s, after {at:.6g} s, {why}: {_CURE_OF_GAPS}"
+            f"{many / self.rate(column):.4g} s, after {instant_text(at)} s, {why}: {_CURE_OF_GAPS}"
         )
 
     def signal(self, column: Column) -> tuple[Floats, float]:
@@ -246,8 +246,8 @@ class SIRun:
             at = self.time(self.group_of(column))[int(lost.argmax())]
             raise AnalysisError(
                 f"{self.name}: the clock of channel {column.channel!r} leaves out {longest} samples, "
-                f"{longest / rate:.4g} s, after {at:.6g} s; more than {MOST_MISSING} in a row are not interpolated: "
-                f"{_CURE_OF_GAPS}"
+                f"{longest / rate:.4g} s, after {instant_text(at)} s; more than {MOST_MISSING} in a row are not "
+                f"interpolated: {_CURE_OF_GAPS}"
             )
         even = np.full(int(steps[-1]) + 1, np.nan)
         even[steps] = values

@@ -11,7 +11,7 @@ from scipy.optimize import linprog
 
 from balance.arrays import Floats, Indices, Mask
 from balance.estimation.estimate import coverage_factor
-from balance.results import first_of
+from balance.results import first_of, instant_text
 
 from ..errors import AnalysisError
 from .clock_map import ASSUMED_DRIFT, MANY_DEGREES_OF_FREEDOM, PPM, ClockMap
@@ -185,9 +185,8 @@ class _Match:
                 f"{counts}, others are up to {1e3 * distance:.3g} ms apart, where sampling explains "
                 f"{1e3 * error:.2g} ms: the loggers did not record one {noun} at one time (jitter)"
             )
-        return (
-            f"{counts}, but one at {at:.4g} s of the one clock has no counterpart: a logger missed it, or it is false"
-        )
+        missed = f"one at {instant_text(at)} s of the one clock has no counterpart"
+        return f"{counts}, but {missed}: a logger missed it, or it is false"
 
 
 LEAST_COMMON = 0.5

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from balance.arrays import Floats, Mask
+from balance.results import instant_text
 
 from ..errors import AnalysisError
 from ..kinematics.gaps import gap_spans
@@ -109,8 +110,8 @@ class PreparedSignals:
         sides = {"the reference's record": self.gaps, "its own record": self.own_gaps}
         return tuple(
             f"{self.name}: {len(found)} gap{'s' if len(found) > 1 else ''} in {side}, "
-            f"{np.sum(found[:, 1] - found[:, 0]):.4g} s in all, the first after {found[0, 0]:.6g} s: left out, with "
-            f"{GAP_PERIODS / self.cutoff:.3g} s about each"
+            f"{np.sum(found[:, 1] - found[:, 0]):.4g} s in all, the first after {instant_text(found[0, 0])} s: "
+            f"left out, with {GAP_PERIODS / self.cutoff:.3g} s about each"
             for side, found in sides.items()
             if len(found)
         )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from balance.errors import CounterpoiseError, suggestion
-from balance.results import INLINE, Key, Shown, document, per_cent, rpm, table
+from balance.results import INLINE, Key, Shown, document, instant_text, per_cent, rpm, table
 
 
 @dataclass(frozen=True)
@@ -111,3 +111,9 @@ def test_what_rounds_to_zero_has_no_sign():
 def test_no_other_word_is_meant_by_a_letter(word, known, meant):
     """Half of every name of two letters is like one letter."""
     assert suggestion(word, known) == (f"; did you mean {meant}?" if meant else "")
+
+
+def test_instants_a_second_apart_are_written_apart():
+    """Of a logger that counts from its start, and of one that counts from 1970."""
+    assert [instant_text(t) for t in (0.0, 1.5, 12.345678)] == ["0", "1.5", "12.3457"]
+    assert [instant_text(1773479520.123 + i) for i in (0, 1)] == ["1773479520.123", "1773479521.123"]

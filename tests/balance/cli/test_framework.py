@@ -278,13 +278,15 @@ def test_all_shows_rounding_as_zero_and_names_as_they_are(capsys):
     """Beside others of its unit, anywhere in the document; names of joints and planes keep what is in them."""
     document = {
         "before": {"F_N": 100.0, "share": 1e-13, "condition": 1e9},
+        "found": {"start_s": 1773479520.1, "age_s": 2.0},
         "after": {"rms": {"torque_Nm": {"arm_left": 2e-30}, "F_N": -9e-11, "share": 1e-11}},
         "planes": [{"weights": {"left_end": {"x_m": 1.0, "far": True}, "right_end": {"x_m": 2.0, "far": False}}}],
     }
-    emit_parts(document, ("before", "after.rms", "planes"))
+    emit_parts(document, ("before", "found", "after.rms", "planes"))
     rows = [line.rsplit(maxsplit=1) for line in click.unstyle(capsys.readouterr().out).splitlines()]
     shown = {name.strip(): value for name, value in filter(lambda row: len(row) == 2, rows)}
     expected = {"F [N]": "0", "torque [N m] arm_left": "2e-30", "share": "1e-11"}
+    expected |= {"start [s]": "1773479520.100", "age [s]": "2"}
     expected |= {"weights left_end x [m]": "1", "weights left_end far": "yes", "weights right_end far": "no"}
     assert shown.items() >= expected.items()
 
