@@ -85,6 +85,8 @@ def _print(result: "Trim", stock: str | None) -> None:
     from balance.estimation.estimate import LEVEL_TEXT
     from balance.estimation.first_moment_imbalance import MissingMass
 
+    from ..trimming.missing_masses import COMPROMISE
+
     say(_verdict(result, stock))
     level = f"{LEVEL_TEXT} interval" if result.interval_level else f"interval, not of {LEVEL_TEXT}"
     (site, missing, _, *others), rows = table(MissingMass, result.missing, *COLUMNS)
@@ -96,6 +98,8 @@ def _print(result: "Trim", stock: str | None) -> None:
             f"with {found.degrees_of_freedom} degrees of freedom, probability {found.probability:.2g}."
         )
     say(f"{result.unexplained:.1%} of what was measured stays unexplained.")
+    if COMPROMISE in result.about:
+        say(COMPROMISE)
     emit_findings(("doubtful", doubt) for doubt in result.doubts())
     emit_findings((GAP, gap) for gap in result.gaps)
     options.print_findings(result.accepted)

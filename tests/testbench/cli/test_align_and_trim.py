@@ -166,6 +166,12 @@ def test_plates_that_are_too_heavy(aligned, tmp_path):
     assert "By motor torques: intervals: delete-block jackknife" in text
 
 
+def test_a_trim_that_too_few_sites_allow_says_so(aligned):
+    """Without --all: its masses are not those of `balance size` for one motion."""
+    said = " ".join(invoke(trim, "parallelogram-6bar", aligned[0], "--site", "counter_A0A").out.split())
+    assert "No masses at these sites meet all conditions: these leave the least momentum" in said
+
+
 def test_trim_of_two_mountings_that_nobody_meant_for_trials(campaign, brief):
     """Runs with and without counter-masses: said why they are taken for trials, and what else can be asked."""
     runs = [brief.campaign / f"r00{k}.h5" for k in (5, 6)]
