@@ -199,7 +199,8 @@ class SIRun:
         measured = column.level and not column.commanded and "angle" not in column.dimensions  # by what may overload
         first, longest = 0, int(np.argmax(ends - begins))
         if begins[0] == 0 or ends[-1] == len(values):
-            why = "at the beginning or end of the record, where nothing is to interpolate from"
+            first = 0 if begins[0] == 0 else len(begins) - 1
+            why = "at the beginning or end of the record, where any value would be invented: cut these rows off the log"
         elif ends[longest] - begins[longest] > MOST_MISSING:
             first, why = longest, f"more than {MOST_MISSING} in a row"
         elif missing.sum() > max(MISSING_SHARE * len(values), MOST_MISSING):
