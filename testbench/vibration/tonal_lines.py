@@ -23,6 +23,8 @@ SHORTEST_S = 0.12
 """Rest from which lines of the mains are told from each other: six periods."""
 _SIGNIFICANT = 25.0
 """Power of a line over its variance from which it is taken out: by chance once in a million."""
+_ROUNDS, _LEAST_ROUNDS, _SETTLED = 24, 4, 0.3
+"""Steps to the frequency of the lines, at most and at least; its standard deviations below which one is the last."""
 _TRIED = 141
 _LOG_2 = float(np.log(2.0))
 _FINER = 4
@@ -58,7 +60,7 @@ class Lines:
         if not len(orders):
             return None
         count, size = len(resting), 2 * len(orders)
-        for _ in range(4):  # Gauss-Newton in the frequency
+        for done in range(_ROUNDS):  # Gauss-Newton in the frequency
             waves = _waves(count, rate_hz, hz, orders)
             shares = _solved(np.column_stack([waves, slow]), resting)[:size]
             design = np.column_stack([waves, _by_frequency(waves, rate_hz, orders, shares), slow])
@@ -72,7 +74,10 @@ class Lines:
             score = design.T @ left / scale
             score[size] -= prior * off
             covariance = np.linalg.inv(information)
-            hz += float(np.clip((covariance @ score)[size], -0.1, 0.1))
+            step = float(np.clip((covariance @ score)[size], -0.1, 0.1))
+            hz += step
+            if done >= _LEAST_ROUNDS - 1 and abs(step) < _SETTLED * covariance[size, size] ** 0.5:
+                break
         shares = _solved(np.column_stack([_waves(count, rate_hz, hz, orders), slow]), resting)[:size]
         known = covariance[: size + 1, : size + 1]
         return cls(hz, orders, shares, np.linalg.cholesky(known + 1e-18 * np.trace(known) * np.eye(len(known))))
@@ -115,6 +120,8 @@ def _candidate(flat: Floats, power: Floats, about: Floats, rate_hz: float, mains
     the likeliest fundamental, and the orders of those that are.
     """
     orders = np.arange(1, min(HARMONICS, int(0.38 * rate_hz / mains)) + 1).astype(float)
+    if not len(orders):  # sampled too slowly to show any
+        return 0.0, mains, orders
     off, count = np.linspace(-OWN_HZ, OWN_HZ, _TRIED), len(flat)
     places = np.outer(mains + off, orders) * (2.0 * (len(power) - 1) / rate_hz)
     below = places.astype(int)

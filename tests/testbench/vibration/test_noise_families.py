@@ -247,6 +247,22 @@ def test_hum_of_a_small_grid(hz):
     assert max(away) < 10.8  # of chi squared once in a thousand
 
 
+@pytest.mark.parametrize("seconds", [0.125, 0.2, 0.3])
+def test_loud_hum_of_a_short_rest(seconds):
+    """Some periods of it show a frequency that is up to 0.7 Hz wrong; fitted to the end, it is right."""
+    for seed in range(12):
+        rng = np.random.default_rng([seed, 51])
+        time = (np.arange(round(seconds * 1000.0)) + 0.5) / 1000.0
+        waves = [a * np.sin(2.0 * np.pi * 50.02 * n * time + rng.uniform(0.0, 6.0)) for n, a in ((1, 300.0), (2, 90.0))]
+        found = Lines.fitted(sum(waves) + rng.standard_normal(len(time)), 1000.0)
+        assert found.hz == pytest.approx(50.02, abs=0.01)
+
+
+def test_a_rate_at_which_no_hum_is_seen():
+    """Less than three samples a period."""
+    assert Lines.fitted(np.random.default_rng(3).standard_normal(300), 100.0) is None
+
+
 def test_hum_that_no_rest_shows():
     """Where a rest is too short for hum that others show, it is taken out by all of the record: the reading is that of
     the signal, to the white noise, a tenth of the hum.
