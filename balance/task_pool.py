@@ -146,8 +146,13 @@ def cores(tasks: int) -> TaskPool:
 
 
 def _can_fork() -> bool:
-    """Whether a copy of this process has all that it needs: no other thread, which it would lack, holds a lock."""
-    return sys.platform == "linux" and threading.active_count() == 1
+    """Whether a copy of this process has all that it needs: no other thread, which it would lack, holds a lock.
+
+    Daemonic processes, such as those of ``multiprocessing.Pool``, may not have any.
+    """
+    from multiprocessing import current_process
+
+    return sys.platform == "linux" and threading.active_count() == 1 and not current_process().daemon
 
 
 def _shared(work: Callable[[Task], Result], tasks: Sequence[Task], processes: int) -> Iterator[tuple[int, Result]]:
@@ -160,10 +165,11 @@ def _shared(work: Callable[[Task], Result], tasks: Sequence[Task], processes: in
 
     context, ends, copies = get_context("fork"), list[Any](), list[Any]()
     left, failed = dict.fromkeys(range(len(tasks))), dict[int, Exception]()
-    gc.freeze()  # what copies inherit is never garbage to them: looking for any would copy its pages, here too
+    frozen = gc.get_freeze_count() > 0  # by who called: it stays so
     with TemporaryFile(buffering=0) as places:
         places.write(b"".join(place.to_bytes(_PLACE_BYTES, "little") for place in left))
         places.seek(0)
+        gc.freeze()  # what copies inherit is never garbage to them: looking for any would copy its pages, here too
         try:
             for _ in range(min(processes, len(tasks)) - 1):
                 receiver, sent = context.Pipe(duplex=False)
@@ -202,7 +208,8 @@ def _shared(work: Callable[[Task], Result], tasks: Sequence[Task], processes: in
                 end.close()
             for copy in copies:
                 copy.join()
-            gc.unfreeze()
+            if not frozen:
+                gc.unfreeze()
 
 
 def _next(places: int) -> int | None:

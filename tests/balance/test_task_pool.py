@@ -141,8 +141,29 @@ def where_they_pay() -> None:
     assert cores(1000).processes == min(len(os.sched_getaffinity(0)), MOST)
 
 
+def daemonic() -> None:
+    """A process that may have no copies, such as one of multiprocessing.Pool, does the tasks itself."""
+    from multiprocessing import get_context
+
+    with get_context("fork").Pool(1) as pool:
+        assert pool.apply(COPIES.map, (abs, [-1, -2, -3])) == [1, 2, 3]
+
+
+def as_frozen_before() -> None:
+    """Objects that the caller has frozen stay so, and others do not become so."""
+    import gc
+
+    COPIES.map(abs, [-1, -2, -3])
+    assert gc.get_freeze_count() == 0
+    gc.freeze()
+    COPIES.map(abs, [-1, -2, -3])
+    assert gc.get_freeze_count() > 0
+
+
 @forks
-@pytest.mark.parametrize("checked", [same, first_error, death, error_of_other_words, where_they_pay])
+@pytest.mark.parametrize(
+    "checked", [same, first_error, death, error_of_other_words, where_they_pay, daemonic, as_frozen_before]
+)
 def test_copies_of_a_process(checked):
     """In a process of its own: this one may have threads of other tests."""
     head = "import os, signal, threading, time\nfrom balance.errors import DataError\nfrom balance.task_pool import *\n"
