@@ -21,8 +21,8 @@ from ..runs.aligned_run import recorded_clocks
 from ..runs.joined_channels import interpolated
 from ..runs.si_run import SIRun
 from ..signal.filters import correlation_lag
+from ..vibration.amplitude import SAME_RATE
 from ..vibration.motion_timing import MARGIN_S, beginning
-from ..vibration.repeatability import SAME_RATE
 from ..vibration.run_amplitudes import observed_resolution
 
 if TYPE_CHECKING:

@@ -34,6 +34,8 @@ Sign = Literal[1, -1]
 SIGNS: tuple[Sign, Sign] = (1, -1)
 SAMPLES_PER_PERIOD = 6.0
 """Samples of a simulated record per period of the band's upper edge."""
+SAME_RATE = 1e-4
+"""By which rates of repeats may differ, as those of rounded times do: a fifth of a millisecond over two seconds."""
 _WHOLE = 0.8
 """Share of the frequencies of a resampled record up to which it is not tapered."""
 _SIGNIFICANT = 1.5
@@ -263,7 +265,7 @@ class Amplitude:
         sought, else in the rest, are spans of time from their first sample [s].
         """
         band, statistic = measure.band, MetricStatistic(measure.metric)
-        every = max(int(rate_hz // (SAMPLES_PER_PERIOD * band.high_hz)), 1) if band else 1
+        every = max(int(rate_hz * (1.0 + SAME_RATE) // (SAMPLES_PER_PERIOD * band.high_hz)), 1) if band else 1
         count = values.shape[1] // every
         used, seconds = count * every, count * every / rate_hz
         still, calm = (None if span is None else _samples(span, count, seconds) for span in (rest, quiet or rest))

@@ -16,7 +16,7 @@ import numpy as np
 from balance.arrays import Floats, parabola_peak
 from balance.estimation.estimate import chi_square_tail, coverage_factor, f_tail
 
-from .amplitude import Amplitude, Place, shifted, with_shifts
+from .amplitude import SAME_RATE, Amplitude, Place, shifted, with_shifts
 from .amplitude_likelihood import AmplitudeLikelihood
 from .noise_floor import Noise, Segment, squared_magnitudes
 from .noise_over_time import NoiseOverTime
@@ -32,8 +32,6 @@ SURE = 0.2
 """Error of that share by noise from which it says nothing."""
 CLEAR = 0.25
 """Of what noise does, from which what repeats may differ by counts."""
-SAME_RATE = 1e-4
-"""Of rates of repeats: over two seconds they part by a fifth of a millisecond."""
 EDGE = 8
 """Samples next to an end of another repeat's record, which shifting it spoils."""
 KNOWN = 1.0

@@ -178,6 +178,15 @@ def test_repeats_that_begin_at_other_times():
     assert left.std() == pytest.approx(0.01, rel=0.15)
 
 
+def test_repeats_whose_clocks_are_rounded_otherwise():
+    """Rates that differ by the last digits of their times are thinned alike: 2400 Hz is twice what the band needs."""
+    rng, place = np.random.default_rng(6), ("base_acc", "x")
+    swing = np.sin(2.0 * np.pi * 9.0 * np.arange(4800) / 2400.0) + 0.01 * rng.normal(size=(2, 4800))
+    rates = (2400.0, 2400.0 * (1.0 - 1e-7))
+    runs = [{place: Amplitude.of(one[None], rate, Measure())[0]} for one, rate in zip(swing, rates, strict=True)]
+    assert Synchronous.of(runs) is not None
+
+
 @pytest.mark.parametrize("repeats", [2, 3])
 def test_noise_of_a_speed_keeps_its_power(repeats):
     """Noise in proportion to a speed that swings over legs has the same mean square after it was evened out in time."""
