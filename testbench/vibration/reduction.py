@@ -50,7 +50,7 @@ REPEATS_DIFFER = "repeats_differ"
 WITHHELD = frozenset({*WITHHOLDING, REPEATS_DIFFER})
 """Doubts after which there is no interval."""
 _TELLS = 100.0
-"""Percent by which a lower bound may lie below zero and still say something in the first line."""
+"""Percent by which a lower bound, where the rest is below noise, may lie below zero and still say something."""
 ONE_RUN = (
     "Where nothing is repeated, noise that acts only during the motion, such as that of drives and bearings, is told "
     "by what of one side is no smooth multiple of the other, to a factor of two: make each run at least twice."
@@ -240,7 +240,10 @@ def analyze(
     if not found:
         raise AnalysisError("no two runs can be compared:\n" + "\n".join(f"  {f.message}" for f in findings))
     conditions = _conditions(found, measure, findings, known or {})
-    mixed = {s.run for s in examination.contradictions if s.code and examination.withheld([s.code])}
+    rigs = [SIRun.of(condition.pair.runs[0]).rig for condition in conditions]
+    about = {None, *(column.channel for rig in rigs for column in rig.base_columns)}
+    spoilt = [s for s in examination.contradictions if s.channel in about]
+    mixed = {s.run for s in spoilt if s.code and examination.withheld([s.code])}
     unlike = [not mixed.isdisjoint(run.name for run in condition.pair.runs) for condition in conditions]
     # What differs between repeats of which one is not what it is taken for is no noise of the other conditions.
     apart = [[c for c, one in zip(conditions, unlike, strict=True) if one is wrong] for wrong in (False, True)]
@@ -571,13 +574,18 @@ def verdict(reductions: Sequence[Reduction]) -> str:
     of_all = f"of {len(reductions)} reductions"
     for sensor, axis in dict.fromkeys((r.sensor, r.axis) for r in bounds):
         some = [r for r in bounds if (r.sensor, r.axis) == (sensor, axis)]
-        why = "the rest is below noise" if some[0].below_noise else "clipped without counter-masses"
-        note = f"in {len(some)} conditions" if len(some) > 1 else f"({why})"
-        least = min(r.at_least for r in some if r.at_least is not None)
-        bound = f"raised by at most {-least:.1f} %" if least < 0.0 else f"reduced by at least {least:.1f} %"
-        if least < -_TELLS:
-            bound, note = "the noise hides whether it fell or rose", f"in {len(some)} condition{'s' * (len(some) > 1)}"
-        parts.append(f"{f'{sensor} ' if several else ''}{axis}: {bound} {note}")
+        hidden = [r for r in some if r.below_noise and r.at_least is not None and r.at_least < -_TELLS]
+        told, said = [r for r in some if r not in hidden], []
+        if told:
+            why = "the rest is below noise" if told[0].below_noise else "clipped without counter-masses"
+            note = f"in {len(told)} conditions" if len(told) > 1 else f"({why})"
+            least = min(r.at_least for r in told if r.at_least is not None)
+            bound = f"raised by at most {-least:.1f} %" if least < 0.0 else f"reduced by at least {least:.1f} %"
+            said.append(f"{bound} {note}")
+        if hidden:
+            where = f"{len(hidden)} condition{'s' * (len(hidden) > 1)}"
+            said.append(f"the noise hides whether it fell or rose in {where}")
+        parts.append(f"{f'{sensor} ' if several else ''}{axis}: {', '.join(said)}")
     counts = [f"{len(bounds)} {of_all} are lower bounds, below noise or clipped"] if len(bounds) > 1 else []
     if withheld:
         codes = ", ".join(sorted({code for r in withheld for code in r.doubts} & WITHHELD))

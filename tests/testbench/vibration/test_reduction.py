@@ -111,6 +111,12 @@ def test_the_verdict_says_what_is_raised(brief_analysis):
     assert "the noise hides whether it fell or rose in 1 condition." in verdict(
         [replace(bound, interval=(-1600.0, 100.0))]
     )
+    lost, clipped = replace(bound, interval=(-1600.0, 100.0)), replace(bound, below_noise=False)
+    assert verdict([lost, bound]).startswith(
+        f"{bound.axis}: reduced by at least {bound.at_least:.1f} % (the rest is below noise), the noise hides whether "
+        "it fell or rose in 1 condition;"
+    )
+    assert "raised by at most 150.0 % (clipped" in verdict([replace(clipped, interval=(-150.0, 100.0))])
 
 
 def _true_amplitude(logs, run: str, axis: str, measure: Measure) -> float:
