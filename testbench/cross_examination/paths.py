@@ -130,14 +130,9 @@ def _by_stored_motion(seen: Observation) -> Lacking | None:
 def _by_other_runs(seen: Observation, observations: Sequence[Observation]) -> Lacking | None:
     """By encoders of runs of the same motion, by accelerometers of repeats: they are at rest where this run is not."""
     longest = int(VIBRATION_S * VIBRATION_RATE_HZ)
-    speeds, vibrations = (
-        _moving_ends(seen.encoder_speeds, "motion"),
-        {
-            channels: ends
-            for channels, values in seen.vibrations.items()
-            if any(ends := _moving_ends(values, "vibration"))
-        },
-    )
+    speeds = _moving_ends(seen.encoder_speeds, "motion")
+    ends_of = {channels: _moving_ends(values, "vibration") for channels, values in seen.vibrations.items()}
+    vibrations = {channels: ends for channels, ends in ends_of.items() if any(ends)}
     for other in observations if any(speeds) or vibrations else ():
         if other is seen or other.commanded != seen.commanded:
             continue
@@ -151,9 +146,11 @@ def _by_other_runs(seen: Observation, observations: Sequence[Observation]) -> La
             cut = [here and not there for here, there in zip(ends, _moving_ends(whole, kind), strict=True)]
             if not (whole.size and any(cut)):
                 continue
-            lacks = tuple(lack * here for lack, here in zip(_lacks(part, whole, kind), cut, strict=True))
+            before, after = _lacks(part, whole, kind)
             witness = "its encoders" if kind == "motion" else "its accelerometers"
-            if said := _said(witness, f"the {kind} of {other.name}", part, whole, (lacks[0], lacks[1]), kind):
+            if said := _said(
+                witness, f"the {kind} of {other.name}", part, whole, (before * cut[0], after * cut[1]), kind
+            ):
                 return said
     return None
 
