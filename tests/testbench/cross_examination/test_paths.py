@@ -116,6 +116,20 @@ def test_what_contradicts_is_no_noise_of_other_conditions(campaign, lie):
     assert any(alone.values())
 
 
+def test_torques_do_not_part_the_noise_of_conditions(campaign):
+    """In another unit in one run they spoil no number of the base, which stays as it is."""
+    runs, _, more = campaign
+    again = [
+        replace(r, path=r.path.with_name(f"{r.name}b.h5"), conditions={**r.conditions, "motion": "again"}) for r in more
+    ]
+    told = list(runs)
+    for column in SIRun.of(runs[0]).rig.columns_of(Torque):
+        told[0] = with_values(told[0], column.channel, 100.0 * told[0].channel(column.channel))
+    both, honest = (analyze([*some, *again], Measure()) for some in (told, runs))
+    assert "gain_contradiction" in {finding.code for finding in both.findings}
+    assert [r.interval for r in both.reductions] == [r.interval for r in honest.reductions]
+
+
 def bump(duration):
     """Speeds of one joint, 100 a second, that turns and rests again."""
     return np.sin(np.pi * np.linspace(0.0, 1.0, round(100 * duration))) ** 2
