@@ -129,10 +129,10 @@ MORE = "mount heavier trial masses, or add runs of a motion unlike these, as fas
 
 
 def _singular_values(matrix: Floats, least: float) -> tuple[Floats, Floats, Floats, Floats]:
-    """Of a matrix (n, p) with columns of length one: (n, k), (k,) and (k, p), above a share ``least`` of the largest.
+    """Of a matrix (n, p) whose columns are first scaled to length one: U (n, k), the k singular values above a share
+    ``least`` of the largest, and V' (k, p); then the lengths that the columns had, (p,).
 
-    Then the lengths that its columns had, (p,). By the squares of its columns, which take a tenth of the time and hold
-    shares down to 1e-8.
+    By the squares of its columns, which take a tenth of the time and hold shares down to 1e-8.
     """
     length = np.linalg.norm(matrix, axis=0)
     length[length == 0.0] = 1.0

@@ -200,7 +200,7 @@ def choose(
 def possible_cutoffs(records: Sequence[JointRecord]) -> list[float]:
     """The CUTOFFS_HZ for which the records are long enough and densely enough sampled.
 
-    Not the one that a rate of 500 Hz would just allow: whether it does must not depend on how its steps are rounded.
+    One that is exactly at the limit is left out: whether a rate allows it would depend on how its steps are rounded.
     """
     seconds = sum(record.grid.count * record.grid.step for record in records)
     rate = min(record.grid.rate for record in records)

@@ -20,11 +20,11 @@ ORDER = 4
 LARGEST_STEP = 5.0
 """Longest step between samples, in median steps, that a spline may bridge."""
 _EVEN = 1e-6
-"""Of the longest step, by how much steps of an even clock differ: then their mean is the best known."""
+"""Share of the longest step by which steps of an even clock may differ: its step is then their mean."""
 HIGHEST_CUTOFF = 0.4
 """Of a low-pass, as a part of the sampling rate."""
 ALMOST = 1.0 - 1e-9
-"""Of what is compared with a rate: steps of a clock are known to their rounding."""
+"""Factor on what is compared with a rate, so that the rounding of a clock's steps does not decide."""
 
 
 @dataclass(frozen=True)

@@ -148,7 +148,8 @@ class Noise:
     def of(cls, segments: Sequence[Segment], least: float = 0.0, longest: int = 0) -> "Noise | None":
         """Pooled over segments of one rate; None where none is usable. ``least`` is a density below which none is.
 
-        Noises at the same frequencies are of segments with the same ``longest`` [samples], or of longer ones.
+        Frequencies follow from the longest segment, or from ``longest`` [samples] where that is more: give it where
+        several noises are to have the same ones.
         """
         from scipy.fft import next_fast_len
 
