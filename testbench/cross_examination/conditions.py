@@ -226,16 +226,9 @@ def unlike_repeats(observations: Sequence[Observation]) -> list[Statement]:
     with the masses of the run table tell which of them carries these.
     """
     found, conditions = [], [_condition(seen) for seen in observations]
-    known: dict[frozenset[str], float | None] = {}  # which of two runs is asked about does not matter
     for seen, condition in zip(observations, conditions, strict=True):
         same = [o for o, other in zip(observations, conditions, strict=True) if other == condition]
-        apart = {}
-        for other in same:
-            if other is not seen:
-                pair = frozenset((seen.name, other.name))
-                if pair not in known:
-                    known[pair] = _apart(seen, other, same)
-                apart[other.name] = known[pair]
+        apart = {o.name: _apart(seen, o, same) for o in same if o is not seen}
         repeats = [o for o in same if o is not seen and o.counter_masses == seen.counter_masses]
         others = [(d, o) for o in same if o.counter_masses != seen.counter_masses and (d := apart[o.name]) is not None]
         away = [d for o in repeats if (d := apart[o.name]) is not None]

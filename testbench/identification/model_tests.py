@@ -34,6 +34,7 @@ from balance.estimation.regression import RegressionRecord, fit
 from balance.mechanism.mechanism import Mechanism
 from balance.results import Key
 
+from ..kinematics.smoothing_and_derivatives import ALMOST
 from .estimators import Deviation, NotSimulated
 from .regression_equations import RecordEquations, RegressionEquations
 
@@ -367,7 +368,7 @@ class ModelTests:
         joints, cutoff = len(self.joints), self.equations.cutoff
         used = self.equations.moving[:, :joints]
         weights = used / np.sqrt(np.maximum(np.mean(self._residual[:, :joints] ** 2, axis=0), np.finfo(float).tiny))
-        keep = max(1, int(self.equations.records[0].grid.rate / (OVERSAMPLING * cutoff)))
+        keep = max(1, int(self.equations.records[0].grid.rate / ALMOST / (OVERSAMPLING * cutoff)))
 
         def stacked(values: Floats) -> Floats:
             return np.asarray((values[:, :joints] * weights[:, :, None])[::keep].reshape(-1, values.shape[2]))

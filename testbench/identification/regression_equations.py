@@ -21,7 +21,7 @@ from balance.motion import Samples
 
 from ..errors import AnalysisError
 from ..kinematics.gaps import gap_reach
-from ..kinematics.smoothing_and_derivatives import Rates, low_pass
+from ..kinematics.smoothing_and_derivatives import ALMOST, Rates, low_pass
 from .records import JointRecord
 
 POSITION_BANDWIDTH = 2.0
@@ -85,7 +85,7 @@ class RecordEquations:
         """
         from scipy.ndimage import maximum_filter1d
 
-        reach = 2 * int(self.record.grid.rate / self.cutoff / 2) + 1
+        reach = 2 * int(self.record.grid.rate / ALMOST / self.cutoff / 2) + 1
         moves = (maximum_filter1d(np.abs(self.motion.v), reach, axis=0) > REST_SPEED).astype(float)
         joints = self.record.torque.shape[1]
         forces = np.repeat(moves.max(axis=1, keepdims=True), self.whole.shape[1] - joints, axis=1)

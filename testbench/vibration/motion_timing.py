@@ -18,6 +18,7 @@ from balance.errors import CounterpoiseError
 from balance.estimation.estimate import chi_square_tail
 
 from ..errors import AnalysisError
+from ..kinematics.smoothing_and_derivatives import ALMOST
 from ..rig.sensors import Accelerometer, Encoder, Target
 from ..runs.si_run import SIRun
 from ..signal.filters import loaded_loops
@@ -178,7 +179,7 @@ def beginning(signals: Sequence[Floats], rate_hz: float, within: tuple[float, fl
     ``within``, and then further by a third at a time. None where that is too short, or nothing unforeseen happens
     (``within``, where that is given).
     """
-    every = max(int(rate_hz // _RATE_HZ), 1)
+    every = max(int(rate_hz / ALMOST // _RATE_HZ), 1)
     rate, count = rate_hz / every, min(map(len, signals), default=0) // every
     means = (values[: count * every].reshape(count, every) @ np.full(every, 1.0 / every) for values in signals)
     rows = np.array([row for row in means if np.ptp(row) > 0.0])

@@ -112,7 +112,7 @@ def random_numbers(values: Floats) -> np.random.Generator:
     return np.random.default_rng(int(np.float32(np.log(values @ values + 1e-300)).view(np.uint32)))
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=64)
 def tapers(count: int) -> Floats:
     """Sines of one, two and three half periods, each of power one, (3, count) [-]."""
     along = np.pi * np.arange(1, count + 1) / (count + 1)
