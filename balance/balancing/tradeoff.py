@@ -131,7 +131,7 @@ def _spread(
     found, weights = list(ends), list(np.eye(len(ends)))
     values = [quantities_of(masses) for masses in found]
     ranges = np.ptp(values, axis=0)
-    ranges[ranges == 0.0] = np.inf
+    ranges[ranges <= _SAME * np.max(values, axis=0)] = np.inf
     simplices = {frozenset(range(len(ends)))}
     apart: list[tuple[float, int, int]] = []
 
@@ -142,7 +142,9 @@ def _spread(
 
     neighbours(combinations(range(len(ends)), 2))
     while len(found) < points and apart:
-        _, one, other = heappop(apart)
+        nearer, one, other = heappop(apart)
+        if -nearer <= _SAME:
+            break
         new, cut = len(found), [simplex for simplex in simplices if {one, other} <= simplex]
         weights.append(0.5 * (weights[one] + weights[other]))
         found.append(least(weights[new]))
