@@ -372,32 +372,40 @@ def _decimal_points(
 def csv_rows(model: type[Model], path: Path) -> list[Model]:
     """Read a CSV into models, a row each: ``radius (mm)`` in the header is the key ``radius`` in millimetres.
 
-    Raises DataError, a line for each cell that is wrong.
+    A key that names its unit, ``mass_kg``, may be written in another: ``mass_g`` or ``mass (g)``. Raises DataError, a
+    line for each column and each cell that is wrong.
     """
     header, rows = csv_cells(read_text(path), path.name)
-    columns = [_column(cell) for cell in header]
-    names = [name for name, _ in columns]
-    for cell, (name, unit) in zip(header, columns, strict=True):
-        with in_file(path.name, f"column {cell!r}"):
-            _check_column(model, name, unit)
-            if names.count(name) > 1:
-                raise DataError("is there twice")
-    for name, field in model.model_fields.items():
-        if field.is_required() and name not in names:
-            raise DataError(f"{path.name}: no column {name!r}: expected {_meaning(model, name)}")
-    found: list[Model] = []
-    wrong: list[str] = []
-    for line, row in rows:
-        cells = {
-            name: f"{cell.strip()} {unit}" if unit else cell.strip()
-            for (name, unit), cell in zip(columns, row, strict=False)
-            if cell.strip()
-        }
-        label = f" ({cells['name']})" if "name" in cells else ""
+    columns, wrong = list[_Column](), list[str]()
+    for cell in header:
         try:
-            found.append(model_from_table(model, cells, f"{path.name}, line {line}{label}"))
+            with in_file(path.name, f"column {cell!r}"):
+                columns.append(_key_column(model, *_column(cell)))
         except DataError as error:
+            columns.append(_Column("", ""))
             wrong.append(str(error))
+    keys = [column.key for column in columns]
+    wrong += [
+        f"{path.name}: column {cell!r}: is there twice"
+        for cell, key in zip(header, keys, strict=True)
+        if key and keys.count(key) > 1
+    ]
+    wrong += [
+        f"{path.name}: no column {key!r}: expected {_meaning(model, key)}"
+        for key, field in model.model_fields.items()
+        if field.is_required() and key not in keys
+    ]
+    found, is_whole = list[Model](), not wrong
+    for line, row in rows:
+        read = zip(columns, row, strict=False)
+        cells = {column.key: column.read(cell.strip()) for column, cell in read if column.key and cell.strip()}
+        source = f"{path.name}, line {line}" + (f" ({cells['name']})" if "name" in cells else "")
+        try:
+            found.append(model.model_validate(cells))
+        except ValidationError as error:
+            for each in error.errors(include_url=False):
+                if is_whole or (each["loc"] and each["loc"][0] in cells):  # the header's errors are said above
+                    wrong.append(_line(source, each, cells))
     if wrong:
         raise DataError(_joined(wrong))
     try:
@@ -435,9 +443,33 @@ def _column(cell: str) -> tuple[str, str]:
     return (match[1], match[2] or "") if match else (cell.strip(), "")
 
 
-def _check_column(model: type[BaseModel], name: str, unit: str) -> None:
-    """Raise DataError for a column that is no key, or has no unit or another than its quantity."""
+class _Column(NamedTuple):
+    """How a column is read."""
+
+    key: str
+    """Of the model; empty where it is none."""
+    unit: str
+    """That is written behind each cell."""
+    factor: float = 1.0
+    """By which each number is multiplied."""
+
+    def read(self, cell: str) -> str:
+        """What the model reads."""
+        if self.factor == 1.0:
+            return f"{cell} {self.unit}".strip()
+        try:
+            return f"{float(cell) * self.factor:.12g}"
+        except ValueError:
+            return cell
+
+
+def _key_column(model: type[BaseModel], name: str, unit: str) -> _Column:
+    """The column of a key. Raises DataError or UnitError for one that is no key, or lacks its unit or has another."""
     if name not in model.model_fields:
+        stem, _, own = (name, "", unit) if unit else name.partition("_")
+        for key in model.model_fields:
+            if own and key.startswith(f"{stem}_") and not any(isinstance(n, FromText) for n in _notes(model, key)):
+                return _Column(key, "", _factor(own, key.removeprefix(f"{stem}_")))
         known = ", ".join(model.model_fields)
         raise DataError(f"is not expected{suggestion(name, model.model_fields) or f': expected some of {known}'}")
     for quantity in _text_forms(model, name):
@@ -445,13 +477,25 @@ def _check_column(model: type[BaseModel], name: str, unit: str) -> None:
             raise DataError(f"has no unit: write for example '{name} ({quantity.example.split()[-1]})'")
         if isinstance(quantity, Quantity):
             factor_to_si(unit, *quantity.dimensions)
+    return _Column(name, unit)
+
+
+def _factor(unit: str, wanted: str) -> float:
+    """Factor from a unit to that ``wanted`` as keys name them: ``g_per_cm3``."""
+    written, known = unit.replace("_per_", "/"), wanted.replace("_per_", "/")
+    dimension = dimension_of(f"1 {known}", *SI_UNITS)
+    return factor_to_si(written, dimension) / factor_to_si(known, dimension)
 
 
 def _text_forms(model: type[BaseModel], name: str) -> list[FromText]:
     """How a field is written as a text with a unit."""
+    return [note for note in _notes(model, name) if isinstance(note, FromText) and note.unit]
+
+
+def _notes(model: type[BaseModel], name: str) -> list[object]:
+    """What annotates a field, or a part of it."""
     field = model.model_fields[name]
-    notes = [*field.metadata, *(note for part in get_args(field.annotation) for note in get_args(part)[1:])]
-    return [note for note in notes if isinstance(note, FromText) and note.unit]
+    return [*field.metadata, *(note for part in get_args(field.annotation) for note in get_args(part)[1:])]
 
 
 def _number(cell: str, where: str) -> float:

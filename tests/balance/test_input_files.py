@@ -238,6 +238,8 @@ def test_rows_of_a_table_are_models(tmp_path: Path):
         ("name,mass (kg)\nA,one\n", r"line 2 \(A\): mass: 'one kg' is no mass"),
         ('name,mass (kg)\n"A,1\n', "not a CSV file"),
         ("name,mass (kg)\nA,1\nA,2\n", "'A' is there twice"),
+        ("mas (kg),angle (mm),at\n,,\n", r"'mas \(kg\)': .*\n.*'angle \(mm\)': .*\n.*'at': .*\n.*no column 'mass'"),
+        ("name,angle (deg)\nA,up\nB,1\nC,on\n", r"no column 'mass'.*\n.*2 \(A\): angle: 'up deg'.*\n.*4 \(C\): angle"),
     ],
 )
 def test_a_wrong_table_is_named_by_line_and_column(tmp_path: Path, text, message):
