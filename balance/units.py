@@ -38,6 +38,7 @@ SI_UNITS = {
     "damping": "N s/m",
     "turning damping": "N m s",
     "mass per length": "kg/m",
+    "density": "kg/m^3",
 }
 """Dimensions that a quantity may be asked to have, and the unit in which it is returned."""
 

@@ -16,7 +16,7 @@ from pydantic import Field
 
 from .. import datasets
 from ..errors import DataError, suggestion
-from ..input_files import FromText, Positive, Table, Text, csv_rows, in_file, load_model
+from ..input_files import FromText, Positive, Table, Text, csv_rows, load_model
 
 _ROUNDING = 1e-9
 
@@ -149,7 +149,10 @@ class Plate:
 
 
 class StockRow(Table):
-    """A kind of plate, a row of the CSV: weighed (name, mass_kg, quantity), or as drawn, without a mass."""
+    """A kind of plate, a row of the CSV: weighed (name, mass_kg, quantity), or as drawn, without a mass.
+
+    Numbers may be in other units, which the column then names: `mass_g`, `length_in`, `mass (lb)`.
+    """
 
     name: Text
     """Name of the plate, used once."""
@@ -161,7 +164,9 @@ class StockRow(Table):
     """Outline: a rectangle has length and width, a disc a diameter, a ring a bore too."""
     material: Text | None = None
     """One of the materials whose densities are known; shipped: 7075 aluminium 2810, steel 7830, 5000 aluminium
-    2647.27 kg/m3 (`balance files materials`)."""
+    2647.27 kg/m3 (`balance files materials`); any name with a density of its own."""
+    density_kg_per_m3: Annotated[float, Field(gt=0.0, lt=1e5, allow_inf_nan=False)] | None = None
+    """Density of a plate as drawn, of a material that is not shipped [kg/m3]."""
     thickness_mm: _Millimetres = None
     """Thickness of the plate [mm]."""
     length_mm: _Millimetres = None
@@ -186,7 +191,7 @@ class StockRow(Table):
         if self.shape == "ring" and not (self.bore_mm or 0.0) < (self.diameter_mm or 0.0):
             raise DataError("bore_mm is not smaller than diameter_mm")
         if self.shape:
-            self.section(1.0)
+            self.plate()
 
     def section(self, density: float) -> Section:
         """Mass, inertia and centre of a plate as drawn, of a density [kg/m3]."""
@@ -194,16 +199,21 @@ class StockRow(Table):
         shape = Rectangle(*sizes) if self.shape == "rectangle" else Ring(*sizes)
         return plate_section(shape, thickness, density, self.holes_mm)
 
-    def plate(self, densities: Mapping[str, float]) -> Plate:
-        """The plate; ``densities`` by material [kg/m3]."""
+    def plate(self) -> Plate:
+        """The plate. Raises DataError for holes that do not fit, and a material whose density is not known."""
         if self.mass_kg is not None:
             return Plate(self.name, self.mass_kg, self.quantity)
-        material = self.material or ""
-        if material not in densities:
-            near = suggestion(material, densities)
-            raise DataError(f"material {material!r}: expected {', '.join(densities)}{near}")
-        drawn = self.section(densities[material])
+        drawn = self.section(self.density_kg_per_m3 or self._known_density())
         return Plate(self.name, drawn.mass, self.quantity, drawn.inertia)
+
+    def _known_density(self) -> float:
+        material, known = self.material or "", load_densities()
+        if material not in known:
+            raise DataError(
+                f"material {material!r}: expected {', '.join(known)}{suggestion(material, known)}; of another material "
+                "state the density in a column density_kg_per_m3"
+            )
+        return known[material]
 
 
 def load_stock(name: str | Path) -> list[Plate]:
@@ -212,11 +222,7 @@ def load_stock(name: str | Path) -> list[Plate]:
     Raises DataError, naming the row, for anything else.
     """
     path = datasets.find_dataset(name, "stock", ".csv")
-    rows, plates = csv_rows(StockRow, path), []
-    densities = load_densities() if any(row.shape for row in rows) else {}
-    for row in rows:
-        with in_file(path.name, row.name):
-            plates.append(row.plate(densities))
+    plates = [row.plate() for row in csv_rows(StockRow, path)]
     if not plates:
         raise DataError(f"{path.name}: expected at least one plate")
     return plates

@@ -37,6 +37,19 @@ def test_a_file_as_spreadsheets_write_it(tmp_path: Path) -> None:
     assert stock_plates.load_stock(path) == [stock_plates.Plate("2,5", 2.5, 3)]
 
 
+def test_other_units_stand_in_the_header(tmp_path: Path) -> None:
+    """Grams, inches, and the density of a material that is not shipped is stated."""
+    path = tmp_path / "plates.csv"
+    for header in ("name;mass (g);quantity", "name;mass_g;quantity"):
+        path.write_text(f"{header}\nP;1250,5;3\n", encoding="utf-8")
+        assert stock_plates.load_stock(path) == [stock_plates.Plate("P", 1.2505, 3)]
+    sizes = "name,quantity,shape,material,thickness_in,length (in),width_in"
+    path.write_text(f"{sizes}\nP,1,rectangle,steel,0.25,6,4\n", encoding="utf-8")
+    assert stock_plates.load_stock(path)[0].mass == pytest.approx(7830 * 6 * 0.0254**3)
+    path.write_text(f"{sizes},density_g_per_cm3\nP,1,rectangle,brass,0.25,6,4,8.5\n", encoding="utf-8")
+    assert stock_plates.load_stock(path)[0].mass == pytest.approx(8500 * 6 * 0.0254**3)
+
+
 WRONG = {
     "no rows": ("name,mass_kg,quantity\n", "at least one plate"),
     "other columns": ("name,mass,quantity\nM1,5,2\n", "column 'mass': is not expected; did you mean 'mass_kg'"),
@@ -55,6 +68,9 @@ WRONG = {
     "short row": ("name,mass_kg,quantity\nM1,5\n", "line 2 .M1.: quantity: missing"),
     "long row": ("name,mass_kg,quantity\nM1,5,2,7\n", "line 2: 4 cells, the header has 3 columns"),
     "long second row": ("name,mass_kg,quantity\nM1,5,2\nM2,6,2,7\n", "line 3: 4 cells, the header has 3 columns"),
+    "another unit": ("name,mass_mm,quantity\nM1,5,2\n", "column 'mass_mm': 'mm' is not a unit of mass: .* 'kg'"),
+    "no unit": ("name,mass (q!),quantity\nM1,5,2\n", "column 'mass .q!.': 'q!' is not a known unit: expected mass"),
+    "two units": ("name,mass_kg,mass_g,quantity\nM1,5,5,2\n", "column 'mass_kg': is there twice"),
     "twice": ("name,mass_kg,quantity\nM1,5,2\nM1,6,2\n", "'M1' is there twice"),
 }
 
@@ -111,7 +127,7 @@ def test_the_shipped_example_can_be_read() -> None:
 
 DRAWN_WRONG = {
     "shape": ("p,1,hexagon,steel,10,,,50,,", "shape: 'hexagon': expected 'rectangle', 'disc' or 'ring'"),
-    "material": ("p,1,disc,gold,10,,,50,,", "material 'gold': expected 7075 aluminium, steel"),
+    "material": ("p,1,disc,gold,10,,,50,,", "material 'gold': expected 7075 aluminium, steel.* density_kg_per_m3"),
     "size missing": ("p,1,rectangle,steel,10,50,,,,", "width_mm is empty: expected millimetres above zero"),
     "size for another shape": ("p,1,disc,steel,10,50,,50,,", "length_mm is nothing of a disc"),
     "bore too wide": ("p,1,ring,steel,10,,,50,50,", "bore_mm is not smaller"),
