@@ -118,6 +118,8 @@ class Sizing(Shown, rows="counter_masses", figure="balance.figures.mechanism:dra
     """What they make small; None for masses that were given."""
     bound: float | None = None
     """What no masses that are allowed can make the objective less than [square of its unit]."""
+    used_up: Mapping[str, int] = field(default_factory=dict)
+    """Plates of which all in stock are used and one more would leave less: how many there are, by name."""
 
     def root_mean_squares(self) -> tuple[float, float]:
         """Root of the objective without and with the counter-masses [its unit]."""
@@ -316,20 +318,22 @@ def best_sets_from_stock(
     A plate's quantity is for all sites together; ``limits`` [kg] and ``equal`` as in ``exact_sizing``; ``exact`` as in
     ``best_plates``.
     """
-    from .stock_search import best_plates  # late: masses of any size are found without it
+    from .stock_search import best_plates, wanting_kinds  # late: masses of any size are found without it
 
     names = chosen_sites(mechanism, sites)
     objective = objective or conditions.objective
     columns, target = objective.system(mechanism, names)
     groups = [group for group in site_groups(names, equal) if len(group) > 1]
     turning = objective.turning(mechanism, names), _turning_inertia(mechanism, names, plates)
-    found = best_plates(
-        columns, target, *_stock_arrays(plates), upper_limits(names, limits), groups, best, turning, exact
-    )
+    stock, upper = _stock_arrays(plates), upper_limits(names, limits)
+    found = best_plates(columns, target, *stock, upper, groups, best, turning, exact)
     sets = []
     for one in found.selections:
         masses, piles = dict(zip(names, one.masses, strict=True)), _piles(names, one.counts, plates)
-        sets.append(sizing_of_given(conditions, mechanism, masses, piles, objective, found.bound))
+        wanting = wanting_kinds(columns, target, *stock, one.counts, upper, groups, turning) if exact is None else []
+        used_up = {plates[kind].name: plates[kind].quantity for kind in wanting}
+        sized = sizing_of_given(conditions, mechanism, masses, piles, objective, found.bound)
+        sets.append(replace(sized, used_up=used_up))
     return tuple(sets)
 
 

@@ -78,6 +78,14 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
         """Whether more remains than steps of stock plates leave, or something was left out."""
         return self.verdict.has_finding or bool(self.left_out)
 
+    @property
+    def used_up(self) -> Mapping[str, int]:
+        """Plates of which all in stock are used and one more would leave less: how many, by name.
+
+        None are named for the vibration of a base, which is not linear in the masses.
+        """
+        return {} if self.rig or self.balanced else self.best.used_up
+
     @cached_property
     def responses(self) -> dict[str, Response]:
         """The motion ``before`` and ``after`` balancing; none without a motion."""
@@ -107,6 +115,8 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
                 for one in verdict.needed
             ],
         }
+        if self.stock:
+            found["used_up_plates"] = dict(self.used_up)
         if len(self.sets) > 1:
             found["sets"] = [
                 {"counter_masses": plain(one.counter_masses), "remaining_percent": one.remaining_percent()}
@@ -144,6 +154,9 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
             yield "Masses of other sizes at these sites would " + (
                 "balance it completely." if verdict.attainable else f"leave {remain}."
             )
+        if self.used_up:
+            used = ", ".join(f"{count} of {count} {name}" for name, count in self.used_up.items())
+            yield f"Used up, though one more would leave less: {used}."
         for k, site in enumerate(verdict.needed):
             bodies = " or ".join([site.body, *site.alternatives])
             left = f"{self._share(site.after)} would" if site.after else "nothing would"

@@ -48,6 +48,8 @@ _CANDIDATES = 20
 """Sets that are looked at more closely where plates differ in radius of gyration."""
 _FIRST_CAP, _CAPS = 1e-9, 30.0
 """What J may first be above the bound, relative to J without counter-masses, and the factor by which that rises."""
+_WORTHWHILE = 1e-3
+"""Part of the root of J by which one more plate must lessen it to be worth naming."""
 _SMALL = 1e-3
 """Weight of all plates together as a share of the target, where a price of mass is sought."""
 _TIE = 1e-12
@@ -111,7 +113,7 @@ def best_plates(
     sites = columns.shape[1]
     if exact is None and turning is not None and not (np.abs(turning[0]) @ np.abs(turning[1] * quantities)).any():
         turning = None
-    groups = [[i] for i in range(sites) if not any(i in group for group in equal)] + [list(group) for group in equal]
+    groups = _groups(sites, equal)
     most = np.full(sites, np.inf) if limits is None else limits
     used = quantities > 0
     if exact is not None or selections(quantities, sites) * sites <= _MOST_SELECTIONS:
@@ -126,6 +128,47 @@ def best_plates(
     whole = [Selection(_padded(one.counts, used), one.masses, one.value) for one in found]
     bound = search.bound if search.bound < found[0].value - search.tie else found[0].value
     return StockOptimum(tuple(whole), max(bound, 0.0))
+
+
+def wanting_kinds(
+    columns: Floats,
+    target: Floats,
+    masses: Floats,
+    quantities: Indices,
+    counts: Indices,
+    limits: Floats | None = None,
+    equal: Sequence[Sequence[int]] = (),
+    turning: tuple[Floats, Floats] | None = None,
+) -> list[int]:
+    """Kinds of which all plates are used in ``counts`` (sites, kinds), though one more at a site would lessen J.
+
+    One more is added, or takes the place of a plate of another kind at any site; the rest is as for ``best_plates``.
+    """
+    groups = _groups(len(counts), equal)
+    effect = columns[:, :, None] * masses
+    if turning is not None:
+        effect = effect + turning[0][:, :, None] * turning[1]
+    left = np.sum(effect * counts, axis=(1, 2)) - target
+    most = np.full(len(counts), np.inf) if limits is None else limits
+    room = np.array([(most - counts @ masses)[group].min() for group in groups])
+    of_group = np.stack([effect[:, group].sum(axis=1) for group in groups], axis=1)
+    held = np.argwhere([counts[group].min(axis=0) > 0 for group in groups])
+    found = []
+    for kind in np.flatnonzero((quantities > 0) & (counts.sum(axis=0) == quantities)).tolist():
+        added = left[:, None] + of_group[:, :, kind]
+        removed = np.column_stack([np.zeros(len(left)), of_group[:, held[:, 0], held[:, 1]]])
+        freed = np.zeros((len(groups), removed.shape[1]))
+        freed[held[:, 0], 1 + np.arange(len(held))] = masses[held[:, 1]]
+        fits = masses[kind] <= room[:, None] + freed + _ROUNDING * masses.sum()
+        values = np.sum((added[:, :, None] - removed[:, None, :]) ** 2, axis=0)
+        if (values[fits] < (1.0 - _WORTHWHILE) ** 2 * np.sum(left**2)).any():
+            found.append(kind)
+    return found
+
+
+def _groups(sites: int, equal: Sequence[Sequence[int]]) -> list[list[int]]:
+    """Sites that carry equal masses, and each of the others alone."""
+    return [[i] for i in range(sites) if not any(i in group for group in equal)] + [list(group) for group in equal]
 
 
 def _best_of_all(

@@ -1,5 +1,6 @@
 """Counter-masses of any mass and from stock plates: residuals, optima, and how equals are decided."""
 
+from dataclasses import replace
 from itertools import pairwise, product
 
 import numpy as np
@@ -115,7 +116,13 @@ def test_stock_is_the_best_of_all_combinations(seed: int) -> None:
     assert best.bound == pytest.approx(least, rel=1e-9)
     assert best.added_mass == pytest.approx(min(m for r, m in results if r < least * (1.0 + 1e-9)), abs=1e-9)
     for plate in plates:
-        assert sum(c.plates.count(plate.name) for c in best.counter_masses) <= plate.quantity
+        used = sum(c.plates.count(plate.name) for c in best.counter_masses)
+        assert used <= plate.quantity
+        if plate.name in best.used_up:
+            one_more = [replace(p, quantity=p.quantity + (p is plate)) for p in plates]
+            better, *_ = best_sets_from_stock(found, mechanism, one_more)
+            assert best.used_up[plate.name] == used == plate.quantity
+            assert better.objective.value(better.after) < least
 
 
 def test_nothing_in_stock_mounts_nothing() -> None:
