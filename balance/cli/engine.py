@@ -55,7 +55,8 @@ def single(
 ) -> Answer:
     """The slider-crank of ENGINE, a file (TOML) or a shipped one: rod, shaking force, partial balance.
 
-    x is along the cylinder's axis away from the crank, y a quarter turn on; the force is what the machine exerts on its
+    x is along the cylinder's axis away from the crank, y a quarter turn on, where the crank pin goes from top dead
+    centre and where a positive offset of the cylinder's axis is; the force is what the machine exerts on its
     base, weight excluded. Fraction: of the reciprocating mass, balanced on the crank together with all that rotates.
     """
     from ..engines import partial_balance

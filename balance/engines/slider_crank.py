@@ -46,7 +46,7 @@ class SliderCrank:
     piston_mass: float = 0.0
     """Piston, pin and all that only slides [kg]."""
     offset: float = 0.0
-    """Distance e of the cylinder's axis from the crank's, towards y [m]."""
+    """Distance e of the cylinder's axis from the crank's, towards y: where the pin goes from top dead centre [m]."""
 
     def __post_init__(self) -> None:
         """Refuse a crank that cannot make a full turn."""

@@ -33,6 +33,15 @@ def test_mujoco_as_referee():
     np.testing.assert_allclose(np.array(found), np.c_[expected.real, expected.imag], rtol=1e-6)
 
 
+def test_a_positive_offset_is_where_the_pin_goes_from_dead_centre():
+    """Crank and rod are in line after the crank points along the cylinder's axis, at asin e / (r + l)."""
+    crank = SliderCrank(0.05, 0.2, piston_mass=0.8, offset=0.01)
+    at = np.arcsin(0.01 / 0.25)
+    place, rate, _ = crank._slide(np.array([at]))
+    assert at > 0.0
+    assert (place[0], rate[0]) == (pytest.approx(0.25 * np.cos(at)), pytest.approx(0.0, abs=1e-15))
+
+
 def test_rotating_and_reciprocating_parts():
     """1.34 kg rotates at the crank radius, 1.16 kg reciprocates; two point masses give the true force."""
     crank = SliderCrank(0.05, 0.2, 1.0, 0.025, 0.0, 1.2, 0.06, 0.0101, 0.8)
