@@ -49,7 +49,7 @@ class SliderCrankTable(Table):
     piston_mass: MassOrZero
     """Piston, pin and all that only slides [kg]."""
     offset: Length = 0.0
-    """Distance of the cylinder's axis from the crank's, positive to the side where the pin goes from top dead centre [m]."""
+    """Of the cylinder's axis from the crank's, positive to the side where the pin goes from top dead centre [m]."""
 
     def _check(self) -> None:
         if self.rod_mass > 0.0 and self.rod_centre is None:
