@@ -211,10 +211,12 @@ def tradeoff(
     sites: Sequence[str] = (),
     limits: Mapping[str, float | str] | None = None,
     points: int = 300,
+    added: float | str | None = None,
 ) -> Front:
     """What less shaking force costs in shaking moment, drive torque and added mass, over a motion.
 
-    At most about ``points`` points; ``limits`` by site. Weighted sums on an even lattice (Das, Dennis 1998).
+    At most about ``points`` points, spread evenly; ``limits`` by site; ``added``: what may be added in all, 2.5 or
+    ``"2.5 kg"``.
 
     >>> import balance
     >>> front = balance.tradeoff("four-bar", "four-bar", points=10)
@@ -224,7 +226,8 @@ def tradeoff(
     from .balancing.tradeoff import Front, tradeoff_front
 
     model = _mechanism(mechanism)
-    return Front(model.name, motion, tradeoff_front(model, follow(model, motion), sites, _masses(limits), points))
+    most = None if added is None else si(added, "mass")
+    return Front(model.name, motion, tradeoff_front(model, follow(model, motion), sites, _masses(limits), points, most))
 
 
 def _part(name: str) -> tuple[str, str, str]:

@@ -186,8 +186,10 @@ class StockRow(Table):
         needed = SHAPES[self.shape] if self.shape else ()
         for key in _SIZES:
             if (getattr(self, key) is None) == (key in needed):
-                why = "is empty: expected millimetres above zero" if key in needed else f"is nothing of a {self.shape}"
-                raise DataError(f"{key} {why}")
+                of = (
+                    f"is nothing of a {self.shape}" if self.shape else "is given: a plate that was weighed has no sizes"
+                )
+                raise DataError(f"{key} {'is empty: expected millimetres above zero' if key in needed else of}")
         if self.shape == "ring" and not (self.bore_mm or 0.0) < (self.diameter_mm or 0.0):
             raise DataError("bore_mm is not smaller than diameter_mm")
         if self.shape:

@@ -26,8 +26,10 @@ _SAME = 1e-9
 """Difference of a quantity, relative to its largest on the front, that is rounding."""
 _FAINT = 1e-6
 """Weight of what has none, so that of equals the better is taken."""
-_NEAR = 1e-5
-"""Difference of weights below which nothing is sought between two neighbours: the front has a corner there."""
+_HALVINGS = 30
+"""Of the weights between two neighbours, after which nothing lies between them: the front has a gap there."""
+_FINER = 5.0
+"""How much closer points lie along the curve of force against added mass, which is asked for most, than elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -68,10 +70,12 @@ def tradeoff_front(
     sites: Sequence[str] = (),
     limits: Mapping[str, float] | None = None,
     points: int = 300,
+    added: float | None = None,
 ) -> tuple[FrontPoint, ...]:
     """At most about ``points`` points of the front of a motion, the least force first; limits [kg] by site.
 
-    Moment is about the base frame's origin. Points that no other betters in one quantity without a loss in another.
+    With ``added`` [kg] no point adds more, and that of the least force with so much is the first. Moment is about the
+    base frame's origin. Points that no other betters in one quantity without a loss in another.
     """
     if points < 4:
         raise SizingError(f"{points} points: expected 4 at least, one for the end of each quantity")
@@ -97,7 +101,14 @@ def tradeoff_front(
     def quantities_of(masses: Floats) -> Floats:
         return np.array([np.linalg.norm(c @ masses - t) for c, t in systems])
 
-    found = _spread(ends, least, quantities_of, points)
+    weights = np.eye(len(ends))
+    if added is not None:
+        for k, end in enumerate(ends):
+            if end.sum() > added:
+                weights[k] = _lighter(weights[k], lambda weights: float(least(weights).sum()), added)
+                ends[k] = least(weights[k])
+    found = _spread(ends, weights, least, quantities_of, points)
+    found = [masses for masses in found if added is None or masses.sum() <= added]
     values = np.array([quantities_of(masses) for masses in found])
     return tuple(
         FrontPoint(
@@ -117,38 +128,66 @@ def _reduced(columns: Floats, target: Floats) -> tuple[Floats, Floats]:
     return triangle[:, :-1], triangle[:, -1]
 
 
+def _lighter(weights: Floats, mass: Callable[[Floats], float], most: float) -> Floats:
+    """Weights moved to the last, of the added mass, until the ``mass`` [kg] of weights is ``most`` or just below."""
+    light, heavy, last = 40.0, -40.0, np.eye(len(weights))[-1]
+    for _ in range(60):
+        middle = 0.5 * (light + heavy)
+        share = 1.0 / (1.0 + np.exp(-middle))
+        light, heavy = (light, middle) if mass((1.0 - share) * weights + share * last) > most else (middle, heavy)
+    share = 1.0 / (1.0 + np.exp(-light))
+    return (1.0 - share) * weights + share * last
+
+
 def _spread(
     ends: Sequence[Floats],
+    corners: Floats,
     least: Callable[[Floats], Floats],
     quantities_of: Callable[[Floats], Floats],
     points: int,
 ) -> list[Floats]:
-    """Masses of so many points of a front, spread evenly over it, the ``ends`` first: the least of each quantity.
+    """Masses of so many points of a front, spread evenly over it, the ``ends`` first: those of the least of each
+    quantity, the force the first and the added mass the last.
 
-    ``least`` gives the masses of weights. The weights fill a simplex, whose corners are the ends; it is cut where
-    neighbours are furthest apart in their quantities, each over its range, at half of their weights.
+    ``least`` gives the masses of weights. The weights fill a simplex between ``corners``, those of the ends; it is cut
+    where neighbours are furthest apart in their quantities, each over its range, at weights between theirs that give a
+    point about as far from the one as from the other.
     """
-    found, weights = list(ends), list(np.eye(len(ends)))
+    found, weights = list(ends), list(corners)
     values = [quantities_of(masses) for masses in found]
     ranges = np.ptp(values, axis=0)
     ranges[ranges <= _SAME * np.max(values, axis=0)] = np.inf
     simplices = {frozenset(range(len(ends)))}
     apart: list[tuple[float, int, int]] = []
 
+    def distance(one: int, values_there: Floats) -> float:
+        return float(np.linalg.norm((values[one] - values_there) / ranges))
+
     def neighbours(pairs: Iterable[tuple[int, int]]) -> None:
         for one, other in pairs:
-            if np.abs(weights[one] - weights[other]).max() > _NEAR:
-                heappush(apart, (-float(np.linalg.norm((values[one] - values[other]) / ranges)), one, other))
+            on_curve = not (weights[one] + weights[other])[1:-1].any()
+            heappush(apart, (-distance(one, values[other]) * (_FINER if on_curve else 1.0), one, other))
 
     neighbours(combinations(range(len(ends)), 2))
     while len(found) < points and apart:
-        nearer, one, other = heappop(apart)
-        if -nearer <= _SAME:
+        length, one, other = heappop(apart)
+        if -length <= _SAME:
             break
+        near, far = 0.0, 1.0
+        for _ in range(_HALVINGS):
+            share = 0.5 * (near + far)
+            middle = (1.0 - share) * weights[one] + share * weights[other]
+            there = quantities_of(masses := least(middle))
+            behind, ahead = distance(one, there), distance(other, there)
+            if max(behind, ahead) <= 2.0 * min(behind, ahead):
+                break
+            near, far = (share, far) if behind < ahead else (near, share)
+        else:
+            continue
         new, cut = len(found), [simplex for simplex in simplices if {one, other} <= simplex]
-        weights.append(0.5 * (weights[one] + weights[other]))
-        found.append(least(weights[new]))
-        values.append(quantities_of(found[new]))
+        weights.append(middle)
+        found.append(masses)
+        values.append(there)
         simplices.difference_update(cut)
         simplices.update(simplex - {old} | {new} for simplex in cut for old in (one, other))
         neighbours([(corner, new) for corner in sorted(frozenset().union(*cut))])

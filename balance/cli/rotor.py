@@ -119,14 +119,18 @@ def tolerance(
         "Distances of the centre of mass from the two bearing planes.", Quantity("length"), nargs=2, metavar="LA LB"
     ),
     critical_speed: float | None = option("First critical speed.", ANGULAR_VELOCITY, metavar="SPEED"),
-    residual: float | None = option("Residual unbalance, such as 300gmm.", Quantity("first moment"), metavar="U"),
+    residual: tuple[float, ...] = option(
+        "Residual unbalance, such as 300gmm: of the rotor, or given twice, in the bearing planes A and B.",
+        Quantity("first moment"),
+        metavar="U",
+    ),
 ) -> Answer:
     """Permissible residual unbalance after ISO 21940-11, for rigid rotors only."""
     from ..rotors.iso21940 import GRADES, SCOPE, permissible
     from ..rotors.rotor_files import load_rotor
 
-    if residual is not None and residual < 0.0:
-        raise click.UsageError("--residual: expected zero or more")
+    if min(residual, default=0.0) < 0.0 or len(residual) > 2:
+        raise click.UsageError("--residual: expected zero or more, of the rotor, or one for each of two bearing planes")
     if rotor is not None:
         model = load_rotor(rotor)
         mass, speed = (model.mass if mass is None else mass), (model.speed if speed is None else speed)
@@ -137,19 +141,26 @@ def tolerance(
         raise click.UsageError("the permissible unbalance needs --mass and --speed (or a rotor file that has them)")
     allowed = permissible(_grade(grade), mass, speed, critical_speed)
     shares = allowed.in_planes(*to_bearings) if to_bearings else None
+    if len(residual) == 2 and shares is None:
+        raise click.UsageError("a --residual for each bearing plane needs --to-bearings, by which U_per is shared")
+    limits = shares if shares is not None and len(residual) == 2 else (allowed.unbalance,)
+    used = max((one / limit for one, limit in zip(residual, limits, strict=False)), default=None)
     document: dict[str, Any] = {
         "scope": SCOPE,
         **document_of(allowed),
         "standard_grade": any(abs(1e3 * allowed.grade - known) < 1e-9 * known for known in GRADES),
         "U_per_bearing_planes_gmm": None if shares is None else [1e6 * share for share in shares],
-        "residual_gmm": None if residual is None else 1e6 * residual,
-        "grade_reached_mm_per_s": None if residual is None else 1e3 * allowed.reached(residual),
-        "within_tolerance": None if residual is None else residual <= allowed.unbalance,
+        "residual_gmm": 1e6 * residual[0] if len(residual) == 1 else None,
+        "residual_per_bearing_planes_gmm": [1e6 * one for one in residual] if len(residual) == 2 else None,
+        "grade_reached_mm_per_s": None if used is None else 1e3 * used * allowed.reached(allowed.unbalance),
+        "within_tolerance": None if used is None else used <= 1.0,
     }
-    within = {None: "", True: "; the residual unbalance is within it", False: "; the residual unbalance is outside it"}
 
     def show() -> None:
-        say(f"Permissible unbalance {document['U_per_gmm']:.6g} g mm{within[document['within_tolerance']]}.")
+        planes = "" if shares is None else f", {1e6 * shares[0]:.6g} in plane A and {1e6 * shares[1]:.6g} in plane B"
+        held = f"{'its' if len(residual) == 1 else 'each'} residual unbalance is within it"
+        said = "" if used is None else f"; {held}" if used <= 1.0 else "; the residual unbalance is outside it"
+        say(f"Permissible unbalance {document['U_per_gmm']:.6g} g mm{planes}{said}.")
         emit_parts(document, ("",))
 
     return Answer(document, show)

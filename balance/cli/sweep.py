@@ -1,7 +1,7 @@
 """``balance sweep``, ``tolerance`` and ``tradeoff``: designs, errors and the best compromises, on one motion."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ..arrays import Floats
     from ..balancing.sweep import Variable
     from ..balancing.tolerance import Tolerance
-    from ..balancing.tradeoff import Front
+    from ..balancing.tradeoff import Front, FrontPoint
 
 T = TypeVar("T")
 _MOST_DESIGNS = 10_000_000
@@ -247,6 +247,7 @@ _POINTS = 12
     epilog="""\b
 Examples:
   balance tradeoff parallelogram-6bar --motion x -p platform=5kg
+  balance tradeoff four-bar --motion four-bar --added 2kg
   balance tradeoff four-bar --motion four-bar --limit counter_A0A=3kg --points 300 --figure front.svg --json
 
 \b
@@ -260,20 +261,21 @@ def tradeoff(
     payload: options.Masses = options.PAYLOADS,
     site: tuple[str, ...] = options.SITES,
     limit: options.Masses = options.LIMITS,
-    points: int = option("Weights that are tried, at most.", click.IntRange(4, 3000), default=300),
+    points: int = option("Points that are sought, at most.", click.IntRange(4, 3000), default=300),
+    added: float | None = option("Mass that may be added in all, such as 2.5kg.", Quantity("mass"), metavar="M"),
     figure: str | None = options.FIGURE,
 ) -> Answer:
     """What less shaking force costs in shaking moment, drive torque and mass: the front of MECH on one motion."""
     from ..front_door import tradeoff as found_front
 
     model = options.load_mechanism_option(mechanism, payload)
-    found = found_front(model, motion, site, limit, points)
+    found = found_front(model, motion, site, limit, points, added)
     options.draw(figure, found.plot)
     return Answer(document(found), lambda: _print_front(found))
 
 
 def _print_front(found: "Front") -> None:
-    """From the least force to the least mass, and points between; all with --all."""
+    """From the least force to the least mass, and points of the least force for their mass; all with --all."""
     from ..balancing.tradeoff import FrontPoint
 
     front = found.points
@@ -282,8 +284,20 @@ def _print_front(found: "Front") -> None:
         f"From {front[0].force:.4g} N of force with {front[0].added_mass:.4g} kg to {lightest.force:.4g} N with "
         f"{lightest.added_mass:.4g} kg: {len(front)} point{'s' * (len(front) != 1)} of the front."
     )
-    count = len(front) if Detail.everything else min(len(front), _POINTS)
-    shown = [front[k * (len(front) - 1) // max(count - 1, 1)] for k in range(count)]
-    remark = f"{count} of {len(front)} points; all are in --all and --json." if count < len(front) else ""
+    curve = [one for k, one in enumerate(front) if all(one.added_mass < other.added_mass for other in front[:k])]
+    shown = list(front) if Detail.everything else _spread(curve)
+    remark = f"{len(shown)} points of the least force for their mass; --all and --json have all {len(front)}."
+    remark = remark if len(shown) < len(front) else ""
     title = f"{found.mechanism}, motion {found.motion}: masses at {', '.join(front[0].masses)}"
     emit_table(title, *table(FrontPoint, shown), remark)
+
+
+def _spread(curve: "Sequence[FrontPoint]") -> "list[FrontPoint]":
+    """At most _POINTS points along a curve of force against added mass, evenly."""
+    import numpy as np
+
+    places = np.array([[one.force, one.added_mass] for one in curve])
+    steps = np.diff(places, axis=0) / np.maximum(np.ptp(places, axis=0), 1e-300)
+    along = np.append(0.0, np.cumsum(np.hypot(*steps.T)))
+    chosen = np.searchsorted(along, np.linspace(0.0, along[-1] * (1.0 - 1e-12), _POINTS))
+    return [curve[k] for k in np.unique(chosen)]

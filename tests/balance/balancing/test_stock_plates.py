@@ -158,6 +158,9 @@ def test_a_stock_has_masses_or_drawings_not_both(tmp_path: Path) -> None:
         DataError, match=r"both\.csv, line 2 .both.: expected either mass_kg, of a plate weighed, or shape, as drawn"
     ):
         stock_plates.load_stock(tmp_path / "both.csv")
+    (tmp_path / "thick.csv").write_text("name,mass_kg,quantity,thickness_mm\nt,1,1,10\n", encoding="utf-8")
+    with pytest.raises(DataError, match="thickness_mm is given: a plate that was weighed has no sizes"):
+        stock_plates.load_stock(tmp_path / "thick.csv")
 
 
 DENSITY, THICKNESS = 7830.0, 0.012

@@ -101,6 +101,14 @@ def test_tolerance_has_its_scope_and_refuses_linkages():
     assert found["U_per_gmm"] == pytest.approx(802.14091)
     assert found["within_tolerance"] is False
     assert "rigid" in found["scope"]
+    planes = ("rotor", "tolerance", "--grade", "2.5", "--mass", "40kg", "--speed", "3000rpm", "--residual", "180gmm")
+    assert "needs --to-bearings" in call(*planes, "--residual", "120gmm").err
+    for second, within in (("120gmm", True), ("130gmm", False)):  # 318.31 g mm in all, 190.99 and 127.32 in the planes
+        found = json_of(*planes, "--residual", second, "--to-bearings", "200mm", "300mm")
+        assert (found["residual_gmm"], found["within_tolerance"]) == (None, within)
+        assert found["grade_reached_mm_per_s"] == pytest.approx(
+            2.5 * max(180 / 190.986, float(second[:3]) / 127.324), rel=1e-4
+        )
     assert "rigid rotors only" in call("rotor", "tolerance", "four-bar", "--grade", "G6.3").err
 
 
