@@ -119,7 +119,8 @@ class Sizing(Shown, rows="counter_masses", figure="balance.figures.mechanism:dra
     bound: float | None = None
     """What no masses that are allowed can make the objective less than [square of its unit]."""
     used_up: Mapping[str, int] = field(default_factory=dict)
-    """Plates of which all in stock are used and one more would leave less: how many there are, by name."""
+    """Plates of which all in stock are used and one more would leave less: how many there are, by name. All kinds where
+    no plate is left."""
 
     def root_mean_squares(self) -> tuple[float, float]:
         """Root of the objective without and with the counter-masses [its unit]."""
@@ -331,7 +332,8 @@ def best_sets_from_stock(
     for one in found.selections:
         masses, piles = dict(zip(names, one.masses, strict=True)), _piles(names, one.counts, plates)
         wanting = wanting_kinds(columns, target, *stock, one.counts, upper, groups, turning) if exact is None else []
-        used_up = {plates[kind].name: plates[kind].quantity for kind in wanting}
+        kinds = range(len(plates)) if (one.counts.sum(axis=0) == stock[1]).all() else wanting
+        used_up = {plates[kind].name: plates[kind].quantity for kind in kinds}
         sized = sizing_of_given(conditions, mechanism, masses, piles, objective, found.bound)
         sets.append(replace(sized, used_up=used_up))
     return tuple(sets)

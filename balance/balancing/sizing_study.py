@@ -80,7 +80,8 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
 
     @property
     def used_up(self) -> Mapping[str, int]:
-        """Plates of which all in stock are used and one more would leave less: how many, by name.
+        """Plates of which all in stock are used and one more would leave less: how many, by name; all kinds where no plate
+        is left.
 
         None are named for the vibration of a base, which is not linear in the masses.
         """
@@ -156,7 +157,7 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
             )
         if self.used_up:
             used = ", ".join(f"{count} of {count} {name}" for name, count in self.used_up.items())
-            yield f"Used up, though one more would leave less: {used}."
+            yield f"Used up, so that less could remain with more of them: {used}."
         for k, site in enumerate(verdict.needed):
             bodies = " or ".join([site.body, *site.alternatives])
             left = f"{self._share(site.after)} would" if site.after else "nothing would"

@@ -40,7 +40,7 @@ def test_stock(balance):
     assert "M1 + M2 + M4" in out
     assert "17.2437" in out
     assert document["used_up_plates"] == {"M2": 2}
-    assert "Used up, though one more would leave less: 2 of 2 M2." in out
+    assert "Used up, so that less could remain with more of them: 2 of 2 M2." in out
 
 
 def test_a_motion_compares_before_and_after(balance):
