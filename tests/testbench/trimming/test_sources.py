@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from studies import simulated_runs as memory
+from studies.laboratories import FAMILIES
 from studies.trim import BENCHES
 from testbench import rig as rigs
 from testbench.errors import AnalysisError
@@ -175,6 +176,15 @@ def test_trial_masses(manipulator, trials):
     assert all(m.interval[0] < MISSING < m.interval[1] for m in found.missing)
     assert all(np.ptp(m.interval) < 0.5 * MISSING for m in found.missing)
     json.dumps(trim_document(found))
+
+
+def test_trial_masses_in_loud_noise_are_doubtful(manipulator, trials):
+    """A floor half as loud as the vibration: what is missing may be found too small, which is said."""
+    noisy = [memory.disturbed(run, FAMILIES["floor"], 0.5, k) for k, run in enumerate(trials)]
+    found = trim_runs(memory.aligned(noisy, manipulator), source="trials")
+    assert found.verdict == "doubtful"
+    assert found.interval_level is None
+    assert "stays unexplained" in found.doubts()[0]
 
 
 def test_an_arm_without_trial_mass_is_named(manipulator, trials):
