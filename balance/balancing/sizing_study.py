@@ -80,8 +80,8 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
 
     @property
     def used_up(self) -> Mapping[str, int]:
-        """Plates of which all in stock are used and one more would leave less: how many, by name; all kinds where none is
-        left.
+        """Plates of which all in stock are used and one more would leave less: how many, by name; all kinds where none
+        is left.
 
         None are named for the vibration of a base, which is not linear in the masses.
         """

@@ -255,11 +255,13 @@ class _Plan:
         self._turns, self._last = 0, -np.inf
 
     def _clock(self, channels: Sequence[Channel]) -> Clock | None:
-        """That of the columns of time, of the rate, or of the reader; of a column that is renamed by its new name."""
+        """That of the columns of time, of the rate where the reader knows none, or of the reader; of a column that is
+        renamed by its new name.
+        """
         if self.places:
             seconds = self._seconds[0]
             return TimeColumn(self.places[0], 1.0 if seconds is None else seconds, assumed=seconds is None)
-        if self.description.rate is not None:
+        if self.description.rate is not None and not isinstance(self.before.clock, TimeColumn):
             return UniformClock(self.description.rate)
         before, own = self.before.clock, self.before.channels
         renamed = [i for i, (new, old) in enumerate(zip(channels, own, strict=True)) if new != old]

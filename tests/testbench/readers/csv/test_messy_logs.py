@@ -110,6 +110,7 @@ LOGS = {
     "no names": Log("", lambda i, v: f"{seconds(i)},{v}",
                     'time = "col0"\ntime_unit = "s"\n[channels]\ncol1 = "F (N)"'),
     "a rate that is told": Log("F (N),G (N)\n", lambda i, v: f"{v},{v}", 'rate = "100 Hz"'),
+    "a rate that is told beside times": Log("Time (s),F (N)\n", lambda i, v: f"{seconds(i)},{v}", 'rate = "50 Hz"'),
     "microseconds that wrap": Log("micros,F\n", lambda i, v: f"{(4294700000 + 10000 * i) % 2**32},{v}",
                                   'time = "micros"\ntime_unit = "us"\ntime_wraps = 4294967296\n'
                                   'channels = {F = "F (N)"}'),
