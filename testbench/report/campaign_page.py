@@ -229,9 +229,11 @@ def campaign_report(
     # What is missing in each mounting with counter-masses, from its runs of the largest peak accelerations.
     mountings: dict[tuple[Any, ...], list[Run]] = {}
     for pair in pairs(runs)[0]:
-        key = (pair.key.payload_kg, pair.key.origin, tuple(pair.counter_masses.items()))
+        key = (pair.key.payload_kg, pair.key.payloads, pair.key.origin, tuple(pair.counter_masses.items()))
         mountings.setdefault(key, []).extend(run for run in pair.balanced)
-    trims = tuple([_trim(key[0], dict(key[2]), some, given, examination) for key, some in mountings.items()])
+    trims = tuple(
+        [_trim(key[0], dict(key[1]), dict(key[3]), some, given, examination) for key, some in mountings.items()]
+    )
     return CampaignReport(name, runs, comparison, examination, accept, reports, unread, trims, mechanism)
 
 
@@ -301,6 +303,7 @@ def torques_compared(runs: "Sequence[Run]", reports: dict[str, RunReport]) -> li
 
 def _trim(
     payload: float | None,
+    payloads: dict[str, float],
     masses: dict[str, float],
     runs: "list[Run]",
     given: Mechanism | None,
@@ -313,7 +316,8 @@ def _trim(
         return float(stated.get("peak_acceleration_g") or stated.get("peak_acceleration_rad_s2") or 0.0)
 
     chosen = sorted(runs, key=peak, reverse=True)[:TRIM_RUNS]
-    about = {"payload_kg": payload, "counter_masses_kg": masses, "runs": [run.name for run in chosen]}
+    about: dict[str, Any] = {"payload_kg": payload, "payloads_kg": payloads, "counter_masses_kg": masses}
+    about |= {"runs": [run.name for run in chosen]}
     if doubts := examination.doubts([run.name for run in chosen]):
         return {**about, "reason": f"contradictions about these runs are open: {', '.join(doubts)}"}
     try:
