@@ -559,7 +559,7 @@ def _change(values: Sequence[float]) -> str:
 
 def verdict(reductions: Sequence[Reduction]) -> str:
     """By how much each axis is reduced or raised, and how many reductions are bounds, withheld, or none."""
-    withheld, bounds, sound = ([r for r in reductions if r.kind == kind] for kind in ("withheld", "at_least", "number"))
+    withheld, bounds, sound = ([r for r in reductions if r.kind == kind] for kind in ["withheld", "at_least", "number"])
     several = len({r.sensor for r in reductions}) > 1
     parts = []
     for sensor, axis in dict.fromkeys((r.sensor, r.axis) for r in sound):
