@@ -30,6 +30,12 @@ def root_mean_square(values: Floats | Complexes) -> float:
     return float(np.sqrt(np.mean(np.abs(values) ** 2)))
 
 
+def upper_median(values: Floats) -> float:
+    """Median of values (n,) [any unit], the upper of two; numpy's takes several times as long."""
+    middle = len(values) // 2
+    return float(np.partition(values, middle)[middle])
+
+
 def parabola_peak(values: Floats, k: int, periodic: bool = False) -> tuple[float, float]:
     """The vertex of the parabola through a peak of samples (n,) [any unit], sample ``k``, and its two neighbours.
 

@@ -333,7 +333,7 @@ def best_sets_from_stock(
         masses, piles = dict(zip(names, one.masses, strict=True)), _piles(names, one.counts, plates)
         wanting = wanting_kinds(columns, target, *stock, one.counts, upper, groups, turning) if exact is None else []
         kinds = range(len(plates)) if (one.counts.sum(axis=0) == stock[1]).all() else wanting
-        used_up = {plates[kind].name: plates[kind].quantity for kind in kinds}
+        used_up = {plates[kind].name: plates[kind].quantity for kind in kinds if plates[kind].quantity}
         sized = sizing_of_given(conditions, mechanism, masses, piles, objective, found.bound)
         sets.append(replace(sized, used_up=used_up))
     return tuple(sets)

@@ -83,9 +83,10 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
         """Plates of which all in stock are used and one more would leave less: how many, by name; all kinds where none
         is left.
 
-        None are named for the vibration of a base, which is not linear in the masses.
+        None are named where masses of any size leave no less, nor for the vibration of a base, which is not linear.
         """
-        return {} if self.rig or self.balanced else self.best.used_up
+        left, least = (one.remaining_percent() or 0.0 for one in (self.best, self.any_mass))
+        return {} if self.rig or self.balanced or left <= least * (1.0 + 1e-6) else self.best.used_up
 
     @cached_property
     def responses(self) -> dict[str, Response]:

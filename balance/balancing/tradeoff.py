@@ -79,6 +79,8 @@ def tradeoff_front(
     """
     if points < 4:
         raise SizingError(f"{points} points: expected 4 at least, one for the end of each quantity")
+    if added is not None and not added >= 0.0:
+        raise SizingError(f"{added:g} kg may be added in all: expected zero or more")
     names = chosen_sites(mechanism, sites)
     upper = upper_limits(names, limits)
     quantities = [name for name in QUANTITIES if name != "torque" or turning_drives(mechanism)]

@@ -20,7 +20,7 @@ from typing import Literal
 
 import numpy as np
 
-from balance.arrays import Floats, Indices
+from balance.arrays import Floats, Indices, upper_median
 
 from ..signal import Metric
 from .metrics import METRICS, Measure, gain_of_record
@@ -480,17 +480,11 @@ def undithered_share(resting: Floats, step: float) -> float:
     if step <= 0.0 or not len(resting):
         return 0.0
     for some in (resting[:: max(len(resting) // _LOOKED_AT, 1)], resting):
-        median = _median(np.abs(some - _median(some)))
+        median = upper_median(np.abs(some - upper_median(some)))
         dither = max(min(float(np.std(some)), 1.4826 * median + 0.5 * step) ** 2 - step**2 / 4.0, 0.0)
         if dither > step**2:  # then it drowns for certain
             break
     return float(np.exp(-2.0 * np.pi**2 * dither / step**2))
-
-
-def _median(values: Floats) -> float:
-    """Of values (n,) [any unit], the upper of two; numpy's takes several times as long."""
-    middle = len(values) // 2
-    return float(np.partition(values, middle)[middle])
 
 
 def _toggles(resting: Floats, step: float) -> float | None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from balance.arrays import Floats
+from balance.arrays import Floats, upper_median
 
 from .noise_floor import squared_magnitudes
 
@@ -161,9 +161,8 @@ def _weights(
 
 
 def _median(power: Floats) -> float:
-    """Mean of a periodogram (k,) of noise by its median, the upper of two, which lines do not move [unit^2]."""
-    middle = len(power) // 2
-    return float(np.partition(power, middle)[middle]) / _LOG_2
+    """Mean of a periodogram (k,) of noise by its median, which lines do not move [unit^2]."""
+    return upper_median(power) / _LOG_2
 
 
 _hanning = lru_cache(maxsize=4)(np.hanning)

@@ -23,6 +23,10 @@ ASKED = [
     (lambda: balance.tolerance("four-bar", "four-bar", {"AB.mass": -0.1}), "tolerances of more than zero"),
     (lambda: balance.tolerance("four-bar", "four-bar", {"AB.mass": 0.1}, draws=0), "one draw at least"),
     (lambda: balance.tradeoff("four-bar", "four-bar", points=0), "0 points: expected 4"),
+    (
+        lambda: balance.tradeoff("four-bar", "four-bar", added="-1 kg"),
+        "-1 kg may be added in all: expected zero or more",
+    ),
     (lambda: balance.engine("in-line-4", orders=0), "one order at least"),
     (lambda: balance.load("a" * 5000), "a{60}...: File name too long"),
 ]
