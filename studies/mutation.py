@@ -1,8 +1,8 @@
 """Does the suite notice? Small random faults go into the packages one at a time, and the tests that reach them run.
 
 A fault is a swapped operator or comparison, a changed number or truth value, or a dropped statement. It is found where
-a test fails or does not end. Lines that no test reaches count as not found. It needs to know which test executes which
-line, once a state of the tree (pytest-cov)::
+a test fails or does not end. A file that no test reaches counts as not found. It needs to know which test executes
+which line, once a state of the tree (pytest-cov)::
 
     pytest -n 2 --cov=balance --cov=testbench --cov-context=test --cov-report=
     python -m studies.mutation .coverage --count 300 --seed 1
@@ -34,7 +34,7 @@ SWAPPED: dict[type[ast.AST], tuple[str, str]] = {
 }  # fmt: skip
 """How an operator is written, and what takes its place."""
 MOST_TESTS = 40
-"""Tests that are tried on one fault, drawn from those that reach its line."""
+"""Tests that are tried on one fault: those that reach its line and execute the fewest lines besides."""
 LONGEST_S = 150.0
 """For the tests of one fault together; what takes longer does not end."""
 
@@ -90,18 +90,24 @@ def _operations(node: ast.AST) -> list[tuple[ast.expr, ast.AST, ast.expr]]:
 
 
 def reaching_tests(root: Path, coverage: Path) -> dict[str, dict[int, list[str]]]:
-    """The tests that execute each line, by file."""
+    """The tests that execute each line, by file, those first that execute the fewest lines in all."""
     from coverage import CoverageData
 
     data = CoverageData(str(coverage))
     data.read()
     files = {file: Path(file) for file in data.measured_files() if Path(file).is_relative_to(root)}
-    return {
-        path.relative_to(root).as_posix(): {
-            line: sorted({test.partition("|")[0] for test in tests} - {""})
+    executed: Counter[str] = Counter()
+    reached: dict[str, dict[int, set[str]]] = {}
+    for file, path in files.items():
+        lines = reached[path.relative_to(root).as_posix()] = {
+            line: {test.partition("|")[0] for test in tests} - {""}
             for line, tests in data.contexts_by_lineno(file).items()
         }
-        for file, path in files.items()
+        for tests in lines.values():
+            executed.update(tests)
+    return {
+        name: {line: sorted(tests, key=lambda test: (executed[test], test)) for line, tests in lines.items()}
+        for name, lines in reached.items()
     }
 
 
@@ -136,7 +142,7 @@ def main() -> None:
     paths = sorted(path for package in PACKAGES for path in (root / package).rglob("*.py"))
     drawn = rng.sample([fault for path in paths for fault in faults(root, path)], given.count)
     tests = reaching_tests(root, given.coverage)
-    chosen = [rng.sample(found, min(len(found), MOST_TESTS)) for found in _found(tests, drawn)]
+    chosen = [_reaching(tests.get(fault.path, {}), fault.line)[:MOST_TESTS] for fault in drawn]
     with TemporaryDirectory() as folder, ThreadPoolExecutor(given.workers) as pool:
         trees: SimpleQueue[Path] = SimpleQueue()
         for i in range(given.workers):
@@ -160,8 +166,9 @@ def main() -> None:
     sys.stdout.write(json.dumps({"share": (counted["killed"] + counted["endless"]) / given.count, **counted}) + "\n")
 
 
-def _found(tests: dict[str, dict[int, list[str]]], drawn: list[Fault]) -> list[list[str]]:
-    return [tests.get(fault.path, {}).get(fault.line, []) for fault in drawn]
+def _reaching(tests: dict[int, list[str]], line: int) -> list[str]:
+    """The tests that reach a line; of one that runs on import, those that reach any other of its file."""
+    return tests.get(line) or list(dict.fromkeys(test for found in tests.values() for test in found))
 
 
 if __name__ == "__main__":

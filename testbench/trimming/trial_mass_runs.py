@@ -37,6 +37,8 @@ PUSHES = 1e-6
 """Share of the largest component of the wrench below which one is none."""
 LEAST_CHANGE = 0.02
 """Change of a site's first moment by trial masses, as a part of what it lacks without counter-masses."""
+_ROUNDED = 1e-9
+"""A trial mass at a site, as a part of the largest anywhere, that is rounding of the others."""
 
 
 class _Seen:
@@ -101,7 +103,7 @@ def trial_mass_runs_imbalance(problem: TrimProblem, first: Mechanism, cutoff: fl
 def refuse_dependent_masses(
     runs: Sequence[AlignedRun], mechanism: Mechanism, conditions: Conditions, sites: Sequence[str]
 ) -> None:
-    """Raise AnalysisError, naming the site, where trial masses do not tell the sites apart."""
+    """Raise AnalysisError, naming the sites, where trial masses do not tell the sites apart."""
     for run in runs:
         if "counter_masses" not in run.conditions:
             raise AnalysisError(
@@ -114,13 +116,18 @@ def refuse_dependent_masses(
     masses = np.linalg.lstsq(columns, values.T, rcond=None)[0]
     lacking = np.linalg.lstsq(columns, -conditions.values(mechanism), rcond=None)[0]
     least = LEAST_CHANGE * np.abs(lacking).max(initial=0.0)
+    masses[np.abs(masses) < _ROUNDED * np.abs(masses).max(initial=0.0)] = 0.0
+    alike = []
     for i, site in enumerate(sites):
         others = np.delete(masses, i, axis=0)
         apart = masses[i] - (masses[i] @ np.linalg.pinv(others)) @ others if len(others) else masses[i]
         if np.ptp(apart) < max(least, 1e-12):
-            raise AnalysisError(
-                f"{', '.join(run.name for run in runs)}: what is mounted differs from run to run, so that they are "
-                f"taken for runs with trial masses, but the mass at {site} does not differ independently of the "
-                f"others: what is missing there is not determined; mount at least {least:.2g} kg more or less there in "
-                "some runs, or name runs of one mounting alone"
-            )
+            alike.append(site)
+    if alike:
+        names, there = " and ".join(alike), "there" if len(alike) == 1 else "at each"
+        raise AnalysisError(
+            f"{', '.join(run.name for run in runs)}: what is mounted differs from run to run, so that they are "
+            f"taken for runs with trial masses, but the mass at {names} does not differ independently of the "
+            f"others: what is missing there is not determined; mount at least {least:.2g} kg more or less {there} in "
+            "some runs alone, or name runs of one mounting alone"
+        )

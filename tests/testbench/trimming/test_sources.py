@@ -188,9 +188,10 @@ def test_trial_masses_in_loud_noise_are_doubtful(manipulator, trials):
 
 
 def test_an_arm_without_trial_mass_is_named(manipulator, trials):
-    """Trial masses on the first arm alone do not determine the second."""
-    with pytest.raises(AnalysisError, match="the mass at counter_B0B does not differ independently"):
-        trim_runs(memory.aligned(trials[:6], manipulator))
+    """Trial masses on one arm alone do not determine the other: the one without is named, and no other."""
+    for runs, without in ((trials[:6], "counter_B0B"), (trials[:3] + trials[6:], "counter_A0A")):
+        with pytest.raises(AnalysisError, match=f"the mass at {without} does not differ independently"):
+            trim_runs(memory.aligned(runs, manipulator))
 
 
 def test_a_trial_mass_that_was_not_recorded_is_refused(manipulator, trials):
