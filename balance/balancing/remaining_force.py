@@ -1,7 +1,7 @@
 """What counter-masses leave of the shaking force: along which directions, and which bodies would need a site."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,8 @@ STEPS = 0.05
 
 _LESS = 1e-3
 """Part of what is left by which another site must lessen it to be worth naming."""
+_SMALL = 1e-6
+"""Weight that holds unknowns small where nothing else does, columns of length one."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,9 @@ class NeededSite:
     body: str
     after: float
     """Root of the objective that the best masses leave with it, and with those named before it [its unit]."""
+    first_moment: Floats
+    """Which the counter-mass has there, about the origin of the body's frame and along its axes, (3,) [kg m], once
+    those on all bodies named are mounted; of several as good that of least squares."""
     alternatives: tuple[str, ...] = ()
     """Other bodies that would do as well in its place."""
 
@@ -76,24 +81,31 @@ def needed_sites(sizing: Sizing) -> tuple[NeededSite, ...]:
             first = len(PARAMETERS) * mechanism.body_index(body)
             added = np.hstack([chosen, objective.factor[:, first : first + 4]])
             least = np.concatenate([bounds, [0.0], np.full(3, -np.inf)])
-            trials.append((_left(added, target, least), body, added, least))
+            trials.append((_least_squares(added, target, least)[0], body, added, least))
         smallest = min(size for size, *_ in trials)
         if not smallest < (1.0 - _LESS) * left:
             break
         (left, body, chosen, bounds), *others = (one for one in trials if one[0] <= smallest + COMPLETE * before)
         alternatives = tuple(name for _, name, *_ in others)
-        found.append(NeededSite(body, left if left > COMPLETE * before else 0.0, alternatives))
-    return tuple(found)
+        found.append(NeededSite(body, left if left > COMPLETE * before else 0.0, np.zeros(3), alternatives))
+    _, unknown = _least_squares(chosen, target, bounds, _SMALL)
+    moments = unknown[columns.shape[1] :].reshape(-1, 4)[:, 1:]
+    return tuple(replace(one, first_moment=moment) for one, moment in zip(found, moments, strict=True))
 
 
-def _left(columns: Floats, target: Floats, least: Floats) -> float:
-    """Root of the least square error with unknowns of at least ``least``."""
+def _least_squares(columns: Floats, target: Floats, least: Floats, small: float = 0.0) -> tuple[float, Floats]:
+    """Root of the least square error with unknowns of at least ``least``, and the unknowns; ``small`` holds those that
+    change nothing small.
+    """
     size = np.linalg.norm(columns, axis=0)
     used = size > 1e-12 * size.max(initial=0.0)
-    if not used.any():
-        return float(np.linalg.norm(target))
-    unit = columns[:, used] / size[used]
-    return float(np.linalg.norm(unit @ bounded_least_squares(unit, target, least[used], np.inf) - target))
+    unknown = np.zeros(len(size))
+    if used.any():
+        unit = columns[:, used] / size[used]
+        held, aim = np.vstack([unit, small * np.eye(unit.shape[1])]), np.concatenate([target, np.zeros(unit.shape[1])])
+        rows = len(held) if small else len(unit)
+        unknown[used] = bounded_least_squares(held[:rows], aim[:rows], least[used], np.inf) / size[used]
+    return float(np.linalg.norm(columns @ unknown - target)), unknown
 
 
 @dataclass(frozen=True)

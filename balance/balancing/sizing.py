@@ -29,7 +29,7 @@ _ROUNDING = 1e-9
 """Part of a vector in which a component is rounding."""
 
 
-def _along_axes(vector: Floats) -> str:
+def along_axes(vector: Floats) -> str:
     """Components that are not zero, such as ``x 130, z 4``."""
     kept = np.abs(vector) > _ROUNDING * np.abs(vector).max()
     shown = [f"{axis} {value:.5g}" for axis, value, keep in zip("xyz", vector, kept, strict=True) if keep]
@@ -49,7 +49,7 @@ class CounterMass:
     site: Annotated[str, Key("", "site")]
     mass: Annotated[float, Key("mass_kg", "mass [kg]", ".4f")]
     """[kg]"""
-    position: Annotated[Floats, Key("position_m", "in body [mm]", lambda at: _along_axes(1e3 * at))]
+    position: Annotated[Floats, Key("position_m", "in body [mm]", lambda at: along_axes(1e3 * at))]
     """Position of the site in its body's frame, (3,) [m]."""
     plates: Annotated[tuple[str, ...], Key("", "plates", counted)] = ()
     """Stock plates that it is made of."""
@@ -60,7 +60,7 @@ class CounterMass:
     """
 
     @property
-    def first_moment(self) -> Annotated[Floats, Key("first_moment_kgm", "moment [kg m]", _along_axes)]:
+    def first_moment(self) -> Annotated[Floats, Key("first_moment_kgm", "moment [kg m]", along_axes)]:
         """First moment of mass about the body's joint, (3,) [kg m]."""
         return self.mass * self.position
 
@@ -76,13 +76,13 @@ class BodyMoment:
     """
 
     body: Annotated[str, Key("", "body")]
-    given: Annotated[Floats, Key("given_kgm", "sites give [kg m]", _along_axes)]
+    given: Annotated[Floats, Key("given_kgm", "sites give [kg m]", along_axes)]
     """What the counter-masses at its sites give, (3,) [kg m]."""
-    missing: Annotated[Floats, Key("missing_kgm", "missing [kg m]", _along_axes)]
+    missing: Annotated[Floats, Key("missing_kgm", "missing [kg m]", along_axes)]
     """What is still to be added, on all bodies together: see ``Conditions.required_first_moments``, (3,) [kg m]."""
 
     @property
-    def required(self) -> Annotated[Floats, Key("required_kgm", "required [kg m]", _along_axes)]:
+    def required(self) -> Annotated[Floats, Key("required_kgm", "required [kg m]", along_axes)]:
         """What is to be added to the body as it is without counter-masses, (3,) [kg m]."""
         return self.given + self.missing
 

@@ -18,7 +18,7 @@ from . import objective
 from .conditions import balance_conditions
 from .objective import Objective
 from .remaining_force import Verdict, verdict_of
-from .sizing import CounterMass, Sizing, best_sets_from_stock, chosen_sites, exact_sizing, sizing_document
+from .sizing import CounterMass, Sizing, along_axes, best_sets_from_stock, chosen_sites, exact_sizing, sizing_document
 
 if TYPE_CHECKING:
     from .stock_search import Exact
@@ -113,7 +113,12 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
                 for one in verdict.directions
             ],
             "sites_needed": [
-                {"body": one.body, "alternatives": list(one.alternatives), f"rms{unit}": one.after}
+                {
+                    "body": one.body,
+                    "alternatives": list(one.alternatives),
+                    "first_moment_kgm": one.first_moment.tolist(),
+                    f"rms{unit}": one.after,
+                }
                 for one in verdict.needed
             ],
         }
@@ -159,10 +164,12 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
         if self.used_up:
             used = ", ".join(f"{count} of {count} {name}" for name, count in self.used_up.items())
             yield f"Used up, so that less could remain with more of them: {used}."
-        for k, site in enumerate(verdict.needed):
-            bodies = " or ".join([site.body, *site.alternatives])
-            left = f"{self._share(site.after)} would" if site.after else "nothing would"
-            yield f"With a site on body {bodies}{' as well' if k else ', at the right place'}: {left} remain."
+        for one in verdict.needed:
+            bodies = " or ".join([one.body, *one.alternatives])
+            left = f"{self._share(one.after)} would" if one.after else "nothing would"
+            moment = f", with the first moment {along_axes(one.first_moment)} kg m" if one.first_moment.any() else ""
+            where = moment + (f" on {one.body}" if moment and one.alternatives else "")
+            yield f"With a site on body {bodies} as well{where}: {left} remain."
         if verdict.directions and not verdict.attainable and not verdict.needed:
             yield "No counter-mass on any body would lessen it."
 

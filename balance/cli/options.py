@@ -81,7 +81,16 @@ def load_mechanism_option(mechanism: str, payload: Masses) -> "Mechanism":
     """The mechanism by name or file, with its payload."""
     from ..mechanism.mjcf_parser import load_mechanism
 
-    model = load_mechanism(mechanism).with_payload(payload)
+    as_filed = load_mechanism(mechanism)
+    model = as_filed.with_payload(payload)
+    for name in payload:
+        if name in as_filed.own_mass and model.mass(name) < as_filed.mass(name):
+            stated, filed = model.mass(name), as_filed.mass(name)
+            click.echo(
+                f"--payload {name}={stated:.4g}kg: less than the {filed:.4g} kg of {name} in the file; a payload is "
+                "the mass of the body with all that it carries, its own included",
+                err=True,
+            )
     if model.of_no_body:
         click.echo(
             f"{model.name}: no body can have the inertia of {', '.join(model.of_no_body)} (a principal moment is below "

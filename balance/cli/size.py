@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..results import per_cent_text, table
+from ..results import counted, per_cent_text, table
 from . import options
 from .framework import Answer, command, option
 from .options import print_responses, response_summary
@@ -89,10 +89,12 @@ def size(
     )  # fmt: skip
     options.draw(figure, found.plot)
     document = found.document() | {n: response_summary(r) for n, r in found.responses.items()}
-    return Answer(document, lambda: _print(found, best), found.has_finding, further=("", "objective"))
+    at_sites = [f"{name} = {mass(value)} kg" for name, value in payloads[0].items() if name not in model.own_mass]
+    beside = f", with {', '.join(at_sites)}" if at_sites else ""
+    return Answer(document, lambda: _print(found, best, beside), found.has_finding, further=("", "objective"))
 
 
-def _print(found: "SizingStudy", best: int) -> None:
+def _print(found: "SizingStudy", best: int, beside: str) -> None:
     """The verdict, the masses by site, the motion before and after; what sites lack; with --all the rest."""
     from ..balancing.sizing import BodyMoment, CounterMass
 
@@ -108,10 +110,16 @@ def _print(found: "SizingStudy", best: int) -> None:
         print_responses(found.responses)
     if len(found.sets) > 1:
         rows = [
-            [str(k), " / ".join(mass(c.mass) for c in one.counter_masses), per_cent_text(one.remaining_percent())]
+            [
+                str(k),
+                " / ".join(
+                    f"{mass(c.mass)} = {counted(c.plates)}" if c.plates else mass(c.mass) for c in one.counter_masses
+                ),
+                per_cent_text(one.remaining_percent()),
+            ]
             for k, one in enumerate(found.sets[1:], 2)
         ]
-        emit_table("Next best sets", ["", "masses [kg]", "remain"], rows)
+        emit_table("Next best sets", ["", "masses [kg] = plates, by site as above", "remain"], rows)
     if len(found.sets) < best:
         say(f"{len(found.sets)} of {best} sets: there are no others, or plates of so many kinds that one is sought.")
     for key in found.left_out:
@@ -119,7 +127,7 @@ def _print(found: "SizingStudy", best: int) -> None:
     options.tell_idle(found.best.conditions.idle)
     for body, value in found.best.balanced_payloads().items():
         if value is not None:
-            say(f"They balance {body} = {mass(value)} kg.")
+            say(f"They balance {body} = {mass(value)} kg, its own mass included{beside}.")
 
 
 def _growing(pairs: options.Pairs) -> list[options.Masses]:

@@ -38,6 +38,8 @@ MASSLESS = 2e-15
 """What a body without mass is given for MuJoCo, which takes none below 1e-15, and rid of after [kg, kg m2]."""
 _NEGLIGIBLE = 1e-9
 """Inertia, relative to the largest of the file, that may be lost."""
+_ROUNDED_INERTIA = 1e-14
+"""By which the largest moment of inertia, relative to itself, may exceed the sum of the others: rounding."""
 
 _TAG = re.compile(r"<(?P<close>/?)(?P<tag>[\w:.-]+)(?P<rest>(?:[^>\"']++|\"[^\"]*+\"|'[^']*+')*+)>")
 """A tag; its parts are possessive, so that no text takes longer than its length."""
@@ -132,6 +134,7 @@ def compile_spec(spec: Any, text: str, name: str, folder: Path | None) -> tuple[
     for key, bound in bounds.items():
         setattr(spec.compiler, key, bound or MASSLESS)
     _take_inertials(mujoco, spec, name)
+    _check_inertias(mujoco, spec, name)
     files = _take_assets(mujoco, spec, name, folder)
     with _bounded(mujoco, text, name):
         model = spec.compile()
@@ -181,6 +184,33 @@ def _take_inertials(mujoco: Any, spec: Any, name: str) -> None:  # noqa: ANN401
     for body, row in zip(bodies, rows, strict=True):
         body.mass, body.ipos, body.iquat, body.inertia = row[0], row[1:4], row[4:8], row[8:]
         body.fullinertia, body.explicitinertial = np.full(6, np.nan), True
+
+
+def _check_inertias(mujoco: Any, spec: Any, name: str) -> None:  # noqa: ANN401
+    """Refuse principal moments of inertia that no body has, also where their mean would be put in their place.
+
+    Those of a lamina in a drawing's digits, beyond the sum by rounding alone, are lifted by as much.
+    """
+    if spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
+        return
+    for body in spec.bodies:
+        full = np.array(body.fullinertia)
+        stated = not np.isnan(full[0])
+        xx, yy, zz, xy, xz, yz = full if stated else (*body.inertia, 0.0, 0.0, 0.0)
+        values = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        if not body.explicitinertial or not np.isfinite(values).all():
+            continue
+        a, b, c = np.linalg.eigvalsh(values)
+        if a > 0.0 and a + b - c < -_ROUNDED_INERTIA * c:
+            raise ModelError(
+                f"{name}: body {body.name!r}: the principal moments of inertia {a:.6g}, {b:.6g} and {c:.6g} kg m2 are "
+                "of no body, for the largest exceeds the sum of the others; correct them (balanceinertia would put "
+                "their mean in the place of each)"
+            )
+        if a > 0.0 and a + b - c < _ROUNDED_INERTIA * c:
+            lifted = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]) * 4.0 * _ROUNDED_INERTIA * c
+            body.fullinertia = full + lifted if stated else full
+            body.inertia = body.inertia if stated else body.inertia + lifted[:3]
 
 
 def tags(text: str) -> Iterator[re.Match[str]]:

@@ -263,14 +263,15 @@ def _simulated(
     try:
         if key not in predictions:
             predictions[key] = Prediction(rig, mechanism_of(run, mechanism), measure)
-        if "bench" not in rig.model_fields_set:
+        simulated, force = predictions[key].reductions(pair)
+        if "bench" not in rig.model_fields_set and any(value is not None for value in simulated.values()):
             findings.append(
                 Finding(
                     "bench_assumed", None, None, "the rig stored with the runs has no [bench]: an assumed one was "
                     "simulated; describe its mass and mounts in the rig's file, and ingest into another folder with it",
                 )
             )  # fmt: skip
-        return predictions[key].reductions(pair)
+        return simulated, force
     except CounterpoiseError as error:
         findings.append(Finding("not_simulated", None, None, str(error)))
         return {}, {}

@@ -64,6 +64,21 @@ def test_a_limit_and_a_site(balance):
     assert json.loads(out)["counter_masses"][0]["mass_kg"] == pytest.approx(1.68)
 
 
+def test_a_site_where_one_is_needed_balances(balance, tmp_path):
+    """A site anywhere along the first moment that was named: it takes that first moment, and nothing remains."""
+    given = ("--motion", "four-bar", "--site", "counter_A0A", "--json")
+    (needed,) = json.loads(balance("size", "four-bar", *given).out)["sites_needed"]
+    place = " ".join(str(0.5 * value) for value in needed["first_moment_kgm"])
+    text = (datasets.ROOT / "mechanisms/four-bar.xml").read_text()
+    file = tmp_path / "more.xml"
+    start = text.index(">", text.index('<body name="AB"')) + 1
+    file.write_text(f'{text[:start]}<site name="more" pos="{place}"/>{text[start:]}')
+    document = json.loads(balance("size", str(file), "--site", "more", *given).out)
+    assert document["balanced"]
+    found = {one["site"]: one["first_moment_kgm"] for one in document["counter_masses"]}
+    assert found["more"] == pytest.approx(needed["first_moment_kgm"], rel=1e-5, abs=1e-9)
+
+
 def test_the_verdict_comes_first_and_names_the_body_that_lacks_a_site(balance):
     """One site of two, on its motion: exit 3; what remains by direction, and the body that would remove it."""
     arguments = ("size", "four-bar", "--motion", "four-bar", "--site", "counter_A0A")
@@ -71,7 +86,8 @@ def test_the_verdict_comes_first_and_names_the_body_that_lacks_a_site(balance):
     assert code == 3
     first = "Not balanced completely: 52.8 % of the RMS shaking force remains in motion four-bar (6.383 N of 12.09 N)"
     assert out.startswith(first)
-    assert "With a site on body AB or B0B, at the right place: nothing would remain." in out
+    needed = "With a site on body AB or B0B as well, with the first moment x -0.1425 kg m on AB: nothing would remain."
+    assert needed in out
     assert "First-moment residual" not in out  # a number without meaning where masses here cannot meet the conditions
     document = json.loads(balance(*arguments, "--json").out)
     assert document["balanced"] is False

@@ -195,7 +195,10 @@ REFUSED = {
     "infinite weight": ({"options": '<option gravity="0 inf 0"/>'}, "of gravity is infinite"),
     "no axis": ({"hinge": '<joint name="j" axis="0 0 0"/>'}, "axis too small in joint Element name 'j'"),
     "impossible": ({"hinge": '<joint name="j"/><body name="c"><joint name="k"/><inertial pos="0 0 0" mass="1" '
-                    'diaginertia="0.001 0.001 0.05"/></body>'}, r"inertia must satisfy A \+ B >= C.*'c'"),
+                    'diaginertia="0.001 0.001 0.05"/></body>'}, "'c': the principal moments .*of no body"),
+    "impossible, and its mean": (
+        {"options": '<compiler balanceinertia="true"/>', "hinge": '<joint name="j"/><body name="c"><joint name="k"/>'
+         '<inertial pos="0 0 0" mass="1" diaginertia="0.001 0.001 0.05"/></body>'}, "'c': the principal moments"),
     "free joint": ({"hinge": '<freejoint name="j"/>'}, "'a' floats .*give the body slides and a ball joint"),
     "mocap": ({"tail": '<worldbody><body name="m" mocap="true"/></worldbody>'}, "'m' is moved from outside"),
     "flexible": ({"tail": "<deformable><flex name='f'/></deformable>"}, "<flex name='f'> is a flexible body"),
