@@ -165,8 +165,8 @@ class StockRow(Table):
     material: Text | None = None
     """One of the materials whose densities are known; shipped: 7075 aluminium 2810, steel 7830, 5000 aluminium
     2647.27 kg/m3 (`balance files materials`); any name with a density of its own."""
-    density_kg_per_m3: Annotated[float, Field(gt=0.0, lt=1e5, allow_inf_nan=False)] | None = None
-    """Density of a plate as drawn, of a material that is not shipped [kg/m3]."""
+    density_kg_per_m3: Annotated[float, Field(gt=50.0, lt=3e4, allow_inf_nan=False)] | None = None
+    """Density of a plate as drawn, of a material that is not shipped [kg/m3]; 7850 for steel."""
     thickness_mm: _Millimetres = None
     """Thickness of the plate [mm]."""
     length_mm: _Millimetres = None

@@ -13,6 +13,7 @@ from .options import SPEED
 from .printing import cells, emit_table, say
 
 if TYPE_CHECKING:
+    from ..engines.balance_shafts import ResidualOverTurn
     from ..engines.engine import Engine
     from ..engines.free_forces import FreeForces
 
@@ -125,8 +126,9 @@ def free(
 ) -> Answer:
     """Free forces and moments of ENGINE, a file (TOML) or a shipped one, by orders of its crankshaft's speed.
 
-    Forward is the part that turns with the crankshaft: at first order its counterweights remove it. The force of an
-    order swings between the half-axes of an ellipse. Moments are force times distance along the crankshaft, in the
+    Forward is the part that turns with the crankshaft: at first order its counterweights remove it, other parts are
+    removed by balance shafts, which --all lists with their unbalances (angles in the crankshaft's sense). The force of
+    an order swings between the half-axes of an ellipse. Moments are force times distance along the crankshaft, in the
     direction of the force.
     """
     from ..engines.balance_shafts import balance_shafts, residual_over_turn
@@ -152,10 +154,13 @@ def free(
     options.draw(figure, "balance.figures.rotating:draw_orders", *drawn)
     document = engine_document(model, by_order, shafts, residual, omega)
     further = ("", "balance_shafts", "textbook_sums", "over_a_turn_exact", "left_over_a_turn", "firing")
-    return Answer(document, lambda: _print_free(model, by_order, omega, units), further=further)
+    return Answer(document, lambda: _print_free(model, by_order, omega, units, residual), further=further)
 
 
-def _print_free(engine: "Engine", free: "list[FreeForces]", omega: float, units: tuple[str, str]) -> None:
+def _print_free(
+    engine: "Engine", free: "list[FreeForces]", omega: float, units: tuple[str, str], residual: "ResidualOverTurn"
+) -> None:
+    from ..engines.balance_shafts import STAGES
     from ..engines.engine import firing
 
     factor, length = (1.0, "a") if engine.normalised else (1e3, "mm")
@@ -178,6 +183,11 @@ def _print_free(engine: "Engine", free: "list[FreeForces]", omega: float, units:
     remark = f"moments about {factor * free[0].about:.5g} {length}; forward turns with the crankshaft"
     if rows:
         emit_table(f"Free forces and moments of {engine.name}", header, rows, remark)
+    for kind, unit in zip(("force", "moment"), units, strict=True):
+        sizes = [f"{getattr(residual.stages[stage], f'largest_{kind}'):.5g}" for stage in STAGES]
+        if len(set(sizes)) > 1:
+            each = ", ".join(f"{size} {words}" for size, words in zip(sizes, STAGES.values(), strict=True))
+            say(f"Largest {kind} over a turn [{unit}]: {each}.")
     fired = firing(engine)
     say(
         f"Fires {'-'.join(map(str, fired.order))}, {engine.strokes}-stroke, at intervals of "

@@ -91,6 +91,12 @@ def load_mechanism_option(mechanism: str, payload: Masses) -> "Mechanism":
                 "the mass of the body with all that it carries, its own included",
                 err=True,
             )
+    for name, distance in model.far_centres.items():
+        click.echo(
+            f"{model.name}: the centre of mass of {name} is {distance:.3g} m from its joint, far beyond all joints and "
+            "sites: a file's numbers are in m, kg and kg m2; correct them where they are in other units",
+            err=True,
+        )
     if model.of_no_body:
         click.echo(
             f"{model.name}: no body can have the inertia of {', '.join(model.of_no_body)} (a principal moment is below "

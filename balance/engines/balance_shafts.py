@@ -19,9 +19,11 @@ from .partial_balance import crank_angles, largest_over_turn
 STAGES = {
     "before": "as described",
     "counterweights": "with the crankshaft's counterweights",
-    "shafts": "and the balance shafts",
+    "first_order_shafts": "and a backward shaft of first order",
+    "shafts": "and shafts of second order",
 }
-"""The engine as it is; with the unbalances that belong on the crankshaft; and with the balance shafts."""
+"""The engine as it is; with the unbalances that belong on the crankshaft; with the shaft that turns against it at its
+speed; and with those at twice its speed."""
 _SAMPLES = 360
 """Crank angles of a turn that are kept."""
 _ROUNDING = 1e-13
@@ -36,7 +38,8 @@ class Shaft:
     forward: bool
     """Whether it turns with the crankshaft; at order times its speed."""
     unbalances: tuple[Unbalance, ...]
-    """In its planes, at angles from x when the crankshaft's mark is at x, in the sense of the crankshaft [kg m]."""
+    """In its planes, at angles from x when the crankshaft's mark is at x, in the sense in which the crankshaft turns,
+    of shafts that turn backward too [kg m]."""
 
     @property
     def is_crankshaft(self) -> bool:
@@ -113,7 +116,8 @@ def residual_over_turn(engine: Engine, shafts: Sequence[Shaft], omega: float, ab
         return ResidualForces(*_over(force, theta, least), *_over(moment, theta, least * length))
 
     on_crank = [shaft for shaft in shafts if shaft.is_crankshaft]
-    return ResidualOverTurn(theta, dict(zip(STAGES, map(residual, ((), on_crank, shafts)), strict=True)))
+    first_order = [shaft for shaft in shafts if shaft.order == 1]
+    return ResidualOverTurn(theta, dict(zip(STAGES, map(residual, ((), on_crank, first_order, shafts)), strict=True)))
 
 
 def _over(vector: Callable[[Floats], Complexes], theta: Floats, least: float) -> tuple[Complexes, float]:

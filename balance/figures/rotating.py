@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ..rotors.influence_coefficients import Solution
     from ..rotors.trial_runs import TrialRuns
 
-BLUE, ORANGE, GREY = "#3b6ea5", "#e07a3f", "#555555"
+BLUE, ORANGE, GREEN, GREY = "#3b6ea5", "#e07a3f", "#2a9d8f", "#555555"
 """Before, given or forward; after, computed or backward; neither."""
 _ASIDE = 0.3
 """Cosine of a vector's angle beyond which its name is to the side of its tip, not above or below."""
@@ -97,7 +97,7 @@ def _grid(axes: Any, vectors: Any) -> None:  # noqa: ANN401
 
 
 _DASHES = {"ungeared": "-", "geared": "--"}
-_DRIVE_COLOURS = (BLUE, ORANGE, "#2a9d8f", "#8a5aa5")
+_DRIVE_COLOURS = (BLUE, ORANGE, GREEN, "#8a5aa5")
 
 
 def draw_drive(document: dict[str, Any]) -> "Figure":
@@ -149,7 +149,7 @@ def _settings(rows: list[dict[str, Any]]) -> Iterator[tuple[dict[str, Any], dict
 
 _HEADROOM = 1.35
 """Of the largest value, so that the legend lies on nothing."""
-_ORDER_COLOURS = {"before": GREY, "counterweights": BLUE, "shafts": ORANGE}
+_ORDER_COLOURS = {"before": GREY, "counterweights": BLUE, "first_order_shafts": GREEN, "shafts": ORANGE}
 
 
 def draw_orders(
@@ -178,7 +178,7 @@ def draw_orders(
 def _turn(axes: Any, residual: ResidualOverTurn, values: Mapping[str, Complexes], label: str) -> None:  # noqa: ANN401
     """Size of a vector over a turn, by stage; later stages are dashed, so that an equal earlier one shows."""
     angle = np.degrees(residual.theta)
-    for line, (stage, vectors) in zip(("-", "--", ":"), values.items(), strict=False):
+    for line, (stage, vectors) in zip(("-", "--", "-.", ":"), values.items(), strict=True):
         axes.plot(angle, np.abs(vectors), line, color=_ORDER_COLOURS[stage], label=STAGES[stage], lw=1.6)
     largest = max(float(np.abs(vectors).max()) for vectors in values.values())
     axes.set(xlabel="crank angle [deg]", ylabel=label, xticks=range(0, 361, 90))
@@ -201,7 +201,7 @@ def _bars(axes: Any, parts: Sequence[RotatingVector], factor: float, label: str)
     axes.grid(alpha=0.25, axis="y")
 
 
-_WEIGHT_COLOURS = (GREY, "#8d99ae", BLUE, "#2a9d8f", ORANGE, "#b5446e")
+_WEIGHT_COLOURS = (GREY, "#8d99ae", BLUE, GREEN, ORANGE, "#b5446e")
 
 
 def draw_polar(crank: SliderCrank, counterweights: Mapping[str, float], omega: float) -> "Figure":

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 MASS_LIMIT = 1e9
 """A mass from here on is taken for a slip [kg]."""
+FAR = 20.0
+"""Distance of a centre of mass, in those of joints and sites, from which other units than metres are suspected."""
 LIMIT_ROUNDING = 1e-9
 """How far a joint may pass its limit by rounding [rad, m]."""
 PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -240,6 +242,16 @@ class Mechanism(Brief):
             if min(size[0], size[0] + size[1] - size[2]) < -1e-9 * np.abs(about).max():
                 found.append(name)
         return tuple(found)
+
+    @property
+    def far_centres(self) -> dict[str, float]:
+        """Bodies whose centre of mass is FAR times as far from their joint as any joint or site from its parent [m]."""
+        places = [*(joint.position for joint in self.tree.joints), *(site.position for site in self.sites.values())]
+        reach = max((float(np.linalg.norm(place)) for place in places), default=0.0)
+        apart = {
+            name: float(np.linalg.norm(self.centre(name))) for name, (_, row) in self.own_mass.items() if row[0] > 0.0
+        }
+        return {name: distance for name, distance in apart.items() if distance > FAR * reach > 0.0}
 
     def mass(self, body: str) -> float:
         """Own mass of a body [kg], without what is mounted on it."""

@@ -263,7 +263,9 @@ def _bounded(mujoco: Any, text: str, name: str) -> Iterator[None]:  # noqa: ANN4
     except MemoryError as error:
         raise ModelError(f"{name}: needs more than {MEMORY_LIMIT / 1e9:g} GB of memory; make it smaller") from error
     except (ValueError, TypeError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as error:
-        raise ModelError(f"{name}: MuJoCo refuses it: {' '.join(str(error).split())}") from error
+        said_so = " ".join(str(error).split())
+        units = "; numbers have no unit behind them: m, kg, kg m2" if "bad format in attribute" in said_so else ""
+        raise ModelError(f"{name}: MuJoCo refuses it: {said_so}{units}") from error
     finally:
         mujoco.set_mju_user_warning(before)
     if any("NaN" in warning for warning in said):

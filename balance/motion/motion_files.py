@@ -87,7 +87,7 @@ class MotionTable(Table):
     joints: Annotated[list[Text], Field(min_length=1)] | None = None
     """Driven joints."""
     start: list[Place] | None = None
-    """Start of each driven coordinate [m or rad]."""
+    """Start of each driven coordinate, in the base's axes [m or rad]; needed unless ``samples`` are given."""
     peak_acceleration: (
         Annotated[
             Annotated[Acceleration, Tag("one")] | Annotated[list[Acceleration], Tag("each")],

@@ -96,7 +96,7 @@ def test_residual_with_counterweights_and_shafts_over_a_turn(tmp_path):
     left = json_of("engine", "free", str(path), "--figure", str(picture))["left_over_a_turn"]
     assert picture.stat().st_size > 10_000
     orders = {}
-    for stage in ("before", "counterweights", "shafts"):
+    for stage in ("before", "counterweights", "first_order_shafts", "shafts"):
         for what, unit in (("force", "N"), ("moment", "Nm")):
             x, y = (np.array(left[stage][f"{what}_{axis}_{unit}"][:-1]) for axis in "xy")
             orders[stage, what] = np.fft.fft(x + 1j * y) / len(x)
@@ -105,6 +105,8 @@ def test_residual_with_counterweights_and_shafts_over_a_turn(tmp_path):
         size = np.abs(orders["before", what]).max()
         assert abs(orders["counterweights", what][1]) < 1e-10 * size
         assert abs(orders["counterweights", what][-1]) == pytest.approx(abs(orders["before", what][-1]))
+        assert np.abs(orders["first_order_shafts", what][[1, -1]]).max() < 1e-10 * size
+        assert abs(orders["first_order_shafts", what][2]) == pytest.approx(abs(orders["before", what][2]))
         assert np.abs(orders["shafts", what][[1, -1, 2, -2]]).max() < 1e-10 * size
         assert abs(orders["shafts", what][4]) == pytest.approx(abs(orders["before", what][4]))
     boxer = json_of("engine", "free", "boxer-4")["left_over_a_turn"]["before"]
