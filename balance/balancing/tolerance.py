@@ -60,10 +60,11 @@ class Tolerance:
         else:
             nominal = problem.mechanism.mass(self.name)
         if nominal == 0.0:
-            cure = "a counter-mass with --counter, or its" if self.name in problem.mechanism.sites else "its"
+            of_site = self.part == "mass" and self.name in problem.mechanism.sites
             raise ModelError(
-                f"{self.name}.{self.part} is zero, of which {100.0 * self.half_width:g} % are nothing: give {cure} "
-                f"tolerance in {'g' if self.part == 'mass' else 'mm'}"
+                f"{self.name}.{self.part} is zero, of which {100.0 * self.half_width:g} % are nothing: give "
+                f"{'a counter-mass with --counter, or ' if of_site else ''}its tolerance in "
+                f"{'g' if self.part == 'mass' else 'mm'}"
             )
         return Tolerance(self.name, self.part, self.half_width * abs(nominal))
 

@@ -12,7 +12,7 @@ COMMANDS = {
     "animate": ("report", "The mechanism moving, on a page or as a video, with centre of mass and shaking force."),
     "view": ("report", "The mechanism in the browser: move it, mount masses, see force, moment, torque at once."),
     "sweep": ("sweep", "Force, moment and torque of many designs: all combinations of masses and places."),
-    "tolerance": ("sweep", "What errors of masses, radii and lengths cost in shaking force."),
+    "tolerance": ("sweep", "What errors of masses and places cost in shaking force."),
     "tradeoff": ("sweep", "What less shaking force costs in moment, torque and mass: the front of a motion."),
     "linkage": ("linkage", "Planar linkages balanced completely, by counter-masses and gears."),
     "rotor": ("rotor", "Rigid rotors: correction planes, trial runs, holes and stock weights, permissible unbalance."),

@@ -36,7 +36,7 @@ class OfAPart(Read[T]):
     def _parsed(self, text: str) -> T:
         match = re.fullmatch(rf"(.+)\.(mass|x|y|z)={self.form}", text)
         if match is None:
-            raise ValueError(f"{text!r}: expected such as {self.examples}")
+            raise ValueError(f"{text!r}: expected such as {self.examples}; a PART is mass, x, y or z")
         try:
             return self.read(*match.groups())
         except ValueError as error:
@@ -210,7 +210,10 @@ def tolerance(
     seed: int = option("Seed of the draws.", default=1),
     scheduler: str | None = options.SCHEDULER,
 ) -> Answer:
-    """What errors of masses, radii and lengths cost: the shaking force that mechanisms made within tolerances keep."""
+    """What errors of masses and places cost: the RMS shaking force that mechanisms made within tolerances keep.
+
+    NAME.PART: mass of a body, or of a site's counter-mass; x, y, z of the place of a site, or of a body's joint.
+    """
     from ..balancing.tolerance import ToleranceEffect
     from ..front_door import tolerance as toleranced
     from ..task_pool import task_pool

@@ -37,7 +37,7 @@ def draw_mechanism(
 
 def draw_sizing(result: Sizing | SizingStudy) -> "Figure":
     """Draw a mechanism with the counter-masses that were found for it."""
-    added = f"{sum(counter.mass for counter in result.counter_masses):.4g} kg added, drawn as steel 100 mm thick"
+    added = f"{sum(counter.mass for counter in result.counter_masses):.4g} kg added; discs as if of steel, 100 mm thick"
     return draw_mechanism(result.after, result.counter_masses, title=f"{result.after.name}\n{added}")
 
 
