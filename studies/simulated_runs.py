@@ -96,6 +96,15 @@ def with_values(run: MemoryRun, channel: str, values: np.ndarray) -> MemoryRun:
     return replace(run, provenance={"data": data})
 
 
+def started_at(run: MemoryRun, seconds: float) -> MemoryRun:
+    """The same run by clocks that read so much more [s]."""
+    data = dict(run.provenance["data"])
+    for path, values in data.items():
+        if path.endswith("/Time"):
+            data[path] = values + seconds
+    return replace(run, provenance={"data": data})
+
+
 def disturbed(run: MemoryRun, family: Family, share: float, seed: int) -> MemoryRun:
     """The same run with noise of a family in all but the encoders; ``share`` of a channel is the residual for it.
 

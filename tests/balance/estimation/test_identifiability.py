@@ -119,3 +119,10 @@ def test_text():
     """Sums read as they are written by hand."""
     assert text_of({"a": -1.0, "b": 0.15, "c": -2.0}) == "-a + 0.15 b - 2 c"
     assert text_of({}) == "0"
+
+
+def test_the_condition_number_is_of_unit_columns(arm):
+    """Of the base columns, each of length one: numpy's."""
+    regressor = torque_regressor(models.load("serial-2r"), *STATES)
+    columns = regressor.reshape(-1, regressor.shape[-1])[:, list(arm.pivots)]
+    assert arm.condition == pytest.approx(np.linalg.cond(columns / np.linalg.norm(columns, axis=0)))

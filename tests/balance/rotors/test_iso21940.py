@@ -1,5 +1,7 @@
 """Permissible unbalance and trial masses."""
 
+import math
+
 import pytest
 
 from balance.errors import DataError
@@ -51,3 +53,12 @@ def test_what_is_out_of_scope_is_refused():
 def test_trial_mass_rule(mass, rpm, radius, planes, grams):
     """A centrifugal force of 10 % of the weight on the plane."""
     assert 1e3 * trial_mass(mass, rpm * RPM, radius, planes) == pytest.approx(grams, rel=1e-6)
+
+
+@pytest.mark.parametrize("wrong", ["mass", "speed", "radius", "planes", "share"])
+@pytest.mark.parametrize("value", [0.0, -1.0, math.inf, math.nan])
+def test_a_trial_mass_of_nothing_is_refused(wrong, value):
+    """By the name of what is not above zero."""
+    given = {"mass": 40.0, "speed": 300.0, "radius": 0.1, "planes": 1, "share": 0.1} | {wrong: value}
+    with pytest.raises(DataError, match=f"{wrong} is"):
+        trial_mass(**given)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from balance.errors import DataError
+from balance.rotors.results import predicted_residual
 from balance.rotors.rotor import angle_deg
 from balance.rotors.trial_run_files import load_trial_runs
 
@@ -51,6 +52,11 @@ def test_published_cases(name, unit, expected, rms_after):
         assert abs(weight) / unit == pytest.approx(size, rel=1e-6)
         assert (angle_deg(complex(weight)) - angle + 180) % 360 - 180 == pytest.approx(0.0, abs=1e-5)
     assert np.sqrt(np.mean(np.abs(solution.residual) ** 2)) * 1e6 == pytest.approx(rms_after, rel=1e-6, abs=1e-9)
+
+
+def test_rounding_is_no_residual():
+    """As many planes as readings: what remains is exactly zero."""
+    assert not predicted_residual(load_trial_runs("two-plane-maker").solve("least-squares")).any()
 
 
 def test_weight_that_is_still_on_is_taken_into_account(tmp_path):

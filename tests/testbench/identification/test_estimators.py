@@ -5,7 +5,7 @@ import numpy as np
 from balance.dynamics.forward_dynamics import acceleration
 from balance.dynamics.regressor import joint_friction_regressor, torque_regressor
 from balance.mechanism.mjcf_parser import load_mechanism
-from testbench.identification.estimators import DAMPING, Deviation
+from testbench.identification.estimators import DAMPING, Deviation, _integrated
 from testbench.identification.regression_equations import regression_equations
 
 from . import arms
@@ -83,3 +83,10 @@ def test_the_pull_holds_what_stands_upright():
     assert 0.5 < model.least_pull_hz < 3.0
     away = model.simulate(np.ones((len(model.inertia), 2, 1)) * 0.01, model.least_pull_hz * 1.2)
     assert np.abs(away.q).max() < 1.0
+
+
+def test_a_linear_system_from_where_it_starts():
+    """x' = -x from 2: 2 exp(-t), to the square of the step."""
+    system, pushed = -np.ones((501, 1, 1)), np.zeros((501, 1, 1))
+    state = _integrated(system, pushed, 0.01, np.array([[2.0]]))
+    np.testing.assert_allclose(state[:, 0, 0], 2.0 * np.exp(-0.01 * np.arange(501)), atol=2e-5)

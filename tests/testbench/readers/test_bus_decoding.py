@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from testbench.errors import RecordingError
+from testbench.readers import bus_decoding
 from testbench.readers.bus_decoding import BusDatabase
 from testbench.recording import Block, Channel, Group, Recording, StartTime, TimeColumn
 
@@ -80,3 +81,12 @@ def test_what_cannot_be_decoded(tmp_path, text, rows, said):
     recording = frames(*rows) if rows else Recording(Path("a.csv"), "", "", (group,), lambda report: iter(()))
     with pytest.raises(RecordingError, match=said):
         decoded(tmp_path, recording, text)
+
+
+@pytest.mark.parametrize(
+    ("identifier", "group"),
+    [(0x18FEF121, 0xFEF1), (0x0CF00421, 0xF004), (0x18EA0021, 0xEA00), (0x18EFFF21, 0xEF00), (0x19FEF121, 0x1FEF1)],
+)
+def test_parameter_groups_of_j1939(identifier, group):
+    """Vehicle speed, engine speed, a request to an address, a proprietary one, and one of the upper data page."""
+    assert bus_decoding._parameter_group(identifier) == group

@@ -1,5 +1,7 @@
 """enDAQ recordings. No writer is public: what is tested here are public recordings, and elements byte by byte."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from testbench.errors import RecordingError
@@ -43,3 +45,10 @@ def test_what_is_no_element_is_refused(tmp_path):
     for rest in (bytes(50) + b"abc" + bytes(50), b"\x00\x01" * 20, b"\x08" + bytes(40) + b"1"):
         with pytest.raises(RecordingError, match="no element"):
             _check(tmp_path, HEAD + BLOCK + rest)
+
+
+def test_the_session_begins_at_a_second_of_utc():
+    """The recorder's microseconds are zero then; a recorder whose clock was never set states none."""
+    start = endaq_ide._zero(SimpleNamespace(utcStartTime=1_500_000_000))
+    assert start.time.startswith("2017-07-14T02:40:00")
+    assert endaq_ide._zero(SimpleNamespace(utcStartTime=0)) is None

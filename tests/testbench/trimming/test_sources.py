@@ -178,6 +178,15 @@ def test_trial_masses(manipulator, trials):
     json.dumps(trim_document(found))
 
 
+def test_clocks_of_trials_may_start_anywhere(manipulator, trials):
+    """Loggers that count from other instants, each run from its own: nothing changes but rounding of seconds."""
+    shown = []
+    for apart in (0.0, 37.25):
+        moved = [memory.started_at(run, apart * k) for k, run in enumerate(trials)]
+        shown.append([m.first_moment.value for m in trim_runs(memory.aligned(moved, manipulator)).missing])
+    assert shown[0] == pytest.approx(shown[1], abs=1e-6)
+
+
 def test_trial_masses_in_loud_noise_are_doubtful(manipulator, trials):
     """A floor half as loud as the vibration: what is missing may be found too small, which is said."""
     noisy = [memory.disturbed(run, FAMILIES["floor"], 0.5, k) for k, run in enumerate(trials)]

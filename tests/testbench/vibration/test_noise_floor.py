@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from testbench.signal.filters import Band
 from testbench.vibration import Noise, motion_timing, noise_floor
 from testbench.vibration.metrics import Measure
-from testbench.vibration.noise_floor import NoiseRecords, Segment, noise_draws, tapers
+from testbench.vibration.noise_floor import Draws, NoiseRecords, Segment, noise_draws, tapers
 
 RATE = 1000.0
 PASSED = 0.875 * (np.pi / 8) / np.sin(np.pi / 8)
@@ -208,3 +208,12 @@ def test_two_threads_draw_once():
     with ThreadPoolExecutor(2) as pool:
         one, other = pool.map(lambda _: noise_draws(noise, Measure(), 4000, RATE), range(2))
     assert one is other
+
+
+def test_noise_records_in_multiples():
+    """Noise three times as large: powers and mean squares nine times, ends three times."""
+    draws = Draws((np.random.default_rng(2).normal(size=(40, 3)),), np.ones(3))
+    one, three = (NoiseRecords(draws, np.zeros(3), scale) for scale in (1.0, 3.0))
+    np.testing.assert_allclose(three.powers, 9.0 * one.powers)
+    np.testing.assert_allclose(three.mean_squares, 9.0 * one.mean_squares)
+    np.testing.assert_allclose(three.ends, 3.0 * np.array(one.ends))

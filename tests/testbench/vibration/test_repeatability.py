@@ -84,6 +84,15 @@ def test_unlike_the_others():
     assert found >= 15
 
 
+def test_unlike_others_that_differ_too():
+    """Where all differ by a per cent, one by half is told apart, and theirs stays a per cent."""
+    rng = np.random.default_rng(6)
+    groups, odd = [group(900.0, 0.01, rng, 3, str(i)) for i in range(9)], group(900.0, 0.5, rng, 3, "odd")
+    scatter = Repeatability.of([*groups, odd])
+    assert scatter.apart == (odd,)
+    assert 0.004**2 < scatter.share < 0.025**2
+
+
 @pytest.mark.parametrize(("share", "withheld"), [(0.0, False), (0.01, False), (1.0, True)])
 def test_a_repeat_of_something_else(share, withheld):
     """Two repeats far apart have no interval, the others keep theirs; noise or a per cent keep their own."""
