@@ -96,15 +96,6 @@ def with_values(run: MemoryRun, channel: str, values: np.ndarray) -> MemoryRun:
     return replace(run, provenance={"data": data})
 
 
-def started_at(run: MemoryRun, seconds: float) -> MemoryRun:
-    """The same run by clocks that read so much more [s]."""
-    data = dict(run.provenance["data"])
-    for path, values in data.items():
-        if path.endswith("/Time"):
-            data[path] = values + seconds
-    return replace(run, provenance={"data": data})
-
-
 def disturbed(run: MemoryRun, family: Family, share: float, seed: int) -> MemoryRun:
     """The same run with noise of a family in all but the encoders; ``share`` of a channel is the residual for it.
 
@@ -123,8 +114,22 @@ def disturbed(run: MemoryRun, family: Family, share: float, seed: int) -> Memory
 
 def without(run: MemoryRun, name: str, begin: float, end: float) -> MemoryRun:
     """The same run whose group ``name`` lacks the samples from one instant to another of its clock [s]."""
-    group, time = run.group(name), run.time(name)
+    time = run.time(name)
     kept = (time < begin) | (time >= end)
+    gap = Finding("time_gap", "Time", None, f"a gap from {begin:g} to {end:g} s")
+    return replace(_timed(run, name, time, kept), findings=(*run.findings, gap))
+
+
+def started_at(run: MemoryRun, seconds: float) -> MemoryRun:
+    """The same run by clocks that read so much more [s]."""
+    for group in run.groups:
+        run = _timed(run, group.name, run.time(group.name) + seconds, np.ones(group.samples, dtype=bool))
+    return run
+
+
+def _timed(run: MemoryRun, name: str, time: np.ndarray, kept: np.ndarray) -> MemoryRun:
+    """The same run with instants [s] as a column of a group, and of it the samples that are kept."""
+    group = run.group(name)
     data = dict(run.provenance["data"])
     for key in group.keys:
         data[f"{group.path}/{key}"] = data[f"{group.path}/{key}"][kept]
@@ -132,5 +137,4 @@ def without(run: MemoryRun, name: str, begin: float, end: float) -> MemoryRun:
     channels, keys = (Channel("Time", "s"), *group.channels), ("Time", *group.keys)
     cut = replace(group, channels=channels, keys=keys, clock=TimeColumn(0), samples=int(kept.sum()))
     groups = tuple(cut if one.name == name else one for one in run.groups)
-    gap = Finding("time_gap", "Time", None, f"a gap from {begin:g} to {end:g} s")
-    return replace(run, groups=groups, provenance={"data": data}, findings=(*run.findings, gap))
+    return replace(run, groups=groups, provenance={"data": data})
