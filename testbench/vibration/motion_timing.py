@@ -108,17 +108,21 @@ def _stated_motion(run: SIRun) -> tuple[str, Floats, Floats, tuple[float, float]
         if kind is Target:
             away = np.abs(values).max(axis=1)
             moved = np.flatnonzero(away > 1e-3 * away.max())
+            span = (float(time[moved[0]]), float(time[moved[-1]])) if moved.size and moved[0] > 0 else None
             power = (values**2).sum(axis=1)
         else:
-            moved, power = _encoded_motion(values, time)
-        if moved.size and moved[0] > 0:
-            return run.groups_of(columns)[0], time, power, (float(time[moved[0]]), float(time[moved[-1]]))
+            span, power = _encoded_motion(values, time)
+        if span is not None:
+            return run.groups_of(columns)[0], time, power, span
     return None
 
 
-def _encoded_motion(values: Floats, time: Floats) -> tuple[np.ndarray, Floats]:
-    """Samples at which encoders (n, k) [SI] are away from where they begin or end, and the power of the
-    acceleration.
+def _encoded_motion(values: Floats, time: Floats) -> tuple[tuple[float, float] | None, Floats]:
+    """From when to when encoders (n, k) [SI] move, None where they do from the first sample on, and the power of the
+    acceleration (n,).
+
+    A motion that begins from rest with finite jerk goes with the cube of time: eight times as far in twice the time.
+    So it began as long before it was seen as it took from there to eight times as far, or less; it ends alike.
     """
     from scipy.ndimage import gaussian_filter1d
 
@@ -127,13 +131,15 @@ def _encoded_motion(values: Floats, time: Floats) -> tuple[np.ndarray, Floats]:
     noise = 6.0 * np.std(np.diff(values[:edge], axis=0), axis=0)
     least = np.maximum(1e-3 * reach, noise)
     first, last = (np.median(part, axis=0) for part in (values[:edge], values[-edge:]))
-    away = (np.abs(values - first) > least).any(axis=1)
-    left = np.flatnonzero(away)
-    arrived = np.flatnonzero((np.abs(values - last) > least).any(axis=1))
-    moved = np.arange(left[0], arrived[-1] + 1) if left.size and arrived.size else np.array([], dtype=int)
+    left, far = (np.flatnonzero((np.abs(values - first) > by * least).any(axis=1)) for by in (1.0, 8.0))
+    arrived, near = (np.flatnonzero((np.abs(values - last) > by * least).any(axis=1)) for by in (1.0, 8.0))
+    span = None
+    if far.size and near.size and left[0] > 0:
+        begins, ends = 2.0 * time[left[0]] - time[far[0]], 2.0 * time[arrived[-1]] - time[near[-1]]
+        span = (max(float(begins), float(time[0])), min(float(ends), float(time[-1])))
     rate = (len(time) - 1) / float(time[-1] - time[0])
     bent = gaussian_filter1d(values, 0.006 * rate, axis=0, order=2, mode="nearest")
-    return moved, ((bent / np.where(reach > 0.0, reach, np.inf)) ** 2).sum(axis=1)
+    return span, ((bent / np.where(reach > 0.0, reach, np.inf)) ** 2).sum(axis=1)
 
 
 def coarse_lag(signals: Sequence[Floats], rate_hz: float, time: Floats, power: Floats) -> float | None:

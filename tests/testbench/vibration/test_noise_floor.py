@@ -217,3 +217,26 @@ def test_noise_records_in_multiples():
     np.testing.assert_allclose(three.powers, 9.0 * one.powers)
     np.testing.assert_allclose(three.mean_squares, 9.0 * one.mean_squares)
     np.testing.assert_allclose(three.ends, 3.0 * np.array(one.ends))
+
+
+@pytest.mark.parametrize("half_s", [0.05, 0.2, 1.0, 3.0])
+@pytest.mark.parametrize("law", ["bang-bang", "cycloid", "fifth order", "seventh order"])
+@pytest.mark.parametrize("step", [0.0, 1e-4])
+def test_encoders_tell_from_when_on_they_move(half_s, law, step):
+    """Not after the first push, which a base feels long before an encoder has turned by a step; not long before."""
+    time = np.arange(0.0, 2.0 + 4.0 * half_s, 5e-4)
+    at = np.clip((time - 1.0) / (2.0 * half_s), 0.0, 1.0)
+    way = {
+        "bang-bang": np.where(at < 0.5, 2.0 * at**2, 1.0 - 2.0 * (1.0 - at) ** 2),
+        "cycloid": at - np.sin(2.0 * np.pi * at) / (2.0 * np.pi),
+        "fifth order": at**3 * (10.0 - 15.0 * at + 6.0 * at**2),
+        "seventh order": at**4 * (35.0 - 84.0 * at + 70.0 * at**2 - 20.0 * at**3),
+    }[law]
+    way = 0.7 * way
+    read = np.round(way / step) * step if step else way
+    (begin, end), _ = motion_timing._encoded_motion(np.column_stack([read, 0.0 * read]), time)
+    pushed = np.abs(np.gradient(np.gradient(way)))
+    before = np.interp(begin, time, pushed / pushed.max())
+    assert before < 0.05
+    assert 1.0 - 0.16 * half_s < begin < 1.0 + 0.08 * half_s
+    assert abs(end + begin - 2.0 - 2.0 * half_s) < 0.02 * half_s + 2e-3
