@@ -13,14 +13,21 @@ _PLAIN_WORDS = (
     "min h hr rpm RPM deg degree degrees ° °C °F degC degF K % ‰ dB lb lbs in inch ft psi ksi kp kgf g0 gn gee rev"
     " U turn cycles count counts cnt bit bits digit digits LSB ADC EU Newton Newtons newton newtons meter meters"
     " metre metres second seconds saniye sn dk volts Volts amps ampere Ampere Amps gram grams radian radians"
-    " Celsius Kelvin Pascal Grad grad tr rps st N.m Nmm kgm px frames day days -"
+    " Celsius Kelvin Pascal Grad grad tr rps st N.m Nmm Ncm kgm px frames day days -"
 )
 _PREFIXED, _PLAIN = frozenset(_PREFIXED_WORDS.split()), frozenset(_PLAIN_WORDS.split())
-_SAME = {
-    "°": "deg", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad", "Newton": "N", "Newtons": "N",
-    "newton": "N", "newtons": "N", "volt": "V", "Volt": "V", "volts": "V", "Volts": "V",
+_USUAL = {
+    other: usual
+    for usual, others in {
+        "deg": "° degree degrees", "rad": "radian radians", "N": "Newton Newtons newton newtons",
+        "V": "volt Volt volts Volts", "A": "amp amps Amps ampere Ampere", "m": "meter meters metre metres",
+        "Pa": "Pascal", "K": "Kelvin", "degC": "°C Celsius", "degF": "°F", "Ω": "ohm", "ε": "eps strain", "lb": "lbs",
+        "kgf": "kp", "cycle": "cycles", "count": "counts cnt", "bit": "bits", "digit": "digits", "turn": "U rev tr",
+        "turn min^-1": "rpm RPM", "turn s^-1": "rps", "N m": "Nm N.m", "N mm": "Nmm", "N cm": "Ncm", "kg m": "kgm",
+    }.items()
+    for other in others.split()
 }  # fmt: skip
-"""Words and signs of a unit, and its usual sign."""
+"""Words and signs of a unit, and how it is usually written."""
 _SECONDS = {
     "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "saniye": 1.0, "sn": 1.0, "sek": 1.0,
     "ms": 1e-3, "msec": 1e-3, "millisecond": 1e-3, "milliseconds": 1e-3, "us": 1e-6, "usec": 1e-6,
@@ -64,6 +71,20 @@ def _factors(text: str) -> dict[str, int] | None:
             known = unit in _PLAIN or unit in _PREFIXED or unit.casefold() in _SECONDS
             if match is None or not (known or any(unit.removeprefix(p) in _PREFIXED for p in _PREFIXES)):
                 return None
-            unit = _SAME.get(unit, unit.replace("μ", "µ"))
-            factors[unit] = factors.get(unit, 0) + int(match[2] or 1) * (-1 if i else 1)
+            power = int(match[2] or 1)  # of the last part: Nm^2 is N m^2
+            for part_of in map(_FACTOR.fullmatch, reversed(_usual(unit).split())):
+                assert part_of is not None
+                name, own = part_of[1], int(part_of[2] or 1)
+                factors[name] = factors.get(name, 0) + own * power * (-1 if i else 1)
+                power = 1
     return factors or None
+
+
+def _usual(unit: str) -> str:
+    """A unit that is known, as it is usually written: ``us`` as ``µs``, ``kNm`` as ``kN m``."""
+    if (seconds := seconds_per(unit)) is not None:
+        unit = next(name for name, length in _SECONDS.items() if length == seconds)
+    known = unit in _PLAIN or unit in _PREFIXED
+    prefix = "" if known else next((p for p in _PREFIXES if unit.removeprefix(p) in _PREFIXED), "")
+    word = unit[len(prefix) :]
+    return ("µ" if prefix in ("u", "μ") else prefix) + _USUAL.get(word, word)
