@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from itertools import count
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Annotated, Any
 
 from balance.results import Key
@@ -37,7 +37,8 @@ _ANEW = "stored runs never change: take it out by testbench remove, with the rea
 class Outcome:
     """What became of one log file, and the run's file.
 
-    ``stored``, ``already_stored``, ``refused``, ``waiting``, or ``missing``: the run table names it, nobody gave it.
+    ``stored``, ``already_stored``, ``refused``, ``waiting``, or ``missing``: the run table names it, and it is
+    neither given nor stored as that run.
     """
 
     file: Annotated[str | None, Key("", "run")]
@@ -114,11 +115,11 @@ class Ingest:
 
     def run(self, planned: PlannedRun) -> list[Outcome]:
         """Ingest one run; one outcome for each of its files. The run is stored whole or not at all."""
-        if planned.missing:
+        before, sources = self._stored_before(planned), list[Source]()
+        if planned.missing and not before:
             return logs_missing(planned)
-        sources: list[Source] = []
         try:
-            if planned.problem:
+            if planned.problem and not before:
                 raise RecordingError(planned.problem)
             for path in planned.files:
                 sources.append(Source(path, self.reading))
@@ -126,6 +127,9 @@ class Ingest:
                 refuse_too_many(sources[-1], sources[-1].recording.groups)
             for source, recording in zip(sources, distinct_groups([s.recording for s in sources]), strict=True):
                 source.recording = recording
+            if before:
+                given = self._already(planned, sources)
+                return [*before, *given] if len(given) == len(sources) else logs_missing(planned)
             if (begun := self._begun(sources)) is not None:
                 stem = re.sub(r"\.v\d+$", "", Path(begun).stem)
                 versions = (f"{stem}.v{number}" for number in count(2))
@@ -163,6 +167,22 @@ class Ingest:
             if (reason := self._stored.unopened.get(f"{planned.name}.h5")) is not None:
                 raise StoreError(_unopened(f"{planned.name}.h5", reason, "it has the name of this run")) from None
             raise
+
+    def _stored_before(self, planned: PlannedRun) -> list[Outcome]:
+        """The outcomes of the logs that are not given, if the run of this name was made of all of them; else none."""
+        if not planned.missing:
+            return []
+        self._stored.look()
+        run = f"{planned.name}.h5"
+        digests = [self._stored.digest_of(PurePath(name).name, run) for name in planned.missing]
+        if None in digests:
+            return []
+        stored = open_run(self.folder / run)
+        found, message = tuple(self._differs(planned, stored)), f"was not given, and is stored already in {run}"
+        return [
+            Outcome(run, name, sha256, stored.origin, "already_stored", found, message)
+            for name, sha256 in zip(planned.missing, digests, strict=True)
+        ]
 
     def _already(self, planned: PlannedRun, sources: Sequence[Source]) -> list[Outcome]:
         """The outcomes if the campaign holds these recordings already; none if it holds none of them."""

@@ -246,6 +246,10 @@ class StoredSources:
         """The file of the run that was made of a source of this size [bytes] and digest."""
         return self._runs.get((size, sha256))
 
+    def digest_of(self, log: str, run: str) -> str | None:
+        """The SHA-256 of the log of this name of which the ``run``, a file, was made; None if it was made of none."""
+        return next((digest for size, digest in self._named.get(log, ()) if self._runs[size, digest] == run), None)
+
     def begun_run(self, path: Path, size: int) -> str | None:
         """The file of the newest run of a log of this name that was shorter, and is how this one of ``size`` begins."""
         for stored, sha256 in sorted(self._named.get(path.name, ()), reverse=True):
