@@ -69,10 +69,11 @@ _WARNINGS = {
     "time_unreadable": "Times that are no finite number; the steps next to them are not counted.",
     "time_gap": "A step of time much longer than the others.",
     "time_irregular": "Steps of time too scattered for a sampling rate.",
+    "time_set_aside": "A column named as time that is no clock: the rate of the import description is taken.",
     "event_times": "A column of times alone: events, such as edges, and no sampled signal.",
     "no_clock": "Neither a time column nor a declared rate.",
     "rate_doubtful": "Times in few digits, taken as rounded: samples lost as evenly would look the same.",
-    "rate_contradiction": "The rate in the header and the steps of the time column differ.",
+    "rate_contradiction": "The rates of the header, the import description and the steps of the time column differ.",
     "clipping": "Samples at the limit of the sensor's range.",
     "clipping_suspected": "Flat tops at the largest or smallest value, as a saturated sensor leaves them.",
     "coded_values": "Codes of overflow or of missing values among the samples, such as 9.9E37 or -9999; kept.",
@@ -546,6 +547,7 @@ class Recording(Brief):
     comments: tuple[str, ...] = ()
     ranges: tuple[SensorRange, ...] = ()
     stated_rate_hz: float | None = None
+    rate_stated_by: str = "the header"
     findings: tuple[Finding, ...] = ()
     texts: TextLog = field(default_factory=TextLog)
     """Channels of text, there once the blocks are read."""

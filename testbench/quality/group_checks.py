@@ -37,12 +37,13 @@ _FEW_GAPS = 10
 
 @dataclass(frozen=True)
 class TimeCheck:
-    """The time ``column`` of a group that has been read: its numbers, and the header's rate [Hz] if it states one."""
+    """The time ``column`` of a group that has been read: its numbers, and the rate [Hz] that is stated."""
 
     group: Group
     column: TimeColumn
     clock: ClockStats
     stated_rate_hz: float | None
+    stated_by: str = "the header"
 
     @cached_property
     def _shown(self) -> Sampling:
@@ -107,9 +108,10 @@ class TimeCheck:
         median = clock.steps.quantile(0.5)
         if not shown.is_steady:
             share = f"{shown.spread:.0%} of their median {median:g} {unit}"
-            return [
-                Finding("time_irregular", name, None, f"the middle half of the steps spreads over {share}: no rate")
-            ]
+            message = f"the middle half of the steps spreads over {share}: no rate"
+            if self.stated_rate_hz:
+                message += f"; {self.stated_by} states {self.stated_rate_hz:g} Hz, the times are taken"
+            return [Finding("time_irregular", name, None, message)]
         found = self._gaps()
         jitter = clock.steps.quantile(0.95) - clock.steps.quantile(0.05)
         if jitter > 0.01 * median and not shown.is_of_rounding:
@@ -171,12 +173,12 @@ class TimeCheck:
         ]
 
     def _against_stated(self, rate: float | None) -> list[Finding]:
-        """A header's rate that the steps contradict, or that drifts from the times by more than they are rounded."""
+        """A stated rate that the steps contradict, or that drifts from the times by more than they are rounded."""
         clock, shown, stated = self.clock, self._shown, self.stated_rate_hz
         if not rate or not stated:
             return []
         if abs(rate / stated - 1) > RATE_TOLERANCE:
-            message = f"the header states {stated:g} Hz, the steps of time give {rate:.6g} Hz"
+            message = f"{self.stated_by} states {stated:g} Hz, the steps of time give {rate:.6g} Hz, which is taken"
             return [Finding("rate_contradiction", self._name, None, message)]
         span = clock.last - clock.first
         if clock.dt_max > shown.longest or clock.non_increasing:
@@ -184,7 +186,9 @@ class TimeCheck:
         mean = rate * shown.step * clock.steps.above(0.0) / span
         if abs(mean / stated - 1) <= max(_SAME_RATE, (clock.dt_max - clock.dt_min) / span):
             return []
-        message = f"the header states {stated:.10g} Hz, the times give {mean:.10g} Hz on average; the times are taken"
+        message = (
+            f"{self.stated_by} states {stated:.10g} Hz, the times give {mean:.10g} Hz on average; the times are taken"
+        )
         return [Finding("rate_rounded", self._name, None, message)]
 
 
@@ -246,6 +250,7 @@ class GroupCheck:
     ranges: Sequence[SensorRange] = ()
     stated_rate_hz: float | None = None
     channel_ranges: Mapping[str, SensorRange] = field(default_factory=dict)
+    stated_by: str = "the header"
     samples: int = 0
     stats: list[ChannelStats] = field(init=False)
     clock: ClockStats = field(default_factory=ClockStats)
@@ -281,7 +286,9 @@ class GroupCheck:
     def _time(self) -> TimeCheck | None:
         """The check of its time column, if it has one."""
         clock = self.group.clock
-        return TimeCheck(self.group, clock, self.clock, self.stated_rate_hz) if isinstance(clock, TimeColumn) else None
+        if not isinstance(clock, TimeColumn):
+            return None
+        return TimeCheck(self.group, clock, self.clock, self.stated_rate_hz, self.stated_by)
 
     @property
     def rate_hz(self) -> float | None:
@@ -342,7 +349,8 @@ class RecordingCheck:
             self._add(group)
 
     def _add(self, group: Group) -> GroupCheck:
-        check = GroupCheck(group, self.recording.ranges, self.recording.stated_rate_hz, self.channel_ranges)
+        told = self.recording
+        check = GroupCheck(group, told.ranges, told.stated_rate_hz, self.channel_ranges, told.rate_stated_by)
         self.groups[group.name] = check
         return check
 

@@ -98,7 +98,7 @@ def written_description(path: Path, options: ReadOptions, found: Description) ->
     timed = next((group for group in clocked if isinstance(group.clock, TimeColumn)), None)
     if timed is not None and isinstance(timed.clock, TimeColumn):
         time = timed.channels[timed.clock.index]
-        lines += [f'time = {_toml(time.name)}  # or columns whose sum it is, such as ["Time", "ms"]']
+        lines += [f'time = {_toml(time.name)}  # or columns whose sum it is, such as ["Time", "ms"]; [] for none']
         known = time.unit if timed.clock.seconds_per_unit is not None and not timed.clock.assumed else None
         lines += [f"time_unit = {_toml(known)}"] if known else ['# time_unit = "us"  # or "day since 1899-12-30"']
     else:

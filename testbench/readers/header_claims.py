@@ -208,7 +208,7 @@ _COUNT = re.compile(
     r"|anzahl[ _](?:der[ _])?\w*(?:werte|punkte|samples)|örnek sayısı)\s*[:=;,\t]\s*(\d{1,15})(?:[\s;,]+\1)*[\s;,]*",
     re.IGNORECASE,
 )
-_ONE_RATE = 0.005
+ONE_RATE = 0.005
 """Rates that differ by this share are one, written in few digits."""
 
 
@@ -278,7 +278,7 @@ def stated_sampling(texts: Iterable[str], decimal: str) -> StatedSampling:
     samples = counts.pop() if len(counts) == 1 else None
     if not stated:
         return StatedSampling(None, samples)
-    if any(abs(rate / stated[0] - 1) > _ONE_RATE for rate in stated):
+    if any(abs(rate / stated[0] - 1) > ONE_RATE for rate in stated):
         listed = ", ".join(f"{rate:.10g} Hz" for rate in stated)
         message = f"the lines above the data state several rates ({listed}); none of them is taken"
         return StatedSampling(None, samples, (Finding("header_contradiction", None, None, message),))

@@ -53,12 +53,14 @@ from ..recording import (
 from ..units import seconds_per
 from .csv.dialect import DELIMITERS
 from .csv.header import named_channels, time_column
-from .header_claims import SINCE_1970, start_at
+from .header_claims import ONE_RATE, SINCE_1970, start_at
 
 _SINCE = " since "
 _OFFSET = re.compile(r"([+-])(\d\d):?(\d\d)|Z|UTC", re.IGNORECASE)
 _OF_OTHER_CLOCKS = ("time_coarse", "several_clocks")
 """Findings on the columns of time that the reader would have taken."""
+_FEW_FALLS = 0.01
+"""Share of steps up to which times that fall or stand still are faults of a clock, and not of a column that is none."""
 _STRAY = "the setting {} stands below [channels], where names are of channels: write it above that line"
 DECIMALS = {"point": ".", "comma": ","}
 """Decimal marks as a person calls them."""
@@ -84,9 +86,9 @@ class ImportDescription(Table):
     data: Count | None = None
     """First line of the data; else the first row of numbers below names and units."""
     rate: Annotated[float, Quantity("frequency", above=0.0)] | None = None
-    """Sampling rate where there is no column of time."""
+    """Sampling rate where no column in a unit of time increases."""
     time: Annotated[list[Text], OneOrMore] = Field(default_factory=list)
-    """Column of time by its name, or columns whose sum it is, such as a time of day and milliseconds."""
+    """Column of time by its name, or columns whose sum it is, such as a time of day and milliseconds; [] for none."""
     time_unit: Annotated[list[Text], OneOrMore] = Field(default_factory=list)
     """Unit of each such column, such as us, or ``day since 1899-12-30``, ``ms since 1970``; of a column of text: s."""
     time_wraps: Positive | None = None
@@ -142,6 +144,11 @@ class ImportDescription(Table):
         return model_from_table(cls, table | {"text": text, "folder": path.parent}, path.name, RecordingError)
 
     @property
+    def states_time(self) -> bool:
+        """Whether it says which columns are time, or that none is."""
+        return "time" in self.model_fields_set
+
+    @property
     def words(self) -> frozenset[str]:
         """The words for no value."""
         return frozenset(word for word in self.missing if isinstance(word, str) and _number(word) is None)
@@ -176,7 +183,9 @@ class ImportDescription(Table):
         """The recording as the description has it. Raises RecordingError for a column or channel that is not there."""
         is_named = self.time_zone and not _OFFSET.fullmatch(self.time_zone)
         firsts = _first_times(recording, self.time[0]) if is_named and any(_SINCE in u for u in self.time_unit) else {}
-        known = [_Plan(self, group, recording, firsts) for group in recording.groups]
+        may_be_timed = self.channels or any(isinstance(group.clock, TimeColumn) for group in recording.groups)
+        begun = {} if self.rate is None or self.states_time or not may_be_timed else _beginnings(recording)
+        known = [_Plan(self, group, recording, firsts, begun.get(group.name)) for group in recording.groups]
         channels = [channel for group in recording.groups for channel in group.channels]
         names = list(dict.fromkeys(channel.name for channel in channels))
         for key in self.channels:
@@ -193,22 +202,29 @@ class ImportDescription(Table):
                 f"{suggestion(missing, names)}; there are {', '.join(names[:20])}"
             )
 
+        announced = {group.name for group in recording.groups}
+
         def read(report: Report) -> Iterator[Block]:
             plans: dict[str, _Plan] = {}
             for block in recording.read(report):
                 if (name := block.group.name) not in plans:
                     plans[name] = _Plan(self, block.group, recording, firsts)
+                    for finding in plans[name].findings if name not in announced else ():
+                        report(finding)
                 yield plans[name].block(block)
             for plan in plans.values():
                 plan.report(report)
 
-        left = _OF_OTHER_CLOCKS if self.time else ()
+        left = _OF_OTHER_CLOCKS if self.states_time else ()
+        kept = (finding for finding in recording.findings if finding.code not in left)
         found = replace(
             recording,
             groups=tuple(plan.group for plan in known),
             read=read,
             settings={**recording.settings, "import_description": self.text or self.name},
-            findings=tuple(finding for finding in recording.findings if finding.code not in left),
+            findings=tuple(dict.fromkeys([*kept, *(finding for plan in known for finding in plan.findings)])),
+            stated_rate_hz=recording.stated_rate_hz if self.rate is None else self.rate,
+            rate_stated_by=recording.rate_stated_by if self.rate is None else "the import description",
         )
         if not self.dbc:
             return found
@@ -222,12 +238,23 @@ class ImportDescription(Table):
 class _Plan:
     """What the description makes of one group: its channels, its clock, and of its blocks their columns.
 
-    ``firsts`` is the first time of a group where the zone's offset from UTC must be that of then.
+    ``firsts`` is the first time of a group where the zone's offset from UTC must be that of then, ``begun`` its first
+    samples where a rate is stated and no column of time; ``findings`` are on what is stated and what is there.
     """
 
     def __init__(
-        self, description: ImportDescription, before: Group, recording: Recording, firsts: Mapping[str, float]
+        self,
+        description: ImportDescription,
+        before: Group,
+        recording: Recording,
+        firsts: Mapping[str, float],
+        begun: Sequence[Samples] | None = None,
     ) -> None:
+        header = before.clock.rate_hz if isinstance(before.clock, UniformClock) else recording.stated_rate_hz
+        rate, self.findings = description.rate, list[Finding]()
+        if rate and header and abs(rate / header - 1.0) > ONE_RATE:
+            message = f"the header states {header:g} Hz, the import description {rate:g} Hz, which goes before it"
+            self.findings.append(Finding("rate_contradiction", None, None, message))
         self.description, self.before, self._stated = description, before, recording.metadata
         named = [_place(before, name) for name in description.time]
         self.places = [i for i in named if i is not None] if None not in named else []
@@ -250,25 +277,46 @@ class _Plan:
                 renamed = named_channels([other], [""])[0]
                 channels[i] = replace(renamed, unit=renamed.unit or channel.unit)
         zero = self._zero(firsts.get(before.name, 0.0))
-        self.group = replace(before, channels=tuple(channels), clock=self._clock(channels), zero=zero)
+        self.group = replace(before, channels=tuple(channels), clock=self._clock(channels, begun), zero=zero)
         self._missing, self._first = Counter[int](), dict[int, str]()
         self._turns, self._last = 0, -np.inf
 
-    def _clock(self, channels: Sequence[Channel]) -> Clock | None:
-        """That of the columns of time, of the rate where the reader knows none, or of the reader; of a column that is
-        renamed by its new name.
-        """
+    def _clock(self, channels: Sequence[Channel], begun: Sequence[Samples] | None) -> Clock | None:
+        """That of the columns of time that are stated, or of the one that is known; where that is none, of the rate."""
         if self.places:
             seconds = self._seconds[0]
             return TimeColumn(self.places[0], 1.0 if seconds is None else seconds, assumed=seconds is None)
-        if self.description.rate is not None and not isinstance(self.before.clock, TimeColumn):
-            return UniformClock(self.description.rate)
+        found, rate = self._known(channels), self.description.rate
+        if rate is None:
+            return found
+        if not isinstance(found, TimeColumn):
+            return UniformClock(rate)
+        if not (why := _no_clock(found, None if begun is None else begun[found.index])):
+            return found
+        message = (
+            f"{why}: the clock is the rate of the import description, {rate:g} Hz, and the column a channel; say there "
+            "time = [] if no column is time, or time and time_unit if this one is"
+        )
+        self.findings.append(Finding("time_set_aside", channels[found.index].name, None, message))
+        return UniformClock(rate)
+
+    def _known(self, channels: Sequence[Channel]) -> Clock | None:
+        """That of the reader, or of a column that is renamed to a name and unit of time.
+
+        A column of time that is renamed to something else is none, and none is where ``time`` says so.
+        """
         before, own = self.before.clock, self.before.channels
+        if self.description.states_time:
+            return None if isinstance(before, TimeColumn) else before
         renamed = [i for i, (new, old) in enumerate(zip(channels, own, strict=True)) if new != old]
-        if isinstance(before, UniformClock) or (before is not None and before.index not in renamed):
-            return before
-        taken = time_column([channels[i] for i in renamed])
-        return before if taken is None else replace(taken, index=renamed[taken.index])
+        taken = [replace(found, index=i) for i in renamed if (found := time_column([channels[i]])) is not None]
+        taken = sorted(
+            (found for found in taken if found.seconds_per_unit is not None), key=lambda found: found.assumed
+        )
+        if isinstance(before, TimeColumn) and before.index in renamed:
+            seconds = seconds_per((channels[before.index].unit or "").split(_SINCE)[0])
+            before = None if seconds is None else TimeColumn(before.index, seconds)
+        return taken[0] if taken and (before is None or not taken[0].assumed) else before
 
     def _zero(self, first: float) -> StartTime | None:
         """When the group's time is zero, as its unit says, else as its log; in the zone that is stated."""
@@ -319,6 +367,17 @@ class _Plan:
             report(Finding("missing_values", self.group.channels[i].name, self._first[i], message))
 
 
+def _no_clock(column: TimeColumn, times: Samples | None) -> str:
+    """Why a column is no clock beside a rate that is stated, by its first ``times``; empty if it is one."""
+    if column.assumed or column.seconds_per_unit is None:
+        return "is named as time, and has no unit of time"
+    steps = np.diff(np.empty(0) if times is None else times[np.isfinite(times)])
+    stands = int(np.count_nonzero(steps <= 0))
+    if times is not None and len(times) > 1 and (not len(steps) or stands > max(1.0, _FEW_FALLS * len(steps))):
+        return f"is named as time, and falls or stands still in {stands} of its first {len(steps)} steps"
+    return ""
+
+
 def _place(group: Group, name: str) -> int | None:
     """The channel of this name as written, or without its unit."""
     for names in ([c.name for c in group.channels], [c.label for c in group.channels]):
@@ -352,6 +411,16 @@ def _first_times(recording: Recording, name: str) -> dict[str, float]:
         if len(given := times[np.isfinite(times)]):
             return {block.group.name: float(given[0])}
     return {}
+
+
+def _beginnings(recording: Recording) -> dict[str, tuple[Samples, ...]]:
+    """The first block of each group of which the columns of time are to be judged."""
+    found: dict[str, tuple[Samples, ...]] = {}
+    for block in recording.blocks(lambda finding: None):
+        found.setdefault(block.group.name, block.columns)
+        if all(group.name in found for group in recording.groups):
+            break
+    return found
 
 
 def _in_zone(point: StartTime, zone: str, then: StartTime) -> StartTime:

@@ -43,7 +43,7 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
     declared = header_claims.clock_of_rate(stated.rate_hz) if stated.rate_hz else None
     group = group_of(path.stem, kept, times.clock(channels, kept) or declared)
     multiple = None
-    if options.description is None or not options.description.time:
+    if options.description is None or not options.description.states_time:
         multiple = find_multiple_time_columns(group, text.rows, kept, part_of)
     texts = TextLog()
     table = text.table(group, kept, texts)

@@ -1,5 +1,6 @@
 """Logs as loggers, phones and spreadsheets write them: right untold, or with an import description of a few lines."""
 
+import hashlib
 import json
 import tomllib
 from dataclasses import dataclass
@@ -253,6 +254,56 @@ def test_what_a_description_cannot_say(tmp_path, text, said):
     )
     with pytest.raises(RecordingError, match=said):
         reading.read(path, ReadOptions(description=ImportDescription.load(str(tmp_path / "logger.toml"))))
+
+
+BESIDE_A_RATE = {
+    "samples counted": ("t,F (N)", lambda i: i, "", 100.0, {"time_set_aside"}),
+    "no unit of time": ("time (ticks),F (N)", lambda i: i, "", 100.0, {"unit_unknown", "time_set_aside"}),
+    "a temperature": ("T,F (N)", lambda i: 20 + i % 3, "", 100.0, {"time_set_aside"}),
+    "a dead clock": ("time (s),F (N)", lambda i: 0, "", 100.0, {"time_set_aside", "constant_channel"}),
+    "a coarse clock": ("time (s),F (N)", lambda i: f"{i // 10 / 10:.1f}", "", 100.0, {"time_set_aside"}),
+    "no numbers": ("time (s),F (N)", lambda i: "nan" if i else 0, "", 100.0, {"time_set_aside", "not_a_number"}),
+    "none by word": ("t,F (N)", lambda i: i, "time = []", 100.0, set()),
+    "none of two by word": ("t,F (N),t 2,G (N)", lambda i: f"{i},{i % 5},{i}", "time = []", 100.0, set()),
+    "renamed": ("T,F (N)", lambda i: 20 + i % 3, '[channels]\nT = "temperature (degC)"', 100.0, set()),
+    "renamed to another time": ("T,F (N)", seconds, '[channels]\nT = "stamp (s)"', 100.0, set()),
+    "told by its new name": ("T,tick,F (N)", lambda i: f"1,{40 * i}", '[channels]\ntick = "Zeit (ms)"', 25.0,
+                             {"rate_contradiction", "constant_channel"}),
+    "a gap": ("time (s),F (N)", lambda i: seconds(i + 9 * (i > 30)), "", 100.0, {"time_gap"}),
+    "a fall": ("time (s),F (N)", lambda i: seconds(i - 9 * (i > 30)), "", 100.0, {"time_not_increasing"}),
+    "another rate": ("time (s),F (N)", lambda i: f"{i / 50:.2f}", "", 50.0, {"rate_contradiction"}),
+    "no rate": ("time (s),F (N)", lambda i: f"{i / 100 + i * i % 7 / 900:.5f}", "", None, {"time_irregular"}),
+    "another rate in the header": ("# rate: 200 Hz\nG (N),F (N)", lambda i: i % 3, "", 100.0, {"rate_contradiction"}),
+    "another rate in the header, and times": ("# rate: 200 Hz\ntime (s),F (N)", seconds, "", 100.0,
+                                              {"rate_contradiction"}),
+    "the same rate in the header": ("# rate: 100 Hz\nG (N),F (N)", lambda i: i % 3, "", 100.0, set()),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BESIDE_A_RATE)
+def test_a_rate_and_a_column_that_is_called_time(tmp_path, name):
+    """Times that run are what was recorded; what else is called time is none. What contradicts the rate is said."""
+    head, first, more, rate_hz, codes = BESIDE_A_RATE[name]
+    path = Log(head + "\n", lambda i, v: f"{first(i)},{v}").write(tmp_path / "log.csv")
+    found = reading.read(path, described(f'rate = "100 Hz"\n{more}'))
+    (check,) = found.checks.values()
+    assert check.rate_hz == (rate_hz and pytest.approx(rate_hz))
+    assert {f.code for f in found.findings} - {"dialect", "unit_missing", "clipping_suspected"} == codes
+    said = [f.message for f in found.findings if f.code in ("time_set_aside", "rate_contradiction", "time_irregular")]
+    assert all("import description" in message and "100 Hz" in message for message in said)
+
+
+def test_a_log_is_stored_by_the_rate_that_is_stated(tmp_path, command):
+    """Whole, though its beginning is read before, and with its texts and digest."""
+    path = Log("time (s),F (N),note\n", lambda i, v: f"0,{v},{'on' if i > 30 else 'off'}").write(tmp_path / "log.csv")
+    (tmp_path / "logger.toml").write_text('rate = "100 Hz"\n')
+    assert command("ingest", path, "--as", tmp_path / "logger.toml", "-o", tmp_path / "c")[0] == 3
+    run = open_run(tmp_path / "c" / "log.h5")
+    assert run.rate_hz == 100.0
+    np.testing.assert_array_equal(run.channel("F"), FORCE)
+    assert [text.texts for text in run.texts] == [["off", "on"]]
+    (source,) = run.provenance["sources"]
+    assert source["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 @pytest.mark.parametrize("name", datasets.dataset_names("loggers", ".toml"))
