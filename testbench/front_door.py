@@ -172,6 +172,7 @@ def ingest(
     work = Ingest(folder, described, options, frozenset(accept))
     others = SiblingLogs(files if runs is None else (), work.reading)
     work = replace(work, sibling_log=others.holding)
+    work.reading.add_logs(files)
     return [outcome for run in plan_runs(files, None if runs is None else Path(runs)) for outcome in work.run(run)]
 
 

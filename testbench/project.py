@@ -31,6 +31,7 @@ from .ingestion.log_sources import LogReading
 from .ingestion.planned_runs import plan_rows
 from .ingestion.run_table import RunTableRow, run_table_rows, write_run_table
 from .quality.rig_checks import rig_findings, unclocked
+from .readers import ReadOptions
 from .recording import Recording, Severity
 from .rig import Rig, load_rig
 from .rig.rig import mechanism_file
@@ -316,7 +317,7 @@ def _condition_problems(
 
 def _log_problems(rig: Rig | None, rows: Sequence[RunTableRow], logs: Sequence[Path], table: str) -> Iterator[Problem]:
     """Logs that cannot be opened, and what their headers lack of the rig's channels, run by run; once for all runs."""
-    recordings, runs = {}, dict[str, list[Recording]]()
+    recordings, runs, opened = dict[str, Recording](), dict[str, list[Recording]](), dict[str, ReadOptions]()
     try:
         reading = LogReading(rig=rig)
     except RecordingError as error:
@@ -324,9 +325,13 @@ def _log_problems(rig: Rig | None, rows: Sequence[RunTableRow], logs: Sequence[P
         return
     for path in logs:
         try:
-            recordings[path.name] = reading.opened(path)[1]
+            opened[path.name], recordings[path.name] = reading.opened(path)
         except (RecordingError, OSError) as error:
             yield Problem(path.name, str(error).removeprefix(f"{path.name}: "))
+    for name, options in opened.items():
+        if (told := options.description) is not None:
+            findings = told.with_normal_as_notes(reading.checked(told, recordings[name].findings))
+            yield from (Problem(name, one.message) for one in findings if one.code == "channel_not_found")
     named = [(PurePath(row.file).name, row.run or PurePath(row.file).stem) for row in rows]
     for name, run in named or [(path.name, "the logs") for path in logs]:
         if name in recordings:

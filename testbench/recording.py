@@ -50,6 +50,7 @@ _ERRORS = {
     "stored_run": "A run that a campaign holds, or its archive, and no log.",
     "not_stored": "The run could not be stored, for a reason that lies not in the log alone.",
     "rig_contradiction": "The rig names channels that the recording does not hold, or other units than its.",
+    "channel_not_found": "The import description names a channel that no log of the command holds.",
     "logger_twice": "Two logs of a run hold the same channels of a logger, as where a run table uses one name twice.",
     "calibration_contradiction": "A calibration of the rig that does not lead from the log's unit to what is measured.",
     "unknown_site": "The run table puts a counter-mass or payload where the rig's mechanism has no such site or body.",
@@ -127,6 +128,7 @@ _NOTES = {
     "rate_rounded": "Rate or step of time is written in few digits, or differs a little from the time column.",
     "time_resolution": "Timestamps are finer than seconds in float64; what is finer is in a channel of its own.",
     "sensor_elsewhere": "A logger of the rig whose channels another log of the same command holds, a run of its own.",
+    "channel_elsewhere": "A channel that the import description names, and that another log of the same command holds.",
     "calibration_applied": "Values are in physical units by the calibration that the file itself carries.",
 }
 

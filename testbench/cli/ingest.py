@@ -127,6 +127,7 @@ def _ingest(files: Sequence[Path], work: "Ingest", run_table: Path | None, sched
     others = SiblingLogs(files if run_table is None else (), work.reading)
     total = sum(path.stat().st_size for run in runs for path in run.files if path.is_file())
     work = replace(work, sibling_log=others.holding)
+    work.reading.add_logs(files)
     if scheduler is None:
         with progress("reading", total) as done:
             work = replace(work, progress=done)

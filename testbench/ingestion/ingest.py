@@ -268,7 +268,7 @@ class Ingest:
     def _copy(self, source: Source, writer: RunWriter) -> list[Group]:
         """Read one file to its end, checking and writing each block; the groups that it held."""
         check = RecordingCheck(source.recording, rig_checks.channel_ranges(self.rig, source.recording))
-        source.findings += source.recording.findings
+        source.findings += self.reading.checked(source.description, source.recording.findings)
         done, groups = 0, len(check.groups)
         with ThreadPoolExecutor(1) as pool:  # one block is written while the next one is checked
             writing = pool.submit(lambda: None)

@@ -8,6 +8,7 @@ same bytes twice in one run.
 import threading
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +22,7 @@ from ..store import atomic_files, layout
 from ..store.campaign import KEPT, SUFFIX
 
 if TYPE_CHECKING:
+    from ..readers.import_description import ImportDescription
     from ..rig import Rig
 
 _AT_ONCE = 4 << 20
@@ -38,6 +40,8 @@ class LogReading:
         self._loggers: dict[str, list[str]] = {}
         """Names of the loggers by the import description that the rig names for them: in its folder, or shipped."""
         self._described: dict[str, ReadOptions] = {}
+        self._named, self._unread = set[tuple[str, str]](), dict[Path, None]()
+        """Channels that descriptions name and a log holds, each with the description's text; logs to be asked yet."""
         for name, logger in {} if rig is None else rig.loggers.items():
             if logger.read_as:
                 self._loggers.setdefault(logger.read_as, []).append(name)
@@ -65,8 +69,37 @@ class LogReading:
         """Those of a log; raises as :meth:`opened`."""
         return self.opened(path)[0]
 
+    def add_logs(self, files: Iterable[Path]) -> None:
+        """Other logs of the same command: a description that they share may name channels that only some hold."""
+        self._unread |= dict.fromkeys(files)
+
+    def checked(self, description: "ImportDescription | None", found: Iterable[Finding]) -> list[Finding]:
+        """Findings of a log, of which channels that it lacks are notes where another log of the command holds them."""
+        return [
+            replace(
+                f, code="channel_elsewhere", message=f"{f.channel} is in another log of the command, not in this one"
+            )
+            if f.code == "channel_not_found" and description and self._names(description.text, f.channel or "")
+            else f
+            for f in found
+        ]
+
+    def _names(self, text: str, channel: str) -> bool:
+        """Whether a log holds this channel, by the description of this text; no more are opened than are needed."""
+        while (text, channel) not in self._named and self._unread:
+            self._unread.pop(path := next(iter(self._unread)))
+            with suppress(RecordingError, OSError):  # what is said where it is ingested
+                self.opened(path)
+        return (text, channel) in self._named
+
     def opened(self, path: Path) -> tuple[ReadOptions, Recording]:
         """A log, opened by its options. Raises RecordingError for one of two descriptions, or that does not fit."""
+        options, recording = self._opened(path)
+        if (told := options.description) is not None:
+            self._named |= {(told.text, name) for name in told.channels.keys() - _lacking(recording)}
+        return options, recording
+
+    def _opened(self, path: Path) -> tuple[ReadOptions, Recording]:
         fitting, failed = dict[str, tuple[ReadOptions, Recording]](), dict[str, RecordingError]()
         for named, options in self._described.items():
             try:
@@ -76,6 +109,8 @@ class LogReading:
             else:
                 if self._holds(recording, named):
                     fitting[named] = options, recording
+        whole = {named: one for named, one in fitting.items() if not _lacking(one[1])}
+        fitting = whole or fitting  # of loggers that call their channels alike, the one whose names are all there
         if len({options.description.text for options, _ in fitting.values() if options.description}) > 1:
             loggers = [name for named in fitting for name in self._loggers[named]]
             raise RecordingError(
@@ -101,6 +136,11 @@ class LogReading:
         loggers, description = self._loggers[named], self._described[named].description
         held |= description.renamed(held) if description is not None else set()
         return any(column.channel in held for name in loggers if self._rig for column in self._rig.columns(name))
+
+
+def _lacking(recording: Recording) -> set[str | None]:
+    """Channels that the import description names and the log does not hold."""
+    return {finding.channel for finding in recording.findings if finding.code == "channel_not_found"}
 
 
 class Source:

@@ -301,6 +301,7 @@ class Watch:
                     log.run = None
             log.state, log.since, log.is_done = state, now, False
             self._siblings.changed(path)
+            self.ingest.reading.add_logs([path])
 
 
 def _kind(path: Path) -> str:

@@ -180,7 +180,10 @@ class ImportDescription(Table):
         ]
 
     def applied(self, recording: Recording) -> Recording:
-        """The recording as the description has it. Raises RecordingError for a column or channel that is not there."""
+        """The recording as the description has it; a channel that is not there is a finding.
+
+        Raises RecordingError for a column of time that is not there, and for a setting that stands below [channels].
+        """
         is_named = self.time_zone and not _OFFSET.fullmatch(self.time_zone)
         firsts = _first_times(recording, self.time[0]) if is_named and any(_SINCE in u for u in self.time_unit) else {}
         may_be_timed = self.channels or any(isinstance(group.clock, TimeColumn) for group in recording.groups)
@@ -188,13 +191,15 @@ class ImportDescription(Table):
         known = [_Plan(self, group, recording, firsts, begun.get(group.name)) for group in recording.groups]
         channels = [channel for group in recording.groups for channel in group.channels]
         names = list(dict.fromkeys(channel.name for channel in channels))
+        lacking = list[Finding]()
         for key in self.channels:
-            if not any(key in channel.names for channel in channels):
-                wrong = _STRAY.format(key) if key in type(self).model_fields else "the log has no channel of this name"
-                raise RecordingError(
-                    f"{recording.path.name}: the import description's channels.{key}: {wrong}{suggestion(key, names)}; "
-                    f"there are {', '.join(names[:20])}"
-                )
+            if any(key in channel.names for channel in channels):
+                continue
+            place = f"the import description's channels.{key}"
+            if key in type(self).model_fields:
+                raise RecordingError(f"{recording.path.name}: {place}: {_STRAY.format(key)}")
+            message = f"{place}: the log has no channel of this name{suggestion(key, names)}; there are "
+            lacking.append(Finding("channel_not_found", key, None, message + ", ".join(names[:20])))
         if self.time and not any(plan.places for plan in known):
             missing = next((n for n in self.time if not any(_place(g, n) is not None for g in recording.groups)), "")
             raise RecordingError(
@@ -222,7 +227,7 @@ class ImportDescription(Table):
             groups=tuple(plan.group for plan in known),
             read=read,
             settings={**recording.settings, "import_description": self.text or self.name},
-            findings=tuple(dict.fromkeys([*kept, *(finding for plan in known for finding in plan.findings)])),
+            findings=tuple(dict.fromkeys([*kept, *lacking, *(finding for plan in known for finding in plan.findings)])),
             stated_rate_hz=recording.stated_rate_hz if self.rate is None else self.rate,
             rate_stated_by=recording.rate_stated_by if self.rate is None else "the import description",
         )

@@ -133,6 +133,21 @@ def _log_of_rig(path, rig, replaced=("", "")):
     path.write_text("\n".join([",".join(names).replace(*replaced), *rows, ""]))
 
 
+def test_names_of_an_import_description_against_the_headers_of_the_logs(tmp_path):
+    """One that no log has is said of each; one that some lack is none of their faults."""
+    folder = tmp_path / "test"
+    new_project(folder, "four-bar")
+    logs = [tmp_path / line.split(",")[1] for line in (folder / "runs.csv").read_text().splitlines()[1:]]
+    for log in logs:
+        _log_of_rig(log, load_rig(folder / "rig.toml"), ("AccX", "X") if log is logs[0] else ("", ""))
+    text = (folder / "rig.toml").read_text()
+    (folder / "rig.toml").write_text(text.replace("[loggers.daq]", '[loggers.daq]\nread_as = "daq.toml"'))
+    for name, count in (("X (g)", 0), ("Z (g)", len(logs))):
+        (folder / "daq.toml").write_text(f'[channels]\n"{name}" = "AccX (g)"\n')
+        found = [p.file for p in project_problems(folder, logs) if "channels." in p.message]
+        assert found == [log.name for log in logs if "daq" in log.name][:count]
+
+
 @pytest.mark.parametrize(
     ("replaced", "said"),
     [

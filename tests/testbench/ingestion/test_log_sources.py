@@ -140,6 +140,21 @@ def test_logs_and_descriptions_are_opened_no_more_often_than_needed(bench, monke
     assert (opened, len(loaded)) == (["daq.csv"], 1)
 
 
+def test_loggers_that_call_their_channels_alike(bench):
+    """A log is of the description whose names it has all; those that it lacks of its own are found in another log."""
+    (bench / "plc.toml").write_text('channels = { "Clock" = "Time (ms)", "Kraft 1" = "angle (deg)", "w" = "w2 (deg)" }')
+    reading = LogReading(rig=load_rig(bench / "rig.toml"))
+    assert "Time (s)" in reading.options(bench / "daq.csv").description.channels.values()
+    (bench / "daq.toml").write_text('channels = { "Clock" = "Time (s)", "Kraft 1" = "K1 (N)", "Kraft 2" = "K2 (N)" }')
+    (bench / "plc.toml").write_text(DESCRIPTIONS["plc.toml"])
+    (bench / "daq 2.csv").write_text(f"Clock,Kraft 1,Kraft 2\n{ROWS.replace(',', ',1,')}\n")
+    for logs, codes in ((["daq.csv"], {"channel_not_found"}), (["daq.csv", "daq 2.csv"], {"channel_elsewhere"})):
+        work = Ingest(bench / f"c{len(logs)}", load_rig(bench / "rig.toml"))
+        work.reading.add_logs(bench / name for name in logs)
+        (outcome,) = work.run(PlannedRun("r", (bench / "daq.csv",)))
+        assert {f.code for f in outcome.findings if f.code.startswith("channel_")} == codes
+
+
 @pytest.mark.parametrize(
     ("file", "old", "new", "said"),
     [

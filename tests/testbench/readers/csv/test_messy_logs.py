@@ -234,10 +234,6 @@ def test_normal_findings_are_notes(tmp_path, command):
         ("time = 'Time (s)'\ntime_unit = ['s', 'ms']", "2 units for 1 columns"),
         ("[channels]\nrate = '1 kHz'", "channels.rate: the setting rate stands below .*: write it above"),
         ("[channels]\nnames = [1]", "channels.names: the setting names stands below .*: write it above"),
-        (
-            "[channels]\nTimes = 't (s)'",
-            "channels.Times: the log has no channel .*; did you mean 'Time .*; there are Time",
-        ),
         ("time_zone = 'Mars/Olympus'", "expected an offset such as"),
         ("normal = ['bad_luck']", "no code of a finding"),
         ("names = 70", "no row of number"),
@@ -291,6 +287,38 @@ def test_a_rate_and_a_column_that_is_called_time(tmp_path, name):
     assert {f.code for f in found.findings} - {"dialect", "unit_missing", "clipping_suspected"} == codes
     said = [f.message for f in found.findings if f.code in ("time_set_aside", "rate_contradiction", "time_irregular")]
     assert all("import description" in message and "100 Hz" in message for message in said)
+
+
+def test_a_channel_that_is_described_and_not_there(tmp_path, command):
+    """A log that lacks it is refused, for the name may be mistyped; of several that share a description one has it."""
+    both, one = "Time (s),Fx,PlatX\n", "Time (s),Fx,G\n"
+    for name, head in (("a_daq", both), ("b_forces", one)):
+        Log(head, lambda i, v: f"{seconds(i)},{v},{i % 5}").write(tmp_path / f"{name}.csv")
+    logs, logger = (tmp_path / "a_daq.csv", tmp_path / "b_forces.csv"), tmp_path / "logger.toml"
+    text = '[channels]\nPlatX = "Acc (g)"\nFx = "F (N)"\n'
+    logger.write_text(text)
+
+    def found(*words):
+        code, out, _ = command(*words, "--as", logger, "--json")
+        document = json.loads(out)
+        said = [f for run in document.get("runs", [document]) for f in run["findings"]]
+        return code, [(f["code"], f["channel"]) for f in said if f["code"].startswith("channel_")], str(said)
+
+    code, said, message = found("info", logs[1])
+    assert (code, said) == (1, [("channel_not_found", "PlatX")])
+    assert "channels.PlatX: the log has no channel of this name; there are Time, Fx, G" in message.replace(" (s)", "")
+    assert found("ingest", logs[1], "-o", tmp_path / "one")[:2] == (1, [("channel_not_found", "PlatX")])
+    for n, runs in enumerate(("", "file,run\na_daq.csv,r\nb_forces.csv,r\n", "file\na_daq.csv\nb_forces.csv\n")):
+        (tmp_path / "runs.csv").write_text(runs)
+        table = ("--runs", tmp_path / "runs.csv") if runs else ()
+        assert found("ingest", *logs[::-1], *table, "-o", tmp_path / f"c{n}")[1] == [("channel_elsewhere", "PlatX")]
+        assert (tmp_path / f"c{n}" / ("r.h5" if "run" in runs else "b_forces.h5")).exists()
+    logger.write_text(text.replace("PlatX", "PlatY"))
+    code, said, message = found("ingest", *logs, "-o", tmp_path / "none")
+    assert (code, said) == (1, [("channel_not_found", "PlatY")] * 2)
+    assert "did you mean 'PlatX'" in message
+    logger.write_text('normal = ["channel_not_found"]\n' + text)
+    assert found("ingest", logs[1], "-o", tmp_path / "normal")[:2] == (0, [])
 
 
 def test_a_log_is_stored_by_the_rate_that_is_stated(tmp_path, command):
