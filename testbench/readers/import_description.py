@@ -187,7 +187,7 @@ class ImportDescription(Table):
         is_named = self.time_zone and not _OFFSET.fullmatch(self.time_zone)
         firsts = _first_times(recording, self.time[0]) if is_named and any(_SINCE in u for u in self.time_unit) else {}
         may_be_timed = self.channels or any(isinstance(group.clock, TimeColumn) for group in recording.groups)
-        begun = {} if self.rate is None or self.states_time or not may_be_timed else _beginnings(recording)
+        begun = {} if self.rate is None or not may_be_timed else _beginnings(recording)
         known = [_Plan(self, group, recording, firsts, begun.get(group.name)) for group in recording.groups]
         channels = [channel for group in recording.groups for channel in group.channels]
         names = list(dict.fromkeys(channel.name for channel in channels))
@@ -244,7 +244,7 @@ class _Plan:
     """What the description makes of one group: its channels, its clock, and of its blocks their columns.
 
     ``firsts`` is the first time of a group where the zone's offset from UTC must be that of then, ``begun`` its first
-    samples where a rate is stated and no column of time; ``findings`` are on what is stated and what is there.
+    samples where a rate is stated; ``findings`` are on what is stated and what is there.
     """
 
     def __init__(
@@ -311,7 +311,7 @@ class _Plan:
         A column of time that is renamed to something else is none, and none is where ``time`` says so.
         """
         before, own = self.before.clock, self.before.channels
-        if self.description.states_time:
+        if self.description.states_time and not self.description.time:
             return None if isinstance(before, TimeColumn) else before
         renamed = [i for i, (new, old) in enumerate(zip(channels, own, strict=True)) if new != old]
         taken = [replace(found, index=i) for i in renamed if (found := time_column([channels[i]])) is not None]

@@ -3,7 +3,8 @@
 import hashlib
 import json
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,16 @@ from balance import datasets
 from testbench.errors import RecordingError
 from testbench.readers import ReadOptions
 from testbench.readers.import_description import ImportDescription
-from testbench.recording import MEANING, TimeColumn, refusing_findings
+from testbench.recording import (
+    MEANING,
+    Block,
+    Channel,
+    Group,
+    Recording,
+    TimeColumn,
+    UniformClock,
+    refusing_findings,
+)
 from testbench.store import open_run
 
 from .. import reading
@@ -287,6 +297,24 @@ def test_a_rate_and_a_column_that_is_called_time(tmp_path, name):
     assert {f.code for f in found.findings} - {"dialect", "unit_missing", "clipping_suspected"} == codes
     said = [f.message for f in found.findings if f.code in ("time_set_aside", "rate_contradiction", "time_irregular")]
     assert all("import description" in message and "100 Hz" in message for message in said)
+
+
+@pytest.mark.parametrize(
+    ("text", "clocks"),
+    [
+        ('time = "ms"', [TimeColumn(0, 1e-3), TimeColumn(0)]),
+        ('time = "ms"\nrate = "5 Hz"', [TimeColumn(0, 1e-3), TimeColumn(0)]),
+        ('rate = "5 Hz"', [UniformClock(5.0), TimeColumn(0)]),
+        ("time = []", [None, None]),
+    ],
+)
+def test_time_of_one_group_of_several(text, clocks):
+    """What is stated is of the group that has the column; the other keeps its own, unless none is time."""
+    groups = tuple(Group(n, (Channel(n, n), Channel("F", "N"))) for n in ("ms", "s"))
+    groups = groups[0], replace(groups[1], clock=TimeColumn(0))
+    read = [Block(group, (np.arange(9.0), np.ones(9)), 0) for group in groups]
+    log = Recording(Path("log"), "made", "made", groups, lambda report: iter(read))
+    assert [group.clock for group in described(text).description.applied(log).groups] == clocks
 
 
 def test_a_channel_that_is_described_and_not_there(tmp_path, command):
