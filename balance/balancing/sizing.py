@@ -30,7 +30,7 @@ _ROUNDING = 1e-9
 
 
 def along_axes(vector: Floats) -> str:
-    """Components that are not zero, such as ``x 130, z 4``."""
+    """Components of a vector (3,) [any unit] that are not zero, such as ``x 130, z 4``."""
     kept = np.abs(vector) > _ROUNDING * np.abs(vector).max()
     shown = [f"{axis} {value:.5g}" for axis, value, keep in zip("xyz", vector, kept, strict=True) if keep]
     return ", ".join(shown) or "0"
