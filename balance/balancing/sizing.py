@@ -118,9 +118,6 @@ class Sizing(Shown, rows="counter_masses", figure="balance.figures.mechanism:dra
     """What they make small; None for masses that were given."""
     bound: float | None = None
     """What no masses that are allowed can make the objective less than [square of its unit]."""
-    used_up: Mapping[str, int] = field(default_factory=dict)
-    """Plates of which all in stock are used and one more would leave less: how many there are, by name. All kinds where
-    no plate is left."""
 
     def root_mean_squares(self) -> tuple[float, float]:
         """Root of the objective without and with the counter-masses [its unit]."""
@@ -319,24 +316,26 @@ def best_sets_from_stock(
     A plate's quantity is for all sites together; ``limits`` [kg] and ``equal`` as in ``exact_sizing``; ``exact`` as in
     ``best_plates``.
     """
-    from .stock_search import best_plates, wanting_kinds  # late: masses of any size are found without it
+    from .stock_search import best_plates  # late: masses of any size are found without it
 
     names = chosen_sites(mechanism, sites)
     objective = objective or conditions.objective
-    columns, target = objective.system(mechanism, names)
+    columns, target, turning = _stock_system([(objective, mechanism)], names, plates)
     groups = [group for group in site_groups(names, equal) if len(group) > 1]
-    turning = objective.turning(mechanism, names), _turning_inertia(mechanism, names, plates)
-    stock, upper = _stock_arrays(plates), upper_limits(names, limits)
-    found = best_plates(columns, target, *stock, upper, groups, best, turning, exact)
-    sets = []
-    for one in found.selections:
-        masses, piles = dict(zip(names, one.masses, strict=True)), _piles(names, one.counts, plates)
-        wanting = wanting_kinds(columns, target, *stock, one.counts, upper, groups, turning) if exact is None else []
-        kinds = range(len(plates)) if (one.counts.sum(axis=0) == stock[1]).all() else wanting
-        used_up = {plates[kind].name: plates[kind].quantity for kind in kinds if plates[kind].quantity}
-        sized = sizing_of_given(conditions, mechanism, masses, piles, objective, found.bound)
-        sets.append(replace(sized, used_up=used_up))
-    return tuple(sets)
+    found = best_plates(
+        columns, target, *_stock_arrays(plates), upper_limits(names, limits), groups, best, turning, exact
+    )
+    return tuple(
+        sizing_of_given(
+            conditions,
+            mechanism,
+            dict(zip(names, one.masses, strict=True)),
+            _piles(names, one.counts, plates),
+            objective,
+            found.bound,
+        )
+        for one in found.selections
+    )
 
 
 def nested_sizing(
@@ -354,18 +353,15 @@ def nested_sizing(
     names, loads = chosen_sites(mechanisms[0], sites), len(mechanisms)
     objectives = objectives or [workspace_objective(mechanism) for mechanism in mechanisms]
     each = list(zip(objectives, mechanisms, strict=True))
-    systems = [objective.system(mechanism, names) for objective, mechanism in each]
-    columns, target = _growing([own for own, _ in systems]), np.concatenate([own for _, own in systems])
+    columns, target, turning = _stock_system(each, names, plates or ())
     if plates is None:
         added, proven = distribute_masses(columns, target).masses.reshape(loads, len(names)), True
         masses = np.cumsum(added, axis=0)
     else:
         from .stock_search import best_plates  # late: masses of any size are found without it
 
-        beyond = np.tile(_turning_inertia(mechanisms[0], names, plates), (loads, 1))
-        per_turning = _growing([objective.turning(mechanism, names) for objective, mechanism in each])
         weights, quantities = _stock_arrays(plates)
-        found = best_plates(columns, target, weights, quantities, turning=(per_turning, beyond))
+        found = best_plates(columns, target, weights, quantities, turning=turning)
         counts = np.cumsum(found.selections[0].counts.reshape(loads, len(names), len(plates)), axis=0)
         masses, proven = counts @ weights, not found.gap > 0.0
     sets = []
@@ -374,6 +370,64 @@ def nested_sizing(
         one = sizing_of_given(conditions, mechanism, dict(zip(names, masses[k], strict=True)), piles, objective)
         sets.append(replace(one, bound=objective.value(one.after)) if proven else one)
     return tuple(sets)
+
+
+@dataclass(frozen=True)
+class StockUse:
+    """How many plates of a stock are used, by name, and of which more would leave less."""
+
+    used: Mapping[str, int]
+    in_stock: Mapping[str, int]
+    wanting: tuple[str, ...] = ()
+    """Kinds of which too few are left for one more at a site, or at each of equal sites, which would leave less."""
+
+    def document(self) -> dict[str, Any]:
+        """For JSON: how many there are of those that are wanting, and whether no plate is left."""
+        used_up = {name: self.in_stock[name] for name in self.wanting}
+        return {"used_up_plates": used_up, "all_plates_used": self.used == self.in_stock}
+
+    def __str__(self) -> str:
+        """The kinds that are wanting; else whether no plate is left, or nothing."""
+        if self.wanting:
+            kinds = ", ".join(f"{name} ({self.used[name]} of {self.in_stock[name]} used)" for name in self.wanting)
+            return f"Less would remain with more of these plates: {kinds}."
+        return "All plates of the stock are used." if self.used == self.in_stock else ""
+
+
+def stock_use(
+    sets: Sequence[Sizing],
+    plates: "Sequence[Plate]",
+    limits: Mapping[str, float] | None = None,
+    equal: Sequence[Sequence[str]] = (),
+    is_linear: bool = True,
+) -> StockUse:
+    """Use of a stock by one set, or by ``sets`` that only grow; ``limits`` [kg] and ``equal``, of one, as it was sized.
+
+    Which kinds are wanting is left open where what is made small is not linear in the masses.
+    """
+    from .stock_search import wanting_kinds  # late: masses of any size are found without it
+
+    names = [one.site for one in sets[0].counter_masses]
+    piles = [[[c.plates.count(plate.name) for plate in plates] for c in one.counter_masses] for one in sets]
+    counts = np.diff(np.array(piles), axis=0, prepend=0).reshape(-1, len(plates))
+    wanting = list[int]()
+    if is_linear:
+        each = [(one.objective or one.conditions.objective, one.before) for one in sets]
+        columns, target, turning = _stock_system(each, names, plates)
+        upper, groups = np.tile(upper_limits(names, limits), len(sets)), site_groups(names, equal) if equal else ()
+        wanting = wanting_kinds(columns, target, *_stock_arrays(plates), counts, upper, groups, turning)
+    used = dict(zip((plate.name for plate in plates), counts.sum(axis=0).tolist(), strict=True))
+    return StockUse(used, {plate.name: plate.quantity for plate in plates}, tuple(plates[k].name for k in wanting))
+
+
+def _stock_system(
+    each: Sequence[tuple[Objective, Mechanism]], names: Sequence[str], plates: "Sequence[Plate]"
+) -> tuple[Floats, Floats, tuple[Floats, Floats]]:
+    """Columns, target and ``turning`` of ``best_plates``, for sets that only grow, one for each load."""
+    systems = [objective.system(mechanism, names) for objective, mechanism in each]
+    columns, target = _growing([own for own, _ in systems]), np.concatenate([own for _, own in systems])
+    per_turning = _growing([objective.turning(mechanism, names) for objective, mechanism in each])
+    return columns, target, (per_turning, np.tile(_turning_inertia(each[0][1], names, plates), (len(each), 1)))
 
 
 def _growing(columns: Sequence[Floats]) -> Floats:

@@ -18,7 +18,17 @@ from . import objective
 from .conditions import balance_conditions
 from .objective import Objective
 from .remaining_force import Verdict, verdict_of
-from .sizing import CounterMass, Sizing, along_axes, best_sets_from_stock, chosen_sites, exact_sizing, sizing_document
+from .sizing import (
+    CounterMass,
+    Sizing,
+    StockUse,
+    along_axes,
+    best_sets_from_stock,
+    chosen_sites,
+    exact_sizing,
+    sizing_document,
+    stock_use,
+)
 
 if TYPE_CHECKING:
     from .stock_search import Exact
@@ -43,6 +53,7 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
     """What is made small, by name."""
     motion: str | None
     stock: str | None
+    stock_use: StockUse | None = None
     trajectory: Trajectory | None = None
     rig: str | None = None
     left_out: tuple[str, ...] = ()
@@ -78,16 +89,6 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
         """Whether more remains than steps of stock plates leave, or something was left out."""
         return self.verdict.has_finding or bool(self.left_out)
 
-    @property
-    def used_up(self) -> Mapping[str, int]:
-        """Plates of which all in stock are used and one more would leave less: how many, by name; all kinds where none
-        is left.
-
-        None are named where masses of any size leave no less, nor for the vibration of a base, which is not linear.
-        """
-        left, least = (one.remaining_percent() or 0.0 for one in (self.best, self.any_mass))
-        return {} if self.rig or self.balanced or left <= least * (1.0 + 1e-6) else self.best.used_up
-
     @cached_property
     def responses(self) -> dict[str, Response]:
         """The motion ``before`` and ``after`` balancing; none without a motion."""
@@ -122,8 +123,8 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
                 for one in verdict.needed
             ],
         }
-        if self.stock:
-            found["used_up_plates"] = dict(self.used_up)
+        if self.stock_use:
+            found |= self.stock_use.document()
         if len(self.sets) > 1:
             found["sets"] = [
                 {"counter_masses": plain(one.counter_masses), "remaining_percent": one.remaining_percent()}
@@ -161,14 +162,13 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
             yield "Masses of other sizes at these sites would " + (
                 "balance it completely." if verdict.attainable else f"leave {remain}."
             )
-        if self.used_up:
-            used = ", ".join(f"{count} of {count} {name}" for name, count in self.used_up.items())
-            yield f"Used up, so that less could remain with more of them: {used}."
-        for one in verdict.needed:
-            bodies = " or ".join([one.body, *one.alternatives])
-            left = f"{self._share(one.after)} would" if one.after else "nothing would"
-            moment = f", with the first moment {along_axes(one.first_moment)} kg m" if one.first_moment.any() else ""
-            where = moment + (f" on {one.body}" if moment and one.alternatives else "")
+        if self.stock_use and (use := str(self.stock_use)):
+            yield use
+        for site in verdict.needed:
+            bodies = " or ".join([site.body, *site.alternatives])
+            left = f"{self._share(site.after)} would" if site.after else "nothing would"
+            moment = f", with the first moment {along_axes(site.first_moment)} kg m" if site.first_moment.any() else ""
+            where = moment + (f" on {site.body}" if moment and site.alternatives else "")
             yield f"With a site on body {bodies} as well{where}: {left} remain."
         if verdict.directions and not verdict.attainable and not verdict.needed:
             yield "No counter-mass on any body would lessen it."
@@ -233,6 +233,7 @@ def study_sizing(
     else:
         any_mass = sized(objective.motion_objective(model, trajectory, weights) if trajectory else conditions.objective)
     sets: Sequence[Sizing] = [any_mass]
+    use: StockUse | None = None
     if stock:
         from .stock_plates import load_stock
         from .stock_search import selections
@@ -248,9 +249,10 @@ def study_sizing(
             sets = base_vibration.least_vibration_from_stock(model, sites, least, ways, from_stock)
         else:
             sets = from_stock(least)
+        use = stock_use(sets[:1], plates, limits, equal, is_linear=rig is None)
     first = replace(sets[0], payload_bodies=tuple(payload_bodies) or model.payload_bodies)
     verdict = verdict_of(first, any_mass, _samples(trajectory, model) if set(weights) == {"force"} else None)
-    return SizingStudy((first, *sets[1:]), any_mass, verdict, weights, motion, stock, trajectory, rig, left_out)
+    return SizingStudy((first, *sets[1:]), any_mass, verdict, weights, motion, stock, use, trajectory, rig, left_out)
 
 
 def _refuse_unlike(weights: Mapping[str, float], trajectory: Trajectory | None, rig: str | None, best: int) -> None:

@@ -140,9 +140,10 @@ def wanting_kinds(
     equal: Sequence[Sequence[int]] = (),
     turning: tuple[Floats, Floats] | None = None,
 ) -> list[int]:
-    """Kinds of which all plates are used in ``counts`` (sites, kinds), though one more at a site would lessen J.
+    """Kinds of which ``counts`` (sites, kinds) leaves too few for one more at a site, which would lessen J [unit^2].
 
-    One more is added, or takes the place of a plate of another kind at any site; the rest is as for ``best_plates``.
+    One more, in each of a group of sites, is added, or takes the place of a plate at any site or group; the rest is as
+    for ``best_plates``.
     """
     groups = _groups(len(counts), equal)
     effect = columns[:, :, None] * masses
@@ -153,15 +154,18 @@ def wanting_kinds(
     room = np.array([(most - counts @ masses)[group].min() for group in groups])
     of_group = np.stack([effect[:, group].sum(axis=1) for group in groups], axis=1)
     held = np.argwhere([counts[group].min(axis=0) > 0 for group in groups])
+    size, least = np.array([len(group) for group in groups]), (1.0 - _WORTHWHILE) ** 2 * np.sum(left**2)
     found = []
-    for kind in np.flatnonzero((quantities > 0) & (counts.sum(axis=0) == quantities)).tolist():
+    for kind in np.flatnonzero(quantities > 0).tolist():
         added = left[:, None] + of_group[:, :, kind]
         removed = np.column_stack([np.zeros(len(left)), of_group[:, held[:, 0], held[:, 1]]])
         freed = np.zeros((len(groups), removed.shape[1]))
         freed[held[:, 0], 1 + np.arange(len(held))] = masses[held[:, 1]]
         fits = masses[kind] <= room[:, None] + freed + _ROUNDING * masses.sum()
+        back = np.append(0, np.where(held[:, 1] == kind, size[held[:, 0]], 0))
+        lacks = counts[:, kind].sum() + size[:, None] - back > quantities[kind]
         values = np.sum((added[:, :, None] - removed[:, None, :]) ** 2, axis=0)
-        if (values[fits] < (1.0 - _WORTHWHILE) ** 2 * np.sum(left**2)).any():
+        if (values[fits & lacks] < least - _TIE * np.sum(target**2)).any():
             found.append(kind)
     return found
 

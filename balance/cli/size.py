@@ -226,14 +226,16 @@ def _size_growing(
     from ..balancing.conditions import balance_conditions
     from ..balancing.objective import MADE_SMALL, motion_objective, workspace_objective
     from ..balancing.remaining_force import STEPS
-    from ..balancing.sizing import exact_sizing, nested_sizing, sizing_document
+    from ..balancing.sizing import exact_sizing, nested_sizing, sizing_document, stock_use
     from ..balancing.stock_plates import load_stock
     from ..front_door import follow
 
     models = [options.load_mechanism_option(mechanism, payload) for payload in payloads]
     found, along = balance_conditions(models[0]), follow(models[0], motion) if motion else None
     objectives = [motion_objective(m, along, weights) if along else workspace_objective(m) for m in models]
-    nested = nested_sizing(found, models, load_stock(stock) if stock else None, sites, objectives)
+    plates = load_stock(stock) if stock else None
+    nested = nested_sizing(found, models, plates, sites, objectives)
+    use = stock_use(nested, plates) if plates else None
     sets, mounted = [], dict[str, float]()
     for model, payload, one in zip(models, payloads, nested, strict=True):
         masses = {counter.site: counter.mass for counter in one.counter_masses}
@@ -257,11 +259,14 @@ def _size_growing(
             if complete
             else f"Not balanced completely: {left} of the RMS {what} remains with the payloads below."
         )
+        if use and not complete and str(use):
+            say(str(use))
         _print_nested(models[0].name, sets, stock, published.get("published"))
 
     largest = max(one["remaining_percent"] or 0.0 for one in sets)
     is_enough = complete or (bool(stock) and largest <= 100.0 * STEPS)
-    return Answer({"mechanism": models[0].name, "stock": stock, "sets": sets, **published}, show, not is_enough)
+    shown = {"mechanism": models[0].name, "stock": stock, "sets": sets, **(use.document() if use else {}), **published}
+    return Answer(shown, show, not is_enough)
 
 
 def _published(models: "Sequence[Mechanism]", payloads: Sequence[options.Masses]) -> dict[str, Any]:

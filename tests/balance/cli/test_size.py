@@ -39,8 +39,39 @@ def test_stock(balance):
     out = balance(*arguments).out
     assert "M1 + M2 + M4" in out
     assert "17.2437" in out
-    assert document["used_up_plates"] == {"M2": 2}
-    assert "Used up, so that less could remain with more of them: 2 of 2 M2." in out
+
+
+FOUR_BAR = ("four-bar", "--motion", "four-bar")
+LIMITS = ("--limit", "counter_A0A=0.6kg", "--limit", "counter_B0B=0.6kg")
+EQUAL = ("--equal", "counter_A0A,counter_B0B")
+OF_PLATFORM = ("parallelogram-6bar", "-p", "platform=1.451kg")
+
+
+@pytest.mark.parametrize(
+    ("given", "plate", "wanting", "said"),
+    [
+        (("parallelogram-6bar", "-p", "platform=3.4116kg"), "", {"M2": 2}, "Less would remain with more"),
+        ((*FOUR_BAR,), "A,1.2,2", {}, "All plates of the stock are used."),
+        ((*FOUR_BAR,), "A,1.2,9", {}, ""),
+        ((*FOUR_BAR, *LIMITS), "A,0.5,2", {}, "All plates of the stock are used."),
+        ((*FOUR_BAR,), "A,0.5,2", {"A": 2}, "more of these plates: A (2 of 2 used)."),
+        ((*FOUR_BAR, *EQUAL), "A,0.3,3", {"A": 3}, "more of these plates: A (2 of 3 used)."),
+        ((*FOUR_BAR, *EQUAL), "A,0.3,9", {}, ""),
+        (OF_PLATFORM, "", {}, ""),
+        ((*OF_PLATFORM, "-p", "platform=15kg"), "", dict.fromkeys(("M1", "M2", "M3", "M4"), 2), "M3 (2 of 2 used)"),
+        ((*OF_PLATFORM, "-p", "platform=2kg"), "A,1,500", {}, ""),
+    ],
+)  # fmt: skip
+def test_plates_of_which_more_would_leave_less_are_named(balance, tmp_path, given, plate, wanting, said):
+    """Those alone, too few for a group of equal sites included; else whether all are used, or nothing."""
+    (tmp_path / "stock.csv").write_text(f"name,mass_kg,quantity\n{plate}\n", encoding="utf-8")
+    stock = ("--stock", str(tmp_path / "stock.csv") if plate else "kiper2019")
+    document = json.loads(balance("size", *given, *stock, "--json").out)
+    out = balance("size", *given, *stock).out
+    assert document["used_up_plates"] == wanting
+    assert document["all_plates_used"] or not said.startswith("All")
+    assert said in out
+    assert bool(said) == ("Less would remain" in out or "All plates" in out)
 
 
 def test_a_motion_compares_before_and_after(balance):
