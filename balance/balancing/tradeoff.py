@@ -43,6 +43,8 @@ class FrontPoint:
     added_mass: Annotated[float, Key("added_mass_kg", "added [kg]", ".4f")]
     masses: Annotated[Mapping[str, float], Key("counter_masses_kg", "masses [kg]", lambda m: _listed(m))]
     """By site [kg]."""
+    on_curve: Annotated[bool, Key("least_force_for_mass")]
+    """Whether no other masses of the same sum leave less force."""
 
 
 def _listed(masses: Mapping[str, float]) -> str:
@@ -77,8 +79,8 @@ def tradeoff_front(
     With ``added`` [kg] no point adds more, and that of the least force with so much is the first. Moment is about the
     base frame's origin. Points that no other betters in one quantity without a loss in another.
     """
-    if points < 4:
-        raise SizingError(f"{points} points: expected 4 at least, one for the end of each quantity")
+    if not isinstance(points, int | np.integer) or points < 4:
+        raise SizingError(f"{points} points: expected a whole number, 4 at least: one for the end of each quantity")
     if added is not None and not added >= 0.0:
         raise SizingError(f"{added:g} kg may be added in all: expected zero or more")
     names = chosen_sites(mechanism, sites)
@@ -109,9 +111,9 @@ def tradeoff_front(
             if end.sum() > added:
                 weights[k] = _lighter(weights[k], lambda weights: float(least(weights).sum()), added)
                 ends[k] = least(weights[k])
-    found = _spread(ends, weights, least, quantities_of, points)
-    found = [masses for masses in found if added is None or masses.sum() <= added]
-    values = np.array([quantities_of(masses) for masses in found])
+    spread = _spread(ends, weights, least, quantities_of, points)
+    spread = [(masses, on_curve) for masses, on_curve in spread if added is None or masses.sum() <= added]
+    values = np.array([quantities_of(masses) for masses, _ in spread])
     return tuple(
         FrontPoint(
             float(row[0]),
@@ -119,8 +121,9 @@ def tradeoff_front(
             float(row[2]) if len(row) == 4 else None,
             float(masses.sum()),
             dict(zip(names, masses.tolist(), strict=True)),
+            on_curve,
         )
-        for row, masses in _unbettered(values, found)
+        for row, masses, on_curve in _unbettered(values, spread)
     )
 
 
@@ -147,9 +150,10 @@ def _spread(
     least: Callable[[Floats], Floats],
     quantities_of: Callable[[Floats], Floats],
     points: int,
-) -> list[Floats]:
-    """Masses of so many points of a front, spread evenly over it, the ``ends`` first: those of the least of each
-    quantity, the force the first and the added mass the last.
+) -> list[tuple[Floats, bool]]:
+    """Masses of so many points of a front, spread evenly over it, and whether by weights of force and added mass alone.
+
+    The ``ends`` are first: those of the least of each quantity, the force the first and the added mass the last.
 
     ``least`` gives the masses of weights. The weights fill a simplex between ``corners``, those of the ends; it is cut
     where neighbours are furthest apart in their quantities, each over its range, at weights between theirs that give a
@@ -165,10 +169,12 @@ def _spread(
     def distance(one: int, values_there: Floats) -> float:
         return float(np.linalg.norm((values[one] - values_there) / ranges))
 
+    def on_curve(*ks: int) -> bool:
+        return not any(weights[k][1:-1].any() for k in ks)
+
     def neighbours(pairs: Iterable[tuple[int, int]]) -> None:
         for one, other in pairs:
-            on_curve = not (weights[one] + weights[other])[1:-1].any()
-            heappush(apart, (-distance(one, values[other]) * (_FINER if on_curve else 1.0), one, other))
+            heappush(apart, (-distance(one, values[other]) * (_FINER if on_curve(one, other) else 1.0), one, other))
 
     neighbours(combinations(range(len(ends)), 2))
     while len(found) < points and apart:
@@ -193,11 +199,14 @@ def _spread(
         simplices.difference_update(cut)
         simplices.update(simplex - {old} | {new} for simplex in cut for old in (one, other))
         neighbours([(corner, new) for corner in sorted(frozenset().union(*cut))])
-    return found
+    return [(masses, on_curve(k)) for k, masses in enumerate(found)]
 
 
-def _unbettered(values: Floats, masses: Sequence[Floats]) -> list[tuple[Floats, Floats]]:
-    """Rows (n, quantities) that no other is as good as in all quantities, each once, the least force first."""
+def _unbettered(values: Floats, spread: Sequence[tuple[Floats, bool]]) -> list[tuple[Floats, Floats, bool]]:
+    """Rows (n, quantities) that no other is as good as in all quantities, each once, the least force first.
+
+    A row is on the curve where one of those that are the same is.
+    """
     edge = _SAME * values.max(axis=0)
     kept: list[int] = []
     for k in np.lexsort(values.T[::-1]):
@@ -206,4 +215,5 @@ def _unbettered(values: Floats, masses: Sequence[Floats]) -> list[tuple[Floats, 
         same = any((np.abs(values[j] - values[k]) <= edge).all() for j in kept)
         if not better.any() and not same:
             kept.append(int(k))
-    return [(values[k], masses[k]) for k in kept]
+    alike = [np.flatnonzero((np.abs(values - values[k]) <= edge).all(axis=1)).tolist() for k in kept]
+    return [(values[k], spread[k][0], any(spread[j][1] for j in same)) for k, same in zip(kept, alike, strict=True)]

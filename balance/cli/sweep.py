@@ -282,15 +282,22 @@ def _print_front(found: "Front") -> None:
     from ..balancing.tradeoff import FrontPoint
 
     front = found.points
-    lightest = min(front, key=lambda one: one.added_mass)
-    say(
-        f"From {front[0].force:.4g} N of force with {front[0].added_mass:.4g} kg to {lightest.force:.4g} N with "
-        f"{lightest.added_mass:.4g} kg: {len(front)} point{'s' * (len(front) != 1)} of the front."
-    )
-    curve = [one for k, one in enumerate(front) if all(one.added_mass < other.added_mass for other in front[:k])]
-    shown = list(front) if Detail.everything else _spread(curve)
-    remark = f"{len(shown)} points of the least force for their mass; --all and --json have all {len(front)}."
-    remark = remark if len(shown) < len(front) else ""
+    first, lightest = front[0], min(front, key=lambda one: one.added_mass)
+    count = f"{len(front)} point{'s' * (len(front) != 1)} of the front"
+    if first is lightest:
+        costs = [("moment", first.moment, min(one.moment for one in front))]
+        costs += [("torque", first.torque or 0.0, min(one.torque or 0.0 for one in front))]
+        less = [f"the {name} from {most:.4g} to {least:.4g} N m" for name, most, least in costs if least < most]
+        with_more = f"more mass lessens {' and '.join(less)}" if less else "more mass lessens nothing"
+        say(f"The least force, {first.force:.4g} N, is with {first.added_mass:.4g} kg; {with_more}: {count}.")
+    else:
+        say(
+            f"From {first.force:.4g} N of force with {first.added_mass:.4g} kg to {lightest.force:.4g} N with "
+            f"{lightest.added_mass:.4g} kg: {count}."
+        )
+    shown = list(front) if Detail.everything else _spread([one for one in front if one.on_curve])
+    what = "point of the least force for its mass" if len(shown) == 1 else "points of the least force for their mass"
+    remark = f"{len(shown)} {what}; --all and --json have all {len(front)}." if len(shown) < len(front) else ""
     title = f"{found.mechanism}, motion {found.motion}: masses at {', '.join(front[0].masses)}"
     emit_table(title, *table(FrontPoint, shown), remark)
 
@@ -299,6 +306,8 @@ def _spread(curve: "Sequence[FrontPoint]") -> "list[FrontPoint]":
     """At most _POINTS points along a curve of force against added mass, evenly."""
     import numpy as np
 
+    if len(curve) <= _POINTS:
+        return list(curve)
     places = np.array([[one.force, one.added_mass] for one in curve])
     steps = np.diff(places, axis=0) / np.maximum(np.ptp(places, axis=0), 1e-300)
     along = np.append(0.0, np.cumsum(np.hypot(*steps.T)))

@@ -22,7 +22,8 @@ ASKED = [
     (lambda: balance.sweep("four-bar", "four-bar", {}), "nothing is varied"),
     (lambda: balance.tolerance("four-bar", "four-bar", {"AB.mass": -0.1}), "tolerances of more than zero"),
     (lambda: balance.tolerance("four-bar", "four-bar", {"AB.mass": 0.1}, draws=0), "one draw at least"),
-    (lambda: balance.tradeoff("four-bar", "four-bar", points=0), "0 points: expected 4"),
+    (lambda: balance.tradeoff("four-bar", "four-bar", points=0), "0 points: expected a whole number, 4 at least"),
+    (lambda: balance.tradeoff("four-bar", "four-bar", points=4.5), "4.5 points: expected a whole number, 4 at least"),
     (
         lambda: balance.tradeoff("four-bar", "four-bar", added="-1 kg"),
         "-1 kg may be added in all: expected zero or more",

@@ -94,16 +94,40 @@ def test_points_are_spread_over_the_front(four_bar):
 def test_with_a_limit_of_the_added_mass(four_bar):
     """Nothing adds more than is allowed; the first point is the least force with so much, by another solver."""
     mechanism, trajectory, front = four_bar
-    sites, most = mechanism.counter_sites, 0.4 * max(point.added_mass for point in front)
+    most = 0.4 * max(point.added_mass for point in front)
     capped = tradeoff_front(mechanism, trajectory, points=30, added=most)
     assert len(capped) > 20
     assert most * (1.0 - 1e-6) < max(point.added_mass for point in capped) <= most
+    assert capped[0].force == pytest.approx(least_force(mechanism, trajectory, most), rel=1e-4)
+
+
+@pytest.mark.parametrize("points", [12, 300])
+def test_points_of_the_least_force_for_their_mass(four_bar, points):
+    """Those that are marked, both ends included, by another solver; some others have more force than that."""
+    mechanism, trajectory, _ = four_bar
+    front = tradeoff_front(mechanism, trajectory, points=points)
+    marked = [point for point in front if point.on_curve]
+    assert len(marked) > 8
+    assert (front[0].on_curve, min(point.added_mass for point in marked)) == (True, 0.0)
+    bare = max(point.force for point in front)
+    for point in marked:
+        assert point.force == pytest.approx(least_force(mechanism, trajectory, point.added_mass), abs=1e-6 * bare)
+    others = [point for point in front if not point.on_curve]
+    assert max(one.force - least_force(mechanism, trajectory, one.added_mass) for one in others) > 1e-3 * bare
+
+
+def least_force(mechanism, trajectory, added):
+    """With so much added mass in all, by sequential quadratic programming."""
+    sites = mechanism.counter_sites
     columns, target = motion_objective(mechanism, trajectory, {"force": 1.0}).system(mechanism, sites)
+    triangle = np.linalg.qr(np.column_stack([columns, target]), mode="r")
+    columns, target = triangle[:, :-1], triangle[:, -1]
     least = minimize(
         lambda masses: np.sum((columns @ masses - target) ** 2) / np.sum(target**2),
-        np.full(len(sites), most / len(sites)),
+        np.full(len(sites), added / len(sites)),
+        jac=lambda masses: 2.0 * columns.T @ (columns @ masses - target) / np.sum(target**2),
         bounds=[(0.0, None)] * len(sites),
-        constraints={"type": "ineq", "fun": lambda masses: most - masses.sum()},
-        options={"ftol": 1e-12},
+        constraints={"type": "ineq", "fun": lambda masses: added - masses.sum()},
+        options={"ftol": 1e-14},
     )
-    assert capped[0].force == pytest.approx(np.sqrt(least.fun) * np.linalg.norm(target), rel=1e-4)
+    return np.sqrt(least.fun) * np.linalg.norm(target)

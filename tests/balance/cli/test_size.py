@@ -251,7 +251,7 @@ def test_options_that_do_not_go_together(balance, arguments):
 
 def test_the_front_of_force_moment_torque_and_mass(balance, tmp_path):
     """A verdict line and a table; JSON with all points; a figure."""
-    arguments = ("tradeoff", "four-bar", "--motion", "four-bar", "--points", "20", "--figure", tmp_path / "front.svg")
+    arguments = ("tradeoff", "four-bar", "--motion", "four-bar", "--points", "12", "--figure", tmp_path / "front.svg")
     code, out, err = balance(*arguments)
     assert (code, err) == (0, "")
     assert "points of the front" in out.splitlines()[0]
@@ -259,7 +259,17 @@ def test_the_front_of_force_moment_torque_and_mass(balance, tmp_path):
     document = json.loads(balance(*arguments[:-2], "--json").out)
     assert document["points"][0].keys() == {
         "rms_force_N", "rms_moment_Nm", "rms_torque_Nm", "added_mass_kg", "counter_masses_kg",
+        "least_force_for_mass",
     }  # fmt: skip
+    marked = sum(point["least_force_for_mass"] for point in document["points"])
+    assert f"\n{marked} points of the least force for their mass; --all and --json have all 12" in out
+
+
+def test_a_front_whose_least_force_is_without_masses(balance):
+    """It says what the points differ in; one point is one point."""
+    out = balance("tradeoff", "whitworth", "--motion", "whitworth", "--points", "12", "--added", "1kg").out
+    assert out.startswith("The least force, 25.04 N, is with 0 kg; more mass lessens the moment from 0.8013 to 0.7915")
+    assert "\n1 point of the least force for its mass; --all and --json have all 10." in out
 
 
 def test_least_vibration_of_a_base(balance, tmp_path):
