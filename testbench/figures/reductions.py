@@ -71,8 +71,9 @@ def _place(row: Row) -> tuple[str, str]:
 def _panel(panel: "Axes", rows: Sequence[Row]) -> None:
     """Conditions of one motion and axis, payload after payload, a gap between two."""
     rows = sorted(rows, key=lambda r: (r.analyzed.key.payload_kg or 0.0, r.analyzed.key.payloads, _peak(r)[0]))
-    payloads = list(dict.fromkeys(_payload(row) for row in rows))
-    at = np.array([i + payloads.index(_payload(row)) for i, row in enumerate(rows)], dtype=float)
+    carried = [(row.analyzed.key.payload_kg, row.analyzed.key.payloads) for row in rows]
+    payloads = {key: _payload(row) for key, row in zip(carried, rows, strict=True)}
+    at = np.array([i + list(payloads).index(key) for i, key in enumerate(carried)], dtype=float)
     for name, _, look in _LOOKS:
         panel.plot(at, np.array([_value(row, name) for row in rows], dtype=float), ls="none", **look)
     for x, row in zip(at, rows, strict=True):
@@ -81,12 +82,14 @@ def _panel(panel: "Axes", rows: Sequence[Row]) -> None:
     panel.axhline(0.0, color="k", lw=0.8)
     peaks = [_peak(row) for row in rows]
     panel.set_xticks(at, [f"{value:g}" if unit else "" for value, unit in peaks], fontsize=8)
-    middles = [float(np.mean([x for x, row in zip(at, rows, strict=True) if _payload(row) == p])) for p in payloads]
+    middles = [float(np.mean([x for x, key in zip(at, carried, strict=True) if key == one])) for one in payloads]
     below = panel.secondary_xaxis(0.0)  # a second line of labels
     units = " or ".join(dict.fromkeys(unit for _, unit in peaks if unit))
-    below.set_xticks(middles, [f"\n{payload}" if units else payload for payload in payloads], fontsize=8)
+    below.set_xticks(middles, [f"\n{payload}" if units else payload for payload in payloads.values()], fontsize=8)
     below.tick_params(length=0)
-    below.set_xlabel(", ".join(filter(None, (f"peak acceleration [{units}]" * bool(units), "payload" * any(payloads)))))
+    below.set_xlabel(
+        ", ".join(filter(None, (f"peak acceleration [{units}]" * bool(units), "payload" * any(payloads.values()))))
+    )
     panel.set_xlim(at[0] - _MARGIN, at[-1] + _MARGIN)
     panel.grid(axis="x", visible=False)
 
@@ -105,9 +108,8 @@ def _value(row: Row, name: str) -> float | None:
 def _payload(row: Row) -> str:
     """Payload of a condition, one a line where several bodies or sites carry one."""
     key = row.analyzed.key
-    return masses_text(key.payloads_kg).replace(", ", "\n") or (
-        "" if key.payload_kg is None else f"{key.payload_kg:g} kg"
-    )
+    whole = "" if key.payload_kg is None else f"{key.payload_kg:g} kg"
+    return "\n".join(filter(None, (whole, masses_text(key.payloads_kg).replace(", ", "\n"))))
 
 
 def _peak(row: Row) -> tuple[float, str]:

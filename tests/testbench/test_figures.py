@@ -112,6 +112,22 @@ def test_what_is_no_number_is_drawn_as_such(runs):
     assert [label.get_text() for label in below.get_xticklabels()] == ["\ntip 0.1 kg\ntool 5 kg"]
 
 
+def test_payloads_with_a_name_and_without_are_told_apart(runs):
+    """Two payloads of the mechanism with one on a body besides: two groups, each with both masses below it."""
+    analysis = analyze(runs, Measure())
+    sound = analysis.reductions[0]
+    rows = [
+        replace(sound, key=replace(sound.key, payload_kg=mass, payloads=named))
+        for mass in (1.451, 5.0)
+        for named in ((), (("BD", 3.0),))
+    ]
+    figure = figures.reductions(replace(analysis, reductions=tuple(rows)))
+    (below,) = figure.axes[0].child_axes
+    assert [label.get_text() for label in below.get_xticklabels()] == [
+        "\n1.451 kg", "\n1.451 kg\nBD 3 kg", "\n5 kg", "\n5 kg\nBD 3 kg"
+    ]  # fmt: skip
+
+
 def test_origin(runs):
     """Measured runs carry no mark; a mixture names both."""
     measured = replace(runs[0], origin="measured")
