@@ -84,7 +84,7 @@ def page(made):
 
 @pytest.fixture(scope="module")
 def hostile(made):
-    """The same page of a campaign, run, sensor, channel, site and motion with hostile names."""
+    """The same page of a campaign, run, sensor, channel, site and motion with hostile names, and a mass at a site."""
     _, path, document = made
     data = json.loads(re.search(r'id="page-data">(.*?)</script>', path.read_text("utf-8"), re.DOTALL)[1])
 
@@ -102,9 +102,9 @@ def hostile(made):
     labels = {renamed(run["run"]): renamed(run["run"]) for run in document["runs"]}
     about = {"sections": module.SECTIONS, "figure": "", "pictures": [], "calibrations": [HOSTILE], "labels": labels}
     template = Path(module.__file__).with_name("campaign.html")
-    return Page(template, renamed(document) | {"campaign": HOSTILE}, renamed(data), about).write(
-        path.with_name("hostile.html")
-    )
+    changed = renamed(document) | {"campaign": HOSTILE}
+    changed["trim"][0]["payloads_kg"] = {HOSTILE: 3.0}
+    return Page(template, changed, renamed(data), about).write(path.with_name("hostile.html"))
 
 
 def test_every_number_is_the_documents(made, page):
@@ -187,6 +187,12 @@ def test_hostile_names_are_text(hostile, page):
     for block in re.findall(r'<script type="application/json"[^>]*>(.*?)</script>', text, re.DOTALL):
         assert "<" not in block
         assert "\\u202e" not in json.dumps(json.loads(block))
+
+
+def test_payloads_of_a_mounting_are_in_one_list(hostile):
+    """The heading says once that they are payloads."""
+    text = "".join(Parsed(hostile.read_text("utf-8")).text)
+    assert re.search(r"Payload [\d.]+ kg, 3 kg at [^,]*, counter-masses", text)
 
 
 def test_runs_that_cannot_be_compared_have_a_page(made, tmp_path):
