@@ -31,6 +31,7 @@ from balance.units import G0
 
 from .errors import AnalysisError
 from .kinematics.encoder_motion import mechanism_of
+from .recording import mounted_masses
 from .runs.aligned_run import AlignedRun, recorded_clocks
 from .runs.si_run import SIRun
 from .simulator.loggers import record_log
@@ -136,11 +137,12 @@ def next_for_reduction(
     ``payloads`` [kg] are by body or site, by an empty name that which has none. Raises AnalysisError where there is
     none with an interval.
     """
+    runs = list(runs)
     analysis = analyze(runs, measure, accept)
     wanted = [
         one
         for one in analysis.reductions
-        if _carries(one.key.payload_kg, one.key.payloads_kg, payloads)
+        if _carries(one.key.payload_kg, one.key.payloads_kg, payloads, _named(runs))
         and (not motions or one.key.motion in motions)
         and (not peaks or any(_has_peak(one.key, peak) for peak in peaks))
         and (not axes or one.axis in axes)
@@ -165,13 +167,24 @@ def next_for_reduction(
     return _ranked("reduction", "points", [_repeat(runs_of_side, rows) for runs_of_side in sides], notes)
 
 
-def _carries(payload_kg: float | None, payloads_kg: Mapping[str, float], asked: Sequence[tuple[str, float]]) -> bool:
+def _named(runs: Iterable[Run]) -> set[str]:
+    """Bodies and sites whose payload the run table states, of some run."""
+    return {name for run in runs for name in run.conditions.get("payloads", {})}
+
+
+def _carries(
+    payload_kg: float | None,
+    payloads_kg: Mapping[str, float],
+    asked: Sequence[tuple[str, float]],
+    named: Collection[str] = (),
+) -> bool:
     """Whether what a run table states of payloads [kg] is what is asked; where it names one alone, without name too.
 
+    Those that it has ``named`` for other runs alone are zero.
     Of several that are named none is meant without its name, nor is then the payload without a name 0 kg.
     """
     unnamed = [payload_kg] if payload_kg is not None else list(payloads_kg.values()) or [0.0]
-    stated = {**({"": unnamed[0]} if len(unnamed) == 1 else {}), **payloads_kg}
+    stated = {**dict.fromkeys(named, 0.0), **({"": unnamed[0]} if len(unnamed) == 1 else {}), **payloads_kg}
     return all(name in stated and bool(np.isclose(stated[name], mass)) for name, mass in asked)
 
 
@@ -250,9 +263,9 @@ def _of_one_mounting(runs: Sequence[Run], payloads: Sequence[tuple[str, float]])
     """The runs of the mounting with the most, bound to their rigs, and what is left out."""
     groups: dict[tuple[object, ...], list[Run]] = {}
     for run in runs:
-        payload, named = run.conditions.get("payload_kg"), run.conditions.get("payloads", {})
-        if _carries(payload, named, payloads) and run.rig is not None and "motion" in run.conditions:
-            masses = run.conditions.get("counter_masses", {})
+        payload, named = run.conditions.get("payload_kg"), mounted_masses(run.conditions, "payloads")
+        if _carries(payload, named, payloads, _named(runs)) and run.rig is not None and "motion" in run.conditions:
+            masses = mounted_masses(run.conditions, "counter_masses")
             groups.setdefault((payload, tuple(sorted(named.items())), *sorted(masses.items())), []).append(run)
     if not groups:
         wanted = "".join(f" of {name + ' ' if name else ''}{mass:g} kg" for name, mass in payloads)
@@ -276,7 +289,7 @@ def _candidates(
     others = [*motions, *(name for name in shipped if any(_alike(load_motion(name), motion) for motion in given))]
     sizes = [(key.peak_acceleration_g, key.peak_acceleration_rad_s2) for key in made]
     sizes += [(p.value / G0, None) if p.dimension == "acceleration" else (None, p.value) for p in peaks]
-    masses = {s: mass for s, mass in mounted[0].conditions.get("counter_masses", {}).items() if mass > 0.0}
+    masses = mounted_masses(mounted[0].conditions, "counter_masses")
     for motion, (linear, turning) in product(
         dict.fromkeys([*(key.motion for key in made), *others]), dict.fromkeys(sizes)
     ):

@@ -214,6 +214,11 @@ class Conditions(TypedDict, total=False):
     repeat: int
 
 
+def mounted_masses(stated: Conditions, key: Literal["payloads", "counter_masses"]) -> dict[str, float]:
+    """Those above zero, by body or site [kg]: zero is none, as where the run table names none."""
+    return {name: mass for name, mass in stated.get(key, {}).items() if mass > 0.0}
+
+
 def payload_text(stated: Conditions) -> str:
     """``5 kg, tip 0.1 kg``; empty where none is stated."""
     whole = [f"{stated['payload_kg']:g} kg"] if "payload_kg" in stated else []

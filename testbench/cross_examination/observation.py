@@ -26,7 +26,7 @@ from ..kinematics.motion_recognition import (
 )
 from ..kinematics.smoothing_and_derivatives import ALMOST, HIGHEST_CUTOFF, block_means, bridge_gaps, grid_of, low_pass
 from ..quality.clipping import is_dead, stuck_value
-from ..recording import Conditions
+from ..recording import Conditions, mounted_masses
 from ..rig import Column, Rig
 from ..rig.sensors import Accelerometer, Encoder, Target, Torque
 from ..runs.si_run import SIRun
@@ -181,7 +181,7 @@ class Observation:
     @property
     def counter_masses(self) -> dict[str, float]:
         """Counter-masses above zero by site, by the run table [kg]."""
-        return {site: mass for site, mass in self.conditions.get("counter_masses", {}).items() if mass > 0.0}
+        return mounted_masses(self.conditions, "counter_masses")
 
     @contextmanager
     def witness(self, name: str) -> Iterator[None]:

@@ -19,6 +19,7 @@ from ..figures.runs import HIGHEST, LOWEST
 from ..figures.style import condition_of
 from ..kinematics.encoder_motion import mechanism_of
 from ..loads.command_tracking import BANDWIDTH_HZ
+from ..recording import mounted_masses
 from ..rig.sensors import Accelerometer, Encoder, Target, Torque
 from ..runs.aligned_run import AlignedRun
 from ..runs.si_run import SIRun
@@ -135,7 +136,7 @@ def motions_of(runs: "Sequence[Run]", given: str | None) -> list[dict[str, Any]]
 
 def _motion(run: SIRun, condition: str, given: str | None) -> dict[str, Any]:
     bare, stated = mechanism_of(run, given), run.conditions
-    masses = {site: mass for site, mass in stated.get("counter_masses", {}).items() if mass > 0.0}
+    masses = mounted_masses(stated, "counter_masses")
     trajectory = AlignedRun(run, bare).trajectory(BANDWIDTH_HZ)
     if not np.ptp(trajectory.q, axis=0).any():
         raise AnalysisError(f"{run.name}: nothing moves")

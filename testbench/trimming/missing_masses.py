@@ -1,6 +1,7 @@
 """What first moment is missing on which arm, and which mass to add, from the runs of a mechanism."""
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -12,12 +13,13 @@ from balance.estimation.first_moment_imbalance import can_be_met, combine, masse
 from balance.estimation.identifiability import NotIdentifiable
 
 from ..errors import AnalysisError
-from ..recording import common_origin
+from ..recording import common_origin, mounted_masses
 from ..runs.aligned_run import AlignedRun
 from .estimators import ESTIMATORS, present_sources
 from .problem import SOURCES, Source, SourceEstimate, TrimProblem
 from .result import Share, Trim
 
+_Mounted = Literal["payload_kg", "payloads", "counter_masses"]
 _STATES = 40
 """Random states of a chain for each of its joints."""
 _ROUNDING, _NO_PART = 1e-9, 1e-6
@@ -117,13 +119,17 @@ def _sources(problem: TrimProblem, named: list[Source]) -> list[Source]:
     )
 
 
-def _differs(problem: TrimProblem, *keys: str) -> str:
+def _differs(problem: TrimProblem, *keys: _Mounted) -> str:
     """What differs between the mountings; empty if nothing does."""
+
+    def carried(run: AlignedRun, key: _Mounted) -> object:
+        stated = run.conditions
+        return stated.get(key, "none") if key == "payload_kg" else mounted_masses(stated, key) or "none"
+
     first, *others = problem.runs
     for run in others:
         for key in keys:
-            if run.conditions.get(key) != first.conditions.get(key):
-                here, there = run.conditions.get(key), first.conditions.get(key)
+            if (here := carried(run, key)) != (there := carried(first, key)):
                 return f"{run.name}: {key} is {here}, that of {first.name} {there}"
     return ""
 

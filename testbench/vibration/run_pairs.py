@@ -3,20 +3,20 @@
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from balance.results import Key
 from balance.units import G0
 
 from ..campaign_plan import PlannedRun
-from ..recording import Finding
+from ..recording import Finding, mounted_masses
 from ..store.ledger import read_ledger
 
 if TYPE_CHECKING:
     from ..store import Run
 
-_COMPARED = ("payload_kg", "payloads", "motion", "peak_acceleration_g", "peak_acceleration_rad_s2")
-"""Conditions that two runs must share; one that no run of a campaign states is not needed, the motion excepted."""
+_COMPARED = ("payload_kg", "motion", "peak_acceleration_g", "peak_acceleration_rad_s2")
+"""Conditions that two runs must state; one that no run of a campaign states is not needed, the motion excepted."""
 
 
 def masses_text(masses: Mapping[str, float]) -> str:
@@ -37,7 +37,7 @@ class ConditionKey:
     peak_acceleration_rad_s2: Annotated[float | None, Key("", "peak rad/s2", "g")] = None
     """Of joints that turn [rad/s2]; None where no run states one."""
     payloads: tuple[tuple[str, float], ...] = ()
-    """By body or site, in the order of their names [kg]."""
+    """By body or site, above zero, in the order of their names [kg]; of one that is not named as its file has it."""
 
     @property
     def payloads_kg(self) -> Annotated[dict[str, float], Key("", "payloads", masses_text)]:
@@ -56,7 +56,7 @@ class ConditionKey:
             linear,
             run.origin,
             turning,
-            tuple(sorted(c.get("payloads", {}).items())),
+            _in_order(run, "payloads"),
         )
 
     def planned(self, name: str, counter_masses: Mapping[str, float]) -> PlannedRun:
@@ -110,7 +110,7 @@ def pairs(runs: Iterable["Run"]) -> tuple[list[Pair], list[Finding]]:
             lack = f"its conditions lack {', '.join(missing)}: add them to the run table and ingest with --runs"
             findings.append(_finding(run, "conditions_missing", lack))
         else:
-            groups[ConditionKey.of(run)][_mounted_masses(run)].append(run)
+            groups[ConditionKey.of(run)][_in_order(run, "counter_masses")].append(run)
     found: list[Pair] = []
     for key, sets in groups.items():
         without = tuple(sets.pop((), ()))
@@ -123,9 +123,9 @@ def pairs(runs: Iterable["Run"]) -> tuple[list[Pair], list[Finding]]:
     return found, findings
 
 
-def _mounted_masses(run: "Run") -> tuple[tuple[str, float], ...]:
-    """Counter-masses above zero by site; a run table that names none means none."""
-    return tuple(sorted((site, mass) for site, mass in run.conditions.get("counter_masses", {}).items() if mass > 0.0))
+def _in_order(run: "Run", key: Literal["payloads", "counter_masses"]) -> tuple[tuple[str, float], ...]:
+    """Masses above zero in the order of their names [kg]."""
+    return tuple(sorted(mounted_masses(run.conditions, key).items()))
 
 
 def _fuller_run(runs: Sequence["Run"], part: "Run") -> "Run | None":

@@ -221,3 +221,5 @@ def test_a_payload_is_asked_by_its_name_or_as_the_only_one():
         (None, {}, [("tool", 0.0)], False),
     ):
         assert next_run._carries(payload_kg, named, asked) is carried
+    assert next_run._carries(None, {}, [("tip", 0.0)], {"tip"})  # of which other runs carry some
+    assert not next_run._carries(None, {"tip": 0.1}, [("tip", 0.0)], {"tip"})

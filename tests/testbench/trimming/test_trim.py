@@ -159,6 +159,13 @@ def test_runs_of_two_mountings_are_refused(manipulator, triangle):
         trim_runs(memory.aligned([triangle.run(0), other], manipulator), source="wrench")
 
 
+def test_zero_is_the_mounting_of_a_run_that_names_none(manipulator, triangle):
+    """A site with a payload of 0 kg, and one that is not named."""
+    other = triangle.run(1)
+    other = replace(other, conditions={**other.conditions, "payloads": {"counter_A0A": 0.0}})
+    assert trim_runs(memory.aligned([triangle.run(0), other], manipulator), source="wrench").missing
+
+
 @pytest.mark.parametrize("name", ["four-bar", "serial-2r"])
 def test_other_mechanisms_by_wrench(name):
     """A linkage and an arm on a force plate: what their counter-masses lack, within the interval."""

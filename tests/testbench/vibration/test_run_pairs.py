@@ -71,6 +71,20 @@ def test_payloads_by_name_are_conditions():
     assert "tool 1 kg, motion x, 3 g0" in findings[0].message
 
 
+@pytest.mark.parametrize("none", [{}, {"payloads": {}}, {"payloads": {"tip": 0.0}}])
+def test_no_payload_by_name_is_as_the_file_has_it(none):
+    """A blank cell beside others that are filled, and zero: one condition, and nothing is missing."""
+    runs = [run(name, masses) for name, masses in (("a", BUILT), ("b", {}), ("c", BUILT), ("d", {}))]
+    for each, stated in zip(runs, ({}, none, {"payloads": {"tip": 0.1}}, {"payloads": {"tip": 0.1}}), strict=True):
+        each.conditions.update(stated)
+    found, findings = pairs(runs)
+    assert [([one.name for one in pair.runs], pair.key.payloads_kg) for pair in found] == [
+        (["a", "b"], {}),
+        (["c", "d"], {"tip": 0.1}),
+    ]
+    assert not findings
+
+
 def test_no_test_counts_twice():
     """What was saved of a stopped ingest is left out where another run holds more of its logs, and only there."""
     logs = {"sources": [{"name": "a.csv", "size_bytes": 1000}]}
