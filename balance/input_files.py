@@ -23,6 +23,7 @@ from xml.etree import ElementTree
 from pydantic import (
     AfterValidator,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     GetCoreSchemaHandler,
@@ -57,7 +58,7 @@ _DEEPEST_XML = 1000
 _LONG_KEY = re.compile(rf"""(?<![\w."'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*\.[ \t]*){{{DEEPEST},}}""")
 _XML_ENCODING = re.compile(r"""\s*<\?xml[^>]*?\bencoding\s*=\s*["']([^"'>]*)["']""")
 _BARE_KEY = re.compile(r"[\w-]+")
-_COLUMN = re.compile(r"\s*([^()]*?)\s*(?:\((.+)\)\s*)?")
+_COLUMN = re.compile(r"\s*([^()]*?)\s*(?:(?:\((.+)\)|\[(.+)\])\s*)?")
 _EXPLAINED, _ABSENT = "explained", "absent"
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = _LONGEST_TEXT
@@ -135,6 +136,16 @@ def _distinct(tables: list[T]) -> list[T]:
 
 Distinct = AfterValidator(_distinct)
 """Annotation of a list of tables: no two have one name (likely a line copied twice)."""
+
+
+def _without_underscores(cell: object) -> object:
+    if isinstance(cell, str) and "_" in cell:
+        raise ValueError(f"{cell!r}: expected a number")
+    return cell
+
+
+NoUnderscores = BeforeValidator(_without_underscores)
+"""Annotation of a number in a CSV: Python alone takes ``1_451`` for one."""
 
 
 class OneForAll:
@@ -357,7 +368,9 @@ def _decimal_points(
     for line, row in rows:
         cells = list(row)
         for i, cell in enumerate(row):
-            if (number := _DECIMALS.fullmatch(cell.strip())) and header[i : i + 1] != ["name"]:
+            if (number := _DECIMALS.fullmatch(cell.strip())) and [
+                one.strip().casefold() for one in header[i : i + 1]
+            ] != ["name"]:
                 lines.setdefault(number[1], line)
                 cells[i] = cell.replace(",", ".")
         found.append((line, cells))
@@ -372,24 +385,22 @@ def _decimal_points(
 def csv_rows(model: type[Model], path: Path) -> list[Model]:
     """Read a CSV into models, a row each: ``radius (mm)`` in the header is the key ``radius`` in millimetres.
 
-    A key that names its unit, ``mass_kg``, may be written in another: ``mass_g`` or ``mass (g)``. Raises DataError, a
-    line for each column and each cell that is wrong.
+    A key that names its unit, ``mass_kg``, may be written in another: ``mass_g``, ``mass (g)`` or ``mass [g]``. Raises
+    DataError, a line for each column and each cell that is wrong.
     """
     header, rows = csv_cells(read_text(path), path.name)
     columns, wrong = list[_Column](), list[str]()
     for cell in header:
         try:
             with in_file(path.name, f"column {cell!r}"):
-                columns.append(_key_column(model, *_column(cell)))
+                columns.append(_key_column(model, *_name_and_unit(cell)))
         except DataError as error:
             columns.append(_Column("", ""))
             wrong.append(str(error))
     keys = [column.key for column in columns]
-    wrong += [
-        f"{path.name}: column {cell!r}: is there twice"
-        for cell, key in zip(header, keys, strict=True)
-        if key and keys.count(key) > 1
-    ]
+    for key in dict.fromkeys(key for key in keys if keys.count(key) > 1 and key):
+        twice = " and ".join(repr(cell) for cell, one in zip(header, keys, strict=True) if one == key)
+        wrong.append(f"{path.name}: columns {twice}: state {key} more than once: keep one")
     wrong += [
         f"{path.name}: no column {key!r}: expected {_meaning(model, key)}"
         for key, field in model.model_fields.items()
@@ -397,15 +408,16 @@ def csv_rows(model: type[Model], path: Path) -> list[Model]:
     ]
     found, is_whole = list[Model](), not wrong
     for line, row in rows:
-        read = zip(columns, row, strict=False)
-        cells = {column.key: column.read(cell.strip()) for column, cell in read if column.key and cell.strip()}
+        read = [(column, head, cell.strip()) for column, head, cell in zip(columns, header, row, strict=False)]
+        cells = {column.key: column.read(cell) for column, _, cell in read if column.key and cell}
+        renamed = {c.key: (head, cell) for c, head, cell in read if c.key and not c.unit and c.key != head.strip()}
         source = f"{path.name}, line {line}" + (f" ({cells['name']})" if "name" in cells else "")
         try:
             found.append(model.model_validate(cells))
         except ValidationError as error:
             for each in error.errors(include_url=False):
                 if is_whole or (each["loc"] and each["loc"][0] in cells):  # the header's errors are said above
-                    wrong.append(_line(source, each, cells))
+                    wrong.append(_row_line(source, each, cells, renamed))
     if wrong:
         raise DataError(_joined(wrong))
     try:
@@ -420,7 +432,7 @@ def csv_columns(text: str, source: str, dimensions: Mapping[str, tuple[str, ...]
     Raises DataError, naming line and column of ``source``.
     """
     header, rows = csv_cells(text, source)
-    columns = dict(_column(cell) for cell in header)
+    columns = dict(_name_and_unit(cell) for cell in header)
     expected = ", ".join(f"{name} ({SI_UNITS[possible[0]]})" for name, possible in dimensions.items())
     if not set(dimensions) <= set(columns) or len(columns) < len(header):
         raise DataError(f"{source}: must hold the columns {expected}: found {', '.join(header) or 'none'}")
@@ -437,10 +449,10 @@ def csv_columns(text: str, source: str, dimensions: Mapping[str, tuple[str, ...]
     return found
 
 
-def _column(cell: str) -> tuple[str, str]:
-    """Name and unit of a column."""
+def _name_and_unit(cell: str) -> tuple[str, str]:
+    """Of a column."""
     match = _COLUMN.fullmatch(cell)
-    return (match[1], match[2] or "") if match else (cell.strip(), "")
+    return (match[1], match[2] or match[3] or "") if match else (cell.strip(), "")
 
 
 class _Column(NamedTuple):
@@ -458,21 +470,32 @@ class _Column(NamedTuple):
         if self.factor == 1.0:
             return f"{cell} {self.unit}".strip()
         try:
-            return f"{float(cell) * self.factor:.12g}"
+            return cell if "_" in cell else f"{float(cell) * self.factor:.12g}"
         except ValueError:
             return cell
 
 
 def _key_column(model: type[BaseModel], name: str, unit: str) -> _Column:
     """The column of a key. Raises DataError or UnitError for one that is no key, or lacks its unit or has another."""
+    name = name.casefold() if name.casefold() in model.model_fields else name
     if name not in model.model_fields:
-        stem, _, own = (name, "", unit) if unit else name.partition("_")
+        stem, _, own = (name.casefold(), "", unit) if unit else name.partition("_")
         for key in model.model_fields:
-            if own and key.startswith(f"{stem}_") and not any(isinstance(n, FromText) for n in _notes(model, key)):
-                return _Column(key, "", _factor(own, key.removeprefix(f"{stem}_")))
+            if own and key.startswith(f"{stem.casefold()}_"):
+                wanted = key.removeprefix(f"{stem.casefold()}_")
+                if any(isinstance(note, FromText) for note in _notes(model, key)):
+                    raise DataError(f"is in {wanted} alone: write {key!r}")
+                return _Column(key, "", _factor(own, wanted))
         known = ", ".join(model.model_fields)
         raise DataError(f"is not expected{suggestion(name, model.model_fields) or f': expected some of {known}'}")
-    for quantity in _text_forms(model, name):
+    forms = _text_forms(model, name)
+    if unit and not forms:
+        stem, _, own = name.partition("_")
+        other = f", or {f'{stem} ({unit})'!r}" * bool(
+            own and not any(isinstance(n, FromText) for n in _notes(model, name))
+        )
+        raise DataError(f"takes no unit in brackets: write {name!r}{other}")
+    for quantity in forms:
         if not unit:
             raise DataError(f"has no unit: write for example '{name} ({quantity.example.split()[-1]})'")
         if isinstance(quantity, Quantity):
@@ -614,6 +637,19 @@ def _line(source: str, error: Any, table: object) -> str:  # noqa: ANN401
     explained = error["type"] in {_EXPLAINED, _ABSENT}
     message = error["msg"] if explained else _worded(error["type"], error["input"], error.get("ctx", {}), error["msg"])
     return f"{source}: {path.removeprefix('.')}: {message}" if path else f"{source}: {message}"
+
+
+def _row_line(source: str, error: Any, cells: Mapping[str, str], renamed: Mapping[str, tuple[str, str]]) -> str:  # noqa: ANN401
+    """As ``_line``, of the row of a CSV; ``renamed`` has the column and the cell of a key as they are written."""
+    key = error["loc"][0] if error["loc"] else ""
+    if key in renamed:
+        head, cell = renamed[key]
+        read = f", {cell!r} as {key}" if cell != cells.get(key, cell) else ""
+        return _line(f"{source}: column {head!r}{read}", {**error, "loc": ()}, cells)
+    message = error["msg"]
+    for key, (head, _) in renamed.items():
+        message = message.replace(key, head)
+    return _line(source, {**error, "msg": message}, cells)
 
 
 def _key(part: object) -> str:

@@ -16,7 +16,7 @@ from pydantic import Field
 
 from .. import datasets
 from ..errors import DataError, suggestion
-from ..input_files import FromText, Positive, Table, Text, csv_rows, load_model
+from ..input_files import FromText, NoUnderscores, Positive, Table, Text, csv_rows, load_model
 
 _ROUNDING = 1e-9
 
@@ -111,7 +111,7 @@ def plate_section(shape: Rectangle | Ring, thickness: float, density: float, hol
     return Section(density * thickness * area, density * thickness * polar, (x, y))
 
 
-_Millimetres = Annotated[float, Field(gt=0.0, lt=1e5, allow_inf_nan=False)] | None
+_Millimetres = Annotated[float, Field(gt=0.0, lt=1e5, allow_inf_nan=False), NoUnderscores] | None
 _M_PER_MM = 1e-3
 _KG_PER_M3_IN_G_PER_MM3 = 1e6
 _SIZES = ("thickness_mm", "length_mm", "width_mm", "diameter_mm", "bore_mm")
@@ -156,16 +156,16 @@ class StockRow(Table):
 
     name: Text
     """Name of the plate, used once."""
-    mass_kg: Annotated[float, Field(gt=0.0, lt=1e6, allow_inf_nan=False)] | None = None
+    mass_kg: Annotated[float, Field(gt=0.0, lt=1e6, allow_inf_nan=False), NoUnderscores] | None = None
     """Mass of one plate, weighed [kg]."""
-    quantity: Annotated[int, Field(ge=0, lt=10_000)]
+    quantity: Annotated[int, Field(ge=0, lt=10_000), NoUnderscores]
     """How many there are, for all sites together."""
     shape: Literal["rectangle", "disc", "ring"] | None = None
     """Outline: a rectangle has length and width, a disc a diameter, a ring a bore too."""
     material: Text | None = None
     """One of the materials whose densities are known; shipped: 7075 aluminium 2810, steel 7830, 5000 aluminium
     2647.27 kg/m3 (`balance files materials`); any name with a density of its own."""
-    density_kg_per_m3: Annotated[float, Field(gt=50.0, lt=3e4, allow_inf_nan=False)] | None = None
+    density_kg_per_m3: Annotated[float, Field(gt=50.0, lt=3e4, allow_inf_nan=False), NoUnderscores] | None = None
     """Density of a plate as drawn, of a material that is not shipped [kg/m3]; 7850 for steel."""
     thickness_mm: _Millimetres = None
     """Thickness of the plate [mm]."""
@@ -178,18 +178,22 @@ class StockRow(Table):
     bore_mm: _Millimetres = None
     """Bore of a ring [mm]."""
     holes_mm: Annotated[tuple[Hole, ...], FromText(_holes, "-50 0 11; 50 0 11")] = ()
-    """Round holes ``x y diameter; x y diameter``, from the centre of the outline [mm]."""
+    """Round holes ``x y diameter; x y diameter``, from the centre of the outline [mm], in no other unit."""
 
     def _check(self) -> None:
         if (self.mass_kg is None) == (self.shape is None):
             raise DataError(f"expected either mass_kg, of a plate weighed, or shape, as drawn: {', '.join(SHAPES)}")
         needed = SHAPES[self.shape] if self.shape else ()
-        for key in _SIZES:
-            if (getattr(self, key) is None) == (key in needed):
-                of = (
-                    f"is nothing of a {self.shape}" if self.shape else "is given: a plate that was weighed has no sizes"
-                )
-                raise DataError(f"{key} {'is empty: expected millimetres above zero' if key in needed else of}")
+        for key in _SIZES if self.shape else (*_SIZES, "material", "density_kg_per_m3", "holes_mm"):
+            if bool(getattr(self, key)) != (key in needed):
+                weighed = "is given: a plate that was weighed has no sizes, material or holes: leave it empty"
+                of = f"is nothing of a {self.shape}" if self.shape else weighed
+                raise DataError(f"{key} {'is empty: expected a number above zero' if key in needed else of}")
+        if self.density_kg_per_m3 and (known := load_densities().get(self.material or "")):
+            raise DataError(
+                f"density_kg_per_m3 is given, though {self.material} has {known:g} kg/m3: leave it empty, or name the "
+                "material otherwise"
+            )
         if self.shape == "ring" and not (self.bore_mm or 0.0) < (self.diameter_mm or 0.0):
             raise DataError("bore_mm is not smaller than diameter_mm")
         if self.shape:

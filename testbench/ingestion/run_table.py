@@ -16,21 +16,13 @@ from pydantic import BeforeValidator, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
 from balance.errors import CounterpoiseError, DataError, suggestion
-from balance.input_files import Table, Text, model_from_table, read_text
+from balance.input_files import NoUnderscores, Table, Text, model_from_table, read_text
 from balance.units import si
 
 from ..errors import RigError
 from ..recording import Conditions, Origin
 
-
-def _without_underscores(cell: object) -> object:
-    """As it is: Python alone takes ``1_451`` for a number."""
-    if isinstance(cell, str) and "_" in cell:
-        raise ValueError(f"{cell!r}: expected a number")
-    return cell
-
-
-NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False), BeforeValidator(_without_underscores)]
+NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False), NoUnderscores]
 
 
 def _by_site(text: object) -> object:
@@ -96,7 +88,7 @@ class RunRow(Table):
     """Peak acceleration of the motion of a point, in g0."""
     peak_acceleration_rad_s2: NotNegative | None = None
     """Peak acceleration of the motion of joints that turn [rad/s2]."""
-    repeat: Annotated[int, Field(ge=0), BeforeValidator(_without_underscores)] | None = None
+    repeat: Annotated[int, Field(ge=0), NoUnderscores] | None = None
     """Which repeat of the same conditions it is."""
 
     @property

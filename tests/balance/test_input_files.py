@@ -231,7 +231,7 @@ def test_rows_of_a_table_are_models(tmp_path: Path):
         ("name,mass\nA,1\n", r"column 'mass': has no unit: write for example 'mass \(kg\)'"),
         ("name,mass (mm)\nA,1\n", r"column 'mass \(mm\)': 'mm' is not a unit of mass"),
         ("name,mas (kg)\nA,1\n", r"column 'mas \(kg\)': is not expected; did you mean 'mass'"),
-        ("mass (kg),mass (g)\n1,1\n", r"column 'mass \(kg\)': is there twice"),
+        ("mass (kg),mass (g)\n1,1\n", r"columns 'mass \(kg\)' and 'mass \(g\)': state mass more than once"),
         ("name,angle (deg)\nA,1\n", "no column 'mass'"),
         ("name,mass (kg)\nA,\n", r"line 2 \(A\): mass: missing"),
         ("name,mass (kg)\nA,1,5\n", r"line 2: 3 cells, the header has 2 columns: is there a comma in a number"),

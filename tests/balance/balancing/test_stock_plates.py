@@ -40,9 +40,14 @@ def test_a_file_as_spreadsheets_write_it(tmp_path: Path) -> None:
 def test_other_units_stand_in_the_header(tmp_path: Path) -> None:
     """Grams, inches, and the density of a material that is not shipped is stated."""
     path = tmp_path / "plates.csv"
-    for header in ("name;mass (g);quantity", "name;mass_g;quantity"):
-        path.write_text(f"{header}\nP;1250,5;3\n", encoding="utf-8")
-        assert stock_plates.load_stock(path) == [stock_plates.Plate("P", 1.2505, 3)]
+    for header in (
+        "name;mass (g);quantity",
+        "name;mass_g;quantity",
+        "name;mass [g];quantity",
+        "Name;Mass (g);Quantity",
+    ):
+        path.write_text(f"{header}\n1,5;1250,5;3\n", encoding="utf-8")
+        assert stock_plates.load_stock(path) == [stock_plates.Plate("1,5", 1.2505, 3)]
     sizes = "name,quantity,shape,material,thickness_in,length (in),width_in"
     path.write_text(f"{sizes}\nP,1,rectangle,steel,0.25,6,4\n", encoding="utf-8")
     assert stock_plates.load_stock(path)[0].mass == pytest.approx(7830 * 6 * 0.0254**3)
@@ -70,7 +75,26 @@ WRONG = {
     "long second row": ("name,mass_kg,quantity\nM1,5,2\nM2,6,2,7\n", "line 3: 4 cells, the header has 3 columns"),
     "another unit": ("name,mass_mm,quantity\nM1,5,2\n", "column 'mass_mm': 'mm' is not a unit of mass: .* 'kg'"),
     "no unit": ("name,mass (q!),quantity\nM1,5,2\n", "column 'mass .q!.': 'q!' is not a known unit: expected mass"),
-    "two units": ("name,mass_kg,mass_g,quantity\nM1,5,5,2\n", "column 'mass_kg': is there twice"),
+    "two units": (
+        "name,mass_kg,mass_g,quantity\nM1,5,5,2\n",
+        "columns 'mass_kg' and 'mass_g': state mass_kg more than once: keep one",
+    ),
+    "a unit besides": (
+        "name,mass_kg (g),quantity\nM1,5,2\n",
+        r"column 'mass_kg \(g\)': .*: write 'mass_kg', or 'mass \(g\)'",
+    ),
+    "a unit of a number": ("name,mass_kg,quantity (pcs)\nM1,5,2\n", r"column 'quantity \(pcs\)': .*: write 'quantity'"),
+    "negative grams": ("name,mass_g,quantity\nM1,-5,2\n", "column 'mass_g', '-5' as mass_kg: '-0.005': expected more"),
+    "grams with a unit": ("name,mass_g,quantity\nM1,5 g,2\n", "column 'mass_g': '5 g': expected a number"),
+    "underscore in grams": ("name,mass_g,quantity\nM1,5_00,2\n", "column 'mass_g': '5_00': expected a number"),
+    "underscore": ("name,mass_kg,quantity\nM1,5_00,2\n", "mass_kg: '5_00': expected a number"),
+    "underscore in quantity": ("name,mass_kg,quantity\nM1,5,2_0\n", "quantity: '2_0': expected a number"),
+    "weighed, of a material": ("name,mass_kg,quantity,material\nM1,5,2,steel\n", "material is given: .* was weighed"),
+    "weighed, of a density": (
+        "name,mass_kg,quantity,density_g_per_cm3\nM1,5,2,7.8\n",
+        "density_g_per_cm3 is given: .* was weighed",
+    ),
+    "weighed, with holes": ("name,mass_kg,quantity,holes_mm\nM1,5,2,0 0 5\n", "holes_mm is given: .* was weighed"),
     "twice": ("name,mass_kg,quantity\nM1,5,2\nM1,6,2\n", "'M1' is there twice"),
 }
 
@@ -128,7 +152,7 @@ def test_the_shipped_example_can_be_read() -> None:
 DRAWN_WRONG = {
     "shape": ("p,1,hexagon,steel,10,,,50,,", "shape: 'hexagon': expected 'rectangle', 'disc' or 'ring'"),
     "material": ("p,1,disc,gold,10,,,50,,", "material 'gold': expected 7075 aluminium, steel.* density_kg_per_m3"),
-    "size missing": ("p,1,rectangle,steel,10,50,,,,", "width_mm is empty: expected millimetres above zero"),
+    "size missing": ("p,1,rectangle,steel,10,50,,,,", "width_mm is empty: expected a number above zero"),
     "size for another shape": ("p,1,disc,steel,10,50,,50,,", "length_mm is nothing of a disc"),
     "bore too wide": ("p,1,ring,steel,10,,,50,50,", "bore_mm is not smaller"),
     "no thickness": ("p,1,disc,steel,0,,,50,,", "thickness_mm: '0': expected more than zero"),
@@ -138,7 +162,20 @@ DRAWN_WRONG = {
     "hole in the bore": ("p,1,ring,steel,10,,,50,20,11 0 8", "hole 1 is not within the plate"),
     "half a hole": ("p,1,disc,steel,10,,,50,,5 0", "holes_mm: '5 0': expected 'x y diameter"),
     "a hole of nothing": ("p,1,disc,steel,10,,,50,,5 0 0", "a diameter above zero"),
+    "density of a shipped material": (
+        "7850,p,1,disc,steel,10,,,50,,",
+        "density_kg_per_m3 is given, though steel has 7830",
+    ),
+    "size in inches": ("p,1,rectangle,steel,10,50,,,,", "width_in is empty: expected a number above zero"),
+    "holes in inches": ("p,1,disc,steel,10,,,50,,0 0 1", "column 'holes_in': is in mm alone: write 'holes_mm'"),
     "quantity": ("p,half,disc,steel,10,,,50,,", "quantity: 'half': expected a whole number"),
+}
+
+
+OTHER_HEADERS = {
+    "density of a shipped material": f"density_kg_per_m3,{HEADER}",
+    "size in inches": HEADER.replace("_mm,", "_in,"),
+    "holes in inches": HEADER.replace("holes_mm", "holes_in"),
 }
 
 
@@ -146,7 +183,7 @@ DRAWN_WRONG = {
 def test_wrong_plates_as_drawn_are_refused(tmp_path: Path, case: str) -> None:
     """File, row, what was found and what was expected."""
     row, message = DRAWN_WRONG[case]
-    (tmp_path / "drawn.csv").write_text(f"{HEADER}{row}\n", encoding="utf-8")
+    (tmp_path / "drawn.csv").write_text(f"{OTHER_HEADERS.get(case, HEADER)}{row}\n", encoding="utf-8")
     with pytest.raises(DataError, match=rf"drawn\.csv.*: .*{message}"):
         stock_plates.load_stock(tmp_path / "drawn.csv")
 
