@@ -31,7 +31,10 @@ def root_mean_square(values: Floats | Complexes) -> float:
 
 
 def upper_median(values: Floats) -> float:
-    """Median of values (n,) [any unit], the upper of two; numpy's takes several times as long."""
+    """Median of values (n,) [any unit], the upper of two; numpy's takes several times as long.
+
+    Unlike there, a NaN counts as larger than any number, and of no values it raises IndexError.
+    """
     middle = len(values) // 2
     return float(np.partition(values, middle)[middle])
 

@@ -1,9 +1,9 @@
-"""Peaks of samples."""
+"""Peaks and medians of samples."""
 
 import numpy as np
 import pytest
 
-from balance.arrays import parabola_peak
+from balance.arrays import parabola_peak, upper_median
 
 
 @pytest.mark.parametrize("true", [-0.5, -0.31, 0.0, 0.5])
@@ -19,3 +19,11 @@ def test_ends_and_level_samples_stay() -> None:
     assert parabola_peak(np.array([3.0, 2.0, 1.0]), 0) == (0.0, 3.0)
     assert parabola_peak(np.array([1.0, 2.0]), 1) == (0.0, 2.0)
     assert parabola_peak(np.ones(5), 2) == (0.0, 1.0)
+
+
+def test_median_of_nothing_and_of_what_is_no_number() -> None:
+    """The upper of two; NaN counts as the largest; nothing has none."""
+    assert upper_median(np.array([4.0, 1.0, 3.0, 2.0])) == 3.0
+    assert upper_median(np.array([1.0, np.nan, 2.0])) == 2.0
+    with pytest.raises(IndexError):
+        upper_median(np.array([]))
