@@ -14,7 +14,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -263,11 +263,11 @@ def log_uniform(rng: np.random.Generator, low: float, high: float, count: int = 
     return np.asarray(np.exp(rng.uniform(np.log(low), np.log(high), count)))
 
 
-def floor(rng: np.random.Generator, residual: float) -> Law:
-    """One to three modes of the floor, stationary and Gaussian."""
+def floor(rng: np.random.Generator, residual: float, least: float = 0.1, most: float = 1.0) -> Law:
+    """One to three modes of the floor, stationary and Gaussian, of a share of the residual between two limits."""
     count = int(rng.integers(1, 4))
     frequency, damping = rng.uniform(5.0, 40.0, count), log_uniform(rng, 0.005, 0.05, count)
-    shares = rng.dirichlet(np.ones(count)) * (residual * log_uniform(rng, 0.1, 1.0).item()) ** 2
+    shares = rng.dirichlet(np.ones(count)) * (residual * log_uniform(rng, least, most).item()) ** 2
 
     def path(rng: np.random.Generator, time: Floats, moving: Floats) -> Floats:
         size = 2 ** int(np.ceil(np.log2(2000.0 * max(16.0, 1.2 * float(time[-1] - time[0])))))
@@ -320,6 +320,7 @@ def roughness(rng: np.random.Generator, residual: float) -> Law:
 FAMILIES = {
     "white": Family(),
     "floor": Family([floor]),
+    "floor above the residual": Family([partial(floor, least=1.0, most=5.0)]),
     "hum": Family([hum]),
     "drift": Family([slope, walk]),
     "step with dither": Family(steps=(0.05, 0.5)),

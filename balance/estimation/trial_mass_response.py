@@ -36,9 +36,9 @@ _DEPENDENT = 1e-4
 """Singular value of the response's columns, relative to the largest, below which a combination is not used."""
 _BLIND = 1e-3
 """The same of the unknowns: what lies below the runs do not determine."""
-_SETTLED = 2e-5
-"""Change of a condition's value at which it counts as found [kg m]."""
-_STEPS = 25
+_SETTLED = 5e-6
+"""Change of a condition's value at which it counts as found [kg m]; in a flat valley steps of 3e-5 lead far."""
+_STEPS = 100
 _WHOLE = 1e-3
 """Part of a condition's value that may lie in what the runs do not determine."""
 
@@ -113,10 +113,11 @@ def _found(problem: "_Problem", near: _Found | None = None) -> _Found:
         if np.abs(step[:size]).max() < _SETTLED:
             break
     else:
+        largest = float(np.abs(step[:size]).max())
         raise DataError(
-            "the runs with trial masses do not tell what is missing: what the trial masses change is lost in the "
-            f"{sides.unexplained:.1%} of the vibration that the fit leaves, and after {_STEPS} steps the values still "
-            f"change by {np.abs(step[:size]).max():.2g} kg m; {MORE}"
+            "the runs with trial masses do not tell what is missing: "
+            f"{sides.unexplained:.1%} of the vibration stays unexplained, and after {_STEPS} steps the values still "
+            f"change by {largest:.2g} kg m; see that what was mounted in each run is what the run table says, or {MORE}"
         )
     eye = np.eye(determined.shape[1])[: problem.free]
     outside = np.abs(eye - (eye @ determined.T) @ determined).max(axis=1, initial=0.0)

@@ -40,6 +40,8 @@ _WHOLE = 0.8
 """Share of the frequencies of a resampled record up to which it is not tapered."""
 _SIGNIFICANT = 1.5
 """Power over that of the noise from which a frequency belongs to the signal."""
+_SWINGS = 3.0
+"""Standard deviations of noise up to which its own swings go."""
 _NEIGHBOURS = 15
 """Frequencies whose power is averaged."""
 _FADING = 200
@@ -90,11 +92,12 @@ class ConstrainedPeaks:
         raised = [int(np.argmax(end)) for end in self._ends if end.max() > 0.0]
         return self._limited((high, spans - high), raised, sign, reach)
 
-    @cached_property
-    def highest(self) -> "ConstrainedPeaks":
-        """The highest swing alone; zero elsewhere."""
-        only = np.arange(len(self._heights)) == int(np.argmax(self._heights))
-        return ConstrainedPeaks(self.course * np.repeat(only, self._lengths))
+    def above(self, least: float, both: bool) -> "ConstrainedPeaks":
+        """Swings higher than ``least`` [unit], and the highest, ``both``: of either sign; zero elsewhere."""
+        kept = self._heights > least
+        for end in self._ends if both else (self._heights,):
+            kept[int(np.argmax(end))] |= bool(end.max() > 0.0)
+        return ConstrainedPeaks(self.course * np.repeat(kept, self._lengths))
 
     @cached_property
     def _starts(self) -> np.ndarray:
@@ -395,17 +398,22 @@ class Amplitude:
         )  # fmt: skip
 
     def peaks(self, noise: Noise) -> ConstrainedPeaks:
-        """Swings of the signal; the highest one alone where no frequency rises above the noise.
+        """Swings of the signal; the highest alone where no frequency rises above the noise.
 
         The signal is those frequencies of the record that have, with their neighbours, significantly more power than
-        the noise. They are not weighted as by a Wiener filter, which would make the swings too low.
+        the noise. They are not weighted as by a Wiener filter, which would make the swings too low. Swings no higher
+        than those of noise may be noise: counted as swings of the signal they would raise what an amplitude reads,
+        and what is read would speak for a smaller one.
         """
         count = len(self.course)
         spectrum = _cosines(self.course, count)
-        seen = _neighbours(spectrum) > _SIGNIFICANT / self.averages * _expected(
-            noise, self.measure, count, self.seconds
-        )
-        return ConstrainedPeaks(_from_cosines(spectrum * seen)) if seen.any() else ConstrainedPeaks(self.course).highest
+        expected = _expected(noise, self.measure, count, self.seconds) / self.averages
+        seen = _neighbours(spectrum) > _SIGNIFICANT * expected
+        shown = ConstrainedPeaks(_from_cosines(spectrum * seen) if seen.any() else self.course)
+        if self.statistic.squared:
+            return shown if seen.any() else shown.above(np.inf, both=False)
+        least = _SWINGS * float(np.sqrt(expected.sum() / count)) if seen.any() else np.inf
+        return shown.above(least, both=self.measure.metric == "peak_to_peak")
 
 
 @lru_cache(maxsize=8)

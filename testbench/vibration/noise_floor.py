@@ -268,17 +268,37 @@ class Noise:
         cells = np.bincount((fine / width_hz).astype(int), self.at(fine) * gain**2)
         return np.asarray(cells * float(self.frequency[1]))
 
-    def _freedoms(self, count: int) -> Floats:
-        """Degrees of freedom of so many cells, (count,): as much of each as the median of its neighbours has too is
-        noise that is alike all over it, the rest may be one narrow mode.
+    def of_modes(self, frequency: Floats, seconds: float, count: int, rng: np.random.Generator) -> Floats:
+        """Factors on sizes at rising frequencies (k,) [Hz] of records of so many seconds, (count, k) [-]: what may be one
+        narrow mode comes and goes, and one record shows more or less of it than another.
+
+        A mode as wide as a cell shows 2 B T of its values, one that outlasts the record two, and how wide it is
+        nobody knows: from the one to the other, evenly by its logarithm.
         """
+        cell = (frequency / self.resolution_hz).astype(int)
+        broad = self._broad(int(cell.max(initial=0)) + 1)
+        widest = np.log(max(self.resolution_hz * seconds, 1.0))
+        values = 2.0 * np.exp(rng.uniform(0.0, widest, (count, len(broad))))
+        powers = broad + (1.0 - broad) * rng.chisquare(values) / values
+        return np.asarray(np.sqrt(powers).astype(np.float32)[:, cell])
+
+    def _freedoms(self, count: int) -> Floats:
+        """Degrees of freedom of so many cells, (count,)."""
         if self.freedom_broad is None:
             return np.full(count, self.freedom)
+        broad = self._broad(count)
+        return np.asarray(1.0 / (broad / self.freedom_broad + (1.0 - broad) / self.freedom))
+
+    def _broad(self, count: int) -> Floats:
+        """Share of the power of so many cells that the median of those about each has too, (count,) [-]: noise that is
+        alike all over it; the rest may be one narrow mode. All of a stated spectrum.
+        """
+        if self.freedom_broad is None:
+            return np.ones(count)
         cell = (self.frequency / self.resolution_hz).astype(int)
         powers = np.bincount(cell, self.density) / np.bincount(cell)
         broad = np.minimum(self._about(powers) / np.maximum(powers, 1e-300), 1.0)
-        found = 1.0 / (broad / self.freedom_broad + (1.0 - broad) / self.freedom)
-        return np.pad(found, (0, max(count - len(found), 0)), "edge")[:count]
+        return np.pad(broad, (0, max(count - len(broad), 0)), "edge")[:count]
 
     @staticmethod
     def _about(powers: Floats) -> Floats:
@@ -456,6 +476,7 @@ def _drawn(noise: Noise, measure: Measure, count: int, rate_hz: float) -> tuple[
     sizes = noise.draws(np.arange(used) / (2.0 * seconds), gain[:used], number, rng) / np.float32(seconds**0.5)
     sizes[:, 0] = 0.0
     powers = 0.5 * np.einsum("ij,ij->i", sizes, sizes).astype(float)
+    sizes *= noise.of_modes(np.arange(used) / (2.0 * seconds), seconds, number, rng)
     sizes *= rng.standard_normal(sizes.shape, dtype=np.float32)
     sizes *= np.float32((count / 2.0) ** 0.5)
     return np.ascontiguousarray(idct(sizes, n=count, norm="ortho").T), powers

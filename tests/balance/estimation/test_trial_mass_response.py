@@ -124,6 +124,6 @@ def test_what_noise_explains_is_no_bound():
 def test_what_noise_hides_is_refused():
     """It is said why, and what helps on any machine."""
     with pytest.raises(
-        DataError, match=r"lost in the 8\d\..* of the vibration .* heavier trial masses, or add runs of a m"
+        DataError, match=r"8\d\..* of the vibration stays unexplained, .* heavier trial masses, or add runs of a m"
     ):
         measured(0, noise=100.0 * NOISE)

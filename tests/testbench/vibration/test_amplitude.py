@@ -47,7 +47,7 @@ def test_span(span):
 
 def test_highest_alone():
     """One swing alone takes the whole span; of nothing there is no swing."""
-    alone = ConstrainedPeaks(SWINGS).highest
+    alone = ConstrainedPeaks(SWINGS).above(np.inf, both=False)
     assert np.flatnonzero(alone.with_peaks(np.array([1.0]))[1][0]).tolist() == [3]
     assert np.ptp(alone.with_peak_to_peaks(np.array([2.0]))[1][0]) == pytest.approx(2.0)
     assert not ConstrainedPeaks(np.zeros(9)).with_peaks(np.array([1.0]))[1][0].any()
