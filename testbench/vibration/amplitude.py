@@ -397,23 +397,26 @@ class Amplitude:
             saturated=any(run.saturated for run in runs), averages=len(runs),
         )  # fmt: skip
 
-    def peaks(self, noise: Noise) -> ConstrainedPeaks:
-        """Swings of the signal; the highest alone where no frequency rises above the noise.
+    def peaks(self, noise: Noise) -> tuple[ConstrainedPeaks, ConstrainedPeaks]:
+        """Swings that are the signal's for certain, and all that may be; the highest alone where no frequency rises
+        above the noise.
 
         The signal is those frequencies of the record that have, with their neighbours, significantly more power than
         the noise. They are not weighted as by a Wiener filter, which would make the swings too low. Swings no higher
-        than those of noise may be noise: counted as swings of the signal they would raise what an amplitude reads,
-        and what is read would speak for a smaller one.
+        than those of noise may be noise: as swings of the signal they would raise what an amplitude reads, and what is
+        read would speak for a smaller one.
         """
-        count = len(self.course)
+        count, both = len(self.course), self.measure.metric == "peak_to_peak"
         spectrum = _cosines(self.course, count)
         expected = _expected(noise, self.measure, count, self.seconds) / self.averages
         seen = _neighbours(spectrum) > _SIGNIFICANT * expected
-        shown = ConstrainedPeaks(_from_cosines(spectrum * seen) if seen.any() else self.course)
+        if not seen.any():
+            alone = ConstrainedPeaks(self.course).above(np.inf, both)
+            return alone, alone
+        shown = ConstrainedPeaks(_from_cosines(spectrum * seen))
         if self.statistic.squared:
-            return shown if seen.any() else shown.above(np.inf, both=False)
-        least = _SWINGS * float(np.sqrt(expected.sum() / count)) if seen.any() else np.inf
-        return shown.above(least, both=self.measure.metric == "peak_to_peak")
+            return shown, shown
+        return shown.above(_SWINGS * float(np.sqrt(expected.sum() / count)), both), shown
 
 
 @lru_cache(maxsize=8)

@@ -1,7 +1,8 @@
 """By how many standard deviations of the noise a reading lies above what any amplitude would read, tabulated.
 
-An amplitude is too large if the largest value that was read is too low for it. It is too small if all that exceeds it,
-squared and summed, is too much: the largest value alone could be noise where that is loud, all swings cannot.
+An amplitude is too large if the largest value that was read is too low for it, with as few swings as are certain: each
+more would raise what it reads. It is too small if all that exceeds it, squared and summed, is too much, with as many
+swings as there may be: the largest value alone could be noise where that is loud, all swings cannot.
 """
 
 from dataclasses import dataclass
@@ -52,7 +53,7 @@ class AmplitudeLikelihood:
     @classmethod
     def of(cls, run: Amplitude, noise: Noise) -> "AmplitudeLikelihood":
         """From a run's record in noise."""
-        statistic, peaks, noises = run.statistic, run.peaks(noise), run.noises(noise)
+        statistic, (peaks, every), noises = run.statistic, run.peaks(noise), run.noises(noise)
         floor = float(np.median(statistic.of_noise(noises)))
         net, extra = run.reading - floor, 0.0 if statistic.squared else floor
         spread = statistic.readings(peaks, np.array([statistic.amplitude(max(net, 0.0))]), noises).std()
@@ -64,7 +65,7 @@ class AmplitudeLikelihood:
         scores = _scores(ranked, spread, np.full(POINTS, run.reading))
         above = np.flatnonzero(scores > 0.0)
         if above.size and not statistic.squared:
-            drawn, shown = (np.sqrt(one) for one in statistic.excess(peaks, tried[above], noises, run.as_read))
+            drawn, shown = (np.sqrt(one) for one in statistic.excess(every, tried[above], noises, run.as_read))
             scores[above] = np.maximum(_scores(np.sort(drawn.T), drawn.std(axis=0), shown), 0.0)
         table = np.minimum.accumulate(scores) - _DIGITS * np.arange(POINTS)
         middle = ranked[:, [(len(draws) - 1) // 2, len(draws) // 2]].mean(axis=1)
