@@ -21,7 +21,7 @@ from ..closure import Closure, Trajectory
 from ..dynamics.inverse_dynamics import driven_rates, simulate
 from ..dynamics.regressor import driven_torque_regressor, momentum_regressor, torque_regressor, wrench_regressor
 from ..errors import ModelError, SizingError
-from ..mechanism.mechanism import PARAMETERS, Mechanism
+from ..mechanism.mechanism import PARAMETERS, Mechanism, mass_at
 
 QUANTITIES = {"force": "N", "moment": "Nm", "torque": "Nm"}
 """What can be made small over a motion, and the unit of its root mean square."""
@@ -41,8 +41,6 @@ _DETERMINED = 1e6
 """Condition number from which driven joints do not determine the mechanism at home."""
 _ROUNDING = 1e-12
 """Effect of a mass at a site, relative to the largest on any body, that is rounding: the site does not move."""
-_DISC = np.array([0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.5, 0.0, 0.0, 1.0])
-"""PARAMETERS of a thin disc of 1 kg m2 about its axis, along z, beyond those of its mass at its centre."""
 _MASSLESS = 1e-12
 """Kinetic energy of a direction of motion, relative to the largest, that is rounding."""
 
@@ -81,8 +79,10 @@ def unit_masses(mechanism: Mechanism, sites: Sequence[str]) -> Floats:
 
 def discs(mechanism: Mechanism, sites: Sequence[str]) -> Floats:
     """Changes (sites, 10 nb) [-] of the inertial parameters by thin discs of 1 kg m2, beyond those of their masses."""
-    bodies = np.eye(len(mechanism.bodies))[[mechanism.site(name).body for name in sites]]
-    return np.kron(bodies, _DISC)
+    found = np.zeros((len(sites), *mechanism.parameters.shape))
+    for disc, site in zip(found, map(mechanism.site, sites), strict=True):
+        disc[site.body] = mass_at(np.zeros(3), 1.0, site.axis) - mass_at(np.zeros(3), 0.0, site.axis)
+    return found.reshape(len(sites), -1)
 
 
 def motion_objective(

@@ -100,7 +100,9 @@ class EndTable(Table):
 
     def end(self, mechanism: Mechanism) -> End:
         """The end. Raises ModelError for a body that the mechanism does not have."""
-        return End(-1 if self.body == "base" else mechanism.body_index(self.body), np.array(self.at))
+        if self.body == "base":
+            return End(-1, np.array(self.at))
+        return End(mechanism.body_index(self.body), mechanism.anchor(self.body, np.array(self.at)).position)
 
 
 class SpringTable(Table):

@@ -210,7 +210,7 @@ class Problem:
                     stated = self.place(name, axis)
                     moved = self.with_points({(name, axis): stated + 1.0}).mechanism.site(name).position
                     place += np.outer(moved - site.position, column[name, axis] - stated)
-                unit = mass_at(place, site.radius_of_gyration)
+                unit = mass_at(place, site.radius_of_gyration, site.axis)
                 coefficients += list((mass[:, None] * unit - fixed * site.unit_mass()).T)
                 directions += [_one_body(mechanism, site.body, row) for row in np.eye(unit.shape[1])]
             else:

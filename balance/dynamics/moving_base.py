@@ -19,6 +19,7 @@ from ..closure import Trajectory
 from ..errors import DataError
 from ..input_files import OneForAll, Quantity, Table
 from ..mechanism.forward_kinematics import Pose, motions, point_acceleration, pose, poses
+from ..mechanism.loop_constraints import Anchor
 from ..mechanism.mechanism import Mechanism, inertia_matrix
 from ..mechanism.tape import Program, Symbols, Tape
 
@@ -106,18 +107,16 @@ def second_moment_about(row: Symbols, at: Pose, joint: int) -> Symbols:
     return np.outer(moved, origin) + np.outer(origin, own) + rotation @ second_moment(row) @ rotation.T
 
 
-def acceleration_in_body(
-    mechanism: Mechanism, trajectory: Trajectory, base: Floats, body: str, position: Floats
-) -> Floats:
-    """Acceleration of a point of a body, in the body's axes, (n, 3) [m/s2]: R' (a + u'' + phi'' x p).
+def acceleration_in_body(mechanism: Mechanism, trajectory: Trajectory, base: Floats, sensor: Anchor) -> Floats:
+    """Acceleration of a frame on a body, in that frame's axes, (n, 3) [m/s2]: R' (a + u'' + phi'' x p).
 
-    ``position`` (3,) [m] is in the body's frame, ``base`` (n, 6) are the base's u'', phi'' [m/s2, rad/s2].
+    ``base`` (n, 6) are the base's u'', phi'' [m/s2, rad/s2].
     """
-    tree, joint = mechanism.tree, mechanism.tree.bodies[mechanism.body_index(body)]
+    tree, joint, position = mechanism.tree, sensor.joint, sensor.position
     at, moving = poses(tree, trajectory.q), motions(tree, trajectory.q, trajectory.v, trajectory.a)
     relative = point_acceleration(at, moving, joint, position)
     absolute = relative + base[:, :3] + np.cross(base[:, 3:], at.point(joint, position))
-    return np.einsum("nji,nj->ni", at.rotation[:, joint], absolute)
+    return np.einsum("nji,nj->ni", at.rotation[:, joint] @ sensor.rotation, absolute)
 
 
 @dataclass(frozen=True)

@@ -116,7 +116,13 @@ class _Parts:
         heads = [next(b for b, r in enumerate(self.row_of) if r == row) for row in range(len(self.rows))]
         payload, radii = self._payload(), self._numerics(_RADIUS)
         sites = {
-            name: Site(name, self.row_of[model.site_bodyid[i]], frozen(self._site(i).position), radii.get(name, 0.0))
+            name: Site(
+                name,
+                self.row_of[(body := model.site_bodyid[i])],
+                frozen(self._site(i).position),
+                radii.get(name, 0.0),
+                frozen(self.placed[body].rotation[:, 2].copy()),
+            )
             for i, name in enumerate(self.names["site"])
             if name and not name.startswith(LOOP_END)
         }
@@ -148,6 +154,11 @@ class _Parts:
             limits=frozen(np.array(self.limits)),
             lengths=self._numerics(_LENGTH),
             left_out=(*self._left_out(), *notes),
+            fixed={
+                name: (frozen(self.placed[body].rotation), frozen(self.placed[body].position))
+                for body, name in enumerate(bodies)
+                if name in own_mass and name not in {bodies[head] for head in heads}
+            },
         )
 
     def _name_all(self, kind: str, stems: list[str]) -> None:

@@ -13,7 +13,7 @@ from ..errors import ModelError, suggestion
 from ..results import Brief
 from ..units import si
 from .forward_kinematics import Joint, Tree
-from .loop_constraints import Constraint, Loop
+from .loop_constraints import Anchor, Constraint, Loop
 from .tape import Symbols
 
 if TYPE_CHECKING:
@@ -29,14 +29,14 @@ PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"
 """Inertial parameters of a body in Pinocchio's order, inertia about the origin of the joint's frame."""
 
 
-def mass_at(place: Floats, gyration: float) -> Floats:
-    """PARAMETERS (..., 10) of 1 kg at a ``place`` (3, ...) [m], a disc normal to the body's z axis [-, m, m2].
+def mass_at(place: Floats, gyration: float, axis: Floats) -> Floats:
+    """PARAMETERS (..., 10) of 1 kg at a ``place`` (3, ...) [m], a disc normal to a unit ``axis`` (3,) [-, m, m2].
 
     Of radius of ``gyration`` about its own centre and that axis [m].
     """
     x, y, z = place
-    k2 = gyration**2
-    about = [y * y + z * z + k2 / 2, -x * y, x * x + z * z + k2 / 2, -x * z, -y * z, x * x + y * y + k2]
+    xx, xy, xz, yy, yz, zz = (gyration**2 / 2 * (np.eye(3) + np.outer(axis, axis)))[np.triu_indices(3)]
+    about = [y * y + z * z + xx, xy - x * y, x * x + z * z + yy, xz - x * z, yz - y * z, x * x + y * y + zz]
     return np.stack([np.ones_like(x), x, y, z, *about], axis=-1)
 
 
@@ -62,11 +62,13 @@ class Site:
     position: Floats
     """Position in the body's frame, (3,) [m]."""
     radius_of_gyration: float = 0.0
-    """Of a counter-mass mounted here, about its own centre and the body's z axis [m]."""
+    """Of a counter-mass mounted here, about its own centre and ``axis`` [m]."""
+    axis: Floats = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    """The z axis of what it is on, in the body's frame: of a body that is fixed to that one, its own, (3,)."""
 
     def unit_mass(self) -> Floats:
-        """PARAMETERS of 1 kg mounted here, a disc normal to the body's z axis, (10,) [-, m, m2]."""
-        return mass_at(self.position, self.radius_of_gyration)
+        """PARAMETERS of 1 kg mounted here, a disc normal to ``axis``, (10,) [-, m, m2]."""
+        return mass_at(self.position, self.radius_of_gyration, self.axis)
 
 
 @dataclass(frozen=True)
@@ -116,6 +118,8 @@ class Mechanism(Brief):
     """Forces that the file has and no torque computed from it, such as springs; balance does not depend on them."""
     loose_base: str = ""
     """The link that is taken as the base, fixed to the world, though the SDF file leaves it free to move."""
+    fixed: Mapping[str, tuple[Floats, Floats]] = field(default_factory=dict)
+    """Of bodies without a joint of their own: axes (3, 3) and origin (3,) [m] in the frame of what carries them."""
 
     def beyond_limits(self, q: Floats) -> dict[str, tuple[float, float]]:
         """For each joint beyond its limits at the configurations ``q`` (n, nv): its least and largest [rad, m]."""
@@ -200,6 +204,15 @@ class Mechanism(Brief):
         if body not in self.own_mass:
             raise ModelError(f"{self.name} has no moving body {body!r}: there are {', '.join(self.own_mass)}")
         return self.own_mass[body][0]
+
+    def anchor(self, body: str, position: Floats) -> Anchor:
+        """A frame at a ``position`` (3,) [m] in a body's own frame: its joint's, or the file's of one without a joint.
+
+        Raises ModelError, listing the bodies, if there is none.
+        """
+        joint = self.tree.bodies[self.body_index(body)]
+        rotation, origin = self.fixed.get(body, (np.eye(3), np.zeros(3)))
+        return Anchor(joint, rotation, origin + rotation @ position)
 
     def coordinate_index(self, joint: str) -> int:
         """Position of a joint in q. Raises ModelError, listing the joints, if there is none."""

@@ -158,7 +158,8 @@ class ModelledRun:
             point = np.array(sensor.position)
             if sensor.attached_to != "base":
                 still = np.zeros((self.grid.count, 6))
-                values = acceleration_in_body(self.unloaded, self.path, still, sensor.attached_to, point)
+                mounted = self.unloaded.anchor(sensor.attached_to, point)
+                values = acceleration_in_body(self.unloaded, self.path, still, mounted)
             elif "bench" in rig.model_fields_set:
                 values = self.base.acceleration_at(point)
             else:

@@ -17,6 +17,7 @@ from balance.closure import Trajectory
 from balance.dynamics.moving_base import displacement_at
 from balance.dynamics.regressor import first_moment
 from balance.mechanism.forward_kinematics import poses
+from balance.mechanism.loop_constraints import Anchor
 from balance.mechanism.mechanism import Mechanism
 
 from ..rig import Column
@@ -88,14 +89,11 @@ def projector(rows: Floats, accelerometers: Floats) -> Floats:
     return np.asarray(whole[:, :k])
 
 
-def sensor_rows(mechanism: Mechanism, path: Trajectory, body: str, position: Floats, axes: Iterable[str]) -> Floats:
-    """S of an accelerometer on a moving body: reading of each axis per acceleration of the base, (n, k, 6) [-, m].
-
-    ``position`` (3,) [m] in the frame of ``body``.
-    """
-    at, joint = poses(mechanism.tree, path.q), mechanism.tree.bodies[mechanism.body_index(body)]
-    point = at.point(joint, position)
-    units = [at.rotation[:, joint, :, "xyz".index(axis)] for axis in axes]
+def sensor_rows(mechanism: Mechanism, path: Trajectory, sensor: Anchor, axes: Iterable[str]) -> Floats:
+    """S of an accelerometer on a moving body: reading of each axis per acceleration of the base, (n, k, 6) [-, m]."""
+    at = poses(mechanism.tree, path.q)
+    point, turned = at.point(sensor.joint, sensor.position), at.rotation[:, sensor.joint] @ sensor.rotation
+    units = [turned[:, :, "xyz".index(axis)] for axis in axes]
     return np.stack([np.hstack([unit, np.cross(point, unit)]) for unit in units], axis=1)
 
 

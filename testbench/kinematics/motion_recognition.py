@@ -265,7 +265,8 @@ def _followed_point(run: AlignedRun) -> tuple[int, Floats]:
     mechanism = run.unloaded
     for sensor in run.run.rig.of_kind(Accelerometer).values():
         if sensor.attached_to != "base":
-            return mechanism.body_index(sensor.attached_to), np.array(sensor.position)
+            mounted = mechanism.anchor(sensor.attached_to, np.array(sensor.position))
+            return mechanism.body_index(sensor.attached_to), mounted.position
     stated = {} if len(mechanism.payload_bodies) == 1 else run.run.conditions.get("payloads", {})
     carries = max(stated, key=lambda name: stated[name], default="")
     if carries in mechanism.sites and not (carries in mechanism.own_mass and mechanism.mass(carries) > 0.0):

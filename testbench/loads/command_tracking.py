@@ -162,8 +162,8 @@ def encoder_acceleration(run: AlignedRun, sensor: Accelerometer, bandwidth_hz: f
     From the encoders, differentiated below ``bandwidth_hz``, through the loops of the mechanism; not valid in gaps.
     """
     trajectory = run.trajectory(bandwidth_hz)
-    still, point = np.zeros((run.grid.count, 6)), np.array(sensor.position)
-    return run.grid.time, acceleration_in_body(run.unloaded, trajectory, still, sensor.attached_to, point)
+    still, mounted = np.zeros((run.grid.count, 6)), run.unloaded.anchor(sensor.attached_to, np.array(sensor.position))
+    return run.grid.time, acceleration_in_body(run.unloaded, trajectory, still, mounted)
 
 
 def _columns(run: SIRun, kind: type[Target] | type[Encoder]) -> list[Column]:

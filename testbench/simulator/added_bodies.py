@@ -30,7 +30,7 @@ def with_planes(mechanism: Mechanism, planes: Mapping[str, float]) -> Mechanism:
             mechanism = _with_body(mechanism, name, z)
         elif name in mechanism.sites and mechanism.sites[name].body >= 0:
             site = mechanism.sites[name]
-            moved = replace(site, position=site.position + [0.0, 0.0, z])
+            moved = replace(site, position=site.position + z * site.axis)
             mechanism = replace(mechanism, sites={**mechanism.sites, name: moved})
         else:
             known = [*mechanism.own_mass, *(n for n, site in mechanism.sites.items() if site.body >= 0)]
@@ -40,7 +40,7 @@ def with_planes(mechanism: Mechanism, planes: Mapping[str, float]) -> Mechanism:
 
 def _with_body(mechanism: Mechanism, body: str, z: float) -> Mechanism:
     index, own = mechanism.own_mass[body]
-    moved = moved_frame(own, np.array([0.0, 0.0, z]))
+    moved = moved_frame(own, z * mechanism.anchor(body, np.zeros(3)).rotation[:, 2])
     parameters = mechanism.parameters.copy()
     parameters[index] += moved - own
     return replace(mechanism, parameters=parameters, own_mass={**mechanism.own_mass, body: (index, moved)})

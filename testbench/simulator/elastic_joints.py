@@ -179,18 +179,23 @@ def with_elastic_links(
 def _bent(mechanism: Mechanism, body: str, link: ElasticLink, plane: float) -> Mechanism:
     row, own = mechanism.own_mass[body]
     joint, at = mechanism.tree.bodies[row], np.array(link.at)
-    part = inertial_parameters(link.mass, np.array(link.centre) + [0.0, 0.0, plane], np.diag(link.inertia))
+    part = inertial_parameters(
+        link.mass,
+        np.array(link.centre) + plane * mechanism.anchor(body, np.zeros(3)).rotation[:, 2],
+        np.diag(link.inertia),
+    )
     if np.linalg.eigvalsh(pseudo_inertia(own - part))[0] < -1e-9 * own[0]:
         raise RigError(
             f"bench.links.{body}: of its {own[0]:.4g} kg no body is left on the joint's side of the hinge: expected "
             "mass, centre and inertia of a part of it; state less mass, or less inertia"
         )
     new, beyond, farther = beyond_hinge(body), moved_frame(part, -at), part.copy()
-    others = dict[str, tuple[int, Floats]]()
+    others, fixed = dict[str, tuple[int, Floats]](), dict(mechanism.fixed)
     for name, (index, mass) in mechanism.own_mass.items():
         others[name] = index + (index > row), mass
         if index == row and name != body and mass[0] > 0.0 and _is_beyond(mass[1:4] / mass[0], at):  # fixed to it
             others[name] = row + 1, moved_frame(mass, -at)
+            fixed[name] = mechanism.fixed[name][0], mechanism.fixed[name][1] - at
             farther += mass
     parameters = np.insert(mechanism.parameters, row + 1, moved_frame(farther, -at), axis=0)  # in order of the joints
     parameters[row] -= farther
@@ -199,9 +204,7 @@ def _bent(mechanism: Mechanism, body: str, link: ElasticLink, plane: float) -> M
         return index + 1 if index > joint else index
 
     def anchored(end: Anchor) -> Anchor:
-        if end.joint == joint and _is_beyond(end.position, at):
-            return replace(end, joint=joint + 1, position=end.position - at)
-        return replace(end, joint=moved(end.joint))
+        return _on_part(end, joint + 1, at) if end.joint == joint else replace(end, joint=moved(end.joint))
 
     sites = {
         name: replace(site, body=row + 1, position=site.position - at)
@@ -217,19 +220,23 @@ def _bent(mechanism: Mechanism, body: str, link: ElasticLink, plane: float) -> M
         parameters=parameters,
         own_mass={**others, body: (row, own - part), new: (row + 1, beyond)},
         sites=sites,
+        fixed=fixed,
     )
     return _with_coordinates(split, joint + 1, (new,))
 
 
-def part_at(mechanism: Mechanism, body: str, place: Floats) -> tuple[str, Floats]:
-    """The part of a body that a ``place`` (3,) [m] in the file's frame of it is on, and the place in the part's."""
-    row = mechanism.body_index(body)
-    holder = mechanism.bodies[row]
-    beyond = holder if holder.endswith(_BEYOND) else beyond_hinge(holder)
-    if beyond not in mechanism.own_mass:
-        return body, place
-    at = mechanism.tree.joints[mechanism.tree.bodies[mechanism.body_index(beyond)]].position
-    return (beyond, place - at) if holder == beyond or _is_beyond(place, at) else (body, place)
+def part_at(mechanism: Mechanism, body: str, place: Floats) -> Anchor:
+    """A frame at a ``place`` (3,) [m] in the file's frame of a body, on the part of it that is there."""
+    found, beyond = mechanism.anchor(body, place), beyond_hinge(mechanism.bodies[mechanism.body_index(body)])
+    if beyond in mechanism.own_mass:
+        joint = mechanism.tree.bodies[mechanism.body_index(beyond)]
+        return _on_part(found, joint, mechanism.tree.joints[joint].position)
+    return found
+
+
+def _on_part(found: Anchor, beyond: int, at: Floats) -> Anchor:
+    """An anchor on a body in two parts, on that ``beyond`` its hinge ``at`` (3,) [m] where it is farther out."""
+    return replace(found, joint=beyond, position=found.position - at) if _is_beyond(found.position, at) else found
 
 
 def _is_beyond(place: Floats, at: Floats) -> bool:

@@ -154,8 +154,8 @@ def support_signals(rig: Rig, run: BenchRun) -> dict[str, Floats]:
 def _accelerometer(sensor: kinds.Accelerometer, run: BenchRun) -> dict[str, Floats]:
     if sensor.attached_to == "base":
         return base_acceleration(sensor, run)
-    body, place = part_at(run.mechanism, sensor.attached_to, np.array(sensor.position))
-    values = acceleration_in_body(run.mechanism, run.trajectory, run.sensed_acceleration, body, place)
+    mounted = part_at(run.mechanism, sensor.attached_to, np.array(sensor.position))
+    values = acceleration_in_body(run.mechanism, run.trajectory, run.sensed_acceleration, mounted)
     return dict(zip(kinds.AXES, values.T, strict=True))
 
 

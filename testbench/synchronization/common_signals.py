@@ -118,15 +118,16 @@ def body_accelerations(
 ) -> SharedSignals:
     """An accelerometer on a moving body, less the base's acceleration where one logger has both, with the encoders."""
     grid, path = motion.trajectory
-    mechanism, position = motion.loaded_mechanism, np.array(sensor.position)
+    mechanism = motion.loaded_mechanism
+    mounted = mechanism.anchor(sensor.attached_to, np.array(sensor.position))
     axes = [column.component for column in columns]
     still, at = np.zeros((grid.count, 6)), ["xyz".index(axis) for axis in axes]
-    expected = acceleration_in_body(mechanism, path, still, sensor.attached_to, position)[:, at]
+    expected = acceleration_in_body(mechanism, path, still, mounted)[:, at]
     own_signals, time = motion.run.stacked(columns), motion.run.instants(columns[0])
     base = restored_base_acceleration(motion.run, motion.run.group_of(columns[0]))
     name, own_nuisance = f"acceleration of {sensor.attached_to} with encoders", None
     if first is not None and base is not None:
-        rows = base_motion.sensor_rows(mechanism, path, sensor.attached_to, position, axes)
+        rows = base_motion.sensor_rows(mechanism, path, mounted, axes)
         share = base_motion.projector(rows, base.rows)
         both = np.hstack([own_signals, base.values])
         own_signals = np.einsum("nij,nj->ni", _interpolated(share, grid.time, first.to_reference(time)), both)

@@ -154,6 +154,16 @@ def test_a_spring_file(tmp_path):
     assert (spring_lengths(mechanism, springs, evaluated.q) > 0.0).all()
 
 
+def test_an_end_on_a_body_that_is_fixed_to_another(tmp_path):
+    """Its place is in that body's own frame."""
+    hand = '<body name="hand" pos="0.3 0 0" euler="0 0 1.5707963267948966"/>'
+    path = tmp_path / "mine.toml"
+    end = '{ body = "hand", at = ["0.1 m", "0 m", "0 m"] }'
+    path.write_text(f'[[spring]]\nfirst = {end}\nsecond = {{ body = "base" }}\n', encoding="utf-8")
+    ((spring,), _) = load_springs(path, models.model(models.mjcf(models.link(hand, "arm"))))
+    assert spring.first.position == pytest.approx([0.3, 0.1, 0.0])
+
+
 WRONG = {
     "springs = 1": "springs: unknown key; did you mean 'spring'",
     "[[spring]]\nfirst = 1": r"spring\[0\]\.first: 1: expected a table",

@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
+from balance.balancing.objective import discs
 from balance.closure import Closure, Trajectory
 from balance.dynamics.inverse_dynamics import (
     Response,
@@ -261,6 +262,22 @@ def test_a_disc_is_its_mass_at_a_site() -> None:
     at_centre = np.diag([0.02, 0.02, 0.04])
     steiner = 0.26 * np.eye(3) - np.outer(first, first)
     np.testing.assert_allclose([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], at_centre + steiner, atol=1e-15)
+
+
+def test_a_disc_on_a_turned_body_is_normal_to_that_body_s_axis() -> None:
+    """Of a body that is fixed to another too: as written into the file."""
+    disc = '<body name="disc" pos="0.1 0 {}"><inertial pos="0 0 0" mass="2" diaginertia="0.04 0.04 0.08"/></body>'
+    text = models.mjcf(
+        models.link(
+            '<body name="hand" pos="0.3 0 0" euler="0.5 0.2 0.1"><site name="s" pos="0.1 0 0"/>{}</body>', "arm"
+        ),
+        '<custom><numeric name="s.radius_of_gyration" data="0.2"/></custom>',
+    )
+    arm = models.model(text.format(""))
+    expected = models.model(text.format(disc.format(0.0))).parameters
+    np.testing.assert_allclose(arm.with_counter_mass({"s": 2.0}).parameters, expected, atol=1e-15)
+    place, turning = replace(arm.site("s"), radius_of_gyration=0.0).unit_mass(), discs(arm, ["s"])[0]
+    np.testing.assert_allclose(arm.pi + 2.0 * (place + 0.04 * turning), expected.ravel(), atol=1e-15)
 
 
 def test_a_link_turning_steadily() -> None:

@@ -33,7 +33,7 @@ def test_platform_on_a_base_at_rest():
     samples = load_motion("triangle").sample(2000.0)
     trajectory = Closure(mechanism).follow(samples)
     still = np.zeros((len(samples.time), 6))
-    found = acceleration_in_body(mechanism, trajectory, still, "platform", np.zeros(3))
+    found = acceleration_in_body(mechanism, trajectory, still, mechanism.anchor("platform", np.zeros(3)))
     assert found[:, :2] == pytest.approx(samples.acceleration, abs=1e-9)
 
 
@@ -45,9 +45,9 @@ def test_base_that_moves():
     samples = motion_from_table({**motion, "moves": [{"joint": joint, "to": ["1 rad"]}]}).sample(100.0)
     trajectory = Closure(mechanism).follow(samples)
     moving = np.tile([1.0, 2.0, 0.0, 0.0, 0.0, 0.5], (len(samples.time), 1))
-    body, point = mechanism.bodies[0], np.array([0.2, 0.0, 0.0])
-    still = acceleration_in_body(mechanism, trajectory, np.zeros_like(moving), body, point)
-    found = acceleration_in_body(mechanism, trajectory, moving, body, point) - still
+    point = mechanism.anchor(mechanism.bodies[0], np.array([0.2, 0.0, 0.0]))
+    still = acceleration_in_body(mechanism, trajectory, np.zeros_like(moving), point)
+    found = acceleration_in_body(mechanism, trajectory, moving, point) - still
     q = trajectory.q[:, 0]
     at = 0.2 * np.column_stack([np.cos(q), np.sin(q), 0 * q])
     added = moving[:, :3] + np.cross(moving[:, 3:], at)

@@ -1,12 +1,20 @@
 """What sensors would have shown on a base that stands still."""
 
+import mujoco
 import numpy as np
 import pytest
 
-from balance.dynamics.moving_base import displacement_at
+from balance.closure import Trajectory
+from balance.dynamics.moving_base import acceleration_in_body, displacement_at
 from balance.mechanism.mechanism import Mechanism
+from balance.mechanism.mjcf_parser import mechanism_from_text
 from studies import simulated_runs as memory
 from testbench.kinematics import base_motion
+
+ARM = """<mujoco><compiler angle="radian"/><worldbody><body name="arm"><joint name="elbow" axis="0 0 1"/>
+<inertial pos="0.1 0 0" mass="1" diaginertia="1 1 1"/><body name="hand" pos="0.2 0.1 0.05" euler="0.3 -0.5 0.9"/></body>
+</worldbody></mujoco>"""
+"""An arm, and a hand that is fixed to it."""
 
 
 def test_the_base_is_not_seen():
@@ -63,3 +71,24 @@ def test_a_level_needs_no_two_samples():
     found = base_motion.without_rest(np.column_stack([moved - 9.8, 2.0 * moved + 3.0]), time)
     np.testing.assert_allclose(found, np.column_stack([moved, 2.0 * moved]), atol=1e-12)
     np.testing.assert_array_equal(base_motion.without_rest(np.array([[3.0, -1.0]]), np.array([0.5])), [[0.0, 0.0]])
+
+
+def test_sensor_on_a_body_that_is_fixed_to_another():
+    """Its place and its axes are those of that body: what turns steadily shows -w x (w x p) there, as does the base."""
+    mechanism = mechanism_from_text(ARM, "arm.xml")
+    q, still = np.array([[0.4], [0.7]]), np.zeros((2, 1))
+    path = Trajectory("arm", q[:, 0], q, still + 3.0, still, still[:, :, None], 0.0, 1.0, "")
+    base, mounted = np.random.default_rng(1).normal(size=(2, 6)), mechanism.anchor("hand", np.array([0.1, 0.0, -0.2]))
+    found = acceleration_in_body(mechanism, path, base, mounted)
+    model = mujoco.MjModel.from_xml_string(mechanism.text)
+    data = mujoco.MjData(model)
+    for k, shown in enumerate(found):
+        data.qpos[:] = q[k]
+        mujoco.mj_kinematics(model, data)
+        axes = data.body("hand").xmat.reshape(3, 3)
+        point = data.body("hand").xpos + axes @ [0.1, 0.0, -0.2]
+        expected = axes.T @ (base[k, :3] + np.cross(base[k, 3:], point) - 9.0 * point * [1.0, 1.0, 0.0])
+        assert shown == pytest.approx(expected, abs=1e-12)
+    rows = base_motion.sensor_rows(mechanism, path, mounted, "xyz")
+    of_base = found - acceleration_in_body(mechanism, path, np.zeros((2, 6)), mounted)
+    assert np.einsum("nij,nj->ni", rows, base) == pytest.approx(of_base, abs=1e-12)

@@ -41,6 +41,18 @@ def test_as_in_a_file():
     assert not np.allclose(found.parameters, loaded({}).parameters)
 
 
+def test_planes_of_a_body_that_is_fixed_to_another():
+    """They lie along its own z axis, as in a file, and so do those of its sites."""
+    text = MECHANISM.text.replace(
+        '<site name="counter_A0A"',
+        '<body name="hand" euler="0 1.5707963267948966 0"><inertial pos="0 0 {}" mass="2" diaginertia="1 1 1"/>'
+        '<site name="s" pos="0 0 {}"/></body><site name="counter_A0A"',
+    )
+    flat, deep = (mechanism_from_text(text.format(*z), "hand.xml") for z in ((0, 0), (0.1, 0.2)))
+    found = with_planes(flat, {"hand": 0.1, "s": 0.2}).with_counter_mass({"s": 3.0}).parameters
+    assert found == pytest.approx(deep.with_counter_mass({"s": 3.0}).parameters, abs=1e-14)
+
+
 def test_couples_are_force_times_distance():
     """A force in another plane adds Mx = -z Fy and My = z Fx, here of the counter-masses alone, and nothing else."""
     trajectory, flat, deep = responses({"counter_A0A": -0.04, "counter_B0B": -0.04})

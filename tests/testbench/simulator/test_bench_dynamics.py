@@ -416,15 +416,17 @@ def test_body_that_is_fixed_farther_out_is_beyond_the_hinge():
 
 @pytest.mark.parametrize(
     ("body", "x", "part", "there"),
-    [("arm", 0.05, "arm", 0.05), ("arm", 0.4, "arm beyond its hinge", 0.3), ("tool", 0.5, "arm beyond its hinge", 0.4)],
+    [("arm", 0.05, "arm", 0.05), ("arm", 0.4, "arm beyond its hinge", 0.3), ("tool", 0.0, "arm beyond its hinge", 0.4)],
 )
 def test_sensor_is_on_the_part_where_it_is_mounted(body, x, part, there):
     """Farther out than the hinge it moves with the part beyond, as with a body that is fixed there."""
     tool = '<body name="tool" pos="0.5 0 0"><inertial pos="0.05 0 0" mass="1" diaginertia="1e-3 1e-3 1e-3"/></body>'
     arm = mechanism_from_text(ARM.replace("</body>", tool + "</body>"), "arm.xml")
     links = Bench.model_validate({"links": {"arm": TIP | {"stiffness": "1 kN m/rad", "damping": "1 N m s/rad"}}}).links
-    found, place = part_at(with_elastic_links(arm, links, {}), body, np.array([x, 0.0, 0.0]))
-    assert (found, place.tolist()) == (part, [pytest.approx(there), 0.0, 0.0])
+    bent = with_elastic_links(arm, links, {})
+    found = part_at(bent, body, np.array([x, 0.0, 0.0]))
+    assert bent.bodies[bent.tree.bodies.index(found.joint)] == part
+    assert found.position.tolist() == [pytest.approx(there), 0.0, 0.0]
 
 
 def test_link_in_a_loop_is_two_bodies():
