@@ -410,7 +410,7 @@ class Sweep:
 
 
 def joined(parts: Sequence[Mapping[str, Floats]]) -> dict[str, Floats]:
-    """The columns (n,) of all parts of a sweep."""
+    """The columns (n,) of all parts of a sweep, each in the unit of its name [kg, m, N, N m]."""
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
