@@ -12,7 +12,7 @@ in CHANGELOG.md, and warns by DeprecationWarning for two minor versions before i
 """
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
 DISTRIBUTION = "counterpoise"
@@ -64,11 +64,12 @@ if TYPE_CHECKING:
 
 
 def lazy_names(
-    package: str, homes: Mapping[str, str]
+    package: str, homes: Mapping[str, str], modules: Collection[str] = ()
 ) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
     """``__all__``, ``__getattr__`` and ``__dir__`` of a package whose names are imported when they are asked for.
 
-    ``homes``: by module of the package the names that it gives. So the command line starts at once.
+    ``homes``: by module of the package the names that it gives; ``modules``: those that go by their own names, not in
+    ``__all__``. So the command line starts at once.
     """
     home_of = {name: home for home, names in homes.items() for name in names.split()}
 
@@ -79,11 +80,13 @@ def lazy_names(
             from importlib.metadata import version
 
             return version(DISTRIBUTION)
+        if name in modules:
+            return import_module(f"{package}.{name}")
         if name not in home_of:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         return getattr(import_module(f"{package}.{home_of[name]}"), name)
 
-    return sorted(home_of), find, lambda: [*sorted(home_of), "__version__"]
+    return sorted(home_of), find, lambda: [*sorted(home_of), *modules, "__version__"]
 
 
 __all__, __getattr__, __dir__ = lazy_names(__name__, {

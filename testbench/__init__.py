@@ -29,6 +29,7 @@ from balance import lazy_names  # noqa: E402
 if TYPE_CHECKING:
     from balance.errors import CounterpoiseError as CounterpoiseError
 
+    from . import export as export, report as report
     from .cross_examination import Examination as Examination
     from .front_door import (
         align as align,
@@ -79,4 +80,4 @@ __all__, __getattr__, __dir__ = lazy_names(__name__, {
     "trimming": "Trim",
     "front_door": "align analyze compare doctor encoder_speed formats identify ingest load_plan load_rig new_project "
     "plan_next read simulate trim",
-})  # fmt: skip
+}, ("export", "report"))  # fmt: skip

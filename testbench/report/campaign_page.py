@@ -29,7 +29,7 @@ from ..published_tables import MANIPULATOR, ORIGINAL_LOGS, Published
 from ..recording import MEANING, Finding
 from ..runs.aligned_run import AlignedRun, recorded_clocks
 from ..runs.si_run import SIRun, calibrations_in_force
-from ..store import open_campaign
+from ..store import Campaign, open_campaign
 from ..store.atomic_files import recorded_digest
 from ..store.ledger import ledger_heads
 from ..trimming import trim_runs
@@ -177,20 +177,20 @@ SECTIONS = (
 
 
 def html_report(
-    campaign: str | Path,
+    campaign: Campaign | str | Path,
     output: str | Path,
     measure: Measure | None = None,
     published: Published | None = None,
     mechanism: str | None = None,
     accept: Iterable[str] = (),
 ) -> Path:
-    """Write the report of the campaign in folder ``campaign`` as one HTML page, and return where it is.
+    """Write the report of a campaign, or of that in a folder, as one HTML page, and return where it is.
 
     Reductions are of ``measure`` (peak to peak, 1..200 Hz, unless given), beside those ``published`` where a table is
     given; ``mechanism`` takes the place of the one that the rig names; contradictions whose codes are in ``accept``
     are taken for accepted by a person. Raises StoreError where there is no campaign.
     """
-    opened = open_campaign(campaign)
+    opened = campaign if isinstance(campaign, Campaign) else open_campaign(campaign)
     name, pool = opened.path.resolve().name, cores(len(opened.runs))
     found = campaign_report(name, opened.runs, measure, published, mechanism, accept, pool=pool)
     return found.page().write(output)

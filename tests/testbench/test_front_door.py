@@ -84,6 +84,14 @@ def test_examples_of_testbench_run(name, laboratory):
     assert found.failed == 0
 
 
+@pytest.mark.parametrize("name", ["export.sep005", "report.html_report"])
+def test_what_is_named_of_a_module_is_there_at_once(name):
+    """What documents and messages name needs no further import."""
+    code = f"import testbench; print('report' in dir(testbench), testbench.{name}.__name__)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["True", name.partition(".")[2]]
+
+
 @pytest.mark.parametrize("package", ["balance", "testbench"])
 def test_names_are_shown_and_imported_late(package):
     """dir() has them; the import alone brings no library; an unknown name is an AttributeError; types are marked."""

@@ -195,6 +195,12 @@ def test_payloads_of_a_mounting_are_in_one_list(hostile):
     assert re.search(r"Payload [\d.]+ kg, 3 kg at [^,]*, counter-masses", text)
 
 
+def test_of_a_campaign_that_is_open(made, tmp_path):
+    """As of its folder."""
+    written = testbench.report.html_report(open_campaign(made[0]), tmp_path / "page.html")
+    assert written.read_text("utf-8").startswith("<!DOCTYPE html>")
+
+
 def test_runs_that_cannot_be_compared_have_a_page(made, tmp_path):
     """One run alone: the reason in place of reductions, and all that the run shows by itself."""
     done = call("report", made[0] / "r001.h5", "-o", tmp_path / "one.html")
