@@ -50,7 +50,7 @@ REPEATS_DIFFER = "repeats_differ"
 WITHHELD = frozenset({*WITHHOLDING, REPEATS_DIFFER})
 """Doubts after which there is no interval."""
 _TELLS = 100.0
-"""Percent by which a lower bound, where the rest is below noise, may lie below zero and still say something."""
+"""Percent by which the best lower bound, where the rest is below noise, may lie below zero and still say something."""
 ONE_RUN = (
     "Where nothing is repeated, noise that acts only during the motion, such as that of drives and bearings, is told "
     "by what of one side is no smooth multiple of the other, to a factor of two: make each run at least twice."
@@ -574,17 +574,18 @@ def verdict(reductions: Sequence[Reduction]) -> str:
     of_all = f"of {len(reductions)} reductions"
     for sensor, axis in dict.fromkeys((r.sensor, r.axis) for r in bounds):
         some = [r for r in bounds if (r.sensor, r.axis) == (sensor, axis)]
-        hidden = [r for r in some if r.below_noise and r.at_least is not None and r.at_least < -_TELLS]
-        told, said = [r for r in some if r not in hidden], []
-        if told:
-            why = "the rest is below noise" if told[0].below_noise else "clipped without counter-masses"
-            note = f"in {len(told)} conditions" if len(told) > 1 else f"({why})"
-            least = min(r.at_least for r in told if r.at_least is not None)
-            bound = f"raised by at most {-least:.1f} %" if least < 0.0 else f"reduced by at least {least:.1f} %"
-            said.append(f"{bound} {note}")
-        if hidden:
-            where = f"{len(hidden)} condition{'s' * (len(hidden) > 1)}"
-            said.append(f"the noise hides whether it fell or rose in {where}")
+        least = sorted((r.at_least or 0.0, r.below_noise) for r in some)
+        tells = 0.0 if least[-1][0] >= 0.0 else -_TELLS
+        told = [(bound, noisy) for bound, noisy in least if bound >= tells or not noisy]
+        rise, said = [x for x in told if x[0] < 0.0], list[str]()
+        for ones in (told[len(rise) :], rise):
+            if ones:
+                why = "the rest is below noise" if ones[0][1] else "clipped without counter-masses"
+                note = f"in {len(ones)} conditions" if len(ones) > 1 else f"({why})"
+                size = _change([bound for bound, _ in (ones[:1] if ones is rise else ones)])
+                said.append(f"{size.replace(' by ', ' by at most ' if ones is rise else ' by at least ')} {note}")
+        if hidden := len(some) - len(told):
+            said.append(f"the noise hides whether it fell or rose in {hidden} condition{'s' * (hidden > 1)}")
         parts.append(f"{f'{sensor} ' if several else ''}{axis}: {', '.join(said)}")
     counts = [f"{len(bounds)} {of_all} are lower bounds, below noise or clipped"] if len(bounds) > 1 else []
     if withheld:

@@ -94,9 +94,15 @@ def test_the_verdict_counts_what_is_no_number(brief_analysis):
     )
     less = replace(bound, interval=(bound.at_least - 5.0, 100.0))
     assert verdict([bound, less]) == (
-        f"{bound.axis}: reduced by at least {bound.at_least - 5.0:.1f} % in 2 conditions; 2 of 2 reductions are lower "
-        "bounds, below noise or clipped."
+        f"{bound.axis}: reduced by at least {less.at_least:.1f} to {bound.at_least:.1f} % in 2 conditions; 2 of 2 "
+        "reductions are lower bounds, below noise or clipped."
     )
+    some = [replace(bound, interval=(low, 100.0)) for low in (-77.1, 79.4, 65.3)]
+    assert verdict(some).startswith(
+        f"{bound.axis}: reduced by at least 65.3 to 79.4 % in 2 conditions, the noise hides whether it fell or rose in "
+        "1 condition; 3 of 3"
+    )
+    assert "raised by at most 77.1 % in 2 conditions;" in verdict([replace(bound, interval=(-12.0, 100.0)), some[0]])
 
 
 def test_the_verdict_says_what_is_raised(brief_analysis):
