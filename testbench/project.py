@@ -253,7 +253,7 @@ def _problems(folder: Path, logs: Sequence[Path]) -> Iterator[Problem]:
     rows, wrong = read.get(runs, ([], []))
     if wrong:
         yield from _rows(folder, runs, RigError("\n".join(wrong)))
-    yield from _missing_logs(folder, runs, rows, logs, whole=not wrong)
+    yield from _missing_logs(folder, runs, rows, logs, whole=runs in read and not wrong)
     given = [path for path in logs if path.name != runs]
     held = given or [path for path in dict.fromkeys(folder / row.file for row in rows) if path.is_file()]
     yield from _log_problems(rig, [] if wrong else rows, held, runs)
@@ -316,7 +316,10 @@ def _condition_problems(
 
 
 def _log_problems(rig: Rig | None, rows: Sequence[RunTableRow], logs: Sequence[Path], table: str) -> Iterator[Problem]:
-    """Logs that cannot be opened, and what their headers lack of the rig's channels, run by run; once for all runs."""
+    """Logs that cannot be opened, and what their headers lack of the rig's channels, run by run; once for all runs.
+
+    Without rows that name them it is not known which logs are of one run.
+    """
     recordings, runs, opened = dict[str, Recording](), dict[str, list[Recording]](), dict[str, ReadOptions]()
     try:
         reading = LogReading(rig=rig)
@@ -340,7 +343,8 @@ def _log_problems(rig: Rig | None, rows: Sequence[RunTableRow], logs: Sequence[P
     said: dict[tuple[str, str | None, str], tuple[str, list[str]]] = {}
     for run, held in runs.items():
         for one in () if rig is None else [*rig_findings(rig, held), *unclocked(rig, held)]:
-            if one.severity > Severity.NOTE and not (run in incomplete and one.code == "sensor_not_recorded"):
+            unsure = "sensor_not_recorded" if run in incomplete else None if named else "logger_twice"
+            if one.severity > Severity.NOTE and one.code != unsure:
                 message = f"{one.channel}: {one.message}" if one.channel else one.message
                 key = (one.code, one.channel, one.message.partition(":")[0])
                 said.setdefault(key, (message, []))[1].append(run)

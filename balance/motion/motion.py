@@ -69,7 +69,7 @@ class Motion:
     waypoints: Floats
     """Start and ends of the legs, (k, d) [m or rad]."""
     peak_acceleration: Floats
-    """Along each leg, (k - 1,) [m/s2 or rad/s2]."""
+    """Along each leg, (k - 1,) [m/s2 or rad/s2]; not a number where the file leaves it to each run."""
     ramp: float
     """Share of each acceleration pulse spent in each of its two ramps, 0 to 0.5."""
     rest: float
@@ -81,6 +81,8 @@ class Motion:
     """Samples of a file, in place of legs."""
     sliding: tuple[bool, ...] = ()
     """Whether each driven joint is given in lengths, not angles; empty where a point is driven."""
+    source: str = "motion"
+    """What messages call it."""
 
     def with_peak_acceleration(self, acceleration: float) -> "Motion":
         """The same path with another peak acceleration [m/s2 or rad/s2]."""
@@ -128,6 +130,10 @@ class Motion:
 
     def _phases(self) -> tuple[Floats, Floats, Floats, Floats, Floats]:
         """Bounds of the phases of constant jerk (k + 1,) and the state at the start of each, (k, d)."""
+        if np.isnan(self.peak_acceleration).any():
+            raise DataError(
+                f"{self.source}: peak_acceleration: missing: add it, or state that of each run in the run table or plan"
+            )
         duration, jerk = [self.rest], [np.zeros(self.waypoints.shape[1])]
         for start, end, peak in zip(self.waypoints, self.waypoints[1:], self.peak_acceleration, strict=False):
             for seconds, share in self._leg(float(np.linalg.norm(end - start)), float(peak)):

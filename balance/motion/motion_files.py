@@ -1,5 +1,6 @@
 """Motion files (``datasets/motions``): TOML with way-points, or with a CSV of samples."""
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -95,7 +96,8 @@ class MotionTable(Table):
         ]
         | None
     ) = None
-    """Peak acceleration of every leg, or a list: one for each driven coordinate [m/s2 or rad/s2]."""
+    """Peak acceleration of every leg, or a list: one for each driven coordinate [m/s2 or rad/s2]; left out: of each
+    run, that of the run table or plan."""
     ramp: Annotated[float, Field(strict=True, ge=0.0, le=0.5)] | None = None
     """Share of an acceleration pulse that its rise takes, and its fall; by default 0.25."""
     rest: Annotated[float, Quantity("time", at_least=0.0)] | None = None
@@ -132,7 +134,7 @@ class MotionTable(Table):
         if self.samples is not None:
             _refuse_unused(self, ("start", "peak_acceleration", "ramp", "rest", "moves"), "samples")
             return
-        for key in ("start", "peak_acceleration", "moves"):
+        for key in ("start", "moves"):
             if getattr(self, key) is None:
                 raise DataError(f"{key}: missing, or give samples")
         if len(self.start or ()) != len(self.names):
@@ -184,7 +186,7 @@ def motion_from_table(content: Mapping[str, Any], source: str = "motion", sample
         points, peak = _waypoints(table)
     sliding = tuple(place.dimension == "length" for place in table.start or ()) if joints else ()
     ramp = 0.25 if table.ramp is None else table.ramp
-    return Motion(points, peak, ramp, table.rest or 0.0, joints, table.point, axes, sliding=sliding)
+    return Motion(points, peak, ramp, table.rest or 0.0, joints, table.point, axes, sliding=sliding, source=source)
 
 
 def _samples(text: str, source: str, joints: tuple[str, ...], point: str | None, axes: tuple[str, ...]) -> Samples:
@@ -225,6 +227,8 @@ def _waypoints(table: MotionTable) -> tuple[Floats, Floats]:
 def _peak_accelerations(table: MotionTable, kinds: list[str]) -> list[float]:
     """Of each driven coordinate [m/s2 or rad/s2]."""
     given = table.peak_acceleration
+    if given is None:
+        return [math.nan] * len(kinds)
     listed = given if isinstance(given, list) else [given] * len(kinds)
     if len(listed) != len(kinds):
         raise DataError(f"peak_acceleration: has {len(listed)} values: expected one, or one for each coordinate")
@@ -233,7 +237,7 @@ def _peak_accelerations(table: MotionTable, kinds: list[str]) -> list[float]:
             f"peak_acceleration: some joints turn and some slide: expected a list, one for each of {table.names}"
         )
     wanted = ["acceleration" if kind == "length" else "angular acceleration" for kind in kinds]
-    return [_value_of(m, kind, "peak_acceleration") for m, kind in zip(listed, wanted, strict=True) if m is not None]
+    return [_value_of(m, kind, "peak_acceleration") for m, kind in zip(listed, wanted, strict=True)]
 
 
 def _leg(move: MoveTable, table: MotionTable, kinds: list[str]) -> tuple[list[int], list[Floats]]:

@@ -240,6 +240,9 @@ def test_logs_and_run_table_against_each_other(tmp_path):
         "line 4: origin: 'gemessen'",
     ):
         assert expected in said
+    (folder / "runs.csv").write_text("\n".join(lines).replace("origin", "orijin"))
+    found = [problem.message for problem in project_problems(folder, logs) if not problem.is_note]
+    assert found == ["unknown column 'orijin'; did you mean 'origin'?"]
 
 
 @pytest.mark.parametrize("file", BROKEN)
@@ -260,6 +263,8 @@ def test_what_is_wrong_is_said(tmp_path, file):
 REFUSED = {
     "a peak of another kind": ("plan.toml", 'motion = "motion"', 'motion = "motion"\npeak_acceleration = "3 g0"',
                                ("plan.toml", r"r001: motion 'motion': moves joints that turn: expected a peak")),
+    "a peak that nothing states": ("motion.toml", "\npeak_acceleration", "\n# peak_acceleration",
+                                   ("plan.toml", r"r001: motion 'motion': motion\.toml: peak_acceleration: missing: ")),
     "a mass that nothing has": ("runs.csv", ";counter_B0B", "e300;counter_B0B",
                                 ("runs.csv", r"line 2: counter_masses: .*e\+300 kg: .* below 1e\+09 kg")),
     "a rate that nothing has": ("rig.toml", 'rate = "2 kHz"', 'rate = "1e12 Hz"',
@@ -310,6 +315,23 @@ def test_quick_motions_are_followed_at_the_rate_of_the_simulator(tmp_path):
     new_project(tmp_path / "test", "four-bar")
     path = tmp_path / "test" / "motion.toml"
     path.write_text(path.read_text().replace("15 deg", "1 deg").replace("60 rad/s^2", "2000 rad/s^2"))
+    assert project_problems(tmp_path / "test") == []
+
+
+def test_a_peak_that_each_run_states(tmp_path):
+    """The motion's file needs none then."""
+    new_project(tmp_path / "test", "four-bar")
+    for file, old, new in (
+        ("motion.toml", "\npeak_acceleration", "\n# peak_acceleration"),
+        ("plan.toml", 'motion = "motion"', 'motion = "motion"\npeak_acceleration = "60 rad/s^2"'),
+        ("runs.csv", ",repeat", ",repeat,peak_acceleration_rad_s2"),
+        ("runs.csv", "motion,1", "motion,1,60"),
+        ("runs.csv", "motion,2", "motion,2,60"),
+    ):
+        path = tmp_path / "test" / file
+        text = path.read_text()
+        assert old in text
+        path.write_text(text.replace(old, new))
     assert project_problems(tmp_path / "test") == []
 
 

@@ -114,6 +114,10 @@ def test_another_peak_acceleration_on_the_same_path() -> None:
     for wrong in (0.0, -1.0, float("nan")):
         with pytest.raises(DataError, match=r"peak acceleration is .*: expected a positive one"):
             slow.with_peak_acceleration(wrong)
+    left_out = motion(peak_acceleration=None)
+    assert left_out.with_peak_acceleration(12 * G0).duration == fast.duration
+    with pytest.raises(DataError, match="motion: peak_acceleration: missing: add it, or state that of each run"):
+        left_out.sample(1000.0)
 
 
 def test_samples_are_uniform() -> None:
