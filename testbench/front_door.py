@@ -197,7 +197,7 @@ def simulate(plan: Plan | str | Path, rig: Rig | str | Path, to: str | Path, see
 
 def analyze(
     campaign: Runs,
-    metric: Metric = "peak_to_peak",
+    metric: Metric | Measure = "peak_to_peak",
     band: Band | str | None = VIBRATION,
     accept: Sequence[str] = (),
     mechanism: Mechanism | str | None = None,
@@ -205,10 +205,10 @@ def analyze(
 ) -> Analysis:
     """By how many per cent counter-masses reduce the base's vibration, by condition, sensor and axis, with intervals.
 
-    ``metric``: ``peak``, ``peak_to_peak`` or ``rms`` of the acceleration [m/s2] in ``band`` [Hz]. ``accept``: codes of
-    contradictions that a person accepts. Intervals of 95 % by propagation of distributions (JCGM 101), near the noise
-    those of Feldman and Cousins. Raises AnalysisError where no two runs can be compared. The column ``kind`` tells
-    numbers from bounds (``at_least``, ``at_most``) and from what is ``withheld``.
+    ``metric``: ``peak``, ``peak_to_peak`` or ``rms`` of the acceleration [m/s2] in ``band`` [Hz], or a ``Measure`` of
+    both. ``accept``: codes of contradictions that a person accepts. Intervals of 95 % by propagation of distributions
+    (JCGM 101), near the noise those of Feldman and Cousins. Raises AnalysisError where no two runs can be compared. The
+    column ``kind`` tells numbers from bounds (``at_least``, ``at_most``) and from what is ``withheld``.
 
     >>> import testbench
     >>> rows = testbench.analyze("campaign").table()
@@ -223,10 +223,15 @@ def analyze(
     return analyze_runs(runs, _measure(metric, band), accept, _mechanism(mechanism), pool or cores(len(runs)))
 
 
-def _measure(metric: Metric, band: Band | str | None) -> Measure:
+def _measure(metric: Metric | Measure, band: Band | str | None) -> Measure:
+    from .errors import AnalysisError
     from .signal.filters import band_of
     from .vibration.metrics import Measure
 
+    if isinstance(metric, Measure):
+        if band != VIBRATION:
+            raise AnalysisError(f"band: {band}: the metric is a Measure, which has a band of its own; give it there")
+        return metric
     return Measure(metric, band_of(band) if isinstance(band, str) else band)
 
 
@@ -239,7 +244,7 @@ def _mechanism(mechanism: Mechanism | str | None) -> Mechanism | None:
 def compare(
     campaign: Runs,
     published: str | None = None,
-    metric: Metric = "peak_to_peak",
+    metric: Metric | Measure = "peak_to_peak",
     band: Band | str | None = VIBRATION,
     accept: Sequence[str] = (),
     mechanism: str | None = None,
@@ -284,7 +289,7 @@ def plan_next(
     peaks: Sequence[str | Measured[float]] = (),
     axes: Sequence[str] = (),
     sites: Sequence[str] = (),
-    metric: Metric = "peak_to_peak",
+    metric: Metric | Measure = "peak_to_peak",
     band: Band | str | None = VIBRATION,
     accept: Sequence[str] = (),
 ) -> Design:

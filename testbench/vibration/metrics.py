@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from balance.arrays import Floats
+from balance.errors import suggestion
 from balance.results import Key
 
 from ..errors import AnalysisError
@@ -43,10 +44,19 @@ class Measure:
     >>> import testbench
     >>> testbench.Measure("rms", testbench.Band(1.0, 100.0)).metric
     'rms'
+
+    ``testbench.analyze``, ``compare`` and ``plan_next`` take one as ``metric``, ``testbench.report.html_report`` as
+    ``measure``. Raises AnalysisError for a metric that is none.
     """
 
     metric: Annotated[Metric, Key()] = DEFAULT_METRIC
     band: Annotated[Band | None, Key("band_hz", to=Band.limits)] = VIBRATION_BAND
+
+    def __post_init__(self) -> None:
+        """Refuse a metric that is none."""
+        if self.metric not in METRICS:
+            hint = suggestion(str(self.metric), METRICS)
+            raise AnalysisError(f"metric: {self.metric!r}: expected {', '.join(METRICS)}{hint}")
 
     def __str__(self) -> str:
         slow = "offset and ramp" if self.detrends else "mean"

@@ -183,12 +183,15 @@ def test_in_python(brief):
     rows = [plan_next(campaign, payload=mass, **asked).table() for mass in ("5 kg", {"": 5.0})]
     assert rows[0].equals(rows[1])
     assert set(rows[0]["run.motion"]) == {"y"}
+    rows.append(plan_next(campaign, payload="5 kg", **asked | {"metric": Measure("rms")}).table())
+    assert rows[0].equals(rows[2])
     for wrong, message in (
         ({"sites": SITES}, "sites: nothing of a reduction"),
         ({"question": "first-moment", "axes": "x"}, "axes: nothing of a first-moment"),
         ({"payload": "7 kg"}, "no reduction is of what is asked"),
         ({"payload": "7 m"}, "not a unit of mass"),
         ({"peaks": ["-2 g0"]}, "expected more than zero"),
+        ({"metric": Measure("rms"), "band": "1..50"}, "band: 1..50: the metric is a Measure, which has a band"),
     ):
         with pytest.raises(CounterpoiseError, match=message):
             plan_next(campaign, **wrong)

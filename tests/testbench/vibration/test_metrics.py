@@ -35,6 +35,12 @@ def test_a_measure_says_what_it_is():
     assert document(Measure("peak", Band(1.0, 50.0))) == {"metric": "peak", "band_hz": [1.0, 50.0]}
 
 
+def test_a_metric_that_is_none_is_refused():
+    """With what is expected, and what may have been meant."""
+    with pytest.raises(AnalysisError, match="metric: 'RMS': expected peak, peak_to_peak, rms; did you mean 'rms'"):
+        Measure("RMS")
+
+
 @pytest.mark.parametrize("ramp", [0.0, 9.81, -40.0])
 def test_a_ramp_is_no_vibration(ramp):
     """An offset and a ramp many times the vibration do not show above a lower end of zero; a base that rests before and
