@@ -9,6 +9,7 @@ rig that is stored with the runs: its motion, its loggers, its clocks; the noise
 is the factor by which the jackknife finds more variance than white noise would leave.
 """
 
+import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -52,6 +53,8 @@ _SEED = 0
 """Of the noise of simulated runs, of which only the motion counts."""
 _NOTHING = 0.02
 """Share of a half width by which a run must narrow it to be worth making."""
+_SIDES: tuple[Literal[0], Literal[1]] = (0, 1)
+"""With counter-masses and without."""
 
 
 @dataclass(frozen=True)
@@ -115,10 +118,17 @@ def _widens(one: Proposal) -> str:
     return " (would not narrow)" if one.now is not None and one.after >= one.now else ""
 
 
-def _ranked(question: Question, unit: str, proposals: Sequence[Proposal], notes: Sequence[str]) -> Design:
-    if not proposals:
-        raise AnalysisError("no run can be proposed: " + "; ".join(notes))
+def _ranked(
+    question: Question, unit: str, proposals: Sequence[Proposal], widest: Proposal, notes: Sequence[str]
+) -> Design:
+    """By what remains of all that is asked; what narrows the ``widest`` of it most is said where that is another."""
     order = sorted(proposals, key=lambda one: (one.share, one.after))
+    if (widest.candidate, widest.quantity) != (order[0].candidate, order[0].quantity):
+        wide = "not known yet" if widest.now is None else f"{widest.now:.3g} {unit} (half of 95 %)"
+        most = f"{widest.candidate} narrows it most, to {widest.after:.3g}"
+        if widest.now is not None and widest.after > (1.0 - _NOTHING) * widest.now:
+            most = f"no single run narrows it by more than {_NOTHING:.0%}"
+        notes = [f"Least sure is {widest.quantity}, {wide}: {most}.", *notes]
     said = [replace(one, quantity=one.quantity + _widens(one)) for one in order]
     return Design(question, unit, tuple(said), tuple(notes))
 
@@ -155,16 +165,16 @@ def next_for_reduction(
     if not rows:
         reasons = "; ".join(dict.fromkeys(finding.message for finding in analysis.findings)) or "none is of them"
         raise AnalysisError(f"no reduction that is asked has an interval to narrow: {reasons}")
-    sides = dict.fromkeys(
-        (one.runs[: one.n[0]] if side == 0 else one.runs[one.n[0] :]) for one in rows for side in (0, 1)
-    )
+    sides = dict.fromkeys(_of_side(one, side) for one in rows for side in _SIDES)
     lost = len(wanted) - len(rows)
     notes = [f"{lost} reduction{' has' if lost == 1 else 's have'} no interval to narrow."] if lost else []
     if all(one.method == "propagation" for one in rows):
         notes.append(
             "No run is repeated: what repeats differ by beyond noise is not known, and not in the predictions."
         )
-    return _ranked("reduction", "points", [_repeat(runs_of_side, rows) for runs_of_side in sides], notes)
+    widest = max(rows, key=_half_width)
+    narrowed = min((_proposed(widest, side, 1.0) for side in _SIDES), key=lambda one: one.after)
+    return _ranked("reduction", "points", [_repeat(runs_of_side, rows) for runs_of_side in sides], narrowed, notes)
 
 
 def _named(runs: Iterable[Run]) -> set[str]:
@@ -197,23 +207,34 @@ def _has_peak(key: ConditionKey, peak: Measured[float]) -> bool:
 
 def _repeat(repeated: tuple[str, ...], rows: Sequence[Reduction]) -> Proposal:
     """One more of the runs of a side of a condition."""
-    logs, best = [], None
-    for one in rows:
-        balanced, unbalanced = one.runs[: one.n[0]], one.runs[one.n[0] :]
-        assert one.uncertainty is not None
-        assert one.interval is not None
-        side: Literal[0, 1] = 0 if balanced == repeated else 1
-        share = one.uncertainty.with_one_more(side) if repeated in (balanced, unbalanced) else 1.0
-        now = 0.5 * (one.interval[1] - one.interval[0])
-        logs.append(np.log(max(share, 1e-9)))
-        if best is None or now * (1.0 - share) > best[0]:
-            best = now * (1.0 - share), one, now, now * share, side
-    assert best is not None
-    _, one, now, after, side = best
-    key, masses = one.key, one.counter_masses if side == 0 else {}
-    candidate = Candidate(key, masses, repeated[-1])
-    quantity = f"the reduction at {key}, {one.sensor} along {one.axis}"
-    return Proposal(candidate, quantity, now, after, float(np.exp(np.mean(logs))))
+    sides = [(one, side) for one in rows for side in _SIDES if _of_side(one, side) == repeated]
+    shares = [_share(one, side) for one, side in sides]
+    mean = float(np.exp(np.sum(np.log(np.maximum(shares, 1e-9))) / len(rows)))
+    _, best = max(enumerate(sides), key=lambda at: _half_width(at[1][0]) * (1.0 - shares[at[0]]))
+    return _proposed(*best, mean)
+
+
+def _of_side(one: Reduction, side: Literal[0, 1]) -> tuple[str, ...]:
+    """The runs with counter-masses, or those without."""
+    return one.runs[: one.n[0]] if side == 0 else one.runs[one.n[0] :]
+
+
+def _half_width(one: Reduction) -> float:
+    assert one.interval is not None
+    return 0.5 * (one.interval[1] - one.interval[0])
+
+
+def _share(one: Reduction, side: Literal[0, 1]) -> float:
+    """What remains of the half width with one more run of a side [-]."""
+    assert one.uncertainty is not None
+    return one.uncertainty.with_one_more(side)
+
+
+def _proposed(one: Reduction, side: Literal[0, 1], mean: float) -> Proposal:
+    """One more run of a side of a reduction, of which the ``mean`` share of all that is asked remains [-]."""
+    candidate = Candidate(one.key, one.counter_masses if side == 0 else {}, _of_side(one, side)[-1])
+    now, quantity = _half_width(one), f"the reduction at {one.key}, {one.sensor} along {one.axis}"
+    return Proposal(candidate, quantity, now, now * _share(one, side), mean)
 
 
 def next_for_first_moment(
@@ -241,22 +262,30 @@ def next_for_first_moment(
         )
     candidates = list(_candidates(mounted, motions, peaks))
     known = _Knowledge.of(problem, [_simulated(one, made[0], mounted) for one in candidates], sources)
-    proposals = [_proposal(candidate, known, number, question) for number, candidate in enumerate(candidates)]
-    return _ranked(question, "kg m" if question == "first-moment" else "kg", proposals, [*notes, *known.notes])
+    sited = [_by_site(candidate, known, number, question) for number, candidate in enumerate(candidates)]
+    widest = max(range(len(problem.sites)), key=lambda place: math.inf if (now := sited[0][place].now) is None else now)
+    narrowed = min((one[widest] for one in sited), key=lambda one: one.after)
+    unit = "kg m" if question == "first-moment" else "kg"
+    return _ranked(question, unit, [_proposal(one) for one in sited], narrowed, [*notes, *known.notes])
 
 
-def _proposal(candidate: Candidate, known: "_Knowledge", number: int, question: Question) -> Proposal:
-    """What the candidate narrows most, of the sites; where one is undetermined, relative to what it lacks without."""
-    rows = []
+def _proposal(by_site: Sequence[Proposal]) -> Proposal:
+    """What a candidate narrows most, of the sites."""
+    share = float(np.exp(np.mean([np.log(one.share) for one in by_site])))
+    return replace(min(by_site, key=lambda one: one.share), share=share)
+
+
+def _by_site(candidate: Candidate, known: "_Knowledge", number: int, question: Question) -> list[Proposal]:
+    """What the candidate leaves of each site; where one is undetermined, relative to what it lacks without."""
+    found = []
+    what = "the first moment missing" if question == "first-moment" else "the counter-mass missing"
     for place, site in enumerate(known.problem.sites):
         now, after = known.half_widths(place, number)
         scale = 1.0 if question == "first-moment" else 1.0 / known.levers[place]
         wide = known.lacking[place] if now is None else now
-        rows.append((after / wide, site, None if now is None else scale * now, scale * after))
-    _, site, now, after = min(rows)
-    what = "the first moment missing" if question == "first-moment" else "the counter-mass missing"
-    share = float(np.exp(np.mean([np.log(row[0]) for row in rows])))
-    return Proposal(candidate, f"{what} at {site}", now, after, share)
+        before = None if now is None else scale * now
+        found.append(Proposal(candidate, f"{what} at {site}", before, scale * after, after / wide))
+    return found
 
 
 def _of_one_mounting(runs: Sequence[Run], payloads: Sequence[tuple[str, float]]) -> tuple[list[SIRun], list[str]]:

@@ -9,7 +9,7 @@ import pytest
 from balance.errors import CounterpoiseError
 from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
-from testbench import next_run, plan_next
+from testbench import analyze, next_run, plan_next
 from testbench.errors import AnalysisError
 from testbench.next_run import next_for_first_moment, next_for_reduction
 from testbench.rig import rig_from_text
@@ -107,8 +107,26 @@ def test_a_source_that_leaves_a_run_out(brief):
 def test_a_run_that_would_widen(design):
     """Says so in its row; the others do not."""
     best, other = design.proposals
-    rows = next_run._ranked("reduction", "points", [best, replace(other, now=1.0, after=1.1, share=1.1)], ()).proposals
+    rows = [best, replace(other, now=1.0, after=1.1, share=1.1)]
+    rows = next_run._ranked("reduction", "points", rows, best, ()).proposals
     assert [row.quantity for row in rows] == [best.quantity, f"{other.quantity} (would not narrow)"]
+
+
+@pytest.mark.parametrize(
+    ("now", "after", "said"),
+    [
+        (9.0, 3.0, "q, 9 points (half of 95 %): {} narrows it most, to 3."),
+        (9.0, 8.95, "q, 9 points (half of 95 %): no single run narrows it by more than 2%."),
+        (None, 3.0, "q, not known yet: {} narrows it most, to 3."),
+    ],
+)
+def test_the_least_sure_is_said(design, now, after, said):
+    """With the run that narrows it most, where the first line is of another."""
+    best, other = design.proposals
+    widest = replace(other, quantity="q", now=now, after=after)
+    found = next_run._ranked("reduction", "points", [best, other], widest, ("more",)).notes
+    assert found == (f"Least sure is {said.format(other.candidate)}", "more")
+    assert next_run._ranked("reduction", "points", [best, other], best, ()).notes == ()
 
 
 @pytest.mark.parametrize(
@@ -185,6 +203,12 @@ def test_in_python(brief):
     assert set(rows[0]["run.motion"]) == {"y"}
     rows.append(plan_next(campaign, payload="5 kg", **asked | {"metric": Measure("rms")}).table())
     assert rows[0].equals(rows[2])
+    of_all = plan_next(campaign)
+    analysis = analyze(campaign)
+    widest = max(np.ptp(one.interval) / 2.0 for one in analysis.reductions if one.interval)
+    assert any(f"{widest:.3g} points" in said for said in (of_all.verdict, *of_all.notes)) or (
+        of_all.proposals[0].now == widest
+    )
     for wrong, message in (
         ({"sites": SITES}, "sites: nothing of a reduction"),
         ({"question": "first-moment", "axes": "x"}, "axes: nothing of a first-moment"),
