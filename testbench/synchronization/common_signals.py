@@ -18,6 +18,8 @@ from balance.balancing import conditions
 from balance.closure import Trajectory
 from balance.dynamics.moving_base import acceleration_in_body
 from balance.dynamics.regressor import wrench_regressor
+from balance.mechanism.forward_kinematics import poses
+from balance.mechanism.loop_constraints import Anchor
 from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
@@ -146,6 +148,18 @@ def body_accelerations(
         partial=base is None or first is None,
         own_nuisance=own_nuisance,
         gaps=motion.gaps,
+        caution=weight_caution(mechanism, path, sensor.attached_to, mounted),
+    )
+
+
+def weight_caution(mechanism: Mechanism, path: Trajectory, body: str, mounted: Anchor) -> str:
+    """What to think of where an accelerometer at an anchor on a ``body`` turns in gravity; nothing elsewhere."""
+    axes = poses(mechanism.tree, path.q).rotation[:, mounted.joint] @ mounted.rotation
+    if np.ptp(np.einsum("nij,i->nj", axes, mechanism.gravity), axis=0).max() < LEAST_AXIS:
+        return ""
+    return (
+        f"; {body} turns in gravity: an accelerometer there that shows weight (DC-coupled, such as MEMS) shows more "
+        "than acceleration: take the weight off its log, or align by a trigger or a tap"
     )
 
 

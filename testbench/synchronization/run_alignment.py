@@ -134,15 +134,18 @@ def _first_determined(found: Iterable[SignalBuilder], drift: bool, method: Align
     """The first candidate that determines the clock, or why none does."""
     reasons: list[str] = []
     for build in found:
+        shared = None
         try:
             shared = build(None)
             if shared.partial:  # a first map lets the base's motion be taken out of the signals
                 shared = build(method(shared, False).clock)
             return method(shared, drift)
         except CounterpoiseError as error:
-            reasons.append(str(error))
+            reasons.append(f"{error}{shared.caution if shared else ''}")
     return "; ".join(reasons) or (
-        "the rig names nothing that both loggers recorded; name a channel of each, --pair A=B, or record a trigger"
+        "the rig names nothing that both loggers recorded: encoders on the reference's logger can align with force "
+        "sensors of supports and accelerometers on moving bodies, sensors of one quantity with each other, and base "
+        "accelerometers with nothing else; name a channel of each, --pair A=B, or record a trigger or a tap"
     )
 
 

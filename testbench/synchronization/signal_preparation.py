@@ -59,6 +59,8 @@ class SharedSignals:
     """Nuisance columns on the reference's clock, (n, k)."""
     gaps: Floats | None = None
     """Start and end of gaps that the reference's columns bridge, (g, 2) [s]."""
+    caution: str = ""
+    """What else may be in one side, where it is not the same: said where they determine nothing."""
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,14 @@
 """Loggers of a bench aligned by what its rig says that they saw."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from balance import datasets
+from balance.closure import Trajectory
+from balance.mechanism.mjcf_parser import load_mechanism
 from balance.results import document
 from studies import simulated_runs as memory
 from studies.clocks import CASES, REFERENCE, aligned, tally
@@ -12,13 +17,15 @@ from testbench import rig as rigs
 from testbench.errors import AnalysisError
 from testbench.kinematics.encoder_motion import loaded_mechanism, mechanism_of
 from testbench.runs.si_run import SIRun
+from testbench.synchronization import run_alignment
 from testbench.synchronization.clock_map import ClockMap
-from testbench.synchronization.common_signals import trigger_groups, trigger_pairs
+from testbench.synchronization.common_signals import trigger_groups, trigger_pairs, weight_caution
 from testbench.synchronization.event_alignment import by_trigger
 from testbench.synchronization.offset_and_drift import by_correlation
 from testbench.synchronization.run_alignment import align_named, align_run
 
 from ..coverage import assert_holds
+from . import loggers
 
 
 @pytest.fixture(scope="module")
@@ -111,6 +118,22 @@ def test_what_the_rig_does_not_pair_is_refused(moved):
     rig = moved.rig.model_copy(update={"sensors": {k: v for k, v in moved.rig.sensors.items() if k != "platform_acc"}})
     found = aligned_by(run, rig)
     assert "--pair" in found.refused["daq"]
+    assert "base accelerometers with nothing else" in found.refused["daq"]
+
+
+@pytest.mark.parametrize(
+    ("gravity", "said"), [(9.81, "; link_1 turns in gravity: .* by a trigger or a tap$"), (0.0, "$")]
+)
+def test_weight_is_named_where_the_body_turns_in_it(gravity, said):
+    """Behind the reason why the signals determine nothing."""
+    arm = replace(load_mechanism("serial-1r"), gravity=np.array([0.0, -gravity, 0.0]))
+    q = np.linspace(0.0, 1.0, 5)[:, None]
+    path = Trajectory(arm.name, q[:, 0], q, 0 * q, 0 * q, q[:, :, None] ** 0, 0.0, 1.0, "")
+    caution = weight_caution(arm, path, "link_1", arm.anchor("link_1", np.zeros(3)))
+    white = np.random.default_rng(0).normal(size=(2, 2000))
+    shared = replace(loggers.plain(*white), caution=caution)
+    found = run_alignment._first_determined([lambda first: shared], False, by_correlation)
+    assert re.search("no common content: .* recorded the same" + said, found)
 
 
 def test_maps_are_stored_and_restored():
