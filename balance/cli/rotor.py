@@ -108,7 +108,8 @@ Examples:
   balance rotor tolerance --grade G2.5 --mass 250kg --speed 1500rpm --to-bearings 300mm 500mm --residual 2000gmm
   balance rotor tolerance fan.toml --grade G6.3         # mass, centre, speed and bearings from its file
 \b
-Scope: rotors that are rigid up to their service speed. A linkage or a flexible rotor is refused.""",
+Scope: rotors that are rigid up to their service speed. A linkage or a flexible rotor is refused.
+Exit codes: 0 done, 3 done and the residual unbalance is outside the tolerance, 1 refused.""",
 )
 def tolerance(
     rotor: str | None = argument("[ROTOR]", required=False),
@@ -163,7 +164,7 @@ def tolerance(
         say(f"Permissible unbalance {document['U_per_gmm']:.6g} g mm{planes}{said}.")
         emit_parts(document, ("",))
 
-    return Answer(document, show)
+    return Answer(document, show, has_finding=used is not None and used > 1.0)
 
 
 def _grade(text: str) -> float:

@@ -95,16 +95,18 @@ def test_split_states_vectors_and_limits_with_their_unit():
 
 def test_tolerance_has_its_scope_and_refuses_linkages():
     """The scope is part of the answer; a mechanism is refused with the reason."""
-    found = json_of(
-        "rotor", "tolerance", "--grade", "G6.3", "--mass", "40kg", "--speed", "3000rpm", "--residual", "900gmm"
-    )
+    outside = ("rotor", "tolerance", "--grade", "G6.3", "--mass", "40kg", "--speed", "3000rpm", "--residual", "900gmm")
+    assert call(*outside).code == 3
+    found = call(*outside, "--json").json
     assert found["U_per_gmm"] == pytest.approx(802.14091)
     assert found["within_tolerance"] is False
     assert "rigid" in found["scope"]
     planes = ("rotor", "tolerance", "--grade", "2.5", "--mass", "40kg", "--speed", "3000rpm", "--residual", "180gmm")
     assert "needs --to-bearings" in call(*planes, "--residual", "120gmm").err
     for second, within in (("120gmm", True), ("130gmm", False)):  # 318.31 g mm in all, 190.99 and 127.32 in the planes
-        found = json_of(*planes, "--residual", second, "--to-bearings", "200mm", "300mm")
+        done = call(*planes, "--residual", second, "--to-bearings", "200mm", "300mm", "--json")
+        found = done.json
+        assert done.code == (0 if within else 3)
         assert (found["residual_gmm"], found["within_tolerance"]) == (None, within)
         assert found["grade_reached_mm_per_s"] == pytest.approx(
             2.5 * max(180 / 190.986, float(second[:3]) / 127.324), rel=1e-4
