@@ -25,6 +25,14 @@ _HALF_LETTERS = re.compile("[\ud800-\udfff]")
 """Bytes of file names that are no UTF-8, as Python holds them."""
 
 
+def with_interval(value: float, within: float) -> str:
+    """A value and half its interval, which has two digits, with as many decimals: ``8400 ± 360``, ``0.52 ± 0.013``."""
+    if not 1e-6 < within < math.inf:
+        return f"{value:.5g} ± {within:.2g}"
+    decimals = 1 - math.floor(math.log10(float(f"{within:.1e}")))
+    return " ± ".join(f"{round(one, decimals):.{max(decimals, 0)}f}" for one in (value, within))
+
+
 class Detail:
     """How much a command prints: the verdict alone, one table and findings by kind, or everything."""
 

@@ -13,7 +13,7 @@ from ..results import document as document_of
 from . import options
 from .framework import Answer, NamedQuantity, Quantity, Word, argument, command, option
 from .options import ANGULAR_VELOCITY, LENGTH, MASS, SPEED
-from .printing import cells, emit_parts, emit_table, say
+from .printing import cells, emit_parts, emit_table, say, with_interval
 
 if TYPE_CHECKING:
     from ..balancing.stock_plates import Plate
@@ -292,8 +292,8 @@ def _vector_text(value: dict[str, float] | None, unit: str) -> str:
     if within is None:
         return f"{size:.6g} @ {angle:.3f} deg" if size >= 1e-9 else "0"
     about = value["angle_deg_within"]
-    turned = "any angle" if about >= 180.0 else f"{angle:.2f} ± {about:.2g} deg"
-    return f"{size:.5g} ± {within:.2g} @ {turned}"
+    turned = "any angle" if about >= 180.0 else f"{with_interval(angle, about)} deg"
+    return f"{with_interval(size, within)} @ {turned}"
 
 
 _WIDER = 0.01

@@ -8,7 +8,7 @@ import click
 
 from balance.cli.framework import Answer, Word, argument, command, option
 from balance.cli.options import FIGURE, draw
-from balance.cli.printing import emit_findings, emit_table, say
+from balance.cli.printing import emit_findings, emit_table, say, with_interval
 
 from ..signal import METRIC_NAMES
 from . import options
@@ -217,8 +217,8 @@ def _print(run: "Run", found: "Vectors", phase: str, metric: "Metric") -> None:
     rows, said = [], []
     for v in found.vectors:
         size, within = _amplitude(v, metric)
-        angle = f"{_degrees(v, phase):.2f} ± {math.degrees(v.phase_within):.2g}" if v.is_significant else ""
-        length = f"{size:.4g} ± {within:.2g} {UNITS[v.dimension]}"
+        angle = with_interval(_degrees(v, phase), math.degrees(v.phase_within)) if v.is_significant else ""
+        length = f"{with_interval(size, within)} {UNITS[v.dimension]}"
         said.append(f"{v.sensor} {length} {f'at {angle} deg' if angle else 'in the scatter'}")
         rows.append([v.sensor, length, angle or "in the scatter", f"{v.coherence:.4f}", f"{v.share:.3f}"])
     turns = found.turns

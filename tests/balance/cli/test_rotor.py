@@ -1,8 +1,11 @@
 """``balance rotor``: documents, tables, refusals."""
 
+import math
 import re
 
 import pytest
+
+from balance.cli.printing import with_interval
 
 from .conftest import call, json_of
 
@@ -140,3 +143,18 @@ def test_a_split_too_large_to_prove_is_widened_with_a_finding(monkeypatch):
     assert "could not be proven" in found["findings"][0]
     assert found["residual_percent"] <= 1.0 + 1e-6
     assert call("rotor", *arguments, "--within", "0.01%").code == 1
+
+
+@pytest.mark.parametrize(
+    ("value", "within", "text"),
+    [
+        (8402.2, 357.0, "8400 ± 360"),
+        (12.345, 0.0987, "12.345 ± 0.099"),
+        (12.345, 0.0996, "12.35 ± 0.10"),
+        (3.21, 4.0, "3.2 ± 4.0"),
+        (3.21, math.inf, "3.21 ± inf"),
+    ],
+)
+def test_a_value_has_the_digits_of_its_interval(value, within, text):
+    """Two of the interval."""
+    assert with_interval(value, within) == text
