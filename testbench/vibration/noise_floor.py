@@ -269,8 +269,9 @@ class Noise:
         return np.asarray(cells * float(self.frequency[1]))
 
     def of_modes(self, frequency: Floats, seconds: float, count: int, rng: np.random.Generator) -> Floats:
-        """Factors on sizes at rising frequencies (k,) [Hz] of records of so many seconds, (count, k) [-]: what may be one
-        narrow mode comes and goes, and one record shows more or less of it than another.
+        """Factors on sizes at rising frequencies (k,) [Hz] of records of so many seconds, (count, k) [-].
+
+        What may be one narrow mode comes and goes, and one record shows more or less of it than another.
 
         A mode as wide as a cell shows 2 B T of its values, one that outlasts the record two, and how wide it is
         nobody knows: from the one to the other, evenly by its logarithm.
