@@ -11,6 +11,7 @@ from scipy.signal import lfilter
 
 from testbench.vibration.amplitude import Amplitude
 from testbench.vibration.metrics import METRICS, Measure
+from testbench.vibration.noise_floor import Noise, noise_draws
 from testbench.vibration.reduction import Reduction
 from testbench.vibration.tonal_lines import Lines
 
@@ -122,6 +123,35 @@ def test_a_mode_of_the_floor_widens():
     """A mode of the floor is in the interval with the power that it has, whatever the rig states."""
     floor, quiet = (np.median([half(drawn(noise, seed)) for seed in range(3)]) for noise in (mode_of_the_floor, hum))
     assert floor > 2.0 * quiet
+
+
+def _shown(noise) -> tuple[Amplitude, Noise]:
+    """A record with counter-masses, and the noise that its rest and three others show."""
+    rng, rest = np.random.default_rng(7), (0.0, REST - 0.01)
+    runs = [Amplitude.of((WITH + noise(rng))[None], RATE, Measure("peak_to_peak"), rest)[0] for _ in range(4)]
+    return runs[0], Noise.of([run.resting for run in runs])
+
+
+def test_swings_of_a_loud_floor_are_not_the_signals():
+    """Beside a mode five times as loud the highest swing to either side is the signal's for certain, and no other;
+    beside white noise those are that reach beyond it."""
+    loud, law = _shown(lambda rng: 6.0 * mode_of_the_floor(rng))
+    certain, every = (np.flatnonzero(np.diff(np.sign(one.course))) for one in loud.peaks(law))
+    assert len(certain) <= 4 < 20 < len(every)
+    assert np.ptp(loud.peaks(law)[0].course) == np.ptp(loud.peaks(law)[1].course)
+    quiet, law = _shown(white)
+    certain, every = (one.course for one in quiet.peaks(law))
+    assert not (certain - every)[np.abs(every) > 0.5].any()
+
+
+def test_one_mode_comes_and_goes():
+    """Of a mode that outlasts the rest one record shows three times as much power as another, of white noise not."""
+    scatter = {}
+    for noise in (mode_of_the_floor, white):
+        run, law = _shown(noise)
+        draws = noise_draws(law, run.measure, len(run.course), run.rate_hz)
+        scatter[noise] = float(np.std(draws.mean_squares / draws.powers))
+    assert scatter[mode_of_the_floor] > 0.4 > 0.2 > scatter[white]
 
 
 def test_a_step_without_dither_is_in_the_interval():
