@@ -203,7 +203,7 @@ def test_in_a_browser(browser, serious, served):
     assert values == [[*row["rms"], *row["peak"]] for row in expected]
     for part, value in (("#hand-panels .link >> nth=1", "#view-coordinates input >> nth=1"),
                         ("#hand-panels .counter >> nth=0", "#view-masses input >> nth=1")):  # fmt: skip
-        page.locator(part).scroll_into_view_if_needed()
+        page.eval_on_selector(part, "one => one.scrollIntoView({block: 'center'})")  # at once: it is drawn anew
         x, y = page.eval_on_selector(part, HANDLE)
         page.mouse.move(x, y)
         page.mouse.down()
