@@ -9,8 +9,10 @@ import json
 import re
 import threading
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -116,7 +118,7 @@ def parse_mjcf(text: str, name: str) -> Any:  # noqa: ANN401
     refuse_tags(text, name)
     mujoco = import_mujoco()
     with _bounded(mujoco, text, name):
-        return mujoco.MjSpec.from_string(text)
+        return _in_own_thread(partial(mujoco.MjSpec.from_string, text))
 
 
 def compile_spec(spec: Any, text: str, name: str, folder: Path | None) -> tuple[Any, dict[str, str]]:  # noqa: ANN401
@@ -137,7 +139,7 @@ def compile_spec(spec: Any, text: str, name: str, folder: Path | None) -> tuple[
     _check_inertias(mujoco, spec, name)
     files = _take_assets(mujoco, spec, name, folder)
     with _bounded(mujoco, text, name):
-        model = spec.compile()
+        model = _in_own_thread(spec.compile)
     for values, bound in zip((model.body_mass, model.body_inertia), bounds.values(), strict=True):
         if not bound:
             values[values == MASSLESS] = 0.0
@@ -260,10 +262,10 @@ def _bounded(mujoco: Any, text: str, name: str) -> Iterator[None]:  # noqa: ANN4
         with _bounded_memory(), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
-    except MemoryError as error:
-        raise ModelError(f"{name}: needs more than {MEMORY_LIMIT / 1e9:g} GB of memory; make it smaller") from error
-    except (ValueError, TypeError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as error:
+    except (MemoryError, ValueError, TypeError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as error:
         said_so = " ".join(str(error).split())
+        if isinstance(error, MemoryError) or "unknown exception" in said_so:
+            raise ModelError(f"{name}: needs more than {MEMORY_LIMIT / 1e9:g} GB of memory; make it smaller") from error
         units = "; numbers have no unit behind them: m, kg, kg m2" if "bad format in attribute" in said_so else ""
         raise ModelError(f"{name}: MuJoCo refuses it: {said_so}{units}") from error
     finally:
@@ -271,6 +273,14 @@ def _bounded(mujoco: Any, text: str, name: str) -> Iterator[None]:  # noqa: ANN4
     if any("NaN" in warning for warning in said):
         where = next((element_label(m) for m in tags(text) if re.search(r"\bnan\b", m[0], re.I)), "an element")
         raise ModelError(f"{name}: {where} holds 'nan'; expected finite numbers")
+
+
+def _in_own_thread(work: Callable[[], Any]) -> Any:  # noqa: ANN401
+    """Where memory ends, MuJoCo 4.0 leaves the thread's handler of warnings as its own successor: the thread's next
+    warning would never end.
+    """
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(work).result()
 
 
 @contextmanager

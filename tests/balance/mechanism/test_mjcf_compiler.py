@@ -211,7 +211,7 @@ REFUSED = {
     ),
     "keyframes without end": ({"tail": "<size nkey='20000000'/>"}, "nkey is 20000000; at most"),
     "a field without end": ({"tail": "<asset><hfield name='h' nrow='99999' ncol='99999' size='1 1 1 1'/></asset>"},
-                            "MuJoCo refuses it"),
+                            "needs more than 1.5 GB of memory"),
     "comments without end": ({"tail": "<!--" * 99999}, "PARSING_COMMENT"),
     "loops off": ({"equality": '<connect site1="s1" site2="s2"/>',
                    "options": '<option><flag equality="disable"/></option>'}, "remove the flag"),
@@ -363,3 +363,13 @@ def test_the_limit_of_memory_does_not_stay_when_two_threads_compile():
     for thread in (one, two):
         thread.join(5.0)
     assert resource.getrlimit(resource.RLIMIT_AS) == before
+
+
+def test_a_warning_after_memory_ended_ends():
+    """A mechanism too large for memory is refused as such, and what MuJoCo warns of later is said and not for ever."""
+    pytest.importorskip("resource")
+    where, message = REFUSED["a field without end"]
+    with pytest.raises(ModelError, match=message):
+        models.model(pair(**where))
+    with pytest.raises(ModelError, match="holds 'nan'"):
+        models.model(pair(attributes='pos="nan 0 0"'))
