@@ -119,6 +119,13 @@ class Imbalance:
     regression: RegressionFit | None = None
     """Behind the values; its first unknowns are the subspace's coordinates."""
 
+    def unexplained_of(self, values: Floats) -> float:
+        """What is not explained as a part of what values (rank,) [kg m] of the conditions make [-]; infinite where no
+        regression tells.
+        """
+        found = self.regression
+        return np.inf if found is None else found.unexplained_of(self.coordinates(values, len(found.values)))
+
     def estimate(self, combination: Floats, unit: str = "kg m") -> Estimate:
         """A combination (rank,) of the conditions' values [kg m, or ``unit``].
 

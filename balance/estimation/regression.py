@@ -219,6 +219,15 @@ class RegressionFit:
         """Number of blocks that were left out in turn."""
         return len(self._contributions)
 
+    def unexplained_of(self, change: Floats) -> float:
+        """Rms of the residual as a part of what a change (p,) [SI] of the unknowns makes of the readings [-]; infinite
+        where it makes nothing.
+        """
+        near = (self.values, self.values + change, self.values - change)
+        left, above, below = (sum(self._equations.residual_squares(one).values()) for one in near)
+        made = 0.5 * (above + below) - left
+        return float(np.sqrt(left / made)) if made > 0.0 else np.inf
+
     def determines(self, combination: Floats) -> bool:
         """Whether the records determine a combination (p,) [-] of the unknowns."""
         own = combination / self._equations.scale

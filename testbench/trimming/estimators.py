@@ -131,8 +131,21 @@ def by_wrench(problem: TrimProblem) -> SourceEstimate:
     about = f"Forces and model low-passed alike at {cutoff:g} Hz, clocks of the loggers aligned, {base}"
     doubts = () if all(run.base is not None for run in problem.runs) else (BASE_UNKNOWN,)
     return SourceEstimate(
-        "wrench", measured, (about, _jackknife(measured, within)), doubts, tuple(findings), problem.runs
-    )
+        "wrench", measured, (about, _jackknife(measured, within)), doubts, tuple(findings), problem.runs,
+        over_rest=_over_rest(measured, every),
+    )  # fmt: skip
+
+
+def _over_rest(measured: Imbalance, every: Sequence[RunEquations]) -> float:
+    """Largest residual of a row over what it shows at rest, over all runs; infinite where one has no rest."""
+    if measured.regression is None or any(one.at_rest is None for one in every):
+        return np.inf
+    rest: dict[str, list[float]] = {}
+    for one in every:
+        for row, square in zip(one.record.rows, one.at_rest if one.at_rest is not None else (), strict=True):
+            rest.setdefault(str(row), []).append(float(square))
+    left = measured.regression.residual_rms
+    return max(left[row] / max(float(np.mean(squares)), 1e-300) ** 0.5 for row, squares in rest.items())
 
 
 def by_torque(problem: TrimProblem) -> SourceEstimate:

@@ -56,9 +56,11 @@ def force_regression(run: AlignedRun, conditions: Conditions, cutoff: float = CU
         of_base = reading_effects(loads.inertial, run.base.columns, deviations)
         effects |= {entry: loads.base_projected(change) for entry, change in of_base.items()}
     used = run.motion_span(bandwidth, MARGIN_PERIODS / cutoff)
-    own, readings, *delays = (
-        valid.low_pass(v, cutoff)[used] for v in (loads.projected_regressor(columns), loads.values, *nuisance)
+    own, whole, *delays = (
+        valid.low_pass(v, cutoff) for v in (loads.projected_regressor(columns), loads.values, *nuisance)
     )
+    own, readings, *delays = (values[used] for values in (own, whole, *delays))
+    before = slice(round(MARGIN_PERIODS / (cutoff * run.grid.step)), used.start)
     kept = valid.kept[used]
     return RunEquations.of(
         valid,
@@ -71,6 +73,7 @@ def force_regression(run: AlignedRun, conditions: Conditions, cutoff: float = CU
         loads.names,
         conditions.rank,
         {entry: valid.low_pass(change, cutoff)[used] for entry, change in effects.items()},
+        None if valid.gaps else whole[before],
     )
 
 

@@ -11,6 +11,7 @@ from balance.dynamics.regressor import driven_torque_regressor
 from balance.errors import CounterpoiseError
 from balance.estimation.first_moment_imbalance import can_be_met, combine, masses_per_value
 from balance.estimation.identifiability import NotIdentifiable
+from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
 from ..recording import common_origin, mounted_masses
@@ -64,13 +65,21 @@ def trim_runs(
         about = [f"By {SOURCES[o.source].name}: {text[0].lower()}{text[1:]}" for o in found for text in o.about]
     if not can_be_met(problem.conditions, mounted, names):
         about.append(COMPROMISE)
+    unbalanced = problem.conditions.values(_unbalanced(problem))
     return Trim(
         problem.conditions,
         mounted,
         tuple(run.name for run in runs),
         common_origin(run.run.origin for run in runs),
         tuple(
-            Share(one.source, tuple(one.imbalance.missing(mounted, names)), one.imbalance.unexplained, one.by_steps)
+            Share(
+                one.source,
+                tuple(one.imbalance.missing(mounted, names)),
+                one.imbalance.unexplained,
+                one.by_steps,
+                one.imbalance.unexplained_of(unbalanced),
+                one.over_rest,
+            )
             for one in found
         ),
         tuple(measured.missing(mounted, names)),
@@ -81,6 +90,7 @@ def trim_runs(
         tuple(plates),
         tuple(finding for one in found for finding in one.findings),
         tuple(one.imbalance for one in found),
+        unbalanced=float(np.abs(unbalanced).max(initial=0.0)),
     )
 
 
@@ -191,10 +201,15 @@ def _refuse_wide(estimate: SourceEstimate, problem: TrimProblem) -> None:
             )
 
 
+def _unbalanced(problem: TrimProblem) -> Mechanism:
+    """With the payload of the runs and without counter-masses."""
+    stated = problem.runs[0].conditions
+    return problem.mechanism.with_payload(stated.get("payloads", {}), stated.get("payload_kg"))
+
+
 def lacking(problem: TrimProblem) -> list[float]:
     """What each site lacks without counter-masses, by the model [kg m]."""
-    stated = problem.runs[0].conditions
-    bare = problem.mechanism.with_payload(stated.get("payloads", {}), stated.get("payload_kg"))
+    bare = _unbalanced(problem)
     values = problem.conditions.values(bare)
     masses = masses_per_value(problem.conditions, bare, problem.sites, values) @ values
     return [float(mass) * bare.lever_arm(site) for mass, site in zip(masses, problem.sites, strict=True)]

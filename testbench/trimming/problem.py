@@ -65,6 +65,8 @@ BLOCKS = 20
 """Of a record, of equal information on the conditions, that are left out in turn."""
 INDEPENDENT = 1e-7
 """Singular value of columns of unit length, relative to the largest, below which a combination is not excited."""
+LEAST_REST_PERIODS = 8.0
+"""Rest that tells the noise, in periods of the cut-off."""
 NOTHING = 1e-12
 """Length of a column, relative to the longest, that is rounding."""
 Entry = tuple[str, int, int]
@@ -111,6 +113,9 @@ class RunEquations:
     """What gaps take of the run."""
     effects: Effects = field(default_factory=dict)
     """Of the sensors' stated errors."""
+    at_rest: Floats | None = None
+    """Mean square of each row's readings in the rest before the motion, offset and drift taken out, (rows,); None
+    where there is none."""
 
     @classmethod
     def of(
@@ -125,12 +130,20 @@ class RunEquations:
         rows: Sequence[str],
         rank: int,
         effects: Effects | None = None,
+        rest: Floats | None = None,
     ) -> "RunEquations":
-        """In blocks of equal information on the ``rank`` conditions; arguments as of ``RegressionRecord``."""
+        """In blocks of equal information on the ``rank`` conditions; arguments as of ``RegressionRecord``.
+
+        ``rest`` (m, rows) are readings before the motion.
+        """
         period = 1.0 / (cutoff * valid.grid.step)
         blocks = equal_blocks(np.sum(columns[:, :, :rank] ** 2, axis=(1, 2)), period, BLOCKS)
         record = RegressionRecord.of(columns, readings, blocks, nuisance, used, motion=motion, rows=rows)
-        return cls(record, period, valid.findings, effects or {})
+        at_rest = None
+        if rest is not None and len(rest) >= LEAST_REST_PERIODS * period:
+            slow = np.vander(np.linspace(-1.0, 1.0, len(rest)), 2)
+            at_rest = np.mean((rest - slow @ np.linalg.lstsq(slow, rest, rcond=None)[0]) ** 2, axis=0)
+        return cls(record, period, valid.findings, effects or {}, at_rest)
 
 
 @dataclass(frozen=True)
@@ -147,6 +160,8 @@ class SourceEstimate:
     """Those of which the regression has a record, in its order."""
     by_steps: float = 0.0
     """Share of what was measured that the encoders' steps leave unexplained; zero where it was not asked."""
+    over_rest: float = np.inf
+    """Largest residual of a row over what it shows at rest, root mean squares [-]; infinite where no rest tells."""
 
 
 def refuse_no_motion(valid: ValidSamples, path: Trajectory) -> None:

@@ -22,7 +22,7 @@ from balance.estimation.first_moment_imbalance import (
 from balance.estimation.identifiability import NotIdentifiable
 from balance.estimation.uncertainty_budget import Budget, Contribution
 from balance.mechanism.mechanism import Mechanism
-from balance.results import Key, Shown, plain
+from balance.results import Key, Shown, finite, plain
 
 from ..kinematics.gaps import GAP_FINDING
 from ..recording import Finding, Origin
@@ -30,6 +30,11 @@ from .problem import SOURCES, Source
 
 _STEPS_MATTER = 0.5
 """Part of what stays unexplained that the encoders' steps may leave, from which they are named for it."""
+_LITTLE, _LIKE_REST = 0.02, 1.5
+"""Part of what the mechanism without counter-masses would show, and multiple of what is read at rest, up to which what
+stays unexplained is noise."""
+_BALANCED = 0.01
+"""First-moment residual at most, as a part of that without counter-masses, of a mechanism that counts as balanced."""
 
 
 @dataclass(frozen=True)
@@ -42,11 +47,16 @@ class Share:
     """Share of what it measured."""
     by_steps: Annotated[float, Key("unexplained_by_encoder_steps")] = 0.0
     """Share that the encoders' steps may leave, which the interval contains; zero where it was not asked."""
+    of_unbalanced: Annotated[float, Key("unexplained_of_unbalanced", to=finite)] = np.inf
+    """What stays unexplained as a part of what the mechanism without counter-masses would show [-]."""
+    over_rest: Annotated[float, Key("residual_over_rest", to=finite)] = np.inf
+    """Largest residual of a row over what it shows at rest [-]; infinite where that is not known."""
 
     @property
     def doubtful(self) -> bool:
-        """Whether too much stays unexplained."""
-        return self.unexplained > SOURCES[self.source].doubtful_share
+        """Whether too much stays unexplained, and more than noise: of a balanced mechanism hardly more is measured."""
+        noise = self.of_unbalanced <= _LITTLE and self.over_rest <= _LIKE_REST
+        return self.unexplained > SOURCES[self.source].doubtful_share and not noise
 
     @property
     def why(self) -> str:
@@ -94,6 +104,8 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
     """The conditions' values by each source, in the order of ``shares``."""
     accepted: tuple[Finding, ...] = ()
     """Contradictions that a person accepted."""
+    unbalanced: float = 0.0
+    """First-moment residual without counter-masses, by the model [kg m]."""
 
     @property
     def budgets(self) -> list[Budget]:
@@ -164,6 +176,12 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
         half = np.array([0.0 if e is None else e.half_width() for _, e in self.values])
         return float(np.maximum(residual - half, 0.0).max(initial=0.0)), float((residual + half).max(initial=0.0))
 
+    @property
+    def residual_share(self) -> float:
+        """Largest of the conditions as measured, with half its interval, as a part of that without counter-masses."""
+        most = max((abs(e.value) + e.half_width() for _, e in self.values if e is not None), default=np.inf)
+        return float(most / self.unbalanced) if self.unbalanced > 0.0 else np.inf
+
     def remaining(self) -> list[MissingMass]:
         """What each site lacks still, with the addition."""
         added = {c.site: c.mass for c in self.addition.counter_masses}
@@ -198,9 +216,13 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
 
     @property
     def verdict(self) -> str:
-        """``add``, ``remove`` (a site has too much), ``nothing told`` (every interval holds zero), or ``doubtful``."""
+        """``add``, ``remove`` (a site has too much), ``balanced`` (to a hundredth of what is missing without
+        counter-masses), ``nothing told`` (every interval holds zero), or ``doubtful``.
+        """
         if self.doubts():
             return "doubtful"
+        if self.residual_share <= _BALANCED:
+            return "balanced"
         significant = [m.first_moment.value for m in self.missing if m.is_significant]
         if not significant:
             return "nothing told"
@@ -242,6 +264,8 @@ def trim_document(result: Trim) -> dict[str, Any]:
             {"site": m.site, "mass_kg": -m.mass.value, "first_moment_kgm": -m.first_moment.value}
             for m in result.removal
         ],
+        "residual_without_counter_masses_kgm": result.unbalanced,
+        "residual_share": finite(result.residual_share),
         "predicted_residual_kgm": result.predicted_residual,
         "predicted_residual_interval_kgm": result.predicted_residual_interval,
         "verdict": result.verdict,

@@ -12,6 +12,8 @@ from studies.trim import BENCHES
 from testbench import rig as rigs
 from testbench.errors import AnalysisError
 from testbench.figures.estimates import draw_trim
+from testbench.runs.aligned_run import AlignedRun
+from testbench.runs.si_run import SIRun
 from testbench.trimming import trim_runs
 from testbench.trimming.result import trim_document
 
@@ -166,6 +168,21 @@ def trials():
     sets = [{s: m + d for (s, m), d in zip(memory.BUILT.items(), one, strict=True)} for one in more]
     scenes = [memory.scene(motion, masses=masses) for masses in sets for motion in MOTIONS]
     return [scene.run(k) for k, scene in enumerate(scenes)]
+
+
+def test_a_balanced_mechanism_is_called_so(manipulator, aligned):
+    """Noise is all that its forces show: most of them stays unexplained, which is no doubt, and nothing is to be added.
+
+    By clocks that are known: its forces show nothing by which they could be aligned.
+    """
+    balanced = {site: mass + MISSING / 0.03755 for site, mass in memory.BUILT.items()}
+    clocks = [{group: run.clock(group) for group in ("daq", "forces")} for run in aligned]
+    runs = [SIRun.of(memory.scene(motion, masses=balanced).run(k)) for k, motion in enumerate(MOTIONS)]
+    found = trim_runs([AlignedRun(*one) for one in zip(runs, [manipulator] * 3, clocks, strict=True)], source="wrench")
+    assert found.doubts() == []
+    assert found.unexplained > 0.5
+    assert found.verdict == trim_document(found)["verdict"] == "balanced"
+    assert found.residual_share < 0.01
 
 
 def test_trial_masses(manipulator, trials):
