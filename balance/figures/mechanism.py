@@ -116,8 +116,9 @@ def save(figure: "Figure", path: str | Path) -> None:
 def link_points(mechanism: Mechanism, at: Pose, body: int) -> Floats:
     """Points of a link worth joining: its joint, its children's joints, where loops close, (k, 3, n) [m].
 
-    Where there are no two of them its sites too, else its centre of mass. In the order of their angles about their
-    middle in the plane x-y at the first sample, from one of them on that is the same at every sample.
+    Where there are no two of them the origins of bodies fixed to it and its sites too, and where those are in one place
+    its own centre of mass, whatever it carries. In the order of their angles about their middle at the first sample,
+    in the base's axes along which they are furthest apart, from one of them on that is the same at every sample.
     """
     joint = mechanism.tree.bodies[body]
     points = [at.position[:, child] for child, j in enumerate(mechanism.tree.joints) if j.parent == joint]
@@ -126,12 +127,14 @@ def link_points(mechanism: Mechanism, at: Pose, body: int) -> Floats:
     ends = [end for loop in mechanism.closed_loops for end in (loop.first, loop.second) if end.joint == joint]
     points += [at.point(end.joint, end.position) for end in ends]
     if len(points) < 2:
+        places = [place for name, (_, place) in mechanism.fixed.items() if mechanism.own_mass[name][0] == body]
         sites = [site for site in mechanism.sites.values() if site.body == body and not site.name.startswith("counter")]
-        points += [at.point(joint, site.position) for site in sites]
-    mass, *first = mechanism.parameters[body, :4]
-    if len(points) < 2 and mass > 0.0:
-        points.append(at.point(joint, np.array(first) / mass))
+        points += [at.point(joint, place) for place in (*places, *(site.position for site in sites))]
+    if len(points) < 2 or np.allclose(points, points[0], rtol=0.0, atol=1e-9):
+        own = [row for index, row in mechanism.own_mass.values() if index == body and row[0] > 0.0]
+        points += [at.point(joint, row[1:4] / row[0]) for row in own[:1]]
     found = np.array([point.T for point in points or [at.position[:, joint]]])
-    off = found[:, :2, 0] - found[:, :2, 0].mean(axis=0)
-    order = np.argsort(np.arctan2(off[:, 1], off[:, 0]))
+    off = found[:, :, 0] - found[:, :, 0].mean(axis=0)
+    x, y = np.sort(np.argsort(np.ptp(off, axis=0), kind="stable")[1:])
+    order = np.argsort(np.arctan2(off[:, y], off[:, x]))
     return found[np.roll(order, -int(np.argmin(order)))]

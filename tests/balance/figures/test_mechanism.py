@@ -33,6 +33,30 @@ def test_a_ball_joint_is_one_pivot_and_its_link_goes_to_its_centre():
     np.testing.assert_allclose(sorted(map(tuple, link.get_xydata()[:2])), [(0.1, 0.2), (0.4, 0.2)], atol=1e-12)
 
 
+TOOL = "<body name='tool' pos='{} 0 0'><inertial pos='0.01 0 0' mass='0.5' diaginertia='1e-4 1e-4 1e-4'/></body>"
+
+
+@pytest.mark.parametrize(
+    ("what", "reach"),
+    [
+        (TOOL.format(0.26), 0.26),
+        (TOOL.format(0), 0.1),
+        ("<site name='tip' pos='0.25 0 0'/>" + TOOL.format(0), 0.25),
+        ("<site name='counter_b' pos='-0.1 0 0'/>" + TOOL.format(0), 0.1),
+    ],
+)
+def test_a_last_link_ends_at_what_is_fixed_to_it_whatever_it_carries(what, reach):
+    """At its tool or site, else at its own centre of mass; balanced, its centre of mass is its joint."""
+    inertial = "<inertial pos='0.1 0 0' mass='0.8' diaginertia='1e-3 6e-3 6e-3'/><site name='counter' pos='-0.2 0 0'/>"
+    text = f"<mujoco><worldbody><body name='arm'><joint name='k'/>{inertial}{what}</body></worldbody></mujoco>"
+    mechanism = models.model(text).with_payload(tool="1.3 kg")
+    balanced = mechanism.with_counter_mass(counter=mechanism.parameters[0, 1] / 0.2)
+    assert balanced.parameters[0, 1] == pytest.approx(0.0, abs=1e-12)
+    for one in (mechanism, balanced):
+        xy = draw_mechanism(one).axes[0].lines[0].get_xydata()
+        assert np.ptp(xy, axis=0) == pytest.approx([reach, 0.0], abs=1e-12)
+
+
 def test_discs_have_the_area_of_their_mass():
     """A counter-mass of 24.28 kg is a disc of that mass at its site; twice the mass, twice the area."""
     mechanism = models.load("parallelogram-6bar")
