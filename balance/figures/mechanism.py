@@ -1,4 +1,4 @@
-"""A mechanism drawn to scale in its plane x-y, with its counter-masses."""
+"""A mechanism drawn to scale in its plane, else in x-y, with its counter-masses."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 STEEL_KG_PER_M2 = 7830.0 * 0.10
 """Counter-masses are drawn as steel discs 100 mm thick: only their area has a meaning [kg/m2]."""
+_PLANAR = 1e-3
+"""Extent along an axis up to which a mechanism lies in the plane of the others, as a share of its size."""
 LINK, PAYLOAD, COUNTER, GROUND = "#3b6ea5", "#2a9d8f", "#e07a3f", "#555555"
 
 
@@ -30,8 +32,11 @@ def draw_mechanism(
 ) -> "Figure":
     """Draw a mechanism at ``q`` (nv,) [rad, m], by default home; discs have the area of the counter-masses."""
     figure, ((axes,),) = panels(6.4, 4.8)
-    draw_on(axes, mechanism, counter_masses, Closure(mechanism).home if q is None else q)
-    axes.set(title=title or mechanism.name, aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    q = Closure(mechanism).home if q is None else q
+    plane = plane_of(mechanism, q[None]) or [0, 1]
+    draw_on(axes, mechanism, counter_masses, q, plane)
+    right, up = (f"{'xyz'[axis]} [m]" for axis in plane)
+    axes.set(title=title or mechanism.name, aspect="equal", xlabel=right, ylabel=up)
     return figure
 
 
@@ -73,13 +78,27 @@ def shapes(mechanism: Mechanism, masses: Mapping[str, float], q: Floats) -> Iter
         yield Shape("pivot", at.point(loop.first.joint, loop.first.position).T[None])
 
 
-def draw_on(axes: "Axes", mechanism: Mechanism, counter_masses: Sequence[CounterMass], q: Floats) -> None:
-    """Draw links, pivots, payload and counter-masses at ``q`` (nv,) [rad, m] on axes of equal scale."""
+def plane_of(mechanism: Mechanism, q: Floats) -> list[int] | None:
+    """The base's axes to the right and upwards of the plane that it lies in at ``q`` (n, nv) [rad, m]; None of none."""
+    at = poses(mechanism.tree, q)
+    points = np.concatenate([link_points(mechanism, at, body) for body in range(len(mechanism.bodies))])
+    extent = np.ptp(points, axis=(0, 2))
+    planes = ([0, 1], [0, 2], [1, 2])
+    return next((plane for plane in planes if extent[3 - sum(plane)] <= _PLANAR * extent.max()), None)
+
+
+def draw_on(
+    axes: "Axes", mechanism: Mechanism, counter_masses: Sequence[CounterMass], q: Floats, plane: Sequence[int]
+) -> None:
+    """Draw links, pivots, payload and counter-masses at ``q`` (nv,) [rad, m] on axes of equal scale.
+
+    ``plane``: which of the base's axes are to the right and upwards.
+    """
     from matplotlib.patches import Circle
 
     box = {"fc": "white", "ec": "none", "alpha": 0.7, "pad": 1.0}
     for one in shapes(mechanism, {counter.site: counter.mass for counter in counter_masses}, q[None]):
-        flat = one.points[:, :2, 0]
+        flat = one.points[:, plane, 0]
         centre = (float(flat[:, 0].mean()), float(flat[:, 1].mean()))
         if one.kind in ("link", "payload"):
             colour = PAYLOAD if one.kind == "payload" else LINK

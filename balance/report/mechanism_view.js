@@ -186,7 +186,7 @@ window.live = ({ data, at, made, asked }) => ({
         [angles.azimuth, angles.elevation] = target.value.split(" ").map(Number);
         turned();
       });
-      const keys = { ArrowLeft: [-10, 0], ArrowRight: [10, 0], ArrowUp: [0, 10], ArrowDown: [0, -10] };
+      const keys = { ArrowLeft: [10, 0], ArrowRight: [-10, 0], ArrowUp: [0, 10], ArrowDown: [0, -10] };
       for (const host of [at("motion-panels"), at("hand-panels")]) {
         host.setAttribute("tabindex", "0");
         host.setAttribute("role", "group");

@@ -1,7 +1,8 @@
 """A mechanism in motion for a page, to scale: links, pivots, counter-masses, centre of mass and shaking force.
 
-Planar mechanisms are seen along z; others obliquely, or as is asked for, the direction of gravity downwards, and then
-only lengths across the line of sight are to scale.
+Mechanisms in one of the planes x-y, x-z and y-z are seen face-on; others obliquely, or as is asked for, the direction
+of gravity downwards, and then only lengths across the line of sight are to scale. Azimuth is where the viewer stands,
+counted from x towards y where z is up: about the upward direction, from x, or from y where x is nearly upright.
 """
 
 import base64
@@ -15,8 +16,7 @@ from ..arrays import Floats
 from ..closure import Trajectory
 from ..dynamics.inverse_dynamics import simulate
 from ..dynamics.regressor import first_moment
-from ..figures.mechanism import link_points, shapes
-from ..mechanism.forward_kinematics import poses
+from ..figures.mechanism import plane_of, shapes
 from ..mechanism.mechanism import Mechanism
 from .page import Page
 
@@ -32,8 +32,6 @@ _HEAD = 0.03
 OBLIQUE = np.radians(30.0), np.radians(20.0)
 """Azimuth and elevation from which a spatial mechanism is seen where nothing else is asked for [rad]."""
 _VIEW = "seen from azimuth {:.0f}°, elevation {:.0f}°, to scale only across the line of sight"
-_PLANAR = 1e-3
-"""Extent along z from which a mechanism is seen obliquely, as a share of its size."""
 
 
 Designs = Mapping[str, tuple[Mechanism, Mapping[str, float]]]
@@ -60,7 +58,7 @@ def moving(
     forces = forces or {label: simulate(mechanism, trajectory).force for label, (mechanism, _) in designs.items()}
     largest = max(float(np.linalg.norm(force, axis=1).max()) for force in forces.values())
     room_for = trajectory.q[frames] if around is None else np.concatenate([trajectory.q[frames], around])
-    view, flat = _view(next(iter(designs.values()))[0], room_for, seen_from)
+    view, along = _view(next(iter(designs.values()))[0], room_for, seen_from)
     each = {label: _picture(mechanism, masses, room_for, view) for label, (mechanism, masses) in designs.items()}
     extent = np.concatenate([points.reshape(-1, 2) for points, _ in each.values()])
     low, size = extent.min(axis=0), np.ptp(extent, axis=0)
@@ -95,7 +93,8 @@ def moving(
     return {
         "name": name, "time": [float(f"{t:.6g}") for t in trajectory.time[frames]], "width": WIDTH, "height": height,
         "panels": panels, "scale_bar_m": float(metre), "scale_bar": float(metre * scale),
-        "view": "seen along z" if flat else _VIEW.format(*np.degrees(seen_from)), "arrow_N": largest, "flat": flat,
+        "view": f"seen along {along}" if along else _VIEW.format(*np.degrees(seen_from)), "arrow_N": largest,
+        "flat": bool(along),
     }  # fmt: skip
 
 
@@ -124,21 +123,18 @@ def _arrow(tail: Floats, along: Floats, head: float) -> Floats:
     return np.stack([tip, tip + back + across, tip + back - across], axis=1)
 
 
-def _view(mechanism: Mechanism, q: Floats, seen_from: tuple[float, float]) -> tuple[Floats, bool]:
-    """Directions to the right and upwards, (2, 3), and whether the mechanism lies in x-y."""
-    at = poses(mechanism.tree, q)
-    points = np.concatenate([link_points(mechanism, at, body) for body in range(len(mechanism.bodies))])
-    extent = np.ptp(points.transpose(0, 2, 1).reshape(-1, 3), axis=0)
-    if extent[2] <= _PLANAR * extent.max():
-        return np.eye(3)[:2], True
+def _view(mechanism: Mechanism, q: Floats, seen_from: tuple[float, float]) -> tuple[Floats, str]:
+    """Directions to the right and upwards, (2, 3); the axis along which a planar mechanism is seen, else nothing."""
+    plane = plane_of(mechanism, q)
+    if plane is not None:
+        return np.eye(3)[plane], "xyz"[3 - sum(plane)]
     weight = float(np.linalg.norm(mechanism.gravity))
     up = -mechanism.gravity / weight if weight > 0.0 else np.array([0.0, 0.0, 1.0])
-    right = np.cross(np.eye(3)[int(np.argmin(np.abs(up)))], up)
-    right /= np.linalg.norm(right)
+    first = np.cross(up, np.cross(np.eye(3)[int(abs(up[0]) > 0.9)], up))
+    first /= np.linalg.norm(first)
     azimuth, elevation = seen_from
-    away = np.cos(azimuth) * np.cross(up, right) + np.sin(azimuth) * right
-    right = np.cross(away, up)
-    return np.array([right, np.cos(elevation) * up + np.sin(elevation) * away]), False
+    away = -np.cos(azimuth) * first - np.sin(azimuth) * np.cross(up, first)
+    return np.array([np.cross(away, up), np.cos(elevation) * up + np.sin(elevation) * away]), ""
 
 
 def _picture(

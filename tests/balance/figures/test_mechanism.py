@@ -57,6 +57,18 @@ def test_a_last_link_ends_at_what_is_fixed_to_it_whatever_it_carries(what, reach
         assert np.ptp(xy, axis=0) == pytest.approx([reach, 0.0], abs=1e-12)
 
 
+def test_a_mechanism_in_another_plane_is_drawn_in_that():
+    """Four joints of a link in x-z, as a polygon that does not cross itself; the axes say which they are."""
+    inertial = "<inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>"
+    leg = "<body pos='{} 0 {}'><joint axis='0 1 0'/>" + inertial + "</body>"
+    legs = "".join(leg.format(*at) for at in ((0.3, 0.2), (0.3, 0), (0, 0.2)))
+    text = f"<mujoco><worldbody><body><joint axis='0 1 0'/>{inertial}{legs}</body></worldbody></mujoco>"
+    axes = draw_mechanism(models.model(text)).axes[0]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "z [m]")
+    sides = np.linalg.norm(np.diff(axes.lines[0].get_xydata(), axis=0), axis=1)
+    assert sorted(sides) == pytest.approx([0.2, 0.2, 0.3, 0.3])
+
+
 def test_discs_have_the_area_of_their_mass():
     """A counter-mass of 24.28 kg is a disc of that mass at its site; twice the mass, twice the area."""
     mechanism = models.load("parallelogram-6bar")
