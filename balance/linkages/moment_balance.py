@@ -157,6 +157,13 @@ class _Step:
                     f"gear {gear.name}: its counter-gear is stated to be pivoted on {gear.pivot_on}, but the pair is "
                     f"carried by {on}: give its place on {on}, or another joint for the gear"
                 )
+            joint = linkage.joints[self.joint[gear.name]]
+            places = [point.at(self.values) for point in (gear.pivot, joint.end(on).point) if point is not None]
+            if len(places) == 2 and np.allclose(places[0], places[1], rtol=0.0, atol=1e-9):
+                raise ModelError(
+                    f"gear {gear.name}: its counter-gear is pivoted where {joint.name} is on {on}, on the gear's own "
+                    f"axis: expected axes apart, so that teeth can mesh; change gears.{gear.name}.counter.at"
+                )
 
     def _pass_on(self) -> None:
         """Prismatic transport: to the body that turns with it and has a gear, best one pivoted on the ground."""

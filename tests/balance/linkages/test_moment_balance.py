@@ -82,6 +82,10 @@ def test_a_disc_has_its_pitch_diameter(slider_crank_keys):
         (lambda keys: keys["gears"]["z5"].pop("counter"), "counter-gear rides on 3, whose pivot moves"),
         (lambda keys: keys["gears"].update(z9={"body": "3"}), "gears z3 and z9 are both on body 3"),
         (lambda keys: keys["gears"]["z5"].update(joint="P"), "joint P is not a revolute joint of body 5"),
+        (
+            lambda keys: keys["gears"]["z2"].update(counter={"at": ["0 m", "0 m"], "on": "ground"}),
+            "gear z2: its counter-gear is pivoted where A0 is on ground, on the gear's own axis",
+        ),
         (lambda keys: keys["links"]["5"].pop("inertia"), "link 5 of x turns: give its inertia"),
         (lambda keys: keys["gears"]["z3"].update(joint="D"), "carry each other's gears in a circle"),
     ],
