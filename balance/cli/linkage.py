@@ -88,7 +88,7 @@ def linkage(
     _write_files(made or result, check, csv, mjcf, figure)
     options.draw(drawing, "balance.figures.linkage:draw_linkage", made or result)
     findings = linkage_findings(made or result)
-    document = linkage_document(result, check, comparison, stated, findings)
+    document = linkage_document(result, check, comparison, stated, findings, made)
     differs = comparison is not None and any(row.verdict == "differs" for row in comparison.rows)
 
     def show() -> None:
@@ -170,16 +170,18 @@ def _print_balance(document: dict[str, Any], with_equations: bool) -> None:
     """The reduction tree, counter-masses, gears, and the inertia that two-point bodies must have."""
     from ..linkages.moment_balance import GearResult
 
-    rows = [
-        {**one, **{axis: 1e3 * x for axis, x in zip("xy", one["position_from_reduction_joint_m"], strict=True)}}
-        for one in document["counter_masses"]
-    ]
-    emit_table("Counter-masses, from the reduction joint of their body", *cells(rows, _COUNTER_MASSES))
-    if document["inertias"]:
-        own, sized = ("name", "body", "joint", "carrier", "teeth"), ("inertia", "counter_mass", "wheel_mass")
-        title = "Gears: counter-gear I_z and m_z*, real gear on the body m_z and I_m_z"
-        emit_table(title, *table(GearResult, document["gears"], *own, *sized, "wheel_inertia"))
-    else:
+    made = document["as_built"]
+    for part, how in ((document, " as computed" if made else ""), *([(made, " as built")] if made else ())):
+        rows = [
+            {**one, **{axis: 1e3 * x for axis, x in zip("xy", one["position_from_reduction_joint_m"], strict=True)}}
+            for one in part["counter_masses"]
+        ]
+        emit_table(f"Counter-masses{how}, from the reduction joint of their body", *cells(rows, _COUNTER_MASSES))
+        if document["inertias"]:
+            own, sized = ("name", "body", "joint", "carrier", "teeth"), ("inertia", "counter_mass", "wheel_mass")
+            title = f"Gears{how}: counter-gear I_z and m_z*, real gear on the body m_z and I_m_z"
+            emit_table(title, *table(GearResult, part["gears"], *own, *sized, "wheel_inertia"))
+    if not document["inertias"]:
         say("No gears: the force is balanced, the moment is not.")
     for link, inertia in document["reshaped_inertia_kgm2"].items():
         say(f"Link {link} must be shaped to an inertia of {inertia:.4g} kg m2: then two point masses replace it.")

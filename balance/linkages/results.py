@@ -10,6 +10,7 @@ import numpy as np
 from .equations import linkage_equations
 from .equivalence_method import Built, LinkageBalance
 from .linkage import GROUND
+from .moment_balance import GearResult
 from .published_values import Comparison
 from .verification import SimulatedLinkage, Verification
 
@@ -23,8 +24,12 @@ def linkage_document(
     comparison: Comparison | None,
     built: Mapping[str, Built] = MappingProxyType({}),
     findings: Sequence[str] = (),
+    made: LinkageBalance | None = None,
 ) -> dict[str, Any]:
-    """The whole balance: tree, counter-masses, gears, equations, dynamics, as built, and what the source publishes."""
+    """The whole balance: tree, counter-masses, gears, equations, dynamics, as built, and what the source publishes.
+
+    ``made`` is the linkage with what is ``built``.
+    """
     return {
         "linkage": result.linkage.name,
         "title": result.linkage.title,
@@ -34,7 +39,7 @@ def linkage_document(
         ],
         "residual_first_moment_kgm": result.residual(),
         "counter_masses": _counter_masses(result),
-        "gears": list(result.moment.gears.values()) if result.moment else [],
+        "gears": _gears(result),
         "inertias": [
             {"body": name, "inertia_about_joint_kgm2": body.inertia, "terms": body.terms}
             for name, body in (result.moment.bodies.items() if result.moment else ())
@@ -42,6 +47,7 @@ def linkage_document(
         ],
         "reshaped_inertia_kgm2": dict(result.moment.reshaped) if result.moment else {},
         "built": {name: text if isinstance(text, str) else list(text) for name, text in built.items()},
+        "as_built": made and {"counter_masses": _counter_masses(made), "gears": _gears(made)},
         "findings": [*findings],
         "equations": linkage_equations(result),
         "simulated": None
@@ -88,6 +94,10 @@ def linkage_findings(result: LinkageBalance) -> list[str]:
                     "the inertia, about the link's own centre of mass, and its unit"
                 )
     return found
+
+
+def _gears(result: LinkageBalance) -> list[GearResult]:
+    return list(result.moment.gears.values()) if result.moment else []
 
 
 def _counter_masses(result: LinkageBalance) -> list[dict[str, Any]]:

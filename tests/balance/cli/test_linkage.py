@@ -88,6 +88,15 @@ def test_as_built_is_a_stage_of_its_own(tmp_path):
     assert result.code == 0, result.err
     document = result.json
     assert document["built"] == {"m4*": "3.5kg", "z3": [40, 26]}
+    computed, made = (
+        {
+            **{one["symbol"]: one["mass_kg"] for one in part["counter_masses"]},
+            **{one["name"]: one["teeth"] for one in part["gears"]},
+        }
+        for part in (document, document["as_built"])
+    )
+    assert made == {**computed, "m4*": 3.5, "z3": [40, 26]}
+    assert (computed["m4*"], computed["z3"]) != (3.5, [40, 26])
     varying = document["simulated"]["varying_speed"]
     assert varying["share_of_before"]["built"]["force"] > 1e-3
     assert varying["bearing_forces"]["built"]["largest_teeth_N"]["z3"] > 100.0
@@ -99,6 +108,8 @@ def test_as_built_is_a_stage_of_its_own(tmp_path):
     output = call("linkage", path, "--all").out
     assert re.search(r" before +force +complete +built\n", output)
     assert "largest teeth [N] z2" in output
+    assert all(f"\n{part} as computed" in output for part in ("Counter-masses", "Gears"))
+    assert re.search(r"(?s)Counter-masses as built.*^m4\* .* 3\.5000 .*Gears as built.*^z3 .* 40:26 ", output, re.M)
 
 
 def test_force_only_leaves_the_gears_out():
