@@ -106,15 +106,20 @@ def linkage(
 
 def _verdict(result: "LinkageBalance", check: "Verification | None") -> str:
     """What of force and moment remains by dynamics, and what that costs."""
+    from ..linkages.verification import counter_gears_without_mass
+
     kinds = ("force", "moment") if result.moment else ("force",)
     if check is None:
         return f"{result.linkage.title}: {' and '.join(kinds)} balanced by the equations; not simulated."
     stage = list(check.mass)[-1]
     left, cost = check.varying.residual(stage), check.penalty(stage)
     shares = " and ".join(f"{left[kind]:.2g} of the shaking {kind}" for kind in kinds)
+    without = counter_gears_without_mass(result)
+    are = "counter-gear is" if len(without) == 1 else "counter-gears are"
+    left_out = f"; {len(without)} {are} not counted ({', '.join(without)}: no mass given)" if without else ""
     return (
-        f"{result.linkage.title}: {shares} remains with {_STAGE[stage]}; moving mass {check.mass['before']:.3f} -> "
-        f"{check.mass[stage]:.3f} kg ({cost['mass']:.3g} times)."
+        f"{result.linkage.title}: {shares} remains {'' if stage == 'built' else 'with '}{_STAGE[stage]}; "
+        f"moving mass {check.mass['before']:.3f} -> {check.mass[stage]:.3f} kg ({cost['mass']:.3g} times){left_out}."
     )
 
 

@@ -12,7 +12,7 @@ from .equivalence_method import Built, LinkageBalance
 from .linkage import GROUND
 from .moment_balance import GearResult
 from .published_values import Comparison
-from .verification import SimulatedLinkage, Verification
+from .verification import SimulatedLinkage, Verification, counter_gears_without_mass
 
 HEAVY = 100.0
 """Times what it balances from which a counter-mass is a finding."""
@@ -60,6 +60,7 @@ def linkage_document(
             "constant_speed": _run(check.constant),
             "varying_speed": _run(check.varying),
             "moving_mass_kg": dict(check.mass),
+            "counter_gears_without_mass": counter_gears_without_mass(made or result),
             "multiple_of_before": {stage: check.penalty(stage) for stage in check.constant.responses},
         },
         "printed": comparison,

@@ -215,6 +215,11 @@ def moving_mass(result: LinkageBalance, stage: str) -> float:
     return float(total + sum(gear.counter_mass or 0.0 for gear in gears))
 
 
+def counter_gears_without_mass(result: LinkageBalance) -> list[str]:
+    """Gears whose counter-gear's mass is not given: ``moving_mass`` leaves it out."""
+    return [name for name, gear in (result.moment.gears if result.moment else {}).items() if gear.counter_mass is None]
+
+
 def _largest(response: Response) -> dict[str, float]:
     """Largest force [N], moment and drive torque [N m]."""
     torque = max(float(np.abs(values).max()) for values in response.torque.values())

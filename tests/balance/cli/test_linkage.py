@@ -112,6 +112,26 @@ def test_as_built_is_a_stage_of_its_own(tmp_path):
     assert re.search(r"(?s)Counter-masses as built.*^m4\* .* 3\.5000 .*Gears as built.*^z3 .* 40:26 ", output, re.M)
 
 
+@pytest.mark.parametrize(
+    ("options", "said", "listed"),
+    [
+        (
+            (),
+            r" with counter-masses and gears; .*times\); 2 counter-gears are not counted \(z4, z2: no mass given\)\.\n",
+            2,
+        ),
+        (("--built", "m_z2*=1kg"), r" remains as built; .*times\); 1 counter-gear is not counted \(z4: no", 1),
+        (("--built", "m_z2*=1kg", "--built", "m_z4*=2kg"), r"times\)\.\n", 0),
+        (("--force-only",), r"times\)\.\n", 0),
+    ],
+)
+def test_the_moving_mass_says_what_it_leaves_out(options, said, listed):
+    """Counter-gears whose mass is neither described nor stated as built."""
+    assert re.search(said, call("linkage", "two-levels", "--quiet", *options).out)
+    document = json_of("linkage", "two-levels", *options)
+    assert len(document["simulated"]["counter_gears_without_mass"]) == listed
+
+
 def test_force_only_leaves_the_gears_out():
     """Two stages, no gears."""
     document = json_of("linkage", "two-levels", "--force-only")
