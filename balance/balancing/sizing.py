@@ -185,19 +185,35 @@ class Sizing(Shown, rows="counter_masses", figure="balance.figures.mechanism:dra
         """For each payload body, the payload that these counter-masses balance best [kg]; None where there is none."""
         return {body: balanced_payload(self.conditions, self.after, body) for body in self.payload_bodies}
 
+    def nearest_payload(self, body: str) -> tuple[float, float] | None:
+        """Mass of ``body`` with which least of the objective is left [kg], and that as ``remaining_percent``."""
+        if self.objective is None:
+            return None
+        factor, after = self.objective.factor, self.after
+        column = factor[:, :-1] @ _per_kilogram(after, body)
+        change = float(column @ factor @ np.append(after.pi, 1.0)) / (float(column @ column) or np.inf)
+        if (mass := after.mass(body) - change) <= 0.0:
+            return None
+        left = replace(self, before=self.before.with_payload({body: mass})).remaining_percent()
+        return None if left is None else (mass, left)
+
 
 def balanced_payload(conditions: Conditions, mechanism: Mechanism, body: str) -> float | None:
     """Mass of ``body`` that the rest balances, by least squares [kg]; None if none meets the conditions (BALANCES)."""
-    share = mechanism.own_mass[body][1] / mechanism.mass(body)
-    row = np.zeros_like(mechanism.parameters)
-    row[mechanism.body_index(body)] = share
-    per_kilogram = conditions.matrix @ row.ravel()
+    per_kilogram = conditions.matrix @ _per_kilogram(mechanism, body)
     if not np.abs(per_kilogram).max(initial=0.0) > 0.0:
         return None
     without = conditions.values(mechanism) - per_kilogram * mechanism.mass(body)
     mass = -float(per_kilogram @ without / (per_kilogram @ per_kilogram))
     residual = float(np.abs(without + per_kilogram * mass).max())
     return mass if mass > 0.0 and residual <= BALANCES * float(np.abs(per_kilogram).max()) * mass else None
+
+
+def _per_kilogram(mechanism: Mechanism, body: str) -> Floats:
+    """Change of the inertial parameters per kilogram of a body's own mass, (10 nb,) [-, m, m2]."""
+    row = np.zeros_like(mechanism.parameters)
+    row[mechanism.body_index(body)] = mechanism.own_mass[body][1] / mechanism.mass(body)
+    return row.ravel()
 
 
 def sizing_of_given(

@@ -1,6 +1,6 @@
 """``balance simulate``, ``balance conditions`` and ``balance check``."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -380,17 +380,16 @@ def check(
     """
     if not counter:
         raise click.UsageError("missing counter-masses to check: give --counter SITE=M")
-    from ..balancing.sizing import balanced_payload
     from ..dynamics.inverse_dynamics import shaking_force_per_acceleration
     from ..front_door import check as checked
     from ..units import G0
 
     model = options.load_mechanism_option(mechanism, payload)
-    result = checked(model, counter)
+    bodies = options.payload_bodies(model, payload)
+    result = replace(checked(model, counter), payload_bodies=bodies)
     found, remaining = result.conditions, result.remaining_percent() if result.objective else None
     balanced = result.is_complete() if result.objective else result.is_balanced(BALANCED_KGM)
-    bodies = options.payload_bodies(model, payload)
-    payloads = {body: balanced_payload(found, result.after, body) for body in bodies}
+    payloads, nearest = result.balanced_payloads(), {body: result.nearest_payload(body) for body in bodies}
     force = [shaking_force_per_acceleration(state, bodies[0]) if bodies else None for state in (model, result.after)]
     before, after = (None if value is None else value * G0 for value in force)
     document = {
@@ -401,6 +400,8 @@ def check(
         "residual_percent": result.residual_percent(),
         "conditions": found.document(result.after),
         "balanced_payload_kg": payloads,
+        "nearest_payload_kg": {body: near and near[0] for body, near in nearest.items()},
+        "nearest_payload_remaining_percent": {body: near and near[1] for body, near in nearest.items()},
         "shaking_force_N_per_g": after,
         "shaking_force_without_counter_masses_N_per_g": before,
         "g0_m_per_s2": G0,
@@ -416,10 +417,14 @@ def check(
         rows = _condition_rows(found, result.after)
         emit_table(f"Conditions of {model.name} with {masses}", ["condition", "now", "unit"], rows)
         for body, value in payloads.items():
-            say(
-                f"They would balance {body} = {'none' if value is None else mass(value) + ' kg'} "
-                f"(asked: {mass(model.mass(body))} kg)."
-            )
+            exact, near, asked = value is not None, nearest[body], f"(asked: {mass(model.mass(body))} kg)"
+            if exact or near is None:
+                say(f"They would balance {body} = {mass(value) + ' kg' if exact else 'none'} {asked}.")
+            else:
+                say(
+                    f"They would balance no {body} exactly; nearest is {mass(near[0])} kg, which leaves "
+                    f"{per_cent_text(near[1])} of the RMS momentum {asked}."
+                )
         if before is not None and after is not None:
             say(
                 f"Shaking force: {after:.4g} N per g0 of {bodies[0]} acceleration, "

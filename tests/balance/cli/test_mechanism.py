@@ -2,12 +2,13 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import polars
 import pytest
 
-from balance import datasets
+from balance import datasets, front_door
 from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import simulate
 from balance.motion.motion_files import load_motion
@@ -263,6 +264,20 @@ def test_people_read_the_verdict(balance):
     assert out.startswith("Not balanced completely: 4.58 % of the RMS momentum remains over the workspace.")
     for text in ("0.030809", "4.58 %", "3.2062 kg", "asked: 3.4116 kg", "N per g0"):
         assert text in out
+
+
+def test_the_nearest_payload_where_none_is_balanced(balance):
+    """Half a per cent off on one arm: none meets the conditions, and the nearest comes with what it leaves."""
+    given = ("check", "serial-2r", "-p", "link_2=1kg", "-c", "counter_link_1=8.2kg", "-c", "counter_link_2=1.1kg")
+    document = json.loads(balance(*given, "--json").out)
+    near, left = document["nearest_payload_kg"]["link_2"], document["nearest_payload_remaining_percent"]["link_2"]
+    assert document["balanced_payload_kg"] == {"link_2": None}
+    said = f"They would balance no link_2 exactly; nearest is {near:.4f} kg, which leaves {left:.3g} % of the"
+    assert said in balance(*given).out
+    model, counters = models.load("serial-2r"), {"counter_link_1": 8.2, "counter_link_2": 1.1}
+    sized = replace(front_door.check(model.with_payload(link_2=1.0), counters), payload_bodies=("link_2",))
+    least, *others = (sized.objective.value(sized.after.with_payload(link_2=near * x)) for x in (1.0, 0.99, 1.01))
+    assert least < min(others)
 
 
 def test_where_there_is_no_force_per_g(balance):
