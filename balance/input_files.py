@@ -487,7 +487,10 @@ def _key_column(model: type[BaseModel], name: str, unit: str) -> _Column:
                     raise DataError(f"is in {wanted} alone: write {key!r}")
                 return _Column(key, "", _factor(own, wanted))
         known = ", ".join(model.model_fields)
-        raise DataError(f"is not expected{suggestion(name, model.model_fields) or f': expected some of {known}'}")
+        other = " (or in another unit, such as mass_g)" * ("mass_kg" in model.model_fields)
+        raise DataError(
+            f"is not expected{suggestion(name, model.model_fields) or f': expected some of {known}{other}'}"
+        )
     forms = _text_forms(model, name)
     if unit and not forms:
         stem, _, own = name.partition("_")

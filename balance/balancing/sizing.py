@@ -396,6 +396,8 @@ class StockUse:
     in_stock: Mapping[str, int]
     wanting: tuple[str, ...] = ()
     """Kinds of which too few are left for one more at a site, or at each of equal sites, which would leave less."""
+    lightest: tuple[str, float] = ("", 0.0)
+    """The lightest plate that there is, and its mass [kg]."""
 
     def document(self) -> dict[str, Any]:
         """For JSON: how many there are of those that are wanting, and whether no plate is left."""
@@ -433,7 +435,9 @@ def stock_use(
         upper, groups = np.tile(upper_limits(names, limits), len(sets)), site_groups(names, equal) if equal else ()
         wanting = wanting_kinds(columns, target, *_stock_arrays(plates), counts, upper, groups, turning)
     used = dict(zip((plate.name for plate in plates), counts.sum(axis=0).tolist(), strict=True))
-    return StockUse(used, {plate.name: plate.quantity for plate in plates}, tuple(plates[k].name for k in wanting))
+    lightest = min(((p.mass, p.name) for p in plates if p.quantity), default=(0.0, ""))[::-1]
+    wanted = tuple(plates[k].name for k in wanting)
+    return StockUse(used, {plate.name: plate.quantity for plate in plates}, wanted, lightest)
 
 
 def _stock_system(

@@ -164,7 +164,16 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
             )
         if self.stock_use and (use := str(self.stock_use)):
             yield use
-        for site in verdict.needed:
+        needed, (name, lightest) = (
+            max(one.mass for one in self.any_mass.counter_masses),
+            self.stock_use.lightest if self.stock_use else ("", 0.0),
+        )
+        if not self.best.added_mass and 0.0 < needed < lightest:
+            yield (
+                f"The lightest plate, {name} of {lightest:.4f} kg, is heavier than the mass needed at every site (at "
+                f"most {needed:.4f} kg): add lighter plates, or correct the unit of their masses (mass_kg, mass_g)."
+            )
+        for number, site in enumerate(verdict.needed):
             bodies = " or ".join([site.body, *site.alternatives])
             left = f"{self._share(site.after)} would" if site.after else "nothing would"
             moment = f", with the first moment {along_axes(site.first_moment)} kg m" if site.first_moment.any() else ""

@@ -58,6 +58,7 @@ def test_other_units_stand_in_the_header(tmp_path: Path) -> None:
 WRONG = {
     "no rows": ("name,mass_kg,quantity\n", "at least one plate"),
     "other columns": ("name,mass,quantity\nM1,5,2\n", "column 'mass': is not expected; did you mean 'mass_kg'"),
+    "unlike any": ("name,weigh,quantity\nM1,5,2\n", r"'weigh': .*, holes_mm \(or in another unit, such as mass_g\)"),
     "empty": ("", "no column 'name': expected name of the plate"),
     "decimal comma": ('name,mass_kg,quantity\nM1,"5,02",2\n', "line 2 .M1.: mass_kg: '5,02': expected a number"),
     "half a plate": (
