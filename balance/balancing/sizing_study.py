@@ -178,7 +178,8 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
             left = f"{self._share(site.after)} would" if site.after else "nothing would"
             moment = f", with the first moment {along_axes(site.first_moment)} kg m" if site.first_moment.any() else ""
             where = moment + (f" on {site.body}" if moment and site.alternatives else "")
-            yield f"With a site on body {bodies} as well{where}: {left} remain."
+            on = f"And on body {bodies} too" if number else f"With a site on body {bodies} as well"
+            yield f"{on}{where}: {left} remain."
         if verdict.directions and not verdict.attainable and not verdict.needed:
             yield "No counter-mass on any body would lessen it."
 

@@ -131,6 +131,9 @@ def test_the_verdict_comes_first_and_names_the_body_that_lacks_a_site(balance):
     assert "required [kg m]  sites give [kg m]  missing [kg m]" in out
     squares = sum(one["rms_N"] ** 2 for one in document["remaining_directions"])
     assert squares == pytest.approx(document["rms_N"] ** 2, rel=1e-9)
+    several = balance("size", "serial-2r", "--site", "tip").out  # no alternatives: each beside the ones before it
+    first = "With a site on body link_1 as well, with the first moment x -0.438 kg m: 59.1 % would remain.\n"
+    assert f"{first}And on body link_2 too, with the first moment x -0.099 kg m: nothing would remain." in several
 
 
 def test_limits_hold_for_plates_too_and_the_best_few_are_listed(balance, tmp_path):
