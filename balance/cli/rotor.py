@@ -261,9 +261,11 @@ def _print_trial_runs(runs: "TrialRuns", document: dict[str, Any]) -> None:
 
     (reading, r, _), (weight, w, _) = READING[runs.reading], WEIGHT[runs.weight]
     intervals = document["intervals"]
+    within = max((one[f"after_within_{r}"] or 0.0 for one in document["readings"]), default=0.0)
+    sure = f", each reading within {within:.3g} {reading} of its own" * (intervals is not None)
     say(
-        f"RMS {document[f'rms_before_{r}']:.4g} -> {document[f'rms_after_{r}']:.4g} {reading} is predicted; condition "
-        f"number {document['condition']:.3g}; phase counts as {runs.phase}, weight angles {runs.angles}, "
+        f"RMS {document[f'rms_before_{r}']:.4g} -> {document[f'rms_after_{r}']:.4g} {reading} is predicted{sure}; "
+        f"condition number {document['condition']:.3g}; phase counts as {runs.phase}, weight angles {runs.angles}, "
         f"amplitude {runs.amplitude}."
     )
     rows = [[p["plane"], *(_vector_text(p[key], w) for key in ("total", "on_now", "add", "published"))]

@@ -110,11 +110,15 @@ def test_the_command_shows_intervals_and_where_they_come_from(file):
     stated = call("rotor", "influence", file(a=" ± 0.2 um", c=" ± 0.2 um"))
     assert stated.code == 0
     assert "from the stated intervals of readings" in stated.out
+    within = json_of("rotor", "influence", file(a=" ± 0.2 um", c=" ± 0.2 um"))["readings"][0]["after_within_um"]
+    assert f"RMS 10 -> 0 um is predicted, each reading within {within:.3g} um of its own; " in stated.out
     found = json_of("rotor", "influence", file(more=AGAIN))
     assert found["intervals"]["from"] == "repeats"
     assert found["planes"][0]["total"]["magnitude_g_within"] > 0.0
     assert found["readings"][0]["after_within_um"] > 0.0
-    assert "No intervals: state those" in call("rotor", "influence", file()).out
+    unsure = call("rotor", "influence", file()).out
+    assert "No intervals: state those" in unsure
+    assert "um is predicted; " in unsure
     doubtful = call("rotor", "influence", file(a=" ± 20 um", c=" ± 20 um"))
     assert doubtful.code == 3
     assert "is not distinguished from zero" in doubtful.out
