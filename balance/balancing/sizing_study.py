@@ -140,7 +140,7 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
 
     def _sentences(self) -> Iterator[str]:
         verdict = self.verdict
-        where = "over the workspace" if self.motion is None else f"in motion {self.motion}"
+        where = "over the workspace" if self.motion is None else f"in motion {PurePath(self.motion).name}"
         added = f"{self.best.added_mass:.4f} kg added"
         if verdict.balanced:
             yield f"Balanced completely {where}, {added}."

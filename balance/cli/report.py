@@ -88,7 +88,8 @@ def animate(
     if filmed:
         video.refuse_without_encoder(output)
     model = options.load_mechanism_option(mechanism, payload)
-    drawn = moving(f"motion {motion}", follow(model, motion), designs_of(model, counter))
+    trajectory, motion = follow(model, motion), Path(motion).name
+    drawn = moving(motion, trajectory, designs_of(model, counter))
     if filmed or still:
         (video.write_video if filmed else video.write_still)(output, f"{model.name}, motion {motion}", drawn)
     else:

@@ -24,9 +24,10 @@ SECTIONS = (
 
 def design_page(study: SizingStudy) -> Page:
     """The page of counter-masses and of their motion with and without them; ``study`` is of a motion."""
-    motion, responses, trajectory = study.motion, study.responses, study.trajectory
-    assert motion is not None
+    responses, trajectory = study.responses, study.trajectory
+    assert study.motion is not None
     assert trajectory is not None
+    motion = Path(study.motion).name
     document = _document(study)
     shown = [row["component"] for row in document["responses"]]
     masses = {one.site: one.mass for one in study.counter_masses if one.mass > 0.0}
@@ -39,7 +40,7 @@ def design_page(study: SizingStudy) -> Page:
     ]
     data = {
         "runs": [run.as_dict() for run in series],
-        "motions": [moving(f"motion {motion}", trajectory, designs, forces)],
+        "motions": [moving(motion, trajectory, designs, forces)],
     }
     figure = inline_svg(draw_responses(responses, shown), "Forces, moments and torques with and without counter-masses")
     about = {"sections": SECTIONS, "motion": motion, "figure": figure}

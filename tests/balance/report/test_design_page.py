@@ -5,6 +5,7 @@ import re
 
 import pytest
 
+from balance import datasets
 from balance.cli import main
 from balance.report.page import Page
 
@@ -46,6 +47,17 @@ def test_sizing_is_that_of_size(made):
             for side in ("before", "after"):
                 group = sized[side][kind]
                 assert row[f"{kind}_{side}"] == group.get(name, group["torque_Nm"].get(name))
+
+
+def test_a_motion_is_named_once_without_its_folder(tmp_path):
+    """On the page of a design and on that of a mechanism moving."""
+    own, path = tmp_path / "own.toml", tmp_path / "page.html"
+    own.write_text(datasets.find_dataset("four-bar", "motions", ".toml").read_text("utf-8"), "utf-8")
+    for command in ("report", "animate"):
+        assert call(main, "balance", command, "four-bar", "--motion", own, "-o", path).code == 0
+        text = path.read_text("utf-8")
+        assert '<option value="0">own.toml</option>' in text
+        assert str(own) not in text
 
 
 @pytest.mark.parametrize(
