@@ -84,18 +84,21 @@ def _masses(masses: Mapping[str, float | str] | None) -> dict[str, float]:
 
 
 def follow(
-    mechanism: Mechanism | str | Path, motion: Motion | str | Path, rate: float | str = DEFAULT_RATE_HZ
+    mechanism: Mechanism | str | Path, motion: Motion | str | Path, rate: float | str | None = None
 ) -> Trajectory:
     """Positions, velocities and accelerations of all joints along a motion, its loops closed at each sample.
 
-    ``rate`` of sampling [Hz]. Raises ClosureError where the mechanism cannot go there, or is singular.
+    ``rate`` of sampling [Hz], 10 kHz unless given; DataError for one of a motion that has samples of its own. Raises
+    ClosureError where the mechanism cannot go there, or is singular.
 
     >>> import balance
     >>> balance.follow("four-bar", "four-bar", rate="1 kHz").residual < 1e-9
     True
     """
     described = motion if isinstance(motion, Motion) else load_motion(motion)
-    return Closure(_mechanism(mechanism)).follow(described.sample(si(rate, "frequency")))
+    return Closure(_mechanism(mechanism)).follow(
+        described.sample_as_asked(None if rate is None else si(rate, "frequency"))
+    )
 
 
 def assemble(mechanism: Mechanism | str | Path) -> list[Configuration]:
@@ -182,13 +185,13 @@ def check(mechanism: Mechanism | str | Path, counter_masses: Mapping[str, float 
 
 
 def simulate(
-    mechanism: Mechanism | str | Path, motion: Motion | Trajectory | str | Path, rate: float | str = DEFAULT_RATE_HZ
+    mechanism: Mechanism | str | Path, motion: Motion | Trajectory | str | Path, rate: float | str | None = None
 ) -> Response:
     """Shaking force (n, 3) [N], shaking moment (n, 3) [N m] and drive torques (n,) [N m, N] along a motion.
 
     What the mechanism exerts on its base, weight excluded: F = -d(linear momentum)/dt, M = -d(angular momentum)/dt
-    about the base frame's origin. ``rate`` of sampling [Hz]; a ``Trajectory`` has its own instants: of
-    :func:`follow`, or as encoders recorded it (``testbench.AlignedRun.trajectory``).
+    about the base frame's origin. ``rate`` of sampling [Hz], as :func:`follow` takes it; a ``Trajectory`` has its own
+    instants: of :func:`follow`, or as encoders recorded it (``testbench.AlignedRun.trajectory``).
 
     >>> import balance
     >>> response = balance.simulate("four-bar", "four-bar", rate="1 kHz")

@@ -125,7 +125,6 @@ def sweep(
 ) -> Answer:
     """Shaking force, moment and torque of all combinations of masses and places, on one motion."""
     from ..balancing.sweep import QUANTITIES, Designs, Grid, Problem, Sweep, joined
-    from ..motion import DEFAULT_RATE_HZ
     from ..motion.motion_files import load_motion
     from ..task_pool import task_pool
 
@@ -138,7 +137,7 @@ def sweep(
     if figure and len(variables) > 2:
         raise click.UsageError("--figure draws one or two variables")
     model = options.load_mechanism_option(mechanism, payload)
-    samples = load_motion(motion).sample(rate or DEFAULT_RATE_HZ)
+    samples = load_motion(motion).sample_as_asked(rate)
     problem = Problem(model, samples, counter, not rms_only, frozenset(quantities or QUANTITIES))
     started = perf_counter()
     found: list[dict[str, Floats]] = []

@@ -137,6 +137,15 @@ class Motion:
         duration, jerk = [self.rest], [np.zeros(self.waypoints.shape[1])]
         for start, end, peak in zip(self.waypoints, self.waypoints[1:], self.peak_acceleration, strict=False):
             for seconds, share in self._leg(float(np.linalg.norm(end - start)), float(peak)):
+    def sample_as_asked(self, rate_hz: float | None, otherwise: float = DEFAULT_RATE_HZ) -> Samples:
+        """Sample at the rate that was asked for, if one was. Raises DataError for one that samples of a file ignore."""
+        if rate_hz is not None and self.recorded is not None:
+            raise DataError(
+                f"{self.source}: a rate of {rate_hz:g} Hz has no effect on its samples, which come at their own "
+                "instants: leave the rate out, or write the motion as [[moves]]"
+            )
+        return self.sample(otherwise if rate_hz is None else rate_hz)
+
                 duration.append(seconds)
                 jerk.append(share * (end - start) / np.linalg.norm(end - start))
             duration.append(self.rest)

@@ -182,7 +182,7 @@ def motion_from_table(content: Mapping[str, Any], source: str = "motion", sample
             with in_file("samples"):
                 recorded = _samples(samples or "", table.samples, joints, table.point, axes)
             position, sliding = recorded.position[:1], recorded.sliding
-            return Motion(position, np.empty(0), 0.25, 0.0, joints, table.point, axes, recorded, sliding)
+            return Motion(position, np.empty(0), 0.25, 0.0, joints, table.point, axes, recorded, sliding, source)
         points, peak = _waypoints(table)
     sliding = tuple(place.dimension == "length" for place in table.start or ()) if joints else ()
     ramp = 0.25 if table.ramp is None else table.ramp

@@ -279,9 +279,9 @@ def planned_motion(rig: Rig, name: str) -> Motion:
 def planned_samples(rig: Rig, planned: PlannedRun, motion: Motion, rate: float | None = None) -> Samples:
     """The motion with the planned peak acceleration, at the simulation's ``rate`` [Hz], or the one for the rig.
 
-    Raises DataError for a peak of another kind than the motion's, and for a rate that cannot be simulated.
+    Raises DataError for a peak of another kind than the motion's, and for a rate that does nothing or is too low.
     """
-    return _with_peak(motion, planned).sample(rate or rate_hz(rig))
+    return _with_peak(motion, planned).sample_as_asked(rate, rate_hz(rig))
 
 
 def _with_peak(motion: Motion, planned: PlannedRun) -> Motion:

@@ -25,6 +25,8 @@ FILES = {
     "arm.urdf": "<robot/>",
     "motion.toml": 'start = ["0 m", "9 m"]\npeak_acceleration = "1 g0"\nmoves = [ { axis = "x", to = ["1 mm"] } ]\n',
     "samples.toml": 'samples = "."\n',
+    "sampled.toml": 'samples = "path.csv"\n',
+    "path.csv": "time (s),x (m),y (m)\n" + "".join(f"{i},0,0\n" for i in range(6)),
     "typo.toml": 'drven = "platform"\n',
     "plates.csv": "name,mass,quantity\nM1,5,2\n",
     "joints.toml": 'driven = "joints"\njoints = ["A9"]\nstart = ["1 rad"]\npeak_acceleration = "1 rad/s^2"\n'
@@ -58,6 +60,11 @@ REFUSED = {
     "unknown motion": (("simulate", MECH, "--motion", "spiral"), "spiral: no such file"),
     "motion of a chain": (("simulate", "serial-3r", *X), "serial-3r"),
     "too fast": (("simulate", MECH, *X, "--rate", "1e15 Hz"), "expected fewer than"),
+    "rate of samples": (("simulate", MECH, "--motion", "sampled.toml", "--rate", "1 kHz"), "of 1000 Hz has no effect"),
+    "rate of samples in a sweep": (
+        ("sweep", MECH, "--vary", "counter_A0A.mass=1kg", "--motion", "sampled.toml", "--rate", "1kHz"),
+        "sampled.toml: a rate of 1000 Hz has no effect",
+    ),
     "no stock": (("size", MECH, "--stock", "shelf"), "shelf: no such file"),
     "wrong stock": (("size", MECH, "--stock", "plates.csv"), "column 'mass': is not expected; did you mean 'mass_kg'"),
     "no sites": (("size", "serial-1r", "--site", "tip", "--limit", "nowhere=1kg"), "nowhere"),
