@@ -47,30 +47,41 @@ def simulate(
     """
     from ..dynamics.inverse_dynamics import simulate as respond
     from ..dynamics.reactions import find_reactions
-    from ..front_door import follow
+    from ..front_door import follow, load_motion
 
     if csv and parquet and Path(csv).resolve() == Path(parquet).resolve():
         raise click.UsageError(f"--csv and --parquet name one file, {csv}: give two names")
     model = options.load_mechanism_option(mechanism, payload).with_counter_mass(counter)
-    trajectory = follow(model, motion, rate) if rate else follow(model, motion)
+    described = load_motion(motion)
+    trajectory = follow(model, described, rate)
     response = respond(model, trajectory)
     found = find_reactions(model, trajectory, response) if reactions else None
     beyond, left_out = model.beyond_limits(trajectory.q), model.left_out if response.torque else ()
+    coarse = described.recorded.coarse() if described.recorded else []
+    drives = f"torques and forces of the drives{' and reactions' if found else ''}"
+    findings = [
+        *(("coarse_samples", said) for said in coarse),
+        *(
+            ("beyond_limits", f"{exceeded}: the motion is computed as if it had none")
+            for exceeded in model.limits_exceeded(trajectory.q)
+        ),
+        *(("left_out", f"{drives} leave out {what}, which the file has") for what in left_out),
+    ]
     if csv or parquet:
         _write(model, trajectory, response.columns() | (found.columns() if found else {}), csv, parquet)
     document = (
         {"mechanism": model.name, "motion": motion, "samples": len(trajectory.time)}
         | {"closure": {name: getattr(trajectory, key) for name, key in _CLOSURE.items()}}
         | {"beyond_limits": {joint: list(reached) for joint, reached in beyond.items()}}
-        | {"idle": list(trajectory.idle), "left_out": list(left_out)}
+        | {"idle": list(trajectory.idle), "left_out": list(left_out), "coarse_samples": coarse}
         | options.response_summary(response)
         | {"drives": response.drives()}
     )
     if found:
         document |= {"reactions": found.summary(), "redundant_constraint_rows": found.redundant}
         document |= {"undetermined": list(found.undetermined)}
-    show = partial(_print_motion, model, motion, trajectory, response, found)
-    return Answer(document, show, bool(beyond or left_out), further=("", "closure", "rms", "peak"))
+    show = partial(_print_motion, model, motion, trajectory, response, found, findings)
+    return Answer(document, show, bool(findings), further=("", "closure", "rms", "peak"))
 
 
 _CLOSURE = {"residual_m": "residual", "condition": "condition", "branch": "branch"}
@@ -79,13 +90,17 @@ _DRIVEN = "RMS over the whole motion, rests included; speed and power at the joi
 
 
 def _print_motion(
-    model: "Mechanism", motion: str, trajectory: "Trajectory", response: "Response", found: "Reactions | None"
+    model: "Mechanism",
+    motion: str,
+    trajectory: "Trajectory",
+    response: "Response",
+    found: "Reactions | None",
+    findings: list[tuple[str, str]],
 ) -> None:
     """Force, moment and drives' torques, reactions where they are asked for, and what the motion exceeds."""
     from ..dynamics.inverse_dynamics import NOTHING
     from ..dynamics.regressor import wrench_regressor
 
-    left_out = model.left_out if response.torque else ()
     peak, rms = response.peak(), response.rms()
     squares = (response.force**2).sum(axis=1)
     force, largest = float(squares.mean() ** 0.5), float(squares.max() ** 0.5)
@@ -123,12 +138,7 @@ def _print_motion(
     options.tell_idle(trajectory.idle)
     if not response.torque:
         say("No drive torque: the file has no <actuator> that names the driven joints.")
-    emit_findings(
-        ("beyond_limits", f"{exceeded}: the motion is computed as if it had none")
-        for exceeded in model.limits_exceeded(trajectory.q)
-    )
-    drives = f"torques and forces of the drives{' and reactions' if found else ''}"
-    emit_findings(("left_out", f"{drives} leave out {what}, which the file has") for what in left_out)
+    emit_findings(findings)
 
 
 _ROUNDING = 1e-9

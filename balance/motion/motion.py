@@ -1,5 +1,6 @@
 """A motion from rest to rest through way-points, or of recorded samples; and its samples at instants."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +12,10 @@ from .driven_coordinates import Drive
 
 _SAMPLES_IN_RAMP = 2.0
 _MAX_SAMPLES = 50_000_000
+_LEAST_STEP = 1e-9
+"""Share of a range below which a common step is not told from rounding of binary numbers."""
+_MOST_OF_STEPS = 4.0
+"""Acceleration, in steps a squared interval, below which steps make it: rounding alone makes about 1.4 of them RMS."""
 DEFAULT_RATE_HZ = 10_000.0
 """Sampling of a motion where none is asked for [Hz]: 15 samples in the shortest ramp of the test motions."""
 
@@ -49,12 +54,41 @@ class Samples:
                 at = int(np.argmax(~np.isfinite(values).all(axis=1)))
                 raise DataError(f"{name} of the motion is not finite at t = {self.time[at]:.6g} s")
 
+    def coarse(self) -> list[str]:
+        """What is said of each driven coordinate whose acceleration is that of the steps in which its values go."""
+        found, dt = [], float(np.median(np.diff(self.time))) if len(self.time) > 1 else np.inf
+        for i, name in enumerate(self.joints or self.axes):
+            step, a = _common_step(self.position[:, i]), self.acceleration[:, i]
+            made, size = step / dt**2, float(np.sqrt(np.mean(a**2)))
+            if 1e-3 < size / (made or np.inf) < _MOST_OF_STEPS and np.mean(np.diff(a, 2) ** 2) > size**2:
+                unit = "rad" if self.joints and not any(self.sliding[i : i + 1]) else "m"
+                found.append(
+                    f"{name}: the samples go in steps of {step:.3g} {unit}, each of which makes {made:.3g} {unit}/s2 "
+                    f"(step / dt2, dt = {dt:.3g} s) of the acceleration's {size:.3g} {unit}/s2 RMS: forces and torques "
+                    "are those of rounding; write more digits, or the motion as [[moves]]"
+                )
+        return found
+
     def drive(self, mechanism: Mechanism) -> Drive:
         """The driven coordinates as functions of a mechanism's joints. Raises ModelError for an unknown name."""
         if self.joints:
             return Drive.of_joints(mechanism, self.joints, self.sliding)
         place = self.point or next(iter(mechanism.payload_bodies), "platform")
         return Drive.of_point(mechanism, place, self.axes)
+
+
+def _common_step(values: Floats) -> float:
+    """The largest step of which all differences are whole multiples, as of few digits or counts; 0 where none is seen.
+
+    By Euclid's algorithm, down to a share of the range at which differences of numbers are rounding.
+    """
+    step, least, gaps = 0.0, _LEAST_STEP * float(np.ptp(values)), np.unique(np.abs(np.diff(values)))
+    for gap in gaps[gaps > least].tolist():
+        while gap > least:
+            step, gap = gap, abs(math.remainder(step, gap))
+        if step < 2.0 * least:
+            return 0.0
+    return step
 
 
 @dataclass(frozen=True)
@@ -103,6 +137,15 @@ class Motion:
             return float(self.recorded.time[-1] - self.recorded.time[0])
         return float(self._phases()[0][-1])
 
+    def sample_as_asked(self, rate_hz: float | None, otherwise: float = DEFAULT_RATE_HZ) -> Samples:
+        """Sample at the rate that was asked for, if one was. Raises DataError for one that samples of a file ignore."""
+        if rate_hz is not None and self.recorded is not None:
+            raise DataError(
+                f"{self.source}: a rate of {rate_hz:g} Hz has no effect on its samples, which come at their own "
+                "instants: leave the rate out, or write the motion as [[moves]]"
+            )
+        return self.sample(otherwise if rate_hz is None else rate_hz)
+
     def sample(self, rate_hz: float) -> Samples:
         """Sample the motion at a uniform rate; samples of a file come as they are, whatever the rate."""
         if self.recorded is not None:
@@ -137,15 +180,6 @@ class Motion:
         duration, jerk = [self.rest], [np.zeros(self.waypoints.shape[1])]
         for start, end, peak in zip(self.waypoints, self.waypoints[1:], self.peak_acceleration, strict=False):
             for seconds, share in self._leg(float(np.linalg.norm(end - start)), float(peak)):
-    def sample_as_asked(self, rate_hz: float | None, otherwise: float = DEFAULT_RATE_HZ) -> Samples:
-        """Sample at the rate that was asked for, if one was. Raises DataError for one that samples of a file ignore."""
-        if rate_hz is not None and self.recorded is not None:
-            raise DataError(
-                f"{self.source}: a rate of {rate_hz:g} Hz has no effect on its samples, which come at their own "
-                "instants: leave the rate out, or write the motion as [[moves]]"
-            )
-        return self.sample(otherwise if rate_hz is None else rate_hz)
-
                 duration.append(seconds)
                 jerk.append(share * (end - start) / np.linalg.norm(end - start))
             duration.append(self.rest)

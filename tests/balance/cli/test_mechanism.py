@@ -314,6 +314,20 @@ def test_assemble_lists_the_ways_to_put_a_mechanism_together(balance):
     assert "qpos='1 -0.554284311888 1.37643062239'" in balance("assemble", "four-bar")[1]
 
 
+def test_samples_in_steps_are_a_finding(balance, tmp_path):
+    """Rounded to 1 mrad, 1 ms apart: a simulation says what the steps make of the acceleration, and ends with 3."""
+    rows = "".join(f"{k / 1000:.3f},{1.0 + 0.0157 * k:.3f}\n" for k in range(100))
+    (tmp_path / "path.csv").write_text(f"time (s),A0 (rad)\n{rows}", encoding="utf-8")
+    motion = tmp_path / "path.toml"
+    motion.write_text('driven = "joints"\njoints = ["A0"]\nsamples = "path.csv"\n', encoding="utf-8")
+    code, out, _ = balance("simulate", "four-bar", "--motion", str(motion))
+    assert code == 3
+    assert "coarse_samples: A0: the samples go in steps of 0.001 rad, each of which makes 1e+03 rad/s2" in out
+    assert (
+        len(json.loads(balance("simulate", "four-bar", "--motion", str(motion), "--json").out)["coarse_samples"]) == 1
+    )
+
+
 def test_springs_of_a_file_are_said_to_be_left_out_of_torques(balance, tmp_path):
     """Conditions do not depend on them; a simulation says what its torques lack, and ends with 3."""
     text = (datasets.ROOT / "mechanisms" / "four-bar.xml").read_text(encoding="utf-8")

@@ -159,6 +159,32 @@ def test_samples_of_a_file_come_back(tmp_path: Path) -> None:
         read.with_peak_acceleration(1.0)
 
 
+@pytest.mark.parametrize(
+    ("unit", "position", "is_coarse"),
+    [
+        (1e-3, lambda t: np.sin(6.0 * t), True),
+        (2.0 * np.pi / 4096, lambda t: np.sin(6.0 * t), True),
+        (1e-3, lambda t: 0.7 + 15.7 * t, True),
+        (1e-3, lambda t: 0.01 * t, True),
+        (1e-7, lambda t: np.sin(6.0 * t), False),
+        (1e-15, lambda t: np.sin(6.0 * t), False),
+        (1e-3, lambda t: 3.0 * t, False),
+        (1e-3, lambda t: 0.0 * t, False),
+    ],
+    ids=["digits", "counts", "all gaps large", "slow", "more digits", "all digits", "whole steps", "rest"],
+)
+def test_steps_that_make_the_acceleration_are_told(tmp_path: Path, unit, position, is_coarse) -> None:
+    """A second difference of values rounded to 1 mrad, 1 ms apart, is of 1000 rad/s2; smooth samples have none."""
+    time = np.arange(500) * 1e-3
+    rounded = np.round(position(time) / unit)[:, None] * unit
+    written(tmp_path, Samples(time, rounded, rounded, rounded), ("A0 (rad)",))
+    (tmp_path / "path.toml").write_text('driven = "joints"\njoints = ["A0"]\nsamples = "path.csv"\n', encoding="utf-8")
+    said = load_motion(tmp_path / "path.toml").recorded.coarse()
+    assert len(said) == is_coarse
+    if said:
+        assert f"A0: the samples go in steps of {unit:.3g} rad, each of which makes {unit * 1e6:.3g} rad/s2" in said[0]
+
+
 FILES = {
     "no such file": (None, "no such file 'path.csv'"),
     "other columns": ("t,x\n0,1\n", r"path.csv: must hold the columns time \(s\), x \(m\), y \(m\)"),
