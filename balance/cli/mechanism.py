@@ -57,6 +57,8 @@ def simulate(
     response = respond(model, trajectory)
     found = find_reactions(model, trajectory, response) if reactions else None
     beyond, left_out = model.beyond_limits(trajectory.q), model.left_out if response.torque else ()
+    turning = [name for name, inertia in zip(model.coordinates, model.armature, strict=True) if inertia]
+    rotors = [f"the shaking moment of rotors (armature of {', '.join(turning)})"] if turning and response.torque else []
     coarse = described.recorded.coarse() if described.recorded else []
     drives = f"torques and forces of the drives{' and reactions' if found else ''}"
     findings = [
@@ -66,6 +68,7 @@ def simulate(
             for exceeded in model.limits_exceeded(trajectory.q)
         ),
         *(("left_out", f"{drives} leave out {what}, which the file has") for what in left_out),
+        *(("left_out", f"{what} is not in M, though they count in the torques: {_ROTORS}") for what in rotors),
     ]
     if csv or parquet:
         _write(model, trajectory, response.columns() | (found.columns() if found else {}), csv, parquet)
@@ -73,7 +76,7 @@ def simulate(
         {"mechanism": model.name, "motion": motion, "samples": len(trajectory.time)}
         | {"closure": {name: getattr(trajectory, key) for name, key in _CLOSURE.items()}}
         | {"beyond_limits": {joint: list(reached) for joint, reached in beyond.items()}}
-        | {"idle": list(trajectory.idle), "left_out": list(left_out), "coarse_samples": coarse}
+        | {"idle": list(trajectory.idle), "left_out": [*left_out, *rotors], "coarse_samples": coarse}
         | options.response_summary(response)
         | {"drives": response.drives()}
     )
@@ -84,6 +87,7 @@ def simulate(
     return Answer(document, show, bool(findings), further=("", "closure", "rms", "peak"))
 
 
+_ROTORS = "the file does not say how they turn; where it matters give a rotor a body of its own, coupled to the joint"
 _CLOSURE = {"residual_m": "residual", "condition": "condition", "branch": "branch"}
 _DRIVES = ["joint", "peak torque", "RMS torque", "peak speed", "power [W]", "braking [W]"]
 _DRIVEN = "RMS over the whole motion, rests included; speed and power at the joint, without gear and motor losses."

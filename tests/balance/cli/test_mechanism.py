@@ -329,9 +329,10 @@ def test_samples_in_steps_are_a_finding(balance, tmp_path):
 
 
 def test_springs_of_a_file_are_said_to_be_left_out_of_torques(balance, tmp_path):
-    """Conditions do not depend on them; a simulation says what its torques lack, and ends with 3."""
+    """Conditions do not depend on them; a simulation says what torques and the moment lack, and ends with 3."""
     text = (datasets.ROOT / "mechanisms" / "four-bar.xml").read_text(encoding="utf-8")
-    (tmp_path / "sprung.xml").write_text(text.replace('name="A0" ', 'name="A0" stiffness="3" '), encoding="utf-8")
+    given = 'name="A0" stiffness="3" armature="0.01" '
+    (tmp_path / "sprung.xml").write_text(text.replace('name="A0" ', given), encoding="utf-8")
     (tmp_path / "m.toml").write_text(
         'driven = "joints"\njoints = ["A0"]\nstart = ["1 rad"]\npeak_acceleration = "1 rad/s^2"\n'
         'moves = [ { joint = "A0", to = ["1.1 rad"] } ]\n',
@@ -339,7 +340,12 @@ def test_springs_of_a_file_are_said_to_be_left_out_of_torques(balance, tmp_path)
     )
     assert balance("conditions", str(tmp_path / "sprung.xml"))[0] == 0
     code, out, _ = balance("simulate", str(tmp_path / "sprung.xml"), "--motion", str(tmp_path / "m.toml"), "--json")
-    assert (code, json.loads(out)["left_out"]) == (3, ["springs of joints A0"])
+    assert (code, json.loads(out)["left_out"]) == (
+        3,
+        ["springs of joints A0", "the shaking moment of rotors (armature of A0)"],
+    )
+    out = balance("simulate", str(tmp_path / "sprung.xml"), "--motion", str(tmp_path / "m.toml")).out
+    assert "left_out: the shaking moment of rotors (armature of A0) is not in M, though they count in" in out
 
 
 def test_a_base_that_an_sdf_does_not_fix_is_named(balance, tmp_path):
