@@ -431,14 +431,14 @@ def check(
         rows = _condition_rows(found, result.after)
         emit_table(f"Conditions of {model.name} with {masses}", ["condition", "now", "unit"], rows)
         for body, value in payloads.items():
-            exact, near, asked = value is not None, nearest[body], f"(asked: {mass(model.mass(body))} kg)"
-            if exact or near is None:
-                say(f"They would balance {body} = {mass(value) + ' kg' if exact else 'none'} {asked}.")
-            else:
+            near, asked = nearest[body], f"(asked: {mass(model.mass(body))} kg)"
+            if value is None and near is not None:
                 say(
                     f"They would balance no {body} exactly; nearest is {mass(near[0])} kg, which leaves "
                     f"{per_cent_text(near[1])} of the RMS momentum {asked}."
                 )
+            else:
+                say(f"They would balance {body} = {'none' if value is None else mass(value) + ' kg'} {asked}.")
         if before is not None and after is not None:
             say(
                 f"Shaking force: {after:.4g} N per g0 of {bodies[0]} acceleration, "
