@@ -12,7 +12,6 @@ is the factor by which the jackknife finds more variance than white noise would 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import Annotated, Literal
 
 import numpy as np
@@ -319,20 +318,19 @@ def _candidates(
     sizes = [(key.peak_acceleration_g, key.peak_acceleration_rad_s2) for key in made]
     sizes += [(p.value / G0, None) if p.dimension == "acceleration" else (None, p.value) for p in peaks]
     masses = mounted_masses(mounted[0].conditions, "counter_masses")
-    for motion, (linear, turning) in product(
-        dict.fromkeys([*(key.motion for key in made), *others]), dict.fromkeys(sizes)
-    ):
-        key = replace(first, motion=motion, peak_acceleration_g=linear, peak_acceleration_rad_s2=turning)
-        yield Candidate(key, masses, made.get(key))
+    for motion in dict.fromkeys([*(key.motion for key in made), *others]):
+        own = [size for key, size in zip(made, sizes, strict=False) if key.motion == motion] or [(None, None)]
+        recorded = _motion(motion, mounted).recorded is not None  # whose peak acceleration is what it is
+        for linear, turning in dict.fromkeys(own if recorded else sizes):
+            key = replace(first, motion=motion, peak_acceleration_g=linear, peak_acceleration_rad_s2=turning)
+            yield Candidate(key, masses, made.get(key))
 
 
 def _simulated(candidate: Candidate, first: AlignedRun, mounted: Sequence[SIRun]) -> AlignedRun:
     """What the loggers would record of a candidate, on the simulated bench of the rig."""
     key, rig = candidate.key, first.rig
-    planned = key.planned("next", candidate.counter_masses)
-    own = next((run for run in mounted if run.conditions["motion"] == key.motion), None)
-    motion = load_motion(key.motion) if own is None else motion_of(own)
-    bench = simulate_run(rig, first.unloaded, planned, motion=motion)
+    planned = key.planned(candidate.repeats or "next", candidate.counter_masses)
+    bench = simulate_run(rig, first.unloaded, planned, motion=_motion(key.motion, mounted))
     shown, recorded = true_signals(rig, bench), {}
     for number, (name, logger) in enumerate(rig.loggers.items()):
         if columns := list(rig.columns(name)):
@@ -345,6 +343,12 @@ def _alike(one: Motion, other: Motion) -> bool:
     """Whether two motions drive the same, and have places in common."""
     same = (one.joints, one.point, one.axes) == (other.joints, other.point, other.axes)
     return same and one.recorded is None and other.recorded is None and _overlap(one.waypoints, other.waypoints)
+
+
+def _motion(name: str, mounted: Sequence[SIRun]) -> Motion:
+    """The motion of this name, as stored with a run of it where there is one."""
+    own = next((run for run in mounted if run.conditions["motion"] == name), None)
+    return load_motion(name) if own is None else motion_of(own)
 
 
 def motion_of(run: SIRun) -> Motion:

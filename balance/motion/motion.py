@@ -18,6 +18,8 @@ _MOST_OF_STEPS = 4.0
 """Acceleration, in steps a squared interval, below which steps make it: rounding alone makes about 1.4 of them RMS."""
 DEFAULT_RATE_HZ = 10_000.0
 """Sampling of a motion where none is asked for [Hz]: 15 samples in the shortest ramp of the test motions."""
+RECORDED_SHARE = 0.02
+"""Share by which a stated peak acceleration may differ from that of recorded samples: it was rounded."""
 
 
 @dataclass(frozen=True)
@@ -119,15 +121,25 @@ class Motion:
     """What messages call it."""
 
     def with_peak_acceleration(self, acceleration: float) -> "Motion":
-        """The same path with another peak acceleration [m/s2 or rad/s2]."""
-        if self.recorded is not None:
-            raise DataError(
-                "recorded samples have a peak acceleration of their own: give a motion with moves to set it"
-            )
+        """The same path with another peak acceleration [m/s2 or rad/s2]; recorded samples are as they are.
+
+        Raises DataError for one that is not that of recorded samples: along the leg, or the largest of one coordinate.
+        """
         if not acceleration > 0:
             raise DataError(f"peak acceleration is {acceleration:g}: expected a positive one")
         if len(set(self.sliding)) > 1:
             raise DataError("the motion drives joints that turn and joints that slide: one acceleration cannot be both")
+        if self.recorded is not None:
+            sizes = np.abs(self.recorded.acceleration)
+            own = sorted({float(np.linalg.norm(sizes, axis=1).max()), float(sizes.max())})
+            if any(abs(acceleration / peak - 1.0) <= RECORDED_SHARE for peak in own if peak):
+                return self
+            unit = "m/s2" if not self.recorded.joints or any(self.recorded.sliding) else "rad/s2"
+            peaks = " (one coordinate) and ".join(f"{peak:.4g} {unit}" for peak in own)
+            raise DataError(
+                f"peak acceleration is stated as {acceleration:.4g} {unit}, that of the recorded samples is {peaks}"
+                f"{' (along the leg)' * (len(own) > 1)}: leave it out, or correct it, or give a motion with moves"
+            )
         return replace(self, peak_acceleration=np.full(len(self.waypoints) - 1, acceleration))
 
     @property

@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 from balance.errors import CounterpoiseError
+from balance.input_files import Measured
 from balance.mechanism.mjcf_parser import load_mechanism
+from balance.motion.motion_files import load_motion
+from balance.units import G0
 from studies import simulated_runs as memory
 from testbench import analyze, next_run, plan_next
 from testbench.errors import AnalysisError
@@ -102,6 +105,18 @@ def test_a_source_that_leaves_a_run_out(brief):
     design = next_for_first_moment(open_campaign(brief.campaign).runs)
     assert [one.candidate.key.motion for one in design.proposals] == ["triangle", "x", "y"]
     assert all(one.after < one.now for one in design.proposals)
+
+
+def test_recorded_samples_have_the_peak_that_they_have(scenes):
+    """A motion of samples, whose peak the run table states too, is repeated with it; moves are made with every peak."""
+    moved = load_motion("x").with_peak_acceleration(3.0 * G0).sample(1000.0)
+    rows = "".join(f"{t:.4f},{x:.9f},{y:.9f}\n" for t, (x, y) in zip(moved.time, moved.position, strict=True))
+    recorded = ("x", 'driven = "platform"\nsamples = "path.csv"\n', "time (s),x (m),y (m)\n" + rows)
+    run = scenes["x"].run(1)
+    run = replace(run, inputs={**run.inputs, "motion": recorded})
+    asked = next_for_first_moment([run], motions=("triangle",), peaks=[Measured(4.0 * G0, "acceleration")])
+    keys = [one.candidate.key for one in asked.proposals]
+    assert sorted((key.motion, key.peak_acceleration_g) for key in keys) == [("triangle", 3), ("triangle", 4), ("x", 3)]
 
 
 def test_a_run_that_would_widen(design):

@@ -155,8 +155,13 @@ def test_samples_of_a_file_come_back(tmp_path: Path) -> None:
     np.testing.assert_allclose(samples.velocity, 0.03 * w * np.cos(w * time[:, None]), atol=1e-8)
     np.testing.assert_allclose(samples.acceleration, -(w**2) * sine, atol=1e-4)
     assert read.duration == 1.0
-    with pytest.raises(DataError, match="recorded samples"):
-        read.with_peak_acceleration(1.0)
+    leg, one = np.linalg.norm(w**2 * sine, axis=1).max(), np.abs(w**2 * sine).max()
+    for stated in (leg, one, 1.015 * leg, 0.985 * one):
+        assert read.with_peak_acceleration(stated) is read
+    for stated in (1.03 * leg, 0.97 * one):
+        both = rf"{stated:.4g} m/s2.*{one:.4g} m/s2 \(one coordinate\) and {leg:.4g} m/s2 .*leave it out, or correct it"
+        with pytest.raises(DataError, match=both):
+            read.with_peak_acceleration(stated)
 
 
 @pytest.mark.parametrize(
