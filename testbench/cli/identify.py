@@ -33,7 +33,9 @@ def print_result(result: "Identification") -> None:
     values = [f"{m.name} = {m.value:.4g} [{m.interval[0]:.4g}, {m.interval[1]:.4g}] {m.unit}" for m in moments]
     verdict = f"Verdict: {result.verdict}; {first_of(values, 3) or 'no first moment is determined'}."
     if result.verdict == "doubtful":
-        verdict += " Do not build on it: mend what is named below the tables, or record anew (testbench doctor RUN)."
+        verdict += (
+            " Do not build on it: mend what is named below the tables, or record anew (testbench doctor CAMPAIGN RUN)."
+        )
     if result.verdict == SCALED:
         verdict += (
             " The torques' scale is not checked: ratios of first moments hold, first moments and counter-masses are "

@@ -136,5 +136,7 @@ def _verdict(result: "Trim", stock: str | None) -> str:
         f"{low:z.4f} .. {high:z.4f}{', of simulated runs' if result.origin == 'simulated' else ''}. Verdict: {verdict}."
     )
     if verdict == "doubtful":
-        parts.append("Before anything is mounted, mend what is named below (testbench doctor RUN), and trim again.")
+        parts.append(
+            "Before anything is mounted, mend what is named below (testbench doctor CAMPAIGN RUN), and trim again."
+        )
     return " ".join(parts)
