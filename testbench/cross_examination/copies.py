@@ -7,7 +7,8 @@ which a fast motion in that band does not raise. One channel is enough: a log ma
 """
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,8 +52,51 @@ class _Signature:
         return np.fft.rfft(self._values * np.hanning(len(self._values)))[self._frequencies] / len(self._values)
 
 
-def copies(observations: Sequence[Observation], pool: TaskPool = HERE) -> list[Statement]:
-    """A statement for each run whose noise is that of an earlier one; each channel is a task of the ``pool``."""
+@dataclass(frozen=True)
+class OneRecording:
+    """Runs that hold the same noise, in the order of the campaign."""
+
+    runs: tuple[Observation, ...]
+    channels: tuple[str, ...]
+    whole: bool
+    """Whether these are all channels that have noise."""
+
+    def statements(self, contradicted: Collection[str]) -> list[Statement]:
+        """Of each run that is not the original, which all but it are; where nothing tells which it is, of all.
+
+        The original is the only run that is not ``contradicted``; of several in one condition the first counts.
+        """
+        agreeing = [run for run in self.runs if run.name not in contradicted] or list(self.runs)
+        original = agreeing[0] if all(_condition(run) == _condition(agreeing[0]) for run in agreeing) else None
+        noise = f"the same noise of {', '.join(self.channels)}"
+        found = []
+        for run in self.runs:
+            if run is original:
+                continue
+            others = tuple(other.name for other in self.runs if other is not run and (original or other) is other)
+            both = (
+                f"{' and '.join((run.name, *others))} hold {'one log' if self.whole else 'the same channels'}: {noise}"
+            )
+            if original is None:
+                shown = f"{both}; nothing tells whose, and none of them counts"
+            elif any(one is run for one in agreeing):
+                shown = f"{both}; of one condition, they count once, as {original.name}"
+            else:
+                part = "the log" if self.whole else "channels"
+                shown = f"{run.name} holds {part} of {original.name}, with which all else agrees: {noise}"
+            stated = "a run of its own by the run table"
+            found.append(
+                Statement(run.name, "copy", None, stated, shown, "its recorded channels", "copied_run", others)
+            )
+        return found
+
+
+def _condition(seen: Observation) -> dict[str, object]:
+    return {key: value for key, value in seen.conditions.items() if key != "repeat"}
+
+
+def copies(observations: Sequence[Observation], pool: TaskPool = HERE) -> list[OneRecording]:
+    """Runs of one noise, together; each channel is a task of the ``pool``."""
     by_channel: dict[str, list[tuple[int, ChannelRecord]]] = defaultdict(list)
     noisy = [_noisy(seen) for seen in observations]
     for i, own in enumerate(noisy):
@@ -63,21 +107,16 @@ def copies(observations: Sequence[Observation], pool: TaskPool = HERE) -> list[S
         for pair in pairs:
             found[pair].append(channel)
     source: dict[int, int] = {}
-    statements = []
-    for (first, second), channels in sorted(found.items()):
-        if second in source:
-            continue
-        source[second] = source.get(first, first)
-        one, other = observations[second].name, observations[source[second]].name
-        part = "the log" if len(channels) == len(noisy[second]) else "channels"
-        witnessed = f"{one} holds {part} of {other}: the same noise of {', '.join(channels)}"
-        statements.append(
-            Statement(
-                one, "copy", None, "a run of its own by the run table", witnessed, "its recorded channels",
-                "copied_run", (other,),
-            )
-        )  # fmt: skip
-    return statements
+    channels: dict[int, list[str]] = defaultdict(list)
+    for (first, second), same in sorted(found.items()):
+        source.setdefault(second, source.setdefault(first, first))
+        channels[source[second]] += same
+    recordings = []
+    for root, same in channels.items():
+        runs, distinct = [i for i in sorted(source) if source[i] == root], tuple(dict.fromkeys(same))
+        whole = all(len(distinct) == len(noisy[i]) for i in runs)
+        recordings.append(OneRecording(tuple(observations[i] for i in runs), distinct, whole))
+    return recordings
 
 
 def _noisy(seen: Observation) -> list[ChannelRecord]:

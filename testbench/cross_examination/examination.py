@@ -26,6 +26,10 @@ from .statement import WITHHOLDING, Statement, decisions
 
 CONDITIONS = frozenset({"payload_contradiction", "counter_mass_contradiction"})
 """Contradictions after which a run is no witness of its sensors' gains: the model was that of other masses."""
+OTHER_RUNS = CONDITIONS | {
+    "acceleration_contradiction", "motion_contradiction", "encoder_contradiction", "short_record",
+}  # fmt: skip
+"""Contradictions of a run that holds the log of another."""
 WITNESSED = ("payload", "counter-masses", "acceleration", "axis", "gain", "sign", "rest", "copy")
 """Subjects of which a run should have a witness."""
 
@@ -162,7 +166,8 @@ def examined(
 def hear(seen: Sequence[Observation], accepted: Iterable[str] = (), pool: TaskPool = HERE) -> Examination:
     """What the observations of runs of one campaign state, each for itself and against the others."""
     reasons = {one.name: one.reasons for one in seen}
-    statements = [*copies(seen, pool), *levels(seen), *(paths := encoder_paths(seen))]
+    recordings = copies(seen, pool)
+    statements = [*levels(seen), *(paths := encoder_paths(seen))]
     wrong = {s.run for s in paths if s.code}
     statements += (short := record_ends(seen))
     reasons |= {s.run: reasons[s.run] | {"record": "nothing else is examined of a part of the motion"} for s in short}
@@ -183,6 +188,8 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = (), pool: TaskPo
     known = {(s.run, s.channel) for s in statements if s.code == "axis_contradiction"}
     repeated = repeated_vibration([one for one in seen if one.name not in unsure])
     statements += [s for s in repeated if (s.run, s.channel) not in known]
+    contradicted = {s.run for s in statements if s.code in OTHER_RUNS}
+    statements = [*(s for one in recordings for s in one.statements(contradicted)), *statements]
     sensors = {
         one.name: {one.records[c[0]].column.sensor: c for c in one.vibrations if c[0] in one.records} for one in seen
     }

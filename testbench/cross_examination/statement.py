@@ -31,7 +31,7 @@ ADVICE = {
     "gain_contradiction": "check the sensor's sensitivity and the amplifier's range; testbench calibrate corrects them",
     "flat_channel": "check the sensor, its cable and its supply; repeat the run",
     "level_drift": "check the sensor's zero and its supply; amplitudes leave it out unless --band starts at 0",
-    "copied_run": "it counts once; remove the copy from the campaign, or ingest the log that was meant",
+    "copied_run": "take out the run whose log it is not (testbench remove), and ingest the log that was meant",
     "short_record": "repeat the run, or leave it out (testbench remove): a part of the motion has other numbers",
     "payload_contradiction": "weigh what the platform carried, correct the run table and ingest again",
     "acceleration_contradiction": "correct {column} in the run table and ingest again",

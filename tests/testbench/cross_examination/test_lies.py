@@ -14,6 +14,7 @@ from studies.lies import LIES, LIES_BESIDE_REPEATS, Witnesses
 from studies.simulated_runs import with_values
 from testbench.cross_examination import sensors
 from testbench.cross_examination.conditions import accelerations
+from testbench.cross_examination.copies import OneRecording
 from testbench.cross_examination.examination import Examination
 from testbench.cross_examination.observation import Observation
 from testbench.cross_examination.statement import Statement
@@ -142,6 +143,36 @@ def test_repeats_are_no_copies():
     found = witnesses.hear(again)
     assert found.copied == names
     assert [s.others for s in found.contradictions] == [(runs[1].name,)]
+
+
+def test_a_copy_under_an_earlier_name(campaign):
+    """The run whose payload its torques contradict is the copy, wherever it stands."""
+    runs, witnesses = campaign
+    false = replace(runs[0], path=runs[0].path.with_name("a.h5"), conditions={**runs[0].conditions, "payload_kg": 2.0})
+    found = witnesses.hear([false, *runs])
+    assert found.copied == {"a"}
+    assert {s.others for s in found.contradictions if s.code == "copied_run"} == {(runs[0].name,)}
+
+
+@pytest.mark.parametrize(
+    ("payloads", "contradicted", "blamed", "said"),
+    [
+        ([1.0, 2.0], "a", {"a": ("b",)}, "a holds the log of b, with which all else agrees"),
+        ([1.0, 2.0], "b", {"b": ("a",)}, "b holds the log of a, with which all else agrees"),
+        ([1.0, 2.0], "", {"a": ("b",), "b": ("a",)}, "nothing tells whose, and none of them counts"),
+        ([1.0, 2.0], "ab", {"a": ("b",), "b": ("a",)}, "nothing tells whose, and none of them counts"),
+        ([1.0, 1.0], "", {"b": ("a",)}, "b and a hold one log: the same noise of F; of one condition, they count once"),
+        ([1.0, 2.0, 2.0], "b", {"a": ("b", "c"), "b": ("a", "c"), "c": ("a", "b")}, "nothing tells"),
+        ([1.0, 2.0, 3.0], "ac", {"a": ("b",), "c": ("b",)}, "holds the log of b, with which all else agrees"),
+    ],
+)
+def test_whose_log_it_is(payloads, contradicted, blamed, said):
+    """That of the one run which nothing contradicts; where that does not tell, all are named and none is blamed."""
+    conditions = [{"payload_kg": payload, "repeat": i} for i, payload in enumerate(payloads)]
+    runs = tuple(SimpleNamespace(name=name, conditions=c) for name, c in zip("abc", conditions, strict=False))
+    found = OneRecording(runs, ("F",), whole=True).statements(contradicted)
+    assert {s.run: s.others for s in found} == blamed
+    assert all(said in s.witnessed for s in found)
 
 
 def test_a_fast_motion_in_the_band_is_no_copy():
