@@ -4,9 +4,12 @@ What is written is valid and runs at once on simulated logs; every value that th
 marked so, to be edited.
 """
 
+import filecmp
 import math
 import shutil
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 from string import Template
@@ -257,6 +260,7 @@ def _problems(folder: Path, logs: Sequence[Path]) -> Iterator[Problem]:
     given = [path for path in logs if path.name != runs]
     held = given or [path for path in dict.fromkeys(folder / row.file for row in rows) if path.is_file()]
     yield from _log_problems(rig, [] if wrong else rows, held, runs)
+    yield from _one_recording([path for path in held if path.name in {PurePath(row.file).name for row in rows}], runs)
     try:
         plan_rows(rows, given or [folder / row.file for row in rows], folder / runs)
     except RigError as error:
@@ -350,6 +354,19 @@ def _log_problems(rig: Rig | None, rows: Sequence[RunTableRow], logs: Sequence[P
                 said.setdefault(key, (message, []))[1].append(run)
     for (code, *_), (message, where) in said.items():
         yield Problem(table if code == "logger_twice" else RIG, f"{first_of(where, 4)}: {message}")
+
+
+def _one_recording(logs: Sequence[Path], table: str) -> Iterator[Problem]:
+    """Logs of the table that hold the same bytes under two names; those that cannot be read are said before."""
+    others: dict[int, list[Path]] = defaultdict(list)
+    for path in logs:
+        with suppress(OSError):
+            same = others[path.stat().st_size]
+            twin = next((other for other in same if filecmp.cmp(other, path, shallow=False)), None)
+            same.append(path)
+            if twin is not None:
+                message = f"{twin.name} and {path.name} are one recording (byte for byte)"
+                yield Problem(table, f"{message}: bring the missing log of one of them")
 
 
 def _rows(folder: Path, file: str, error: Exception, is_note: bool = False) -> Iterator[Problem]:

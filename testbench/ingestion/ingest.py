@@ -198,7 +198,7 @@ class Ingest:
             if run:
                 there = Finding("already_stored", None, None, f"is stored already as {run}; nothing was written")
                 stored, name = open_run(self.folder / run), source.path.name
-                found = (there, *self._differs(planned, stored))
+                found = (there, *_one_recording(self._differs(planned, stored), source, stored))
                 outcomes.append(
                     Outcome(run, name, source.sha256, stored.origin, "already_stored", found, there.message)
                 )
@@ -311,6 +311,20 @@ def _origin(planned: PlannedRun, sources: Sequence[Source]) -> Origin:
         message = "the log says that it is simulated, the run table says measured; mend the run table"
         raise Refusal(simulated[0].path.name, Finding("origin_contradiction", None, None, message))
     return "simulated" if simulated else planned.origin or "unstated"
+
+
+def _one_recording(findings: Sequence[Finding], source: Source, stored: "Run") -> list[Finding]:
+    """The ``findings``; of the conditions of another run, whose log holds the same bytes under another name, one."""
+    kept = [one for one in findings if one.code != "conditions_differ"]
+    log = next(one["name"] for one in stored.provenance["sources"] if one["sha256"] == source.sha256)
+    if len(kept) == len(findings) or log == source.path.name:
+        return list(findings)
+    run = stored.path.name
+    message = (
+        f"{log} and {source.path.name} are one recording (byte for byte), stored as {run}: bring the missing log of "
+        f"one of them; if it is that of {log}, take {run} out by testbench remove, with the reason; and ingest again"
+    )
+    return [*kept, Finding("conditions_differ", None, None, message)]
 
 
 def _unopened(name: str, reason: str, consequence: str) -> str:

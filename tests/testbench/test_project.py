@@ -6,6 +6,7 @@ import shlex
 import shutil
 import tomllib
 from pathlib import Path
+from zlib import crc32
 
 import pytest
 
@@ -127,9 +128,10 @@ BROKEN = {
 
 
 def _log_of_rig(path, rig, replaced=("", "")):
-    """A log of the logger that its file is named for, with some text of its header replaced."""
+    """A log of the logger that its file is named for, with some text of its header replaced, and values of its own."""
+    own = crc32(path.stem.encode()) % 1000
     names = ["Time (s)", *(f"{c.channel} ({c.unit})" for c in rig.columns(path.stem.partition("_")[2]))]
-    rows = [f"{i / 1000}," + ",".join(f"{i * i}" for _ in names[1:]) for i in range(4)]
+    rows = [f"{i / 1000}," + ",".join(f"{i * i + own}" for _ in names[1:]) for i in range(4)]
     path.write_text("\n".join([",".join(names).replace(*replaced), *rows, ""]))
 
 
@@ -229,6 +231,12 @@ def test_logs_and_run_table_against_each_other(tmp_path):
     assert [one.message for one in extra if "r009" in one.message] == [
         "no line names r009_daq.csv: add one, or leave that log out"
     ]
+    own = logs[2].read_bytes()
+    logs[2].write_bytes(logs[0].read_bytes())
+    assert [one.message for one in project_problems(folder, logs)] == [
+        f"{logs[0].name} and {logs[2].name} are one recording (byte for byte): bring the missing log of one of them"
+    ]
+    logs[2].write_bytes(own)
     lines[1] = lines[1].replace("r001_daq", "r001_dag")
     lines[2] = lines[2].replace("counter_A0A", "counter_A0Z")
     lines[3] = lines[3].replace("measured", "gemessen")

@@ -256,6 +256,15 @@ def test_conditions_that_were_corrected_too_late(folder):
     assert open_run(folder / "campaign" / "r001.h5").conditions == {"payload_kg": 5.0}
 
 
+def test_one_log_under_two_names_of_two_runs(folder):
+    """Byte for byte: said of both logs once, and not condition by condition as of a run table that was corrected."""
+    (folder / "r002.csv").write_bytes((folder / "r001.csv").read_bytes())
+    ingested(folder, PlannedRun("r001", (folder / "r001.csv",), None, {"payload_kg": 5.0, "repeat": 1}))
+    (outcome,) = ingested(folder, PlannedRun("r002", (folder / "r002.csv",), None, {"payload_kg": 3.0, "repeat": 2}))
+    (said,) = [f.message for f in outcome.findings if f.code == "conditions_differ"]
+    assert said.startswith("r001.csv and r002.csv are one recording (byte for byte), stored as r001.h5: bring the")
+
+
 def test_a_rig_that_comes_too_late(folder):
     """A run stored without a rig keeps what it has: said, with the way out, and with the origin of what is stored."""
     ingested(folder, PlannedRun("r001", (folder / "r001.csv",), "measured"))
