@@ -88,7 +88,7 @@ def plane_of(mechanism: Mechanism, q: Floats) -> list[int] | None:
 
 
 def draw_on(
-    axes: "Axes", mechanism: Mechanism, counter_masses: Sequence[CounterMass], q: Floats, plane: Sequence[int]
+    axes: "Axes", mechanism: Mechanism, counter_masses: Sequence[CounterMass], q: Floats, plane: Sequence[int] = (0, 1)
 ) -> None:
     """Draw links, pivots, payload and counter-masses at ``q`` (nv,) [rad, m] on axes of equal scale.
 

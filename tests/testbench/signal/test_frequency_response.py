@@ -25,9 +25,9 @@ def test_response_of_a_filter():
     found = frequency_response([given], answer, RATE, 512)
     low = (found.frequency > 5.0) & (found.frequency < 150.0)
     true = freqz(*taps, found.frequency, fs=RATE)[1]
-    off = np.abs(found.response[0]) / np.abs(true) - 1.0
-    assert np.mean(np.abs(off[low]) < 3.0 * found.relative_deviation[0, low]) > 0.98
-    assert np.sqrt(np.mean((off[low] / found.relative_deviation[0, low]) ** 2)) == pytest.approx(1.0, abs=0.3)
+    off = np.abs(found.response[0, low]) / np.abs(true[low]) - 1.0  # above, the filter's gain may be zero
+    assert np.mean(np.abs(off) < 3.0 * found.relative_deviation[0, low]) > 0.98
+    assert np.sqrt(np.mean((off / found.relative_deviation[0, low]) ** 2)) == pytest.approx(1.0, abs=0.3)
     assert np.abs(np.angle(found.response[0, low] / true[low])).max() < 0.2
     assert found.significant[0, low].all()
 
