@@ -361,8 +361,8 @@ def _one_recording(logs: Sequence[Path], table: str) -> Iterator[Problem]:
     others: dict[int, list[Path]] = defaultdict(list)
     for path in logs:
         with suppress(OSError):
-            same = others[path.stat().st_size]
-            twin = next((other for other in same if filecmp.cmp(other, path, shallow=False)), None)
+            same, holds = others[path.stat().st_size], path.stat().st_size > 0
+            twin = next((other for other in same if holds and filecmp.cmp(other, path, shallow=False)), None)
             same.append(path)
             if twin is not None:
                 message = f"{twin.name} and {path.name} are one recording (byte for byte)"

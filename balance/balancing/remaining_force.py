@@ -1,14 +1,14 @@
 """What counter-masses leave of the shaking force: along which directions, and which bodies would need a site."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..arrays import Floats, root_mean_square
 from ..mechanism.mechanism import PARAMETERS, Mechanism
 from .least_masses import bounded_least_squares
-from .sizing import COMPLETE, Sizing
+from .sizing import COMPLETE, Sizing, upper_limits
 
 STEPS = 0.05
 """Share of the shaking force that steps of stock plates may leave where other masses would balance completely."""
@@ -61,17 +61,22 @@ class NeededSite:
     those on all bodies named are mounted; of several as good that of least squares."""
     alternatives: tuple[str, ...] = ()
     """Other bodies that would do as well in its place."""
+    masses: Mapping[str, float] = field(default_factory=dict)
+    """Counter-masses at the sizing's sites then [kg]."""
 
 
-def needed_sites(sizing: Sizing) -> tuple[NeededSite, ...]:
+def needed_sites(sizing: Sizing, limits: Mapping[str, float] | None = None) -> tuple[NeededSite, ...]:
     """Bodies where a counter-mass of any mass at any place would lessen what is left, the most helpful first.
 
-    Each with those before it, besides those at the sizing's sites of any mass, until nothing is left or nothing helps.
-    Of bodies that would do as well the first by name, so that the order of the file does not matter.
+    Each with those before it, besides those at the sizing's sites of any mass within ``limits`` [kg], until nothing is
+    left or nothing helps. Of bodies that would do as well the first by name, so that the order of the file does not
+    matter.
     """
     mechanism, objective = sizing.before, sizing.objective
     assert objective is not None
-    columns, target = objective.system(mechanism, [c.site for c in sizing.counter_masses])
+    names = [c.site for c in sizing.counter_masses]
+    columns, target = objective.system(mechanism, names)
+    most = upper_limits(names, limits)
     before, left = sizing.root_mean_squares()
     found: list[NeededSite] = []
     chosen, bounds = columns, np.zeros(columns.shape[1])
@@ -81,30 +86,36 @@ def needed_sites(sizing: Sizing) -> tuple[NeededSite, ...]:
             first = len(PARAMETERS) * mechanism.body_index(body)
             added = np.hstack([chosen, objective.factor[:, first : first + 4]])
             least = np.concatenate([bounds, [0.0], np.full(3, -np.inf)])
-            trials.append((_least_squares(added, target, least)[0], body, added, least))
+            trials.append((_least_squares(added, target, least, most)[0], body, added, least))
         smallest = min(size for size, *_ in trials)
         if not smallest < (1.0 - _LESS) * left:
             break
         (left, body, chosen, bounds), *others = (one for one in trials if one[0] <= smallest + COMPLETE * before)
         alternatives = tuple(name for _, name, *_ in others)
         found.append(NeededSite(body, left if left > COMPLETE * before else 0.0, np.zeros(3), alternatives))
-    _, unknown = _least_squares(chosen, target, bounds, _SMALL)
-    moments = unknown[columns.shape[1] :].reshape(-1, 4)[:, 1:]
-    return tuple(replace(one, first_moment=moment) for one, moment in zip(found, moments, strict=True))
+    _, unknown = _least_squares(chosen, target, bounds, most, _SMALL)
+    masses = dict(zip(names, unknown[: len(names)].tolist(), strict=True))
+    moments = unknown[len(names) :].reshape(-1, 4)[:, 1:]
+    return tuple(replace(one, first_moment=moment, masses=masses) for one, moment in zip(found, moments, strict=True))
 
 
-def _least_squares(columns: Floats, target: Floats, least: Floats, small: float = 0.0) -> tuple[float, Floats]:
-    """Root of the least square error with unknowns of at least ``least``, and the unknowns; ``small`` holds those that
-    change nothing small.
+def _least_squares(
+    columns: Floats, target: Floats, least: Floats, most: Floats, small: float = 0.0
+) -> tuple[float, Floats]:
+    """Root of the least square error with unknowns of at least ``least``, the first of at most ``most``, and the
+    unknowns; ``small`` holds those that change nothing small.
     """
-    size = np.linalg.norm(columns, axis=0)
-    used = size > 1e-12 * size.max(initial=0.0)
+    size, upper = np.linalg.norm(columns, axis=0), np.full(columns.shape[1], np.inf)
+    upper[: len(most)] = most
+    used = (size > 1e-12 * size.max(initial=0.0)) & (upper > least)
     unknown = np.zeros(len(size))
     if used.any():
         unit = columns[:, used] / size[used]
         held, aim = np.vstack([unit, small * np.eye(unit.shape[1])]), np.concatenate([target, np.zeros(unit.shape[1])])
         rows = len(held) if small else len(unit)
-        unknown[used] = bounded_least_squares(held[:rows], aim[:rows], least[used], np.inf) / size[used]
+        unknown[used] = (
+            bounded_least_squares(held[:rows], aim[:rows], least[used], upper[used] * size[used]) / size[used]
+        )
     return float(np.linalg.norm(columns @ unknown - target)), unknown
 
 
@@ -133,7 +144,12 @@ class Verdict:
         return not self.balanced and not (self.attainable and self.after <= STEPS * self.before)
 
 
-def verdict_of(found: Sizing, any_mass: Sizing, samples: Callable[[Mechanism], Floats] | None) -> Verdict:
+def verdict_of(
+    found: Sizing,
+    any_mass: Sizing,
+    samples: Callable[[Mechanism], Floats] | None,
+    limits: Mapping[str, float] | None = None,
+) -> Verdict:
     """The verdict on counter-masses, ``any_mass`` the best ones of any mass at the same sites and within their limits.
 
     ``samples`` gives the force, or the momentum over the workspace, of a mechanism, (n, 3) [unit of the objective].
@@ -143,6 +159,6 @@ def verdict_of(found: Sizing, any_mass: Sizing, samples: Callable[[Mechanism], F
     directions = (
         () if balanced or samples is None else remaining_directions(samples(found.before), samples(found.after))
     )
-    needed = () if attainable or samples is None else needed_sites(any_mass)
+    needed = () if attainable or samples is None else needed_sites(any_mass, limits)
     least = None if found.bound is None else min(found.bound**0.5, after)
     return Verdict(balanced, attainable, before, after, least, directions, needed)

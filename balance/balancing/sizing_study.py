@@ -118,6 +118,7 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
                     "body": one.body,
                     "alternatives": list(one.alternatives),
                     "first_moment_kgm": one.first_moment.tolist(),
+                    "counter_masses_kg": dict(one.masses),
                     f"rms{unit}": one.after,
                 }
                 for one in verdict.needed
@@ -180,6 +181,15 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
             where = moment + (f" on {site.body}" if moment and site.alternatives else "")
             on = f"And on body {bodies} too" if number else f"With a site on body {bodies} as well"
             yield f"{on}{where}: {left} remain."
+        if verdict.needed:
+            then = verdict.needed[-1].masses
+            changed = [
+                f"{then[one.site]:.4f} kg at {one.site}"
+                for one in self.best.counter_masses
+                if abs(then[one.site] - one.mass) > 1e-3 * max(then[one.site], one.mass)
+            ]
+            if changed:
+                yield f"The masses are other ones then: {', '.join(changed)}."
         if verdict.directions and not verdict.attainable and not verdict.needed:
             yield "No counter-mass on any body would lessen it."
 
@@ -261,7 +271,7 @@ def study_sizing(
             sets = from_stock(least)
         use = stock_use(sets[:1], plates, limits, equal, is_linear=rig is None)
     first = replace(sets[0], payload_bodies=tuple(payload_bodies) or model.payload_bodies)
-    verdict = verdict_of(first, any_mass, _samples(trajectory, model) if set(weights) == {"force"} else None)
+    verdict = verdict_of(first, any_mass, _samples(trajectory, model) if set(weights) == {"force"} else None, limits)
     return SizingStudy((first, *sets[1:]), any_mass, verdict, weights, motion, stock, use, trajectory, rig, left_out)
 
 

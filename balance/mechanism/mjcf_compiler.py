@@ -203,11 +203,11 @@ def _check_inertias(mujoco: Any, spec: Any, name: str) -> None:  # noqa: ANN401
         if not body.explicitinertial or not np.isfinite(values).all():
             continue
         a, b, c = np.linalg.eigvalsh(values)
-        if a > 0.0 and a + b - c < -_ROUNDED_INERTIA * c:
+        if min(a, a + b - c) < -_ROUNDED_INERTIA * abs(c) or c < 0.0:
             raise ModelError(
                 f"{name}: body {body.name!r}: the principal moments of inertia {a:.6g}, {b:.6g} and {c:.6g} kg m2 are "
-                "of no body, for the largest exceeds the sum of the others; correct them (balanceinertia would put "
-                "their mean in the place of each)"
+                "of no body: none is below zero, and the largest is at most the sum of the others; correct them "
+                "(balanceinertia would put their mean in the place of each)"
             )
         if a > 0.0 and a + b - c < _ROUNDED_INERTIA * c:
             lifted = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]) * 4.0 * _ROUNDED_INERTIA * c

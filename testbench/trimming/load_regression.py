@@ -98,6 +98,11 @@ def torque_regression(run: AlignedRun, conditions: Conditions, cutoff: float) ->
     torque = run.channels(channels)
     places = [model.coordinate_index(joint) for joint in model.driven]
     speed = path.v[:, places]
+    if not (np.abs(speed) > REST_SPEED).any():
+        raise AnalysisError(
+            f"{run.name}: no motion: no driven joint is faster than {REST_SPEED:g} rad/s or m/s, so that its torque is "
+            "friction alone"
+        )
     terms, _ = joint_friction_regressor(model.driven, speed, path.a[:, places])
     joints = len(places)
     friction = terms.reshape(len(terms), joints, joints, 4)[..., [0, 1, 3]].reshape(len(terms), joints, -1)

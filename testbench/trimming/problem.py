@@ -209,6 +209,8 @@ def excited_combinations(parts: Sequence[Floats], least: float = INDEPENDENT) ->
     """
     length = np.sqrt(sum(np.sum(part**2, axis=(0, 1)) for part in parts))
     used = np.flatnonzero(length > NOTHING * length.max(initial=0.0))
+    if not len(used):
+        return np.zeros((len(length), 0))
     stacked = np.concatenate([part[:, :, used].reshape(-1, len(used)) for part in parts])
     values, rows = np.linalg.svd(np.linalg.qr(stacked / length[used], mode="r"))[1:]
     kept = rows[: int(np.count_nonzero(values > least * values.max(initial=0.0)))]

@@ -178,9 +178,16 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
 
     @property
     def residual_share(self) -> float:
-        """Largest of the conditions as measured, with half its interval, as a part of that without counter-masses."""
-        most = max((abs(e.value) + e.half_width() for _, e in self.values if e is not None), default=np.inf)
-        return float(most / self.unbalanced) if self.unbalanced > 0.0 else np.inf
+        """Largest of the conditions as measured, with half its interval, as a part of that without counter-masses.
+
+        Of one that the runs do not determine: by the file.
+        """
+        by_file = np.abs(self.conditions.values(self.mechanism))
+        each = [
+            file if e is None else abs(e.value) + e.half_width()
+            for (_, e), file in zip(self.values, by_file, strict=True)
+        ]
+        return float(max(each, default=np.inf) / self.unbalanced) if self.unbalanced > 0.0 else np.inf
 
     def remaining(self) -> list[MissingMass]:
         """What each site lacks still, with the addition."""
@@ -258,11 +265,11 @@ def trim_document(result: Trim) -> dict[str, Any]:
         "interval_level": result.interval_level,
         "add": [
             {"site": c.site, "mass_kg": c.mass, "plates": c.plates, "position_m": c.position}
-            for c in result.addition.counter_masses
+            for c in result.addition.counter_masses * (result.verdict != "balanced")
         ],
         "remove": [
             {"site": m.site, "mass_kg": -m.mass.value, "first_moment_kgm": -m.first_moment.value}
-            for m in result.removal
+            for m in result.removal * (result.verdict != "balanced")
         ],
         "residual_without_counter_masses_kgm": result.unbalanced,
         "residual_share": finite(result.residual_share),

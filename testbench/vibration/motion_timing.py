@@ -122,22 +122,28 @@ def _encoded_motion(values: Floats, time: Floats) -> tuple[tuple[float, float] |
     acceleration (n,).
 
     A motion that begins from rest with finite jerk goes with the cube of time: eight times as far in twice the time.
-    So it began as long before it was seen as it took from there to eight times as far, or less; it ends alike.
+    So it began as long before it was seen as it took from there to eight times as far, or less, and not longer before
+    than four times what it took to twice as far, for what an encoder jumps by once is no such motion; it ends alike.
     """
     from scipy.ndimage import gaussian_filter1d
 
     edge = max(len(values) // 50, 4)
     reach = np.ptp(values, axis=0)
     noise = 6.0 * np.std(np.diff(values[:edge], axis=0), axis=0)
-    least = np.maximum(1e-3 * reach, noise)
+    steps = np.abs(np.diff(values, axis=0))
+    step = np.where(steps > 0.0, steps, np.inf).min(axis=0)
+    least = np.maximum(np.maximum(1e-3 * reach, noise), np.where(np.isfinite(step), step, 0.0))
     first, last = (np.median(part, axis=0) for part in (values[:edge], values[-edge:]))
-    left, far = (np.flatnonzero((np.abs(values - first) > by * least).any(axis=1)) for by in (1.0, 8.0))
-    arrived, near = (np.flatnonzero((np.abs(values - last) > by * least).any(axis=1)) for by in (1.0, 8.0))
-    span = None
-    if far.size and near.size and left[0] > 0:
-        begins, ends = 2.0 * time[left[0]] - time[far[0]], 2.0 * time[arrived[-1]] - time[near[-1]]
-        span = (max(float(begins), float(time[0])), min(float(ends), float(time[-1])))
+    away, back = (np.abs(values - rest) / np.where(least > 0.0, least, np.inf) for rest in (first, last))
     rate = (len(time) - 1) / float(time[-1] - time[0])
+    span = None
+    if away[0].max() <= 1.0 < min(away.max(), back.max()):
+        most = 0.999 * min(away.max(), back.max())
+        begin, twice, far = (time[np.flatnonzero((away > min(by, most)).any(axis=1))[0]] for by in (1.0, 2.0, 8.0))
+        end, half, near = (time[np.flatnonzero((back > min(by, most)).any(axis=1))[-1]] for by in (1.0, 2.0, 8.0))
+        begin -= min(far - begin, 4.0 * (twice - begin + 1.0 / rate))
+        end += min(end - near, 4.0 * (end - half + 1.0 / rate))
+        span = (max(float(begin), float(time[0])), min(float(end), float(time[-1])))
     bent = gaussian_filter1d(values, 0.006 * rate, axis=0, order=2, mode="nearest")
     return span, ((bent / np.where(reach > 0.0, reach, np.inf)) ** 2).sum(axis=1)
 

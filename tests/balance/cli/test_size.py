@@ -112,6 +112,20 @@ def test_a_site_where_one_is_needed_balances(balance, tmp_path):
     assert found["more"] == pytest.approx(needed["first_moment_kgm"], rel=1e-5, abs=1e-9)
 
 
+def test_a_needed_site_heeds_limits(balance):
+    """Where the site that there is may carry little, another is to give the more, and the masses then are said."""
+    given = ("size", "four-bar", "--motion", "four-bar", "--site", "counter_A0A")
+    free, limited = (
+        json.loads(balance(*given, *more, "--json").out) for more in ((), ("--limit", "counter_A0A=0.5kg"))
+    )
+    (needed,), tight = free["sites_needed"], limited["sites_needed"]
+    assert needed["counter_masses_kg"]["counter_A0A"] > 0.5
+    assert all(one["counter_masses_kg"]["counter_A0A"] <= 0.5 + 1e-9 for one in tight)
+    assert tight[0]["first_moment_kgm"] != pytest.approx(needed["first_moment_kgm"], rel=0.01)
+    changed = needed["counter_masses_kg"]["counter_A0A"]
+    assert f"The masses are other ones then: {changed:.4f} kg at counter_A0A." in balance(*given).out
+
+
 def test_the_verdict_comes_first_and_names_the_body_that_lacks_a_site(balance):
     """One site of two, on its motion: exit 3; what remains by direction, and the body that would remove it."""
     arguments = ("size", "four-bar", "--motion", "four-bar", "--site", "counter_A0A")

@@ -196,6 +196,8 @@ REFUSED = {
     "no axis": ({"hinge": '<joint name="j" axis="0 0 0"/>'}, "axis too small in joint Element name 'j'"),
     "impossible": ({"hinge": '<joint name="j"/><body name="c"><joint name="k"/><inertial pos="0 0 0" mass="1" '
                     'diaginertia="0.001 0.001 0.05"/></body>'}, "'c': the principal moments .*of no body"),
+    "below zero": ({"hinge": '<joint name="j"/><body name="c"><joint name="k"/><inertial pos="0 0 0" mass="1" '
+                    'diaginertia="-0.01 0.01 0.01"/></body>'}, "'c': the principal moments .*none is below zero"),
     "impossible, and its mean": (
         {"options": '<compiler balanceinertia="true"/>', "hinge": '<joint name="j"/><body name="c"><joint name="k"/>'
          '<inertial pos="0 0 0" mass="1" diaginertia="0.001 0.001 0.05"/></body>'}, "'c': the principal moments"),

@@ -240,3 +240,21 @@ def test_encoders_tell_from_when_on_they_move(half_s, law, step):
     assert before < 0.05
     assert 1.0 - 0.16 * half_s < begin < 1.0 + 0.08 * half_s
     assert abs(end + begin - 2.0 - 2.0 * half_s) < 0.02 * half_s + 2e-3
+
+
+def test_a_jump_of_an_encoder_is_no_long_motion():
+    """A brake lets go at 0.36 s, the stroke begins at 1.1 s: there is rest before the jump."""
+    time = np.arange(0.0, 2.0, 1e-3)
+    at = np.clip((time - 1.1) / 0.4, 0.0, 1.0)
+    way = 0.5 * at**3 * (10.0 - 15.0 * at + 6.0 * at**2) + 0.002 * (time >= 0.36)
+    (begin, _), _ = motion_timing._encoded_motion(way[:, None], time)
+    assert 0.35 <= begin <= 0.36
+
+
+def test_coarse_encoders_tell_the_stroke_by_their_steps():
+    """A hundred steps a stroke: the motion begins before the first of them."""
+    time = np.arange(0.0, 2.0, 1e-3)
+    at = np.clip((time - 0.5) / 0.6, 0.0, 1.0)
+    way = np.round(100.0 * at**3 * (10.0 - 15.0 * at + 6.0 * at**2))
+    (begin, _), _ = motion_timing._encoded_motion(way[:, None], time)
+    assert 0.4 < begin < 0.52
