@@ -111,11 +111,9 @@ def _least_squares(
     unknown = np.zeros(len(size))
     if used.any():
         unit = columns[:, used] / size[used]
-        held, aim = np.vstack([unit, small * np.eye(unit.shape[1])]), np.concatenate([target, np.zeros(unit.shape[1])])
-        rows = len(held) if small else len(unit)
-        unknown[used] = (
-            bounded_least_squares(held[:rows], aim[:rows], least[used], upper[used] * size[used]) / size[used]
-        )
+        count = unit.shape[1]
+        augmented, wanted = np.vstack([unit, small * np.eye(count)]), np.pad(target, (0, count))
+        unknown[used] = bounded_least_squares(augmented, wanted, least[used], upper[used] * size[used]) / size[used]
     return float(np.linalg.norm(columns @ unknown - target)), unknown
 
 

@@ -165,11 +165,9 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
             )
         if self.stock_use and (use := str(self.stock_use)):
             yield use
-        needed, (name, lightest) = (
-            max(one.mass for one in self.any_mass.counter_masses),
-            self.stock_use.lightest if self.stock_use else ("", 0.0),
-        )
-        if not self.best.added_mass and 0.0 < needed < lightest:
+        needed = max(one.mass for one in self.any_mass.counter_masses)
+        if self.stock_use and not self.best.added_mass and 0.0 < needed < self.stock_use.lightest[1]:
+            name, lightest = self.stock_use.lightest
             yield (
                 f"The lightest plate, {name} of {lightest:.4f} kg, is heavier than the mass needed at every site (at "
                 f"most {needed:.4f} kg): add lighter plates, or correct the unit of their masses (mass_kg, mass_g)."

@@ -1,5 +1,6 @@
 """The estimator of each source: its equations, its least squares, and what its interval contains besides noise."""
 
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TypeVar
@@ -63,6 +64,8 @@ UNSTATED = (
     'no interval contains it; state it, such as resolution = "0.04 deg"'
 )
 STEPS = "what the encoders' resolution leaves open"
+_LEAST_FREEDOM = 12.0
+"""Of the rests of all runs, from which they tell the noise: to a fifth."""
 
 
 class _Equations:
@@ -137,15 +140,16 @@ def by_wrench(problem: TrimProblem) -> SourceEstimate:
 
 
 def _over_rest(measured: Imbalance, every: Sequence[RunEquations]) -> float:
-    """Largest residual of a row over what it shows at rest, over all runs; infinite where one has no rest."""
-    if measured.regression is None or any(one.at_rest is None for one in every):
-        return np.inf
-    rest: dict[str, list[float]] = {}
+    """Largest residual of a row over what it shows in the rests of all runs; infinite where those tell too little."""
+    squares, freedom = defaultdict[str, float](float), defaultdict[str, float](float)
     for one in every:
-        for row, square in zip(one.record.rows, one.at_rest if one.at_rest is not None else (), strict=True):
-            rest.setdefault(str(row), []).append(float(square))
-    left = measured.regression.residual_rms
-    return max(left[row] / max(float(np.mean(squares)), 1e-300) ** 0.5 for row, squares in rest.items())
+        for row, square in zip(one.record.rows, () if one.at_rest is None else one.at_rest, strict=False):
+            squares[str(row)] += float(square)
+            freedom[str(row)] += one.freedom_at_rest
+    left = {} if measured.regression is None else measured.regression.residual_rms
+    if not left or any(freedom[row] < _LEAST_FREEDOM for row in left):
+        return np.inf
+    return max(left[row] / max(squares[row] / freedom[row], 1e-300) ** 0.5 for row in left)
 
 
 def by_torque(problem: TrimProblem) -> SourceEstimate:

@@ -65,8 +65,8 @@ BLOCKS = 20
 """Of a record, of equal information on the conditions, that are left out in turn."""
 INDEPENDENT = 1e-7
 """Singular value of columns of unit length, relative to the largest, below which a combination is not excited."""
-LEAST_REST_PERIODS = 8.0
-"""Rest that tells the noise, in periods of the cut-off."""
+LEAST_REST_PERIODS = 2.0
+"""Rest of a run that counts, in periods of the cut-off: of one period two values are independent."""
 NOTHING = 1e-12
 """Length of a column, relative to the longest, that is rounding."""
 Entry = tuple[str, int, int]
@@ -114,8 +114,10 @@ class RunEquations:
     effects: Effects = field(default_factory=dict)
     """Of the sensors' stated errors."""
     at_rest: Floats | None = None
-    """Mean square of each row's readings in the rest before the motion, offset and drift taken out, (rows,); None
-    where there is none."""
+    """Sum of the squares of each row's independent readings in the rest before the motion, offset and drift taken out,
+    (rows,) [N^2]; None where there is none."""
+    freedom_at_rest: float = 0.0
+    """How many are independent, less offset and drift [-]."""
 
     @classmethod
     def of(
@@ -139,11 +141,12 @@ class RunEquations:
         period = 1.0 / (cutoff * valid.grid.step)
         blocks = equal_blocks(np.sum(columns[:, :, :rank] ** 2, axis=(1, 2)), period, BLOCKS)
         record = RegressionRecord.of(columns, readings, blocks, nuisance, used, motion=motion, rows=rows)
-        at_rest = None
+        at_rest, freedom = None, 0.0
         if rest is not None and len(rest) >= LEAST_REST_PERIODS * period:
-            slow = np.vander(np.linspace(-1.0, 1.0, len(rest)), 2)
-            at_rest = np.mean((rest - slow @ np.linalg.lstsq(slow, rest, rcond=None)[0]) ** 2, axis=0)
-        return cls(record, period, valid.findings, effects or {}, at_rest)
+            slow, freedom = np.vander(np.linspace(-1.0, 1.0, len(rest)), 2), 2.0 * len(rest) / period - 2.0
+            left = rest - slow @ np.linalg.lstsq(slow, rest, rcond=None)[0]
+            at_rest = np.sum(left**2, axis=0) * 2.0 / period
+        return cls(record, period, valid.findings, effects or {}, at_rest, freedom)
 
 
 @dataclass(frozen=True)

@@ -183,6 +183,8 @@ def test_a_balanced_mechanism_is_called_so(manipulator, aligned):
     assert found.unexplained > 0.5
     assert found.verdict == trim_document(found)["verdict"] == "balanced"
     assert found.residual_share < 0.01
+    untold = replace(found.imbalance, excited=found.imbalance.excited[:0])
+    assert replace(found, imbalance=untold, mechanism=manipulator).verdict != "balanced"  # then by the file
 
 
 def test_trial_masses(manipulator, trials):
