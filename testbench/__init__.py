@@ -43,6 +43,7 @@ if TYPE_CHECKING:
         load_plan as load_plan,
         load_rig as load_rig,
         new_project as new_project,
+        overlay as overlay,
         plan_next as plan_next,
         read as read,
         simulate as simulate,
@@ -79,5 +80,5 @@ __all__, __getattr__, __dir__ = lazy_names(__name__, {
     "runs.si_run": "SIRun physical",
     "trimming": "Trim",
     "front_door": "align analyze compare doctor encoder_speed formats identify ingest load_plan load_rig new_project "
-    "plan_next read simulate trim",
+    "overlay plan_next read simulate trim",
 }, ("export", "report"))  # fmt: skip

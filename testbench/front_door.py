@@ -27,6 +27,7 @@ if TYPE_CHECKING:  # what each function needs is imported when it is called: a c
     from .next_run import Design, Question
     from .readers import ReadOptions
     from .recording import Recording
+    from .report.overlay import Overlay
     from .rig import Rig
     from .rotating import SteadySpeedFit
     from .runs.si_run import SIRun
@@ -262,6 +263,22 @@ def compare(
 
     table, runs = load_published(published) if published else None, runs_of(campaign)
     return compare_campaign(runs, table, _measure(metric, band), mechanism, accept, pool=cores(len(runs)))
+
+
+def overlay(channel: str, *runs: Runs) -> Overlay:
+    """A channel of runs over that of the first, aligned, and what each differs by, with an interval where it is known.
+
+    ``channel``: sensor and axis of the rig (``"base x"``), else as recorded. Runs are aligned by the command, by what
+    they show the same of, or by where the motion begins, which ``str`` says. Values are interpolated linearly.
+
+    >>> import testbench
+    >>> over = testbench.overlay("base_acc x", "campaign")
+    >>> over.unit, over.names, over.table().attrs["units"]["r002 less r001"]
+    ('m/s²', ['r001', 'r002'], 'm/s²')
+    """
+    from .report.overlay import overlay as overlaid
+
+    return overlaid(runs_of(*runs), channel)
 
 
 def doctor(

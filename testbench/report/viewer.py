@@ -7,14 +7,13 @@ another on the clock of the first, later by what :func:`testbench.report.traces.
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from balance.errors import CounterpoiseError
 from balance.report.loopback import Loopback
 from balance.report.page import Page, document_of
 from balance.report.plotted import LEAST_SPANS, spectrum
@@ -24,19 +23,17 @@ from ..cross_examination import Examination, examine
 from ..cross_examination.statement import accept
 from ..errors import AnalysisError, StoreError
 from ..recording import Severity
-from ..runs.si_run import SIRun
 from ..signal.welch import SEGMENT, welch
 from .campaign_page import campaign_report, digest_of, grouped, recorded_decisions
-from .page_contents import COMMAND, POSITIONS, columns_of, conditions_of, run_label, unit_of
-from .traces import LOOKED_AT, Difference, Lag, Trace, channel_trace, difference, lag, motion_begins, recorded_trace
+from .overlay import RunTraces
+from .page_contents import conditions_of, run_label
+from .traces import LOOKED_AT, Difference, Lag
 
 if TYPE_CHECKING:
     from ..store import Run
 
 MOST_SPANS = 20_000
 """Of a line, whatever is asked for."""
-KEPT = 32
-"""Runs, and differences, whose extremes are in memory."""
 SECTIONS = (("series", "Time series and spectra"), ("findings", "Findings"), ("whole", "The report"))
 
 
@@ -51,12 +48,8 @@ class Viewer:
 
     def __post_init__(self) -> None:
         self._one_at_a_time, self._comparing = Lock(), Lock()
-        self._unbound: dict[str, str] = {}
-        self._by_name = {run.name: run for run in self.runs}
+        self._traces = RunTraces(self.runs)
         self._digests = {run.name: digest_of(run) for run in self.runs}
-        if len(self._by_name) < len(self.runs):
-            twice = next(name for name in self._by_name if sum(run.name == name for run in self.runs) > 1)
-            raise AnalysisError(f"{twice}: of several campaigns, or given twice: expected runs of different names")
 
     def server(self, port: int = 0) -> Loopback:
         """A server of all this, for this machine alone."""
@@ -72,7 +65,7 @@ class Viewer:
         shown = [one for one in runs if one["channels"]]
         document = document_of({
             "campaign": self.name, "origins": Counter(str(run.origin) for run in self.runs),
-            "runs": list(self._by_name), "unread": {**self.unopened, **self._unbound},
+            "runs": list(self._traces.by_name), "unread": {**self.unopened, **self._traces.unbound},
         })  # fmt: skip
         names = [one["name"] for one in shown]
         data = {
@@ -88,74 +81,26 @@ class Viewer:
         label, balanced = run_label(run)
         channels = [
             {"kind": one.kind, "name": name, "unit": one.unit, "id": place, "values": "", "start": 0.0, "step": 1.0}
-            for place, (name, one) in enumerate(self.traces(run.name).items())
+            for place, (name, one) in enumerate(self._traces.of(run.name).items())
         ]
-        about = {"name": run.name, "label": label, "balanced": balanced, "id": list(self._by_name).index(run.name)}
+        about = {
+            "name": run.name,
+            "label": label,
+            "balanced": balanced,
+            "id": list(self._traces.by_name).index(run.name),
+        }
         return about | {"channels": channels, "spectra": channels}
 
-    @lru_cache(KEPT)  # noqa: B019 - as long as the program runs
-    def traces(self, name: str) -> dict[str, Trace]:
-        """The channels of a run by name: those of its rig in SI, all others as recorded. Raises KeyError for no run."""
-        run, found, known = self._by_name[name], dict[str, Trace](), set()
-        if run.rig:
-            try:
-                si = SIRun.of(run)
-                columns = list(columns_of(si))
-            except CounterpoiseError as error:
-                columns, self._unbound[name] = [], f"as recorded, without its rig: {error}"
-            for kind, column in columns:
-                try:
-                    one = channel_trace(si, kind, f"{column.sensor} {column.component}", unit_of(si, column), column)
-                except CounterpoiseError:  # no unit that it may have: as recorded
-                    continue
-                found[one.name] = one
-                known.add((one.group, run.find(column.channel)[1]))
-        for group in run.groups:
-            for index in group.measured if group.has_time and group.samples else ():
-                if (group.name, index) not in known:
-                    one = recorded_trace(run, group, index)
-                    found[one.name if one.name not in found else f"{group.name} {index}: {one.name}"] = one
-        return found
-
-    @lru_cache(None)  # noqa: B019
-    def _lag(self, first: str, second: str, group: str, other: str) -> Lag:
-        """How much later a logger of the second run shows the same as one of the first."""
-        others = self.traces(second)
-        both = [(one, others[name]) for name, one in self.traces(first).items() if name in others]
-        shared = [pair for pair in both if (pair[0].group, pair[1].group) == (group, other)]
-        commands = [pair for pair in both if {one.kind for one in pair} == {COMMAND}]
-        made = [{**self._by_name[run].conditions, "repeat": None} for run in (first, second)]
-        repeats = len(made[0]) > 1 and made[0] == made[1]
-        telling = [pair for pair in shared if repeats or {one.kind for one in pair} == {POSITIONS}]
-        return lag(shared, commands, telling)
-
-    @lru_cache(None)  # noqa: B019
-    def _moves(self, run: str, group: str) -> float | None:
-        """When a logger of a run ceases to be at rest [s]."""
-        return motion_begins([one for one in self.traces(run).values() if one.group == group])
-
     def _compared(self, first: str, second: str, channel: str) -> tuple[Lag, Difference | None]:
-        """How much later the second run shows the same; a channel of it less that of the first, where both have it."""
-        with self._comparing:  # so that what several lines need is found once
-            return self._difference(first, second, channel)
-
-    @lru_cache(KEPT)  # noqa: B019
-    def _difference(self, first: str, second: str, channel: str) -> tuple[Lag, Difference | None]:
-        one, other = (self.traces(run).get(channel) for run in (first, second))
-        if one is None or other is None or one is other:
-            return Lag(0.0, None, "nothing: the first run has no such channel"), None
-        if one.unit != other.unit:
-            raise AnalysisError(
-                f"{channel}: in {one.unit} in {first}, in {other.unit} in {second}: state one in the rig"
-            )
-        late = self._lag(first, second, one.group, other.group)
-        return late, difference(one, other, late, [self._moves(first, one.group), self._moves(second, other.group)])
+        """Likewise of ``RunTraces``: what several lines of the page need is found once."""
+        with self._comparing:
+            return self._traces.compared(first, second, channel)
 
     def _range(self, words: Mapping[str, str]) -> tuple[str, str, str, float, float]:
         """Run, first run, channel, begin and end [s] that are asked for by number. Raises LookupError, ValueError."""
-        run, first = (list(self._by_name)[int(words[key])] for key in ("run", "first"))
-        self._refuse_changed(self._by_name[one] for one in (run, first))
-        channel = list(self.traces(run))[int(words["channel"])]
+        run, first = (list(self._traces.by_name)[int(words[key])] for key in ("run", "first"))
+        self._refuse_changed(self._traces.by_name[one] for one in (run, first))
+        channel = list(self._traces.of(run))[int(words["channel"])]
         return run, first, channel, float(words["from"]), float(words["to"])
 
     def _refuse_changed(self, runs: "Iterable[Run]") -> None:
@@ -168,7 +113,7 @@ class Viewer:
         """A channel of a run on the clock of the first, from one instant to another, for the page."""
         run, first, channel, begin, end = self._range(words)
         late, _ = self._compared(first, run, channel) if run != first else (Lag(0.0, 0.0, ""), None)
-        found = self.traces(run)[channel].between(begin + late.seconds, end + late.seconds, _spans(words))
+        found = self._traces.of(run)[channel].between(begin + late.seconds, end + late.seconds, _spans(words))
         shift = f"{abs(late.seconds):.6f} s {'earlier' if late.seconds > 0.0 else 'later'} than its logger says"
         about = f"{run} is drawn {shift}, aligned to {first} by {late.by}."
         return replace(found, start=found.start - late.seconds).as_dict() | {"about": about if late.by else ""}
@@ -185,7 +130,7 @@ class Viewer:
     def spectrum(self, words: Mapping[str, str]) -> dict[str, Any]:
         """The power spectral density of what is between two instants, of at most LOOKED_AT samples."""
         run, _, channel, begin, end = self._range(words)
-        trace = self.traces(run)[channel]
+        trace = self._traces.of(run)[channel]
         time, values = trace.within(begin, end)
         inside = (time >= begin) & (time <= end)
         time, values = time[inside][:LOOKED_AT], values[inside][:LOOKED_AT]

@@ -9,10 +9,12 @@ import pytest
 
 from testbench.cross_examination import Examination, Statement, examine
 from testbench.cross_examination.statement import accept
-from testbench.errors import StoreError
+from testbench.errors import AnalysisError, StoreError
 from testbench.recording import Channel, Group, UniformClock
+from testbench.report.overlay import RunTraces, overlay
 from testbench.report.traces import AT_ONCE, BLOCK, Lag, Trace, difference, lag, motion_begins
 from testbench.report.viewer import Viewer
+from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign
 from testbench.store.ledger import read_ledger
 from testbench.store.writer import RunWriter
@@ -104,6 +106,33 @@ def test_of_two_conditions_what_vibrates_is_no_clock(shared):
         assert (late.seconds, late.by, found.half_width is None) == (0.0, by, "begin" in by)
 
 
+def test_an_overlay_is_what_the_viewer_draws(shared):
+    """Of a pair: each run as recorded, the second at the first's instants, and their difference; what is not there."""
+    runs = open_campaign(shared(PAIR).campaign).runs
+    first, second = runs[::-1]
+    found = overlay([first, second], "motor_A0 A0")
+    (late, apart) = RunTraces([first, second]).compared(first.name, second.name, "motor_A0 A0")
+    table = found.table()
+    assert list(table) == ["time", first.name, second.name, f"{second.name} less {first.name}"]
+    assert (found.unit, found.lags[0].seconds) == ("N m", late.seconds)
+    np.testing.assert_array_equal(table[first.name], SIRun.of(first).readings(column(first, "motor_A0")))
+    np.testing.assert_allclose(table[second.name], SIRun.of(second).readings(column(second, "motor_A0")))
+    np.testing.assert_array_equal(table.iloc[:, 3], apart.trace.read(0, len(table))[1])
+    assert table.attrs["half_widths"] == {f"{second.name} less {first.name}": apart.half_width}
+    assert str(apart.half_width)[:4] in str(found) or "no interval" in str(found)
+    assert [axes.get_ylabel().split("\n")[1] for axes in found.plot().axes] == ["[N m]", "[N m]"]
+    with pytest.raises(AnalysisError, match="no channel 'motor_a0 A0'; did you mean 'motor_A0 A0'"):
+        overlay([first, second], "motor_a0 A0")
+    with pytest.raises(AnalysisError, match="at least two runs"):
+        overlay([first], "motor_A0 A0")
+
+
+def column(run, sensor):
+    """The only column of a sensor of a run's rig."""
+    (found,) = (one for one in SIRun.of(run).rig.columns() if one.sensor == sensor)
+    return found
+
+
 def test_the_command_aligns():
     """Loggers on the command's clock are aligned by it, whatever their own channels show."""
     commands = trace(pulse(0.0, 0.0, 0), name="target x"), trace(pulse(0.05, 0.0, 0), name="target x")
@@ -193,7 +222,7 @@ def test_a_run_without_a_rig_that_can_be_read(tmp_path):
         writer.commit()
     viewer = Viewer("campaign", open_campaign(tmp_path).runs)
     assert "r001</bdi>: as recorded, without its rig: stored rig: not a TOML file" in viewer.page().html()
-    assert [one.kind for one in viewer.traces("r001").values()] == ["As recorded"]
+    assert [one.kind for one in viewer._traces.of("r001").values()] == ["As recorded"]
 
 
 def test_of_other_runs_nothing_is_accepted(campaign):

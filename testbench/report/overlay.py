@@ -1,0 +1,180 @@
+"""Runs drawn over a first one: their channels on its clock, and what they differ by, with an interval."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from balance.arrays import Floats
+from balance.errors import CounterpoiseError, suggestion
+
+from ..errors import AnalysisError
+from ..figures import style
+from ..runs.joined_channels import interpolated
+from ..runs.si_run import SIRun
+from .page_contents import COMMAND, POSITIONS, columns_of, unit_of
+from .traces import Difference, Lag, Trace, channel_trace, difference, lag, motion_begins, recorded_trace
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+    from ..store import Run
+
+KEPT = 32
+"""Runs, and differences, whose extremes are in memory."""
+
+
+class RunTraces:
+    """The channels of runs, and for two of them how much later the second shows the same."""
+
+    def __init__(self, runs: "Sequence[Run]") -> None:
+        self.by_name = {run.name: run for run in runs}
+        self.unbound: dict[str, str] = {}
+        """Runs whose channels are as recorded, and why."""
+        if len(self.by_name) < len(runs):
+            twice = next(name for name in self.by_name if sum(run.name == name for run in runs) > 1)
+            raise AnalysisError(f"{twice}: of several campaigns, or given twice: expected runs of different names")
+
+    @lru_cache(KEPT)  # noqa: B019 - as long as the program runs
+    def of(self, name: str) -> dict[str, Trace]:
+        """The channels of a run by name: those of its rig in SI, all others as recorded. Raises KeyError for no run."""
+        run, found, known = self.by_name[name], dict[str, Trace](), set()
+        if run.rig:
+            try:
+                si = SIRun.of(run)
+                columns = list(columns_of(si))
+            except CounterpoiseError as error:
+                columns, self.unbound[name] = [], f"as recorded, without its rig: {error}"
+            for kind, column in columns:
+                try:
+                    one = channel_trace(si, kind, f"{column.sensor} {column.component}", unit_of(si, column), column)
+                except CounterpoiseError:  # no unit that it may have: as recorded
+                    continue
+                found[one.name] = one
+                known.add((one.group, run.find(column.channel)[1]))
+        for group in run.groups:
+            for index in group.measured if group.has_time and group.samples else ():
+                if (group.name, index) not in known:
+                    one = recorded_trace(run, group, index)
+                    found[one.name if one.name not in found else f"{group.name} {index}: {one.name}"] = one
+        return found
+
+    @lru_cache(None)  # noqa: B019
+    def _lag(self, first: str, second: str, group: str, other: str) -> Lag:
+        """How much later a logger of the second run shows the same as one of the first."""
+        others = self.of(second)
+        both = [(one, others[name]) for name, one in self.of(first).items() if name in others]
+        shared = [pair for pair in both if (pair[0].group, pair[1].group) == (group, other)]
+        commands = [pair for pair in both if {one.kind for one in pair} == {COMMAND}]
+        made = [{**self.by_name[run].conditions, "repeat": None} for run in (first, second)]
+        repeats = len(made[0]) > 1 and made[0] == made[1]
+        telling = [pair for pair in shared if repeats or {one.kind for one in pair} == {POSITIONS}]
+        return lag(shared, commands, telling)
+
+    @lru_cache(None)  # noqa: B019
+    def _moves(self, run: str, group: str) -> float | None:
+        """When a logger of a run ceases to be at rest [s]."""
+        return motion_begins([one for one in self.of(run).values() if one.group == group])
+
+    @lru_cache(KEPT)  # noqa: B019
+    def compared(self, first: str, second: str, channel: str) -> tuple[Lag, Difference | None]:
+        """How much later the second run shows the same; a channel of it less that of the first, where both have it."""
+        one, other = (self.of(run).get(channel) for run in (first, second))
+        if one is None or other is None or one is other:
+            return Lag(0.0, None, "nothing: the first run has no such channel"), None
+        if one.unit != other.unit:
+            raise AnalysisError(
+                f"{channel}: in {one.unit} in {first}, in {other.unit} in {second}: state one in the rig"
+            )
+        late = self._lag(first, second, one.group, other.group)
+        return late, difference(one, other, late, [self._moves(first, one.group), self._moves(second, other.group)])
+
+
+@dataclass(frozen=True, repr=False)
+class Overlay:
+    """One channel of several runs at the instants of the first."""
+
+    channel: str
+    unit: str
+    runs: "tuple[Run, ...]"
+    time: Floats
+    """On the clock of the first run's logger, (n,) [s]."""
+    values: Floats
+    """Of each run at those instants, interpolated linearly but for the first, (runs, n) [unit]; NaN where none is."""
+    lags: tuple[Lag, ...]
+    """How much later each further run shows the same on its own clock, (runs - 1)."""
+    differences: tuple[Difference, ...]
+    """Of each further run less the first, (runs - 1), each with the half width of its interval of 95 %, if known."""
+
+    @property
+    def names(self) -> list[str]:
+        """Of the runs."""
+        return [run.name for run in self.runs]
+
+    def table(self) -> "DataFrame":
+        """Time [s], the channel in each run, and each further run less the first [unit], a row an instant."""
+        import pandas as pd
+
+        first, *others = self.names
+        columns = {"time": self.time, **dict(zip(self.names, self.values, strict=True))}
+        columns |= {f"{name} less {first}": self.values[k + 1] - self.values[0] for k, name in enumerate(others)}
+        found = pd.DataFrame(columns)
+        found.attrs["units"] = {name: "s" if name == "time" else self.unit for name in columns}
+        found.attrs["half_widths"] = {
+            f"{name} less {first}": one.half_width for name, one in zip(others, self.differences, strict=True)
+        }
+        return found
+
+    def __repr__(self) -> str:
+        first, *others = self.names
+        each = zip(others, self.lags, self.differences, strict=True)
+        return "\n".join(
+            f"{self.channel}: {name} less {first}{f', aligned by {late.by}' * (late.deviation is not None)}: {apart.text}"
+            for name, late, apart in each
+        )
+
+    def plot(self) -> "Figure":
+        """The runs over each other, and below what each differs by from the first, its interval grey."""
+        first, *others = self.names
+        with style.styled():
+            figure, panels = style.light_grid(2, 1, 2.2, sharex=True)
+            above, below = panels[:, 0]
+            for name, values in zip(self.names, self.values, strict=True):
+                above.plot(self.time, values, lw=0.9, label=name)
+            below.plot([], [])  # each difference has the colour of its run
+            for values, found in zip(self.values[1:], self.differences, strict=True):
+                (line,) = below.plot(self.time, values - self.values[0], lw=0.9)
+                if found.half_width is not None:
+                    ends = [values - self.values[0] + sign * found.half_width for sign in (-1.0, 1.0)]
+                    below.fill_between(self.time, *ends, color=line.get_color(), alpha=0.25, lw=0.0)
+            above.set_ylabel(f"{self.channel}\n[{self.unit}]")
+            below.set_ylabel(f"less {first}\n[{self.unit}]")
+            below.set_xlabel(f"time of the logger of {first} [s]")
+            style.legend(figure, above)
+            style.headline(figure, f"{style.origin_of(self.runs)}{self.channel}: {', '.join(others)} over {first}")
+        return figure
+
+
+def overlay(runs: "Sequence[Run]", channel: str) -> Overlay:
+    """A channel of runs at the instants of the first; AnalysisError for fewer than two, or where one has no such."""
+    if len(runs) < 2:
+        raise AnalysisError(f"expected at least two runs to overlay, got {len(runs)}")
+    traces = RunTraces(runs)
+    first, *others = traces.by_name
+    for name in traces.by_name:
+        if channel not in (known := traces.of(name)):
+            raise AnalysisError(f"{name}: has no channel {channel!r}{suggestion(channel, known)}: {', '.join(known)}")
+    one = traces.of(first)[channel]
+    time, values = one.read(0, one.samples)
+    every, lags, differences = [values], [], []
+    for name in others:
+        late, found = traces.compared(first, name, channel)
+        assert found is not None  # both have the channel, and they are not the same
+        other = traces.of(name)[channel]
+        every.append(interpolated(*other.read(0, other.samples), time + late.seconds))
+        lags.append(late)
+        differences.append(found)
+    return Overlay(channel, one.unit, tuple(runs), time, np.array(every), tuple(lags), tuple(differences))
