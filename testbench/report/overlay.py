@@ -130,11 +130,11 @@ class Overlay:
 
     def __repr__(self) -> str:
         first, *others = self.names
-        each = zip(others, self.lags, self.differences, strict=True)
-        return "\n".join(
-            f"{self.channel}: {name} less {first}{f', aligned by {late.by}' * (late.deviation is not None)}: {apart.text}"
-            for name, late, apart in each
-        )
+        lines = []
+        for name, late, apart in zip(others, self.lags, self.differences, strict=True):
+            by = "" if late.deviation is None else f", aligned by {late.by}"
+            lines.append(f"{self.channel}: {name} less {first}{by}: {apart.text}")
+        return "\n".join(lines)
 
     def plot(self) -> "Figure":
         """The runs over each other, and below what each differs by from the first, its interval grey."""
