@@ -85,6 +85,7 @@ def _print(result: "Trim", stock: str | None) -> None:
     from balance.estimation.estimate import LEVEL_TEXT
     from balance.estimation.first_moment_imbalance import MissingMass
 
+    from ..trimming.estimators import FIXED
     from ..trimming.missing_masses import COMPROMISE
 
     say(_verdict(result, stock))
@@ -98,8 +99,9 @@ def _print(result: "Trim", stock: str | None) -> None:
             f"with {found.degrees_of_freedom} degrees of freedom, probability {found.probability:.2g}."
         )
     say(f"{result.unexplained:.1%} of what was measured stays unexplained.")
-    if COMPROMISE in result.about:
-        say(COMPROMISE)
+    for text in result.about:  # of one source among several it begins with "By ..."
+        if text == COMPROMISE or FIXED[1:] in text:
+            say(text)
     emit_findings(("doubtful", doubt) for doubt in result.doubts())
     emit_findings((GAP, gap) for gap in result.gaps)
     options.print_findings(result.accepted)

@@ -8,7 +8,12 @@ from typing import TypeVar
 import numpy as np
 
 from balance.arrays import Floats
-from balance.estimation.first_moment_imbalance import Imbalance, ImbalanceFit, Subspace, imbalance_fit
+from balance.estimation.first_moment_imbalance import (
+    Imbalance,
+    ImbalanceFit,
+    Subspace,
+    imbalance_fit,
+)
 from balance.estimation.identifiability import NotIdentifiable
 
 from ..errors import AnalysisError
@@ -55,7 +60,11 @@ MOVING_INERTIA = (
     "the mechanism's inertia on the base, held as at the start, changes by {:.1%} of both's in the motion: what is "
     "missing may be wrong by as much, which is more than the intervals"
 )
+FILE_KNOWN = 0.01
+"""Of a first moment that is taken from the file, as a part of the largest of the mechanism without counter-masses, what
+it may be wrong by: a mass centre off its line by a hundredth of what counts (Type B, rectangular)."""
 FIXED = "What no mass at the sites can change is taken from the mechanism's file: these runs do not tell it."
+FIXED_WITHIN = f"{FIXED} Intervals contain errors of it of up to {FILE_KNOWN:.0%} of the largest first moment."
 DETERMINED = 0.02
 """Half of an interval of a condition, as a part of the largest of the mechanism without counter-masses, up to which a
 source determines it; else the file's value is taken where no mass at the sites changes it."""
@@ -100,25 +109,34 @@ class _Equations:
     def fit_all_or_at_sites(self) -> tuple[ImbalanceFit, tuple[str, ...]]:
         """All conditions where the records determine them, else those that masses at the sites can change."""
         problem, whole = self.problem, self.fit()
-        most = DETERMINED * float(np.abs(problem.conditions.values(problem.mechanism)).max(initial=0.0))
+        most = DETERMINED * problem.largest_first_moment
         try:
             if all(whole.imbalance.estimate(row).half_width() <= most for row in np.eye(problem.conditions.rank)):
                 return whole, ()
         except NotIdentifiable:
             pass
         subspace = Subspace.at_sites(problem.conditions, problem.mounted, problem.sites)
-        return (whole, ()) if subspace.is_whole else (self.fit(subspace), (FIXED,))
+        return (whole, ()) if subspace.is_whole else (self.fit(subspace), (FIXED_WITHIN,))
+
+    def _covariance_by_file(self, found: ImbalanceFit) -> Floats:
+        """Of the conditions' values, (rank, rank) [kg2 m2], from what the file may be wrong by in what is fixed."""
+        space, every = found.imbalance.subspace, np.eye(self.problem.conditions.rank)
+        pairs = zip(found.gains(), self.records, strict=True)
+        followed = np.sum([np.einsum("nrk,nrj->kj", g, r.columns[:, :, : len(every)]) for g, r in pairs], axis=0)
+        per_fixed = (every - followed) @ (every - space.directions.T @ space.directions)
+        return np.asarray(per_fixed @ per_fixed.T * (FILE_KNOWN * self.problem.largest_first_moment) ** 2 / 3.0)
 
     def widened(self, found: ImbalanceFit) -> tuple[Imbalance, list[str]]:
         """With what the errors leave open, and what that is called."""
-        if not self.entries:
-            return found.imbalance, []
-        more = sensor_errors.error_covariance(found, self.records, len(self.entries))
-        names = ", ".join(dict.fromkeys(name for name, *_ in self.entries))
-        return (
-            replace(found.imbalance, covariance=found.imbalance.covariance + more),
-            [f"the errors of calibration and cross-talk that rig and calibration state of {names}"],
-        )
+        covariance, within = found.imbalance.covariance, []
+        if not found.imbalance.subspace.is_whole:
+            covariance = covariance + self._covariance_by_file(found)
+            within.append(f"up to {FILE_KNOWN * self.problem.largest_first_moment:.2g} kg m in what the file tells")
+        if self.entries:
+            covariance = covariance + sensor_errors.error_covariance(found, self.records, len(self.entries))
+            names = ", ".join(dict.fromkeys(name for name, *_ in self.entries))
+            within.append(f"the errors of calibration and cross-talk that rig and calibration state of {names}")
+        return replace(found.imbalance, covariance=covariance), within
 
 
 def by_wrench(problem: TrimProblem) -> SourceEstimate:
@@ -228,7 +246,7 @@ def by_trials(problem: TrimProblem) -> SourceEstimate:
     about = (
         f"The base's response below {cutoff:g} Hz is measured by the trial masses, linear and the same in all runs; "
         f"what is missing is said of the mounting of {problem.runs[0].run.name}.",
-        FIXED,
+        f"{FIXED} Its errors are in no interval.",
         f"Intervals: from what the fit leaves, {measured.degrees_of_freedom:.3g} degrees of freedom, and from what two "
         "lengths of the base's memory differ by.",
     )

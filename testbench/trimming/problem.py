@@ -97,6 +97,11 @@ class TrimProblem:
         return self.runs[0].mechanism
 
     @property
+    def largest_first_moment(self) -> float:
+        """Of the conditions, without payload and counter-masses, by the file [kg m]."""
+        return float(np.abs(self.conditions.values(self.mechanism)).max(initial=0.0))
+
+    @property
     def names(self) -> str:
         """Of the runs."""
         return ", ".join(run.name for run in self.runs)

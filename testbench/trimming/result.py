@@ -247,7 +247,7 @@ def _contributions(source: Source, estimate: Imbalance, gain: Floats) -> list[Co
     name = SOURCES[source].name.partition(",")[0]
     parts = [Contribution(f"{name}: noise, and what the model lacks", "A", noise**0.5, "kg m", 1.0, "t", freedom)]
     if whole > noise * (1.0 + 1e-9):
-        stated = f"{name}: stated errors of calibration, cross-talk, resolution"
+        stated = f"{name}: stated errors of calibration, cross-talk, resolution; the file"
         parts.append(Contribution(stated, "B", (whole - noise) ** 0.5, "kg m", 1.0, "normal"))
     return parts
 

@@ -65,12 +65,15 @@ def run(
     plate: bool = True,
     seconds: float = 4.0,
     rate: float = RATE,
+    amplitude: float = 0.25,
 ) -> MemoryRun:
-    """A run of a motion from rest to rest: forces to 0.1 N, positions to 2e-5 rad, torques to 0.02 N m."""
+    """A run of sines of an ``amplitude`` [rad] from rest to rest: forces to 0.1 N, positions to 2e-5 rad, torques to
+    0.02 N m.
+    """
     rng = np.random.default_rng(seed)
     mounted = mechanism.with_counter_mass(counter_masses or {})
     time = np.arange(0.0, seconds, 1.0 / rate)
-    path = Closure(mounted).follow(_motion(mounted, time, np.random.default_rng(5)))
+    path = Closure(mounted).follow(_motion(mounted, time, np.random.default_rng(5), amplitude))
     response = simulate(mounted, path)
     data, groups = {}, []
     drive = {f"q_{j}": path.q[:, mounted.coordinate_index(j)] + rng.normal(0, 2e-5, len(time)) for j in mounted.driven}
@@ -126,14 +129,14 @@ def _group(name: str, columns: dict[str, np.ndarray], data: dict[str, np.ndarray
     return StoredGroup(name, channels, UniformClock(rate), None, count, rate, "declared", None, name, tuple(columns))
 
 
-def _motion(mechanism: Mechanism, time: np.ndarray, rng: np.random.Generator) -> Samples:
+def _motion(mechanism: Mechanism, time: np.ndarray, rng: np.random.Generator, amplitude: float) -> Samples:
     """Sines of each driven joint within a window that begins and ends at rest."""
     home = np.array([mechanism.home[mechanism.coordinate_index(joint)] for joint in mechanism.driven])
     omega = 2 * np.pi * rng.uniform(0.8, 4.0, (3, len(home)))
     phase = rng.uniform(0, 2 * np.pi, omega.shape)
     end = time[-1]
     window = np.where((time > 0.4) & (time < end - 0.4), np.sin(np.pi * (time - 0.4) / (end - 0.8)) ** 4, 0.0)[:, None]
-    wave = sum(0.25 * np.sin(np.multiply.outer(time, w) + p) for w, p in zip(omega, phase, strict=True))
+    wave = sum(amplitude * np.sin(np.multiply.outer(time, w) + p) for w, p in zip(omega, phase, strict=True))
     q = home + window * wave
     v = np.gradient(q, time, axis=0)
     return Samples(time, q, v, np.gradient(v, time, axis=0), mechanism.driven)

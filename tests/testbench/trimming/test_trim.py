@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 
 from balance.balancing import stock_plates
+from balance.balancing.conditions import balance_conditions
 from balance.errors import CounterpoiseError
+from balance.estimation.first_moment_imbalance import with_condition_values
 from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from testbench import rig as rigs
 from testbench.cli.trim import _verdict
 from testbench.errors import AnalysisError
 from testbench.trimming import trim_runs
+from testbench.trimming.estimators import FIXED_WITHIN
 
 from ..coverage import assert_holds
 from . import linkages
@@ -198,6 +201,25 @@ def test_a_serial_arm_by_torque():
         moment = mass * np.linalg.norm(one.position)
         assert one.interval[0] < moment < one.interval[1]
         assert one.first_moment.value == pytest.approx(moment, rel=0.1)
+
+
+def test_a_centre_off_the_line_of_the_file_is_in_the_interval():
+    """In a small motion gravity tells little of where a centre lies across its link: that is taken from the file, and
+    how wrong that may be, a hundredth of the largest first moment, is in the interval.
+    """
+    mechanism = load_mechanism("serial-2r")
+    conditions = balance_conditions(mechanism)
+    values = conditions.values(mechanism)
+    across = next(k for k in range(conditions.rank) if "mcy[link_2]" in conditions.text(k))
+    values[across] = 0.01 * np.abs(values).max()
+    built = with_condition_values(conditions, mechanism, values)
+    run = linkages.run(built, plate=False, seconds=10.0, rate=250.0, amplitude=0.1)
+    found = trim_runs(memory.aligned([run], mechanism))
+    assert found.imbalance.is_fixed(np.eye(conditions.rank)[across])
+    assert any(FIXED_WITHIN in text for text in found.about)
+    second = found.missing[1]
+    assert second.interval[0] < mechanism.parameters[1, 1] < second.interval[1]
+    assert second.first_moment.half_width() < abs(values[across]) * 1.5
 
 
 def test_what_no_motion_shows_by_torque():
