@@ -95,7 +95,7 @@ _WARNINGS = {
     "log_missing": "The run table names a log that was not given: its run is not stored yet.",
     "condition_contradiction": "A peak acceleration of a kind that the motion has not, or a payload without a body.",
     "input_not_stored": "The mechanism or the motion of the run cannot be read, so it is not stored with the run.",
-    "conditions_differ": "The run table states other conditions than are stored with the run, which never changes.",
+    "conditions_differ": "The run table has another run, origin or condition than is stored, which never changes.",
     "rig_differs": "The run is stored with another rig, or without one, and never changes: take another folder.",
     "rate_contradicts_rig": "A log's rate is not the one that the rig states for its logger; the log's is taken.",
     "sensor_not_recorded": "The rig describes a logger of which no log of the run holds a channel.",

@@ -21,7 +21,7 @@ from ..quality.group_checks import RecordingCheck
 from ..readers import ReadOptions
 from ..recording import Finding, Group, Origin, Refusal, findings_by_group, refusing_findings
 from ..store import atomic_files, open_run
-from ..store.campaign import CONTINUES, StoredSources
+from ..store.campaign import CONTINUES, StoredSources, is_version
 from ..store.writer import RunWriter
 from .log_sources import LogReading, Source, distinct_groups, refuse_stored_run, refuse_too_many, refuse_twice
 from .planned_runs import PlannedRun
@@ -70,20 +70,6 @@ def not_stored(planned: PlannedRun, sources: Sequence[Source], error: Exception)
     return outcomes
 
 
-def logs_missing(planned: PlannedRun) -> list[Outcome]:
-    """The outcomes of a run of which logs are not given: these are missing, and the others wait for them."""
-    origin, found = planned.origin or "unstated", list[Outcome]()
-    for name in planned.missing:
-        message = f"{name} of run {planned.name} is in the run table and was not given: ingest it when it is there"
-        finding = Finding("log_missing", None, None, message)
-        found.append(Outcome(None, name, None, origin, "missing", (finding,), message))
-    for path in planned.files:
-        message = f"{path.name}: {planned.problem}"
-        finding = Finding("not_stored", None, None, message)
-        found.append(Outcome(None, path.name, None, origin, "refused", (finding,), message))
-    return found
-
-
 Progress = Callable[[int], None]
 """Called with the bytes that were read since the last call."""
 
@@ -115,11 +101,13 @@ class Ingest:
 
     def run(self, planned: PlannedRun) -> list[Outcome]:
         """Ingest one run; one outcome for each of its files. The run is stored whole or not at all."""
-        before, sources = self._stored_before(planned), list[Source]()
-        if planned.missing and not before:
-            return logs_missing(planned)
+        absent, sources = self._not_given(planned), list[Source]()
+        if lacking := [outcome.source for outcome in absent if outcome.status == "missing"]:
+            given = ", ".join(path.name for path in planned.files)
+            reason = RecordingError(f"{given}: waits for {', '.join(lacking)}, of the same run {planned.name!r}")
+            return [*absent, *not_stored(planned, (), reason)]
         try:
-            if planned.problem and not before:
+            if planned.problem and not absent:
                 raise RecordingError(planned.problem)
             for path in planned.files:
                 sources.append(Source(path, self.reading))
@@ -127,9 +115,8 @@ class Ingest:
                 refuse_too_many(sources[-1], sources[-1].recording.groups)
             for source, recording in zip(sources, distinct_groups([s.recording for s in sources]), strict=True):
                 source.recording = recording
-            if before:
-                given = self._already(planned, sources)
-                return [*before, *given] if len(given) == len(sources) else logs_missing(planned)
+            if absent:
+                return [*absent, *self._already(planned, sources)]
             if (begun := self._begun(sources)) is not None:
                 stem = re.sub(r"\.v\d+$", "", Path(begun).stem)
                 versions = (f"{stem}.v{number}" for number in count(2))
@@ -137,11 +124,11 @@ class Ingest:
                 return self._stored_anew(replace(planned, name=name), sources, begun)
             return self._already(planned, sources) or self._stored_anew(planned, sources)
         except (RecordingError, StoreError) as error:
-            return not_stored(planned, sources, error)
+            return [*absent, *not_stored(planned, sources, error)]
         except OSError as error:
             failure = RecordingError(f"{error.filename}: {error.strerror or error}")
             failure.__cause__ = error
-            return not_stored(planned, sources, failure)
+            return [*absent, *not_stored(planned, sources, failure)]
 
     def _begun(self, sources: Sequence[Source]) -> str | None:
         """The stored run of these logs as they were when they were shorter, proven by its digests of them."""
@@ -162,47 +149,84 @@ class Ingest:
         except NotConfirmedError:
             raise
         except StoreError:
-            if others := self._already(planned, sources):
+            if others := self._already(planned, sources, begun):
                 return others
             if (reason := self._stored.unopened.get(f"{planned.name}.h5")) is not None:
                 raise StoreError(_unopened(f"{planned.name}.h5", reason, "it has the name of this run")) from None
+            if changed := list(filter(None, (self._changed(planned, source) for source in sources))):
+                raise StoreError("; ".join(changed)) from None
             raise
 
-    def _stored_before(self, planned: PlannedRun) -> list[Outcome]:
-        """The outcomes of the logs that are not given, if the run of this name was made of all of them; else none."""
+    def _not_given(self, planned: PlannedRun) -> list[Outcome]:
+        """Outcomes of logs that the run table names and that are not given: stored with the run already, or missing."""
         if not planned.missing:
             return []
         self._stored.look()
-        run = f"{planned.name}.h5"
-        digests = [self._stored.digest_of(PurePath(name).name, run) for name in planned.missing]
-        if None in digests:
-            return []
-        stored = open_run(self.folder / run)
-        found, message = tuple(self._differs(planned, stored)), f"was not given, and is stored already in {run}"
-        return [
-            Outcome(run, name, sha256, stored.origin, "already_stored", found, message)
-            for name, sha256 in zip(planned.missing, digests, strict=True)
-        ]
-
-    def _already(self, planned: PlannedRun, sources: Sequence[Source]) -> list[Outcome]:
-        """The outcomes if the campaign holds these recordings already; none if it holds none of them."""
-        self._stored.look()
-        if not self._stored.any_of_size({source.size for source in sources}):
-            return []
-        known_runs = [self._stored.run_of(source.size, source.digested()) for source in sources]
-        if None in known_runs and any(known_runs):
-            known = ", ".join(s.path.name for s, run in zip(sources, known_runs, strict=True) if run)
-            raise StoreError(f"{known}: stored already, but not with the other files of this run; {_ANEW}")
-        outcomes = []
-        for source, run in zip(sources, known_runs, strict=True):
-            if run:
-                there = Finding("already_stored", None, None, f"is stored already as {run}; nothing was written")
-                stored, name = open_run(self.folder / run), source.path.name
-                found = (there, *_one_recording(self._differs(planned, stored), source, stored))
-                outcomes.append(
-                    Outcome(run, name, source.sha256, stored.origin, "already_stored", found, there.message)
+        run, outcomes = self._stored.newest(planned.name), list[Outcome]()
+        stored = open_run(self.folder / run) if run else None
+        for name in planned.missing:
+            content = run and self._stored.content_of(PurePath(name).name, run)
+            if stored is not None and content:
+                found, message = tuple(self._differs(planned, stored)), f"was not given, and is stored already in {run}"
+                outcomes.append(Outcome(run, name, content[1], stored.origin, "already_stored", found, message))
+                continue
+            message = f"is of run {planned.name} by the run table, and was not given: ingest it when it is there"
+            if len(others := self._stored.made_of(PurePath(name).name)) == 1:
+                message += (
+                    f"; {others.pop()} was made of a log of this name: if it is that one, rows of the run table were "
+                    "exchanged or renamed since it was stored: correct them"
                 )
+            finding = Finding("log_missing", None, None, message)
+            outcomes.append(Outcome(None, name, None, planned.origin or "unstated", "missing", (finding,), message))
         return outcomes
+
+    def _already(self, planned: PlannedRun, sources: Sequence[Source], begun: str | None = None) -> list[Outcome]:
+        """The outcomes if the campaign holds these recordings already; none if it holds none of them.
+
+        What it holds in the run that they have ``begun`` does not count. Raises StoreError if it holds some of them.
+        """
+        self._stored.look()
+        if not planned.missing and not self._stored.any_of_size({source.size for source in sources}):
+            return []
+        runs = [self._stored.run_of(source.size, source.digested()) for source in sources]
+        known = [(source, run) for source, run in zip(sources, runs, strict=True) if run not in {None, begun}]
+        if not known and not planned.missing:
+            return []
+        outcomes, odd = list[Outcome](), list[str]()
+        for source, run in known:
+            assert run is not None
+            there = Finding("already_stored", None, None, f"is stored already as {run}; nothing was written")
+            stored, name = open_run(self.folder / run), source.path.name
+            found = self._differs(planned, stored)
+            if not is_version(run, planned.name) and (twin := _one_recording(source, stored)):
+                found = [replace(one, message=twin) if one.code == "conditions_differ" else one for one in found]
+            odd += [one.message for one in found if one.code == "conditions_differ"]
+            outcomes.append(
+                Outcome(run, name, source.sha256, stored.origin, "already_stored", (there, *found), there.message)
+            )
+        if len(known) == len(sources):
+            return outcomes
+        known_sources = [source for source, _ in known]
+        odd += filter(None, (self._changed(planned, source) for source in sources if source not in known_sources))
+        names = ", ".join(s.path.name for s in known_sources) or ", ".join(planned.missing)
+        raise StoreError(
+            "; ".join(odd) or f"{names}: stored already, but not with the other files of this run; {_ANEW}"
+        )
+
+    def _changed(self, planned: PlannedRun, source: Source) -> str | None:
+        """That a log is no longer what the stored run of this name was made of, since when, and what to do; or None."""
+        run, log = self._stored.newest(planned.name), source.path.name
+        if run is None or (content := self._stored.content_of(log, run)) is None:
+            return None
+        written = open_run(self.folder / run).provenance["written"]
+        changed = datetime.fromtimestamp(source.path.stat().st_mtime, UTC).isoformat(timespec="seconds")
+        has_grown = planned.missing and self._stored.begun_run(source.path, source.size) == run
+        return (
+            f"{log} is no longer the file of which {run} was made at {written}: {content[0]} bytes, SHA-256 "
+            f"{content[1][:12]}... then, {source.size} bytes, {source.digested()[:12]}... now, changed at {changed}; "
+            + (f"it has grown: give {', '.join(planned.missing)} too, and the run is stored anew as its next version"
+               if has_grown else _ANEW)
+        )  # fmt: skip
 
     def _differs(self, planned: PlannedRun, stored: "Run") -> list[Finding]:
         """Where rig or run table say something else than what is stored with a run, which never changes."""
@@ -215,11 +239,20 @@ class Ingest:
             found.append(Finding("rig_differs", None, None, message))
         if planned.conditions is None:
             return found
-        for name in sorted(planned.conditions.keys() | stored.conditions.keys()):
-            now, then = planned.conditions.get(name), stored.conditions.get(name)
-            if now != then:
-                message = f"{name} is {now} in the run table, {then} in the stored {run}; {_ANEW}"
-                found.append(Finding("conditions_differ", None, None, message))
+        from .run_table import condition_cells  # late: a log alone needs no model of a table
+
+        named = planned.name if is_version(run, planned.name) else stored.name
+        says_simulated = any(source.get("origin") == "simulated" for source in stored.provenance["sources"])
+        origin = "simulated" if says_simulated and planned.origin != "measured" else planned.origin or "unstated"
+        now = {"run": planned.name, "origin": origin, **condition_cells(planned.conditions)}
+        then = {"run": named, "origin": stored.origin, **condition_cells(stored.conditions)}
+        if changed := [name for name in now | then if now.get(name) != then.get(name)]:
+            said = ", ".join(f"{name} {then.get(name) or 'empty'} (now {now.get(name) or 'empty'})" for name in changed)
+            message = (
+                f"{run} is stored with other values than the run table has: {said}; correct the table, or take {run} "
+                "out by testbench remove, with the reason, and ingest again"
+            )
+            found.append(Finding("conditions_differ", None, None, message))
         return found
 
     def _store(self, planned: PlannedRun, sources: Sequence[Source], begun: str | None) -> list[Outcome]:
@@ -260,7 +293,7 @@ class Ingest:
             writer.describe(origin, conditions, everything, self._provenance(sources, begun), rig, inputs)
             writer.seal()
             with atomic_files.one_at_a_time(self.folder):
-                if others := self._already(planned, sources):
+                if others := self._already(planned, sources, begun):
                     return others
                 target = writer.commit().name
         return [Outcome(target, s.path.name, s.sha256, origin, "stored", tuple(s.findings)) for s in sources]
@@ -313,18 +346,16 @@ def _origin(planned: PlannedRun, sources: Sequence[Source]) -> Origin:
     return "simulated" if simulated else planned.origin or "unstated"
 
 
-def _one_recording(findings: Sequence[Finding], source: Source, stored: "Run") -> list[Finding]:
-    """The ``findings``; of the conditions of another run, whose log holds the same bytes under another name, one."""
-    kept = [one for one in findings if one.code != "conditions_differ"]
+def _one_recording(source: Source, stored: "Run") -> str:
+    """That a log and that of another run hold the same bytes under two names, and what to do; empty of one name."""
     log = next(one["name"] for one in stored.provenance["sources"] if one["sha256"] == source.sha256)
-    if len(kept) == len(findings) or log == source.path.name:
-        return list(findings)
+    if log == source.path.name:
+        return ""
     run = stored.path.name
-    message = (
+    return (
         f"{log} and {source.path.name} are one recording (byte for byte), stored as {run}: bring the missing log of "
         f"one of them; if it is that of {log}, take {run} out by testbench remove, with the reason; and ingest again"
     )
-    return [*kept, Finding("conditions_differ", None, None, message)]
 
 
 def _unopened(name: str, reason: str, consequence: str) -> str:

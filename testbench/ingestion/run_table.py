@@ -172,7 +172,9 @@ def run_table_rows(run_table: Path) -> tuple[list[RunTableRow], list[str]]:
 
 def write_run_table(path: Path, rows: Iterable[tuple[str, str, Origin, Conditions]]) -> None:
     """Write a long run table: a row for each file, with its run, origin and conditions."""
-    lines = [{"run": run, "file": file, "origin": origin} | _cells(stated) for file, run, origin, stated in rows]
+    lines = [
+        {"run": run, "file": file, "origin": origin} | condition_cells(stated) for file, run, origin, stated in rows
+    ]
     used = dict.fromkeys(column for line in lines for column in line)
     known = [column for column in ("run", *COLUMNS) if column in used]
     with path.open("w", encoding="utf-8", newline="") as stream:
@@ -181,7 +183,7 @@ def write_run_table(path: Path, rows: Iterable[tuple[str, str, Origin, Condition
         writer.writerows(lines)
 
 
-def _cells(stated: Conditions) -> dict[str, str]:
+def condition_cells(stated: Conditions) -> dict[str, str]:
     """Conditions as the cells of a row."""
     found = {key: _written(value) for key, value in stated.items() if key != "payloads"}
     return found | {f"payload_{name}_kg": _written(mass) for name, mass in stated.get("payloads", {}).items()}

@@ -1,10 +1,12 @@
 """A campaign: a folder of stored runs, each with its digest file; which recordings it holds, by size and SHA-256."""
 
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cached_property
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -218,13 +220,14 @@ class StoredSources:
     unopened: dict[str, str] = field(default_factory=dict, init=False)
     """Runs that cannot be opened, and why: what they hold is not known."""
     _runs: dict[tuple[int, str], str] = field(default_factory=dict, init=False)
-    _named: dict[str, set[tuple[int, str]]] = field(default_factory=dict, init=False)
+    _named: dict[str, list[tuple[int, str, str]]] = field(default_factory=dict, init=False)
+    """Size, digest and run of each source, by its name; the versions of a run in their order."""
     _known: set[Path] = field(default_factory=set, init=False)
 
     def look(self) -> None:
         """Take in the runs that came since last, and try again those that could not be opened."""
         self.unopened.clear()
-        for path in Campaign(self.folder).run_paths:
+        for path in sorted(Campaign(self.folder).run_paths, key=lambda path: (len(path.name), path.name)):
             if path in self._known:
                 continue
             try:
@@ -232,7 +235,7 @@ class StoredSources:
                 for source in sources:
                     content = source["size_bytes"], source["sha256"]
                     self._runs[content] = path.name
-                    self._named.setdefault(source["name"], set()).add(content)
+                    self._named.setdefault(source["name"], []).append((*content, path.name))
             except (StoreError, LookupError, TypeError) as error:
                 self.unopened[path.name] = str(error).replace(f"{self.folder}{os.sep}", "")
             else:
@@ -246,13 +249,27 @@ class StoredSources:
         """The file of the run that was made of a source of this size [bytes] and digest."""
         return self._runs.get((size, sha256))
 
-    def digest_of(self, log: str, run: str) -> str | None:
-        """The SHA-256 of the log of this name of which the ``run``, a file, was made; None if it was made of none."""
-        return next((digest for size, digest in self._named.get(log, ()) if self._runs[size, digest] == run), None)
+    def newest(self, name: str) -> str | None:
+        """The file of the newest version of the run of this name; None if none is stored."""
+        versions = (path.name for path in self._known if is_version(path.name, name))
+        return max(versions, key=lambda file: (len(file), file), default=None)
+
+    def content_of(self, log: str, run: str) -> tuple[int, str] | None:
+        """Size [bytes] and SHA-256 of the log of this name that the ``run``, a file, was made of; None: of none."""
+        return next(((size, sha256) for size, sha256, of in self._named.get(log, ()) if of == run), None)
+
+    def made_of(self, log: str) -> set[str]:
+        """The files of the runs that were made of a log of this name, whole."""
+        return {run for _, sha256, run in self._named.get(log, ()) if sha256}
 
     def begun_run(self, path: Path, size: int) -> str | None:
         """The file of the newest run of a log of this name that was shorter, and is how this one of ``size`` begins."""
-        for stored, sha256 in sorted(self._named.get(path.name, ()), reverse=True):
+        for stored, sha256, run in sorted(reversed(self._named.get(path.name, [])), key=itemgetter(0), reverse=True):
             if 0 < stored < size and atomic_files.sha256_of(path, size=stored) == sha256:
-                return self._runs[stored, sha256]
+                return run
         return None
+
+
+def is_version(file: str, name: str) -> bool:
+    """Whether a file is the run of this name, or one that continues it, of the same logs when they had grown."""
+    return re.fullmatch(rf"{re.escape(name)}(\.v\d+)?{re.escape(SUFFIX)}", file) is not None

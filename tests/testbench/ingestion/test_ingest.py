@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -247,13 +248,87 @@ def test_a_site_that_the_mechanism_does_not_have(folder):
     assert outcome.status == "stored"
 
 
-def test_conditions_that_were_corrected_too_late(folder):
-    """Ingesting again with another payload changes nothing, and says so."""
-    ingested(folder, PlannedRun("r001", (folder / "r001.csv",), None, {"payload_kg": 5.0}))
-    (outcome,) = ingested(folder, PlannedRun("r001", (folder / "r001.csv",), None, {"payload_kg": 3.0}))
+@pytest.mark.parametrize(
+    ("log", "now", "told"),
+    [
+        ("", {"conditions": {"payload_kg": 3.0}}, "payload_kg 5 (now 3)"),
+        ("", {"origin": "simulated"}, "origin measured (now simulated)"),
+        ("", {"name": "r002"}, "run r001 (now r002)"),
+        ("# origin: simulated\n", {"origin": "measured"}, "origin simulated (now measured)"),
+        ("# origin: simulated\n", {"origin": "unstated"}, None),
+    ],
+)
+def test_a_row_of_the_run_table_that_was_corrected_too_late(folder, log, now, told):
+    """Ingesting again with another cell changes nothing, and says which; what the log itself states is no change."""
+    (folder / "r001.csv").write_text(log + HEADER + "".join(ROWS))
+    planned = PlannedRun("r001", (folder / "r001.csv",), "simulated" if log else "measured", {"payload_kg": 5.0})
+    ingested(folder, planned)
+    (outcome,) = ingested(folder, replace(planned, **now))
     assert outcome.status == "already_stored"
-    assert [f.code for f in outcome.findings] == ["already_stored", "conditions_differ"]
+    said = [f.message.partition(";")[0] for f in outcome.findings if f.code == "conditions_differ"]
+    assert said == [f"r001.h5 is stored with other values than the run table has: {told}"] * (told is not None)
     assert open_run(folder / "campaign" / "r001.h5").conditions == {"payload_kg": 5.0}
+
+
+@pytest.fixture
+def two_logs(folder):
+    """A run of two logs, stored."""
+    (folder / "more.csv").write_text(HEADER + "".join(ROWS[7:]))
+    planned = PlannedRun("r001", (folder / "r001.csv", folder / "more.csv"), "measured", {})
+    assert [o.status for o in ingested(folder, planned)] == ["stored"] * 2
+    return planned
+
+
+def test_a_stored_log_that_has_grown(folder, two_logs):
+    """Alone it is no longer what was stored, with both digests; with the other log it is stored anew, once."""
+    log, before = folder / "r001.csv", hashlib.sha256((folder / "r001.csv").read_bytes()).hexdigest()
+    log.write_text(log.read_text() + "0.4000,0,0,0\n")
+    alone = replace(two_logs, files=(log,), missing=("more.csv",), problem="waits for more.csv")
+    (there, refused) = ingested(folder, alone)
+    assert (there.source, there.status, refused.status) == ("more.csv", "already_stored", "refused")
+    assert refused.message.startswith("r001.csv is no longer the file of which r001.h5 was made at 2")
+    for digest in (before, hashlib.sha256(log.read_bytes()).hexdigest()):
+        assert digest[:12] in refused.message
+    assert refused.message.endswith("it has grown: give more.csv too, and the run is stored anew as its next version")
+    for samples in (401, 402):
+        anew = [(o.status, o.file) for o in ingested(folder, two_logs)]
+        assert anew == [("stored", f"r001.v{samples - 399}.h5")] * 2
+        (newest,) = open_campaign(folder / "campaign").runs
+        assert newest.group("r001").samples == samples
+        assert {o.status for o in ingested(folder, two_logs)} == {"already_stored"}
+        log.write_text(log.read_text() + f"0.{samples},0,0,0\n")
+
+
+@pytest.mark.parametrize("given", [["r001.csv"], ["r001.csv", "more.csv"]])
+def test_a_stored_log_that_was_changed(folder, two_logs, given):
+    """What does not begin as it was stored is another log: named, and never stored beside it by itself."""
+    (folder / "r001.csv").write_text(HEADER + "".join(ROWS[-99:]))
+    rest = tuple({"more.csv"} - set(given))
+    *_, told = ingested(folder, replace(two_logs, files=tuple(folder / name for name in given), missing=rest))
+    assert told.message.startswith("r001.csv is no longer the file of which r001.h5 was made at 2")
+    assert told.message.endswith("take it out by testbench remove, with the reason, and ingest again")
+
+
+def test_a_copy_among_several_logs_of_a_run(folder, two_logs):
+    """The log, and the one of the other run that it equals byte for byte, are named; the whole run waits."""
+    (folder / "copy.csv").write_bytes((folder / "more.csv").read_bytes())
+    (folder / "r002.csv").write_text(HEADER + "".join(ROWS[3:]))
+    planned = PlannedRun("r002", (folder / "r002.csv", folder / "copy.csv"), "measured", {})
+    outcomes = ingested(folder, planned)
+    assert {o.status for o in outcomes} == {"refused"}
+    assert outcomes[0].message.startswith("more.csv and copy.csv are one recording (byte for byte), stored as r001.h5")
+
+
+def test_logs_that_change_runs_in_the_run_table(folder, two_logs):
+    """Given, it is said of which run each was; else that a run was made of a log of that name, and not only missing."""
+    moved = replace(two_logs, name="r009", files=(), missing=("r001.csv", "more.csv", "new.csv"))
+    *logs, new = ingested(folder, moved)
+    for log in logs:
+        assert log.status == "missing"
+        assert "; r001.h5 was made of a log of this name: if it is that one, rows of the run table" in log.message
+    assert new.message == "is of run r009 by the run table, and was not given: ingest it when it is there"
+    given = ingested(folder, replace(two_logs, name="r009"))
+    assert [sum("run r001 (now r009)" in f.message for f in outcome.findings) for outcome in given] == [1, 1]
 
 
 def test_one_log_under_two_names_of_two_runs(folder):

@@ -183,8 +183,8 @@ def test_a_line_that_changes_after_its_run_was_stored(sheeted, tmp_path):
     (outcome,) = sheeted.once()
     assert (outcome.source, outcome.status) == ("a.csv", "already_stored")
     assert [f.message for f in outcome.findings if f.code == "conditions_differ"] == [
-        "payload_kg is 7.0 in the run table, 5.0 in the stored ra.h5; stored runs never change: take it out by "
-        "testbench remove, with the reason, and ingest again"
+        "ra.h5 is stored with other values than the run table has: payload_kg 5 (now 7); correct the table, or take "
+        "ra.h5 out by testbench remove, with the reason, and ingest again"
     ]
 
 
