@@ -61,6 +61,20 @@ class OneRecording:
     whole: bool
     """Whether these are all channels that have noise."""
 
+    def logs(self, run: Observation) -> dict[str, None]:
+        """The files of a run that hold the channels."""
+        return dict.fromkeys(run.logs[channel] for channel in self.channels if channel in run.logs)
+
+    def files(self, run: Observation) -> str:
+        """The same as text."""
+        return ", ".join(self.logs(run))
+
+    def holds(self, statement: Statement) -> bool:
+        """Whether a statement is about a channel of these logs."""
+        return any(
+            run.name == statement.run and run.logs.get(statement.channel or "") in self.logs(run) for run in self.runs
+        )
+
     def statements(self, contradicted: Collection[str]) -> list[Statement]:
         """Of each run that is not the original, which all but it are; where nothing tells which it is, of all.
 
@@ -74,15 +88,14 @@ class OneRecording:
             if run is original:
                 continue
             others = tuple(other.name for other in self.runs if other is not run and (original or other) is other)
-            both = (
-                f"{' and '.join((run.name, *others))} hold {'one log' if self.whole else 'the same channels'}: {noise}"
-            )
+            held = "one log" if self.whole else f"the same channels ({', '.join(map(self.files, self.runs))})"
+            both = f"{' and '.join((run.name, *others))} hold {held}: {noise}"
             if original is None:
                 shown = f"{both}; nothing tells whose, and none of them counts"
             elif any(one is run for one in agreeing):
                 shown = f"{both}; of one condition, they count once, as {original.name}"
             else:
-                part = "the log" if self.whole else "channels"
+                part = "the log" if self.whole else f"in {self.files(run)} channels of {self.files(original)},"
                 shown = f"{run.name} holds {part} of {original.name}, with which all else agrees: {noise}"
             stated = "a run of its own by the run table"
             found.append(

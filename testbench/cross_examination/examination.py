@@ -17,7 +17,7 @@ from ..rig.rig import NONE
 from ..runs.si_run import SIRun
 from ..store import Run
 from .conditions import UNDETERMINED, TorqueBalance, accelerations, motions, mounted, payloads, unlike_repeats
-from .copies import copies
+from .copies import OneRecording, copies
 from .observation import Observation, observe
 from .paths import encoder_paths, record_ends
 from .repeated_vibration import repeated_vibration
@@ -30,6 +30,10 @@ OTHER_RUNS = CONDITIONS | {
     "acceleration_contradiction", "motion_contradiction", "encoder_contradiction", "short_record",
 }  # fmt: skip
 """Contradictions of a run that holds the log of another."""
+OF_CHANNELS = frozenset({
+    "axis_contradiction", "gain_contradiction", "sign_contradiction", "force_sign", "flat_channel",
+})  # fmt: skip
+"""Contradictions of a channel that does not fit the run, as one of another run's log may not."""
 WITNESSED = ("payload", "counter-masses", "acceleration", "axis", "gain", "sign", "rest", "copy")
 """Subjects of which a run should have a witness."""
 
@@ -188,12 +192,24 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = (), pool: TaskPo
     known = {(s.run, s.channel) for s in statements if s.code == "axis_contradiction"}
     repeated = repeated_vibration([one for one in seen if one.name not in unsure])
     statements += [s for s in repeated if (s.run, s.channel) not in known]
-    contradicted = {s.run for s in statements if s.code in OTHER_RUNS}
-    statements = [*(s for one in recordings for s in one.statements(contradicted)), *statements]
+    said = [(one.runs, _whose(one, statements)) for one in recordings]
+    copied = {s.run for runs, whose in said if len(whose) < len(runs) for s in whose}
+    statements = [replace(s, because="copied_run") if s.run in copied and s.code else s for s in statements]
+    statements = [*(s for _, whose in said for s in whose), *statements]
     sensors = {
         one.name: {one.records[c[0]].column.sensor: c for c in one.vibrations if c[0] in one.records} for one in seen
     }
     return Examination(tuple(reasons), tuple(statements), reasons, torque, frozenset(accepted), sensors=sensors)
+
+
+def _whose(one: OneRecording, statements: Iterable[Statement]) -> list[Statement]:
+    """Of runs of one recording, whose it is: where nothing else tells, by channels of its logs that fit one alone."""
+    ours = {run.name for run in one.runs}
+    if contradicted := ours & {s.run for s in statements if s.code in OTHER_RUNS}:
+        return one.statements(contradicted)
+    about = [s for s in statements if one.holds(s)]
+    fitting = {s.channel for s in about if s.code is None and s.subject in {"axis", "sign", "gain"}}
+    return one.statements({s.run for s in about if s.code in OF_CHANNELS and s.channel in fitting})
 
 
 def observed_or_why(run: Run | SIRun, known: dict[object, Mechanism], given: Mechanism | None) -> Observation | str:

@@ -136,6 +136,8 @@ class Observation:
     name: str
     conditions: Conditions
     rig: Rig
+    logs: dict[str, str] = field(default_factory=dict)
+    """By channel, the file of its log; its group where that is not known."""
     records: dict[str, ChannelRecord] = field(default_factory=dict)
     """By channel."""
     peak_acceleration: dict[str, float] = field(default_factory=dict)
@@ -199,6 +201,10 @@ def observe(run: SIRun, mechanism: Callable[[], Mechanism]) -> Observation:
     """Read a run once; ``mechanism`` is that of its rig, unloaded. A witness that fails leaves its reason."""
     seen = Observation(run.name, run.conditions, run.rig)
     run = run.preloaded(columns := observed_columns(run))
+    files = {
+        group: one["name"] for one in run.recorded.provenance.get("sources", ()) for group in one.get("groups", ())
+    }
+    seen.logs = {column.channel: files.get(group := run.group_of(column), group) for column in columns}
     for column in filter(_is_recorded, columns):
         with seen.witness(column.channel):
             seen.records[column.channel] = _record(run, column)

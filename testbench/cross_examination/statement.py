@@ -65,11 +65,13 @@ class Statement:
     """Other runs that it is about, such as the one that was copied."""
     column: Annotated[str, Key(None, "")] = ""
     """Column of the run table to correct, where the code has several."""
+    because: Annotated[str, Key(None, "")] = ""
+    """Code of the contradiction from which this one may follow, and whose advice comes first."""
 
     @property
     def advice(self) -> Annotated[str | None, Key("", "what to do", lambda advice: advice or "-")]:
         """What to do about a contradiction."""
-        return None if self.code is None else ADVICE[self.code].format(column=self.column)
+        return None if self.code is None else ADVICE[self.because or self.code].format(column=self.column)
 
     @property
     def finding(self) -> Finding:

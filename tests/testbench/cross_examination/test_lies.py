@@ -15,10 +15,12 @@ from studies.simulated_runs import with_values
 from testbench.cross_examination import sensors
 from testbench.cross_examination.conditions import accelerations
 from testbench.cross_examination.copies import OneRecording
-from testbench.cross_examination.examination import Examination
+from testbench.cross_examination.examination import Examination, _whose
 from testbench.cross_examination.observation import Observation
 from testbench.cross_examination.statement import Statement
 from testbench.rig import load_rig
+from testbench.rig.sensors import Accelerometer, ForceSensor, Wrench
+from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign
 from testbench.store.ledger import read_ledger
 from testbench.vibration.metrics import Measure
@@ -152,6 +154,39 @@ def test_a_copy_under_an_earlier_name(campaign):
     found = witnesses.hear([false, *runs])
     assert found.copied == {"a"}
     assert {s.others for s in found.contradictions if s.code == "copied_run"} == {(runs[0].name,)}
+
+
+@pytest.mark.parametrize(("kinds", "log"), [((Accelerometer,), "daq"), ((Wrench, ForceSensor), "forces")])
+def test_one_of_several_logs_is_that_of_another_run(campaign, kinds, log):
+    """The run whose motion its channels do not fit holds the copy, by its file; the advice is not about sensors."""
+    runs, witnesses = campaign
+    first = lies.shaking(runs)[0]
+    to = next(i for i in lies.shaking(runs) if runs[i].conditions["motion"] != runs[first].conditions["motion"])
+    for of, liar in ((first, to), (to, first)):
+        changed = list(runs)
+        for column in (c for kind in kinds for c in SIRun.of(runs[of]).rig.columns_of(kind)):
+            changed[liar] = with_values(changed[liar], column.channel, runs[of].channel(column.channel))
+        for i, name in ((of, "one.csv"), (liar, "two.csv")):
+            sources = [{"name": name, "groups": [log]}]
+            changed[i] = replace(changed[i], provenance={**changed[i].provenance, "sources": sources})
+        found = witnesses.hear(changed)
+        about, name = found.about(runs[liar].name), runs[of].name
+        assert found.contradictions == tuple(about)
+        (copy,) = (s for s in about if s.code == "copied_run")
+        assert f" holds in two.csv channels of one.csv, of {name}, with which all else agrees" in copy.witnessed
+        assert {s.subject for s in about} & {"axis", "sign", "gain"}
+        assert {s.advice for s in about} == {copy.advice}
+
+
+def test_a_sensor_that_is_wrong_in_both_does_not_tell_whose_log_it_is():
+    """The axis of a turned sensor contradicts in the original too, and no channel fits the one run alone."""
+    runs = tuple(SimpleNamespace(name=n, conditions={"payload_kg": p}, logs={"F": f"{n}.csv"}) for n, p in ("a1", "b2"))
+    one = OneRecording(runs, ("F",), whole=False)
+    wrong = [Statement(name, "axis", "F", "", "", "", "axis_contradiction") for name in "ab"]
+    assert {s.run for s in _whose(one, wrong)} == {"a", "b"}
+    assert {s.run for s in _whose(one, wrong[:1])} == {"a", "b"}, "nothing is known of F in b"
+    fits = Statement("b", "axis", "F", "", "", "")
+    assert [(s.run, s.others) for s in _whose(one, [wrong[0], fits])] == [("a", ("b",))]
 
 
 @pytest.mark.parametrize(
