@@ -12,8 +12,10 @@ from balance.errors import CounterpoiseError
 from balance.estimation.first_moment_imbalance import can_be_met, combine, masses_per_value
 from balance.estimation.identifiability import NotIdentifiable
 from balance.mechanism.mechanism import Mechanism
+from balance.results import first_of
 
 from ..errors import AnalysisError
+from ..kinematics.gaps import Gaps
 from ..recording import common_origin, mounted_masses
 from ..runs.aligned_run import AlignedRun
 from .estimators import ESTIMATORS, present_sources
@@ -155,12 +157,28 @@ def _estimated(problem: TrimProblem, sources: list[Source], named: bool) -> tupl
             _refuse_wide(estimate, problem)
             found.append(estimate)
         except CounterpoiseError as error:
-            if named or len(sources) == 1:
-                raise
             failed[source] = error
-    if not found:
-        raise next(iter(failed.values()))
+            if named:
+                break
+    if not found or (named and failed):
+        raise _with_gaps(problem, next(iter(failed.values())))
     return found, [f"{SOURCES[source].name.capitalize()} cannot tell: {error}" for source, error in failed.items()]
+
+
+def _with_gaps(problem: TrimProblem, error: CounterpoiseError) -> CounterpoiseError:
+    """The error; where records of the runs have gaps of which it says nothing, with each run's, by its own clock."""
+    texts = []
+    for run in problem.runs:
+        used = [
+            g.name for g in run.run.groups if g.has_time and any(run.run.holds(c, g.name) for c in run.rig.columns())
+        ]
+        texts += [f"{run.name}: {text}" for text in Gaps.of({name: run.run.time(name) for name in used}).descriptions]
+    if not texts or "in the record of" in str(error):
+        return error
+    return AnalysisError(
+        f"{error}; gaps take part of what the runs tell: {first_of(texts, 4)}: repeat the run, or give others of the "
+        "same mounting beside it"
+    )
 
 
 def _shown_by_torques(problem: TrimProblem) -> bool:

@@ -62,3 +62,15 @@ def test_a_run_of_which_nothing_is_left(pair_built, tmp_path):
     found = told(campaign, "--from", "torque", expected=3)
     assert "left out: r001: 1 gap" in found["findings"][0]["message"]
     assert all(m["interval"][0] < MISSING < m["interval"][1] for m in found["missing"])
+
+
+@pytest.mark.parametrize(("source", "why"), [("torque", "an interval needs 7 blocks"), ("wrench", "is not aligned")])
+def test_a_refusal_names_run_and_gap(pair_built, tmp_path, source, why):
+    """Where too little is left for an interval, or to align clocks: which run, where in its log, and what to do."""
+    campaign = without_rows(pair_built, tmp_path, {"r001_controller.csv": (0.25, 0.7)})
+    with pytest.raises(AnalysisError, match=rf"{why}.*; gaps take part of what the runs tell: ") as refusal:
+        told(campaign / "r001.h5", "--from", source, expected=1)
+    assert str(refusal.value).endswith(
+        "r001: 1 gap in the record of r001_controller, 0.451 s in all, the first after 0.249 s: repeat the run, or "
+        "give others of the same mounting beside it"
+    )
