@@ -58,7 +58,7 @@ _ERRORS = {
 _WARNINGS = {
     "cut_last_row": "The file ends inside a row, or in a number that may be cut, which is left out.",
     "not_a_number": "Cells that are no finite number. Kept as inf where so written, otherwise as NaN. Analyses "
-    "interpolate up to 3 in a row, away from peaks, and refuse more.",
+    "interpolate up to 3 in a row, away from peaks, leave out as many rows at the ends of a record, and refuse more.",
     "text_channel": "A channel of text that is not kept.",
     "repeated_header": "The header comes again inside the file: several recordings, kept as separate groups.",
     "no_header": "The first row is data; the columns are named col0, col1, ...",

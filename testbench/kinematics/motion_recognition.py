@@ -226,10 +226,10 @@ def legs_by_command(run: SIRun) -> tuple[str, list[Leg], Floats]:
     groups = run.groups_of(columns)
     if len(groups) > 1:
         raise AnalysisError("the target is on several loggers")
-    values = np.zeros((run.group(groups[0]).samples, 3))
+    time = run.instants(columns[0])
+    values = np.zeros((len(time), 3))
     for column in columns:
         values[:, "xyz".index(column.component)] = run.values(column)
-    time = run.instants(columns[0])
     gaps = gap_spans(time)
     if not len(gaps):
         return groups[0], legs_of_acceleration(time, values, REST_SHARE["command"]), gaps

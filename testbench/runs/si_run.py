@@ -41,6 +41,7 @@ MISSING_SHARE = 1e-3
 """Largest share of a channel's samples without a number, or left out, that is interpolated [-]."""
 INTERPOLATED = ("not_a_number", "time_gap")
 """Findings of what is interpolated, where it is not refused."""
+_LEFT_OUT = "; left out at the ends of the record, as are the logger's other channels there"
 _NEAR_PEAK = 0.9
 """Of the largest deviation from the median [-]: beside such a reading what is missing may be an overload."""
 RESOLVED_BY_CALIBRATION = frozenset({"uncalibrated", "calibration_contradiction"})
@@ -77,12 +78,15 @@ class SIRun:
     rig: Rig
     _preloaded: Mapping[tuple[str, int], Samples] = field(default_factory=dict, repr=False)
     """Recorded values that are in memory, by group and index."""
+    whole: bool = False
+    """Whether samples at the ends of a record without a number in some channel of its logger are not left out."""
     _laws: dict[str, CalibrationLaw | None] = field(default_factory=dict, init=False, repr=False)
     _values: dict[str, Floats] = field(default_factory=dict, init=False, repr=False)
     _sound: dict[str, Floats] = field(default_factory=dict, init=False, repr=False)
     """Those of ``_values`` of which all is known to be numbers that something measures."""
     _times: dict[str, Floats] = field(default_factory=dict, init=False, repr=False)
     _steps: dict[str, NDArray[np.intp] | None] = field(default_factory=dict, init=False, repr=False)
+    _ends: dict[str, tuple[slice, frozenset[str]]] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(cls, run: Run, rig: Rig | None = None) -> "SIRun":
@@ -144,8 +148,30 @@ class SIRun:
     def time(self, group: str) -> Floats:
         """Instants of a group's samples on its own clock, (n,) [s]."""
         if group not in self._times:
-            self._times[group] = self.recorded.time(group)
+            self._times[group] = self.recorded.time(group)[self._used(group)[0]]
         return self._times[group]
+
+    def _used(self, group: str) -> tuple[slice, frozenset[str]]:
+        """The samples of a group that are used, and the channels without a number at an end, for which others are not.
+
+        At most MOST_MISSING samples at an end are left out, away from peaks, of all channels of the logger.
+        """
+        if group not in self._ends:
+            used, names = slice(0, self.group(group).samples), set[str]()
+            odd = [found for found in self.findings if found.code == "not_a_number" and not self.whole]
+            for column in self.rig.columns() if odd else ():
+                if not self.holds(column, group) or not any(column.channel in self._names(found) for found in odd):
+                    continue
+                values = self.recorded.channels_at([self.recorded.find(column.channel)])[0]
+                known = np.flatnonzero(~np.isnan(values))
+                first, last = (int(known[0]), int(known[-1])) if known.size else (0, -1)
+                beside = [at for at, lost in ((first, first), (last, len(values) - 1 - last)) if lost]
+                few = max(first, len(values) - 1 - last) <= MOST_MISSING
+                if beside and few and not (_may_overload(column) and (_reach(values)[beside] > _NEAR_PEAK).any()):
+                    used = slice(max(used.start, first), min(used.stop, last + 1))
+                    names.add(column.channel)
+            self._ends[group] = (used, frozenset(names))
+        return self._ends[group]
 
     def instants(self, column: Column) -> Floats:
         """Instants of what a channel's samples show, on its logger's clock, (n,) [s].
@@ -178,7 +204,8 @@ class SIRun:
             values = self.without_holes(column, values)
         if values.size and not (values.min() > -_LARGEST and values.max() < _LARGEST):  # of NaN neither is true
             odd = np.flatnonzero(~(np.abs(values) < _LARGEST))
-            what = f"{values[odd[0]]:g} SI, which nothing measures, at sample {odd[0]}"
+            at = odd[0] + self._used(self.group_of(column))[0].start
+            what = f"{values[odd[0]]:g} SI, which nothing measures, at sample {at}"
             raise AnalysisError(f"{self.name}: channel {column.channel!r} holds {what}: {_CURE}")
         if values is self._values.get(column.channel):
             self._sound[column.channel] = values
@@ -196,7 +223,6 @@ class SIRun:
         edges = np.flatnonzero(np.diff(missing, prepend=False, append=False))
         begins, ends = edges[::2], edges[1::2]
         beside = np.concatenate([begins - 1, np.minimum(ends, len(values) - 1)])
-        measured = column.level and not column.commanded and "angle" not in column.dimensions  # by what may overload
         first, longest = 0, int(np.argmax(ends - begins))
         if begins[0] == 0 or ends[-1] == len(values):
             first = 0 if begins[0] == 0 else len(begins) - 1
@@ -206,7 +232,7 @@ class SIRun:
         elif missing.sum() > max(MISSING_SHARE * len(values), MOST_MISSING):
             more = missing.sum() - ends[0] + begins[0]
             why = f"and {f'at {more}' if steps is None else more} more, above {MISSING_SHARE:.1%} of them"
-        elif measured and (peak := _reach(values)[beside] > _NEAR_PEAK).any():
+        elif _may_overload(column) and (peak := _reach(values)[beside] > _NEAR_PEAK).any():
             first, why = (
                 int(np.flatnonzero(peak)[0]) % len(begins),
                 "beside its largest readings, where "
@@ -219,6 +245,7 @@ class SIRun:
         begin, end = int(begins[first]), int(ends[first])
         many = end - begin
         if steps is None:
+            begin, end = (at + self._used(self.group_of(column))[0].start for at in (begin, end))
             where = f"at sample {begin}" if many == 1 else f"at samples {begin} to {end - 1}"
             raise AnalysisError(f"{self.name}: channel {column.channel!r} holds no number {where}, {why}: {_CURE}")
         at = self.time(self.group_of(column))[int(np.searchsorted(steps, begin)) - 1]
@@ -341,6 +368,7 @@ class SIRun:
         """
         columns = list(columns)
         used, accepted = {column.channel for column in columns}, set[str | None]({None})
+        cut = set[str]().union(*(self._used(self.group_of(column))[1] for column in columns if self.holds(column)))
         for column in columns if self._has_gaps or worst_severity(self.findings) is Severity.ERROR else ():
             if self.holds(column) and isinstance(
                 clock := (group := self.group(self.group_of(column))).clock, TimeColumn
@@ -352,6 +380,7 @@ class SIRun:
                 found.code,
                 found.channel,
                 f"{self.name}: {found.channel}: {found.message}"
+                + ("" if cut.isdisjoint(self._names(found)) else _LEFT_OUT)
                 + ("; interpolated between the samples beside them" if found.code in INTERPOLATED else "")
                 + ("; accepted when it was stored" if found.severity is Severity.ERROR else ""),
             )
@@ -359,7 +388,7 @@ class SIRun:
             if found.code not in RESOLVED_BY_CALIBRATION
             and found.severity >= Severity.WARNING
             and (
-                not used.isdisjoint(self._names(found))
+                not (used | cut).isdisjoint(self._names(found))
                 or (found.severity is Severity.ERROR and found.channel in accepted)
             )
         ]
@@ -429,7 +458,8 @@ class SIRun:
         if (begin, end) == (0, None) and all((g.name, i) in self._preloaded for g, i in places):
             return self
         values = self.recorded.channels_at(places, begin, end)
-        return SIRun(self.recorded, self.rig, {(g.name, i): v for (g, i), v in zip(places, values, strict=True)})
+        loaded = {(group.name, i): v for (group, i), v in zip(places, values, strict=True)}
+        return SIRun(self.recorded, self.rig, loaded, self.whole or (begin, end) != (0, None))
 
     @cached_property
     def _records(self) -> Mapping[str, CalibrationRecord]:
@@ -470,7 +500,7 @@ class SIRun:
         """A channel in the unit of its log, (n,)."""
         group, index = self.recorded.find(column.channel)
         found = self._preloaded.get((group.name, index))
-        return self.recorded.channel_at(group.name, index) if found is None else found
+        return (self.recorded.channel_at(group.name, index) if found is None else found)[self._used(group.name)[0]]
 
     def _law(self, column: Column) -> CalibrationLaw | None:
         """From the channels of a sensor to SI; None where no calibration is in force."""
@@ -500,6 +530,11 @@ class SIRun:
             if is_electrical(unit):
                 hint = f": calibrate it: testbench calibrate {self.path} {column.sensor} --sensitivity ... --reason ..."
             raise AnalysisError(f"{where}: {error}{hint}") from error
+
+
+def _may_overload(column: Column) -> bool:
+    """Whether a channel measures by what may overload."""
+    return column.level and not column.commanded and "angle" not in column.dimensions
 
 
 def _reach(values: Floats) -> Floats:
@@ -557,7 +592,7 @@ def physical(run: Run) -> PhysicalRun:
     """
     if isinstance(run, PhysicalRun):
         return run
-    si = SIRun.of(run)
+    si = replace(SIRun.of(run), whole=True)
     places = {}
     for column in si.rig.columns():
         if si.holds(column):

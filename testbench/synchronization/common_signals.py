@@ -315,7 +315,7 @@ def named_channels(run: Run, reference: str, own: str, cutoff: float | None = No
 
     The delays of their loggers' filters are taken off where a stored rig states them.
     """
-    si = None if run.rig is None else SIRun.of(run)
+    si = None if run.rig is None else replace(SIRun.of(run), whole=True)
 
     def instants(channel: str) -> Floats:
         where, index = run.find(channel)

@@ -1,5 +1,7 @@
 """``testbench trim`` of runs whose encoders paused: what a gap touches is left out, said, and the truth is told."""
 
+import re
+
 import pytest
 
 from testbench.cli.trim import trim
@@ -74,3 +76,15 @@ def test_a_refusal_names_run_and_gap(pair_built, tmp_path, source, why):
         "r001: 1 gap in the record of r001_controller, 0.451 s in all, the first after 0.249 s: repeat the run, or "
         "give others of the same mounting beside it"
     )
+
+
+def test_the_last_row_of_a_log_without_a_number(pair_built, tmp_path):
+    """As if the log had ended before it; the run was refused."""
+    name = "r001_controller.csv"
+    last = (pair_built.logs / name).read_text("utf-8").splitlines()[-1]
+    end, empty = float(last.split(",")[0]), re.sub(r",[^,]*", ",", last, count=1)
+    ended = without_rows(pair_built, tmp_path / "ended", {name: (end, end + 1.0)})
+    change = {name: lambda line: line.replace(last, empty)}
+    found = without_rows(pair_built, tmp_path / "empty", {}, change)
+    first, second = (told(c / "r001.h5", "--from", "torque", expected=0)["missing"] for c in (found, ended))
+    assert first == second

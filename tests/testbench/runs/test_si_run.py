@@ -133,7 +133,8 @@ def test_what_was_accepted_is_said(tmp_path):
         ([69], None),
         ([69, 140, 141], None),
         ([69, 70, 71, 72], "at samples 69 to 72, more than 3 in a row"),
-        ([0], "at sample 0, at the beginning or end .* invented: cut these rows off the log: correct"),
+        ([0, 1, 2, 3], "at samples 0 to 3, at the beginning or end .* invented: cut these rows off the log: correct"),
+        ([0, 69, 70, 71, 72], "at samples 69 to 72, more than 3 in a row"),
         ([5, 399], "at sample 399, at the beginning or end"),
         ([398, 399], "at samples 398 to 399, at the beginning or end"),
         ([50, 69, 140, 200], "at sample 50, and at 3 more, above 0.1% of them"),
@@ -152,6 +153,27 @@ def test_what_is_missing_is_interpolated_or_refused(tmp_path, missing, refusal):
     assert np.isnan(run.readings(column(run.recorded))[missing]).all()
     (said,) = run.doubts([column(run.recorded)])
     assert said.message.endswith("interpolated between the samples beside them")
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_what_is_missing_at_an_end_is_left_out(tmp_path, count):
+    """As if the log had no such rows: nothing is invented, and it is said; what is stored stays as long as it is."""
+    places, runs = range(count), list[SIRun]()
+    for name, how in (("empty", lambda line: re.sub(r",[^,]*", ",", line, count=1)), ("without", lambda line: "")):
+        (tmp_path / name).mkdir()
+        runs.append(changed(tmp_path / name, places, how))
+    empty, without = runs
+    one = column(empty.recorded)
+    np.testing.assert_array_equal(empty.values(one), without.values(one))
+    np.testing.assert_array_equal(empty.instants(one), without.instants(one))
+    np.testing.assert_allclose(empty.values(one), volts.ACCELERATION[count:], atol=1e-9)
+    (said,) = empty.doubts([one])
+    assert "; left out at the ends of the record, as are the logger's other channels there" in said.message
+    kept = physical(empty.recorded).channel("ch0")
+    assert np.isnan(kept[:count]).all()
+    np.testing.assert_array_equal(kept[count:], empty.values(one))
+    window = empty.preloaded([one], 0, 10).readings(one)
+    np.testing.assert_array_equal(window, kept[:10])
 
 
 def test_six_axes(tmp_path):
