@@ -382,8 +382,8 @@ class _Equations:
         self.square = self._by_row([one.square for one in self.sums])
         if not np.sum([one.lengths() for one in self.sums], axis=0)[: one_scale or None].any():
             raise NotIdentifiable(
-                "nothing that is measured depends on a first moment: nothing moves, or the sensors cannot see one, as the "
-                "torque about an axis along gravity; give runs that move, or another source"
+                "nothing that is measured depends on a first moment: nothing moves, or the sensors cannot see one, as "
+                "the torque about an axis along gravity; give runs that move, or another source"
             )
         self._share_weights({row: self._weight(row, square) for row, square in self.square.items()})
 

@@ -151,6 +151,14 @@ class SIRun:
             self._times[group] = self.recorded.time(group)[self._used(group)[0]]
         return self._times[group]
 
+    @cached_property
+    def _without_number(self) -> set[str]:
+        """Channels with samples that are no number, unless the run is read whole."""
+        odd = [found for found in self.findings if found.code == "not_a_number" and not self.whole]
+        return {
+            column.channel for column in self.rig.columns() for found in odd if column.channel in self._names(found)
+        }
+
     def _used(self, group: str) -> tuple[slice, frozenset[str]]:
         """The samples of a group that are used, and the channels without a number at an end, for which others are not.
 
@@ -158,9 +166,8 @@ class SIRun:
         """
         if group not in self._ends:
             used, names = slice(0, self.group(group).samples), set[str]()
-            odd = [found for found in self.findings if found.code == "not_a_number" and not self.whole]
-            for column in self.rig.columns() if odd else ():
-                if not self.holds(column, group) or not any(column.channel in self._names(found) for found in odd):
+            for column in self.rig.columns() if self._without_number else ():
+                if not self.holds(column, group) or column.channel not in self._without_number:
                     continue
                 values = self.recorded.channels_at([self.recorded.find(column.channel)])[0]
                 known = np.flatnonzero(~np.isnan(values))
@@ -368,7 +375,8 @@ class SIRun:
         """
         columns = list(columns)
         used, accepted = {column.channel for column in columns}, set[str | None]({None})
-        cut = set[str]().union(*(self._used(self.group_of(column))[1] for column in columns if self.holds(column)))
+        held = [column for column in columns if self._without_number and self.holds(column)]
+        cut = set[str]().union(*(self._used(self.group_of(column))[1] for column in held))
         for column in columns if self._has_gaps or worst_severity(self.findings) is Severity.ERROR else ():
             if self.holds(column) and isinstance(
                 clock := (group := self.group(self.group_of(column))).clock, TimeColumn
