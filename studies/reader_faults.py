@@ -22,7 +22,7 @@ import numpy as np
 
 from balance.errors import CounterpoiseError
 from testbench.quality.group_checks import RecordingCheck
-from testbench.readers import open_recording, subprocess_reader, subprocess_worker
+from testbench.readers import open_recording, subprocess_reader
 from testbench.recording import MEANING, Block, Recording, Report
 
 from .table import Row, all_of
@@ -106,7 +106,7 @@ def _failing(path: Path) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        subprocess_reader.raise_failure(path, subprocess_worker.failure(error))
+        subprocess_reader.raise_failure(path, subprocess_reader.failure(error))
 
 
 def failures(path: Path, whole: bytes, count: int, seed: int) -> list[str]:
