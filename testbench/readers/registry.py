@@ -72,18 +72,18 @@ def needs(extra: str) -> str:
 Open = Callable[[Path, ReadOptions], Recording]
 
 
-def _in(module: str, function: str = "", extra: str = "") -> Open:
+def _in(module: str, function: str = "open_library", extra: str = "", apart: bool = False) -> Open:
     """A reader's function, its module imported once a file is of its format; what ``extra`` installs must be there.
 
-    Without a name of one: ``open_library`` of the module, in a process of its own.
+    ``apart``: in a process of its own.
     """
 
     def opened(path: Path, options: ReadOptions) -> Recording:
         for name in EXTRAS.get(extra, ()):  # none is imported
             if any(find_spec(part) is None for part in accumulate(name.split("."), "{}.{}".format)):  # outer one first
                 raise RecordingError(f"{path}: reading it needs {name}: pip install '{needs(extra)}'")
-        if not function:
-            return open_in_subprocess(path, f"{__package__}.{module}")
+        if apart:
+            return open_in_subprocess(path, f"{__package__}.{module}", function)
         recording: Recording = getattr(import_module(f"{__package__}.{module}"), function)(path, options)
         return recording
 
@@ -136,19 +136,21 @@ _HDF5_EXTENSIONS = (".h5", ".hdf5", ".nxs", ".nc", ".mat")
 BUILT_IN = (
     Reader("Cortex forces", (".forces",), _begins_with(b"[Force Data]"), _in("cortex", "open_forces")),
     Reader("C3D", (".c3d",), _is_c3d, _in("c3d", "open_c3d")),
-    Reader("enDAQ IDE", (".ide",), _IS_ENDAQ, _in("endaq_ide", "", "ide"), needs("ide")),
+    Reader("enDAQ IDE", (".ide",), _IS_ENDAQ, _in("endaq_ide", extra="ide", apart=True), needs("ide")),
     Reader("LabVIEW LVM", (".lvm",), _IS_LVM, _in("lvm", "open_lvm")),
-    Reader("MATLAB v5", (".mat",), _IS_MATLAB_5, _in("matlab_worker")),
-    Reader("MATLAB v4", (".mat",), _is_matlab_4, _in("matlab_worker")),
-    Reader("HDF5, NeXus, netCDF 4, MATLAB v7.3", _HDF5_EXTENSIONS, _IS_HDF5, _in("hdf5.worker")),
+    Reader("MATLAB v5", (".mat",), _IS_MATLAB_5, _in("matlab_worker", apart=True)),
+    Reader("MATLAB v4", (".mat",), _is_matlab_4, _in("matlab_worker", apart=True)),
+    Reader("HDF5, NeXus, netCDF 4, MATLAB v7.3", _HDF5_EXTENSIONS, _IS_HDF5, _in("hdf5_worker", apart=True)),
     Reader("ASAM MDF", (".mf4", ".mdf"), _begins_with(b"MDF     ", b"UnFinMF "), _in("mdf.reader", "open_mdf")),
-    Reader("Parquet", (".parquet", ".pq"), _begins_with(b"PAR1"), _in("parquet_worker", "", "parquet"),
+    Reader("Parquet", (".parquet", ".pq"), _begins_with(b"PAR1"), _in("parquet_worker", extra="parquet", apart=True),
            needs("parquet")),
-    Reader("MCAP", (".mcap",), _begins_with(b"\x89MCAP0\r\n"), _in("mcap_worker", "", "mcap"), needs("mcap")),
-    Reader("ROS 1 bag", (".bag",), _begins_with(b"#ROSBAG V2"), _in("rosbag_worker", "", "rosbag"), needs("rosbag")),
-    Reader("ROS 2 bag", (".db3",), _begins_with(b"SQLite format 3\0"), _in("ros2_bag_worker", "", "rosbag"),
-           needs("rosbag")),
-    Reader("ULog", (".ulg", ".ulog"), _begins_with(b"ULog\x01\x12\x35"), _in("ulog_worker", "", "ulog"),
+    Reader("MCAP", (".mcap",), _begins_with(b"\x89MCAP0\r\n"), _in("mcap_worker", extra="mcap", apart=True),
+           needs("mcap")),
+    Reader("ROS 1 bag", (".bag",), _begins_with(b"#ROSBAG V2"),
+           _in("rosbag_worker", "open_ros1", "rosbag", apart=True), needs("rosbag")),
+    Reader("ROS 2 bag", (".db3",), _begins_with(b"SQLite format 3\0"),
+           _in("rosbag_worker", "open_ros2", "rosbag", apart=True), needs("rosbag")),
+    Reader("ULog", (".ulg", ".ulog"), _begins_with(b"ULog\x01\x12\x35"), _in("ulog_worker", extra="ulog", apart=True),
            needs("ulog")),
     Reader("NI TDMS", (".tdms",), _begins_with(b"TDSm", b"TDSh"), _in("tdms.reader", "open_tdms"),
            f"{needs('tdms')} for scales of thermocouples, bridges and tables"),

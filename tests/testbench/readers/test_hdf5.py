@@ -8,9 +8,9 @@ import h5py
 import numpy as np
 import pytest
 
+from testbench.readers import hdf5_worker as worker
 from testbench.readers.array_grouping import Series, group_series
-from testbench.readers.hdf5 import worker
-from testbench.readers.hdf5.safe_walk import Walk
+from testbench.readers.hdf5_worker import Walk
 from testbench.recording import Channel, TimeColumn, UniformClock
 
 from . import reading
