@@ -4,7 +4,7 @@ import re
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from importlib import import_module, metadata
 from importlib.util import find_spec
 from itertools import accumulate, chain
@@ -69,34 +69,30 @@ def needs(extra: str) -> str:
     return f"counterpoise[{extra}]"
 
 
-Open = Callable[[Path, ReadOptions], Recording]
+def _reader(
+    name: str, extensions: str, sign: bytes | Callable[[bytes], bool], place: str, extra: str = "", apart: bool = False
+) -> Reader:
+    """A row: files whose first bytes match ``sign`` are opened by the function at ``place``, imported only then.
 
-
-def _in(module: str, function: str = "open_library", extra: str = "", apart: bool = False) -> Open:
-    """A reader's function, its module imported once a file is of its format; what ``extra`` installs must be there.
-
-    ``apart``: in a process of its own.
+    What ``extra`` installs must be there. ``apart``: in a process of its own.
     """
+    module, _, function = f"{__package__}.{place}".partition(":")
 
     def opened(path: Path, options: ReadOptions) -> Recording:
         for name in EXTRAS.get(extra, ()):  # none is imported
             if any(find_spec(part) is None for part in accumulate(name.split("."), "{}.{}".format)):  # outer one first
                 raise RecordingError(f"{path}: reading it needs {name}: pip install '{needs(extra)}'")
         if apart:
-            return open_in_subprocess(path, f"{__package__}.{module}", function)
-        recording: Recording = getattr(import_module(f"{__package__}.{module}"), function)(path, options)
+            return open_in_subprocess(path, module, function)
+        recording: Recording = getattr(import_module(module), function)(path, options)
         return recording
 
-    return opened
+    identify = partial(_matches, sign) if isinstance(sign, bytes) else sign
+    return Reader(name, tuple(extensions.split()), identify, opened, needs(extra) if extra else "")
 
 
-def _begins_with(*marks: bytes) -> Callable[[bytes], bool]:
-    return lambda head: head.startswith(marks)
-
-
-def _matches(pattern: bytes) -> Callable[[bytes], bool]:
-    compiled = re.compile(pattern)
-    return lambda head: compiled.match(head) is not None
+def _matches(pattern: bytes, head: bytes) -> bool:
+    return re.match(pattern, head) is not None
 
 
 def _is_c3d(head: bytes) -> bool:
@@ -124,41 +120,32 @@ def _is_text(head: bytes) -> bool:
     return import_module("testbench.readers.csv.text_blocks").detect_encoding(head) is not None
 
 
-_IS_ENDAQ = _matches(rb"(?s)\x1aE\xdf\xa3.{0,56}(?i:mide)")
-_IS_LVM = _matches(rb"(?:\xef\xbb\xbf)?LabVIEW Measurement")
-_IS_MATLAB_5 = _matches(rb"(?s)MATLAB 5\.0|.{124}\x00\x01IM")
-_IS_HDF5 = _matches(rb"(?s)(?:.{512}|.{1024}|.{2048})?\x89HDF\r\n\x1a\n")  # it may begin behind other content
-_IS_UFF = _matches(rb"\s{0,6}-1[ \t]*\r?\n[ \t]*\d{1,5}[bB]?(?:[ \t][^\n]*)?\r?\n")
-_IS_WAV = _matches(rb"(?s)(?:RIFF|RIFX|RF64|BW64).{4}WAVE")
 _HDF5_MARK = b"\x89HDF\r\n\x1a\n"
 _FAR_BLOCKS = [HEAD_BYTES << i for i in range(10)]
-_HDF5_EXTENSIONS = (".h5", ".hdf5", ".nxs", ".nc", ".mat")
+_HDF5_EXTENSIONS = ".h5 .hdf5 .nxs .nc .mat"
+_HDF5 = rb"(?s)(?:.{512}|.{1024}|.{2048})?\x89HDF\r\n\x1a\n"  # it may begin behind other content
+_UFF = rb"\s{0,6}-1[ \t]*\r?\n[ \t]*\d{1,5}[bB]?(?:[ \t][^\n]*)?\r?\n"
+_TDMS_NEEDS = f"{needs('tdms')} for scales of thermocouples, bridges and tables"
 BUILT_IN = (
-    Reader("Cortex forces", (".forces",), _begins_with(b"[Force Data]"), _in("cortex", "open_forces")),
-    Reader("C3D", (".c3d",), _is_c3d, _in("c3d", "open_c3d")),
-    Reader("enDAQ IDE", (".ide",), _IS_ENDAQ, _in("endaq_ide", extra="ide", apart=True), needs("ide")),
-    Reader("LabVIEW LVM", (".lvm",), _IS_LVM, _in("lvm", "open_lvm")),
-    Reader("MATLAB v5", (".mat",), _IS_MATLAB_5, _in("matlab_worker", apart=True)),
-    Reader("MATLAB v4", (".mat",), _is_matlab_4, _in("matlab_worker", apart=True)),
-    Reader("HDF5, NeXus, netCDF 4, MATLAB v7.3", _HDF5_EXTENSIONS, _IS_HDF5, _in("hdf5_worker", apart=True)),
-    Reader("ASAM MDF", (".mf4", ".mdf"), _begins_with(b"MDF     ", b"UnFinMF "), _in("mdf.reader", "open_mdf")),
-    Reader("Parquet", (".parquet", ".pq"), _begins_with(b"PAR1"), _in("parquet_worker", extra="parquet", apart=True),
-           needs("parquet")),
-    Reader("MCAP", (".mcap",), _begins_with(b"\x89MCAP0\r\n"), _in("mcap_worker", extra="mcap", apart=True),
-           needs("mcap")),
-    Reader("ROS 1 bag", (".bag",), _begins_with(b"#ROSBAG V2"),
-           _in("rosbag_worker", "open_ros1", "rosbag", apart=True), needs("rosbag")),
-    Reader("ROS 2 bag", (".db3",), _begins_with(b"SQLite format 3\0"),
-           _in("rosbag_worker", "open_ros2", "rosbag", apart=True), needs("rosbag")),
-    Reader("ULog", (".ulg", ".ulog"), _begins_with(b"ULog\x01\x12\x35"), _in("ulog_worker", extra="ulog", apart=True),
-           needs("ulog")),
-    Reader("NI TDMS", (".tdms",), _begins_with(b"TDSm", b"TDSh"), _in("tdms.reader", "open_tdms"),
-           f"{needs('tdms')} for scales of thermocouples, bridges and tables"),
-    Reader("Excel workbook", (".xlsx", ".xlsm"), lambda head: format_name(head) == "an .xlsx workbook",
-           _in("xlsx", "open_workbook", "excel"), needs("excel")),
-    Reader("UFF", (".uff", ".unv"), _IS_UFF, _in("uff", "open_uff")),
-    Reader("WAV", (".wav",), _IS_WAV, _in("wav", "open_wav")),
-    Reader("CSV", (".csv", ".txt", ".tsv", ".dat", ".asc"), _is_text, _in("csv.reader", "open_text")),
+    _reader("Cortex forces", ".forces", rb"\[Force Data]", "cortex:open_forces"),
+    _reader("C3D", ".c3d", _is_c3d, "c3d:open_c3d"),
+    _reader("enDAQ IDE", ".ide", rb"(?s)\x1aE\xdf\xa3.{0,56}(?i:mide)", "endaq_ide:open_library", "ide", apart=True),
+    _reader("LabVIEW LVM", ".lvm", rb"(?:\xef\xbb\xbf)?LabVIEW Measurement", "lvm:open_lvm"),
+    _reader("MATLAB v5", ".mat", rb"(?s)MATLAB 5\.0|.{124}\x00\x01IM", "matlab_worker:open_library", apart=True),
+    _reader("MATLAB v4", ".mat", _is_matlab_4, "matlab_worker:open_library", apart=True),
+    _reader("HDF5, NeXus, netCDF 4, MATLAB v7.3", _HDF5_EXTENSIONS, _HDF5, "hdf5_worker:open_library", apart=True),
+    _reader("ASAM MDF", ".mf4 .mdf", rb"MDF     |UnFinMF ", "mdf.reader:open_mdf"),
+    _reader("Parquet", ".parquet .pq", rb"PAR1", "parquet_worker:open_library", "parquet", apart=True),
+    _reader("MCAP", ".mcap", rb"\x89MCAP0\r\n", "mcap_worker:open_library", "mcap", apart=True),
+    _reader("ROS 1 bag", ".bag", rb"\#ROSBAG V2", "rosbag_worker:open_ros1", "rosbag", apart=True),
+    _reader("ROS 2 bag", ".db3", rb"SQLite format 3\x00", "rosbag_worker:open_ros2", "rosbag", apart=True),
+    _reader("ULog", ".ulg .ulog", rb"ULog\x01\x12\x35", "ulog_worker:open_library", "ulog", apart=True),
+    replace(_reader("NI TDMS", ".tdms", rb"TDS[mh]", "tdms.reader:open_tdms"), needs=_TDMS_NEEDS),
+    _reader("Excel workbook", ".xlsx .xlsm", lambda head: format_name(head) == "an .xlsx workbook",
+            "xlsx:open_workbook", "excel"),
+    _reader("UFF", ".uff .unv", _UFF, "uff:open_uff"),
+    _reader("WAV", ".wav", rb"(?s)(?:RIFF|RIFX|RF64|BW64).{4}WAVE", "wav:open_wav"),
+    _reader("CSV", ".csv .txt .tsv .dat .asc", _is_text, "csv.reader:open_text"),
 )  # fmt: skip
 """The formats that are read, in the order in which they are asked; any other text is CSV, so that it comes last."""
 
@@ -212,7 +199,9 @@ def _first_bytes(path: Path) -> bytes:
     try:
         with path.open("rb") as stream:
             head = stream.read(HEAD_BYTES)
-            for at in _FAR_BLOCKS if path.suffix.lower() in _HDF5_EXTENSIONS else ():  # behind content of others
+            for at in (
+                _FAR_BLOCKS if path.suffix.lower() in _HDF5_EXTENSIONS.split() else ()
+            ):  # behind content of others
                 stream.seek(at)
                 if stream.read(len(_HDF5_MARK)) == _HDF5_MARK:
                     return _HDF5_MARK

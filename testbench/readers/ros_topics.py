@@ -53,7 +53,6 @@ class Shape:
     """Messages of one shape: their numbers have the same names."""
 
     group: Group
-    names: list[str]
     times: list[int]
     rows: list[list[Number | None]] = field(default_factory=list)
     done: int = 0
@@ -152,7 +151,7 @@ class Topic:
             number = len(self.shapes) + 1
             name = self.name if number == 1 else f"{self.name} part {number}"
             group = self._group(name, tuple(channels), _stamp_index(message) if self.is_stamped else None)
-            self.shapes[key] = Shape(group, list(message.names), list(message.times))
+            self.shapes[key] = Shape(group, list(message.times))
         return self.shapes[key]
 
     def _group(self, name: str, channels: tuple[Channel, ...], stamp: int | None) -> Group:

@@ -5,7 +5,7 @@ Nothing is guessed: a cell that is no number is NaN, and each kind of contradict
 
 import re
 from bisect import insort
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -44,47 +44,41 @@ _LINES = {
 """Lines that are no rows: code and message."""
 
 
-@dataclass(frozen=True)
-class _CellRule:
-    """Cells that contradict the first lines: whether one does, by its text and the file's other decimal mark."""
-
-    code: str
-    applies: Callable[[str, str], bool]
-    message: str
-
-
-_CELLS = (
-    _CellRule(
+_CELLS: tuple[tuple[str, Callable[[str, str], bool], str], ...] = (
+    (
         "decimal_mark_changes",
         lambda text, other: decimal_mark(text) == other and not may_be_thousands(text),
         "the decimal mark changes: the first lines have a decimal {mark}, and {n} numbers here have the other one, the "
         "first is {first}",
     ),
-    _CellRule(
+    (
         "ambiguous_number",
         lambda text, other: decimal_mark(text) == other or is_ambiguous(text),
         "marks that may be of thousands or of decimals in {n} numbers, the first is {first}; export without marks of "
         "thousands",
     ),
-    _CellRule(
+    (
         "ambiguous_number",
         lambda text, _: is_bare_hexadecimal(text),
         "hexadecimal numbers without 0x, it seems, in {n} cells, the first is {first}: then those of digits alone are "
         "read wrongly too; export decimal numbers, or write 0x before them",
     ),
-    _CellRule(
+    (
         "ambiguous_number",
         lambda text, _: decimal_mark(text) is None and is_decorated(text),
         "numbers in another notation than those of the first lines, in {n} cells, the first is {first}; export all of "
         "a column in one notation, without quotes, brackets or units next to the digits",
     ),
-    _CellRule(
+    (
         "nul_bytes",
         lambda text, _: "\0" in text,
         "NUL bytes in {n} cells, as after a power failure of the logger, the first is {first}",
     ),
 )
-"""The first rule that applies to a cell is the one that counts."""
+"""Cells that contradict the first lines: code, whether one does by its text and the other decimal mark, and message.
+
+The first row that applies to a cell is the one that counts.
+"""
 
 
 @dataclass
@@ -129,8 +123,7 @@ class RegularRows:
     def parsed(self, parser: RowParser) -> list[Samples]:
         """Its columns, (n,) each [as written], parsed now."""
         columns = parser.columns(self.text)
-        if columns is None:
-            raise RuntimeError(f"rows from line {self.lines[0]} on are regular, but do not parse")
+        assert columns is not None, f"rows from line {self.lines[0]} on are regular, but do not parse"
         return columns
 
 
@@ -214,24 +207,23 @@ class CellFilter:
     names: tuple[str, ...]
     encoding: str
     by_channel: dict[int, _Places] = field(default_factory=dict)
-    by_rule: dict[_CellRule, _Places] = field(default_factory=dict)
+    by_rule: dict[str, _Places] = field(default_factory=dict)
     missing: dict[int, _Places] = field(default_factory=dict)
 
-    def judge(self, rows: RegularRows, columns: list[Samples], examined: list[int]) -> None:
+    def judge(self, rows: RegularRows, columns: list[Samples], examined: Iterable[int]) -> None:
         """Look at the cells of the ``examined`` columns that are not finite; fill in those that are a number.
 
         ``rows`` must be regular: a separator or a line feed ends each cell. ``columns`` are one array a field, (n,).
         """
-        data = np.frombuffer(rows.text, dtype=np.uint8)
-        ends = np.flatnonzero((data == ord(self.parser.separator)) | (data == ord("\n")))
-        begins = np.concatenate(([0], ends[:-1] + 1))
+        begins, ends = self.parser.cells(rows.text)
         for j in examined:
             odd = ~np.isfinite(columns[j])
             odd[list(rows.emptied)] = False
             at = np.flatnonzero(odd)
             cells = at * self.parser.fields + j
             length = ends[cells] - begins[cells]
-            empty = (length == 0) | ((length == 1) & (data[begins[cells]] == ord("\r")))
+            returns = np.frombuffer(rows.text, np.uint8)[begins[cells]] == ord("\r")
+            empty = (length == 0) | ((length == 1) & returns)
             if empty.any():  # there may be very many, as of a slow sensor next to a fast one
                 places = self.by_channel.setdefault(j, _Places())
                 for row in at[empty][:_LISTED]:
@@ -239,8 +231,7 @@ class CellFilter:
                 places.total += max(0, int(empty.sum()) - _LISTED)
             for row, cell in zip(at[~empty], cells[~empty], strict=True):
                 text = rows.text[begins[cell] : ends[cell]].strip(b" \t\r").decode(self.encoding, "backslashreplace")
-                value = self._judge(j, int(rows.lines[row]), text)
-                if value is not None:
+                if (value := self._judge(j, int(rows.lines[row]), text)) is not None:
                     columns[j] = columns[j] if columns[j].flags.writeable else columns[j].copy()
                     columns[j][row] = value
 
@@ -253,7 +244,7 @@ class CellFilter:
         if decimal_mark(text) in ("", decimal) and np.isfinite(value := float(text.strip().replace(",", "."))):
             return value
         other = "." if decimal == "," else ","
-        if (rule := next((rule for rule in _CELLS if rule.applies(text, other)), None)) is not None:
+        if (rule := next((message for _, applies, message in _CELLS if applies(text, other)), None)) is not None:
             self.by_rule.setdefault(rule, _Places()).add(line, text)
         self.by_channel.setdefault(column, _Places()).add(line, text)
         return None
@@ -261,18 +252,18 @@ class CellFilter:
     def report(self, report: Report) -> None:
         """Report what was found: once for each kind of contradiction, and once for each channel."""
         mark = "comma" if self.parser.dialect.decimal == "," else "point"
-        for rule in _CELLS:
-            if places := self.by_rule.get(rule):
-                text = rule.message.format(n=places.total, first=places.first, mark=mark)
-                report(Finding(rule.code, None, places.where, text))
+        for code, _, message in _CELLS:
+            if places := self.by_rule.get(message):
+                text = message.format(n=places.total, first=places.first, mark=mark)
+                report(Finding(code, None, places.where, text))
         for column, places in sorted(self.missing.items()):
-            message = f"{places.total} cells are words that the import description calls missing, the first is "
-            report(Finding("missing_values", self.names[column], places.where, message + places.first))
+            text = f"{places.total} cells are words that the import description calls missing, the first is "
+            report(Finding("missing_values", self.names[column], places.where, text + places.first))
         for column, places in sorted(self.by_channel.items()):
             seen = ", ".join(f"{shown(text)} in line {line}" for line, text in places.cells)
             more = ", ..." if places.total > len(places.cells) else ""
-            message = f"no finite number in {places.total} of its cells: {seen}{more}"
-            report(Finding("not_a_number", self.names[column], places.where, message))
+            text = f"no finite number in {places.total} of its cells: {seen}{more}"
+            report(Finding("not_a_number", self.names[column], places.where, text))
 
 
 @dataclass
@@ -294,12 +285,12 @@ class LateDecimalMark:
         """Look at the numbers with a point in regular rows."""
         if self._settled or b"." not in rows.text:
             return
-        data = np.frombuffer(rows.text, dtype=np.uint8)
-        ends = np.flatnonzero((data == ord(self.parser.separator)) | (data == ord("\n")))
-        cells = np.unique(np.searchsorted(ends, np.flatnonzero(data == ord("."))))
+        begins, ends = self.parser.cells(rows.text)
+        points = np.flatnonzero(np.frombuffer(rows.text, np.uint8) == ord("."))
+        cells = np.unique(np.searchsorted(ends, points))
         cells = cells[np.isin(cells % self.parser.fields, self.kept)]
         for cell in map(int, cells[:_POINTS_SEEN]):
-            text = rows.text[int(ends[cell - 1]) + 1 if cell else 0 : int(ends[cell])].decode("latin-1").strip()
+            text = rows.text[begins[cell] : ends[cell]].decode("latin-1").strip()
             if decimal_mark(text) == "." and not may_be_thousands(text):
                 self._settled = True
                 return

@@ -2,17 +2,24 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 
 from ...recording import Block, Clock, Finding, Group, Recording, Refusal, Report, TextLog, TimeColumn
 from .. import header_claims
-from ..header_claims import Read, comment_text, key_value_pairs, sensor_ranges, stated_sampling
+from ..header_claims import comment_text, key_value_pairs, sensor_ranges, stated_sampling
 from ..registry import ReadOptions
 from .cell_syntax import is_missing, is_number_like
 from .dialect import Dialect, UnclearDialect, detect_dialect, settles
 from .header import Header, read_header, stated_header, time_name_base, unknown_brackets
-from .rewritten_columns import NotationColumn, TimeColumns, find_notations, find_time_columns, rounded_numbers
+from .rewritten_columns import (
+    NotationColumn,
+    TimeColumns,
+    across_midnight,
+    find_notations,
+    find_time_columns,
+    rounded_numbers,
+)
 from .row_parser import RowParser
 from .table import Table, find_multiple_time_columns
 from .text_blocks import Encoding, first_line, read_first_lines, read_last_lines
@@ -48,9 +55,10 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
     texts = TextLog()
     table = text.table(group, kept, texts)
     of_day = [kept.index(column.field) for column in times.timestamps if column.is_of_day]
-    read: Read = table.blocks
-    if of_day:
-        read = partial(_across_midnight, read, of_day)
+
+    def read(report: Report) -> Iterator[Block]:
+        return across_midnight(table.blocks(report), of_day, report) if of_day else table.blocks(report)
+
     return Recording(
         path=path,
         format="CSV",
@@ -67,13 +75,6 @@ def open_text(path: Path, options: ReadOptions) -> Recording:
         texts=texts,
         content=table.content,
     )
-
-
-def _across_midnight(read: Read, columns: Sequence[int], report: Report) -> Iterator[Block]:
-    """Blocks with times of day that go on after midnight."""
-    from .timestamp_blocks import across_midnight
-
-    return across_midnight(read(report), columns, report)
 
 
 @dataclass(frozen=True)

@@ -70,7 +70,7 @@ class Table:
             columns = piece.columns
             if columns is None:
                 columns = piece.parsed(self.parser)
-                cells.judge(piece, columns, list(self.kept))
+                cells.judge(piece, columns, self.kept)
             points.look(piece)
             if piece.header_line:
                 part, start = part + 1, 0
@@ -91,9 +91,7 @@ class Table:
     def _take_texts(self, text: bytes, field_of_text: int, group: str, name: str, start: int) -> None:
         """Note the texts of a field of regular rows where they change; ``start`` is the first row's sample."""
         data = np.frombuffer(text, dtype=np.uint8)
-        ends = np.flatnonzero((data == ord(self.parser.separator)) | (data == ord("\n")))
-        begins = np.concatenate(([0], ends[:-1] + 1))[field_of_text :: self.parser.fields]
-        ends = ends[field_of_text :: self.parser.fields]
+        begins, ends = (places[field_of_text :: self.parser.fields] for places in self.parser.cells(text))
         widths = np.minimum(ends - begins, _COMPARED)
         places = begins[:, None] + np.arange(widths.max())
         shown = np.where(places < ends[:, None], data[np.minimum(places, len(data) - 1)], 0)

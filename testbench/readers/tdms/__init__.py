@@ -1,1 +1,1 @@
-"""NI TDMS: ``segments`` of the file, the ``metadata`` that they declare, and its ``reader``."""
+"""NI TDMS: the ``metadata`` of a file, which say where its samples lie, and its ``reader``."""

@@ -48,6 +48,7 @@ from .metadata import (
     Channel,
     Contents,
     Property,
+    Reading,
     change_findings,
     channel_title,
     path_names,
@@ -55,7 +56,6 @@ from .metadata import (
     timestamp_remainder,
     timestamp_seconds,
 )
-from .segments import Reading
 
 _MICROSECONDS_UPTO = 1e-4
 """Timestamps are given to the microsecond where their mean step is not below this [s]."""

@@ -136,8 +136,8 @@ def test_integers_that_float64_rounds_are_a_finding(tmp_path, suffix):
 
 
 SIZES = {"byte_source.BLOCK_BYTES": 200, "csv.text_blocks.BLOCK_BYTES": 64, "uff._TEXT_BYTES": 100,
-         "tdms.segments._WINDOW": 64, "ros_topics._ROWS": 7, "mdf.version3.BLOCK_BYTES": 56,
-         "mdf.version4_blocks.BLOCK_BYTES": 56}  # fmt: skip
+         "tdms.metadata._WINDOW": 64, "ros_topics._ROWS": 7, "mdf.version3.BLOCK_BYTES": 56,
+         "mdf.version4.BLOCK_BYTES": 56}  # fmt: skip
 """What bounds a piece that is read, or given, at once."""
 
 

@@ -325,7 +325,7 @@ def test_frames_of_a_bus_keep_their_bytes(tmp_path, monkeypatch, piece, is_finis
 
     A logger that leaves counts unwritten, and says so by its flags, leaves nothing to accept.
     """
-    monkeypatch.setattr("testbench.readers.mdf.version4_blocks.BLOCK_BYTES", piece)
+    monkeypatch.setattr("testbench.readers.mdf.version4.BLOCK_BYTES", piece)
     file = Written(b"MDF     " if is_finished else b"UnFinMF ")
     file.raw[60:62] = b"\0\0" if is_finished else b"\x25\0"
     frames = file.records(0, 0, 2, 8 * is_finished, 0, flags=1)
@@ -391,7 +391,7 @@ def by_column(path, count=1000):
 @pytest.mark.parametrize(("size", "rows"), [(8 << 20, 1 << 20), (56, 7)])
 def test_columns_of_one_time_are_one_group(tmp_path, monkeypatch, size, rows):
     """Channels from their own streams, however those are cut into pieces; invalid samples NaN and counted."""
-    monkeypatch.setattr("testbench.readers.mdf.version4_blocks.BLOCK_BYTES", size)
+    monkeypatch.setattr("testbench.readers.mdf.version4.BLOCK_BYTES", size)
     monkeypatch.setattr("testbench.readers.byte_source.BLOCK_BYTES", 8 * rows)
     found = reading.read(by_column(tmp_path / "made.mf4"))
     assert {c.name for c in found.group().channels} == {"t", "force", "steps"}
