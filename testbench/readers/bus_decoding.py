@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 LARGEST_BYTES = 20 << 20
 """Of a database."""
 _EXTENDED = 1 << 29
+_DATA = [f"DataBytes[{k}]" for k in range(64)]
 
 
 @dataclass(frozen=True)
@@ -75,15 +76,15 @@ class BusDatabase:
 
     def applied(self, recording: Recording) -> Recording:
         """The recording with a group for each message that is met. Raises RecordingError where it has no frames."""
-        if not any(_Frames.of(group) for group in recording.groups):
+        if not any(_places(group) for group in recording.groups):
             raise RecordingError(f"{recording.path.name}: holds no frames of a bus, which {self.name} could decode")
 
         def read(report: Report) -> Iterator[Block]:
             decoders: dict[str, _Decoder] = {}
             for block in recording.read(report):
                 yield block
-                if (frames := _Frames.of(block.group)) is not None:
-                    decoder = decoders.setdefault(block.group.name, _Decoder(self, block.group, frames))
+                if places := _places(block.group):
+                    decoder = decoders.setdefault(block.group.name, _Decoder(self, block.group, places))
                     yield from decoder.blocks(block)
             for decoder in decoders.values():
                 decoder.report(report)
@@ -98,23 +99,10 @@ def _parameter_group(identifier: int) -> int:
     return group if group >> 8 & 0xFF >= 240 else group & 0x3FF00
 
 
-@dataclass(frozen=True)
-class _Frames:
-    """The places of frames among the channels of a group; ``extended`` is -1 where nothing says so."""
-
-    identifier: int
-    length: int
-    data: tuple[int, ...]
-    extended: int
-
-    @classmethod
-    def of(cls, group: Group) -> "_Frames | None":
-        """Those of a group; None if it holds no frames."""
-        places = {channel.name.rpartition(".")[2]: i for i, channel in enumerate(group.channels)}
-        data = tuple(places[f"DataBytes[{k}]"] for k in range(64) if f"DataBytes[{k}]" in places)
-        if not {"ID", "DataLength"} <= places.keys() or not data:
-            return None
-        return cls(places["ID"], places["DataLength"], data, places.get("IDE", -1))
+def _places(group: Group) -> dict[str, int]:
+    """The places of the channels of a group by the last part of their name; none if it holds no frames."""
+    places = {channel.name.rpartition(".")[2]: i for i, channel in enumerate(group.channels)}
+    return places if {"ID", "DataLength"} <= places.keys() and any(name in places for name in _DATA) else {}
 
 
 @dataclass
@@ -123,18 +111,18 @@ class _Decoder:
 
     database: BusDatabase
     group: Group
-    frames: _Frames
+    places: dict[str, int]
     _samples: Counter[str] = field(default_factory=Counter)
     _unknown: Counter[int] = field(default_factory=Counter)
     _failed: Counter[str] = field(default_factory=Counter)
 
     def blocks(self, block: Block) -> Iterator[Block]:
         """A block for each message in a block of frames."""
-        frames = self.frames
-        identifiers = block.columns[frames.identifier].astype(np.int64)
-        extended = block.columns[frames.extended] != 0 if frames.extended >= 0 else identifiers > 0x7FF
-        lengths = block.columns[frames.length].astype(np.int64)
-        data = np.nan_to_num(np.column_stack([block.columns[i] for i in frames.data])).astype(np.uint8)
+        columns = {name: block.columns[i] for name, i in self.places.items()}
+        identifiers, lengths = (columns[name].astype(np.int64) for name in ("ID", "DataLength"))
+        extended = columns["IDE"] != 0 if "IDE" in columns else identifiers > 0x7FF
+        parts = [columns[name] for name in _DATA if name in columns]
+        data = np.nan_to_num(np.column_stack(parts)).astype(np.uint8)
         keys = identifiers % _EXTENDED + _EXTENDED * extended
         for key in np.unique(keys).tolist():
             rows = np.flatnonzero(keys == key).tolist()

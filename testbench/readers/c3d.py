@@ -151,7 +151,6 @@ class Header:
 
 
 def _header(source: ByteSource) -> Header:
-    """Header and parameters."""
     raw = source.read(0, BLOCK, "the header")
     if raw[1] != 0x50 or raw[0] == 0:
         raise damaged(source.path, f"begins with {raw[:2].hex()}; expected the parameters' block and 50 (hexadecimal)")
@@ -177,7 +176,14 @@ def _header(source: ByteSource) -> Header:
     if not head.words or data_block < 1:
         what = f"{points} points and {channels} analog channels from block {data_block} on: no data"
         raise damaged(source.path, what)
-    findings += _against_size(source, head)
+    there = max(0, source.size - begin)
+    whole = there // head.frame_bytes
+    if whole < frames:
+        message = f"{frames} frames are declared, {whole} whole ones are in the file's {source.size} bytes"
+        findings.append(Finding("cut_file", None, None, message))
+    elif there - frames * head.frame_bytes >= max(head.frame_bytes, BLOCK):
+        message = f"{frames} frames are declared, the file has room for {whole}"
+        findings.append(Finding("count_contradiction", None, None, message))
     stated, rate = given.number("ANALOG:RATE"), head.rate_hz * per_frame
     if stated is not None and channels and stated != rate:
         message = f"the analog rate is {stated:g} Hz in the parameters, "
@@ -215,19 +221,6 @@ def _frames(given: Parameters, first: int, last: int, findings: list[Finding]) -
     return max(header, 0)
 
 
-def _against_size(source: ByteSource, head: Header) -> list[Finding]:
-    """The declared frames against the bytes that are there."""
-    there = max(0, source.size - head.begin)
-    whole = there // head.frame_bytes
-    if whole < head.frames:
-        message = f"{head.frames} frames are declared, {whole} whole ones are in the file's {source.size} bytes"
-        return [Finding("cut_file", None, None, message)]
-    if there - head.frames * head.frame_bytes >= max(head.frame_bytes, BLOCK):
-        message = f"{head.frames} frames are declared, the file has room for {whole}"
-        return [Finding("count_contradiction", None, None, message)]
-    return []
-
-
 def _labels(given: Sequence[str], count: int, otherwise: str) -> list[str]:
     """A label for each of ``count`` columns; those without one are numbered."""
     padded = [*given[:count], *[""] * (count - len(given))]
@@ -238,18 +231,11 @@ _LARGEST = 1e300
 """A scale beyond this is none; it must not overflow."""
 
 
-@dataclass(frozen=True)
-class Frames:
-    """Successive frames: ``points`` (p, 4, m), coordinates [POINT:UNITS] and fourth word [-]; ``analog`` (c, n)."""
+def _frame_blocks(source: ByteSource, head: Header) -> Iterator[tuple[int, Samples, Samples, int]]:
+    """All whole frames, in blocks of bounded size: the first one's number, points, analog samples, where they end.
 
-    points: Samples
-    analog: Samples
-    start: int
-    end_byte: int
-
-
-def _frame_blocks(source: ByteSource, head: Header) -> Iterator[Frames]:
-    """All whole frames, in blocks of bounded size."""
+    Points are (p, 4, m), coordinates [POINT:UNITS] and fourth word [-]; analog samples (c, n).
+    """
     given = head.parameters
     frames = min(head.frames, (source.size - head.begin) // head.frame_bytes)
     is_unsigned = any(word.upper() == "UNSIGNED" for word in given.texts("ANALOG:FORMAT"))
@@ -273,7 +259,7 @@ def _frame_blocks(source: ByteSource, head: Header) -> Iterator[Frames]:
             analog = np.where(analog < 0, analog + 65536.0, analog)
         with np.errstate(all="ignore"):
             physical = (analog - offset) * (scale * (1.0 if general is None else general))
-        yield Frames(points, physical, start, begin + len(raw))
+        yield start, points, physical, begin + len(raw)
 
 
 _LONGEST_TEXT = 2000
@@ -287,9 +273,8 @@ def open_c3d(path: Path, options: ReadOptions) -> Recording:
         if not head.frames:
             raise Refusal(path.name, Finding("no_data", None, None, "the header declares no frame"))
         spoken = np.zeros(head.points, dtype=bool)  # fourth words that are anything but 0 (seen) and -1 (not seen)
-        for piece in _frame_blocks(source, head) if head.points else ():
-            words = piece.points[:, 3]
-            spoken |= ((words != 0) & (words != -1)).any(axis=1)
+        for _, points, _, _ in _frame_blocks(source, head) if head.points else ():
+            spoken |= ((points[:, 3] != 0) & (points[:, 3] != -1)).any(axis=1)
     residuals = np.flatnonzero(spoken)
     groups = _groups(path.stem, head, residuals)
     known = ("LABELS", "UNITS", "DESCRIPTIONS", "SCALE", "OFFSET", "GAIN")
@@ -344,14 +329,14 @@ def _blocks(
     """Frames as blocks of each group; positions that were not seen are NaN, and counted."""
     missing = 0
     with ByteSource(path) as source:
-        for piece in _frame_blocks(source, head):
-            unseen = piece.points[:, 3] < 0
+        for start, points, analog, end in _frame_blocks(source, head):
+            unseen = points[:, 3] < 0
             missing += int(unseen.sum())
-            seen = np.where(unseen[:, None], np.nan, piece.points[:, :3]).reshape(3 * head.points, unseen.shape[1])
-            columns = {"analog": piece.analog, "points": seen, "residuals": piece.points[residuals, 3]}
+            seen = np.where(unseen[:, None], np.nan, points[:, :3]).reshape(3 * head.points, unseen.shape[1])
+            columns = {"analog": analog, "points": seen, "residuals": points[residuals, 3]}
             for kind, group in groups.items():
-                start = piece.start * (head.per_frame if kind == "analog" else 1)
-                yield Block(group, tuple(columns[kind]), start, None, piece.end_byte)
+                first = start * (head.per_frame if kind == "analog" else 1)
+                yield Block(group, tuple(columns[kind]), first, None, end)
     if missing:
         message = f"{missing} positions are marked as not seen (their fourth word is negative): NaN"
         report(Finding("invalid_samples", None, None, message))

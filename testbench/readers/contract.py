@@ -1,6 +1,7 @@
 """What every reader must keep, built-in or from another package; to be called from the tests of either."""
 
 import hashlib
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import numpy as np
 
 from balance.errors import CounterpoiseError
 
-from ..recording import MEANING, Block, ContentDigest, Finding, Group, Recording, TimeColumn
+from ..recording import MEANING, ContentDigest, Group, Recording, TimeColumn
 from .registry import HEAD_BYTES, Reader, ReadOptions, find_reader
 
 _HEADS = (b"", b"\0" * 64, b"\xff" * HEAD_BYTES, b"a,b\n1,2\n", bytes(range(256)) * 16)
@@ -63,8 +64,6 @@ def _of_header(recording: Recording) -> Iterator[str]:
         yield f"groups of one name: {names}"
     for group in recording.groups:
         yield from _of_group(group)
-    for finding in recording.findings:
-        yield from _of_finding(finding)
     if not recording.format or not recording.reader:
         yield "format or reader is empty"
 
@@ -81,47 +80,38 @@ def _of_group(group: Group) -> Iterator[str]:
         yield f"group {group.name!r}: its time is channel {group.clock.index} of {len(group.channels)}"
 
 
-def _of_finding(finding: Finding) -> Iterator[str]:
-    if finding.code not in MEANING:
-        yield f"finding {finding.code!r} is no code of testbench.recording"
-    if not finding.message:
-        yield f"finding {finding.code!r} has no message"
-
-
 def _of_blocks(recording: Recording, digest: "hashlib._Hash") -> Iterator[str]:
-    """Blocks that follow one another, of equal columns of float64; findings on the way are known ones.
+    """Blocks that follow one another, of equal columns of float64; findings, in the header and on the way, are known.
 
     Where the reader gives a digest of all bytes that it read, that is the file's.
     """
     content = recording.content or ContentDigest()
     content.wanted = True
-    findings: list[Finding] = []
-    done: dict[str, int] = {}
+    findings, done = [*recording.findings], Counter[str]()
     for block in recording.blocks(findings.append):
-        yield from _of_block(block, done)
-        digest.update(block.group.name.encode("utf-8", "replace"))
+        group, name = block.group, block.group.name
+        if len(block.columns) != len(group.channels):
+            yield f"group {name!r}: {len(block.columns)} columns for {len(group.channels)} channels"
+        if any(c.dtype != np.float64 or c.ndim != 1 or len(c) != len(block) for c in block.columns) or not len(block):
+            yield f"group {name!r}: columns are not float64 of one length that is not zero"
+        if block.start != done[name]:
+            yield f"group {name!r}: a block begins at sample {block.start}, expected {done[name]}"
+        done[name] += len(block)
+        digest.update(name.encode("utf-8", "replace"))
         for column in block.columns:
             digest.update(np.ascontiguousarray(column).tobytes())
-        if block.group not in recording.groups:
-            yield from _of_group(block.group)
+        if group not in recording.groups:
+            yield from _of_group(group)
     if recording.content is not None and content.sha256 != hashlib.sha256(recording.path.read_bytes()).hexdigest():
         yield "the digest of what it read is not that of the file"
     for finding in findings:
-        yield from _of_finding(finding)
+        if finding.code not in MEANING:
+            yield f"finding {finding.code!r} is no code of testbench.recording"
+        if not finding.message:
+            yield f"finding {finding.code!r} has no message"
     for group in recording.groups:
-        if not done.get(group.name):
+        if not done[group.name]:
             yield f"group {group.name!r} is announced and has no sample"
-
-
-def _of_block(block: Block, done: dict[str, int]) -> Iterator[str]:
-    name = block.group.name
-    if len(block.columns) != len(block.group.channels):
-        yield f"group {name!r}: {len(block.columns)} columns for {len(block.group.channels)} channels"
-    if any(c.dtype != np.float64 or c.ndim != 1 or len(c) != len(block) for c in block.columns) or not len(block):
-        yield f"group {name!r}: columns are not float64 of one length that is not zero"
-    if block.start != done.get(name, 0):
-        yield f"group {name!r}: a block begins at sample {block.start}, expected {done.get(name, 0)}"
-    done[name] = done.get(name, 0) + len(block)
 
 
 def _of_damage(reader: Reader, example: Path) -> Iterator[str]:
