@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ..recording import Block, Channel, Finding, Group, Recording, Refusal, Report, UniformClock
+from .csv.cell_syntax import as_number
 from .csv.dialect import Dialect
 from .csv.row_parser import RowParser
 from .csv.table import Table
@@ -44,10 +45,7 @@ def open_forces(path: Path, options: ReadOptions) -> Recording:
 
 
 def _number(path: Path, stated: dict[str, str], key: str) -> float:
-    try:
-        value = float(stated[key])
-    except (KeyError, ValueError):
-        value = 0.0
+    value = as_number(stated.get(key, "")) or 0.0
     if not 0.0 < value < float("inf"):
         message = f"{key} is {stated.get(key, 'missing')!r}; expected a positive number above the names"
         raise Refusal(path.name, Finding("no_data", None, None, message))

@@ -51,11 +51,6 @@ def rounded_integers(channel: str, where: str | None = None) -> Finding:
     return Finding("not_exact", channel, where, "holds integers beyond 2**53, which float64 rounds")
 
 
-def text_channel(channel: str) -> Finding:
-    """The finding that a channel is one of text."""
-    return Finding("text_channel", channel, None, "holds text, not numbers; it is not kept")
-
-
 def names_listed(names: Sequence[str]) -> str:
     """The first ten names, and that there are more."""
     return ", ".join(names[:_MOST_NAMES]) + (" and more" if len(names) > _MOST_NAMES else "")

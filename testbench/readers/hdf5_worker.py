@@ -348,7 +348,7 @@ def _take(file: h5py.File, path: str, dataset: h5py.Dataset, found: _File) -> No
     """Sort a dataset: a series of samples, a number, a text, or something else."""
     dotted, (parent, _, last) = path.strip("/").replace("/", "."), path.rpartition("/")
     name = dotted if found.is_matlab else last
-    stated = attributes(dataset)
+    stated, is_text = attributes(dataset), h5py.check_string_dtype(dataset.dtype) is not None
     is_empty = found.is_matlab and bool(stated.get("MATLAB_empty"))  # its numbers are then its size
     if is_netcdf_dimension(stated):
         return
@@ -369,30 +369,22 @@ def _take(file: h5py.File, path: str, dataset: h5py.Dataset, found: _File) -> No
         if dataset.dtype.kind in "iufb":
             value = float(np.asarray(dataset[()]).ravel()[0])
             found.metadata[dotted], found.scalars[dotted] = repr(value), value
-        elif h5py.check_string_dtype(dataset.dtype) is not None and dataset.id.get_storage_size() <= 1 << 16:
+        elif is_text and dataset.id.get_storage_size() <= 1 << 16:
             element = np.asarray(dataset[()]).ravel()[0]
             found.metadata[dotted] = plain(element)[:2000].strip("\0") if isinstance(element, bytes | str) else ""
-    elif (series := _series(name, parent.strip("/"), dataset, stated, found)) is not None:
-        _keep(path, dataset, stated, series, found)
-    elif h5py.check_string_dtype(dataset.dtype) is not None and len(dataset.shape) == 1:
-        opened = partial(found.reopened, dataset.ref)
-        found.texts.append(
-            TextArray(parent.strip("/"), name, dataset.size, lambda begin, end: _texts(opened(), begin, end))
-        )
     else:
-        what = "texts" if h5py.check_string_dtype(dataset.dtype) else str(dataset.dtype)
-        found.left_out.append(f"{path} ({' x '.join(map(str, dataset.shape))} of {what})")
-
-
-def _series(
-    name: str, parent: str, dataset: h5py.Dataset, stated: Mapping[str, AttributeValue], found: _File
-) -> Series | None:
-    """A dataset as a series; what series must share to be a group is the group in HDF5, the variable in MATLAB."""
-    root = parent.split("/")[0] if found.is_matlab else parent
-    index = MATLAB_INDEX[::-1] if found.is_matlab else PYTHON_INDEX
-    packing, unit = stated_packing(stated, dataset.dtype), unit_of(stated)
-    opened = partial(found.reopened, dataset.ref)
-    return array_series(name, root, dataset.shape, dataset.dtype, opened, index, unit, packing)
+        place, opened = parent.strip("/"), partial(found.reopened, dataset.ref)
+        # what series must share to be a group is the group in HDF5, the variable in MATLAB
+        root, index = (place.split("/")[0], MATLAB_INDEX[::-1]) if found.is_matlab else (place, PYTHON_INDEX)
+        packing, unit = stated_packing(stated, dataset.dtype), unit_of(stated)
+        series = array_series(name, root, dataset.shape, dataset.dtype, opened, index, unit, packing)
+        if series is not None:
+            _keep(path, dataset, stated, packing, series, found)
+        elif is_text and len(dataset.shape) == 1:
+            found.texts.append(TextArray(place, name, dataset.size, lambda begin, end: _texts(opened(), begin, end)))
+        else:
+            what = "texts" if is_text else str(dataset.dtype)
+            found.left_out.append(f"{path} ({' x '.join(map(str, dataset.shape))} of {what})")
 
 
 def _texts(dataset: h5py.Dataset, begin: int, end: int) -> list[str]:
@@ -401,15 +393,21 @@ def _texts(dataset: h5py.Dataset, begin: int, end: int) -> list[str]:
     return [cell.decode("utf-8", "backslashreplace") if isinstance(cell, bytes) else str(cell) for cell in cells]
 
 
-def _keep(path: str, dataset: h5py.Dataset, stated: Mapping[str, AttributeValue], series: Series, found: _File) -> None:
+def _keep(
+    path: str,
+    dataset: h5py.Dataset,
+    stated: Mapping[str, AttributeValue],
+    packing: Packing,
+    series: Series,
+    found: _File,
+) -> None:
     """Take a series, with what its attributes say of its numbers."""
     if not found.is_matlab:
         axis, is_axis = stated_axis(path, dataset, stated, found.nexus)
         series = replace(series, axis=axis, is_axis=is_axis)
     columns = {of for of, _ in number_columns(dataset.dtype)} | {"real", "imag"}
     found.left_out += [f"{path}.{plain(name)}" for name in dataset.dtype.names or () if name not in columns]
-    packing, channel = stated_packing(stated, dataset.dtype), series.channels[0].name
-    said = []
+    channel, said = series.channels[0].name, []
     if (packing.scale, packing.offset) != (1.0, 0.0):
         stretched = f"scale_factor {packing.scale:g} and add_offset {packing.offset:g}"
         said.append(("calibration_applied", f"numbers were made physical by {stretched}"))

@@ -51,6 +51,7 @@ from ..recording import (
     point_in_time,
 )
 from ..units import seconds_per
+from .csv.cell_syntax import as_number
 from .csv.dialect import DELIMITERS
 from .csv.header import named_channels, time_column
 from .header_claims import ONE_RATE, SINCE_1970, start_at
@@ -151,12 +152,12 @@ class ImportDescription(Table):
     @property
     def words(self) -> frozenset[str]:
         """The words for no value."""
-        return frozenset(word for word in self.missing if isinstance(word, str) and _number(word) is None)
+        return frozenset(word for word in self.missing if isinstance(word, str) and as_number(word) is None)
 
     @property
     def codes(self) -> tuple[float, ...]:
         """The numbers for no value, also as float32 holds them."""
-        numbers = [number for each in self.missing if (number := _number(each)) is not None]
+        numbers = [number for each in self.missing if (number := as_number(each)) is not None]
         with np.errstate(over="ignore"):
             return tuple(dict.fromkeys(x for n in numbers for x in (n, float(np.float32(n)))))
 
@@ -389,13 +390,6 @@ def _place(group: Group, name: str) -> int | None:
         if names.count(name) == 1:
             return names.index(name)
     return None
-
-
-def _number(text: str | float) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None
 
 
 def _point(text: str) -> StartTime | None:

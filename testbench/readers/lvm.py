@@ -59,7 +59,6 @@ class Header:
 
 
 def _headers(path: Path, encoding: Encoding) -> list[Header]:
-    """The header of the file, then that of each segment with the lines of its data."""
     words, total, skipping = list[tuple[int, str]](), 0, False  # lines that begin with a letter or a star
     name = encoding.name if encoding.keeps_ascii else "latin-1"
     for lines in read_blocks(path, encoding, 1):

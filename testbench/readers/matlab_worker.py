@@ -172,7 +172,6 @@ def _header_5(path: Path, content: bytes, order: str) -> tuple[str, str | None]:
 
 
 def _unpacked(path: Path, packed: bytes, offset: int) -> bytes:
-    """The bytes of a compressed variable."""
     unpack, most = zlib.decompressobj(), max(_ALWAYS_ALLOWED, _MOST_RATIO * len(packed))
     try:
         content = unpack.decompress(packed, most + 1)

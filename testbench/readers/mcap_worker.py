@@ -134,8 +134,6 @@ _ENCODINGS = {("ros1msg", "ros1"), ("ros2msg", "cdr")}
 
 @dataclass
 class _File:
-    """The topics of a file and what is known of them."""
-
     topics: dict[int, Topic] = field(default_factory=dict)
     schemas: dict[int, Any] = field(default_factory=dict)
     counts: Counter[int] = field(default_factory=Counter)

@@ -118,16 +118,11 @@ def _column(file: parquet.ParquetFile, i: int, findings: list[Finding]) -> Colum
         return Column(name, Channel(name, unit))
     if types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind) or types.is_boolean(kind):
         return Column(name, named_channels([name], [""])[0])
-    if _is_text(kind):
+    letters = kind.value_type if types.is_dictionary(kind) else kind
+    if types.is_string(letters) or types.is_large_string(letters):
         return Column(name, None)
     findings.append(Finding("left_out", name, None, f"holds {kind}, not one number a row"))
     return None
-
-
-def _is_text(kind: Any) -> bool:  # noqa: ANN401
-    if types.is_dictionary(kind):
-        return _is_text(kind.value_type)
-    return bool(types.is_string(kind) or types.is_large_string(kind))
 
 
 def _batches(file: parquet.ParquetFile, columns: list[int], rows: int) -> Iterator[Any]:

@@ -159,19 +159,14 @@ class _State:
             for name in names:
                 self.fields(each.kind, f"{name}.")
             return
-        if each.kind in (_TIME, _DURATION):
-            for name in names:
-                self._time(each.kind, name)
-            return
-        self.message.numbers += self.take(_PRIMITIVES[each.kind], count)
         self.message.names += names
-
-    def _time(self, kind: str, name: str) -> None:
-        """Seconds and nanoseconds; a time of zero was not set."""
-        seconds = int(self.take("I" if kind == _TIME and not self.is_cdr else "i")[0])
-        nanoseconds = int(self.take("I" if kind == _TIME or self.is_cdr else "i")[0])
-        value = seconds * 1_000_000_000 + nanoseconds
-        if kind == _TIME:
-            self.message.times.append(len(self.message.numbers))
-        self.message.numbers.append(None if kind == _TIME and not value else value)
-        self.message.names.append(name)
+        if each.kind not in (_TIME, _DURATION):
+            self.message.numbers += self.take(_PRIMITIVES[each.kind], count)
+            return
+        is_point = each.kind == _TIME
+        for _ in names:  # seconds and nanoseconds
+            seconds = int(self.take("I" if is_point and not self.is_cdr else "i")[0])
+            value = seconds * 1_000_000_000 + int(self.take("I" if is_point or self.is_cdr else "i")[0])
+            if is_point:
+                self.message.times.append(len(self.message.numbers))
+            self.message.numbers.append(None if is_point and not value else value)  # one of zero was not set

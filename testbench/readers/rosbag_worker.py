@@ -70,7 +70,6 @@ def _topics(path: Path, bag: Any) -> list[tuple[Topic, list[Any]]]:  # noqa: ANN
 
 
 def _messages(path: Path, report: Report) -> Iterator[tuple[Topic, int, bytes]]:
-    """Every message with its topic and time of logging."""
     with _bag(path) as bag:
         of_connection = {c.id: topic for topic, connections in _topics(path, bag) for c in connections}
         declared, found = int(bag.message_count), 0

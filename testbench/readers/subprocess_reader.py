@@ -135,21 +135,16 @@ class Process:
             env={**os.environ, **threads, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
         )
 
-    def header(self) -> dict[str, Any]:
-        """The recording's header. Raises Refusal or RecordingError, and ends the process, if there is none."""
+    def first(self, key: str) -> Any:  # noqa: ANN401
+        """The header of a ``recording``, or the ``answer`` of a function that gives none, as JSON carries it.
+
+        Raises Refusal or RecordingError, and ends the process, if there is none.
+        """
         try:
-            document: dict[str, Any] = self._frame()[0]["recording"]
+            return self._frame()[0][key]
         except BaseException:
             self.end()
             raise
-        return document
-
-    def answer(self) -> Any:  # noqa: ANN401
-        """What a function gives that gives no recording, as JSON carries it; the process ends."""
-        try:
-            return self._frame()[0]["answer"]
-        finally:
-            self.end()
 
     def data(self) -> Iterator[tuple[dict[str, Any], Samples]]:
         """Blocks, groups and findings, one after the other, after the header; the process ends with the last one."""
@@ -213,13 +208,16 @@ def _end_waiting(process: Process) -> None:
 
 def answer_in_subprocess(path: Path, module: str, function: str, *others: str) -> Any:  # noqa: ANN401
     """What ``module.function(path, *others)`` gives, as JSON carries it, from a process of its own."""
-    return Process(path, module, function, *others).answer()
+    process = Process(path, module, function, *others)
+    answer = process.first("answer")
+    process.end()
+    return answer
 
 
 def open_in_subprocess(path: Path, module: str, function: str = "open_library") -> Recording:
     """The recording that ``module.function(path)`` gives, opened and read in a process of its own."""
     process = Process(path, module, function)
-    header = process.header()
+    header = process.first("recording")
     for other in [*_WAITING]:
         _end_waiting(other)
     _WAITING.append(process)
@@ -231,7 +229,7 @@ def open_in_subprocess(path: Path, module: str, function: str = "open_library") 
             _WAITING.remove(process)
         else:
             asked = Process(path, module, function)
-            asked.header()
+            asked.first("recording")
         for document, data in asked.data():
             if "finding" in document:
                 report(Finding(**document["finding"]))

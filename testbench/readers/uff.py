@@ -245,7 +245,6 @@ class Function:
 
 
 def _function(source: ByteSource, dataset: Dataset) -> Function:
-    """The header of a dataset 58."""
     raw, offset = _lines(source, dataset.begin, 11)
     with refusing(source.path, f"the header of dataset 58 at byte {dataset.begin}", ValueError, IndexError):
         lines = [decoded(line).rstrip("\r\n") for line in raw]

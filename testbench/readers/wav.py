@@ -84,11 +84,9 @@ def open_wav(path: Path, options: ReadOptions) -> Recording:
 
 def _sample_chunk(source: ByteSource) -> _SampleChunk:
     order = ">" if source.read(0, 4, "the name of the format") == b"RIFX" else "<"
-    form, at, texts, long_size = None, 12, dict[str, str](), None
-    for _ in range(_MOST_CHUNKS):
-        if at + 8 > source.size:
-            break
-        name, size = struct.unpack(f"{order}4sI", source.read(at, 8, "a chunk"))
+    form, end, texts, long_size = None, 12, dict[str, str](), None
+    for at, name, size in _chunks(source, 12, order):
+        end = at + 8 + size + size % 2
         if name == b"ds64":
             (long_size,) = struct.unpack("<8xQ", source.read(at + 8, 16, "the long sizes"))
         elif name == b"fmt ":
@@ -105,8 +103,17 @@ def _sample_chunk(source: ByteSource) -> _SampleChunk:
             texts |= _broadcast_texts(source.read(at + 8, min(size, source.size - at - 8, 338), "texts"))
         elif name == b"LIST":
             texts |= _texts(source.read(at + 8, min(size, source.size - at - 8, 1 << 16), "texts"), order)
+    raise damaged(source.path, f"no chunk of samples up to byte {min(end, source.size)}")
+
+
+def _chunks(source: ByteSource, at: int, order: str) -> Iterator[tuple[int, bytes, int]]:
+    """Where each chunk begins from ``at`` on, its name, and its size."""
+    for _ in range(_MOST_CHUNKS):
+        if at + 8 > source.size:
+            return
+        name, size = struct.unpack(f"{order}4sI", source.read(at, 8, "a chunk"))
+        yield at, name, size
         at += 8 + size + size % 2
-    raise damaged(source.path, f"no chunk of samples up to byte {min(at, source.size)}")
 
 
 def _sample_format(source: ByteSource, raw: bytes, order: str) -> _SampleFormat:
@@ -160,17 +167,13 @@ def _length_finding(source: ByteSource, chunk: _SampleChunk) -> Finding | None:
     if chunk.declared % frame:
         message = f"{chunk.declared} bytes are declared, which are {declared} frames and a part of one"
         return Finding("count_contradiction", None, None, message)
-    at = chunk.begin + chunk.declared
-    at += chunk.declared % 2 if not _is_name(source, at) else 0
-    for _ in range(_MOST_CHUNKS):
-        if at + 8 > source.size:
-            break
-        name, size = struct.unpack(f"{chunk.form.order}4sI", source.read(at, 8, "a chunk"))
+    behind = chunk.begin + chunk.declared
+    behind += chunk.declared % 2 if not _is_name(source, behind) else 0
+    for at, name, _ in _chunks(source, behind, chunk.form.order):
         if name == b"data" or not _is_name(source, at):
             more = "a second chunk of samples" if name == b"data" else "more samples than declared, it seems"
             message = f"{source.size - at} bytes behind the {chunk.frames} frames declared: {more}; they are not read"
             return Finding("count_contradiction", None, f"byte {at}", message)
-        at += 8 + size + size % 2
     return None
 
 

@@ -24,6 +24,7 @@ from openpyxl.worksheet._reader import CELL_TAG, FORMULA_TAG, VALUE_TAG, WorkShe
 
 from ..recording import Finding, Refusal
 from ..units import is_unit
+from .csv.cell_syntax import as_number
 from .format_findings import cut, damaged
 
 MOST_ROWS, MOST_COLUMNS = 1 << 20, 1 << 14
@@ -219,7 +220,7 @@ class _Sheet(WorkSheetParser):  # type: ignore[misc]
         first, last, texts = min(self._used, default=1), max(self._used, default=1), []
         for top, left, bottom, right in sorted((r.min_row, r.min_col, r.max_row, r.max_col) for r in merged):
             text = "".join(head.get(top, [])[left - 1 : left])
-            if not text or _is_number(text) or (left <= first and right >= last):  # a title
+            if not text or as_number(text) is not None or (left <= first and right >= last):  # a title
                 continue
             right = min(right, last)
             if "%" in text and self._shares.intersection(range(left, right + 1)):
@@ -233,7 +234,7 @@ class _Sheet(WorkSheetParser):  # type: ignore[misc]
         joined = set[int]()
         for bottom, left, right in texts:
             below = head.get(bottom + 1, [])[left - 1 : right]
-            are_names = len(below) == right - left + 1 > 1 and all(cell and not _is_number(cell) for cell in below)
+            are_names = len(below) == right - left + 1 > 1 and all(cell and as_number(cell) is None for cell in below)
             if are_names and not all(map(is_unit, below)):
                 head[bottom + 1][left - 1 : right] = [f"{head[bottom][left - 1]} {cell}" for cell in below]
                 joined.add(bottom)
@@ -243,11 +244,3 @@ class _Sheet(WorkSheetParser):  # type: ignore[misc]
 def _line(cells: list[str], places: list[int]) -> str:
     """A row of cells in these places as a line; an empty one where there are none."""
     return "\t".join(cells[i] if i < len(cells) else "" for i in places) + "\n" if any(cells) else "\n"
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

@@ -27,6 +27,14 @@ _MISSING = frozenset((
 """Words for no value, next to 1.#QNAN, 1.#IND and their kin."""
 
 
+def as_number(text: str | bytes | float) -> float | None:
+    """What ``float()`` makes of it; None if that is nothing."""
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
 @lru_cache(maxsize=1 << 14)
 def decimal_mark(cell: str) -> str | None:
     """``.`` or ``,`` if the cell is a number with that decimal mark; ``""`` for an integer; None otherwise."""
@@ -204,7 +212,6 @@ def zone_minutes(text: str) -> int:
 
 
 def _seconds_east(zone: str) -> int:
-    """Seconds east of Greenwich."""
     if zone[:1] not in ("+", "-"):
         return 0
     digits = zone[1:].replace(":", "").ljust(4, "0")

@@ -49,6 +49,8 @@ class NotationColumn(RewrittenColumn):
 
     plain: Callable[[str], str | None]
     findings: tuple[Finding, ...] = ()
+    zero_text: str = ""
+    """Of times such as nanoseconds since 1970: the first one, from which they are counted."""
 
     def number(self, cells: Sequence[str]) -> str | None:
         """The number of its cell; None if it stays as it is."""
@@ -222,20 +224,12 @@ class TimestampColumn(RewrittenColumn):
         return None if days is None else days * DAY + time.nanoseconds - self.zero
 
 
-@dataclass(frozen=True)
-class LongNumberColumn(RewrittenColumn):
-    """The column ``field`` of long numbers, such as nanoseconds since 1970, counted from its first one."""
-
-    zero_text: str
-    decimals: int
-
-    def number(self, cells: Sequence[str]) -> str | None:
-        """The difference to the first number, to its last digit."""
-        cell = cells[self.field]
-        if not is_without_exponent(cell):
-            return None
-        decimals = max(self.decimals, len(cell.replace(",", ".").partition(".")[2]))
-        return _decimal_text(_scaled(cell, decimals) - _scaled(self.zero_text, decimals), decimals)
+def _counted(zero_text: str, least_decimals: int, cell: str) -> str | None:
+    """The difference of a number to the first one, to its last digit."""
+    if not is_without_exponent(cell):
+        return None
+    decimals = max(least_decimals, len(cell.replace(",", ".").partition(".")[2]))
+    return _decimal_text(_scaled(cell, decimals) - _scaled(zero_text, decimals), decimals)
 
 
 def _scaled(cell: str, decimals: int) -> int:
@@ -257,7 +251,7 @@ class TimeColumns:
     too many for seconds if it may be a day.
     """
 
-    columns: tuple[TimestampColumn | LongNumberColumn, ...] = ()
+    columns: tuple[TimestampColumn | NotationColumn, ...] = ()
     texts: frozenset[int] = frozenset()
     coarse: frozenset[int] = frozenset()
     findings: tuple[Finding, ...] = ()
@@ -299,7 +293,7 @@ class TimeColumns:
         seconds = seconds_per(unit) if unit else in_seconds
         if not is_since_1970(name) or seconds is None:
             return None
-        first = Decimal(column.zero_text.replace(",", ".")) if isinstance(column, LongNumberColumn) else Decimal(0)
+        first = Decimal(column.zero_text.replace(",", ".")) if column is not None else Decimal(0)
         return point_in_time(int(first * Decimal(repr(seconds)) * SECOND), f"{name}, since 1970")
 
     def clock(self, channels: Sequence[Channel], kept: Sequence[int]) -> TimeColumn | None:
@@ -335,7 +329,7 @@ def find_time_columns(rows: Rows, ends: Rows, header: Header, order: str = "") -
     rows = [cells for cells in rows if len(cells) == header.fields]
     found = {i: notation for i in range(len(header.channels)) if (notation := _usual_notation(rows, i)) is not None}
     dates = [i for i, notation in found.items() if not notation.clock]
-    columns, findings = list[TimestampColumn | LongNumberColumn](), list[Finding]()
+    columns, findings = list[TimestampColumn | NotationColumn](), list[Finding]()
     texts, coarse, digits = {*dates}, set[int](), dict[int, int]()
     for i, notation in found.items():
         if not notation.clock:
@@ -446,7 +440,7 @@ def _how_it_is_read(column: TimestampColumn) -> str:
 
 def _numbered(
     i: int, channel: Channel, cells: Sequence[str], findings: list[Finding]
-) -> tuple[LongNumberColumn | None, int]:
+) -> tuple[NotationColumn | None, int]:
     """A column of numbers called time, counted from the first if float64 does not hold them; and their digits."""
     whole, _, decimals = cells[0].lstrip("+-").replace(",", ".").partition(".")
     first, last = (float(cell.replace(",", ".")) for cell in (cells[0], cells[-1]))
@@ -454,8 +448,9 @@ def _numbered(
     if channel.unit is None and (unit := _unit_since_1970(channel, len(whole))):
         message = f"times such as {cells[0]} are counted since 1970 in units of {unit:g} s, as their digits tell"
         findings.append(Finding("time_as_text", channel.name, None, message))
-    column = None if all(map(_is_kept_by_float, cells)) else LongNumberColumn(i, cells[0], len(decimals))
-    if column is not None:
+    column = None
+    if not all(map(_is_kept_by_float, cells)):
+        column = NotationColumn(i, partial(_counted, cells[0], len(decimals)), zero_text=cells[0])
         message = f"numbers of more digits than float64 holds, kept as counted from the first, {cells[0]}"
         findings.append(Finding("time_as_text", channel.name, None, message))
     return column, _TEN_DIGITS + 1 if days else len(whole)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from balance.compiled_kernels import BYTE, INTEGER, PLACE, Kernel, Preparing
 
 from ...recording import Samples
+from .cell_syntax import as_number
 from .dialect import Dialect
 from .text_blocks import count_lines
 
@@ -119,15 +120,8 @@ class RowParser:
         rows = [line.split(self.separator.encode()) for line in plain.removesuffix(b"\n").split(b"\n")]
         if any(len(row) != self.fields for row in rows):
             return None
-        return [np.array([_number(cell) for cell in column]) for column in zip(*rows, strict=True)]
-
-
-def _number(cell: bytes) -> float:
-    """The number of a cell; NaN where it is none, as 1_000."""
-    try:
-        return float(cell) if b"_" not in cell else np.nan
-    except ValueError:
-        return np.nan
+        columns = ([None if b"_" in cell else as_number(cell) for cell in column] for column in zip(*rows, strict=True))
+        return [np.array(column, dtype=np.float64) for column in columns]  # None is NaN
 
 
 def _unquoted(text: bytes, delimiter: bytes, separator: bytes) -> bytes:

@@ -20,7 +20,6 @@ from ..format_findings import (
     names_listed,
     nothing_to_read,
     rounded_integers,
-    text_channel,
     watch_nonfinite,
 )
 from ..header_claims import recorded_time
@@ -225,7 +224,6 @@ def _blocks(
 
 
 def _set_blocks(streams: Streams, group: Group, odd: _Odd, report: Report) -> Iterator[Block]:
-    """Records of several streams as blocks of one group."""
     start = 0
     for rows in _rows_in_step(streams):
         for begin, end in block_spans(len(rows[0]), len(group.channels)):
@@ -263,7 +261,8 @@ def _header_findings(file: File, groups: Mapping[int, Group], sets: Sequence[Str
         message = f"raw numbers of {file.converted} channels were made physical by the conversions in the file"
         findings.append(Finding("calibration_applied", None, None, message))
     alone = [text.name for g in file.groups for r in g.records if not r.members for text in r.texts]
-    findings += map(text_channel, dict.fromkeys([*file.texts, *alone]))
+    message = "holds text, not numbers; it is not kept"
+    findings += [Finding("text_channel", name, None, message) for name in dict.fromkeys([*file.texts, *alone])]
     if file.left_out:
         findings.append(Finding("left_out", None, None, f"no series of numbers: {names_listed(file.left_out)}"))
     known = groups.keys() | _followers(sets)

@@ -171,7 +171,6 @@ def _member(walk: Walk, raw: bytes, size: int) -> Member | TextMember | None:
 
 
 def _conversion(walk: Walk, address: int, name: str) -> tuple[Conversion | None, str | None]:
-    """The conversion of a channel and its unit."""
     if not address:
         return None, None
     raw = walk.block(address, b"CC")

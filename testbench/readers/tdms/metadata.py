@@ -433,17 +433,6 @@ def channel_title(path: str) -> str:
     return (path_names(path) or [path])[-1] or path
 
 
-def change_findings(contents: Contents) -> list[Finding]:
-    """Properties that change in the midst of the samples; by the format the last one holds for all."""
-    found = []
-    for change in contents.contradicted:
-        last = "there is no rate" if change.name == "wf_increment" else "the last one of the file is taken for all"
-        parts = f"{change.before!r} up to sample {change.samples} and {change.after!r} from there"
-        message = f"{change.name} is {parts}: {last}"
-        found.append(Finding("header_contradiction", channel_title(change.path), f"sample {change.samples}", message))
-    return found
-
-
 def read_contents(source: ByteSource) -> Contents:
     """Walk through all segments."""
     contents, known = Contents(), dict[str, Index | None]()
@@ -470,24 +459,19 @@ def read_contents(source: ByteSource) -> Contents:
             for path, index in raw.items():
                 contents.channels.setdefault(path, Channel(path, index.kind))
         if segment.flags & RAW_DATA:
-            _locate(source, segment, raw, contents)
+            unit = _locate(source, segment, raw, contents)
+            rest = segment.raw_bytes % unit if unit else segment.raw_bytes
+            if segment.is_whole and rest:
+                whole = f"whole {'rows' if segment.flags & INTERLEAVED else 'chunks'} of {unit} bytes"
+                message = f"segment {segment.number} holds {rest} bytes behind its {whole}; they are not read"
+                contents.findings.append(Finding("count_contradiction", None, f"byte {segment.begin}", message))
         if not segment.is_whole:
             contents.findings.append(_cut(segment, contents, raw if segment.flags & RAW_DATA else {}, before))
     return contents
 
 
-def _locate(source: ByteSource, segment: Segment, raw: dict[str, Index], contents: Contents) -> None:
-    """Note where the samples of all whole chunks of a segment lie, and the bytes behind them."""
-    unit = _locate_chunks(source, segment, raw, contents)
-    rest = segment.raw_bytes % unit if unit else segment.raw_bytes
-    if segment.is_whole and rest:
-        whole = f"whole {'rows' if segment.flags & INTERLEAVED else 'chunks'} of {unit} bytes"
-        message = f"segment {segment.number} holds {rest} bytes behind its {whole}; they are not read"
-        contents.findings.append(Finding("count_contradiction", None, f"byte {segment.begin}", message))
-
-
-def _locate_chunks(source: ByteSource, segment: Segment, raw: dict[str, Index], contents: Contents) -> int:
-    """Note where the samples lie; the bytes of what repeats: a row of all channels, or a chunk."""
+def _locate(source: ByteSource, segment: Segment, raw: dict[str, Index], contents: Contents) -> int:
+    """Note where the samples of a segment lie; the bytes of what repeats: a row of all channels, or a chunk."""
     if any(index.scalers for index in raw.values()):
         return _locate_daqmx(source, segment, raw, contents)
     kinds = {path: stored_type(index.kind, segment.order) for path, index in raw.items()}

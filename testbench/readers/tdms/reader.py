@@ -49,7 +49,6 @@ from .metadata import (
     Contents,
     Property,
     Reading,
-    change_findings,
     channel_title,
     path_names,
     read_contents,
@@ -256,7 +255,7 @@ class _Values:
 
 
 def _channel_findings(contents: Contents, gathered: Sequence[_Gathered]) -> list[Finding]:
-    """Timestamps finer than float64, scales that were applied, channels without samples."""
+    """Timestamps finer than float64, scales, properties that change in the midst of samples, empty channels."""
     findings = []
     members = [member for _, own in gathered for member in own]
     for member in members:
@@ -270,7 +269,11 @@ def _channel_findings(contents: Contents, gathered: Sequence[_Gathered]) -> list
         if scaling.applies:
             message = f"raw values were made physical by {scaling.count} scales of the file"
             findings.append(Finding("calibration_applied", channel_title(member.path), None, message))
-    findings += change_findings(contents)
+    for change in contents.contradicted:  # by the format the last one holds for all
+        last = "there is no rate" if change.name == "wf_increment" else "the last one of the file is taken for all"
+        parts = f"{change.before!r} up to sample {change.samples} and {change.after!r} from there"
+        message, place = f"{change.name} is {parts}: {last}", f"sample {change.samples}"
+        findings.append(Finding("header_contradiction", channel_title(change.path), place, message))
     empty = [channel_title(p) for p, c in contents.channels.items() if not c.length and not c.texts and path_names(p)]
     if empty:
         message = f"no sample in {names_listed(empty)}"
