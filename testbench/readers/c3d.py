@@ -284,14 +284,29 @@ def open_c3d(path: Path, options: ReadOptions) -> Recording:
             text = "; ".join(value if isinstance(value, tuple) else (f"{number:.9g}" for number in value))
             if text.strip("; "):
                 metadata[name] = text[:_LONGEST_TEXT]
+
+    def blocks(report: Report) -> Iterator[Block]:
+        """Positions that were not seen are NaN, and counted."""
+        missing = 0
+        with ByteSource(path) as source:
+            for start, points, analog, end in _frame_blocks(source, head):
+                unseen = points[:, 3] < 0
+                missing += int(unseen.sum())
+                seen = np.where(unseen[:, None], np.nan, points[:, :3]).reshape(3 * head.points, unseen.shape[1])
+                columns = {"analog": analog, "points": seen, "residuals": points[residuals, 3]}
+                for kind, group in groups.items():
+                    first = start * (head.per_frame if kind == "analog" else 1)
+                    yield Block(group, tuple(columns[kind]), first, None, end)
+        if missing:
+            message = f"{missing} positions are marked as not seen (their fourth word is negative): NaN"
+            report(Finding("invalid_samples", None, None, message))
+
     return Recording(
         path=path,
         format="C3D",
         reader="testbench.readers.c3d",
         groups=tuple(groups.values()),
-        read=lambda report: watch_nonfinite(
-            _blocks(path, head, groups, residuals, report), report, but=groups.get("points")
-        ),
+        read=lambda report: watch_nonfinite(blocks(report), report, but=groups.get("points")),
         metadata=metadata,
         findings=head.findings,
     )
@@ -321,22 +336,3 @@ def _groups(stem: str, head: Header, residuals: NDArray[np.intp]) -> dict[str, G
             words = tuple(Channel(f"{names[i]} residual") for i in residuals)
             groups["residuals"] = Group(f"{stem} residuals", words, clock)
     return groups
-
-
-def _blocks(
-    path: Path, head: Header, groups: Mapping[str, Group], residuals: NDArray[np.intp], report: Report
-) -> Iterator[Block]:
-    """Frames as blocks of each group; positions that were not seen are NaN, and counted."""
-    missing = 0
-    with ByteSource(path) as source:
-        for start, points, analog, end in _frame_blocks(source, head):
-            unseen = points[:, 3] < 0
-            missing += int(unseen.sum())
-            seen = np.where(unseen[:, None], np.nan, points[:, :3]).reshape(3 * head.points, unseen.shape[1])
-            columns = {"analog": analog, "points": seen, "residuals": points[residuals, 3]}
-            for kind, group in groups.items():
-                first = start * (head.per_frame if kind == "analog" else 1)
-                yield Block(group, tuple(columns[kind]), first, None, end)
-    if missing:
-        message = f"{missing} positions are marked as not seen (their fourth word is negative): NaN"
-        report(Finding("invalid_samples", None, None, message))

@@ -77,12 +77,20 @@ def open_library(path: Path) -> Recording:
     if not found:
         raise nothing_to_read(path, findings, "no channel has samples")
     message = "values are calibrated by the polynomials that the recorder wrote, as idelib applies them; means are kept"
+
+    def blocks() -> Iterator[Block]:
+        with _dataset(path, end, []) as dataset:
+            for group, events in _sources(dataset, path.stem):
+                for begin, stop in block_spans(len(events), len(group.channels)):
+                    rows = events.arraySlice(begin, stop, display=False)
+                    yield Block(group, tuple(np.asarray(rows, dtype=np.float64)), begin)
+
     return Recording(
         path=path,
         format="enDAQ IDE",
         reader="testbench.readers.ide",
         groups=tuple(group for group, _ in found),
-        read=lambda report: watch_nonfinite(_blocks(path, end), report),
+        read=lambda report: watch_nonfinite(blocks(), report),
         metadata=metadata,
         findings=(*findings, Finding("calibration_applied", None, None, message)),
     )
@@ -139,11 +147,3 @@ def _zero(session: Any) -> StartTime | None:  # noqa: ANN401
     """When the recorder's microseconds are zero: the session states when it began in UTC, in whole seconds."""
     start = session.utcStartTime
     return point_in_time(round(start * 10**6) * 1000, "UTC start of the session", 1.0) if start else None
-
-
-def _blocks(path: Path, end: int) -> Iterator[Block]:
-    with _dataset(path, end, []) as dataset:
-        for group, events in _sources(dataset, path.stem):
-            for begin, end in block_spans(len(events), len(group.channels)):
-                rows = events.arraySlice(begin, end, display=False)
-                yield Block(group, tuple(np.asarray(rows, dtype=np.float64)), begin)

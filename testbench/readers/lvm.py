@@ -24,14 +24,13 @@ from ..recording import (
     Group,
     Recording,
     Report,
-    Samples,
     TextLog,
     TimeColumn,
     UniformClock,
 )
 from . import header_claims
 from .csv.dialect import Dialect
-from .csv.irregular_rows import CellFilter, RegularRows, RowFilter, last_row
+from .csv.irregular_rows import CellFilter, RowFilter, last_row
 from .csv.row_parser import RowParser
 from .csv.text_blocks import Encoding, detect_encoding, read_blocks, read_first_lines
 from .format_findings import damaged
@@ -43,7 +42,6 @@ _SPECIAL = ("***Start_Special***", "***End_Special***")
 _LETTERS = np.frombuffer(b"*ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz", dtype=np.uint8)
 _NUMBER_WORD = re.compile(r"(?:nan|inf)", re.IGNORECASE)
 _MOST_HEADER_LINES = 200_000
-_MAGIC = b"LabVIEW Measurement"
 _COMMENT = "Comment"
 _MOST_BLOCKS = 100
 """More blocks without header than this are no triggered recordings, but writes in pieces."""
@@ -256,42 +254,38 @@ class SegmentRows:
     def __post_init__(self) -> None:
         self._rows = RowFilter(self.segment.form, None)
         self._cells = CellFilter(self.segment.form, self.segment.names, self.encoding)
-        self._comments = dict[int, str]()
 
     def blocks(self, text: bytes, first_line: int, bytes_read: int) -> Iterator[Block]:
-        """Whole lines of this segment, each with its line feed, as blocks of its groups."""
-        form = self.segment.form
+        """Whole lines of this segment, each with its line feed, as blocks of its groups, parted where others begin."""
+        form, parts = self.segment.form, self.segment.parts
+        every = 0 if self.segment.has_recorded_abscissa else self.segment.declared or 0
         plain, comments = _without_comments(form.plain(text), form)
-        self._comments = {first_line + row: words for row, words in comments.items()}
+        said = {first_line + row: words for row, words in comments.items()}
         for piece in self._rows.pieces(plain, first_line):
             columns = [c if c.flags.writeable else c.copy() for c in piece.parsed(form)]
-            yield from self._cut(piece, columns, bytes_read)
-
-    def _cut(self, piece: RegularRows, columns: list[Samples], bytes_read: int) -> Iterator[Block]:
-        """Check the cells, then split at the borders of appended blocks."""
-        lines, parts = np.asarray(piece.lines), self.segment.parts
-        every = 0 if self.segment.has_recorded_abscissa else self.segment.declared or 0
-        index = self.rows + np.arange(len(lines))
-        within = index % every if every else index
-        for part in parts:  # channels that have ended before others have empty cells, which are none of theirs
-            ended = within >= part.declared if every and part.declared is not None else np.zeros(len(lines), bool)
-            for j in part.fields:
-                columns[j][ended] = 0.0
-        self._cells.judge(piece, columns, sorted({j for part in parts for j in part.fields}))
-        inner = np.flatnonzero(within == 0) if every else np.empty(0, dtype=np.int64)
-        for begin, end in pairwise([0, *inner[inner > 0].tolist(), len(lines)]):
-            number, start = (int(index[begin]) // every, int(within[begin])) if every else (0, int(index[begin]))
-            for part in parts:
-                stop = min(end, begin + max(0, (part.declared or every) - start)) if every else end
-                if stop > begin:
+            lines = np.asarray(piece.lines)
+            index = self.rows + np.arange(len(lines))
+            within = index % every if every else index
+            for part in parts:  # channels that have ended before others have empty cells, which are none of theirs
+                if every and part.declared is not None:
+                    for j in part.fields:
+                        columns[j][within >= part.declared] = 0.0
+            self._cells.judge(piece, columns, sorted({j for part in parts for j in part.fields}))
+            inner = np.flatnonzero(within == 0).tolist() if every else []
+            for begin, end in pairwise([0, *(i for i in inner if i), len(lines)]):
+                number, start = (int(index[begin]) // every, int(within[begin])) if every else (0, int(index[begin]))
+                for part in parts:
+                    stop = min(end, begin + max(0, (part.declared or every) - start)) if every else end
+                    if stop <= begin:
+                        continue
                     name = f"{part.group.name} part {number + 1}" if number else part.group.name
+                    group = replace(part.group, name=name, zero=None if number else part.group.zero)
+                    for i, line in enumerate(lines[begin:stop].tolist() if said and part is parts[0] else ()):
+                        if line in said or line - 1 in said:
+                            self.texts.take(name, _COMMENT, start + i, said.get(line, ""))
                     data = tuple(columns[j][begin:stop] for j in part.fields)
-                    zero = None if number else part.group.zero
-                    for i, line in enumerate(lines[begin:stop].tolist() if self._comments and part is parts[0] else ()):
-                        if line in self._comments or line - 1 in self._comments:
-                            self.texts.take(name, _COMMENT, start + i, self._comments.get(line, ""))
-                    yield Block(replace(part.group, name=name, zero=zero), data, start, lines[begin:stop], bytes_read)
-        self.rows += len(lines)
+                    yield Block(group, data, start, lines[begin:stop], bytes_read)
+            self.rows += len(lines)
 
     def report(self, report: Report) -> None:
         """Report what was odd in rows and cells, and in the number of rows against the declared one."""
@@ -314,7 +308,7 @@ class SegmentRows:
 def open_lvm(path: Path, options: ReadOptions) -> Recording:
     """Find and read all headers; the rows are read when asked for."""
     with path.open("rb") as stream:
-        start = stream.read(1 << 16).replace(_MAGIC, b"LVM", 1)
+        start = stream.read(1 << 16).replace(b"LabVIEW Measurement", b"LVM", 1)
     stated = options.encoding
     encoding = Encoding(stated) if stated else detect_encoding(start) or read_first_lines(path)[0]
     head, *found = _headers(path, encoding)

@@ -205,8 +205,8 @@ class Function:
     step: float
     step_text: str
     abscissa: _Axis
-    ordinate: _Axis
-    denominator: _Axis
+    quantity: str
+    unit: str | None
     dataset: Dataset
     data: int
     declared: int | None = None
@@ -225,11 +225,10 @@ class Function:
 
     @property
     def channels(self) -> list[Channel]:
-        """Its channels, real and imaginary part; the unit is that of the ordinate, over that of its denominator."""
-        unit = self.ordinate.unit
-        if unit is not None and self.denominator.unit is not None:
-            unit = f"{unit}/{self.denominator.unit}"
-        return [Channel(f"{self.name}{part}", unit) for part in ((" (real)", " (imag)") if self.is_complex else ("",))]
+        """Its channels, real and imaginary part."""
+        return [
+            Channel(f"{self.name}{part}", self.unit) for part in ((" (real)", " (imag)") if self.is_complex else ("",))
+        ]
 
     @property
     def width(self) -> int:
@@ -252,6 +251,7 @@ def _function(source: ByteSource, dataset: Dataset) -> Function:
         kind, count = int(form[0]), int(form[1])
         if kind not in (2, 4, 5, 6) or not 0 <= count < 1 << 40:
             raise ValueError(f"data type {kind} with {count} values")
+        ordinate, over = _axis(lines[8]), _axis(lines[9]).unit
         start, step = (float(text.replace("D", "E")) for text in form[3:5])
         found = Function(
             ids=[line.strip() for line in lines[:5]],
@@ -266,8 +266,8 @@ def _function(source: ByteSource, dataset: Dataset) -> Function:
             step=step,
             step_text=form[4],
             abscissa=_axis(lines[7]),
-            ordinate=_axis(lines[8]),
-            denominator=_axis(lines[9]),
+            quantity=ordinate.label or "",
+            unit=f"{ordinate.unit}/{over}" if ordinate.unit is not None and over is not None else ordinate.unit,
             dataset=dataset,
             data=offset,
         )
@@ -501,7 +501,7 @@ def _metadata(
     for f in functions[:200]:
         ids = [text for text in f.ids[1:] if text not in ("", "NONE")]
         metadata[f"{f.name}: dof"] = f.dof if not f.reference[1] else f"{f.dof}, reference node {f.reference[1]}"
-        metadata[f"{f.name}: quantity"] = f.ordinate.label or ""
+        metadata[f"{f.name}: quantity"] = f.quantity
         metadata |= {f"{f.name}: id": "; ".join(ids)} if ids else {}
     for group, _, texts in shapes[:200]:
         metadata |= {f"{group.name}: {key}": text for key, text in texts.items()}

@@ -70,12 +70,20 @@ def open_wav(path: Path, options: ReadOptions) -> Recording:
     channels = tuple(Channel(f"channel {i}") for i in range(1, form.channels + 1))
     clock = UniformClock(float(form.rate_hz)) if form.rate_hz else None
     group = Group(path.stem, channels, clock, start_in(chunk.texts, "OriginationDate", "OriginationTime"))
+
+    def blocks() -> Iterator[Block]:
+        with ByteSource(path) as source:
+            for start, end in block_spans(chunk.frames, form.channels):
+                begin = chunk.begin + start * form.frame
+                raw = source.read(begin, (end - start) * form.frame, "samples")
+                yield Block(group, form.columns(raw), start, None, begin + len(raw))
+
     return Recording(
         path=path,
         format="WAV",
         reader=__name__,
         groups=(group,),
-        read=lambda report: watch_nonfinite(_blocks(path, chunk, group), report),
+        read=lambda report: watch_nonfinite(blocks(), report),
         settings={"numbers": f"{'float' if form.code == _FLOAT else 'integer'}, {form.bits} bits"},
         metadata=chunk.texts,
         findings=findings,
@@ -180,11 +188,3 @@ def _length_finding(source: ByteSource, chunk: _SampleChunk) -> Finding | None:
 def _is_name(source: ByteSource, at: int) -> bool:
     """Whether a chunk has its name there: four letters, digits, marks or blanks."""
     return at + 8 <= source.size and all(32 <= letter < 127 for letter in source.read(at, 4, "a name"))
-
-
-def _blocks(path: Path, chunk: _SampleChunk, group: Group) -> Iterator[Block]:
-    with ByteSource(path) as source:
-        for start, end in block_spans(chunk.frames, chunk.form.channels):
-            begin = chunk.begin + start * chunk.form.frame
-            raw = source.read(begin, (end - start) * chunk.form.frame, "samples")
-            yield Block(group, chunk.form.columns(raw), start, None, begin + len(raw))

@@ -6,18 +6,20 @@ file). A channel is a run of bits of each record: gathered from its bytes, shift
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Literal
+from pathlib import Path
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...recording import Finding, Samples, StartTime
 from ..byte_source import BLOCK_BYTES
+from ..format_findings import damaged
 from .conversions import Conversion
 
 Pieces = Callable[[], Iterator[bytes]]
 Bytes = NDArray[np.uint8]
-
+B = TypeVar("B")
 
 LONGEST_FRAME, LONGEST_TEXT = 64, 128
 """Bytes of the longest frame of a bus (CAN FD), and of a text whose records lie among others."""
@@ -188,6 +190,19 @@ class File:
     """Channels with a conversion."""
     zero: StartTime | None = None
     """When the times of all groups are zero."""
+
+
+def linked(
+    path: Path, address: int, kind: str, block: Callable[[int], B], following: Callable[[B], int]
+) -> Iterator[B]:
+    """The blocks of a list, each linking to the ``following``; a list that comes back to itself is refused."""
+    seen: set[int] = set()
+    while address:
+        if address in seen or len(seen) > 1_000_000:
+            raise damaged(path, f"the list of blocks {kind} comes back to byte {address}")
+        seen.add(address)
+        yield (found := block(address))
+        address = following(found)
 
 
 class UnknownIdentifier(Exception):

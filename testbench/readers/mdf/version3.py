@@ -15,9 +15,8 @@ from ..byte_source import BLOCK_BYTES, ByteSource
 from ..format_findings import damaged
 from . import conversions
 from .conversions import Conversion
-from .records import DataGroup, File, Member, Records, TextMember
+from .records import DataGroup, File, Member, Records, TextMember, linked
 
-_MOST = 1_000_000
 _LETTERS, _BYTES = 7, 8
 _KINDS: tuple[Literal["u", "i", "f"], ...] = ("u", "i", "f", "f")
 _FORMULA, _TEXTS, _NONE = 10, (11, 12), 0xFFFF
@@ -66,14 +65,8 @@ class Walk:
 
     def chain(self, address: int, kind: bytes) -> Iterator[bytes]:
         """The blocks of a list, each linking to the next."""
-        seen: set[int] = set()
-        while address:
-            if address in seen or len(seen) > _MOST:
-                raise damaged(self.source.path, f"the list of blocks {kind.decode()} comes back to byte {address}")
-            seen.add(address)
-            raw = self.block(address, kind)
-            yield raw
-            (address,) = self.take("I", raw, 4)
+        path, block = self.source.path, partial(self.block, kind=kind)
+        return linked(path, address, kind.decode(), block, lambda raw: self.take("I", raw, 4)[0])
 
     def text(self, address: int) -> str:
         """The text of a TX block; empty if there is none."""

@@ -22,12 +22,11 @@ from ..byte_source import BLOCK_BYTES, ByteSource
 from ..format_findings import cut, damaged
 from . import conversions
 from .conversions import Conversion
-from .records import LONGEST_FRAME, DataGroup, File, Frames, Member, Records, TextMember
+from .records import LONGEST_FRAME, DataGroup, File, Frames, Member, Records, TextMember, linked
 
 _HEAD = 24
 _LONGEST = 64 << 20
 _LARGEST_UNPACKED = 256 << 20
-_MOST = 1_000_000
 _OWN_INVALIDATION = 1 << 31
 _MOST_RATIO, _ALWAYS_ALLOWED = 200, 1 << 30
 _TAGS = re.compile(r"<[^>]*>")
@@ -70,15 +69,8 @@ def block_data(source: ByteSource, block: Block) -> bytes:
 
 
 def block_chain(source: ByteSource, address: int, kind: str) -> Iterator[Block]:
-    """The blocks of a list, each linking to the next; a list that comes back to itself is refused."""
-    seen: set[int] = set()
-    while address:
-        if address in seen or len(seen) > _MOST:
-            raise damaged(source.path, f"the list of blocks {kind} comes back to byte {address}")
-        seen.add(address)
-        block = block_at(source, address, kind)
-        yield block
-        address = block.links[0]
+    """The blocks of a list, each linking to the next."""
+    return linked(source.path, address, kind, lambda at: block_at(source, at, kind), lambda block: block.links[0])
 
 
 def block_text(source: ByteSource, address: int) -> str:

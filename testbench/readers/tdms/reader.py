@@ -81,12 +81,26 @@ def open_tdms(path: Path, options: ReadOptions) -> Recording:
         raise nothing_to_read(path, findings, "no channel of numbers has samples")
     findings += _channel_findings(contents, gathered)
     texts = TextLog()
+
+    def blocks(report: Report) -> Iterator[Block]:
+        rounded: set[str] = set()
+        with ByteSource(path) as source:
+            for group, members in gathered:
+                readings = [_Values(source, member, contents) for member in members]
+                for start, end in block_spans(members[0].samples, len(group.channels)):
+                    columns = tuple(column for reading in readings for column in reading.next(end - start))
+                    yield Block(group, columns, start)
+                rounded |= {channel_title(reading.path) for reading in readings if reading.is_rounded}
+            _take_texts(source, contents, gathered, texts)
+        for name in sorted(rounded):
+            report(rounded_integers(name))
+
     return Recording(
         path=path,
         format="NI TDMS",
         reader="testbench.readers.tdms",
         groups=tuple(group for group, _ in gathered),
-        read=lambda report: watch_nonfinite(_blocks(path, contents, gathered, texts, report), report),
+        read=lambda report: watch_nonfinite(blocks(report), report),
         metadata={
             ": ".join(filter(None, ["/".join(path_names(path)), name])): str(value)
             for path, properties in contents.properties.items()
@@ -183,22 +197,6 @@ def _seconds_per(stated: dict[str, Property]) -> float | None:
     return seconds_per(str(unit)) if unit else 1.0 if is_time_name(str(name)) else None
 
 
-def _blocks(
-    path: Path, contents: Contents, gathered: Sequence[_Gathered], texts: TextLog, report: Report
-) -> Iterator[Block]:
-    rounded: set[str] = set()
-    with ByteSource(path) as source:
-        for group, members in gathered:
-            readings = [_Values(source, member, contents) for member in members]
-            for start, end in block_spans(members[0].samples, len(group.channels)):
-                columns = tuple(column for reading in readings for column in reading.next(end - start))
-                yield Block(group, columns, start)
-            rounded |= {channel_title(reading.path) for reading in readings if reading.is_rounded}
-        _take_texts(source, contents, gathered, texts)
-    for name in sorted(rounded):
-        report(rounded_integers(name))
-
-
 def _take_texts(source: ByteSource, contents: Contents, gathered: Sequence[_Gathered], texts: TextLog) -> None:
     """The texts of each channel of text: in a chunk the ends of all, numbers of 32 bits, then their letters."""
     names = {next(iter(path_names(members[0].path)), ""): group.name for group, members in reversed(gathered)}
@@ -233,10 +231,10 @@ class _Values:
         """The next values, NaN behind the last one: one column, or two of complex numbers."""
         there = min(count, self._left)
         self._left -= there
-        columns = self._next(there) if there else (np.empty(0),) * len(_channels(self._member, {}))
+        columns = self._there(there) if there else (np.empty(0),) * len(_channels(self._member, {}))
         return columns if there == count else tuple(np.append(c, np.full(count - there, np.nan)) for c in columns)
 
-    def _next(self, count: int) -> tuple[Samples, ...]:
+    def _there(self, count: int) -> tuple[Samples, ...]:
         raw = {scale: reading.next(count) for scale, reading in self._readings.items()}
         first = next(iter(raw.values()))
         if first.dtype.names:
