@@ -229,11 +229,8 @@ def stated_packing(stated: Mapping[str, AttributeValue], dtype: np.dtype[Any]) -
 
 def unit_of(stated: Mapping[str, AttributeValue]) -> str | None:
     """The unit in the attributes; None if there is none."""
-    for key in _UNITS:
-        value = stated.get(key)
-        if isinstance(value, str) and value.strip():
-            return value.strip()
-    return None
+    values = (stated.get(key) for key in _UNITS)
+    return next((value.strip() for value in values if isinstance(value, str) and value.strip()), None)
 
 
 def _value(attrs: h5py.AttributeManager, name: str) -> AttributeValue | None:

@@ -40,7 +40,6 @@ _DATA, _TIME, _MICROSECOND = ord("D"), "timestamp", "us"
 _UTC = "time_utc_usec"
 """Field of the receivers of satellites: time by the calendar at the message's own time [us]."""
 _LONGEST_LIST = 64
-_EXACT_BYTES = 8
 
 
 def open_library(path: Path) -> Recording:
@@ -190,7 +189,7 @@ def _blocks(group: Group, one: Any, texts: TextLog, report: Report) -> Iterator[
             texts.take_all(group.name, name, begin, words)
         yield Block(group, tuple(as_float64(column[begin:end]) for column in columns), begin)
     for name, column in zip(numbers, columns, strict=True):
-        if column.dtype.itemsize == _EXACT_BYTES and column.dtype.kind in "iu":
+        if column.dtype.itemsize == 8 and column.dtype.kind in "iu":
             exact = np.all((column < 1 << 53) & (column > -(1 << 53) if column.dtype.kind == "i" else True))
             if not exact:
                 report(rounded_integers(name))

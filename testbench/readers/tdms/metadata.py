@@ -404,11 +404,6 @@ class Contents:
     changes: list[Change] = field(default_factory=list)
 
     @property
-    def is_cut(self) -> bool:
-        """Whether the file ends before its own structure says."""
-        return any(finding.code == "cut_file" for finding in self.findings)
-
-    @property
     def contradicted(self) -> list[Change]:
         """Changes in the midst of samples; one behind the last sample is a correction of all of them."""
         return [change for change in self.changes if change.samples < self.channels[change.path].length]

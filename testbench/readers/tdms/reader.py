@@ -132,9 +132,10 @@ def _channel_groups(contents: Contents, stem: str) -> list[_Gathered]:
         if channel.length:
             by_group.setdefault(next(iter(path_names(path)), stem), []).append(channel)
     found: list[_Gathered] = []
+    is_cut = any(finding.code == "cut_file" for finding in contents.findings)
     for name, channels in by_group.items():
         longest = max(channel.length for channel in channels)
-        for channel in channels if contents.is_cut else ():  # some end up to a chunk before others: with NaN there
+        for channel in channels if is_cut else ():  # some end up to a chunk before others: with NaN there
             if all(longest - spans.length <= max(spans.counts) for spans in channel.spans.values()):
                 channel.lacking = longest - channel.length
         parts: dict[tuple[object, ...], list[Channel]] = {}
