@@ -1,7 +1,7 @@
 """Columns whose cells are numbers to a person and not to ``float()``, rewritten from the first one on.
 
 Numbers such as ``1'234,5``, ``1.5D+03``, a typographic minus, ``0x1F``; times that no float64 writes, as seconds from
-the first one; and which column is the clock.
+the first one, whole blocks of rows at once where they are of one form; and which column is the clock.
 """
 
 import re
