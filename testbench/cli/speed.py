@@ -158,9 +158,12 @@ def _print(result: dict[str, Any]) -> None:
     if "steady" in result:
         mean, fluctuation = (result["steady"][name] for name in ("mean_rpm", "fluctuation"))
         per_degree = result["steady"]["fluctuation_by_eccentricity_per_deg"]
+        used, others = result["steady"]["turns_used"], result["steady"]["turns_left_out"]
+        over = f"over {used} of {used + others} turns " * (others > used)
         say(
-            f"{result['log']}: {mean['value']:.3f} rpm [{mean['low']:.3f}, {mean['high']:.3f}], the speed fluctuates "
-            f"by {fluctuation['value']:z.5f} [{fluctuation['low']:z.5f}, {fluctuation['high']:z.5f}] over a turn"
+            f"{result['log']}: {over}{mean['value']:.3f} rpm [{mean['low']:.3f}, {mean['high']:.3f}], the speed "
+            f"fluctuates by {fluctuation['value']:z.5f} [{fluctuation['low']:z.5f}, {fluctuation['high']:z.5f}] over a "
+            "turn"
             + (
                 "."
                 if per_degree is None

@@ -496,6 +496,12 @@ def speed_findings(record: Edges, found: SteadySpeedFit | None) -> list[str]:
         odd.append(
             f"the clock's step of {step * 1e6:g} us is {100 * step / interval:.1f} % of an interval between edges"
         )
+    if found is not None and found.unsteady_turns > found.turns:
+        whole = (record.angle[-1] - record.angle[0]) / (record.time[-1] - record.time[0])
+        odd.append(
+            f"{found.turns} of {found.turns + found.unsteady_turns} turns are used, the most in a row that are steady; "
+            f"the mean over the whole log is {whole / RPM:.3f} rpm; --steady-within takes turns that differ more"
+        )
     again = repetition(record) if found is not None else None
     if again is not None and (times := round(record.disc.per_turn / again)) > 1:
         odd.append(

@@ -178,3 +178,16 @@ def test_logs_in_which_nothing_repeats_are_let_pass():
     assert periodic_turn(motor).turns == 8
     with pytest.raises(AnalysisError, match="no two turns"):
         periodic_turn(number_edges("log", np.cumsum(1e-3 * 0.999 ** np.arange(500)), Disc(100)))
+
+
+def test_a_speed_that_wanders_is_of_the_turns_that_are_steady():
+    """A log that is steady in less than half of its turns says so, with its mean over all."""
+    turns, lines = 12, 100
+    share = np.arange(turns * lines + 1) / (turns * lines)
+    time = turns * 2.0 * np.pi / 100.0 * (share + 0.05 * np.sin(2.0 * np.pi * share) / (2.0 * np.pi))
+    log = number_edges("log", time, Disc(lines))
+    turn = periodic_turn(log, steady_within=2e-2)
+    assert turn.unsteady_turns > turn.turns
+    (text,) = speed_findings(log, turn)
+    assert text.startswith(f"{turn.turns} of 12 turns are used")
+    assert f"whole log is {100.0 * 30.0 / np.pi:.3f} rpm" in text
