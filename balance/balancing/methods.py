@@ -2,6 +2,11 @@
 
 As it is; springs; counter-masses; with counter-inertias; mirror images; active masses. All act in the plane x-y.
 
+Counter-inertias are wheels on the base that turn against bodies and take up the angular momentum. A serial chain or
+four-bar balanced in force has L = sum_b J_b omega_b with constant J_b, the four-bar if its coupler's centre is on its
+line; elsewhere J_b are not constant, and wheels leave a stated residual. A wheel of inertia J_b / k geared to turn at
+-k omega_b takes up its share; the motors then drive k J_b more.
+
 Mirror images are on the same base, geared to the same motors: an image under the reflection or half turn T about the
 base's origin exerts F' = T F and Mz' = det(T) Mz. One image cancels what T reverses and doubles the rest; three images
 (both mirrors and the half turn) cancel all.
@@ -22,17 +27,17 @@ from ..closure import Trajectory
 from ..dynamics.inverse_dynamics import Response, driven_rates, momentum, simulate
 from ..dynamics.regressor import first_moment
 from ..errors import ModelError, SizingError
-from ..mechanism.forward_kinematics import poses
+from ..mechanism.forward_kinematics import motions, poses
 from ..mechanism.mechanism import Mechanism
 from ..results import Shown
 from .closed_forms import ConditionComparison
 from .conditions import balance_conditions
-from .counter_inertia import Wheels, body_rotation, fit_wheels
-from .objective import motion_objective
+from .objective import motion_objective, workspace_motions
 from .sizing import exact_sizing
-from .springs import joint_torques
-from .static_balancing import design_springs
+from .static_balancing import design_springs, joint_torques
 
+COMPLETE = 1e-9
+"""Residual share of the angular momentum up to which wheels count as complete."""
 _NEGLIGIBLE = 1e-9
 """First moment [kg m] or angular momentum [kg m2/s] below which an axis needs no mass."""
 
@@ -165,6 +170,58 @@ def _with_springs(mechanism: Mechanism, trajectory: Trajectory, plain: Outcome, 
     return Outcome("springs", plain.force, plain.moment, torque, 0.0, 0.0, needs, note)
 
 
+@dataclass(frozen=True)
+class Wheel:
+    """A wheel on the base, geared to a body."""
+
+    body: int
+    """Index of the body against whose rotation in the base frame it turns."""
+    momentum: float
+    """J_b: what it takes up per angular velocity of the body [kg m2]; negative where it turns with the body."""
+
+
+@dataclass(frozen=True)
+class Wheels:
+    """Wheels for a mechanism, and the residual share of its angular momentum."""
+
+    wheels: tuple[Wheel, ...]
+    residual_share: float
+    """Largest residual angular momentum over the largest without wheels, over the workspace [-]."""
+
+    def is_complete(self, tol: float = COMPLETE) -> bool:
+        """Whether the residual share is at most ``tol`` [-]."""
+        return self.residual_share <= tol
+
+
+def fit_wheels(mechanism: Mechanism) -> Wheels:
+    """Wheels of least residual angular momentum about z, against bodies pivoted on the base if those are enough.
+
+    Least squares over the ``workspace_motions``.
+    """
+    q, v = workspace_motions(mechanism)
+    rotation = motions(mechanism.tree, q, v, np.zeros_like(v)).omega[:, list(mechanism.tree.bodies), 2]
+    angular, tree = momentum(mechanism, q, v)[:, 5], mechanism.tree
+    turning = [b for b, joint in enumerate(tree.bodies) if any(tree.joints[j].revolute for j in tree.path(joint))]
+    ground = [b for b in turning if tree.joints[tree.bodies[b]].parent < 0 and tree.joints[tree.bodies[b]].revolute]
+    best = _fitted(rotation, angular, ground)
+    if best.is_complete() or turning == ground:
+        return best
+    everywhere = _fitted(rotation, angular, [*ground, *(b for b in turning if b not in ground)])
+    return everywhere if everywhere.residual_share < best.residual_share else best
+
+
+def _fitted(rows: Floats, target: Floats, bodies: Sequence[int]) -> Wheels:
+    """Wheels against those of the ``bodies``, in order, whose rotation is no combination of that of those before."""
+    chosen = list[int]()
+    for body in bodies:
+        sizes = np.linalg.svd(rows[:, [*chosen, body]], compute_uv=False)
+        chosen += [body] if sizes[-1] > 1e-9 * max(sizes[0], 1e-300) else []
+    solved = np.linalg.lstsq(rows[:, chosen], target, rcond=None)[0] if chosen else np.empty(0)
+    residual = float(np.abs(target - rows[:, chosen] @ solved).max()) / (float(np.abs(target).max()) or 1.0)
+    wheels = [Wheel(b, float(j)) for b, j in zip(chosen, solved, strict=True) if abs(j) > 1e-12 * np.abs(solved).max()]
+    return Wheels(tuple(wheels), residual)
+
+
 def counter_inertia_outcome(
     mechanism: Mechanism, trajectory: Trajectory, ratio: float, radius: float, mounted: float
 ) -> Outcome:
@@ -172,18 +229,21 @@ def counter_inertia_outcome(
 
     ``mechanism`` has its counter-masses, ``mounted`` is their mass [kg].
     """
-    found, rotation = fit_wheels(mechanism), body_rotation(mechanism, trajectory)
-    response = simulate(mechanism, trajectory)
+    found, response, bodies = fit_wheels(mechanism), simulate(mechanism, trajectory), list(mechanism.tree.bodies)
+    alpha = motions(mechanism.tree, trajectory.q, trajectory.v, trajectory.a).alpha[:, bodies, 2]
+    rates = driven_rates(mechanism, trajectory.per_drive, mechanism.driven or mechanism.coordinates)
+    still = np.zeros_like(trajectory.v)
+    turned = [
+        motions(mechanism.tree, trajectory.q, rate, still).omega[:, bodies, 2] for rate in np.moveaxis(rates, 2, 0)
+    ]
     moment = response.moment.copy()
     torque = {joint: values.copy() for joint, values in response.torque.items()}
     inertia = 0.0
     for wheel in found.wheels:
-        absorbed = wheel.momentum * rotation.alpha[:, wheel.body]
-        moment[:, 2] += absorbed
+        moment[:, 2] += wheel.momentum * alpha[:, wheel.body]
         inertia += abs(wheel.momentum) / ratio
         for k, joint in enumerate(torque):
-            drive = abs(wheel.momentum) * ratio * rotation.alpha[:, wheel.body]
-            torque[joint] += drive * rotation.per_motor[:, wheel.body, k]
+            torque[joint] += abs(wheel.momentum) * ratio * alpha[:, wheel.body] * turned[k][:, wheel.body]
     needs = {
         f"wheel_{mechanism.bodies[w.body]}_kgm2": abs(w.momentum) / ratio * (1.0 if w.momentum > 0.0 else -1.0)
         for w in found.wheels

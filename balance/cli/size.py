@@ -225,8 +225,8 @@ def _size_growing(
     """Size a set for each of ``payloads``, which rise."""
     from ..balancing.conditions import balance_conditions
     from ..balancing.objective import MADE_SMALL, motion_objective, workspace_objective
-    from ..balancing.remaining_force import STEPS
     from ..balancing.sizing import exact_sizing, nested_sizing, sizing_document, stock_use
+    from ..balancing.sizing_study import STEPS
     from ..balancing.stock_plates import load_stock
     from ..front_door import follow
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from balance.balancing import closed_forms, conditions, counter_inertia, methods
+from balance.balancing import closed_forms, conditions, methods
 from balance.balancing.sizing import Sizing, exact_sizing
 from balance.closure import Closure, Trajectory
 from balance.dynamics.inverse_dynamics import momentum, simulate
@@ -119,7 +119,7 @@ def test_wheels_cancel_the_moment_in_pinocchio(name):
     heavy, sized = balanced(plain)
     motion, ratio = waving(plain), 1.7
     outcome = methods.counter_inertia_outcome(heavy, motion, ratio, 0.1, sized.added_mass)
-    wheels = counter_inertia.fit_wheels(heavy).wheels
+    wheels = methods.fit_wheels(heavy).wheels
     counters = {c.site: c.mass for c in sized.counter_masses}
     root = ElementTree.fromstring(referees.with_loads(plain.text, {}, counters, {}))
     base = root.find("worldbody/body")
@@ -166,7 +166,7 @@ def absolute_gains(mechanism: Mechanism, motion: Trajectory) -> np.ndarray:
 
 def test_wheels_state_their_residual():
     """The manipulator's angular momentum is no constant mixture of rotations, nor that of an off-line coupler."""
-    manipulator = counter_inertia.fit_wheels(balanced(models.load("parallelogram-6bar"))[0])
+    manipulator = methods.fit_wheels(balanced(models.load("parallelogram-6bar"))[0])
     assert not manipulator.is_complete()
     assert 0.05 < manipulator.residual_share < 1.0
     coupler = models.load("four-bar")
@@ -181,7 +181,7 @@ def test_wheels_state_their_residual():
     rows.ravel()[first] += change
     forced = replace(tilted, parameters=rows)
     assert found.first_moment_residual(forced) < 1e-12
-    assert not counter_inertia.fit_wheels(forced).is_complete()
+    assert not methods.fit_wheels(forced).is_complete()
 
 
 TURNS = {"": 1.0, "_lr": -1.0, "_ud": -1.0, "_half": 1.0}

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from balance.balancing.conditions import balance_conditions
-from balance.balancing.counter_inertia import fit_wheels
+from balance.balancing.methods import fit_wheels
 from balance.balancing.objective import motion_objective, workspace_objective
-from balance.balancing.remaining_force import remaining_directions, verdict_of
 from balance.balancing.sizing import exact_sizing
+from balance.balancing.sizing_study import remaining_directions, verdict_of
 from balance.balancing.static_balancing import evaluate_springs
 from balance.dynamics.inverse_dynamics import simulate
 from balance.dynamics.regressor import potential
