@@ -13,9 +13,8 @@ from .options import SPEED
 from .printing import cells, emit_table, say
 
 if TYPE_CHECKING:
-    from ..engines.balance_shafts import ResidualOverTurn
     from ..engines.engine import Engine
-    from ..engines.free_forces import FreeForces
+    from ..engines.free_forces import FreeForces, ResidualOverTurn
 
 _BUILT_ORDERS = 2
 """Highest order whose balance shafts are shown: those of higher orders are not built."""
@@ -60,7 +59,7 @@ def single(
     centre and where a positive offset of the cylinder's axis is; the force is what the machine exerts on its
     base, weight excluded. Fraction: of the reciprocating mass, balanced on the crank together with all that rotates.
     """
-    from ..engines import partial_balance
+    from ..engines import slider_crank
     from ..engines.engine_files import load_engine
     from ..engines.results import cylinder_document
 
@@ -75,10 +74,10 @@ def single(
     if omega is None:
         raise click.UsageError("the forces need --speed (or speed in the file)")
     crank = model.cylinders[0].crank
-    best = partial_balance.best_fraction(crank)
+    best = slider_crank.best_fraction(crank)
     cases: dict[str, float] = {"unbalanced": 0.0, "rotating only": crank.rotating_unbalance}
     named = {"1/2": 0.5, "2/3": 2 / 3, "best": best.fraction} | {f"{f:g}": f for f in fractions}
-    cases |= {name: partial_balance.counterweight(crank, fraction) for name, fraction in named.items()}
+    cases |= {name: slider_crank.counterweight(crank, fraction) for name, fraction in named.items()}
     options.draw(figure, "balance.figures.rotating:draw_polar", crank, cases, omega)
     document = cylinder_document(model, cases, omega, radius, mass)
     one = f", one of its {document['cylinders']} cylinders" if document["cylinders"] > 1 else ""
@@ -131,9 +130,8 @@ def free(
     an order swings between the half-axes of an ellipse. Moments are force times distance along the crankshaft, in the
     direction of the force.
     """
-    from ..engines.balance_shafts import balance_shafts, residual_over_turn
     from ..engines.engine_files import DEFAULT_RATIO, load_engine
-    from ..engines.free_forces import free_forces
+    from ..engines.free_forces import balance_shafts, free_forces, residual_over_turn
     from ..engines.results import engine_document
 
     model = load_engine(engine, DEFAULT_RATIO if ratio is None else ratio)
@@ -160,8 +158,8 @@ def free(
 def _print_free(
     engine: "Engine", free: "list[FreeForces]", omega: float, units: tuple[str, str], residual: "ResidualOverTurn"
 ) -> None:
-    from ..engines.balance_shafts import STAGES
     from ..engines.engine import firing
+    from ..engines.free_forces import STAGES
 
     factor, length = (1.0, "a") if engine.normalised else (1e3, "mm")
     sizes = []

@@ -14,7 +14,7 @@ from .printing import cells, emit_findings, emit_table, say
 if TYPE_CHECKING:
     from ..linkages.equivalence_method import LinkageBalance
     from ..linkages.linkage import Linkage
-    from ..linkages.published_values import Comparison
+    from ..linkages.results import Comparison
     from ..linkages.verification import Verification
 
 _STAGE = {"before": "before", "force": "counter-masses", "complete": "counter-masses and gears", "built": "as built"}
@@ -73,8 +73,7 @@ def linkage(
     """
     from ..linkages.equivalence_method import as_built, balance_linkage
     from ..linkages.linkage_files import load_linkage
-    from ..linkages.published_values import compare_published
-    from ..linkages.results import linkage_document, linkage_findings
+    from ..linkages.results import compare_published, linkage_document, linkage_findings
     from ..linkages.verification import verify_linkage
 
     if speed == 0.0 or isnan(variation):

@@ -9,12 +9,18 @@ import numpy as np
 
 from ..results import document
 from ..rotors.rotor import vector_document
-from . import partial_balance, slider_crank
-from .balance_shafts import ResidualForces, ResidualOverTurn, Shaft
+from . import slider_crank
 from .engine import Engine, dead_centres, firing
-from .free_forces import FreeForces, RotatingVector, cylinder_sums, free_forces
-from .partial_balance import largest_over_turn
-from .slider_crank import SliderCrank, replacements, rod_findings
+from .free_forces import (
+    FreeForces,
+    ResidualForces,
+    ResidualOverTurn,
+    RotatingVector,
+    Shaft,
+    cylinder_sums,
+    free_forces,
+)
+from .slider_crank import SliderCrank, largest_over_turn, replacements, rod_findings
 
 _POLAR = 24
 """Crank angles of the polar diagram in the document."""
@@ -29,9 +35,9 @@ def cylinder_document(
     """
     crank = engine.cylinders[0].crank
     inline = crank.reciprocating_mass * crank.radius * omega**2
-    best = {model: partial_balance.best_fraction(crank, model) for model in partial_balance.MODELS}
-    theta = partial_balance.crank_angles(3600)
-    exact, rough = (partial_balance.reciprocating_force(crank, theta, model) for model in ("exact", "order2"))
+    best = {model: slider_crank.best_fraction(crank, model) for model in slider_crank.MODELS}
+    theta = slider_crank.crank_angles(3600)
+    exact, rough = (slider_crank.reciprocating_force(crank, theta, model) for model in ("exact", "order2"))
     error = float(np.abs(exact - rough).max())
     units = {key: {"mass": "kg", "inertia": "kgm2"}.get(key.rpartition("_")[2], "m") for key in asdict(crank)}
     return {
@@ -55,7 +61,7 @@ def cylinder_document(
         "best_fraction": {
             model: {"fraction": b.fraction, "largest_force_N": b.largest * inline} for model, b in best.items()
         },
-        "least_rms_fraction": partial_balance.least_rms_fraction(crank),
+        "least_rms_fraction": slider_crank.least_rms_fraction(crank),
         "second_order_error_largest_N": error * inline,
         "second_order_error_of_first_order_percent": 100.0 * error,
     }
@@ -68,13 +74,13 @@ def _case(crank: SliderCrank, weight: float, omega: float, radius: float | None,
         "counterweight_mass_kg": weight / radius if radius else mass if mass and weight else None,
         "counterweight_radius_mm": 1e3 * radius if radius else 1e3 * weight / mass if mass and weight else None,
     }
-    theta = partial_balance.crank_angles(_POLAR)
+    theta = slider_crank.crank_angles(_POLAR)
     polar = {}
-    for model in partial_balance.MODELS:
-        found[model] = document(partial_balance.residual_extremes(crank, weight, omega, model))
+    for model in slider_crank.MODELS:
+        found[model] = document(slider_crank.residual_extremes(crank, weight, omega, model))
         polar[model] = [
             {"theta_deg": 360.0 * i / _POLAR, "Fx_N": float(f.real), "Fy_N": float(f.imag)}
-            for i, f in enumerate(partial_balance.residual_force(crank, weight, theta, omega, model))
+            for i, f in enumerate(slider_crank.residual_force(crank, weight, theta, omega, model))
         ]
     return found | {"polar": polar}
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..dynamics.inverse_dynamics import NOTHING, Response
-from ..linkages.published_values import COLUMNS
+from ..linkages.verification import COLUMNS
 from ..linkages.verification import Verification
 from . import panels
 

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arrays import Floats
-from ..linkages.assembly import Assembly
-from ..linkages.equivalence_method import LinkageBalance
+from ..linkages.equivalence_method import Assembly, LinkageBalance
 from ..linkages.linkage import GROUND
 from ..linkages.moment_balance import GearResult
 from . import panels

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Complexes
-from ..engines import partial_balance
-from ..engines.balance_shafts import STAGES, ResidualOverTurn
-from ..engines.free_forces import FreeForces, RotatingVector
+from ..engines import slider_crank
+from ..engines.free_forces import STAGES, FreeForces, ResidualOverTurn, RotatingVector
 from ..engines.slider_crank import SliderCrank
 from ..estimation.estimate import LEVEL_TEXT
 from ..rotors.rotor import Correction, Polygon, polygons
@@ -207,11 +206,11 @@ _WEIGHT_COLOURS = (GREY, "#8d99ae", BLUE, GREEN, ORANGE, "#b5446e")
 def draw_polar(crank: SliderCrank, counterweights: Mapping[str, float], omega: float) -> "Figure":
     """The exact force's tip over a turn for each counterweight m_b r_b [kg m], orders 1 and 2 dotted; omega [rad/s]."""
     figure, ((axes,),) = panels(6.4, 5.4)
-    theta = np.append(partial_balance.crank_angles(720), 0.0)
+    theta = np.append(slider_crank.crank_angles(720), 0.0)
     for i, (name, weight) in enumerate(counterweights.items()):
         colour = _WEIGHT_COLOURS[i % len(_WEIGHT_COLOURS)]
-        exact = partial_balance.residual_force(crank, weight, theta, omega)
-        rough = partial_balance.residual_force(crank, weight, theta, omega, "order2")
+        exact = slider_crank.residual_force(crank, weight, theta, omega)
+        rough = slider_crank.residual_force(crank, weight, theta, omega, "order2")
         axes.plot(exact.imag, exact.real, color=colour, lw=1.8, label=name)
         axes.plot(rough.imag, rough.real, ":", color=colour, lw=1.0)
     axes.plot(0.0, 0.0, "+", color=GREY, ms=12)

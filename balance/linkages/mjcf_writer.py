@@ -20,8 +20,7 @@ from ..arrays import Floats
 from ..closure import Trajectory
 from ..errors import ModelError
 from ..mechanism.mechanism import Mechanism
-from .assembly import rotated
-from .equivalence_method import CompositeBody, LinkageBalance, composite_bodies, merged_body
+from .equivalence_method import CompositeBody, LinkageBalance, composite_bodies, merged_body, rotated
 from .expressions import ORIGIN, Point
 from .linkage import GROUND, End, Joint
 from .moment_balance import GearResult

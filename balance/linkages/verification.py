@@ -23,8 +23,11 @@ from .equivalence_method import LinkageBalance, composite_bodies
 from .linkage import Linkage
 from .mjcf_writer import geared_trajectory, linkage_mjcf, skeleton
 from .moment_balance import GearResult
-from .published_values import COLUMNS, STAGES
 
+COLUMNS = ("Fx_N", "Fy_N", "Mz_Nm", "torque_Nm")
+"""Force, moment and drive torque along a motion."""
+STAGES = ("before", "force", "complete")
+"""Without counter-masses, with them, with them and gears."""
 STATES = 8
 """Configurations, about the start, at which angular velocities are compared."""
 VARIATION = 0.3

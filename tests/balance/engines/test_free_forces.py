@@ -6,7 +6,7 @@ import pytest
 from balance import datasets
 from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import simulate
-from balance.engines import balance_shafts, free_forces
+from balance.engines import free_forces
 from balance.engines.engine import Cylinder, Engine, firing
 from balance.engines.engine_files import load_engine, load_layout, mjcf
 from balance.engines.slider_crank import SliderCrank
@@ -78,9 +78,9 @@ def test_half_axes_are_the_extremes(seed):
 def test_shafts_remove_every_order(seed):
     """Shafts make the opposite of force and moment of their order, about any place."""
     found = free_forces.free_forces(_random(seed), 4)
-    for shaft in balance_shafts.balance_shafts(found, -0.2, 0.3):
+    for shaft in free_forces.balance_shafts(found, -0.2, 0.3):
         free = found[shaft.order - 1]
-        force, moment = (balance_shafts.shaft_vectors([shaft], 0.0, about) for about in (None, free.about))
+        force, moment = (free_forces.shaft_vectors([shaft], 0.0, about) for about in (None, free.about))
         own = (
             (free.force.forward, free.moment.forward) if shaft.forward else (free.force.backward, free.moment.backward)
         )
@@ -150,7 +150,7 @@ def test_place_of_the_resultant():
 def test_lanchester_shafts_of_an_in_line_four(name):
     """Second order of any layout: each shaft's unbalance is the turning part over 4, m r lambda / 2 in the four."""
     second = free_forces.free_forces(load_layout(name), kind="second-order")[1]
-    found = [s for s in balance_shafts.balance_shafts([second], 0.0, 3.0) if len(s.unbalances) == 1]
+    found = [s for s in free_forces.balance_shafts([second], 0.0, 3.0) if len(s.unbalances) == 1]
     for shaft in found:
         part = second.force.forward if shaft.forward else second.force.backward
         assert shaft.unbalances[0].vector == pytest.approx(-part / 4)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from balance.engines import partial_balance, slider_crank
+from balance.engines import slider_crank
 from balance.engines.slider_crank import SliderCrank
 
 CRANK = SliderCrank(0.05, 0.2, 1.0, 0.025, 0.0, 1.2, 0.06, 0.0101, 0.8)
@@ -42,7 +42,7 @@ def test_second_order_is_the_limit_of_long_rods(offset):
 )
 def test_exact_force_with_counterweights(weight, largest, least, rms):
     """Extremes over a turn, unbalanced and with counterweights m_b at the crank radius."""
-    found = partial_balance.residual_extremes(CRANK, weight * CRANK.radius, OMEGA, "exact")
+    found = slider_crank.residual_extremes(CRANK, weight * CRANK.radius, OMEGA, "exact")
     assert found.largest == pytest.approx(largest, rel=1e-6)
     assert found.least == pytest.approx(least, rel=1e-6, abs=1e-6)
     assert found.rms == pytest.approx(rms, rel=1e-6)
@@ -50,7 +50,7 @@ def test_exact_force_with_counterweights(weight, largest, least, rms):
 
 def test_polar_diagram_of_second_order():
     """Points of the published kind of diagram: 1529.8 N at 0 deg, 878.62 N at 46.40 deg for theta = 60 deg."""
-    force = partial_balance.residual_force(CRANK, 0.0, np.radians([0.0, 60.0, 180.0]), OMEGA, "order2")
+    force = slider_crank.residual_force(CRANK, 0.0, np.radians([0.0, 60.0, 180.0]), OMEGA, "order2")
     assert np.abs(force) == pytest.approx([1529.7887, 878.62083, 1211.7681], rel=1e-6)
     assert np.degrees(np.angle(force[1])) == pytest.approx(46.402706, abs=1e-5)
 
@@ -61,7 +61,7 @@ def test_polar_diagram_of_second_order():
 )
 def test_best_fraction(model, fraction, force):
     """The fraction with the least largest force, and that force."""
-    best = partial_balance.best_fraction(CRANK, model)
+    best = slider_crank.best_fraction(CRANK, model)
     assert best.fraction == pytest.approx(fraction, rel=1e-6)
     inline = CRANK.reciprocating_mass * CRANK.radius * OMEGA**2
     assert best.largest * inline == pytest.approx(force, rel=1e-6)
@@ -74,34 +74,34 @@ def test_best_fraction_is_not_beaten(ratio):
     theta = np.linspace(0.0, 2 * np.pi, 20001)
 
     def largest(fraction):
-        return np.abs(partial_balance.residual_force(crank, fraction, theta, 1.0)).max()
+        return np.abs(slider_crank.residual_force(crank, fraction, theta, 1.0)).max()
 
     other = minimize_scalar(largest, bounds=(0.0, 1.0), method="bounded", options={"xatol": 1e-10})
-    best = partial_balance.best_fraction(crank)
+    best = slider_crank.best_fraction(crank)
     assert best.largest <= other.fun * (1 + 1e-6)
     assert best.largest == pytest.approx(other.fun, rel=1e-6)
 
 
 def test_the_largest_force_is_at_an_angle_below_a_turn():
     """Unbalanced it is at top dead centre, 0 deg; the search may end on either side of it."""
-    extremes = [partial_balance.residual_extremes(CRANK, 0.0, OMEGA, model) for model in ("order1", "order2", "exact")]
+    extremes = [slider_crank.residual_extremes(CRANK, 0.0, OMEGA, model) for model in ("order1", "order2", "exact")]
     assert [str(each.at_deg) for each in extremes] == ["0.0"] * 3  # neither -0 nor 360
 
 
 def test_a_half_has_the_least_mean_square():
     """The mean square is least at half the reciprocating mass, whatever the rod."""
     crank = SliderCrank(1.0, 2.0, piston_mass=1.0)
-    theta = partial_balance.crank_angles(720)
-    squares = [np.mean(np.abs(partial_balance.residual_force(crank, c, theta, 1.0)) ** 2) for c in (0.49, 0.5, 0.51)]
-    assert partial_balance.least_rms_fraction(crank) == pytest.approx(0.5)
+    theta = slider_crank.crank_angles(720)
+    squares = [np.mean(np.abs(slider_crank.residual_force(crank, c, theta, 1.0)) ** 2) for c in (0.49, 0.5, 0.51)]
+    assert slider_crank.least_rms_fraction(crank) == pytest.approx(0.5)
     assert squares[1] < min(squares[0], squares[2])
 
 
 @pytest.mark.parametrize(("ratio", "percent"), [(0.25, 0.8), (1 / 3, 2.0)])
 def test_error_of_second_order(ratio, percent):
     """First and second order are off by 0.8 % at r / l = 0.25 and 2 % at 1/3."""
-    crank, theta = SliderCrank(1.0, 1.0 / ratio, piston_mass=1.0), partial_balance.crank_angles(7200)
-    off = partial_balance.reciprocating_force(crank, theta, "exact") - partial_balance.reciprocating_force(
+    crank, theta = SliderCrank(1.0, 1.0 / ratio, piston_mass=1.0), slider_crank.crank_angles(7200)
+    off = slider_crank.reciprocating_force(crank, theta, "exact") - slider_crank.reciprocating_force(
         crank, theta, "order2"
     )
     assert 100 * np.abs(off).max() == pytest.approx(percent, rel=0.05)

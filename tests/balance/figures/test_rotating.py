@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from balance.engines import balance_shafts, free_forces
+from balance.engines import free_forces
 from balance.engines.engine_files import load_layout
 from balance.figures.rotating import draw_orders, draw_polygons, draw_readings
 from balance.rotors.rotor import Plane, Unbalance, correct_planes, polygons
@@ -32,9 +32,7 @@ def test_legends_of_order_plots_lie_above_the_bars(name):
     """The highest bar ends below the legend."""
     engine = load_layout(name)
     free = free_forces.free_forces(engine, 8)
-    turn = balance_shafts.residual_over_turn(
-        engine, balance_shafts.balance_shafts(free[:2], 0.0, 3.0), 1.0, engine.middle
-    )
+    turn = free_forces.residual_over_turn(engine, free_forces.balance_shafts(free[:2], 0.0, 3.0), 1.0, engine.middle)
     figure = draw_orders(free, engine.name, 1.0, ("m r omega^2", "m r omega^2 a"), turn)
     figure.draw_without_rendering()
     for axes in figure.axes[:2]:

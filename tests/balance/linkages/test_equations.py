@@ -4,10 +4,10 @@ import re
 
 import pytest
 
-from balance.linkages.equations import linkage_equations
 from balance.linkages.equivalence_method import balance_linkage
 from balance.linkages.expressions import read_length
 from balance.linkages.linkage_files import load_linkage
+from balance.linkages.results import linkage_equations
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from balance import datasets
 from balance.errors import DataError
 from balance.linkages.equivalence_method import balance_linkage
 from balance.linkages.linkage_files import linkage_from_table, load_linkage
-from balance.linkages.published_values import compare_published
+from balance.linkages.results import compare_published
 
 SIX = ["dwell", "knife", "pantograph", "sewing-machine", "dwell-short", "dwell-short-two-point"]
 CUT = {("dwell", "m_z4"), ("sewing-machine", "I12*")}

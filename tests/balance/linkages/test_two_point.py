@@ -5,7 +5,7 @@ import copy
 import pytest
 
 from balance.errors import ModelError, SizingError
-from balance.linkages.equations import linkage_equations
+from balance.linkages.results import linkage_equations
 
 from .conftest import balanced, left_over
 
