@@ -46,7 +46,7 @@ INPUT_FILES = {
     "drive.toml": ("balance.drives.drive_files:load_drive", "datasets/drives/*.toml"),
     "rotor.toml": ("balance.rotors.rotor_files:load_rotor", "datasets/rotors/three*.toml"),
     "unbalances.csv": ("balance.rotors.rotor_files:load_unbalances", "datasets/rotors/*.csv"),
-    "trial-runs.toml": ("balance.rotors.trial_run_files:load_trial_runs", "datasets/rotors/*.toml"),
+    "trial-runs.toml": ("balance.rotors.trial_runs:load_trial_runs", "datasets/rotors/*.toml"),
     "rig.toml": ("testbench.rig.rig:load_rig", "datasets/rigs/*.toml"),
     "runs.csv": ("testbench.ingestion.run_table:read_run_table", """
 file,run,origin,payload_kg,counter_masses,motion,repeat

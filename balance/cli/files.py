@@ -128,7 +128,7 @@ MODELS = {
     "rotor": "balance.rotors.rotor_files:RotorTable",
     "springs": "balance.balancing.static_balancing:SpringsTable",
     "stock": "balance.balancing.stock_plates:StockRow",
-    "trial-runs": "balance.rotors.trial_run_files:TrialRunsTable",
+    "trial-runs": "balance.rotors.trial_runs:TrialRunsTable",
 }
 """Model of each kind of input file."""
 _LONGEST_DEFAULT = 40

@@ -243,7 +243,7 @@ def influence(
     recorded; the weights are shown as totals, and as the weights to add to those still on.
     """
     from ..rotors.results import READING, WEIGHT, trial_runs_document
-    from ..rotors.trial_run_files import load_trial_runs
+    from ..rotors.trial_runs import load_trial_runs
 
     trial_runs = load_trial_runs(runs)
     solution = trial_runs.solve(method)

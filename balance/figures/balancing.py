@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..dynamics.inverse_dynamics import NOTHING, Response
-from ..linkages.verification import COLUMNS
-from ..linkages.verification import Verification
+from ..linkages.verification import COLUMNS, Verification
 from . import panels
 
 if TYPE_CHECKING:

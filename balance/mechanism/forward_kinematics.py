@@ -26,11 +26,11 @@ class Joint:
 
     parent: int
     """Index of the parent elementary joint, -1 for the base."""
-    rotation: Floats
+    rotation: NDArray[Any]
     """Rotation of the joint frame in the parent's frame at zero, (3, 3)."""
-    position: Floats
+    position: NDArray[Any]
     """Origin of the joint frame in the parent's frame at zero, (3,) [m]."""
-    axis: Floats
+    axis: NDArray[Any]
     """Unit axis in the joint's frame, (3,)."""
     revolute: bool
 
@@ -110,13 +110,13 @@ def pose(tree: Tree, q: Symbols) -> Pose:
         axis[i] = frame @ joint.axis
         position[i] = position[joint.parent] + rotation[joint.parent] @ joint.position
         if joint.revolute:
-            rotation[i] = _rotated(frame, joint.axis, q[i])
+            rotation[i] = rotated(frame, joint.axis, q[i])
         else:
             rotation[i], position[i] = frame, position[i] + q[i] * axis[i]
     return Pose(q, rotation, position, axis)
 
 
-def _rotated(frame: Symbols, axis: Floats, angle: Any) -> Symbols:  # noqa: ANN401
+def rotated(frame: Symbols, axis: Floats, angle: Any) -> Symbols:  # noqa: ANN401
     """``frame`` (3, 3) turned by ``angle`` [rad] about its ``axis``. Rodrigues: R + R K sin + R K K (1 - cos)."""
     s, c = np.sin(angle), np.cos(angle)
     if axis.tolist() == [0.0, 0.0, 1.0]:

@@ -7,7 +7,7 @@ from balance.engines import free_forces
 from balance.engines.engine_files import load_layout
 from balance.figures.rotating import draw_orders, draw_polygons, draw_readings
 from balance.rotors.rotor import Plane, Unbalance, correct_planes, polygons
-from balance.rotors.trial_run_files import load_trial_runs
+from balance.rotors.trial_runs import load_trial_runs
 
 
 def test_names_of_a_polygon_stand_outside_it():

@@ -9,7 +9,7 @@ from scipy.stats import binomtest
 
 from balance.errors import DataError, UnitError
 from balance.figures.rotating import draw_readings
-from balance.rotors.trial_run_files import load_trial_runs, trial_runs_from_table
+from balance.rotors.trial_runs import load_trial_runs, trial_runs_from_table
 from balance.units import parse_uncertain
 
 from ..cli.conftest import call, json_of

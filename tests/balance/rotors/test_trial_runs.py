@@ -6,7 +6,7 @@ import pytest
 from balance.errors import DataError
 from balance.rotors.results import predicted_residual
 from balance.rotors.rotor import angle_deg
-from balance.rotors.trial_run_files import load_trial_runs
+from balance.rotors.trial_runs import load_trial_runs
 
 RUNS = """
 phase = "{phase}"
