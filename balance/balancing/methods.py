@@ -277,30 +277,25 @@ IMAGES = {
 
 def mirror_outcomes(mechanism: Mechanism, trajectory: Trajectory) -> list[Outcome]:
     """The outcome of each set of images, none of them balanced otherwise."""
-    own = simulate(mechanism, trajectory)
-    return [_with_images(mechanism, trajectory, own, name, signs) for name, signs in IMAGES.items()]
-
-
-def _with_images(
-    mechanism: Mechanism, trajectory: Trajectory, own: Response, name: str, images: tuple[tuple[float, float], ...]
-) -> Outcome:
-    force, moment = own.force.copy(), own.moment.copy()
-    torque = {joint: values.copy() for joint, values in own.torque.items()}
-    for sx, sy in images:
-        flip = np.array([sx, sy, 1.0])
-        # An image under gravity g needs the torque of the mechanism itself under T g.
-        image = simulate(replace(mechanism, gravity=flip * mechanism.gravity), trajectory)
-        force += flip * own.force
-        moment += sx * sy * flip * own.moment
-        torque = {joint: values + image.torque[joint] for joint, values in torque.items()}
-    count = len(images)
+    own, found = simulate(mechanism, trajectory), []
     at = poses(mechanism.tree, trajectory.q[:1])
     x, y, z = at.rotation[0, list(mechanism.tree.bodies), 2].T  # the base's z axis in each body's frame
     about_z = np.stack([x * x, 2 * x * y, y * y, 2 * x * z, 2 * y * z, z * z], axis=1)
     inertia = float(np.sum(mechanism.parameters[:, 4:] * about_z))
-    note = f"{count} more mechanism{'s' * (count > 1)}, driven by the same motors; "
-    note += "cancels all" if count == 3 else _image_note(*images[0])
-    return Outcome(name, force, moment, torque, count * mechanism.total_mass, count * inertia, {}, note)
+    for name, images in IMAGES.items():
+        force, moment, torque = own.force.copy(), own.moment.copy(), dict(own.torque)
+        for sx, sy in images:
+            flip = np.array([sx, sy, 1.0])
+            # An image under gravity g needs the torque of the mechanism itself under T g.
+            image = simulate(replace(mechanism, gravity=flip * mechanism.gravity), trajectory)
+            force += flip * own.force
+            moment += sx * sy * flip * own.moment
+            torque = {joint: values + image.torque[joint] for joint, values in torque.items()}
+        count = len(images)
+        note = f"{count} more mechanism{'s' * (count > 1)}, driven by the same motors; "
+        note += "cancels all" if count == 3 else _image_note(*images[0])
+        found.append(Outcome(name, force, moment, torque, count * mechanism.total_mass, count * inertia, {}, note))
+    return found
 
 
 def _image_note(sx: float, sy: float) -> str:
@@ -381,7 +376,23 @@ class Methods(Shown, rows="rows", figure="balance.figures.balancing:draw_methods
     @property
     def rows(self) -> list[dict[str, Any]]:
         """A method each, units in the keys."""
-        return [_outcome(outcome, self.mechanism) for outcome in self.outcomes]
+        by_unit = self.mechanism.drives_by_unit
+        return [
+            {
+                "method": outcome.name,
+                "added_mass_kg": outcome.added_mass,
+                "added_inertia_kgm2": outcome.added_inertia,
+                "force_rms_N": root_mean_square(np.linalg.norm(outcome.force, axis=1)),
+                "force_peak_N": outcome.force_peak,
+                "moment_rms_Nm": outcome.moment_rms,
+                "moment_peak_Nm": outcome.moment_peak,
+                **by_unit(outcome.torque_rms(), "torque_rms_Nm", "drive_force_rms_N"),
+                **by_unit(outcome.torque_peak(), "torque_peak_Nm", "drive_force_peak_N"),
+                "needs": dict(outcome.needs),
+                "note": outcome.note,
+            }
+            for outcome in self.outcomes
+        ]
 
     def document(self) -> dict[str, Any]:
         """For JSON."""
@@ -389,35 +400,18 @@ class Methods(Shown, rows="rows", figure="balance.figures.balancing:draw_methods
             "mechanism": self.mechanism.name,
             "motion": self.motion,
             "methods": self.rows,
-            "printed_conditions": [_comparison(comparison) for comparison in self.comparisons],
+            "printed_conditions": [
+                {
+                    "method": comparison.method,
+                    "verdict": comparison.verdict(),
+                    "printed_rank": comparison.rank[0],
+                    "derived_rank": comparison.rank[1],
+                    "distance_of_derived_from_printed": comparison.sufficient,
+                    "distance_of_printed_from_derived": comparison.necessary,
+                    "distance_once_given": comparison.equal_given,
+                    "printed": [dict(row) for row in comparison.published],
+                    "given": [dict(row) for row in comparison.given],
+                }
+                for comparison in self.comparisons
+            ],
         }
-
-
-def _outcome(outcome: Outcome, mechanism: Mechanism) -> dict[str, Any]:
-    return {
-        "method": outcome.name,
-        "added_mass_kg": outcome.added_mass,
-        "added_inertia_kgm2": outcome.added_inertia,
-        "force_rms_N": root_mean_square(np.linalg.norm(outcome.force, axis=1)),
-        "force_peak_N": outcome.force_peak,
-        "moment_rms_Nm": outcome.moment_rms,
-        "moment_peak_Nm": outcome.moment_peak,
-        **mechanism.drives_by_unit(outcome.torque_rms(), "torque_rms_Nm", "drive_force_rms_N"),
-        **mechanism.drives_by_unit(outcome.torque_peak(), "torque_peak_Nm", "drive_force_peak_N"),
-        "needs": dict(outcome.needs),
-        "note": outcome.note,
-    }
-
-
-def _comparison(comparison: ConditionComparison) -> dict[str, Any]:
-    return {
-        "method": comparison.method,
-        "verdict": comparison.verdict(),
-        "printed_rank": comparison.rank[0],
-        "derived_rank": comparison.rank[1],
-        "distance_of_derived_from_printed": comparison.sufficient,
-        "distance_of_printed_from_derived": comparison.necessary,
-        "distance_once_given": comparison.equal_given,
-        "printed": [dict(row) for row in comparison.published],
-        "given": [dict(row) for row in comparison.given],
-    }

@@ -336,22 +336,13 @@ def best_sets_from_stock(
 
     names = chosen_sites(mechanism, sites)
     objective = objective or conditions.objective
-    columns, target, turning = _stock_system([(objective, mechanism)], names, plates)
-    groups = [group for group in site_groups(names, equal) if len(group) > 1]
-    found = best_plates(
-        columns, target, *_stock_arrays(plates), upper_limits(names, limits), groups, best, turning, exact
-    )
-    return tuple(
-        sizing_of_given(
-            conditions,
-            mechanism,
-            dict(zip(names, one.masses, strict=True)),
-            _piles(names, one.counts, plates),
-            objective,
-            found.bound,
-        )
-        for one in found.selections
-    )
+    system, groups = _stock_system([(objective, mechanism)], names, plates), site_groups(names, equal)
+    found = best_plates(**system, limits=upper_limits(names, limits), equal=groups, best=best, exact=exact)
+    sets = []
+    for one in found.selections:
+        masses, piles = dict(zip(names, one.masses, strict=True)), _piles(names, one.counts, plates)
+        sets.append(sizing_of_given(conditions, mechanism, masses, piles, objective, found.bound))
+    return tuple(sets)
 
 
 def nested_sizing(
@@ -369,17 +360,16 @@ def nested_sizing(
     names, loads = chosen_sites(mechanisms[0], sites), len(mechanisms)
     objectives = objectives or [workspace_objective(mechanism) for mechanism in mechanisms]
     each = list(zip(objectives, mechanisms, strict=True))
-    columns, target, turning = _stock_system(each, names, plates or ())
+    system = _stock_system(each, names, plates or ())
     if plates is None:
-        added, proven = distribute_masses(columns, target).masses.reshape(loads, len(names)), True
+        added, proven = distribute_masses(system["columns"], system["target"]).masses.reshape(loads, len(names)), True
         masses = np.cumsum(added, axis=0)
     else:
         from .stock_search import best_plates  # late: masses of any size are found without it
 
-        weights, quantities = _stock_arrays(plates)
-        found = best_plates(columns, target, weights, quantities, turning=turning)
+        found = best_plates(**system)
         counts = np.cumsum(found.selections[0].counts.reshape(loads, len(names), len(plates)), axis=0)
-        masses, proven = counts @ weights, not found.gap > 0.0
+        masses, proven = counts @ system["masses"], not found.gap > 0.0
     sets = []
     for k, (objective, mechanism) in enumerate(each):
         piles = None if plates is None else _piles(names, counts[k], plates)
@@ -431,9 +421,8 @@ def stock_use(
     wanting = list[int]()
     if is_linear:
         each = [(one.objective or one.conditions.objective, one.before) for one in sets]
-        columns, target, turning = _stock_system(each, names, plates)
         upper, groups = np.tile(upper_limits(names, limits), len(sets)), site_groups(names, equal) if equal else ()
-        wanting = wanting_kinds(columns, target, *_stock_arrays(plates), counts, upper, groups, turning)
+        wanting = wanting_kinds(**_stock_system(each, names, plates), counts=counts, limits=upper, equal=groups)
     used = dict(zip((plate.name for plate in plates), counts.sum(axis=0).tolist(), strict=True))
     lightest = min(((p.mass, p.name) for p in plates if p.quantity), default=(0.0, ""))[::-1]
     wanted = tuple(plates[k].name for k in wanting)
@@ -442,30 +431,30 @@ def stock_use(
 
 def _stock_system(
     each: Sequence[tuple[Objective, Mechanism]], names: Sequence[str], plates: "Sequence[Plate]"
-) -> tuple[Floats, Floats, tuple[Floats, Floats]]:
-    """Columns, target and ``turning`` of ``best_plates``, for sets that only grow, one for each load."""
+) -> dict[str, Any]:
+    """What ``best_plates`` is asked by name, for sets that only grow, one for each load.
+
+    Plates as drawn have an inertia beyond their mass at the sites' radii of gyration, (sites, kinds) [kg m2].
+    """
     systems = [objective.system(mechanism, names) for objective, mechanism in each]
-    columns, target = _growing([own for own, _ in systems]), np.concatenate([own for _, own in systems])
     per_turning = _growing([objective.turning(mechanism, names) for objective, mechanism in each])
-    return columns, target, (per_turning, np.tile(_turning_inertia(each[0][1], names, plates), (len(each), 1)))
+    masses = np.array([plate.mass for plate in plates])
+    squares = np.array([[each[0][1].site(name).radius_of_gyration ** 2] for name in names])
+    drawn = np.array([np.nan if plate.inertia is None else plate.inertia for plate in plates])
+    inertia = np.nan_to_num(drawn - squares * masses)
+    return {
+        "columns": _growing([own for own, _ in systems]),
+        "target": np.concatenate([own for _, own in systems]),
+        "masses": masses,
+        "quantities": np.array([plate.quantity for plate in plates], dtype=np.intp),
+        "turning": (per_turning, np.tile(inertia, (len(each), 1))),
+    }
 
 
 def _growing(columns: Sequence[Floats]) -> Floats:
     """Columns of each load (rows, sites) as those of what each set adds to the one before (rows, loads times sites)."""
     loads = len(columns)
     return np.block([[one if j <= k else np.zeros_like(one) for j in range(loads)] for k, one in enumerate(columns)])
-
-
-def _stock_arrays(plates: "Sequence[Plate]") -> tuple[Floats, Indices]:
-    return np.array([plate.mass for plate in plates]), np.array([plate.quantity for plate in plates], dtype=np.intp)
-
-
-def _turning_inertia(mechanism: Mechanism, names: Sequence[str], plates: "Sequence[Plate]") -> Floats:
-    """What plates as drawn have beyond their mass at the sites' radii of gyration, (sites, kinds) [kg m2]."""
-    squares = np.array([[mechanism.site(name).radius_of_gyration ** 2] for name in names])
-    drawn = np.array([plate.inertia is not None for plate in plates])
-    inertia, masses = (np.array([getattr(plate, key) or 0.0 for plate in plates]) for key in ("inertia", "mass"))
-    return np.where(drawn, inertia - squares * masses, 0.0)
 
 
 def _piles(names: Sequence[str], counts: Indices, plates: "Sequence[Plate]") -> "dict[str, list[Plate]]":

@@ -289,6 +289,13 @@ def static_document(found: Conditions, counter: Sizing | None, springs: Springs)
     mechanism, q = springs.mechanism, springs.q
     weight = springs.weight_energy()
     balanced = None if counter is None else potential(counter.after, q)
+    masses = None
+    if counter is not None and balanced is not None:
+        masses = _balance(balanced, weight, _holding(counter.after, q, None)) | {
+            "masses_kg": {c.site: c.mass for c in counter.counter_masses},
+            "added_mass_kg": counter.added_mass,
+            "added_inertia_kgm2": counter.added_inertia,
+        }
     return {
         "mechanism": mechanism.name,
         "gravity_m_per_s2": [float(x) for x in mechanism.gravity],
@@ -297,7 +304,7 @@ def static_document(found: Conditions, counter: Sizing | None, springs: Springs)
             {"text": found.text(k), "value_kgm": float(value)} for k, value in enumerate(found.values(mechanism))
         ],
         "as_it_is": _balance(weight, weight, _holding(mechanism, q, None)),
-        "counter_masses": None if counter is None or balanced is None else _counter(counter, balanced, weight, q),
+        "counter_masses": masses,
         "springs": _balance(weight + springs.energy(), weight, _holding(mechanism, q, springs))
         | {"springs": _springs(springs)},
         "workspace": {
@@ -305,14 +312,6 @@ def static_document(found: Conditions, counter: Sizing | None, springs: Springs)
             "springs_J": springs.energy().tolist(),
             "with_counter_masses_J": None if balanced is None else balanced.tolist(),
         },
-    }
-
-
-def _counter(counter: Sizing, total: Floats, weight: Floats, q: Floats) -> dict[str, Any]:
-    return _balance(total, weight, _holding(counter.after, q, None)) | {
-        "masses_kg": {c.site: c.mass for c in counter.counter_masses},
-        "added_mass_kg": counter.added_mass,
-        "added_inertia_kgm2": counter.added_inertia,
     }
 
 

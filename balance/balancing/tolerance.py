@@ -119,7 +119,7 @@ def analyze_tolerances(
     nominal = _force(problem)
     slopes, curvatures = [], []
     ends = [(tolerance, sign * tolerance.half_width) for tolerance in tolerances for sign in (1.0, -1.0)]
-    forces = dict(pool.results(partial(_force_at, problem), ends))
+    forces = dict(pool.results(partial(_force, problem), ends))
     for k in range(len(tolerances)):
         upper, lower = forces[2 * k], forces[2 * k + 1]
         slopes.append((upper - lower) / 2.0)
@@ -170,11 +170,8 @@ def _with_error(problem: Problem, tolerance: Tolerance, error: float) -> Problem
     return replace(problem, counter_masses={**counters, name: counters.get(name, 0.0) + error})
 
 
-def _force_at(problem: Problem, end: tuple[Tolerance, float]) -> Floats:
-    return _force(_with_error(problem, *end))
-
-
-def _force(problem: Problem) -> Floats:
-    """Shaking force along the motion, (3 n,) [N]."""
-    mounted = problem.mechanism.with_counter_mass(problem.counter_masses)
-    return simulate(mounted, Closure(mounted).follow(problem.samples)).force.ravel()
+def _force(problem: Problem, end: tuple[Tolerance, float] | None = None) -> Floats:
+    """Shaking force along the motion, (3 n,) [N]; at an ``end`` of a tolerance, with its error."""
+    made = problem if end is None else _with_error(problem, *end)
+    mounted = made.mechanism.with_counter_mass(made.counter_masses)
+    return simulate(mounted, Closure(mounted).follow(made.samples)).force.ravel()
