@@ -7,7 +7,7 @@ Source: G. Kiper, "Dinamik Dengeleme Calismalari", slides, METU Mechanical Engin
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from .. import datasets
 from ..arrays import Floats
 from ..mechanism.forward_kinematics import Joint
 from ..mechanism.mechanism import Mechanism
+from ..results import Key
 from . import stock_plates
 from .conditions import Conditions
 from .sizing import sizing_of_given
@@ -241,12 +242,11 @@ def _text(row: Row) -> str:
 class BuiltSet:
     """The set that the source built for a payload, the same on each arm."""
 
-    payload: float
-    """[kg]"""
-    plates: tuple[str, ...]
-    mass: float
+    payload: Annotated[float, Key("payload_kg")]
+    plates: Annotated[tuple[str, ...], Key()]
+    mass: Annotated[float, Key("mass_kg")]
     """Of its plates [kg]."""
-    residual: float
+    residual: Annotated[float, Key("residual_first_moment_kgm")]
     """Its first-moment residual [kg m], computed."""
 
 

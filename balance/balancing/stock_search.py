@@ -119,7 +119,20 @@ def best_plates(
     if exact is not None or selections(quantities, sites) * sites <= _MOST_SELECTIONS:
         return _best_of_all(columns, target, masses, quantities, most, groups, best, turning, exact)
     if turning is not None:
-        return _best_turning(columns, target, masses, quantities, most, equal, best, turning)
+        # The best of those that a search finds with one radius of gyration for all plates; the bound is of masses of
+        # any size, each of any of the plates' radii of gyration.
+        per_turning, inertia = turning
+        squares = inertia[:, quantities > 0] / masses[quantities > 0]
+        middle = columns + per_turning * (inertia @ quantities / (masses @ quantities))
+        sought = best_plates(middle, target, masses, quantities, most, equal, best + _CANDIDATES)
+        whole = []
+        for one in sought.selections:
+            made = columns @ one.masses + per_turning @ (inertia * one.counts).sum(axis=1)
+            whole.append(replace(one, value=float(np.sum((made - target) ** 2))))
+        ends = np.hstack([columns + per_turning * square for square in (squares.min(axis=1), squares.max(axis=1))])
+        least = distribute_masses(ends, target, np.tile(most, 2))
+        bound = float(np.sum((ends @ least.masses - target) ** 2)) - least.gap
+        return StockOptimum(tuple(sorted(whole, key=lambda one: one.value)[:best]), max(bound, 0.0))
     few, steps = np.prod(quantities + 1.0) <= _MOST_PILES, masses[used] / _STEP_KG
     counted = used.any() and np.abs(steps - np.round(steps)).max() <= _STEP_ROUNDING
     kind = _Search if few and not counted else _UnitSearch
@@ -215,36 +228,6 @@ def _best_of_all(
         others = (np.abs(made - made[chosen]) > edge).any(axis=1)
         ways, made, values = ways[others], made[others], values[others]
     return StockOptimum(tuple(found), found[0].value)
-
-
-def _best_turning(
-    columns: Floats,
-    target: Floats,
-    plates: Floats,
-    quantities: Indices,
-    limits: Floats,
-    equal: Sequence[Sequence[int]],
-    best: int,
-    turning: tuple[Floats, Floats],
-) -> StockOptimum:
-    """The best of those that a search finds with one radius of gyration for all plates.
-
-    The bound is of masses of any size, each of any of the plates' radii of gyration.
-    """
-    per_turning, inertia = turning
-    used = quantities > 0
-    squares = inertia[:, used] / plates[used]
-    middle = columns + per_turning * (inertia @ quantities / (plates @ quantities))
-    sought = best_plates(middle, target, plates, quantities, limits, equal, best + _CANDIDATES)
-    made = [columns @ one.masses + per_turning @ (inertia * one.counts).sum(axis=1) for one in sought.selections]
-    found = [
-        replace(one, value=float(np.sum((effect - target) ** 2)))
-        for one, effect in zip(sought.selections, made, strict=True)
-    ]
-    ends = np.hstack([columns + per_turning * square for square in (squares.min(axis=1), squares.max(axis=1))])
-    least = distribute_masses(ends, target, np.tile(limits, 2))
-    bound = float(np.sum((ends @ least.masses - target) ** 2)) - least.gap
-    return StockOptimum(tuple(sorted(found, key=lambda one: one.value)[:best]), max(bound, 0.0))
 
 
 def _shares(quantity: int, sites: int) -> Iterator[tuple[int, ...]]:

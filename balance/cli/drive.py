@@ -1,6 +1,6 @@
 """``balance drive``: steady rotation, start-up, flywheels of a machine that a motor turns."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -8,10 +8,6 @@ from ..results import NO_VALUE, table
 from . import options
 from .framework import Answer, Read, Word, argument, command, option
 from .printing import emit_table, say
-
-if TYPE_CHECKING:
-    from ..drives.drive_files import Drive
-    from ..drives.machine import Machine
 
 
 def _share(text: str) -> float:
@@ -59,8 +55,13 @@ def drive(
     drive file or a shipped one: inverted-slider-crank, four-bar-dc. The coefficient of speed fluctuation is
     (n_max - n_min) / n_nominal.
     """
+    from ..drives import DriveError
     from ..drives import results as documents
     from ..drives.drive_files import load_drive
+    from ..drives.harmonic_balance import flywheel_for as sized_flywheel
+    from ..drives.harmonic_balance import steady_rotations
+    from ..drives.time_integration import reached_from_rest
+    from ..drives.time_integration import start_up as started
 
     study = load_drive(drive)
     mechanism = study.load_mechanism().with_payload(payload)
@@ -72,31 +73,8 @@ def drive(
     result["reduced"] = documents.inertia_document(machines[0][0])
     if counter:
         result["reduced_with_counter_masses"] = documents.inertia_document(machines[-1][0])
-    _fill(result, study, machines, flywheel_for, flywheel_side, start_up, convergence)
-    for machine, has_masses in machines:
-        result["findings"] += [] if has_masses else documents.beyond_file(machine, study.table.speeds)
-    options.draw(figure, "balance.figures.rotating:draw_drive", result)
-    further = ("reduced", "reduced_with_counter_masses", "steady", "readings", "convergence", "convergence.trials")
-    return Answer(result, lambda: _print(result), findings=result["findings"], further=further)
-
-
-def _fill(
-    result: dict[str, Any],
-    study: "Drive",
-    machines: list[tuple["Machine", bool]],
-    wanted: tuple[float, ...],
-    side: str,
-    turns: int | None,
-    convergence: bool,
-) -> None:
-    """Add what is computed of each machine, without and with the counter-masses."""
-    from ..drives import DriveError
-    from ..drives import results as documents
-    from ..drives.harmonic_balance import flywheel_for, steady_rotations
-    from ..drives.time_integration import reached_from_rest, start_up
-
     result |= {"steady": [], "findings": [], "start_up": [], "flywheel": [], "convergence": []}
-    for machine, balanced in machines:
+    for machine, has_masses in machines:
         begin = machine.reduced.direction * study.table.start_angle
         solutions = steady_rotations(machine)
         reached, refusal = None, None
@@ -107,23 +85,28 @@ def _fill(
         result["findings"] += documents.reach_findings(solutions, reached, refusal)
         published = study.published_at(machine.nominal)
         for each in solutions:
-            row = documents.steady_document(each, published, balanced, each is reached)
+            row = documents.steady_document(each, published, has_masses, each is reached)
             result["steady"].append(row)
             if each.is_stable:
                 result["findings"] += documents.drive_findings(each, row)
         solution = reached or solutions[0]
-        for share in wanted:
-            wheel = flywheel_for(machine, share, side=side, near=solution.mean_speed)
-            result["flywheel"].append(documents.flywheel_document(machine, wheel, balanced))
+        for share in flywheel_for:
+            wheel = sized_flywheel(machine, share, side=flywheel_side, near=solution.mean_speed)
+            result["flywheel"].append(documents.flywheel_document(machine, wheel, has_masses))
         try:
-            if turns and refusal is None:
-                run = start_up(machine, turns, begin)
-                result["start_up"].append(documents.start_up_document(machine, run, reached, balanced))
+            if start_up and refusal is None:
+                run = started(machine, start_up, begin)
+                result["start_up"].append(documents.start_up_document(machine, run, reached, has_masses))
             if convergence:
                 needed = int(min(60, max(4, -(-solution.turns_to(1e-4) // 1) + 2)))
-                result["convergence"].append(documents.solvers_document(solution, needed, balanced))
+                result["convergence"].append(documents.solvers_document(solution, needed, has_masses))
         except DriveError as error:
             result["findings"].append(f"{machine.nominal / documents.RPM:g} rpm, {machine.reading}: {error}")
+    for machine, has_masses in machines:
+        result["findings"] += [] if has_masses else documents.beyond_file(machine, study.table.speeds)
+    options.draw(figure, "balance.figures.rotating:draw_drive", result)
+    further = ("reduced", "reduced_with_counter_masses", "steady", "readings", "convergence", "convergence.trials")
+    return Answer(result, lambda: _print(result), findings=result["findings"], further=further)
 
 
 _SETTING = ["nominal [rpm]", "torque", "counter-masses"]

@@ -15,7 +15,6 @@ from .printing import emit_findings, emit_parts, emit_table, label, mass, say
 if TYPE_CHECKING:
     from ..arrays import Floats
     from ..balancing.conditions import Conditions
-    from ..balancing.feasibility import Feasibility
     from ..closure import Closure, Trajectory
     from ..closure.assembly import Configuration
     from ..dynamics.inverse_dynamics import Response
@@ -329,7 +328,14 @@ def conditions(
         if momentum == "linear" and moments is None:
             say("No first moment meets the conditions on masses alone: balance size leaves the least.")
         if possible:
-            _print_feasibility(possible)
+            possibilities = {
+                "possible": "Positive masses at suitable places of the bodies meet all of them.",
+                "undecided": "Whether positive masses can meet all of them was not decided: the solver proves neither.",
+                "forbidden": f"Positive masses cannot meet all of them. They ask for\n  {possible.text}\n"
+                f"which no mass on any body lowers; it is {possible.value:.4g} now. Only bodies that move or turn the "
+                "other way can, such as counter-rotating inertias.",
+            }
+            say(possibilities[possible.status])
 
     return Answer(document, show, cannot_be, further=("",))
 
@@ -362,19 +368,6 @@ def _condition_rows(found: "Conditions", model: "Mechanism") -> list[list[str]]:
     """The conditions with their values for a mechanism."""
     values = zip(found.values(model), found.units, strict=True)
     return [[found.text(i), f"{value:+.6g}", unit] for i, (value, unit) in enumerate(values)]
-
-
-def _print_feasibility(possible: "Feasibility") -> None:
-    """Whether positive masses can meet the conditions, and what forbids it."""
-    say(
-        {
-            "possible": "Positive masses at suitable places of the bodies meet all of them.",
-            "undecided": "Whether positive masses can meet all of them was not decided: the solver proves neither.",
-            "forbidden": f"Positive masses cannot meet all of them. They ask for\n  {possible.text}\n"
-            f"which no mass on any body lowers; it is {possible.value:.4g} now. Only bodies that move or turn the "
-            "other way can, such as counter-rotating inertias.",
-        }[possible.status]
-    )
 
 
 @command(

@@ -18,7 +18,7 @@ from .printing import cells, emit_parts, emit_table, say, with_interval
 if TYPE_CHECKING:
     from ..balancing.stock_plates import Plate
     from ..rotors.trial_runs import TrialRuns
-    from ..rotors.weight_splitting import Hole, Split, SplitRules
+    from ..rotors.weight_splitting import Hole, Split
 
 _CORRECTIONS = {
     "plane": "plane", "at [mm]": "at_mm:g", "m r [kg mm]": "magnitude_kgmm:.6g", "angle [deg]": "angle_deg:.3f",
@@ -336,8 +336,8 @@ def split(
     Without stock weights: of any size, least in all. With them: the set with the least residual, proven; of such sets
     the lightest. A problem too large for that is solved to the lightest set within 1 %, as a finding.
     """
+    from ..rotors import weight_splitting
     from ..rotors.results import split_document
-    from ..rotors.weight_splitting import SplitRules, split_freely
     from ..units import dimension_of, parse_vector
 
     try:
@@ -357,37 +357,22 @@ def split(
         raise click.UsageError(f"{unused[0]} is for stock weights: give them, --weight M or --stock FILE")
     findings: list[str] = []
     if plates:
-        rules = SplitRules(in_hole, most_holes, _share(within))
-        weighted = _from_stock(masses, free, plates, rules, within is None, findings)
+        rules = weight_splitting.SplitRules(in_hole, most_holes, _share(within))
+        try:
+            weighted = weight_splitting.split_from_stock(masses, free, plates, rules)
+        except weight_splitting.NotProvenError:
+            if within is not None:
+                raise
+            weighted = weight_splitting.split_from_stock(masses, free, plates, replace(rules, resolution=_WIDER))
+            findings.append(
+                f"the least residual of all sets could not be proven in {weight_splitting.TIME_LIMIT_S:g} s; this is "
+                f"the lightest set with a residual of at most {100 * _WIDER:g} %, proven: see --within, --most-holes"
+            )
     else:
-        weighted = split_freely(masses, free, float("inf") if limit is None else limit)
+        weighted = weight_splitting.split_freely(masses, free, float("inf") if limit is None else limit)
     document = split_document(weighted, radius) | {"findings": findings}
     purpose = "to remove" if remove else "to mount"
     return Answer(document, lambda: _print_split(document, weighted, bool(plates), purpose), findings=findings)
-
-
-def _from_stock(
-    masses: complex,
-    free: "tuple[Hole, ...]",
-    plates: "list[Plate]",
-    rules: "SplitRules",
-    may_widen: bool,
-    findings: list[str],
-) -> "Split":
-    """The least residual; where that cannot be proven in time, the lightest set within 1 %, with a finding."""
-    from ..rotors import weight_splitting
-
-    try:
-        return weight_splitting.split_from_stock(masses, free, plates, rules)
-    except weight_splitting.NotProvenError:
-        if not may_widen:
-            raise
-    widened = weight_splitting.split_from_stock(masses, free, plates, replace(rules, resolution=_WIDER))
-    findings.append(
-        f"the least residual of all sets could not be proven in {weight_splitting.TIME_LIMIT_S:g} s; "
-        f"this is the lightest set with a residual of at most {100 * _WIDER:g} %, proven: see --within, --most-holes"
-    )
-    return widened
 
 
 def _free_holes(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..results import counted, per_cent_text, table
+from ..results import counted, per_cent_text, plain, table
 from . import options
 from .framework import Answer, command, option
 from .options import print_responses, response_summary
@@ -276,11 +276,7 @@ def _published(models: "Sequence[Mechanism]", payloads: Sequence[options.Masses]
     from ..balancing import closed_forms
     from ..balancing.conditions import balance_conditions
 
-    found = closed_forms.built_sets(balance_conditions(models[0]), models, [one["platform"] for one in payloads])
-    sets = [
-        {"payload_kg": s.payload, "plates": list(s.plates), "mass_kg": s.mass, "residual_first_moment_kgm": s.residual}
-        for s in found
-    ]
+    sets = plain(closed_forms.built_sets(balance_conditions(models[0]), models, [one["platform"] for one in payloads]))
     increments = list(closed_forms.published_sizing()["nested_increments_kg"].values())
     return {"published": {"sets": sets, "increments_kg": increments}} if sets else {}
 

@@ -97,9 +97,15 @@ class RotorTable(Table):
 def load_rotor(name: str | Path) -> Rotor:
     """Load a shipped rotor by name, a TOML file, or a CSV table of unbalances.
 
-    Raises DataError, naming the mass and the key, for what is missing or wrong.
+    Raises DataError, naming the mass and the key, for what is missing or wrong, and for a mechanism.
     """
-    path = rotor_path(name)
+    linkages = datasets.dataset_names("mechanisms", ".xml")
+    if Path(name).suffix.lower() in _MODELS or (not Path(name).is_file() and str(name) in linkages):
+        raise DataError(
+            f"{name} is a mechanism: correction planes and the grades of ISO 21940-11 are for rigid rotors only, a "
+            "linkage's shaking force does not turn with a shaft; use 'balance size' or 'balance linkage'"
+        )
+    path = datasets.find_dataset(name, "rotors", ".toml", ".csv")
     if path.suffix.lower() == ".csv":
         return Rotor(path.stem, load_unbalances(path))
     content = read_toml(path)
@@ -122,18 +128,6 @@ def load_rotor(name: str | Path) -> Rotor:
         table.published,
         table.source,
     )
-
-
-def rotor_path(name: str | Path) -> Path:
-    """Where a rotor's file lies. Raises DataError for a mechanism: a linkage is no rotor."""
-    path = Path(name)
-    linkages = datasets.dataset_names("mechanisms", ".xml")
-    if path.suffix.lower() in _MODELS or (not path.is_file() and str(name) in linkages):
-        raise DataError(
-            f"{name} is a mechanism: correction planes and the grades of ISO 21940-11 are for rigid rotors only, a "
-            "linkage's shaking force does not turn with a shaft; use 'balance size' or 'balance linkage'"
-        )
-    return datasets.find_dataset(name, "rotors", ".toml", ".csv")
 
 
 def load_unbalances(path: Path) -> tuple[Unbalance, ...]:
