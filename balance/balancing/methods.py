@@ -306,57 +306,38 @@ def _image_note(sx: float, sy: float) -> str:
 
 def active_outcome(mechanism: Mechanism, trajectory: Trajectory, stroke: float, turn: float) -> Outcome:
     """The outcome of masses that move ``stroke`` [m] and a disc that turns ``turn`` [rad], both from end to end."""
-    response = simulate(mechanism, trajectory)
-    needs, mass = _active_masses(mechanism, trajectory, response, stroke)
-    disc, inertia = _active_disc(mechanism, trajectory, response, turn)
-    still = np.zeros_like(response.force)
-    note = "masses on lines through the base's origin and a disc, each with its own motor; ideal control"
-    return Outcome("active", still, still, response.torque, mass, inertia, needs | disc, note)
-
-
-def _active_masses(
-    mechanism: Mechanism, trajectory: Trajectory, response: Response, stroke: float
-) -> tuple[dict[str, float], float]:
-    """Needs of each axis, and the sum of the masses [kg]."""
-    moment, linear = first_moment(mechanism, trajectory.q), momentum(mechanism, trajectory.q, trajectory.v)
-    needs: dict[str, float] = {}
-    total = 0.0
+    response, needs, mass, inertia = simulate(mechanism, trajectory), dict[str, float](), 0.0, 0.0
+    moment, momenta = first_moment(mechanism, trajectory.q), momentum(mechanism, trajectory.q, trajectory.v)
     for axis, name in enumerate("xy"):
         swing = float(np.ptp(moment[:, axis]))
         if swing < _NEGLIGIBLE:
             continue
-        mass = swing / stroke
-        speed, force = -linear[:, axis] / mass, response.force[:, axis]
+        speed, force = -momenta[:, axis] * stroke / swing, response.force[:, axis]
         needs |= {
-            f"mass_{name}_kg": mass,
-            f"stroke_{name}_m": swing / mass,
+            f"mass_{name}_kg": swing / stroke,
+            f"stroke_{name}_m": stroke,
             f"force_{name}_peak_N": float(np.abs(force).max()),
             f"speed_{name}_peak_m_per_s": float(np.abs(speed).max()),
             f"power_{name}_peak_W": float(np.abs(force * speed).max()),
         }
-        total += mass
-    return needs, total
-
-
-def _active_disc(
-    mechanism: Mechanism, trajectory: Trajectory, response: Response, turn: float
-) -> tuple[dict[str, float], float]:
-    """Needs of the disc, and its inertia [kg m2]."""
-    angular = momentum(mechanism, trajectory.q, trajectory.v)[:, 5]
+        mass += swing / stroke
+    angular = momenta[:, 5]
     swept = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(trajectory.time) * (angular[1:] + angular[:-1]))])
     swing = float(np.ptp(swept))
-    if float(np.abs(angular).max()) < _NEGLIGIBLE or swing == 0.0:
-        return {}, 0.0
-    inertia = swing / turn
-    speed, torque = -angular / inertia, response.moment[:, 2]
-    return {
-        "disc_kgm2": inertia,
-        "disc_turn_rad": swing / inertia,
-        "disc_drift_rad": -float(swept[-1]) / inertia,
-        "disc_torque_peak_Nm": float(np.abs(torque).max()),
-        "disc_speed_peak_rad_per_s": float(np.abs(speed).max()),
-        "disc_power_peak_W": float(np.abs(torque * speed).max()),
-    }, inertia
+    if float(np.abs(angular).max()) >= _NEGLIGIBLE and swing > 0.0:
+        inertia = swing / turn
+        speed, torque = -angular / inertia, response.moment[:, 2]
+        needs |= {
+            "disc_kgm2": inertia,
+            "disc_turn_rad": turn,
+            "disc_drift_rad": -float(swept[-1]) / inertia,
+            "disc_torque_peak_Nm": float(np.abs(torque).max()),
+            "disc_speed_peak_rad_per_s": float(np.abs(speed).max()),
+            "disc_power_peak_W": float(np.abs(torque * speed).max()),
+        }
+    still = np.zeros_like(response.force)
+    note = "masses on lines through the base's origin and a disc, each with its own motor; ideal control"
+    return Outcome("active", still, still, response.torque, mass, inertia, needs, note)
 
 
 @dataclass(frozen=True)

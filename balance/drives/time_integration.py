@@ -19,6 +19,7 @@ from .machine import Machine
 
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolution
+    from scipy.integrate._ivp.ivp import OdeResult
 
 Solver = Literal["RK45", "DOP853"]
 RTOL = 1e-10
@@ -34,24 +35,9 @@ TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
 """Relative tolerances of the study of solvers."""
 
 
-@dataclass(frozen=True)
-class Segment:
-    """An integrated piece of motion."""
-
-    outcome: Literal["arrived", "turns back", "creeps"]
-    time: float
-    """At its end [s]."""
-    state: Floats
-    """Travel and speed at its end, (2,) [rad, rad/s]."""
-    course: "OdeSolution"
-    """Travel and speed at any instant."""
-    evaluations: int
-    """Of the equation of motion."""
-
-
 def run_to(
     machine: Machine, time: float, state: Floats, target: float, rtol: float = RTOL, method: Solver = "DOP853"
-) -> Segment:
+) -> tuple[Literal["arrived", "turns back", "creeps"], "OdeResult"]:
     """Integrate from ``time`` [s] and ``state``, travel and speed (2,) [rad, rad/s], until travel ``target`` [rad].
 
     Or until the crank turns back, or creeps.
@@ -71,18 +57,15 @@ def run_to(
         (time, limit), state, method, events=(arrived, turned_back), dense_output=True, rtol=rtol, atol=rtol,
     )  # fmt: skip
     hits = [len(times) > 0 for times in solved.t_events or []]
-    outcome: Literal["arrived", "turns back", "creeps"] = (
-        "arrived" if hits[0] else "turns back" if hits[1] else "creeps"
-    )
-    return Segment(outcome, float(solved.t[-1]), solved.y[:, -1], cast("OdeSolution", solved.sol), solved.nfev)
+    return "arrived" if hits[0] else "turns back" if hits[1] else "creeps", solved
 
 
 def after_a_turn(machine: Machine, rate: float, rtol: float = RTOL) -> float:
     """Speed of the crank after one turn that starts at travel 0 with speed ``rate`` [rad/s]."""
-    end = run_to(machine, 0.0, np.array([0.0, rate]), 2.0 * np.pi, rtol)
-    if end.outcome != "arrived":
-        raise DriveError(f"{machine.reduced.mechanism.name}: the crank {end.outcome} from {rate:.6g} rad/s at angle 0")
-    return float(end.state[1])
+    outcome, solved = run_to(machine, 0.0, np.array([0.0, rate]), 2.0 * np.pi, rtol)
+    if outcome != "arrived":
+        raise DriveError(f"{machine.reduced.mechanism.name}: the crank {outcome} from {rate:.6g} rad/s at angle 0")
+    return float(solved.y[1, -1])
 
 
 def periodicity(solution: SteadyRotation, rtol: float = 1e-12) -> float:
@@ -142,17 +125,17 @@ def start_up(
     state, time, done, evaluations = np.array([start, 0.0]), 0.0, [], 0
     pieces: list[tuple[Floats, Floats]] = []
     for number in range(1, turns + 1):
-        turn = run_to(machine, time, state, start + 2.0 * np.pi * number, rtol, method)
-        if turn.outcome != "arrived":
-            angle = np.degrees(direction * float(turn.state[0])) % 360.0
+        outcome, solved = run_to(machine, time, state, start + 2.0 * np.pi * number, rtol, method)
+        instants = np.linspace(time, float(solved.t[-1]), _SAMPLES + 1)
+        time, state = float(solved.t[-1]), solved.y[:, -1]
+        if outcome != "arrived":
+            angle = np.degrees(direction * float(state[0])) % 360.0
             raise DriveError(
-                f"{name} does not come round in its start-up: the crank {turn.outcome} at {angle:.1f} deg after "
-                f"{turn.time:.3g} s; the motor is too weak or starts in the wrong place"
+                f"{name} does not come round in its start-up: the crank {outcome} at {angle:.1f} deg after "
+                f"{time:.3g} s; the motor is too weak or starts in the wrong place"
             )
-        instants = np.linspace(time, turn.time, _SAMPLES + 1)
-        course = turn.course(instants)
-        evaluations += turn.evaluations
-        time, state = turn.time, turn.state
+        course = cast("OdeSolution", solved.sol)(instants)
+        evaluations += solved.nfev
         both = (course[1], -course[1])
         fastest, least = (parabola_peak(speed, int(np.argmax(speed)))[1] for speed in both)
         done.append(Turn(number, time, fastest, -least))

@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -20,9 +20,6 @@ from ..units import parse
 from .force_balance import CounterMass, ForceBalance, ReducedLinkage, force_balance, reduction_tree
 from .linkage import GROUND, Joint, Linkage
 from .moment_balance import GearResult, MomentBalance, moment_balance
-
-if TYPE_CHECKING:
-    import pandas
 
 NOTHING: Mapping[str, Collection[str]] = MappingProxyType({})
 """No terms omitted."""
@@ -108,7 +105,7 @@ def rotated(angle: float, at: Floats) -> Floats:
 
 
 @dataclass(frozen=True)
-class LinkageBalance(Shown, ReducedLinkage, figure="balance.figures.linkage:draw_linkage"):
+class LinkageBalance(Shown, ReducedLinkage, rows="rows", figure="balance.figures.linkage:draw_linkage"):
     """A linkage balanced by the method: force balance, and with gears moment balance."""
 
     force: Mapping[str, ForceBalance]
@@ -126,12 +123,10 @@ class LinkageBalance(Shown, ReducedLinkage, figure="balance.figures.linkage:draw
             counters += [(name, c) for name, done in self.moment.bodies.items() for c in done.extra.counters]
         return counters
 
-    def table(self) -> "pandas.DataFrame":
+    @property
+    def rows(self) -> list[dict[str, Any]]:
         """The counter-masses: symbol, body and mass."""
-        import pandas
-
-        rows = [(counter.symbol, body, counter.mass) for body, counter in self.counters()]
-        return pandas.DataFrame(rows, columns=["symbol", "body", "mass_kg"])
+        return [{"symbol": one.symbol, "body": body, "mass_kg": one.mass} for body, one in self.counters()]
 
     def residual(self) -> float:
         """Largest residual first moment of any turning body about its reduction joint [kg m]."""

@@ -209,28 +209,20 @@ def compare_published(result: LinkageBalance) -> Comparison | None:
         return None
     bounds, ours = rounding_intervals(result), result.results()
     reasons = {entry.about: entry for entry in published.contradiction}
-    rows = tuple(_row(result, name, text, ours, bounds, reasons.get(name)) for name, text in published.values.items())
+    rows = []
+    for name, text in published.values.items():
+        if name not in ours:
+            raise DataError(f"printed.values: {name!r} is not a result: there are {', '.join(ours)}")
+        number, reason = symbol(text, "mass" if name.startswith("m") else "inertia"), reasons.get(name)
+        row = PublishedRow(name, number, ours[name], bounds[name], reason.why if reason else "")
+        if reason and reason.omit:
+            omit = _omitted(result, reason)
+            other = balance_linkage(result.linkage, result.values, omit=omit, tree=result.tree)
+            left = rounding_intervals(other, omit)[name]
+            row = replace(row, explained=other.results()[name], explained_interval=left)
+        rows.append(row)
     rms = {str(stage): dict(zip(COLUMNS, values, strict=True)) for stage, values in published.rms.items()}
-    return Comparison(rows, rms, published.restored, published.contradiction)
-
-
-def _row(
-    result: LinkageBalance,
-    name: str,
-    text: str,
-    ours: Mapping[str, float],
-    bounds: Mapping[str, tuple[float, float]],
-    reason: Contradiction | None,
-) -> PublishedRow:
-    if name not in ours:
-        raise DataError(f"printed.values: {name!r} is not a result: there are {', '.join(ours)}")
-    number = symbol(text, "mass" if name.startswith("m") else "inertia")
-    row = PublishedRow(name, number, ours[name], bounds[name], reason.why if reason else "")
-    if reason is None or not reason.omit:
-        return row
-    omit = _omitted(result, reason)
-    other = balance_linkage(result.linkage, result.values, omit=omit, tree=result.tree)
-    return replace(row, explained=other.results()[name], explained_interval=rounding_intervals(other, omit)[name])
+    return Comparison(tuple(rows), rms, published.restored, published.contradiction)
 
 
 def _omitted(result: LinkageBalance, reason: Contradiction) -> dict[str, Sequence[str]]:

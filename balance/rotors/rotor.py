@@ -14,15 +14,12 @@ import cmath
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from ..errors import DataError, SizingError
 from ..results import Shown
-
-if TYPE_CHECKING:
-    import pandas
 
 NEAR = 30.0
 """Times the distance of the correction planes that a rotor's length is a finding."""
@@ -136,7 +133,7 @@ def vector_document(vector: complex, unit: str, factor: float = 1.0) -> dict[str
 
 
 @dataclass(frozen=True)
-class Correction(Shown, figure="balance.figures.rotating:draw_polygons"):
+class Correction(Shown, rows="rows", figure="balance.figures.rotating:draw_polygons"):
     """Corrections of a rotor in its planes, and the residual unbalance with them."""
 
     unbalances: tuple[Unbalance, ...]
@@ -154,12 +151,11 @@ class Correction(Shown, figure="balance.figures.rotating:draw_polygons"):
         """The unbalances with the corrections among them."""
         return (*self.unbalances, *(Unbalance(plane.name, u, plane.at) for plane, u in self.in_planes))
 
-    def table(self) -> "pandas.DataFrame":
+    @property
+    def rows(self) -> list[dict[str, Any]]:
         """The correction of each plane: its mass times radius, and the angle where mass is added."""
-        import pandas
-
-        rows = [(p.name, 1e3 * abs(u), math.degrees(cmath.phase(u)) % 360.0) for p, u in self.in_planes]
-        return pandas.DataFrame(rows, columns=["plane", "correction_kg_mm", "angle_deg"])
+        sizes = [(plane.name, 1e3 * abs(vector), angle_deg(vector)) for plane, vector in self.in_planes]
+        return [dict(zip(("plane", "correction_kg_mm", "angle_deg"), size, strict=True)) for size in sizes]
 
     def force(self) -> complex:
         """Residual static unbalance [kg m]."""
