@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from ..arrays import Floats, conic_optimum, packed_triangle
-from ..mechanism.mechanism import PARAMETERS, Mechanism, pseudo_inertia
+from ..mechanism.mechanism import PARAMETERS, pseudo_inertia
 from .conditions import Conditions, text_of
 
 _SIZE = 4
@@ -22,6 +22,8 @@ _ROUNDING = 1e-7
 """What the solver may miss a matrix without negative eigenvalues by, per unit of the trace of all W [-]."""
 _ZERO = 1e-6
 """Coefficients below this share of the largest are the solver's rounding [-]."""
+_UNITS = np.array([pseudo_inertia(unit) for unit in np.eye(len(PARAMETERS))])
+"""Pseudo-inertia of each parameter at one, (10, 4, 4)."""
 
 
 @dataclass(frozen=True)
@@ -46,10 +48,12 @@ def feasibility(conditions: Conditions) -> Feasibility:
     Of several such combinations the one that weighs most on the last bodies of the file is given: it has few others.
     """
     mechanism = conditions.mechanism
-    bodies, length = len(mechanism.bodies), _length(mechanism)
+    bodies, reaches = len(mechanism.bodies), [np.linalg.norm(joint.position) for joint in mechanism.tree.joints]
+    length = float(max(reaches, default=0.0)) or 1.0  # brings the unknowns to one scale
     per_length = np.tile(length ** -np.array([0.0, 1, 1, 1, 2, 2, 2, 2, 2, 2]), bodies)
     basis = np.linalg.qr((conditions.matrix * per_length).T)[0].T
-    quadratic = np.array([_weight_of(unit) for unit in np.eye(len(PARAMETERS))])
+    # W (4, 4) of the weight [x, 1] W [x, 1]' that one coefficient gives the mass at x: that of its pseudo-inertia
+    quadratic = np.round(2.0 * np.linalg.pinv(_UNITS.reshape(len(_UNITS), -1)).T.reshape(_UNITS.shape)) / 2.0 + 0.0
     by_body = np.einsum("rbk,kij->brij", basis.reshape(len(basis), bodies, -1), quadratic)
     traces = np.einsum("brii->br", by_body)
     cones = [("Zero", 1), *[("PSDTriangle", _SIZE)] * bodies]
@@ -67,7 +71,9 @@ def feasibility(conditions: Conditions) -> Feasibility:
         if str(solution.status) in {"PrimalInfeasible", "AlmostPrimalInfeasible"}:
             return Feasibility("possible")
         y = np.asarray(solution.x)[: len(basis)]
-        if np.isfinite(y).all() and _no_mass_lowers(y, by_body):
+        lowering = np.einsum("r,brij->bij", np.nan_to_num(y), by_body)  # no mass lowers it: no negative eigenvalue
+        is_scaled = abs(float(np.einsum("bii->", lowering)) - 1.0) < 1e-6
+        if np.isfinite(y).all() and is_scaled and float(np.linalg.eigvalsh(lowering).min()) > -_ROUNDING:
             combined = (y @ basis) / per_length
             combined[np.abs(combined * per_length) < _ZERO * np.abs(combined * per_length).max()] = 0.0
             combined /= np.abs(combined).max()
@@ -81,11 +87,10 @@ def feasibility(conditions: Conditions) -> Feasibility:
 def _masses_meet(basis: Floats, pi: Floats) -> bool:
     """Whether added bodies, of least pseudo-inertia, are found with which all conditions (rank, k) are met [-]."""
     bodies = basis.shape[1] // len(PARAMETERS)
-    units = np.array([pseudo_inertia(unit) for unit in np.eye(len(PARAMETERS))])
-    rows = np.concatenate([basis, np.kron(np.eye(bodies), -packed_triangle(units).T)])
+    rows = np.concatenate([basis, np.kron(np.eye(bodies), -packed_triangle(_UNITS).T)])
     right = np.concatenate([-basis @ pi, np.zeros(len(rows) - len(basis))])
     cones = [("Zero", len(basis)), *[("PSDTriangle", _SIZE)] * bodies]
-    cost = np.tile(np.einsum("kii->k", units), bodies)
+    cost = np.tile(np.einsum("kii->k", _UNITS), bodies)
     added = np.asarray(conic_optimum(cost, rows, right, cones, _TOLERANCE).x)
     if not np.isfinite(added).all():
         return False
@@ -93,26 +98,3 @@ def _masses_meet(basis: Floats, pi: Floats) -> bool:
     missed = float(np.abs(basis @ (pi + added)).max())
     size = float(np.abs(pi).max() + np.abs(added).max())
     return missed < _ROUNDING * size and least > -_ROUNDING * size
-
-
-def _no_mass_lowers(y: Floats, by_body: Floats) -> bool:
-    """Whether the matrices W (bodies, 4, 4) of a combination, of trace 1 together, have no negative eigenvalue."""
-    combined = np.einsum("r,brij->bij", y, by_body)
-    trace = float(np.einsum("bii->", combined))
-    return abs(trace - 1.0) < 1e-6 and float(np.linalg.eigvalsh(combined).min()) > -_ROUNDING
-
-
-def _length(mechanism: Mechanism) -> float:
-    """A length of the bodies, that brings the unknowns to one scale [m]."""
-    return float(max((np.linalg.norm(joint.position) for joint in mechanism.tree.joints), default=0.0)) or 1.0
-
-
-def _weight_of(row: Floats) -> Floats:
-    """W (4, 4) of the weight f(x) = [x, 1] W [x, 1]' that coefficients ``row`` (10,) give the mass at x [m2, m, -].
-
-    A unit mass at x has m = 1, h = x, Ixx = y2 + z2, Ixy = -x y and so on.
-    """
-    m, x, y, z, xx, xy, yy, xz, yz, zz = row
-    second = np.array([[yy + zz, -xy / 2, -xz / 2], [-xy / 2, xx + zz, -yz / 2], [-xz / 2, -yz / 2, xx + yy]])
-    first = np.array([[x], [y], [z]]) / 2
-    return np.block([[second, first], [first.T, np.array([[m]])]])

@@ -49,10 +49,6 @@ class End:
         """Elementary joint whose frame it is fixed in, -1 for the base."""
         return -1 if self.body < 0 else mechanism.tree.bodies[self.body]
 
-    def base_position(self, mechanism: Mechanism, at: Pose) -> Floats:
-        """Position in the base frame, (n, 3) [m]."""
-        return at.point(self.joint(mechanism), self.position)
-
     def text(self, mechanism: Mechanism) -> str:
         """The place for people, in the body's frame."""
         where = "base" if self.body < 0 else mechanism.bodies[self.body]
@@ -72,7 +68,8 @@ class Spring:
 
     def gap(self, mechanism: Mechanism, at: Pose) -> Floats:
         """From the second end to the first, base axes, (n, 3) [m]."""
-        return self.first.base_position(mechanism, at) - self.second.base_position(mechanism, at)
+        first, second = (at.point(end.joint(mechanism), end.position) for end in (self.first, self.second))
+        return first - second
 
 
 def spring_lengths(mechanism: Mechanism, springs: Sequence[Spring], q: Floats) -> Floats:

@@ -7,6 +7,7 @@ motion: designs of one geometry share their responses.
 
 import hashlib
 import json
+import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -61,23 +62,6 @@ class Variable:
     def column(self) -> str:
         """Heading of its column, unit included."""
         return f"{self.name}_{self.part}_{'kg' if self.part == 'mass' else 'm'}"
-
-
-@dataclass(frozen=True)
-class Grid:
-    """All combinations of the values of some variables, the last one varying first."""
-
-    variables: tuple[Variable, ...]
-
-    @property
-    def size(self) -> int:
-        """Number of designs."""
-        return int(np.prod([len(variable.values) for variable in self.variables]))
-
-    def designs(self, part: slice) -> Floats:
-        """Values of the designs ``part``, a row a design, a column a variable, (n, variables) [kg or m]."""
-        places = np.unravel_index(np.arange(part.start, part.stop), [len(v.values) for v in self.variables])
-        return np.stack([v.values[at] for v, at in zip(self.variables, places, strict=True)], axis=1)
 
 
 @dataclass(frozen=True)
@@ -324,9 +308,14 @@ class Sweep:
     """What of a part's columns is handed on, such as its best designs; called where the part is computed."""
 
     @cached_property
-    def grid(self) -> Grid:
-        """All combinations; those of one geometry follow each other."""
-        return Grid(tuple(sorted(self.variables, key=lambda v: not self.problem.moves(v))))
+    def ordered(self) -> tuple[Variable, ...]:
+        """The variables, the last one varying first: designs of one geometry follow each other."""
+        return tuple(sorted(self.variables, key=lambda v: not self.problem.moves(v)))
+
+    @property
+    def size(self) -> int:
+        """Number of designs: of all combinations."""
+        return math.prod(len(variable.values) for variable in self.variables)
 
     @cached_property
     def designs_per_part(self) -> int:
@@ -345,7 +334,7 @@ class Sweep:
         folder holds another sweep.
         """
         self.problem.check(self.variables)
-        size, step = self.grid.size, self.designs_per_part
+        size, step = self.size, self.designs_per_part
         parts = [slice(start, min(start + step, size)) for start in range(0, size, step)]
         left = parts if self.folder is None else self._left(parts)
         for part in (part for part in parts if part not in left):
@@ -357,9 +346,9 @@ class Sweep:
 
     def _part(self, stamp: int | None, part: slice) -> tuple[bool, dict[str, Floats]]:
         """Whether all columns are handed on, to be written; else what is chosen of them."""
-        designs = self.grid.designs(part)
-        varied = {variable.column: designs[:, i] for i, variable in enumerate(self.grid.variables)}
-        columns = varied | self.problem.results(self.grid.variables, designs)
+        places = np.unravel_index(np.arange(part.start, part.stop), [len(v.values) for v in self.ordered])
+        varied = {v.column: v.values[at] for v, at in zip(self.ordered, places, strict=True)}
+        columns = varied | self.problem.results(self.ordered, np.column_stack(list(varied.values())))
         if self._stamp != stamp:
             return True, columns
         if self.folder is not None:
@@ -404,7 +393,7 @@ class Sweep:
             "counter_masses_kg": dict(problem.counter_masses),
             "peaks": problem.peaks,
             "quantities": sorted(problem.quantities),
-            "variables": {v.column: [float(x) for x in v.values] for v in self.grid.variables},
+            "variables": {v.column: [float(x) for x in v.values] for v in self.ordered},
             "designs_per_part": self.designs_per_part,
         }
 

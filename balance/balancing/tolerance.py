@@ -129,20 +129,14 @@ def analyze_tolerances(
     errors = np.random.default_rng(seed).uniform(-1.0, 1.0, (draws, len(tolerances)))
     whole = _rms(factor, errors)
     added = np.sum(factor[:, 1:] ** 2, axis=0)
-    effects = [
-        ToleranceEffect(t, share, float(np.percentile(_rms(factor, errors * np.eye(len(tolerances))[i]), 95.0)), bend)
-        for i, (t, share, bend) in enumerate(
-            zip(tolerances, (added / max(added.sum(), 1e-300)).tolist(), curvatures, strict=True)
-        )
-    ]
-    return ToleranceAnalysis(
-        float(np.linalg.norm(factor[:, 0])),
-        {
-            f"{level:g}": float(value)
-            for level, value in zip(PERCENTILES, np.percentile(whole, PERCENTILES), strict=True)
-        },
-        tuple(sorted(effects, key=lambda effect: (-effect.rms_95, -effect.variance_share))),
-    )
+    shares = (added / max(added.sum(), 1e-300)).tolist()
+    effects = []
+    for alone, one, share, bend in zip(np.eye(len(tolerances)), tolerances, shares, curvatures, strict=True):
+        effects.append(ToleranceEffect(one, share, float(np.percentile(_rms(factor, errors * alone), 95.0)), bend))
+    levels = [f"{level:g}" for level in PERCENTILES]
+    percentiles = dict(zip(levels, np.percentile(whole, PERCENTILES).tolist(), strict=True))
+    costliest = sorted(effects, key=lambda effect: (-effect.rms_95, -effect.variance_share))
+    return ToleranceAnalysis(float(np.linalg.norm(factor[:, 0])), percentiles, tuple(costliest))
 
 
 def _rms(factor: Floats, errors: Floats) -> Floats:

@@ -114,17 +114,12 @@ def tradeoff_front(
     spread = _spread(ends, weights, least, quantities_of, points)
     spread = [(masses, on_curve) for masses, on_curve in spread if added is None or masses.sum() <= added]
     values = np.array([quantities_of(masses) for masses, _ in spread])
-    return tuple(
-        FrontPoint(
-            float(row[0]),
-            float(row[1]),
-            float(row[2]) if len(row) == 4 else None,
-            float(masses.sum()),
-            dict(zip(names, masses.tolist(), strict=True)),
-            on_curve,
-        )
-        for row, masses, on_curve in _unbettered(values, spread)
-    )
+    found = []
+    for row, masses, on_curve in _unbettered(values, spread):
+        force, moment, torque = float(row[0]), float(row[1]), float(row[2]) if len(row) == 4 else None
+        by_site = dict(zip(names, masses.tolist(), strict=True))
+        found.append(FrontPoint(force, moment, torque, float(masses.sum()), by_site, on_curve))
+    return tuple(found)
 
 
 def _reduced(columns: Floats, target: Floats) -> tuple[Floats, Floats]:

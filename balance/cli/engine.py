@@ -212,10 +212,11 @@ def table(
     rotating masses balanced, second order with its exact coefficient.
     """
     from .. import datasets
-    from ..engines.engine_files import has_sizes, load_layout
+    from ..engines.engine_files import load_engine, load_layout
     from ..engines.results import comparison_row
 
-    names = list(engines) or [name for name in datasets.dataset_names("engines", ".toml") if not has_sizes(name)]
+    shipped = datasets.dataset_names("engines", ".toml")
+    names = list(engines) or [name for name in shipped if load_engine(name).normalised]
     rows = [comparison_row(load_layout(name, ratio)) for name in names]
     balanced = [
         row["engine"] for row in rows if max(row["F1_mrw2"], row["M1_mrw2a"], row["F2_mrw2"], row["M2_mrw2a"]) < 1e-9

@@ -13,7 +13,6 @@ from .framework import FILE, Answer, Word, command, option
 from .printing import emit_findings, emit_parts, emit_table, label, mass, say
 
 if TYPE_CHECKING:
-    from ..arrays import Floats
     from ..balancing.conditions import Conditions
     from ..closure import Closure, Trajectory
     from ..closure.assembly import Configuration
@@ -47,6 +46,7 @@ def simulate(
     from ..dynamics.inverse_dynamics import simulate as respond
     from ..dynamics.reactions import find_reactions
     from ..front_door import follow, load_motion
+    from ..table_files import write_csv_file, write_parquet
 
     if csv and parquet and Path(csv).resolve() == Path(parquet).resolve():
         raise click.UsageError(f"--csv and --parquet name one file, {csv}: give two names")
@@ -69,8 +69,14 @@ def simulate(
         *(("left_out", f"{drives} leave out {what}, which the file has") for what in left_out),
         *(("left_out", f"{what} is not in M, though they count in the torques: {_ROTORS}") for what in rotors),
     ]
-    if csv or parquet:
-        _write(model, trajectory, response.columns() | (found.columns() if found else {}), csv, parquet)
+    columns = {"time_s": trajectory.time} | response.columns() | (found.columns() if found else {})
+    for joint, q, v, a in zip(model.coordinates, trajectory.q.T, trajectory.v.T, trajectory.a.T, strict=True):
+        unit = "rad" if model.tree.joints[model.coordinates.index(joint)].revolute else "m"
+        columns |= {f"q_{joint}_{unit}": q, f"v_{joint}_{unit}_per_s": v, f"a_{joint}_{unit}_per_s2": a}
+    if csv:
+        write_csv_file(csv, columns, "# origin: simulated\n")
+    if parquet:
+        write_parquet(parquet, columns, {"origin": "simulated"})
     document = (
         {"mechanism": model.name, "motion": motion, "samples": len(trajectory.time)}
         | {"closure": {name: getattr(trajectory, key) for name, key in _CLOSURE.items()}}
@@ -169,22 +175,6 @@ def _print_reactions(found: "Reactions") -> None:
             "Couplings are torques and forces along their coordinates: what teeth press with, and load bearings by, "
             "depends on where they mesh and is not in these (balance linkage has it)."
         )
-
-
-def _write(
-    model: "Mechanism", trajectory: "Trajectory", computed: "dict[str, Floats]", csv: str | None, parquet: str | None
-) -> None:
-    """Time series with units in the column names."""
-    from ..table_files import write_csv_file, write_parquet
-
-    columns = {"time_s": trajectory.time} | computed
-    for joint, q, v, a in zip(model.coordinates, trajectory.q.T, trajectory.v.T, trajectory.a.T, strict=True):
-        unit = "rad" if model.tree.joints[model.coordinates.index(joint)].revolute else "m"
-        columns |= {f"q_{joint}_{unit}": q, f"v_{joint}_{unit}_per_s": v, f"a_{joint}_{unit}_per_s2": a}
-    if csv:
-        write_csv_file(csv, columns, "# origin: simulated\n")
-    if parquet:
-        write_parquet(parquet, columns, {"origin": "simulated"})
 
 
 _BRANCHES = 4

@@ -132,15 +132,10 @@ def response_summary(response: "Response") -> dict[str, Any]:
     """RMS and peak values for JSON; torques [N m] and forces of sliding drives [N] by joint."""
     summary = {}
     for what, values in (("rms", response.rms()), ("peak", response.peak())):
-        groups: dict[str, Any] = {"torque_Nm": {}}
-        for name, value in values.items():
-            if name.startswith("torque_"):
-                groups["torque_Nm"][name.removeprefix("torque_").removesuffix("_Nm")] = value
-            elif name.startswith("drive_force_"):
-                groups.setdefault("drive_force_N", {})[name.removeprefix("drive_force_").removesuffix("_N")] = value
-            else:
-                groups[name] = value
-        summary[what] = groups
+        wrench = {name: values[name] for name in list(values)[:6]}
+        torques = {joint: values[f"torque_{joint}_Nm"] for joint in response.torque if joint not in response.sliding}
+        forces = {joint: values[f"drive_force_{joint}_N"] for joint in response.torque if joint in response.sliding}
+        summary[what] = {"torque_Nm": torques, **wrench} | ({"drive_force_N": forces} if forces else {})
     return summary
 
 

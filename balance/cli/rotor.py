@@ -24,6 +24,10 @@ _CORRECTIONS = {
     "plane": "plane", "at [mm]": "at_mm:g", "m r [kg mm]": "magnitude_kgmm:.6g", "angle [deg]": "angle_deg:.3f",
     "mass [kg]": "mass_kg:.5g", "radius [mm]": "radius_mm:.5g", "published [kg mm]": "stated",
 }  # fmt: skip
+_PLANES = option(
+    "Correct in this plane instead.", NamedQuantity("NAME", "length", "0mm"), "--plane", metavar="NAME=Z",
+    multiple=True, callback=options.distinct,
+)  # fmt: skip
 _HOLES = {"hole": "hole", "angle [deg]": "angle_deg:.3f", "weight [g]": "weight_g:.6g", "pieces": "counted"}
 
 
@@ -46,14 +50,7 @@ A table (CSV): name, mass (kg), radius (mm), angle (deg), at (mm); or unbalance 
 )
 def correct(
     rotor: str = argument("ROTOR"),
-    planes: dict[str, float] = option(
-        "Correct in this plane instead.",
-        NamedQuantity("NAME", "length", "0mm"),
-        "--plane",
-        metavar="NAME=Z",
-        multiple=True,
-        callback=options.distinct,
-    ),
+    planes: dict[str, float] = _PLANES,
     bearings: tuple[float, ...] = option("A bearing (give two).", Quantity("length"), "--bearing", metavar="Z"),
     speed: float | None = SPEED,
     figure: str | None = options.FIGURE,

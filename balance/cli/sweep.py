@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from math import prod
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, TypeVar
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 _MOST_DESIGNS = 10_000_000
 _MOST_IN_MEMORY = 1_000_000
+_FOLDER = click.Path(path_type=Path, file_okay=False)
 
 
 class OfAPart(Read[T]):
@@ -75,6 +77,19 @@ def _tolerance(name: str, part: str, text: str) -> "Tolerance":
     return found
 
 
+_VARIED = option(
+    "A mass or a place, and its values, such as counter_A0A.mass=0kg:30kg:1000.",
+    OfAPart("NAME.PART=VALUES", "counter_A0A.mass=0kg:30kg:1000 or A.x=90mm,100mm", _varied),
+    "--vary", multiple=True, required=True, metavar="NAME.PART=VALUES",
+)  # fmt: skip
+_TOLERATED = "counter_A0A.mass=5g, counter_A0A.mass=2% or A.x=0.1mm"
+_TOLERANCES = option(
+    "A mass or a place and its largest error, to either side: with a unit, or in % of the mass or coordinate.",
+    OfAPart("NAME.PART=ERROR", _TOLERATED, _tolerance, r"(?:±|\+-|\+/-)?(.+)"),
+    "--tolerance", multiple=True, required=True, metavar="NAME.PART=ERROR",
+)  # fmt: skip
+
+
 @command(
     epilog="""\b
 Examples:
@@ -94,14 +109,7 @@ where it was interrupted."""
 def sweep(
     mechanism: str = options.MECHANISM,
     motion: str = options.MOTION,
-    variables: "tuple[Variable, ...]" = option(
-        "A mass or a place, and its values, such as counter_A0A.mass=0kg:30kg:1000.",
-        OfAPart("NAME.PART=VALUES", "counter_A0A.mass=0kg:30kg:1000 or A.x=90mm,100mm", _varied),
-        "--vary",
-        multiple=True,
-        required=True,
-        metavar="NAME.PART=VALUES",
-    ),
+    variables: "tuple[Variable, ...]" = _VARIED,
     payload: options.Masses = options.PAYLOADS,
     counter: options.Masses = options.COUNTERS,
     rate: float | None = option(
@@ -113,26 +121,20 @@ def sweep(
     rms_only: bool = option("No peak values: some hundred times quicker on long motions."),
     ranked_by: str = option("Column by which designs are ranked.", None, "--best", default="rms_F_N", metavar="COLUMN"),
     top: int = option("Designs that are printed.", click.IntRange(1, 1000), default=5),
-    output: Path | None = option(
-        "Keep all results here, as Parquet.",
-        click.Path(path_type=Path, file_okay=False),
-        "-o",
-        "--output",
-        metavar="FOLDER",
-    ),
+    output: Path | None = option("Keep all results here, as Parquet.", _FOLDER, "-o", "--output", metavar="FOLDER"),
     scheduler: str | None = options.SCHEDULER,
     figure: str | None = options.FIGURE,
 ) -> Answer:
     """Shaking force, moment and torque of all combinations of masses and places, on one motion."""
-    from ..balancing.sweep import QUANTITIES, Designs, Grid, Problem, Sweep, joined
+    from ..balancing.sweep import QUANTITIES, Designs, Problem, Sweep, joined
     from ..motion.motion_files import load_motion
     from ..task_pool import task_pool
 
-    grid = Grid(variables)
+    size = prod(len(variable.values) for variable in variables)
     limit = _MOST_IN_MEMORY if output is None else _MOST_DESIGNS
-    if grid.size > limit:
+    if size > limit:
         raise click.UsageError(
-            f"{grid.size} designs: expected at most {limit}" + ("; with -o FOLDER more" if output is None else "")
+            f"{size} designs: expected at most {limit}" + ("; with -o FOLDER more" if output is None else "")
         )
     if figure and len(variables) > 2:
         raise click.UsageError("--figure draws one or two variables")
@@ -141,7 +143,7 @@ def sweep(
     problem = Problem(model, samples, counter, not rms_only, frozenset(quantities or QUANTITIES))
     started = perf_counter()
     found: list[dict[str, Floats]] = []
-    with task_pool(scheduler) as pool, options.progress("designs", grid.size, in_bytes=False) as advance:
+    with task_pool(scheduler) as pool, options.progress("designs", size, in_bytes=False) as advance:
         chosen = partial(_best, ranked_by=ranked_by, top=None if figure else top)
         for count, columns in Sweep(problem, variables, output and output.absolute(), chosen).run(pool):
             if ranked_by not in columns:
@@ -157,10 +159,10 @@ def sweep(
     def show() -> None:
         names = dict.fromkeys([*(v.column for v in variables), ranked_by, *_SHOWN])
         shown = [name for name in names if name in best]
-        say(f"Least {ranked_by} of {grid.size} designs: {rows[0][ranked_by]:.4g} ({seconds:.3g} s)")
+        say(f"Least {ranked_by} of {size} designs: {rows[0][ranked_by]:.4g} ({seconds:.3g} s)")
         emit_table(f"{model.name}, motion {motion}", shown, [[f"{row[name]:.6g}" for name in shown] for row in rows])
 
-    return Answer({"mechanism": model.name, "designs": grid.size, "ranked_by": ranked_by, "best": rows}, show)
+    return Answer({"mechanism": model.name, "designs": size, "ranked_by": ranked_by, "best": rows}, show)
 
 
 _SHOWN = ("rms_F_N", "peak_F_N", "rms_M_Nm", "peak_M_Nm", "added_mass_kg")
@@ -190,19 +192,7 @@ where a tolerance is too wide for that, its curvature is above 0.05 and the exit
 def tolerance(
     mechanism: str = options.MECHANISM,
     motion: str = options.MOTION,
-    tolerances: "tuple[Tolerance, ...]" = option(
-        "A mass or a place and its largest error, to either side: with a unit, or in % of the mass or coordinate.",
-        OfAPart(
-            "NAME.PART=ERROR",
-            "counter_A0A.mass=5g, counter_A0A.mass=2% or A.x=0.1mm",
-            _tolerance,
-            r"(?:±|\+-|\+/-)?(.+)",
-        ),
-        "--tolerance",
-        multiple=True,
-        required=True,
-        metavar="NAME.PART=ERROR",
-    ),
+    tolerances: "tuple[Tolerance, ...]" = _TOLERANCES,
     payload: options.Masses = options.PAYLOADS,
     counter: options.Masses = options.COUNTERS,
     draws: int = option("Mechanisms that are drawn.", click.IntRange(1000, 1_000_000), default=20_000),

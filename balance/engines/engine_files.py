@@ -140,11 +140,6 @@ def load_layout(name: str | Path, ratio: float = DEFAULT_RATIO) -> Engine:
     return replace(engine, speed=None, normalised=True)
 
 
-def has_sizes(name: str | Path) -> bool:
-    """Whether an engine file is one with sizes, not a layout."""
-    return _table(name)[0].slider_crank is not None
-
-
 def _table(name: str | Path) -> tuple[EngineTable, str]:
     path = datasets.find_dataset(name, "engines", ".toml")
     return load_model(EngineTable, path), path.stem
@@ -152,15 +147,10 @@ def _table(name: str | Path) -> tuple[EngineTable, str]:
 
 def _engine(table: EngineTable, stem: str, crank: SliderCrank, spacing: float) -> Engine:
     count = len(table.throws)
-    cylinders = zip(table.at or range(count), table.throws, table.banks or [0.0] * count, strict=True)
-    return Engine(
-        table.name or stem,
-        tuple(Cylinder(place * spacing, throw, bank, crank) for place, throw, bank in cylinders),
-        strokes=table.strokes,
-        firing_order=tuple(table.firing_order or ()),
-        speed=table.speed,
-        source=table.source,
-    )
+    described = zip(table.at or range(count), table.throws, table.banks or [0.0] * count, strict=True)
+    cylinders = tuple(Cylinder(place * spacing, throw, bank, crank) for place, throw, bank in described)
+    order = tuple(table.firing_order or ())
+    return Engine(table.name or stem, cylinders, (), table.strokes, order, table.speed, source=table.source)
 
 
 # As a mechanism file (MJCF), for Pinocchio, MuJoCo and the other commands of ``balance``

@@ -338,11 +338,6 @@ def residual_extremes(crank: SliderCrank, counterweight: float, omega: float, mo
     values = force(crank_angles(_MEAN))
     top, at = largest_over_turn(lambda theta: np.abs(force(theta)))
     low, _ = largest_over_turn(lambda theta: -np.abs(force(theta)))
-    return Extremes(
-        top,
-        round(float(np.degrees(at)), _ANGLE_DECIMALS) % 360.0,
-        -low,
-        root_mean_square(values),
-        (float(values.real.min()), float(values.real.max())),
-        (float(values.imag.min()), float(values.imag.max())),
-    )
+    x, y = ((float(part.min()), float(part.max())) for part in (values.real, values.imag))
+    angle = round(float(np.degrees(at)), _ANGLE_DECIMALS) % 360.0
+    return Extremes(top, angle, -low, root_mean_square(values), x, y)

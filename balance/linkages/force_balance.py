@@ -315,7 +315,13 @@ def solve_force_balance(
             if exact and (mass >= 0).all() and (best is None or mass.sum() < best[0] * (1 - 1e-12)):
                 best = float(mass.sum()), chosen, mass
     if best is None:
-        raise SizingError(_impossible(first, at, body))
+        side = np.degrees(np.arctan2(0.0 - first[1], 0.0 - first[0]))
+        known = ", ".join(f"({x:.4g} m, {y:.4g} m)" for x, y in at) or "none"
+        raise SizingError(
+            f"body {body} needs counter-masses of first moment {np.linalg.norm(first):.4g} kg m about its reduction "
+            f"joint, on the side {side:.4g} deg of its frame; its places, from that joint, are {known}: give a place "
+            "on that side, two places that enclose it, or counter_mass = { radius = '...' }"
+        )
     return tuple(
         CounterMass(places[k], float(m), at[k], places[k].inertia(float(m), values))
         for k, m in zip(best[1], best[2], strict=True)
@@ -328,16 +334,6 @@ def _position(place: Place, origin: Point, first: Floats, values: Mapping[str, f
         return place.point.plus(origin, -1.0).at(values)
     assert place.radius is not None
     return -place.radius.at(values) * first / np.linalg.norm(first)
-
-
-def _impossible(first: Floats, at: Sequence[Floats], body: str) -> str:
-    side = np.degrees(np.arctan2(0.0 - first[1], 0.0 - first[0]))
-    places = ", ".join(f"({x:.4g} m, {y:.4g} m)" for x, y in at) or "none"
-    return (
-        f"body {body} needs counter-masses of first moment {np.linalg.norm(first):.4g} kg m about its reduction joint, "
-        f"on the side {side:.4g} deg of its frame; its places, from that joint, are {places}: give a place on that "
-        "side, two places that enclose it, or counter_mass = { radius = '...' }"
-    )
 
 
 def check_point_mass(linkage: Linkage, force: ForceBalance, extra: ForceBalance) -> None:

@@ -117,17 +117,9 @@ def load_rotor(name: str | Path) -> Rotor:
             unbalances = load_unbalances(path.parent / table.masses)
     else:
         unbalances = tuple(mass.as_unbalance(i) for i, mass in enumerate(table.masses, 1))
-    return Rotor(
-        table.name or path.stem,
-        unbalances,
-        tuple(Plane(plane.name, plane.at, plane.radius, plane.mass) for plane in table.planes),
-        tuple(table.bearings),
-        table.speed,
-        table.mass,
-        table.centre,
-        table.published,
-        table.source,
-    )
+    planes = tuple(Plane(plane.name, plane.at, plane.radius, plane.mass) for plane in table.planes)
+    stated = tuple(table.bearings), table.speed, table.mass, table.centre, table.published, table.source
+    return Rotor(table.name or path.stem, unbalances, planes, *stated)
 
 
 def load_unbalances(path: Path) -> tuple[Unbalance, ...]:

@@ -34,7 +34,6 @@ from ..input_files import (
 from ..results import Key, given
 from ..units import dimension_of, parse, parse_uncertain
 from .correction_uncertainty import (
-    CoefficientCovariance,
     CorrectionUncertainty,
     covariance_of_runs,
     covariance_of_stated,
@@ -54,10 +53,6 @@ WEIGHT = ("mass", "first moment")
 """A weight is a mass at its plane's radius, or mass times radius."""
 READING = ("length", "velocity", "acceleration")
 """What an instrument may read."""
-Half = tuple[float, float]
-"""Half widths of a reading's 95 % interval, along and across it."""
-Row = tuple[str, str]
-"""Sensor and speed of a reading."""
 _UNSTATED = "unstated"
 
 
@@ -66,7 +61,8 @@ class Reading(NamedTuple):
 
     value: complex
     """Amplitude at its phase [m, m/s or m/s2]."""
-    half: Half | None
+    half: tuple[float, float] | None
+    """Half widths of its 95 % interval, along and across it."""
     dimension: str
 
 
@@ -273,27 +269,22 @@ class TrialRuns:
         return np.array([run.weights for run in self.runs]), np.array([run.readings for run in self.runs])
 
     def uncertainty(self, solution: Solution) -> CorrectionUncertainty | None:
-        """Intervals of a solution of these runs; None where neither stated intervals nor repeated runs give them."""
-        covariance = self.coefficient_covariance()
+        """Intervals of a solution, by stated intervals of readings, else by repeated runs; None by neither."""
+        if self.stated is not None:
+            covariance = None if self.stated_errors is None else covariance_of_stated(self.stated_errors)
+        else:
+            errors = [run.errors for run in self.runs if run.errors is not None]
+            modes = []
+            for i, run in enumerate(self.runs):
+                for speed, deviation in run.common_phase.items():
+                    mode = np.zeros((len(self.runs), len(self.rows)))
+                    mode[i] = [deviation * (at == speed) for _, at in self.rows]
+                    modes.append(mode)
+            stated = np.array(errors) if errors else None, np.array(modes) if modes else None
+            covariance = covariance_of_runs(*self._weights_and_readings(), *stated)
         if covariance is None:
             return None
         return propagate(solution, covariance, lambda coefficients: self._solved(coefficients, solution.method))
-
-    def coefficient_covariance(self) -> CoefficientCovariance | None:
-        """Covariance of the coefficients by stated intervals of readings, else by repeated runs; None by neither."""
-        if self.stated is not None:
-            return None if self.stated_errors is None else covariance_of_stated(self.stated_errors)
-        errors = [run.errors for run in self.runs if run.errors is not None]
-        modes = []
-        for i, run in enumerate(self.runs):
-            for speed, deviation in run.common_phase.items():
-                mode = np.zeros((len(self.runs), len(self.rows)))
-                mode[i] = [deviation * (at == speed) for _, at in self.rows]
-                modes.append(mode)
-        weights, readings = self._weights_and_readings()
-        return covariance_of_runs(
-            weights, readings, np.array(errors) if errors else None, np.array(modes) if modes else None
-        )
 
     def effects(self) -> dict[str, float]:
         """Largest change of a reading by each trial weight, relative to the last run with the same other weights."""
@@ -350,7 +341,7 @@ class _Builder:
         self.planes = [plane.name for plane in table.planes]
         self.within = {sensor.name: (sensor.within.value,) * 2 for sensor in table.sensors if sensor.within is not None}
         first = table.runs[0].readings if table.runs else table.initial or {}
-        self.rows: list[Row] = [(sensor, speed) for speed, readings in first.items() for sensor in readings]
+        self.rows = [(sensor, speed) for speed, readings in first.items() for sensor in readings]
         self.dimensions = {sensor: reading.dimension for of in first.values() for sensor, reading in of.items()}
         self.weight = self._weight_dimension()
 
