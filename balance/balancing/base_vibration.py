@@ -8,7 +8,7 @@ and from those of least force; plates are chosen by what is linear near given ma
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -22,11 +22,8 @@ from ..errors import DataError, SizingError
 from ..input_files import Table, model_from_table, read_toml
 from ..mechanism.mechanism import Mechanism
 from .conditions import Conditions
-from .objective import Objective, discs, motion_objective, scaled, unit_masses
+from .objective import Exact, Objective, discs, motion_objective, scaled, unit_masses
 from .sizing import Sizing, exact_sizing, site_groups, sizing_of_given, upper_limits
-
-if TYPE_CHECKING:
-    from .stock_search import Exact
 
 UNIT = "m_per_s2"
 _STEP = 1e-5
@@ -140,8 +137,8 @@ class VibrationObjective(Objective):
         factor = np.column_stack([per_parameter, triangle[:, -1] - per_parameter @ mechanism.pi])
         return replace(self, factor=np.vstack([factor, self.others.factor]) if self.others else factor)
 
-    def exactly(self, mechanism: Mechanism, sites: Sequence[str]) -> "Exact":
-        """J of rows of masses, and of inertia, at sites of a mechanism: see ``stock_search``."""
+    def exactly(self, mechanism: Mechanism, sites: Sequence[str]) -> Exact:
+        """J of rows of masses, and of inertia, at sites of a mechanism."""
         measured = self.measured_with(mechanism, np.vstack([unit_masses(mechanism, sites), discs(mechanism, sites)]))
         columns: Floats = np.zeros((1, 2 * len(sites)))
         target: Floats = np.zeros(1)
@@ -244,7 +241,7 @@ def least_vibration_from_stock(
     sites: Sequence[str],
     objective: VibrationObjective,
     ways: int,
-    search: Callable[[Objective, "Exact | None"], Sequence[Sizing]],
+    search: Callable[[Objective, Exact | None], Sequence[Sizing]],
 ) -> list[Sizing]:
     """Sets of plates, best first, of so many ``ways`` to share them; all are looked at where these are few.
 

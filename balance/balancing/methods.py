@@ -34,7 +34,8 @@ from .closed_forms import ConditionComparison
 from .conditions import balance_conditions
 from .objective import motion_objective, workspace_motions
 from .sizing import exact_sizing
-from .static_balancing import design_springs, joint_torques
+from .springs import joint_torques
+from .static_balancing import design_springs
 
 COMPLETE = 1e-9
 """Residual share of the angular momentum up to which wheels count as complete."""

@@ -23,6 +23,8 @@ from ..dynamics.regressor import driven_torque_regressor, momentum_regressor, to
 from ..errors import ModelError, SizingError
 from ..mechanism.mechanism import PARAMETERS, Mechanism, mass_at
 
+Exact = Callable[[Floats, Floats], Floats]
+"""J (n,) of masses (n, sites) [kg], and of what plates have of inertia beyond that of the sites (n, sites) [kg m2]."""
 QUANTITIES = {"force": "N", "moment": "Nm", "torque": "Nm"}
 """What can be made small over a motion, and the unit of its root mean square."""
 MADE_SMALL = {

@@ -15,11 +15,10 @@ from ..mechanism.mechanism import Mechanism, inertia_matrix
 from ..results import Key, Shown, counted, plain
 from .conditions import Conditions
 from .least_masses import distribute_masses
-from .objective import Objective, unit_masses, workspace_objective
+from .objective import Exact, Objective, unit_masses, workspace_objective
 
 if TYPE_CHECKING:
     from .stock_plates import Plate
-    from .stock_search import Exact
 
 COMPLETE = 1e-6
 """Share of the root mean square without counter-masses up to which a mechanism counts as balanced completely."""
@@ -325,7 +324,7 @@ def best_sets_from_stock(
     objective: Objective | None = None,
     equal: Sequence[Sequence[str]] = (),
     best: int = 1,
-    exact: "Exact | None" = None,
+    exact: Exact | None = None,
 ) -> tuple[Sizing, ...]:
     """The ``best`` few choices of plates at the sites, best first, with a bound that no choice is below.
 

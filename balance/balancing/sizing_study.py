@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from ..results import Shown, per_cent_text, plain
 from . import objective
 from .conditions import balance_conditions
 from .least_masses import bounded_least_squares
-from .objective import Objective
+from .objective import Exact, Objective
 from .sizing import (
     COMPLETE,
     CounterMass,
@@ -31,9 +31,6 @@ from .sizing import (
     stock_use,
     upper_limits,
 )
-
-if TYPE_CHECKING:
-    from .stock_search import Exact
 
 STEPS = 0.05
 """Share of the shaking force that steps of stock plates may leave where other masses would balance completely."""
@@ -412,7 +409,7 @@ def study_sizing(
         plates = load_stock(stock)
         ways = selections(np.array([plate.quantity for plate in plates]), len(sites))
 
-        def from_stock(target: Objective | None, exact: "Exact | None" = None) -> Sequence[Sizing]:
+        def from_stock(target: Objective | None, exact: Exact | None = None) -> Sequence[Sizing]:
             return best_sets_from_stock(conditions, model, plates, sites, limits, target, equal, best, exact)
 
         least = any_mass.objective

@@ -14,7 +14,7 @@ are of many kinds, along bits that tell which multiples the first kinds make (Be
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats, Indices
 from .least_masses import distribute_masses
+from .objective import Exact
 
 TIME_LIMIT_S = 8.0
 """Longest search [s]; then the best that was found is given with its gap."""
@@ -54,10 +55,6 @@ _SMALL = 1e-3
 """Weight of all plates together as a share of the target, where a price of mass is sought."""
 _TIE = 1e-12
 """Difference of J, relative to J without counter-masses, that is rounding: the lighter is better then."""
-
-
-Exact = Callable[[Floats, Floats], Floats]
-"""J (n,) of masses (n, sites) [kg], and of what plates have of inertia beyond that of the sites (n, sites) [kg m2]."""
 
 
 @dataclass(frozen=True)

@@ -126,7 +126,7 @@ MODELS = {
     "motion": "balance.motion.motion_files:MotionTable",
     "robot-loops": "balance.mechanism.robot_files:RobotLoops",
     "rotor": "balance.rotors.rotor_files:RotorTable",
-    "springs": "balance.balancing.static_balancing:SpringsTable",
+    "springs": "balance.balancing.springs:SpringsTable",
     "stock": "balance.balancing.stock_plates:StockRow",
     "trial-runs": "balance.rotors.trial_runs:TrialRunsTable",
 }

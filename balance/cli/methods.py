@@ -147,7 +147,8 @@ def _share(result: dict[str, Any], method: str) -> float:
 
 
 def _springs(model: "Mechanism", name: str | None, reach: float | None, height: float | None) -> "Springs":
-    from ..balancing.static_balancing import design_springs, evaluate_springs, load_springs
+    from ..balancing.springs import load_springs
+    from ..balancing.static_balancing import design_springs, evaluate_springs
 
     if name and (reach or height):
         raise click.UsageError("--springs gives the places of springs, which --reach and --height would lay out")

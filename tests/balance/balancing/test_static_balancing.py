@@ -9,14 +9,7 @@ import pytest
 
 from balance.balancing import static_balancing
 from balance.balancing.sizing import exact_sizing
-from balance.balancing.static_balancing import (
-    End,
-    Spring,
-    joint_torques,
-    load_springs,
-    spring_energy,
-    spring_lengths,
-)
+from balance.balancing.springs import End, Spring, joint_torques, load_springs, spring_energy, spring_lengths
 from balance.closure import Closure
 from balance.dynamics.regressor import first_moment, potential
 from balance.errors import DataError, ModelError, SizingError
