@@ -208,15 +208,11 @@ def least_vibration(
     )
     groups, upper = site_groups(sites, equal), upper_limits(sites, limits)
     share = np.array([[float(i in group) for group in groups] for i in range(len(sites))])
-    measured = objective.measured_with(mechanism, unit_masses(mechanism, sites))
+    exact, still = objective.exactly(mechanism, sites), np.zeros((1, len(sites)))
     unit, whole = objective.measured.base.mass, objective.value(mechanism)
-    columns, target = (objective.others or Objective(np.zeros((1, mechanism.pi.size + 1)), "1")).system(
-        mechanism, sites
-    )
 
     def value(parts: Floats) -> float:
-        masses = unit * (share @ parts)
-        return (objective.mean_square(measured(masses)) + float(np.sum((columns @ masses - target) ** 2))) / whole
+        return float(exact(unit * (share @ parts)[None], still)[0]) / whole
 
     starts = [np.zeros(len(groups)), np.array([least_force.counter_masses[group[0]].mass for group in groups]) / unit]
     bounds = [(0.0, float(upper[group].min()) / unit) for group in groups]
