@@ -1,5 +1,6 @@
 """``balance size``: counter-masses for one payload, or sets that only grow for several payloads of one body."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from math import inf
@@ -109,16 +110,10 @@ def _print(found: "SizingStudy", best: int, beside: str) -> None:
     if found.responses:
         print_responses(found.responses)
     if len(found.sets) > 1:
-        rows = [
-            [
-                str(k),
-                " / ".join(
-                    f"{mass(c.mass)} = {counted(c.plates)}" if c.plates else mass(c.mass) for c in one.counter_masses
-                ),
-                per_cent_text(one.remaining_percent()),
-            ]
-            for k, one in enumerate(found.sets[1:], 2)
-        ]
+        rows = []
+        for k, one in enumerate(found.sets[1:], 2):
+            made = [f"{mass(c.mass)} = {counted(c.plates)}" if c.plates else mass(c.mass) for c in one.counter_masses]
+            rows.append([str(k), " / ".join(made), per_cent_text(one.remaining_percent())])
         emit_table("Next best sets", ["", "masses [kg] = plates, by site as above", "remain"], rows)
     if len(found.sets) < best:
         say(f"{len(found.sets)} of {best} sets: there are no others, or plates of so many kinds that one is sought.")
@@ -288,11 +283,9 @@ def _print_nested(name: str, sets: list[dict[str, Any]], stock: str | None, publ
         for counter in found["counter_masses"]:
             site = counter["site"]
             row = [payload, site, mass(counter["mass_kg"]), mass(found["increments_kg"][site])]
-            new = list(counter["plates"])
-            for plate in mounted.get(site, []):
-                new.remove(plate)
-            mounted[site] = list(counter["plates"])
-            rows.append([*row, " + ".join(new) or "-"] if stock else row)
+            new = Counter(counter["plates"]) - Counter(mounted.get(site, ()))
+            mounted[site] = counter["plates"]
+            rows.append([*row, " + ".join(new.elements()) or "-"] if stock else row)
             payload = ""
     title = f"Counter-masses for {name}" + (f" from {stock}" if stock else "") + ", sets that only grow"
     header = ["payload [kg]", "site", "mass [kg]", "added [kg]"]

@@ -38,7 +38,7 @@ def draw_linkage(result: LinkageBalance) -> "Figure":
         at = [start.point(body_name, pivot), start.point(body_name, pivot + counter.position)]
         axes.plot(*np.array(at).T, color=COUNTER, lw=2, zorder=2)
         _circle(axes, at[1], np.sqrt(counter.mass / (np.pi * STEEL_KG_PER_M2)), COUNTER, f"{counter.symbol}")
-    for gear in result.moment.gears.values() if result.moment else ():
+    for gear in result.gears.values():
         _draw_gear(axes, result, start, gear)
     for joint in linkage.joints.values():
         at_joint = _place(result, start, joint.name, joint.ends[1].body)

@@ -75,8 +75,7 @@ class _FreeBodies:
         loads = body_loads(mechanism, path.q, path.v, path.a)
         self.load = loads[:, list(mechanism.tree.bodies)][:, :, [0, 1, 5]]
         self.columns: list[Floats] = []
-        gears = result.moment.gears if result.moment else {}
-        self.gears = {name: gear for name, gear in gears.items() if f"{name}*" in mechanism.bodies}
+        self.gears = {name: gear for name, gear in result.gears.items() if f"{name}*" in mechanism.bodies}
         for name, gear in self.gears.items():
             if gear.counter_mass is None:  # on a pivot at rest, of a mass that is not known: its inertia alone
                 load, at = self.load[:, mechanism.body_index(f"{name}*")], self._axes(gear)[0]

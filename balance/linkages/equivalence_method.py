@@ -111,6 +111,11 @@ class LinkageBalance(Shown, ReducedLinkage, rows="rows", figure="balance.figures
     force: Mapping[str, ForceBalance]
     moment: MomentBalance | None
 
+    @property
+    def gears(self) -> Mapping[str, GearResult]:
+        """Gear pairs by name; none where the force alone is balanced."""
+        return self.moment.gears if self.moment else {}
+
     @cached_property
     def start(self) -> Assembly:
         """Its start position. Raises ModelError or ClosureError as ``assemble``."""
@@ -201,11 +206,10 @@ def composite_bodies(result: LinkageBalance, stage: str) -> dict[str, list[Compo
         for body, counter in result.counters(stage):
             origin = result.joint_point(result.tree[body], body).at(values)
             pieces[body].append(CompositeBody(counter.mass, counter.inertia, origin + counter.position))
-    if stage == "complete" and result.moment:
-        for gear in result.moment.gears.values():
-            if gear.wheel_mass:
-                at = result.joint_point(gear.joint, gear.gear.body).at(values)
-                pieces[gear.gear.body].append(CompositeBody(gear.wheel_mass, gear.wheel_inertia, at))
+    for gear in result.gears.values() if stage == "complete" else ():
+        if gear.wheel_mass:
+            at = result.joint_point(gear.joint, gear.gear.body).at(values)
+            pieces[gear.gear.body].append(CompositeBody(gear.wheel_mass, gear.wheel_inertia, at))
     return pieces
 
 
@@ -252,7 +256,7 @@ def as_built(result: LinkageBalance, built: Mapping[str, Built]) -> LinkageBalan
     inertia is not stated has that of its shape. Raises DataError for another name, or a value that no body has.
     """
     teeth = {name: pair for name, pair in built.items() if not isinstance(pair, str)}
-    gears = dict(result.moment.gears) if result.moment else {}
+    gears = result.gears
     parts = [part for body in result.linkage.bodies.values() for part in body.parts]
     known = {*gears, *(part.mass for part in parts), *(part.inertia for part in parts if part.turns)}
     for _, counter in result.counters():

@@ -72,7 +72,7 @@ def skeleton(result: LinkageBalance, together: bool = True) -> Skeleton:
     Raises ModelError for a loop of slides, or a body that is not connected.
     """
     linkage = result.linkage
-    geared = {gear.joint for gear in result.moment.gears.values()} if result.moment else set()
+    geared = {gear.joint for gear in result.gears.values()}
     sliding = [
         Joint(f"{first}~{second}", False, (End(first, ORIGIN), End(second, ORIGIN)), both=True)
         for first, second in linkage.turns_with
@@ -109,7 +109,7 @@ def skeleton(result: LinkageBalance, together: bool = True) -> Skeleton:
 def coupling_rates(result: LinkageBalance) -> dict[str, dict[str, float]]:
     """Rates of the counter-gears' joints per rate of the linkage's joints, by name [-, 1/m]."""
     tree, rates = skeleton(result), {}
-    for name, gear in (result.moment.gears if result.moment else {}).items():
+    for name, gear in result.gears.items():
         relative = dict.fromkeys(tree.turning(gear.gear.body), 1.0)
         for joint in tree.turning(gear.carrier):
             relative[joint] = relative.get(joint, 0.0) - 1.0
@@ -160,7 +160,7 @@ class _Writer:
     def __init__(self, result: LinkageBalance, stage: str, tree: Skeleton) -> None:
         self.result, self.tree, self.start = result, tree, result.start
         self.pieces = composite_bodies(result, stage)
-        self.gears = list(result.moment.gears.values()) if stage == "complete" and result.moment else []
+        self.gears = list(result.gears.values()) if stage == "complete" else []
         self.positions: list[float] = []
 
     def children(self, element: Element, parent: str) -> None:

@@ -48,7 +48,7 @@ def linkage_equations(result: LinkageBalance) -> list[Equation]:
         found += _force(result, balance)
     if result.moment is None:
         return found
-    gears = {gear.gear.body: gear for gear in result.moment.gears.values()}
+    gears = {gear.gear.body: gear for gear in result.gears.values()}
     for name, body in result.moment.bodies.items():
         found += _force(result, body.extra)
         if name in result.linkage.two_point:
@@ -262,7 +262,7 @@ def linkage_document(
         ],
         "residual_first_moment_kgm": result.residual(),
         "counter_masses": _counter_masses(result),
-        "gears": _gear_results(result),
+        "gears": list(result.gears.values()),
         "inertias": [
             {"body": name, "inertia_about_joint_kgm2": body.inertia, "terms": body.terms}
             for name, body in (result.moment.bodies.items() if result.moment else ())
@@ -270,7 +270,7 @@ def linkage_document(
         ],
         "reshaped_inertia_kgm2": dict(result.moment.reshaped) if result.moment else {},
         "built": {name: text if isinstance(text, str) else list(text) for name, text in built.items()},
-        "as_built": made and {"counter_masses": _counter_masses(made), "gears": _gear_results(made)},
+        "as_built": made and {"counter_masses": _counter_masses(made), "gears": list(made.gears.values())},
         "findings": [*findings],
         "equations": linkage_equations(result),
         "simulated": None
@@ -318,10 +318,6 @@ def linkage_findings(result: LinkageBalance) -> list[str]:
                     "the inertia, about the link's own centre of mass, and its unit"
                 )
     return found
-
-
-def _gear_results(result: LinkageBalance) -> list[GearResult]:
-    return list(result.moment.gears.values()) if result.moment else []
 
 
 def _counter_masses(result: LinkageBalance) -> list[dict[str, Any]]:

@@ -22,7 +22,6 @@ from .bearing_forces import BearingForces, bearing_forces
 from .equivalence_method import LinkageBalance, composite_bodies
 from .linkage import Linkage
 from .mjcf_writer import geared_trajectory, linkage_mjcf, skeleton
-from .moment_balance import GearResult
 
 COLUMNS = ("Fx_N", "Fy_N", "Mz_Nm", "torque_Nm")
 """Force, moment and drive torque along a motion."""
@@ -214,13 +213,13 @@ def turn_samples(linkage: Linkage, speed: float, variation: float, start: float,
 def moving_mass(result: LinkageBalance, stage: str) -> float:
     """Mass of the linkage in a stage, of the counter-gears where it is given [kg]."""
     total = sum(piece.mass for pieces in composite_bodies(result, stage).values() for piece in pieces)
-    gears: list[GearResult] = list(result.moment.gears.values()) if result.moment and stage == "complete" else []
+    gears = result.gears.values() if stage == "complete" else ()
     return float(total + sum(gear.counter_mass or 0.0 for gear in gears))
 
 
 def counter_gears_without_mass(result: LinkageBalance) -> list[str]:
     """Gears whose counter-gear's mass is not given: ``moving_mass`` leaves it out."""
-    return [name for name, gear in (result.moment.gears if result.moment else {}).items() if gear.counter_mass is None]
+    return [name for name, gear in result.gears.items() if gear.counter_mass is None]
 
 
 def _largest(response: Response) -> dict[str, float]:
