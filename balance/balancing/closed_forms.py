@@ -179,13 +179,8 @@ def serial_lengths(mechanism: Mechanism) -> list[float] | None:
 def four_bar_lengths(mechanism: Mechanism) -> tuple[tuple[str, str, str], tuple[float, float, float]] | None:
     """Bodies (crank, coupler, rocker) and their lengths [m], links along x; None for another mechanism."""
     joints, loops = mechanism.tree.joints, mechanism.closed_loops
-    if (
-        len(joints) != 3
-        or len(mechanism.loops) != 1
-        or len(loops) != 1
-        or loops[0].weld
-        or not all(_flat(joint) for joint in joints)
-    ):
+    counts = len(joints), len(mechanism.loops), len(loops)
+    if counts != (3, 1, 1) or loops[0].weld or not all(map(_flat, joints)):
         return None
     ground = [k for k, joint in enumerate(joints) if joint.parent < 0]
     coupler = next((k for k, joint in enumerate(joints) if joint.parent >= 0), -1)

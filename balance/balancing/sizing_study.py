@@ -281,9 +281,9 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
                 {"counter_masses": plain(one.counter_masses), "remaining_percent": one.remaining_percent()}
                 for one in self.sets
             ]
-        return (
-            sizing_document(result) | found | ({"rig": self.rig, "left_out": list(self.left_out)} if self.rig else {})
-        )
+        if self.rig:
+            found |= {"rig": self.rig, "left_out": list(self.left_out)}
+        return sizing_document(result) | found
 
     def __str__(self) -> str:
         """First how much remains; then what would remove it."""

@@ -225,15 +225,11 @@ def table(
     def show() -> None:
         names = ", ".join(balanced) or "none"
         say(f"Of {len(rows)} engines without free forces and moments of orders 1 and 2: {names}.")
-        uneven = [" ".join(f"{i:g}" for i in row["firing_intervals_deg"]) for row in rows]
-        shown = [
-            {
-                **row,
-                "fires": "-".join(map(str, row["firing_order"])),
-                "intervals": "even" if row["firing_even"] else text,
-            }
-            for row, text in zip(rows, uneven, strict=True)
-        ]
+        shown = []
+        for row in rows:
+            fires = "-".join(map(str, row["firing_order"]))
+            intervals = " ".join(f"{i:g}" for i in row["firing_intervals_deg"])
+            shown.append({**row, "fires": fires, "intervals": "even" if row["firing_even"] else intervals})
         remark = (
             f"Forces in m r omega^2, moments about the middle in m r omega^2 a; r / l = {ratio:g}. *: with the best "
             "counterweights on the crankshaft, which remove what turns with it; the residual needs balance shafts."

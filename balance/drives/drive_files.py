@@ -93,9 +93,8 @@ class DragTable(_LoadTable):
         value = getattr(self, self._given(turns)[0])
         if (self.at_speed.dimension == "angular velocity") != turns:
             raise DataError(f"at_speed: its joint {'turns' if turns else 'slides'}: expected a speed of that")
-        return Load(
-            self.name or self.kind, self.kind, index, value / self.at_speed.value ** (1 + (self.kind != "viscous"))
-        )
+        power = 1 if self.kind == "viscous" else 2
+        return Load(self.name or self.kind, self.kind, index, value / self.at_speed.value**power)
 
 
 class CurveTable(_LoadTable):
@@ -253,12 +252,8 @@ def _periodic(angles: Floats, values: Floats, key: str) -> "PchipInterpolator":
     from scipy.interpolate import PchipInterpolator
 
     turn = 2.0 * np.pi
-    if (
-        len(angles) == len(values) > 1
-        and abs(angles[-1] - turn) < 1e-9
-        and angles[0] == 0.0
-        and values[-1] == values[0]
-    ):
+    is_whole = len(angles) == len(values) > 1 and angles[0] == 0.0 and abs(angles[-1] - turn) < 1e-9
+    if is_whole and values[-1] == values[0]:
         angles, values = angles[:-1], values[:-1]
     if len(angles) != len(values) or len(angles) < 3 or not (np.diff(angles) > 0.0).all():
         raise DataError(f"angle has {len(angles)}, {key} {len(values)} values: expected as many, angles increasing")
