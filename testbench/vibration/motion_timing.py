@@ -44,6 +44,8 @@ _FADING_S = 0.08
 """In which the base forgets what it was shaken by, roughly."""
 _CELL_S = 0.004
 """Resolution of the coarse lag."""
+_FLICKER = 1.2
+"""Steps of an encoder that are no motion yet: it may flicker by one, which rounding may make a little more."""
 _LEAST_MATCH = 0.6
 """Correlation of powers from which a coarse lag counts."""
 
@@ -120,32 +122,45 @@ def _stated_motion(run: SIRun) -> tuple[str, Floats, Floats, tuple[float, float]
 def _encoded_motion(values: Floats, time: Floats) -> tuple[tuple[float, float] | None, Floats]:
     """From when to when encoders (n, k) [SI] move, None where they do from the first sample on, and the power of the
     acceleration (n,).
-
-    A motion that begins from rest with finite jerk goes with the cube of time: eight times as far in twice the time.
-    So it began as long before it was seen as it took from there to eight times as far, or less, and not longer before
-    than four times what it took to twice as far, for what an encoder jumps by once is no such motion; it ends alike.
     """
     from scipy.ndimage import gaussian_filter1d
 
-    edge = max(len(values) // 50, 4)
-    reach = np.ptp(values, axis=0)
-    noise = 6.0 * np.std(np.diff(values[:edge], axis=0), axis=0)
-    steps = np.abs(np.diff(values, axis=0))
-    step = np.where(steps > 0.0, steps, np.inf).min(axis=0)
-    least = np.maximum(np.maximum(1e-3 * reach, noise), np.where(np.isfinite(step), step, 0.0))
-    first, last = (np.median(part, axis=0) for part in (values[:edge], values[-edge:]))
-    away, back = (np.abs(values - rest) / np.where(least > 0.0, least, np.inf) for rest in (first, last))
+    reach, changes = np.ptp(values, axis=0), np.abs(np.diff(values, axis=0))
+    step = np.where(changes > 0.0, changes, np.inf).min(axis=0)
+    step[np.isinf(step)] = 0.0
+    noise = 6.0 * np.std(np.diff(values[: _edge(values)], axis=0), axis=0)
+    least = np.maximum(np.maximum(1e-3 * reach, noise), _FLICKER * step)
+    begin, end = _begins(values, time, least, step), _begins(values[::-1], -time[::-1], least, step)
+    last = float(time[-1])
+    span = None if begin is None else (max(begin, float(time[0])), last if end is None else min(-end, last))
     rate = (len(time) - 1) / float(time[-1] - time[0])
-    span = None
-    if away[0].max() <= 1.0 < min(away.max(), back.max()):
-        most = 0.999 * min(away.max(), back.max())
-        begin, twice, far = (time[np.flatnonzero((away > min(by, most)).any(axis=1))[0]] for by in (1.0, 2.0, 8.0))
-        end, half, near = (time[np.flatnonzero((back > min(by, most)).any(axis=1))[-1]] for by in (1.0, 2.0, 8.0))
-        begin -= min(far - begin, 4.0 * (twice - begin + 1.0 / rate))
-        end += min(end - near, 4.0 * (end - half + 1.0 / rate))
-        span = (max(float(begin), float(time[0])), min(float(end), float(time[-1])))
     bent = gaussian_filter1d(values, 0.006 * rate, axis=0, order=2, mode="nearest")
     return span, ((bent / np.where(reach > 0.0, reach, np.inf)) ** 2).sum(axis=1)
+
+
+def _edge(values: Floats) -> int:
+    """Samples at an end of a record that are taken for rest."""
+    return max(len(values) // 50, 4)
+
+
+def _begins(values: Floats, time: Floats, least: Floats, step: Floats) -> float | None:
+    """When values (n, k) begin to move, seen from ``least`` (k,) on, in steps (k,) [SI]; None where they do at once.
+
+    A motion that begins from rest with finite jerk goes with the cube of time: eight times as far in twice the time.
+    So it began as long before it was seen as it took from there to eight times as far, or less, and not longer before
+    than four times what it took to twice as far, for what an encoder jumps by once is no such motion. Where it is seen
+    it may have gone a step more than is read.
+    """
+    away = np.abs(values - np.median(values[: _edge(values)], axis=0))
+    seen = []
+    for by in (1.0, 2.0, 8.0):
+        level = by * least + (by - 1.0) * step
+        share = (away / np.where(level > 0.0, level, np.inf)).max(axis=1)
+        if by == 1.0 and not share[0] <= 1.0 < share.max():
+            return None
+        seen.append(float(time[np.argmax(share > min(1.0, 0.999 * share.max()))]))
+    begin, twice, far = seen
+    return begin - min(far - begin, 4.0 * (twice - begin + float(time[-1] - time[0]) / (len(time) - 1)))
 
 
 def coarse_lag(signals: Sequence[Floats], rate_hz: float, time: Floats, power: Floats) -> float | None:
