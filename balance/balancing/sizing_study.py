@@ -27,6 +27,7 @@ from .sizing import (
     best_sets_from_stock,
     chosen_sites,
     exact_sizing,
+    site_groups,
     sizing_document,
     stock_use,
     upper_limits,
@@ -87,18 +88,22 @@ class NeededSite:
     """Counter-masses at the sizing's sites then [kg]."""
 
 
-def needed_sites(sizing: Sizing, limits: Mapping[str, float] | None = None) -> tuple[NeededSite, ...]:
+def needed_sites(
+    sizing: Sizing, limits: Mapping[str, float] | None = None, equal: Sequence[Sequence[str]] = ()
+) -> tuple[NeededSite, ...]:
     """Bodies where a counter-mass of any mass at any place would lessen what is left, the most helpful first.
 
-    Each with those before it, besides those at the sizing's sites of any mass within ``limits`` [kg], until nothing is
-    left or nothing helps. Of bodies that would do as well the first by name, so that the order of the file does not
-    matter.
+    Each with those before it, besides those at the sizing's sites of any mass within ``limits`` [kg], those of a group
+    of ``equal`` the same, until nothing is left or nothing helps. Of bodies that would do as well the first by name, so
+    that the order of the file does not matter.
     """
     mechanism, objective = sizing.before, sizing.objective
     assert objective is not None
     names = [c.site for c in sizing.counter_masses]
     columns, target = objective.system(mechanism, names)
-    most = upper_limits(names, limits)
+    groups = site_groups(names, equal)
+    columns = np.column_stack([columns[:, group].sum(axis=1) for group in groups])
+    most = np.array([upper_limits(names, limits)[group].min() for group in groups])
     before, left = sizing.root_mean_squares()
     found: list[NeededSite] = []
     chosen, bounds = columns, np.zeros(columns.shape[1])
@@ -116,8 +121,8 @@ def needed_sites(sizing: Sizing, limits: Mapping[str, float] | None = None) -> t
         alternatives = tuple(name for _, name, *_ in others)
         found.append(NeededSite(body, left if left > COMPLETE * before else 0.0, np.zeros(3), alternatives))
     _, unknown = _least_squares(chosen, target, bounds, most, _SMALL)
-    masses = dict(zip(names, unknown[: len(names)].tolist(), strict=True))
-    moments = unknown[len(names) :].reshape(-1, 4)[:, 1:]
+    masses = {names[i]: float(mass) for group, mass in zip(groups, unknown, strict=False) for i in group}
+    moments = unknown[len(groups) :].reshape(-1, 4)[:, 1:]
     return tuple(replace(one, first_moment=moment, masses=masses) for one, moment in zip(found, moments, strict=True))
 
 
@@ -169,8 +174,9 @@ def verdict_of(
     any_mass: Sizing,
     samples: Callable[[Mechanism], Floats] | None,
     limits: Mapping[str, float] | None = None,
+    equal: Sequence[Sequence[str]] = (),
 ) -> Verdict:
-    """The verdict on counter-masses, ``any_mass`` the best ones of any mass at the same sites and within their limits.
+    """The verdict on counter-masses, ``any_mass`` the best ones of any mass, of the same ``limits`` [kg] and ``equal``.
 
     ``samples`` gives the force, or the momentum over the workspace, of a mechanism, (n, 3) [unit of the objective].
     """
@@ -179,7 +185,7 @@ def verdict_of(
     directions = (
         () if balanced or samples is None else remaining_directions(samples(found.before), samples(found.after))
     )
-    needed = () if attainable or samples is None else needed_sites(any_mass, limits)
+    needed = () if attainable or samples is None else needed_sites(any_mass, limits, equal)
     least = None if found.bound is None else min(found.bound**0.5, after)
     return Verdict(balanced, attainable, before, after, least, directions, needed)
 
@@ -337,7 +343,8 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
                 if abs(then[one.site] - one.mass) > 1e-3 * max(then[one.site], one.mass)
             ]
             if changed:
-                yield f"The masses are other ones then: {', '.join(changed)}."
+                any_size = ", of any size" if self.stock else ""
+                yield f"The masses are other ones then{any_size}: {', '.join(changed)}."
         if verdict.directions and not verdict.attainable and not verdict.needed:
             yield "No counter-mass on any body would lessen it."
 
@@ -419,7 +426,8 @@ def study_sizing(
             sets = from_stock(least)
         use = stock_use(sets[:1], plates, limits, equal, is_linear=rig is None)
     first = replace(sets[0], payload_bodies=tuple(payload_bodies) or model.payload_bodies)
-    verdict = verdict_of(first, any_mass, _samples(trajectory, model) if set(weights) == {"force"} else None, limits)
+    samples = _samples(trajectory, model) if set(weights) == {"force"} else None
+    verdict = verdict_of(first, any_mass, samples, limits, equal)
     return SizingStudy((first, *sets[1:]), any_mass, verdict, weights, motion, stock, use, trajectory, rig, left_out)
 
 

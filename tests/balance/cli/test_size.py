@@ -126,6 +126,18 @@ def test_a_needed_site_heeds_limits(balance):
     assert f"The masses are other ones then: {changed:.4f} kg at counter_A0A." in balance(*given).out
 
 
+def test_a_needed_site_heeds_equal_masses(balance):
+    """Link 3 of the chain takes 0.54 kg, and link 1, which is to take as much, would have 7.8 kg without that."""
+    sites = ("counter_link_1", "counter_link_3")
+    given = ("size", "serial-3r", "--site", sites[0], "--site", sites[1], "--json")
+    free, equal = (
+        json.loads(balance(*given, *more).out)["sites_needed"][-1] for more in ((), ("--equal", ",".join(sites)))
+    )
+    assert [free["counter_masses_kg"][site] for site in sites] == pytest.approx([7.8, 0.54])
+    assert [equal["counter_masses_kg"][site] for site in sites] == pytest.approx([0.54, 0.54])
+    assert equal["rms"] == 0.0
+
+
 def test_the_verdict_comes_first_and_names_the_body_that_lacks_a_site(balance):
     """One site of two, on its motion: exit 3; what remains by direction, and the body that would remove it."""
     arguments = ("size", "four-bar", "--motion", "four-bar", "--site", "counter_A0A")
