@@ -7,7 +7,7 @@ which a fast motion in that band does not raise. One channel is enough: a log ma
 """
 
 from collections import defaultdict
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,7 +54,7 @@ class _Signature:
 
 @dataclass(frozen=True)
 class OneRecording:
-    """Runs that hold the same noise, in the order of the campaign."""
+    """Runs that hold the same noise of the same channels, in the order of the campaign."""
 
     runs: tuple[Observation, ...]
     channels: tuple[str, ...]
@@ -75,12 +75,15 @@ class OneRecording:
             run.name == statement.run and run.logs.get(statement.channel or "") in self.logs(run) for run in self.runs
         )
 
-    def statements(self, contradicted: Collection[str]) -> list[Statement]:
+    def statements(self, *contradicted: Collection[str]) -> list[Statement]:
         """Of each run that is not the original, which all but it are; where nothing tells which it is, of all.
 
-        The original is the only run that is not ``contradicted``; of several in one condition the first counts.
+        The original is the only run that is not ``contradicted``, by the first of these that tells; of several in one
+        condition the first counts.
         """
-        agreeing = [run for run in self.runs if run.name not in contradicted] or list(self.runs)
+        agreeing = list(self.runs)
+        for names in contradicted:
+            agreeing = [run for run in agreeing if run.name not in names] or agreeing
         original = agreeing[0] if all(_condition(run) == _condition(agreeing[0]) for run in agreeing) else None
         noise = f"the same noise of {', '.join(self.channels)}"
         found = []
@@ -109,27 +112,30 @@ def _condition(seen: Observation) -> dict[str, object]:
 
 
 def copies(observations: Sequence[Observation], pool: TaskPool = HERE) -> list[OneRecording]:
-    """Runs of one noise, together; each channel is a task of the ``pool``."""
+    """Runs of one noise, together for the channels they share; each channel is a task of the ``pool``."""
     by_channel: dict[str, list[tuple[int, ChannelRecord]]] = defaultdict(list)
     noisy = [_noisy(seen) for seen in observations]
     for i, own in enumerate(noisy):
         for record in own:
             by_channel[record.column.channel].append((i, record))
-    found: dict[tuple[int, int], list[str]] = defaultdict(list)
+    shared: dict[tuple[int, ...], list[str]] = defaultdict(list)
     for channel, pairs in zip(by_channel, pool.in_memory.map(_equal, list(by_channel.values())), strict=True):
-        for pair in pairs:
-            found[pair].append(channel)
-    source: dict[int, int] = {}
-    channels: dict[int, list[str]] = defaultdict(list)
-    for (first, second), same in sorted(found.items()):
-        source.setdefault(second, source.setdefault(first, first))
-        channels[source[second]] += same
+        for runs in _joined(pairs):
+            shared[runs].append(channel)
     recordings = []
-    for root, same in channels.items():
-        runs, distinct = [i for i in sorted(source) if source[i] == root], tuple(dict.fromkeys(same))
-        whole = all(len(distinct) == len(noisy[i]) for i in runs)
-        recordings.append(OneRecording(tuple(observations[i] for i in runs), distinct, whole))
+    for runs, same in sorted(shared.items()):
+        whole = all(len(same) == len(noisy[i]) for i in runs)
+        recordings.append(OneRecording(tuple(observations[i] for i in runs), tuple(same), whole))
     return recordings
+
+
+def _joined(pairs: Iterable[tuple[int, int]]) -> list[tuple[int, ...]]:
+    """Those that pairs connect, together."""
+    found: list[set[int]] = []
+    for pair in pairs:
+        apart = [one for one in found if one.isdisjoint(pair)]
+        found = [*apart, set(pair).union(*(one for one in found if one not in apart))]
+    return [tuple(sorted(one)) for one in found]
 
 
 def _noisy(seen: Observation) -> list[ChannelRecord]:

@@ -192,24 +192,31 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = (), pool: TaskPo
     known = {(s.run, s.channel) for s in statements if s.code == "axis_contradiction"}
     repeated = repeated_vibration([one for one in seen if one.name not in unsure])
     statements += [s for s in repeated if (s.run, s.channel) not in known]
-    said = [(one.runs, _whose(one, statements)) for one in recordings]
-    copied = {s.run for runs, whose in said if len(whose) < len(runs) for s in whose}
+    said = _whose(recordings, statements)
+    copied = {s.run for one, whose in zip(recordings, said, strict=True) if len(whose) < len(one.runs) for s in whose}
     statements = [replace(s, because="copied_run") if s.run in copied and s.code else s for s in statements]
-    statements = [*(s for _, whose in said for s in whose), *statements]
+    statements = [*(s for whose in said for s in whose), *statements]
     sensors = {
         one.name: {one.records[c[0]].column.sensor: c for c in one.vibrations if c[0] in one.records} for one in seen
     }
     return Examination(tuple(reasons), tuple(statements), reasons, torque, frozenset(accepted), sensors=sensors)
 
 
-def _whose(one: OneRecording, statements: Iterable[Statement]) -> list[Statement]:
-    """Of runs of one recording, whose it is: where nothing else tells, by channels of its logs that fit one alone."""
-    ours = {run.name for run in one.runs}
-    if contradicted := ours & {s.run for s in statements if s.code in OTHER_RUNS}:
-        return one.statements(contradicted)
-    about = [s for s in statements if one.holds(s)]
-    fitting = {s.channel for s in about if s.code is None and s.subject in {"axis", "sign", "gain"}}
-    return one.statements({s.run for s in about if s.code in OF_CHANNELS and s.channel in fitting})
+def _whose(recordings: Sequence[OneRecording], statements: Sequence[Statement]) -> list[list[Statement]]:
+    """Of runs of one recording, whose it is: by what tells runs apart, by channels of its logs that fit one alone; else
+    a run that holds another recording of others is believed last.
+    """
+    by_runs, copied = {s.run for s in statements if s.code in OTHER_RUNS}, set[str]()
+    for _ in range(2):
+        said = []
+        for one in recordings:
+            about = [s for s in statements if one.holds(s)]
+            fitting = {s.channel for s in about if s.code is None and s.subject in {"axis", "sign", "gain"}}
+            by_channels = {s.run for s in about if s.code in OF_CHANNELS and s.channel in fitting}
+            said.append(one.statements(by_runs, by_channels, copied))
+        pairs = zip(recordings, said, strict=True)
+        copied = {s.run for one, whose in pairs if len(whose) < len(one.runs) for s in whose}
+    return said
 
 
 def observed_or_why(run: Run | SIRun, known: dict[object, Mechanism], given: Mechanism | None) -> Observation | str:

@@ -183,10 +183,10 @@ def test_a_sensor_that_is_wrong_in_both_does_not_tell_whose_log_it_is():
     runs = tuple(SimpleNamespace(name=n, conditions={"payload_kg": p}, logs={"F": f"{n}.csv"}) for n, p in ("a1", "b2"))
     one = OneRecording(runs, ("F",), whole=False)
     wrong = [Statement(name, "axis", "F", "", "", "", "axis_contradiction") for name in "ab"]
-    assert {s.run for s in _whose(one, wrong)} == {"a", "b"}
-    assert {s.run for s in _whose(one, wrong[:1])} == {"a", "b"}, "nothing is known of F in b"
+    assert {s.run for s in _whose([one], wrong)[0]} == {"a", "b"}
+    assert {s.run for s in _whose([one], wrong[:1])[0]} == {"a", "b"}, "nothing is known of F in b"
     fits = Statement("b", "axis", "F", "", "", "")
-    assert [(s.run, s.others) for s in _whose(one, [wrong[0], fits])] == [("a", ("b",))]
+    assert [(s.run, s.others) for s in _whose([one], [wrong[0], fits])[0]] == [("a", ("b",))]
 
 
 @pytest.mark.parametrize(
@@ -208,6 +208,24 @@ def test_whose_log_it_is(payloads, contradicted, blamed, said):
     found = OneRecording(runs, ("F",), whole=True).statements(contradicted)
     assert {s.run: s.others for s in found} == blamed
     assert all(said in s.witnessed for s in found)
+
+
+@pytest.mark.parametrize("liar", [0, 3])
+def test_a_log_put_together_of_two_runs(campaign, liar):
+    """Forces of one run, accelerations of another: of each what is its own, wherever it stands; neither is blamed."""
+    runs, witnesses = campaign
+    sources, mixed = dict(zip(("forces", "daq"), runs[1:3], strict=True)), runs[liar]
+    for logger, source in sources.items():
+        for column in load_rig("parallelogram-6bar").columns(logger):
+            values = np.resize(source.channel(column.channel), len(mixed.channel(column.channel)))
+            mixed = with_values(mixed, column.channel, values)
+    found = witnesses.hear([*runs[:liar], mixed, *runs[liar + 1 :]])
+    assert found.copied == {mixed.name}
+    said = {s.others: s.witnessed for s in found.contradictions if s.code == "copied_run"}
+    assert set(said) == {(source.name,) for source in sources.values()}
+    assert all(f"{mixed.name} holds in " in text for text in said.values())
+    assert "AccX" not in said[sources["forces"].name,]
+    assert "Fx1" not in said[sources["daq"].name,]
 
 
 def test_a_fast_motion_in_the_band_is_no_copy():
