@@ -112,8 +112,8 @@ def _verdict(result: "Trim", stock: str | None) -> str:
     if result.verdict == "balanced":
         simulated = ", of simulated runs" if result.origin == "simulated" else ""
         return (
-            f"Balanced: at most {100.0 * result.residual_share:.2g} % of what is missing without counter-masses is left"
-            f"{simulated}; nothing need be added. Verdict: balanced."
+            f"Balanced: at most {100.0 * result.residual_share:.2g} % of the first moment missing without "
+            f"counter-masses is left{simulated}; nothing need be added. Verdict: balanced."
         )
     added = [c for c in result.addition.counter_masses if c.mass > 0.0]
     lacking = [m for m in result.missing if m.is_significant and m.first_moment.value > 0.0]

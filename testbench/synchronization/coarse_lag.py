@@ -156,7 +156,8 @@ def _refuse_chance(content: PreparedSignals, residual: Floats, independent: floa
     if chance < SURE_SHARE:
         raise AnalysisError(
             f"{content.name}: no common content: the best lag explains {explained:.2%} of the signal, and "
-            f"{chance:.2%} may be chance; name channels that recorded the same"
+            f"{chance:.2%} may be chance; name channels that recorded the same (forces of a balanced mechanism show "
+            "nothing of its motion), or give a tap, or a trigger"
         )
     raise AnalysisError(
         f"{content.name}: ambiguous: the best lag explains {explained:.1%} of the signal, which is so slow or so "

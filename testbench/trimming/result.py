@@ -151,9 +151,12 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
 
     @cached_property
     def addition(self) -> Sizing:
-        """What to add to the sites that significantly lack something: from the plates, else of any mass."""
+        """What to add to the sites that significantly lack something: from the plates, else of any mass.
+
+        Nothing to a mechanism that counts as balanced.
+        """
         lacking = [m.site for m in self.missing if m.is_significant and m.first_moment.value > 0.0]
-        if not lacking:
+        if not lacking or self.verdict == "balanced":
             return sizing_of_given(self.conditions, self._measured, {})
         if self.plates:
             return best_sets_from_stock(self.conditions, self._measured, self.plates, lacking)[0]
@@ -161,8 +164,9 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
 
     @property
     def removal(self) -> tuple[MissingMass, ...]:
-        """Sites that significantly have too much."""
-        return tuple(m for m in self.missing if m.is_significant and m.first_moment.value < 0.0)
+        """Sites that significantly have too much; none of a mechanism that counts as balanced."""
+        too_much = (m for m in self.missing if m.is_significant and m.first_moment.value < 0.0)
+        return () if self.verdict == "balanced" else tuple(too_much)
 
     @property
     def predicted_residual(self) -> float:
@@ -178,16 +182,20 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
 
     @property
     def residual_share(self) -> float:
-        """Largest of the conditions as measured, with half its interval, as a part of that without counter-masses.
+        """Largest of the conditions as measured, with half its interval and what a doubtful source leaves unexplained,
+        as a part of that without counter-masses.
 
-        Of one that the runs do not determine: by the file.
+        Of one that no mass at the sites can change: by the file. Infinite where the runs do not tell one.
         """
-        by_file = np.abs(self.conditions.values(self.mechanism))
+        by_file, units = np.abs(self.conditions.values(self.mechanism)), np.eye(self.conditions.rank)
         each = [
-            file if e is None else abs(e.value) + e.half_width()
-            for (_, e), file in zip(self.values, by_file, strict=True)
+            abs(e.value) + e.half_width() if e else file if self.imbalance.is_fixed(unit) else np.inf
+            for (_, e), file, unit in zip(self.values, by_file, units, strict=True)
         ]
-        return float(max(each, default=np.inf) / self.unbalanced) if self.unbalanced > 0.0 else np.inf
+        if not self.unbalanced > 0.0:
+            return np.inf
+        hidden = max((share.of_unbalanced for share in self.shares if share.doubtful), default=0.0)
+        return float(max(each, default=np.inf) / self.unbalanced) + hidden
 
     def remaining(self) -> list[MissingMass]:
         """What each site lacks still, with the addition."""
@@ -211,7 +219,7 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
         unexplained = [
             f"{share.unexplained:.0%} of the measured {SOURCES[share.source].measured} stays unexplained: {share.why}"
             for share in self.shares
-            if share.doubtful
+            if share.doubtful and self.residual_share > _BALANCED  # else balanced, whatever it is that it leaves
         ]
         others = [finding.message for finding in self.findings if finding.code != GAP_FINDING]
         return [*self.doubts_before, *unexplained, *others]
@@ -265,11 +273,11 @@ def trim_document(result: Trim) -> dict[str, Any]:
         "interval_level": result.interval_level,
         "add": [
             {"site": c.site, "mass_kg": c.mass, "plates": c.plates, "position_m": c.position}
-            for c in result.addition.counter_masses * (result.verdict != "balanced")
+            for c in result.addition.counter_masses
         ],
         "remove": [
             {"site": m.site, "mass_kg": -m.mass.value, "first_moment_kgm": -m.first_moment.value}
-            for m in result.removal * (result.verdict != "balanced")
+            for m in result.removal
         ],
         "residual_without_counter_masses_kgm": result.unbalanced,
         "residual_share": finite(result.residual_share),

@@ -170,21 +170,50 @@ def trials():
     return [scene.run(k) for k, scene in enumerate(scenes)]
 
 
-def test_a_balanced_mechanism_is_called_so(manipulator, aligned):
-    """Noise is all that its forces show: most of them stays unexplained, which is no doubt, and nothing is to be added.
-
-    By clocks that are known: its forces show nothing by which they could be aligned.
-    """
-    balanced = {site: mass + MISSING / 0.03755 for site, mass in memory.BUILT.items()}
+@pytest.fixture(scope="module")
+def balanced(manipulator, aligned):
+    """Three runs of the balanced mechanism, by clocks that are known: its forces show nothing to align them by."""
+    masses = {site: mass + MISSING / 0.03755 for site, mass in memory.BUILT.items()}
     clocks = [{group: run.clock(group) for group in ("daq", "forces")} for run in aligned]
-    runs = [SIRun.of(memory.scene(motion, masses=balanced).run(k)) for k, motion in enumerate(MOTIONS)]
-    found = trim_runs([AlignedRun(*one) for one in zip(runs, [manipulator] * 3, clocks, strict=True)], source="wrench")
+    runs = [SIRun.of(memory.scene(motion, masses=masses).run(k)) for k, motion in enumerate(MOTIONS)]
+    return [AlignedRun(*one) for one in zip(runs, [manipulator] * 3, clocks, strict=True)]
+
+
+def test_a_balanced_mechanism_is_called_so(balanced):
+    """Noise is all that its forces show: most of them stays unexplained, which is no doubt; nothing is to be added."""
+    found = trim_runs(balanced, source="wrench")
     assert found.doubts() == []
     assert found.unexplained > 0.5
     assert found.verdict == trim_document(found)["verdict"] == "balanced"
     assert found.residual_share < 0.01
     untold = replace(found.imbalance, excited=found.imbalance.excited[:0])
-    assert replace(found, imbalance=untold, mechanism=manipulator).verdict != "balanced"  # then by the file
+    assert replace(found, imbalance=untold).verdict != "balanced"  # though by its file it is
+
+
+def test_a_balanced_mechanism_of_which_no_rest_tells(balanced):
+    """What stays unexplained would leave it balanced were all of it imbalance: no doubt, and part of what is left."""
+    whole = trim_runs(balanced, source="wrench")
+    (share,) = whole.shares
+    short = replace(whole, shares=(replace(share, over_rest=np.inf),))
+    assert short.verdict == "balanced"
+    assert short.residual_share == pytest.approx(whole.residual_share + share.of_unbalanced)
+    much = replace(whole, shares=(replace(share, over_rest=np.inf, of_unbalanced=0.01),))
+    assert much.verdict == "doubtful"
+
+
+def test_nothing_is_added_to_a_balanced_mechanism(balanced):
+    """Sites that lack, or have too much of, a thousandth for certain: the residual that is predicted is that of nothing
+    added."""
+    found = trim_runs(balanced, source="wrench")
+    for sign in (-1.0, 1.0):
+        moved = sign * 0.003 * found.unbalanced * found.imbalance.values / np.abs(found.imbalance.values).max()
+        sure = replace(found.imbalance, values=moved, covariance=1e-12 * found.imbalance.covariance)
+        certain = replace(found, imbalance=sure, missing=tuple(sure.missing(found.mechanism, ("counter_A0A",))))
+        shown = trim_document(certain)
+        assert certain.missing[0].is_significant
+        assert (shown["verdict"], shown["add"], shown["remove"]) == ("balanced", [], [])
+        assert shown["predicted_residual_kgm"] == pytest.approx(0.003 * found.unbalanced)
+        assert certain.remaining()[0].first_moment.value == certain.missing[0].first_moment.value
 
 
 def test_trial_masses(manipulator, trials):
