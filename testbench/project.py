@@ -357,9 +357,9 @@ def _log_problems(rig: Rig | None, rows: Sequence[RunTableRow], logs: Sequence[P
 
 
 def _one_recording(logs: Sequence[Path], table: str) -> Iterator[Problem]:
-    """Logs of the table that hold the same bytes under two names; those that cannot be read are said before."""
+    """Logs of the table that hold the same bytes in two files; those that cannot be read are said before."""
     others: dict[int, list[Path]] = defaultdict(list)
-    for path in logs:
+    for path in {(path.resolve(), path.name): path for path in logs}.values():
         with suppress(OSError):
             same, holds = others[path.stat().st_size], path.stat().st_size > 0
             twin = next((other for other in same if holds and filecmp.cmp(other, path, shallow=False)), None)

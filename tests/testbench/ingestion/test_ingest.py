@@ -338,6 +338,11 @@ def test_one_log_under_two_names_of_two_runs(folder):
     (outcome,) = ingested(folder, PlannedRun("r002", (folder / "r002.csv",), None, {"payload_kg": 3.0, "repeat": 2}))
     (said,) = [f.message for f in outcome.findings if f.code == "conditions_differ"]
     assert said.startswith("r001.csv and r002.csv are one recording (byte for byte), stored as r001.h5: bring the")
+    (folder / "other.csv").write_text(HEADER + "".join(ROWS[:-1]))
+    both = PlannedRun("r003", (folder / "other.csv", folder / "r002.csv"), None, {"payload_kg": 3.0})
+    refused = ingested(folder, both)
+    assert {one.status for one in refused} == {"refused"}
+    assert "r001.csv and r002.csv are one recording (byte for byte), stored as r001.h5" in refused[0].message
 
 
 def test_a_rig_that_comes_too_late(folder):

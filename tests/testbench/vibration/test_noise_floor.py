@@ -251,10 +251,27 @@ def test_a_jump_of_an_encoder_is_no_long_motion():
     assert 0.35 <= begin <= 0.36
 
 
-def test_coarse_encoders_tell_the_stroke_by_their_steps():
-    """A hundred steps a stroke: the motion begins before the first of them."""
+@pytest.mark.parametrize("steps", [20, 48, 100, 400])
+@pytest.mark.parametrize("rest", [0.0, 0.37, 0.9])
+def test_coarse_encoders_tell_the_stroke_by_their_steps(steps, rest):
+    """So few steps a stroke, wherever within one it rests: neither end of the motion counts as rest."""
     time = np.arange(0.0, 2.0, 1e-3)
     at = np.clip((time - 0.5) / 0.6, 0.0, 1.0)
-    way = np.round(100.0 * at**3 * (10.0 - 15.0 * at + 6.0 * at**2))
-    (begin, _), _ = motion_timing._encoded_motion(way[:, None], time)
-    assert 0.4 < begin < 0.52
+    way = np.floor(rest + steps * at**3 * (10.0 - 15.0 * at + 6.0 * at**2))
+    (begin, end), _ = motion_timing._encoded_motion(way[:, None], time)
+    assert 0.3 < begin < 0.505
+    assert 1.095 < end < 1.3
+
+
+@pytest.mark.parametrize("flicker", [0, 300])
+@pytest.mark.parametrize("start", [0.0, 0.1234, 3.1])
+def test_an_encoder_that_flickers_rests(flicker, start):
+    """By one step of 0.04 deg, which in radians is a step more or less 1e-16: as if it had not."""
+    time, step = np.arange(0.0, 4.0, 1e-3), np.radians(0.04)
+    at = np.clip(time - 2.0, 0.0, 1.0)
+    counts = np.round((start + at**3 * (10.0 - 15.0 * at + 6.0 * at**2)) / step)
+    other = counts.copy()
+    other[flicker] += 1.0
+    one, two = (motion_timing._encoded_motion(step * way[:, None], time)[0] for way in (counts, other))
+    assert one == two
+    assert 1.9 < one[0] < 2.01
