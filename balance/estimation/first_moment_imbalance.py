@@ -224,12 +224,14 @@ def masses_per_value(conditions: Conditions, mechanism: Mechanism, sites: Sequen
     """The mass that each site lacks per unit of each condition's value, about ``values`` (rank,), (sites, rank) [1/m].
 
     Masses are m = rows @ values, linear in what is estimated, so that its intervals carry over. What no mass can meet
-    is weighed as ``exact_sizing`` does: by the momentum over the workspace.
+    is weighed, of an open chain, by the first moments about its joints, whatever is mounted: of sites on a line what is
+    missing along it. Of loops, whose conditions join bodies, by the momentum over the workspace (``exact_sizing``).
     """
     from ..balancing.least_masses import distribute_masses
     from ..balancing.sizing import site_columns
 
-    weights = conditions.weights
+    own = not mechanism.loops and set(conditions.units) == {"kg m"}
+    weights = np.eye(conditions.rank) if own else conditions.weights
     columns = weights @ site_columns(conditions, mechanism, sites)
     return -distribute_masses(columns, -weights @ values, removable=True).per_target @ weights
 

@@ -50,7 +50,8 @@ T = TypeVar("T")
 
 BASE_UNKNOWN = (
     "no accelerometer on the base: if the base moves, the forces hold the mechanism's inertia against that motion, "
-    "which is taken for shaking force, and the intervals do not hold"
+    "which is taken for shaking force, and the intervals do not hold; record one (in the rig an accelerometer "
+    'attached_to = "base")'
 )
 WEIGHTLESS = (
     "the rig's [bench] does not state weight = true: the weight's moment as the bodies move, which tilts the base, is "

@@ -160,6 +160,9 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
             return sizing_of_given(self.conditions, self._measured, {})
         if self.plates:
             return best_sets_from_stock(self.conditions, self._measured, self.plates, lacking)[0]
+        if len(lacking) == len(self.missing):
+            every = {m.site: m.mass.value for m in self.missing}
+            return sizing_of_given(self.conditions, self._measured, every)
         return exact_sizing(self.conditions, self._measured, lacking)
 
     @property

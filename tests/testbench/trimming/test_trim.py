@@ -222,6 +222,26 @@ def test_a_centre_off_the_line_of_the_file_is_in_the_interval():
     assert second.first_moment.half_width() < abs(values[across]) * 1.5
 
 
+@pytest.mark.parametrize("mounted", [{}, {"counter_link_1": 5.0, "counter_link_2": 0.9}])
+def test_of_a_chain_what_is_missing_lies_along_its_sites(mounted):
+    """Centres off the lines of the sites, which no mass there meets: the zero along each line, whatever is mounted."""
+    mechanism = load_mechanism("serial-2r")
+    conditions = balance_conditions(mechanism)
+    values = conditions.values(mechanism)
+    values[[k for k in range(conditions.rank) if "mcy" in conditions.text(k)]] = [0.02, -0.01]
+    built = with_condition_values(conditions, mechanism, values)
+    run = linkages.run(built, counter_masses=mounted, plate=False, seconds=10.0, rate=250.0, amplitude=0.4)
+    found = trim_runs(memory.aligned([run], mechanism))
+    second = mechanism.parameters[1, 1]
+    arms = [np.linalg.norm(one.position) for one in found.missing]
+    length = conditions.coefficients(0)["m[link_2]"]
+    lacking = second / arms[1] - mounted.get("counter_link_2", 0.0)
+    along = values[0] + length * second / arms[1] - mounted.get("counter_link_1", 0.0) * arms[0]
+    for one, truth in zip(found.missing, (along, lacking * arms[1]), strict=True):
+        assert one.interval[0] < truth < one.interval[1]
+        assert one.first_moment.half_width() < 0.01
+
+
 def test_what_no_motion_shows_by_torque():
     """An arm lying flat: the first joint's torque holds no first moment of the first link, however it moves."""
     flat = replace(load_mechanism("serial-2r"), gravity=np.array([0.0, 0.0, -9.81]))
