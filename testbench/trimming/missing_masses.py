@@ -29,8 +29,8 @@ _ROUNDING, _NO_PART = 1e-9, 1e-6
 """Singular values over the largest that are rounding; parts of conditions that are."""
 COMPROMISE = (
     "No masses at these sites meet all conditions: of an open chain what is missing along the sites is told, of loops "
-    "what leaves the least momentum over the workspace, by the inertias of the mechanism's file; `balance size --motion` "
-    "tells what leaves the least force; compare both by `balance simulate` before masses are removed."
+    "what leaves the least momentum over the workspace, by the inertias of its file; `balance size --motion` finds the "
+    "least force for one motion; compare both by `balance simulate` before masses are removed."
 )
 RESOLUTION = 0.25
 """Half of an interval, as a part of the first moment that the site lacks without counter-masses, from which a record

@@ -81,6 +81,8 @@ class MotionTiming:
         if source == group:
             first, last = (at - run.time(group)[0] for at in span)
             return cls(_rest(first), (max(first, 0.0), min(last, seconds)), timed=True)
+        if span[0] <= time[0]:  # quiet accelerometers are no rest then, but a slow beginning
+            return cls(None, (0.0, seconds))
         first, lag = beginning(signals, rate), coarse_lag(signals, rate, time, power)
         if lag is not None and (first is None or first > span[0] + lag + COARSE_S):
             coarse = span[0] + lag
@@ -120,8 +122,8 @@ def _stated_motion(run: SIRun) -> tuple[str, Floats, Floats, tuple[float, float]
 
 
 def _encoded_motion(values: Floats, time: Floats) -> tuple[tuple[float, float] | None, Floats]:
-    """From when to when encoders (n, k) [SI] move, None where they do from the first sample on, and the power of the
-    acceleration (n,).
+    """From when to when encoders (n, k) [SI] move, None where they rest throughout, and the power of the acceleration
+    (n,).
     """
     from scipy.ndimage import gaussian_filter1d
 
@@ -144,7 +146,7 @@ def _edge(values: Floats) -> int:
 
 
 def _begins(values: Floats, time: Floats, least: Floats, step: Floats) -> float | None:
-    """When values (n, k) begin to move, seen from ``least`` (k,) on, in steps (k,) [SI]; None where they do at once.
+    """When values (n, k) begin to move, seen from ``least`` (k,) on, in steps (k,) [SI]; None where they never do.
 
     A motion that begins from rest with finite jerk goes with the cube of time: eight times as far in twice the time.
     So it began as long before it was seen as it took from there to eight times as far, or less, and not longer before
@@ -152,12 +154,13 @@ def _begins(values: Floats, time: Floats, least: Floats, step: Floats) -> float 
     it may have gone a step more than is read.
     """
     away = np.abs(values - np.median(values[: _edge(values)], axis=0))
+    away[0] = away[1]  # a value from before the first reading is no motion
     seen = []
     for by in (1.0, 2.0, 8.0):
         level = by * least + (by - 1.0) * step
         share = (away / np.where(level > 0.0, level, np.inf)).max(axis=1)
         if by == 1.0 and not share[0] <= 1.0 < share.max():
-            return None
+            return None if share.max() <= 1.0 else float(time[0])
         seen.append(float(time[np.argmax(share > min(1.0, 0.999 * share.max()))]))
     begin, twice, far = seen
     return begin - min(far - begin, 4.0 * (twice - begin + float(time[-1] - time[0]) / (len(time) - 1)))

@@ -275,3 +275,13 @@ def test_an_encoder_that_flickers_rests(flicker, start):
     one, two = (motion_timing._encoded_motion(step * way[:, None], time)[0] for way in (counts, other))
     assert one == two
     assert 1.9 < one[0] < 2.01
+
+
+@pytest.mark.parametrize(("angle", "begins"), [(3.0, 0.0), (0.0, None)])
+def test_encoders_in_motion_at_once_begin_at_once(angle, begins):
+    """A swing that goes on when the log begins is no rest; a first value from before the first reading is no motion."""
+    time = np.arange(0.0, 2.0, 1e-3)
+    way = angle * np.sin(9.0 * time + 0.4)
+    way[0] += 0.5 * (angle == 0.0)
+    span, _ = motion_timing._encoded_motion(way[:, None], time)
+    assert (span and span[0]) == begins

@@ -10,11 +10,13 @@ import pytest
 from studies import simulated_runs as memory
 from testbench import campaign_plan as plans
 from testbench.rig import load_rig
+from testbench.runs.si_run import SIRun
 from testbench.signal.filters import Band
 from testbench.simulator import simulated_logs
 from testbench.simulator.simulated_logs import stored
 from testbench.store import open_campaign
 from testbench.vibration.metrics import METRICS, Measure
+from testbench.vibration.motion_timing import MotionTiming
 from testbench.vibration.reduction import Reduction, analyze
 
 from ..conftest import PAIR, simulated
@@ -38,15 +40,14 @@ def scenes() -> tuple[memory.Scene, memory.Scene]:
     return memory.scene("x"), memory.scene("x", masses={})
 
 
-def cut(run: memory.MemoryRun, seconds: float) -> memory.MemoryRun:
-    """The run, as if its logger of accelerations had started later."""
-    group = run.groups[0]
+def cut(run: memory.MemoryRun, seconds: float, name: str = "daq") -> memory.MemoryRun:
+    """The run, as if its logger, by default that of accelerations, had started later."""
+    group = run.group(name)
     lost = round(seconds * group.rate_hz)
     prefix = f"{group.path}/"
     data = {k: v[lost:] if k.startswith(prefix) else v for k, v in run.provenance["data"].items()}
-    return replace(
-        run, groups=(replace(group, samples=group.samples - lost), *run.groups[1:]), provenance={"data": data}
-    )
+    groups = tuple(replace(g, samples=g.samples - lost) if g is group else g for g in run.groups)
+    return replace(run, groups=groups, provenance={"data": data})
 
 
 def rests(scene: memory.Scene, seed: int) -> float:
@@ -72,6 +73,17 @@ def test_no_rest(start):
     for reduction in analysis.reductions:
         assert (reduction.interval, reduction.method, reduction.noise_floor) == (None, None, (None, None))
     assert analysis.reductions[0].percent == pytest.approx(_true(runs, "x", measure, start), abs=0.5)
+
+
+def test_encoders_in_motion_at_once():
+    """There is no rest then, though accelerometers, on a logger that started before, feel a quiet beginning."""
+    runs = [cut(scene.run(seed), 0.45, "controller") for seed, scene in enumerate(scenes())]
+    runs = [replace(run, rig=re.sub(r"(?m)^noise = .*$", "", run.rig)) for run in runs]
+    assert all(rests(scene, seed) > 0.1 for seed, scene in enumerate(scenes()))
+    assert [MotionTiming.of(SIRun.of(run), "daq").rest for run in runs] == [None, None]
+    (found,) = analyze(runs, Measure("rms", BAND)).findings
+    assert found.code == "no_noise_floor"
+    assert "log half a second of rest" in found.message
 
 
 def test_the_noise_that_the_rig_states():
