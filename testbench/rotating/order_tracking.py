@@ -32,6 +32,8 @@ _MAIN_LOBE = 2.0
 """Half width of the main lobe of an order or a tone [lines]."""
 _LEAST_LINES, _MOST_LINES = 4, 24
 """Limits of the lines used for noise on each side; else half the way to the next order."""
+_HANDED_ON = 0.87
+"""Mean square of the angle's error over that of single pulses, between which it is a spline."""
 _REFINED = 2
 """Gauss-Newton iterations on the frequency of a tone."""
 _ZEROS = 16
@@ -66,11 +68,15 @@ class _Tone:
     sin: float = 0.0
 
 
-def fit_orders(values: Floats, angle: Floats, turns: int, order: int, orders: int, stepped: float = 0.0) -> OrderFit:
+def fit_orders(
+    values: Floats, angle: Floats, turns: int, order: int, orders: int, stepped: float = 0.0, jitter: float = 0.0
+) -> OrderFit:
     """Vector of an order in ``values`` (n,) [unit] over whole turns, at the rotor's ``angle`` (n,) [turns].
 
     Orders up to ``orders`` are fitted together. ``stepped`` [rad] is the jump of the order's phase where pulses move by
     one sample: it causes lines near the order of up to half its size, so weaker tones are left to the noise.
+    ``jitter`` [rad] is the standard deviation of its phase at single pulses by that: few lines, or lines between which
+    such errors repeat, may show less of it.
     """
     record = _Record(values, angle, order, orders)
     lines = int(np.clip(turns // 2, _LEAST_LINES, _MOST_LINES))
@@ -89,6 +95,10 @@ def fit_orders(values: Floats, angle: Floats, turns: int, order: int, orders: in
     rounding = record.rounding(solved, tones)
     near = int(np.clip(turns // 4, _LEAST_LINES, _MOST_LINES))
     noise, spare = _noise(nearby * np.exp(-1j * np.angle(value)), near, order * turns, tones)
+    if jitter:
+        known = 0.5 * jitter * size * coverage_factor() / coverage_factor(spare)  # its size is no estimate
+        noise[1] = max(noise[1], noise[0] + known**2 * len(values) / turns * record.power)
+        value *= np.exp(0.5 * _HANDED_ON * jitter**2)
     inverse = np.linalg.inv(normal)
     pick = np.ix_([order, orders + order], [order, orders + order])
     covariance = _turned_phase(noise, np.angle(value), (inverse @ spread @ inverse)[pick]) * 2.0 / record.power
@@ -422,7 +432,8 @@ def order_vector(
     """Vector of ``values`` (n,) [m, m/s or m/s2] at ``time`` (n,) [s]; orders up to ``orders`` are fitted together."""
     inside = (time >= turns.pulses[0]) & (time < turns.pulses[-1])
     stepped = 2.0 * np.pi * order * turns.speed * turns.resolution if turns.steep else 0.0
-    found = fit_orders(values[inside], turns.angle(time[inside]), turns.count, order, orders, stepped)
+    jitter = 2.0 * np.pi * order * turns.speed * turns.rounding
+    found = fit_orders(values[inside], turns.angle(time[inside]), turns.count, order, orders, stepped, jitter)
     value, reach = found.value, coverage_factor(found.degrees_of_freedom)
     u = np.array([value.real, value.imag]) / abs(value) if value else np.array([1.0, 0.0])
     along, across = (reach * float(np.sqrt(x @ found.covariance @ x)) for x in (u, np.array([-u[1], u[0]])))

@@ -175,9 +175,21 @@ class Turns:
         blur = 2.0 * self.resolution * self.speed
         return float(max(np.ptp(blocks), np.ptp(1.0 / np.diff(self.pulses)) - blur * self.speed) / self.speed)
 
+    @property
+    def rounding(self) -> float:
+        """Standard deviation of a pulse's instant by the steps of the samples, apart from the common error [s]."""
+        return self.resolution / 12.0**0.5 if self.steep and not self.is_synchronous else 0.0
+
     def angle(self, time: Floats) -> Floats:
-        """Angle of the rotor since the first pulse at ``time`` (n,) [s], linear between pulses, (n,) [turns]."""
-        return np.interp(time, self.pulses, np.arange(len(self.pulses), dtype=float))
+        """Angle of the rotor since the first pulse at ``time`` (n,) [s], a cubic spline, (n,) [turns].
+
+        It hands on the pulses' slow timing errors alike up to 0.3 periods a turn (97 % of their power, a line between
+        pulses 60 %), so that the lines near an order show what they do to its phase.
+        """
+        from scipy.interpolate import CubicSpline
+
+        found: Floats = CubicSpline(self.pulses, np.arange(len(self.pulses)))(time)
+        return found
 
 
 def tacho_pulses(time: Floats, signal: Floats, level: float | None = None, falling: bool = False) -> Floats:

@@ -155,6 +155,36 @@ def test_sampling_in_step_at_any_place_within_a_sample(flips: int) -> None:
     assert abs(off) > 2 * np.pi * 0.2 / 100.0
 
 
+def test_slow_timing_errors_of_pulses_are_in_the_angle_as_they_are() -> None:
+    """At a quarter period a turn, where lines tell the noise; straight lines between pulses hand on 0.81 of them."""
+    number = np.arange(81)
+    late = 0.01 * np.cos(0.5 * np.pi * number + 0.3)
+    time = np.linspace(20.0, 60.0, 4001)[:-1]
+    error = Turns(number + late, 0.01).angle(time) - time
+    assert 2.0 * abs(np.mean(error * np.exp(-0.5j * np.pi * time))) == pytest.approx(0.01, rel=0.02)
+
+
+@pytest.mark.parametrize("samples", [40, 83])
+def test_coarse_pulses_of_a_wandering_speed(samples: int) -> None:
+    """A random walk of 1 %, pulses timed to a sample: 40 runs of a 95 % interval hold fewer than 32 once in 7000.
+
+    No phase is told better than 0.9 of what evenly spread rounding of the pulses leaves (Hann window: sqrt 1.5).
+    """
+    amplitude, phase, turns, truth = 0, 0, 60, 2.0 * np.exp(0.7j)
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        walk = np.cumsum(rng.normal(size=(turns + 2) * samples))
+        speed = rng.uniform(0.98, 1.02) * (1.0 + 0.01 * (walk - walk.mean()) / np.ptp(walk))
+        turned, time = rng.uniform() + np.cumsum(speed) / samples, np.arange(len(walk)) / samples
+        found = steady_turns("run", time, np.where(turned % 1.0 < 0.1, 5.0, 0.0), None, False, 0.03)
+        signal = np.real(truth * np.exp(2j * np.pi * turned)) + rng.normal(0.0, 0.01, len(time))
+        vector = order_vector("A", "acceleration", signal, found, time, 1, 3)
+        amplitude += abs(abs(vector.value) - abs(truth)) < vector.amplitude_within
+        phase += abs(np.angle(vector.value / truth)) < vector.phase_within
+        assert vector.phase_within > 0.9 * 1.96 * 2.0 * np.pi / samples / 12.0**0.5 * (1.5 / turns) ** 0.5
+    assert min(amplitude, phase) >= 32
+
+
 def test_a_rotor_without_unbalance_has_no_phase() -> None:
     """Noise alone: amplitude within its interval, the phase said to mean nothing, coherence low."""
     from .machine import UNBALANCE
