@@ -139,6 +139,7 @@ def _verdict(result: "Trim", stock: str | None) -> str:
     )
     if verdict == "doubtful":
         parts.append(
-            "Before anything is mounted, mend what is named below (testbench doctor CAMPAIGN RUN), and trim again."
+            "Before anything is mounted, mend what is named below"
+            f"{' (testbench doctor CAMPAIGN RUN)' * bool(result.findings)}, and trim again."
         )
     return " ".join(parts)

@@ -189,7 +189,7 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = (), pool: TaskPo
     flat = {(s.run, s.channel) for s in statements if s.code == "flat_channel"}
     found = examined_sensors(seen, unsure)
     statements += [s for s in found if s.code != "flat_channel" or (s.run, s.channel) not in flat]
-    known = {(s.run, s.channel) for s in statements if s.code == "axis_contradiction"}
+    known = {(s.run, s.channel) for s in statements if s.code in {"axis_contradiction", "sign_contradiction"}}
     repeated = repeated_vibration([one for one in seen if one.name not in unsure])
     statements += [s for s in repeated if (s.run, s.channel) not in known]
     said = _whose(recordings, statements)

@@ -147,6 +147,22 @@ def test_axes_are_compared_with_repeats(campaign):
         }
 
 
+def test_signs_are_compared_with_repeats(campaign):
+    """One axis reversed in one run, with counter-masses or without: found there by its repeat and other runs."""
+    runs, witnesses = without_bench(campaign[0]), Witnesses()
+    for i in (2, 7):
+        told = [with_values(run, "AccX", -run.channel("AccX")) if run is runs[i] else run for run in runs]
+        found = witnesses.hear(told)
+        assert {(s.run, s.channel, s.code) for s in found.contradictions} == {
+            (runs[i].name, "AccX", "sign_contradiction")
+        }
+    pair = witnesses.hear([with_values(runs[2], "AccX", -runs[2].channel("AccX")), runs[3]])
+    assert {(s.run, s.others) for s in pair.contradictions} == {
+        (runs[2].name, (runs[3].name,)),
+        (runs[3].name, (runs[2].name,)),
+    }
+
+
 def test_of_two_repeats_alone_either_may_be_wrong(campaign):
     """Both are named, each with the other; a run without a repeat has no witness of its accelerometer's axes."""
     runs, witnesses = without_bench(campaign[0]), Witnesses()
