@@ -98,7 +98,8 @@ def _print(result: "Trim", stock: str | None) -> None:
             f"The sources {'agree' if found.agrees else 'contradict each other'}: chi-square {found.chi_square:.2f} "
             f"with {found.degrees_of_freedom} degrees of freedom, probability {found.probability:.2g}."
         )
-    say(f"{result.unexplained:.1%} of what was measured stays unexplained.")
+    little = ": of a balanced mechanism little but noise is measured" * (result.verdict == "balanced")
+    say(f"{result.unexplained:.1%} of what was measured stays unexplained{little}.")
     for text in result.about:  # of one source among several it begins with "By ..."
         if text == COMPROMISE or FIXED[1:] in text:
             say(text)
@@ -133,8 +134,9 @@ def _verdict(result: "Trim", stock: str | None) -> str:
     parts += [f"{m.site} has {-m.mass.value:.3f} kg too much: remove it." for m in result.removal]
     low, high = result.predicted_residual_interval
     verdict = result.verdict if added or result.verdict != "add" else f"add, but not from {stock}"
+    then = " with that" if added or result.removal else ""
     parts.append(
-        f"First-moment residual predicted{' with that' if added else ''}: {result.predicted_residual:z.4f} kg m, "
+        f"First-moment residual predicted{then}: {result.predicted_residual:z.4f} kg m, "
         f"{low:z.4f} .. {high:z.4f}{', of simulated runs' if result.origin == 'simulated' else ''}. Verdict: {verdict}."
     )
     if verdict == "doubtful":

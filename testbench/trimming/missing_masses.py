@@ -120,7 +120,9 @@ def _sources(problem: TrimProblem, named: list[Source]) -> list[Source]:
             raise AnalysisError(f"{problem.names}: all of one mounting: trial masses must differ from run to run")
         return named
     if payload or (masses and named):
-        raise AnalysisError(f"{payload or masses}: expected runs of one mounting")
+        raise AnalysisError(
+            f"{payload or masses}: expected runs of one mounting: trim each by itself; testbench identify takes both"
+        )
     rig, first = problem.runs[0].rig, problem.runs[0].name
     if masses and not rig.base_accelerometers:
         raise AnalysisError(f"{masses}: expected runs of one mounting, or an accelerometer on the base")

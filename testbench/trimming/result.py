@@ -9,7 +9,7 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.balancing.conditions import Conditions, text_of
-from balance.balancing.sizing import Sizing, best_sets_from_stock, exact_sizing, sizing_of_given
+from balance.balancing.sizing import Sizing, best_sets_from_stock, exact_sizing, site_columns, sizing_of_given
 from balance.balancing.stock_plates import Plate
 from balance.estimation.estimate import LEVEL, Estimate
 from balance.estimation.first_moment_imbalance import (
@@ -172,14 +172,22 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
         return () if self.verdict == "balanced" else tuple(too_much)
 
     @property
+    def _predicted(self) -> Floats:
+        """Values of the conditions with the addition and the removal, undetermined ones by the file, (rank,) [kg m]."""
+        values = self.conditions.values(self.addition.after)
+        for one in self.removal:
+            values = values + site_columns(self.conditions, self.mechanism, [one.site])[:, 0] * one.mass.value
+        return values
+
+    @property
     def predicted_residual(self) -> float:
-        """Largest of the determined conditions with the addition [kg m]."""
-        return float(np.abs(self.conditions.values(self.addition.after)).max(initial=0.0))
+        """Largest of the conditions with the addition and the removal [kg m]."""
+        return float(np.abs(self._predicted).max(initial=0.0))
 
     @property
     def predicted_residual_interval(self) -> tuple[float, float]:
         """From the least to the most that the conditions' intervals leave of it [kg m]."""
-        residual = np.abs(self.conditions.values(self.addition.after))
+        residual = np.abs(self._predicted)
         half = np.array([0.0 if e is None else e.half_width() for _, e in self.values])
         return float(np.maximum(residual - half, 0.0).max(initial=0.0)), float((residual + half).max(initial=0.0))
 
