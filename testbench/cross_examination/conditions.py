@@ -322,12 +322,20 @@ def mounted(observations: Sequence[Observation]) -> tuple[list[Statement], dict[
 def _fitting_masses(
     seen: Observation, stated: TorqueBalance, alternatives: Sequence[Mapping[str, float]]
 ) -> Mapping[str, float]:
-    """The stated counter-masses, or those alternative ones with which the torques make sense."""
+    """The stated counter-masses, or those alternative ones with which the torques make sense, in size too.
+
+    Where torques hardly tell scale and payload from drive inertia a wrong sign is no proof against the stated ones.
+    """
     wrong = (stated.scale < -REJECTED * stated.scale_deviation).all()
     if not (wrong and (stated.payload < -REJECTED * stated.deviation).all()):
         return seen.counter_masses
     solved = [(masses, _alone(seen, masses)) for masses in alternatives]
-    physical = [(masses, one) for masses, one in solved if (one.scale > 0.0).all() and one.payload[0] > 0.0]
+    sized = (1.0 / TORQUE_FACTOR, TORQUE_FACTOR)
+    physical = [
+        (masses, one)
+        for masses, one in solved
+        if ((one.scale > sized[0]) & (one.scale < sized[1])).all() and one.payload[0] > 0.0
+    ]
     expected = seen.conditions["payload_kg"]
     return min(physical, key=lambda o: abs(float(o[1].payload[0]) - expected), default=(seen.counter_masses, stated))[0]
 

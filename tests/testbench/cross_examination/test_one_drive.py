@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from studies import lies
 from studies.lies import Witnesses
 from studies.simulated_runs import with_values
 from testbench.campaign_plan import load_plan
+from testbench.cross_examination import conditions
 from testbench.cross_examination.conditions import TorqueBalance, _gross_torques
 from testbench.project import new_project
 from testbench.rig import load_rig
@@ -130,6 +132,18 @@ def test_too_few_runs_say_nothing(campaign):
 def without_bench(runs):
     """Runs whose rig does not describe the base."""
     return [replace(run, rig=run.rig.partition("[bench]")[0]) for run in runs]
+
+
+@pytest.mark.parametrize(("scale", "wrong"), [(1.2, True), (0.2, False), (4.0, False)])
+def test_other_masses_must_make_sense_of_the_torques(monkeypatch, scale, wrong):
+    """A negative scale, as horizontal arms show by chance: other masses are named only if they fit in size."""
+    one = np.ones(1)
+    stated = TorqueBalance(-one, -3.0 * one, one, one, ("a",), ("J",), 0.03 * one, 0.3 * one)
+    monkeypatch.setattr(
+        conditions, "_alone", lambda seen, masses: replace(stated, payload=2.0 * one, scale=scale * one)
+    )
+    seen, other = SimpleNamespace(counter_masses={}, conditions={"payload_kg": 2.0}), {"counter": 6.0}
+    assert conditions._fitting_masses(seen, stated, [other]) == (other if wrong else {})
 
 
 def test_axes_are_compared_with_repeats(campaign):
