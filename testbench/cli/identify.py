@@ -43,6 +43,8 @@ def print_result(result: "Identification") -> None:
         )
     say(verdict)
     about = f"{result.mechanism.name} from {', '.join(result.runs)} (origin {result.origin})"
+    if len(result.runs) > 1:
+        about += f"; offsets that name no run are those of {result.runs[0]}"
     emit_table(f"Identified: {about}", *table(Value, [*result.base_values(), *result.joint_values()], *VALUE_COLUMNS))
     if (separate := result.validation) is not None:
         for row, below, raw in zip(result.rows, separate.rms_ratio_in_band, separate.rms_ratio, strict=True):

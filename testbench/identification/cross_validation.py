@@ -1,9 +1,10 @@
 """Which cut-off, and which delay between the torques and the positions; and how the methods compare: on held-out data.
 
 The rule is fixed beforehand: of CUTOFFS_HZ and of delays up to LONGEST_DELAY_S either way, those with the least torque
-error on blocks that were held out. The record is cut into BLOCKS equal blocks; parameters identified without two of
-them predict the torque **as recorded** there. Too low a cut-off smears the motion, too high a one lets in noise of
-accelerations; both show there. No published value has a part in it.
+error on blocks that were held out. The records are cut into BLOCKS equal blocks, each record into two at least, whose
+offsets are known without either; parameters identified without every fifth block predict the torque **as recorded**
+there. Too low a cut-off smears the motion, too high a one lets in noise of accelerations; both show there. No published
+value has a part in it.
 
 The methods are compared at that cut-off and delay, each block predicted without it, by two errors: of torque, as
 recorded against the model along the recorded motion; and of angle, the block simulated forward, torque in, angles out,
@@ -74,7 +75,7 @@ class CrossValidation:
         self.equations, self.mechanism, self.identifiable = equations, mechanism, identifiable
         self.columns = identifiable.base_columns(equations.columns)
         self.smooth_columns = equations.low_passed_columns(identifiable.pivots)
-        self.fold = np.arange(len(self.columns)) * BLOCKS // len(self.columns) % FOLDS
+        self.fold = equations.equal_parts(BLOCKS) % FOLDS
         guard = 2 * int(GUARD_PERIODS / equations.cutoff / equations.records[0].grid.step) + 1
         near = [maximum_filter1d((self.fold == k).astype(float), guard) for k in range(FOLDS)]
         self._training = [(1.0 - one)[:, None] for one in near]
@@ -252,11 +253,10 @@ class SimulationError:
 def simulation_errors(
     equations: RegressionEquations,
     mechanism: Mechanism,
-    identifiable: Identifiability,
     parameters: Sequence[Floats],
     delay: float,
 ) -> list[SimulationError] | None:
-    """Windows of all records, once for each of ``parameters``, base values (FOLDS, r) of the fold a window is in.
+    """Windows of all records, once for each of ``parameters``, (FOLDS, p) [SI] of the fold a window is in.
 
     A window is a held-out block, or its first WINDOW_S; it starts from the recorded state and is left to itself. Those
     that a gap touches are left out. None where there are no torques, for mechanisms with loops, and without a window.
@@ -267,10 +267,9 @@ def simulation_errors(
         refuse_loops(mechanism)
     except ModelError:
         return None
-    count, step = len(equations.time), equations.records[0].grid.step
-    block = np.arange(count) * BLOCKS // count
+    block, step = equations.equal_parts(BLOCKS), equations.records[0].grid.step
     pairs = zip(equations.parts, equations.places, strict=True)
-    windows = [_windows(part, mechanism, identifiable, parameters, delay, block[own]) for part, own in pairs]
+    windows = [_windows(part, mechanism, parameters, delay, block[own]) for part, own in pairs]
     errors = np.concatenate(windows, axis=1)
     if not errors.shape[1]:
         return None
@@ -291,7 +290,6 @@ def _length(samples: int, step: float) -> int:
 def _windows(
     part: RecordEquations,
     mechanism: Mechanism,
-    identifiable: Identifiability,
     parameters: Sequence[Floats],
     delay: float,
     block: Indices,
@@ -303,7 +301,7 @@ def _windows(
     labels, firsts, place = labels[whole], firsts[whole], place[whole]
     joints = part.record.torque.shape[1]
     torque = part.inside(part.delayed(part.record.measured, delay))[place][:, :, :joints]
-    full = identifiable.over_all(np.array(parameters)[:, labels % FOLDS])
+    full = part.with_own_offsets(np.array(parameters)[:, labels % FOLDS])
     full[:, :, : len(part.record.mounted)] += part.record.mounted
     used = full.reshape(-1, len(part.names))[:, : len(mechanism.pi) + len(JOINT_TERMS) * len(mechanism.driven)]
 
@@ -342,7 +340,8 @@ def compare(choice: Choice, mechanism: Mechanism, identifiable: Identifiability)
     for method in allowed(equations):
         with suppress(NotSimulated):
             found[method] = held_out.parameters(delay, method)
-    strayed = simulation_errors(equations, mechanism, identifiable, list(found.values()), delay)
+    full = [identifiable.over_all(parameters) for parameters in found.values()]
+    strayed = simulation_errors(equations, mechanism, full, delay)
     rows, names = equations.torque(delay), equations.records[0].rows(mechanism)
     errors = []
     for k, (method, parameters) in enumerate(found.items()):

@@ -31,7 +31,7 @@ from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
 from ..kinematics.smoothing_and_derivatives import Rates
-from .regression_equations import RecordEquations, RegressionEquations, path_of, regressor
+from .regression_equations import RecordEquations, RegressionEquations, path_of
 
 Method = Literal["ls", "iv", "oe"]
 METHODS: tuple[Method, ...] = ("ls", "iv", "oe")
@@ -255,7 +255,7 @@ class Methods:
         away = _simulated(part, model, ((torque - columns @ base) * part.valid)[:, :, None])
         motion = Rates(*(getattr(part.motion, x) + getattr(away, x)[:, :, 0] for x in "qva"))
         path = path_of(part.record, self.mechanism, motion, part.path)
-        return part.inside(part.low_passed(regressor(part.record, self.mechanism, motion, path)[:, :, self._pivots]))
+        return part.inside(part.low_passed(part.regressor(motion, path)[:, :, self._pivots]))
 
     def _torques(self, part: RecordEquations) -> tuple[Floats, Floats]:
         """Base columns and measured values of a record's torques, (samples, joints, r) and (samples, joints)."""

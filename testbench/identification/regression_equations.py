@@ -3,10 +3,12 @@
 A low-pass is linear: run over the columns of W and over tau it changes nothing in W pi = tau, whatever its cut-off.
 What does distort W is the smoothing of the positions that W is made of, so these keep twice the bandwidth of the
 comparison; on simulated records with known parameters that leaves a bias below 1 % (see the tests).
+
+Zeros of torque and force sensors move from run to run: every row has an offset of each run, all else is shared.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -36,46 +38,67 @@ def path_of(record: JointRecord, mechanism: Mechanism, motion: Rates, near: Traj
     return Closure(mechanism).follow(samples, near=near)
 
 
-def regressor(record: JointRecord, mechanism: Mechanism, motion: Rates, path: Trajectory) -> Floats:
-    """W of a record's rows for any motion of its driven joints, (samples, rows, p): columns as ``RecordEquations``."""
-    bodies: Floats = np.zeros((len(path.q), 0, len(mechanism.pi)))
-    own: Floats = np.zeros((len(path.q), 0, 0))
-    if record.torque.shape[1]:
-        bodies = driven_torque_regressor(mechanism, path.q, path.v, path.a, path.per_drive)
-        own = joint_friction_regressor(mechanism.driven, motion.v, motion.a)[0]
-    if record.loads is not None:
-        forces = record.loads.projected_regressor(wrench_regressor(mechanism, path.q, path.v, path.a))
-        joints, terms, count = own.shape[1], own.shape[2], forces.shape[1]
-        bodies = np.concatenate([bodies, forces], axis=1)
-        own = np.pad(own, ((0, 0), (0, count), (0, count)))
-        own[:, joints:, terms:] = np.eye(count)
-    return np.concatenate([bodies, own], axis=2)
-
-
 @dataclass(frozen=True)
 class RecordEquations:
     """The equations of one record at one cut-off."""
 
     record: JointRecord
+    mechanism: Mechanism
     cutoff: float
     """Of the comparison [Hz]."""
     names: tuple[str, ...]
-    """Of the parameters, (p): inertial ones of the bodies, terms of the joints, offsets of forces."""
+    """Of the parameters, (p): inertial ones of the bodies, terms of the joints, offsets of forces, all offsets of the
+    first run; then those of each further run, such as ``offset[J1, run_2]``."""
+    offsets: tuple[int, ...]
+    """Places of this run's own offsets among the parameters, (rows)."""
+    first_offsets: tuple[int, ...]
+    """Places of the first run's, (rows)."""
     motion: Rates
     """Of the driven joints, positions smoothed, over the whole record."""
     path: Trajectory
     """Of all joints along it."""
-    whole: Floats
-    """W of the whole record, positions smoothed, (samples, rows, p)."""
 
     @classmethod
-    def of(cls, record: JointRecord, mechanism: Mechanism, cutoff: float, motion: Rates) -> "RecordEquations":
-        """Those of a motion of the record's driven joints. Raises ClosureError where its loops cannot be closed."""
+    def of(
+        cls, records: Sequence[JointRecord], run: int, mechanism: Mechanism, cutoff: float, motion: Rates
+    ) -> "RecordEquations":
+        """Of the motion of one of the ``records``' driven joints. Raises ClosureError where loops cannot be closed."""
+        record = records[run]
         path, rows = path_of(record, mechanism, motion), record.rows(mechanism)
         terms = [f"{term}[{joint}]" for joint in mechanism.driven if joint in rows for term in JOINT_TERMS]
-        offsets = [f"offset[{row}]" for row in rows if row not in mechanism.driven]
-        names = (*mechanism.parameter_names, *terms, *offsets)
-        return cls(record, cutoff, names, motion, path, regressor(record, mechanism, motion, path))
+        forces = [f"offset[{row}]" for row in rows if row not in mechanism.driven]
+        names = [*mechanism.parameter_names, *terms, *forces]
+        first = tuple(names.index(f"offset[{row}]") for row in rows)
+        own = tuple(len(names) + (run - 1) * len(rows) + k for k in range(len(rows))) if run else first
+        names += [f"offset[{row}, {further.name}]" for further in records[1:] for row in rows]
+        return cls(record, mechanism, cutoff, tuple(names), own, first, motion, path)
+
+    @cached_property
+    def whole(self) -> Floats:
+        """W of the whole record, positions smoothed, (samples, rows, p)."""
+        return self.regressor(self.motion, self.path)
+
+    def regressor(self, motion: Rates, path: Trajectory) -> Floats:
+        """W of the record's rows for any motion of its driven joints, (samples, rows, p)."""
+        mechanism, loads, joints = self.mechanism, self.record.loads, self.record.torque.shape[1]
+        bodies, rows = len(mechanism.pi), len(self.offsets)
+        columns = np.zeros((len(path.q), rows, len(self.names)))
+        if joints:
+            terms = joint_friction_regressor(mechanism.driven, motion.v, motion.a)[0]
+            columns[:, :joints, :bodies] = driven_torque_regressor(mechanism, path.q, path.v, path.a, path.per_drive)
+            columns[:, :joints, bodies : bodies + terms.shape[2]] = terms
+        if loads is not None:
+            wrench = wrench_regressor(mechanism, path.q, path.v, path.a)
+            columns[:, joints:, :bodies] = loads.projected_regressor(wrench)
+        columns[:, :, self.first_offsets] = 0.0
+        columns[:, range(rows), self.offsets] = 1.0
+        return columns
+
+    def with_own_offsets(self, parameters: Floats) -> Floats:
+        """Parameters (..., p) [SI] with this run's offsets in the places of the first run's."""
+        own = parameters.copy()
+        own[..., self.first_offsets] = parameters[..., self.offsets]
+        return own
 
     @cached_property
     def moving(self) -> Floats:
@@ -191,6 +214,14 @@ class RegressionEquations:
         """The same, low-passed at the cut-off, (n, rows) [N m, N]."""
         return self.joined(lambda part: part.delayed(part.smooth[0], delay) - part.smooth[1])
 
+    def equal_parts(self, count: int) -> Indices:
+        """Numbers of ``count`` equal parts, none over two records and of each record two at least, (n,)."""
+        numbers, total = [np.zeros(0, dtype=np.intp)], len(self.time)
+        for place in self.places:
+            size, begun = place.stop - place.start, numbers[-1].max(initial=-1) + 1
+            numbers.append(begun + np.arange(size) * max(round(count * size / total), 2) // size)
+        return np.concatenate(numbers)
+
     def blocks(self, seconds: float) -> Indices:
         """Numbers of blocks with equal motion, at least so long, none over two records, (n,)."""
         numbers = np.zeros(0, dtype=np.intp)
@@ -221,7 +252,9 @@ def regression_equations(records: Sequence[JointRecord], mechanism: Mechanism, c
     Raises ClosureError where its loops cannot be closed at the recorded positions, AnalysisError if a joint rests.
     """
     bandwidth = POSITION_BANDWIDTH * cutoff
-    found = RegressionEquations(tuple(RecordEquations.of(r, mechanism, cutoff, r.rates(bandwidth)) for r in records))
+    each = enumerate(records)
+    parts = (RecordEquations.of(records, k, mechanism, cutoff, r.rates(bandwidth)) for k, r in each)
+    found = RegressionEquations(tuple(parts))
     for joint, moving in zip(mechanism.driven, found.moving.T, strict=False):
         if not moving.any():
             lost = "".join(f"; {text}" for text in found.left_out)
@@ -237,6 +270,6 @@ def one_sided(records: Sequence[JointRecord], mechanism: Mechanism, cutoff: floa
 
     The weight then moves with the whole motion and the torque with what the low-pass leaves of it. For comparison.
     """
-    rates = ((record, record.rates(cutoff)) for record in records)
-    parts = (RecordEquations.of(r, mechanism, cutoff, Rates(r.q, motion.v, motion.a)) for r, motion in rates)
+    rates = (replace(record.rates(cutoff), q=record.q) for record in records)
+    parts = (RecordEquations.of(records, k, mechanism, cutoff, motion) for k, motion in enumerate(rates))
     return RegressionEquations(tuple(parts))

@@ -138,7 +138,7 @@ class CounterMassValue:
 
 def unit_of(mechanism: Mechanism, parameter: str) -> str:
     """Unit of a parameter by name."""
-    kind, _, of = parameter.rstrip("]").partition("[")
+    kind, _, of = parameter.rstrip("]").partition(",")[0].partition("[")
     if kind in JOINT_TERMS and of in COMPONENTS:
         return "N" if of.startswith("F") else "N m"
     if kind in JOINT_TERMS:
@@ -452,25 +452,39 @@ class Validation:
     """Of the separate runs, at the cut-off of the identification."""
 
     @cached_property
+    def parameters(self) -> Floats:
+        """What was identified, with the offsets that these runs themselves have, (p,) [SI] of their equations."""
+        equations, found = self.equations, self.result.identified
+        full, first = np.zeros(len(equations.names)), equations.parts[0]
+        shared = len(full) - (len(self.runs) - 1) * len(first.offsets)
+        full[:shared] = found.identifiability.over_all(found.values)[:shared]
+        left = equations.low_passed_torque(self.result.chosen.delay) - self._smooth_columns @ full
+        for part, own in zip(equations.parts, equations.places, strict=True):
+            used = equations.moving[own]
+            full[[*part.offsets]] += np.sum(used * left[own], axis=0) / np.maximum(used.sum(axis=0), 1.0)
+        return full
+
+    @cached_property
+    def _smooth_columns(self) -> Floats:
+        return self.equations.low_passed_columns(range(len(self.equations.names)))
+
+    @cached_property
     def rms_ratio(self) -> Floats:
         """Part of each row as recorded that stays unexplained, (rows,) [-]."""
-        predicted = self.result.identified.predict(self.equations.columns)
+        predicted = self.equations.columns @ self.parameters
         return unexplained(self.equations.torque(self.result.chosen.delay), predicted, self.equations.moving)
 
     @cached_property
     def rms_ratio_in_band(self) -> Floats:
         """The same below the cut-off, (rows,) [-]."""
-        found = self.result.identified
-        predicted = self.equations.low_passed_columns(found.identifiability.pivots) @ found.values
+        predicted = self._smooth_columns @ self.parameters
         return unexplained(self.equations.low_passed_torque(self.result.chosen.delay), predicted, self.equations.moving)
 
     @cached_property
     def angles(self) -> SimulationError | None:
         """How far simulated angles stray; None for loops, and where there are no torques."""
-        found, result = self.result.identified, self.result
-        same = [np.tile(found.values, (FOLDS, 1))]
-        seen = found.identifiability
-        strayed = simulation_errors(self.equations, result.mechanism, seen, same, result.chosen.delay)
+        same, result = [np.tile(self.parameters, (FOLDS, 1))], self.result
+        strayed = simulation_errors(self.equations, result.mechanism, same, result.chosen.delay)
         return None if strayed is None else strayed[0]
 
     @cached_property

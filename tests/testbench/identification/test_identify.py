@@ -1,5 +1,7 @@
 """Identification of simulated arms with known parameters: what it finds, how sure it is, what it may not look at."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from balance.estimation.identifiability import NotIdentifiable
 from balance.mechanism.mjcf_parser import load_mechanism
 from testbench.errors import AnalysisError
 from testbench.identification import identify
+from testbench.identification.result import validate
 
 from . import arms
 
@@ -117,6 +120,33 @@ def test_two_records_together():
     assert both.identified.fit.blocks > 1.5 * one.identified.fit.blocks
     assert both.value(MOMENTS[0]).estimate.half_width() < one.value(MOMENTS[0]).estimate.half_width()
     assert both.runs == ("arm 1", "arm 2")
+
+
+def test_a_zero_that_moves_between_runs_moves_its_offset_alone():
+    """The second of two runs, with a known payload, has other zeros of its torques: all else is as with equal zeros.
+
+    Bodies, friction, scale by the known mass, tests of the model, all methods, and what is predicted of a third run.
+    """
+    heavier = ARM.with_payload({"link_2": 0.3})
+    light, third = (arms.record(ARM, seed=seed) for seed in (3, 5))
+    loaded, zeros = replace(arms.record(heavier, seed=4), mounted=heavier.pi - ARM.pi), np.array([0.2, -0.12])
+    equal, moved = (identify([light, replace(loaded, torque=loaded.torque + zero)], ARM) for zero in (0.0, zeros))
+    assert moved.doubts == []
+    assert moved.verdict == "usable"
+    assert moved.tests.scale.value == pytest.approx(equal.tests.scale.value, rel=1e-6)
+    assert set(moved.variants) == set(equal.variants)
+    for one, other in zip(equal.values, moved.values, strict=True):
+        zero = dict(zip(("offset[J1, arm 4]", "offset[J2, arm 4]"), zeros, strict=True)).get(one.name, 0.0)
+        for label, value in one.variants.items():
+            if not label.startswith("torque scale"):
+                assert other.variants[label] == pytest.approx(value + zero, rel=1e-5, abs=1e-6), (one.name, label)
+        assert other.value == pytest.approx(one.value + zero, rel=1e-6, abs=1e-7)
+        assert other.unit == one.unit
+    strayed = [[one.angles.all_rms for one in result.comparison] for result in (equal, moved)]
+    assert strayed[1] == pytest.approx(strayed[0], rel=1e-4)
+    known, unknown = (validate(moved, [replace(third, torque=third.torque + zero)]) for zero in (0.0, 3.0 * zeros))
+    assert known.doubts == unknown.doubts == []
+    assert unknown.angles.all_rms == pytest.approx(known.angles.all_rms, rel=1e-6)
 
 
 def test_a_mechanism_with_a_loop():

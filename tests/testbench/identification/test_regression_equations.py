@@ -81,3 +81,11 @@ def test_stretches_are_long_enough_and_within_a_record():
     assert np.bincount(blocks).min() >= 0.4 * arms.RATE
     half = len(blocks) // 2
     assert set(blocks[:half]).isdisjoint(blocks[half:])
+
+
+def test_every_run_has_two_parts_at_least():
+    """Seven runs in ten parts: what is held out leaves of each run another part, which knows the run's offsets."""
+    evidence = regression_equations([arms.record(ARM, seed=s) for s in range(7)], ARM, 5.0)
+    parts = [set(evidence.equal_parts(10)[place]) for place in evidence.places]
+    assert [len(part) for part in parts] == [2] * 7
+    assert len(set().union(*parts)) == 14
