@@ -138,12 +138,20 @@ def _weighted_solution(matrix: Floats, vector: Floats, square: Floats, samples: 
         weights = samples[:, None] / np.maximum(left, least)
         whole = np.einsum("jc,jrs->crs", weights, matrix)
         scale = np.sqrt(np.maximum(np.einsum("crr->cr", whole), np.finfo(float).tiny))
-        inverse = np.linalg.pinv(whole / scale[:, :, None] / scale[:, None], rcond=RANK_LIMIT**2, hermitian=True)
         right = np.einsum("jc,jrc->cr", weights, vector) / scale
-        values = (np.einsum("crs,cs->cr", inverse, right) / scale).T
+        values = (np.einsum("crs,cs->cr", _inverse(whole / scale[:, :, None] / scale[:, None]), right) / scale).T
         made = square - 2.0 * np.einsum("jrc,rc->jc", vector, values)
         left = np.maximum(made + np.einsum("rc,jrs,sc->jc", values, matrix, values), 0.0)
     return np.asarray(values)
+
+
+def _inverse(matrices: Floats) -> Floats:
+    """Of symmetric matrices (choices, r, r); directions that are not excited, where there are any, are left out."""
+    with suppress(np.linalg.LinAlgError):
+        found = np.linalg.inv(matrices)
+        if (np.linalg.norm(matrices, 1, (1, 2)) * np.linalg.norm(found, 1, (1, 2)) < RANK_LIMIT**-2).all():
+            return np.asarray(found)
+    return np.asarray(np.linalg.pinv(matrices, rcond=RANK_LIMIT**2, hermitian=True))
 
 
 @dataclass(frozen=True)
