@@ -6,11 +6,13 @@ A **first moment**, or the counter-mass that has it: readings = W c + noise, and
 variance of the noise, nuisances solved for (Fedorov, Theory of Optimal Experiments, 1972; the criterion is c-optimal:
 the variance of the one combination that is asked). W of a run that was not made comes from the simulated bench of the
 rig that is stored with the runs: its motion, its loggers, its clocks; the noise is that of the runs that were made, as
-is the factor by which the jackknife finds more variance than white noise would leave.
+is the factor by which the jackknife finds more variance than white noise would leave. What an interval contains besides
+(file, stated errors of sensors, steps of encoders) is what the estimator adds of the runs with the candidate.
 """
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
@@ -50,7 +52,7 @@ from .vibration.run_pairs import ConditionKey
 Question = Literal["reduction", "first-moment", "counter-mass"]
 _SEED = 0
 """Of the noise of simulated runs, of which only the motion counts."""
-_NOTHING = 0.02
+_NOTHING = 0.05
 """Share of a half width by which a run must narrow it to be worth making."""
 _SIDES: tuple[Literal[0], Literal[1]] = (0, 1)
 """With counter-masses and without."""
@@ -102,12 +104,16 @@ class Design(Shown, rows="proposals"):
     proposals: Annotated[tuple[Proposal, ...], Key()]
     notes: Annotated[tuple[str, ...], Key()] = ()
 
+    remedy: str = ""
+    """What would narrow it where no single run does."""
+
     @property
     def verdict(self) -> Annotated[str, Key()]:
         """Which run narrows what from how much to how much."""
         best = self.proposals[0]
-        if best.now is not None and best.share > 1.0 - _NOTHING:
-            return f"no single run narrows it by more than {_NOTHING:.0%}: {best.candidate} would do most"
+        if all(one.now is not None and one.after > (1.0 - _NOTHING) * one.now for one in self.proposals):
+            most = f"no single run narrows it by more than {_NOTHING:.0%}: {best.candidate} would do most"
+            return f"{most}; {self.remedy}" if self.remedy else most
         before = "from nothing known" if best.now is None else f"from {best.now:.3g}"
         return f"{best.candidate} narrows {best.quantity} {before} to {best.after:.3g} {self.unit} (half of 95 %)"
 
@@ -118,18 +124,22 @@ def _widens(one: Proposal) -> str:
 
 
 def _ranked(
-    question: Question, unit: str, proposals: Sequence[Proposal], widest: Proposal, notes: Sequence[str]
+    question: Question,
+    unit: str,
+    proposals: Sequence[tuple[Proposal, Proposal]],
+    notes: Sequence[str],
+    remedy: str = "",
 ) -> Design:
-    """By what remains of all that is asked; what narrows the ``widest`` of it most is said where that is another."""
-    order = sorted(proposals, key=lambda one: (one.share, one.after))
-    if (widest.candidate, widest.quantity) != (order[0].candidate, order[0].quantity):
+    """By what remains of all that is asked, each with what it leaves of the least sure of it, which the best one tells
+    where that is something else.
+    """
+    order = sorted(proposals, key=lambda one: (one[0].share, one[0].after))
+    best, widest = order[0]
+    if best.quantity != widest.quantity:
         wide = "not known yet" if widest.now is None else f"{widest.now:.3g} {unit} (half of 95 %)"
-        most = f"{widest.candidate} narrows it most, to {widest.after:.3g}"
-        if widest.now is not None and widest.after > (1.0 - _NOTHING) * widest.now:
-            most = f"no single run narrows it by more than {_NOTHING:.0%}"
-        notes = [f"Least sure is {widest.quantity}, {wide}: {most}.", *notes]
-    said = [replace(one, quantity=one.quantity + _widens(one)) for one in order]
-    return Design(question, unit, tuple(said), tuple(notes))
+        notes = [f"Least sure is {widest.quantity}, {wide}: this run leaves {widest.after:.3g}.", *notes]
+    said = [replace(one, quantity=one.quantity + _widens(one)) for one, _ in order]
+    return Design(question, unit, tuple(said), tuple(notes), remedy)
 
 
 def next_for_reduction(
@@ -172,8 +182,10 @@ def next_for_reduction(
             "No run is repeated: what repeats differ by beyond noise is not known, and not in the predictions."
         )
     widest = max(rows, key=_half_width)
-    narrowed = min((_proposed(widest, side, 1.0) for side in _SIDES), key=lambda one: one.after)
-    return _ranked("reduction", "points", [_repeat(runs_of_side, rows) for runs_of_side in sides], narrowed, notes)
+    least_sure = {_of_side(widest, side): _proposed(widest, side, 1.0) for side in _SIDES}
+    kept = replace(least_sure[_of_side(widest, 0)], after=_half_width(widest))
+    proposals = [(_repeat(side, rows), least_sure.get(side, kept)) for side in sides]
+    return _ranked("reduction", "points", proposals, notes, "several repeats on both sides would")
 
 
 def _named(runs: Iterable[Run]) -> set[str]:
@@ -263,9 +275,9 @@ def next_for_first_moment(
     known = _Knowledge.of(problem, [_simulated(one, made[0], mounted) for one in candidates], sources)
     sited = [_by_site(candidate, known, number, question) for number, candidate in enumerate(candidates)]
     widest = max(range(len(problem.sites)), key=lambda place: math.inf if (now := sited[0][place].now) is None else now)
-    narrowed = min((one[widest] for one in sited), key=lambda one: one.after)
     unit = "kg m" if question == "first-moment" else "kg"
-    return _ranked(question, unit, [_proposal(one) for one in sited], narrowed, [*notes, *known.notes])
+    proposals = [(_proposal(one), one[widest]) for one in sited]
+    return _ranked(question, unit, proposals, [*notes, *known.notes], known.remedy(widest))
 
 
 def _proposal(by_site: Sequence[Proposal]) -> Proposal:
@@ -364,28 +376,45 @@ def _overlap(one: Floats, other: Floats) -> bool:
 
 @dataclass(frozen=True)
 class _Source:
-    """What one source says of the conditions: of all runs, made and simulated, and the noise of those made."""
+    """What one source says of the conditions by some runs, made or simulated, in the noise of those made."""
 
     imbalance: Imbalance
     regression: RegressionFit
-    residual_rms: Mapping[str, float]
-    """By row, of the runs that were made."""
-    excess: float
-    """Variance that the jackknife finds in them, as a multiple of what white noise would leave [-]."""
-    records: Mapping[int, int]
-    """The record of each run by its number; a run that the source cannot use has none."""
+    noise: RegressionFit
+    """Of the runs that were made, where these determine anything."""
 
-    def estimate(self, combination: Floats, runs: Collection[int]) -> Estimate | None:
-        """How surely some of the runs give a combination (rank,) of the conditions' values; None: not at all."""
+    @classmethod
+    def of(cls, source: Source, problem: TrimProblem, made: "_Source | None") -> "_Source":
+        """Of the problem's runs. Raises CounterpoiseError where they tell nothing."""
+        measured = ESTIMATORS[source](problem).imbalance
+        assert measured.regression is not None
+        return cls(measured, measured.regression, measured.regression if made is None else made.noise)
+
+    @classmethod
+    def predicted(cls, source: Source, problem: TrimProblem, made: "_Source | None") -> "_Source":
+        """The same of runs of which one is simulated: what it determines in its own noise alone is not told."""
+        found = cls.of(source, problem, made)
+        every = [found.estimate(row) for row in np.eye(problem.conditions.rank)]
+        if not found.imbalance.subspace.is_whole or problem.determined(one for one in every if one is not None):
+            return found
+        return cls.of(source, replace(problem, at_sites=True), made)
+
+    def estimate(self, combination: Floats) -> Estimate | None:
+        """How surely the runs give a combination (rank,) of the conditions' values; None: not at all."""
         own = self.imbalance.coordinates(combination, len(self.regression.values))
-        records = [self.records[run] for run in runs if run in self.records]
-        if not records:
-            return None
         try:
-            white = self.regression.designed_estimate(own, records, self.residual_rms)
+            white = self.regression.designed_estimate(own, self.noise.residual_rms)
         except NotIdentifiable:
             return None
-        return Estimate.single(0.0, self.excess**0.5 * white.standard_uncertainty, white.degrees_of_freedom)
+        by_noise, added = self.noise.excess_variance * white.standard_uncertainty**2, self.added(combination)
+        freedom = white.degrees_of_freedom * min(1.0 + added / max(by_noise, 1e-300), 1e3) ** 2
+        return Estimate.single(0.0, (by_noise + added) ** 0.5, freedom)
+
+    def added(self, combination: Floats) -> float:
+        """Variance of a combination (rank,) that the jackknife does not tell: of file, sensors and encoders."""
+        own = self.imbalance.coordinates(combination, len(self.regression.values))
+        whole = combination @ self.imbalance.covariance @ combination
+        return max(float(whole - own @ self.regression.covariance @ own), 0.0)
 
 
 @dataclass(frozen=True)
@@ -395,7 +424,10 @@ class _Knowledge:
     problem: TrimProblem
     made: tuple[float | None, ...]
     """Half widths of the first moments missing at the sites [kg m]; None where the runs do not determine them."""
-    sources: tuple[_Source, ...]
+    now: tuple[_Source, ...]
+    """By the runs that were made."""
+    next: tuple[tuple[_Source, ...], ...]
+    """By these and each candidate."""
     rows: Floats
     """Mass missing at each site per unit of each condition's value, (sites, rank) [1/m]."""
     levers: tuple[float, ...]
@@ -407,13 +439,19 @@ class _Knowledge:
     @classmethod
     def of(cls, problem: TrimProblem, simulated: Sequence[AlignedRun], sources: Sequence[Source]) -> "_Knowledge":
         """From the runs that were made and those of the candidates. Raises AnalysisError where no source is left."""
-        notes, found = [], []
+        notes, now, then = [], [], [list[_Source]() for _ in simulated]
         for source in sources:
-            try:
-                found.append(_source(source, problem, replace(problem, runs=[*problem.runs, *simulated])))
-            except CounterpoiseError as error:
-                notes.append(f"{SOURCES[source].name.capitalize()} would not tell: {error}")
-        if not found:
+            made, failed = None, ""
+            with suppress(CounterpoiseError):
+                made = _Source.of(source, problem, None)
+                now.append(made)
+            for found, run in zip(then, simulated, strict=True):
+                try:
+                    found.append(_Source.predicted(source, replace(problem, runs=[*problem.runs, run]), made))
+                except CounterpoiseError as error:
+                    failed = failed or f"{SOURCES[source].name.capitalize()} would not tell: {error}"
+            notes += [failed] * bool(failed)
+        if not any(then):
             raise AnalysisError(" ".join(notes))
         known: list[float | None] = [None] * len(problem.sites)
         try:
@@ -423,34 +461,35 @@ class _Knowledge:
         mounted, sites = problem.mounted, problem.sites
         rows = masses_per_value(problem.conditions, mounted, sites, problem.conditions.values(mounted))
         levers = tuple(mounted.lever_arm(site) for site in sites)
-        return cls(problem, tuple(known), tuple(found), rows, levers, tuple(map(abs, lacking(problem))), tuple(notes))
+        lacks = tuple(map(abs, lacking(problem)))
+        return cls(problem, tuple(known), tuple(now), tuple(map(tuple, then)), rows, levers, lacks, tuple(notes))
 
     def half_widths(self, place: int, number: int) -> tuple[float | None, float]:
         """Of the first moment missing at a site, now and with a candidate [kg m]; infinite: still undetermined."""
-        combination, count = self.levers[place] * self.rows[place], len(self.problem.runs)
-        before = self._designed(combination, range(count))
-        after = self._designed(combination, [*range(count), count + number])
-        now = self.made[place]
-        return now, after if now is None else now * after / before
+        combination, now = self.levers[place] * self.rows[place], self.made[place]
+        after = _together(self.next[number], combination)
+        return now, after if now is None else now * after / _together(self.now, combination)
 
-    def _designed(self, combination: Floats, runs: Collection[int]) -> float:
-        """Half width by all sources together, weighted [the combination's unit]."""
-        each = [found for one in self.sources if (found := one.estimate(combination, runs)) is not None]
-        precision = np.array([one.standard_uncertainty**-2.0 for one in each])
-        if not each:
-            return np.inf
-        freedom = effective_degrees_of_freedom(precision, np.array([one.degrees_of_freedom for one in each]))
-        return coverage_factor(freedom) / float(np.sqrt(precision.sum()))
+    def remedy(self, place: int) -> str:
+        """What would narrow what is missing at a site where no candidate does."""
+        combination = self.levers[place] * self.rows[place]
+        told = [(found.standard_uncertainty**2, one) for one in self.now if (found := one.estimate(combination))]
+        variance, best = min(told, key=lambda one: one[0], default=(np.inf, None))
+        if best is None or best.added(combination) < 0.5 * variance:
+            return "a larger motion would (--motion), or many runs"
+        if best.imbalance.subspace.is_whole:
+            return "it is by the stated errors of the sensors: a calibration that states less would"
+        return (
+            f"{best.added(combination) / variance:.0%} of its variance is what the mechanism's file may be wrong by, "
+            "which no repeat tells: a larger motion would (--motion)"
+        )
 
 
-def _source(source: Source, problem: TrimProblem, both: TrimProblem) -> _Source:
-    """One source over all runs, with the noise of those that were made where these determine anything."""
-    estimate = ESTIMATORS[source](both)
-    imbalance, numbers = estimate.imbalance, {id(run): number for number, run in enumerate(both.runs)}
-    assert imbalance.regression is not None
-    try:
-        alone = ESTIMATORS[source](problem).imbalance.regression or imbalance.regression
-    except CounterpoiseError:
-        alone = imbalance.regression
-    records = {numbers[id(run)]: record for record, run in enumerate(estimate.runs)}
-    return _Source(imbalance, imbalance.regression, alone.residual_rms, alone.excess_variance, records)
+def _together(sources: Sequence[_Source], combination: Floats) -> float:
+    """Half width of a combination by all sources, weighted [the combination's unit]; infinite: undetermined."""
+    each = [found for one in sources if (found := one.estimate(combination)) is not None]
+    if not each:
+        return np.inf
+    precision = np.array([one.standard_uncertainty**-2.0 for one in each])
+    freedom = effective_degrees_of_freedom(precision, np.array([one.degrees_of_freedom for one in each]))
+    return coverage_factor(freedom) / float(np.sqrt(precision.sum()))

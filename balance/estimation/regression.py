@@ -19,7 +19,7 @@ Technol. 22, 2014).
 """
 
 from collections import defaultdict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -258,17 +258,15 @@ class RegressionFit:
         information = np.linalg.pinv(self._inverse, hermitian=True)
         return float(np.trace(self.covariance @ information)) / max(len(self.excited), 1)
 
-    def designed_estimate(
-        self, combination: Floats, records: Collection[int], residual_rms: Mapping[str, float]
-    ) -> Estimate:
-        """Of zero, as uncertain as a combination (p,) by some of the records, were noise white with an rms by row.
+    def designed_estimate(self, combination: Floats, residual_rms: Mapping[str, float]) -> Estimate:
+        """Of zero, as uncertain as a combination (p,) by the records, were noise white with an rms by row.
 
         Of the readings nothing is used, so that a record may be of a run that was not made. Raises NotIdentifiable
-        where these records do not determine it.
+        where the records do not determine it.
         """
-        sums, scale = {r: self._equations.sums[r] for r in records}, self._equations.scale
-        weights = [np.array([residual_rms[row] for row in one.record.rows]) ** -2.0 for one in sums.values()]
-        parts = [one.reduced(weights=own)[0][0] for one, own in zip(sums.values(), weights, strict=True)]
+        sums, scale = self._equations.sums, self._equations.scale
+        weights = [np.array([residual_rms[row] for row in one.record.rows]) ** -2.0 for one in sums]
+        parts = [one.reduced(weights=own)[0][0] for one, own in zip(sums, weights, strict=True)]
         matrix = np.sum(parts, axis=0) + np.diag(self._equations.prior)
         sizes, turned = np.linalg.eigh(matrix / np.outer(scale, scale))
         own, kept = turned.T @ (combination / scale), sizes > RANK_LIMIT**2 * sizes[-1]
@@ -276,7 +274,7 @@ class RegressionFit:
             raise NotIdentifiable("these records do not determine it: their motions do not excite it")
         gain = (turned[:, kept] @ (own[kept] / sizes[kept])) / scale
         shares: dict[tuple[str | int, int], float] = defaultdict(float)
-        for r, one in sums.items():
+        for r, one in enumerate(sums):
             for label, block in zip(one.labels, one.contributions(), strict=True):
                 shares[one.record.motion or r, int(label)] += float(gain @ block @ gain)
         freedom = _satterthwaite(np.array(list(shares.values())), self.conditions)

@@ -66,9 +66,6 @@ FILE_KNOWN = 0.01
 it may be wrong by: a mass centre off its line by a hundredth of what counts (Type B, rectangular)."""
 FIXED = "What no mass at the sites can change is taken from the mechanism's file: these runs do not tell it."
 FIXED_WITHIN = f"{FIXED} Intervals contain errors of it of up to {FILE_KNOWN:.0%} of the largest first moment."
-DETERMINED = 0.02
-"""Half of an interval of a condition, as a part of the largest of the mechanism without counter-masses, up to which a
-source determines it; else the file's value is taken where no mass at the sites changes it."""
 UNSTATED = (
     "the rig states no resolution of the encoders {}: whether their steps leave what is unexplained is not known, and "
     'no interval contains it; state it, such as resolution = "0.04 deg"'
@@ -110,9 +107,9 @@ class _Equations:
     def fit_all_or_at_sites(self) -> tuple[ImbalanceFit, tuple[str, ...]]:
         """All conditions where the records determine them, else those that masses at the sites can change."""
         problem, whole = self.problem, self.fit()
-        most = DETERMINED * problem.largest_first_moment
+        rows = np.eye(problem.conditions.rank)
         try:
-            if all(whole.imbalance.estimate(row).half_width() <= most for row in np.eye(problem.conditions.rank)):
+            if not problem.at_sites and problem.determined(whole.imbalance.estimate(row) for row in rows):
                 return whole, ()
         except NotIdentifiable:
             pass

@@ -1,6 +1,6 @@
 """What is asked of the runs, the equations of one run in one form for all sources, and what a source estimates."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
@@ -10,6 +10,7 @@ from scipy.linalg import null_space
 from balance.arrays import Floats
 from balance.balancing.conditions import Conditions
 from balance.closure import Trajectory
+from balance.estimation.estimate import Estimate
 from balance.estimation.first_moment_imbalance import Imbalance
 from balance.estimation.regression import RegressionRecord, equal_blocks
 from balance.mechanism.mechanism import Mechanism
@@ -69,6 +70,9 @@ LEAST_REST_PERIODS = 2.0
 """Rest of a run that counts, in periods of the cut-off: of one period two values are independent."""
 NOTHING = 1e-12
 """Length of a column, relative to the longest, that is rounding."""
+DETERMINED = 0.02
+"""Half of an interval of a condition, as a part of the largest of the mechanism without counter-masses, up to which a
+source determines it; else the file's value is taken where no mass at the sites changes it."""
 Entry = tuple[str, int, int]
 """Of a sensor's sensitivity matrix: the sensor, which of its channels shows, and which is exposed."""
 Effects = Mapping[Entry, Floats]
@@ -85,6 +89,8 @@ class TrimProblem:
     sites: Sequence[str]
     cutoff: float | None
     """Highest frequency [Hz]; None: as is best for the source."""
+    at_sites: bool = False
+    """Whether what no mass at the sites can change is taken from the file, though the records may seem to tell it."""
 
     @property
     def mechanism(self) -> Mechanism:
@@ -100,6 +106,11 @@ class TrimProblem:
     def largest_first_moment(self) -> float:
         """Of the conditions, without payload and counter-masses, by the file [kg m]."""
         return float(np.abs(self.conditions.values(self.mechanism)).max(initial=0.0))
+
+    def determined(self, values: Iterable[Estimate]) -> bool:
+        """Whether a source determines conditions that it estimates so."""
+        most = DETERMINED * self.largest_first_moment
+        return all(one.half_width() <= most for one in values)
 
     @property
     def names(self) -> str:
