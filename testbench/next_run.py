@@ -56,6 +56,7 @@ _NOTHING = 0.05
 """Share of a half width by which a run must narrow it to be worth making."""
 _SIDES: tuple[Literal[0], Literal[1]] = (0, 1)
 """With counter-masses and without."""
+_UNDETERMINED = Estimate.single(0.0, math.inf)
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,6 @@ class Design(Shown, rows="proposals"):
     """Of the half widths."""
     proposals: Annotated[tuple[Proposal, ...], Key()]
     notes: Annotated[tuple[str, ...], Key()] = ()
-
     remedy: str = ""
     """What would narrow it where no single run does."""
 
@@ -392,10 +392,11 @@ class _Source:
 
     @classmethod
     def predicted(cls, source: Source, problem: TrimProblem, made: "_Source | None") -> "_Source":
-        """The same of runs of which one is simulated: what it determines in its own noise alone is not told."""
-        found = cls.of(source, problem, made)
+        """The same of runs of which one is simulated: what they determine is told by their design, not by readings."""
+        found = cls.of(source, replace(problem, at_sites=False), made)
         every = [found.estimate(row) for row in np.eye(problem.conditions.rank)]
-        if not found.imbalance.subspace.is_whole or problem.determined(one for one in every if one is not None):
+        whole = made is not None and made.imbalance.subspace.is_whole
+        if whole or problem.determined(one or _UNDETERMINED for one in every):
             return found
         return cls.of(source, replace(problem, at_sites=True), made)
 
@@ -410,11 +411,14 @@ class _Source:
         freedom = white.degrees_of_freedom * min(1.0 + added / max(by_noise, 1e-300), 1e3) ** 2
         return Estimate.single(0.0, (by_noise + added) ** 0.5, freedom)
 
+    def variance(self, combination: Floats) -> float:
+        """Of a combination (rank,), readings of simulated runs and all."""
+        return float(combination @ self.imbalance.covariance @ combination)
+
     def added(self, combination: Floats) -> float:
-        """Variance of a combination (rank,) that the jackknife does not tell: of file, sensors and encoders."""
+        """The part of the same that the jackknife does not tell: by file, sensors' stated errors, encoders' steps."""
         own = self.imbalance.coordinates(combination, len(self.regression.values))
-        whole = combination @ self.imbalance.covariance @ combination
-        return max(float(whole - own @ self.regression.covariance @ own), 0.0)
+        return max(self.variance(combination) - float(own @ self.regression.covariance @ own), 0.0)
 
 
 @dataclass(frozen=True)
@@ -467,21 +471,22 @@ class _Knowledge:
     def half_widths(self, place: int, number: int) -> tuple[float | None, float]:
         """Of the first moment missing at a site, now and with a candidate [kg m]; infinite: still undetermined."""
         combination, now = self.levers[place] * self.rows[place], self.made[place]
-        after = _together(self.next[number], combination)
-        return now, after if now is None else now * after / _together(self.now, combination)
+        before, after = (_together(one, combination) for one in (self.now, self.next[number]))
+        return now, after if now is None or math.isinf(before) else now * after / before
 
     def remedy(self, place: int) -> str:
         """What would narrow what is missing at a site where no candidate does."""
         combination = self.levers[place] * self.rows[place]
-        told = [(found.standard_uncertainty**2, one) for one in self.now if (found := one.estimate(combination))]
-        variance, best = min(told, key=lambda one: one[0], default=(np.inf, None))
-        if best is None or best.added(combination) < 0.5 * variance:
+        told = [one for one in self.now if one.estimate(combination) is not None]
+        best = min(told, key=lambda one: one.variance(combination), default=None)
+        share = 0.0 if best is None else best.added(combination) / best.variance(combination)
+        if best is None or share < 0.5:
             return "a larger motion would (--motion), or many runs"
+        most = f"{share:.0%} of the variance at {self.problem.sites[place]} is"
         if best.imbalance.subspace.is_whole:
-            return "it is by the stated errors of the sensors: a calibration that states less would"
+            return f"{most} stated errors of sensors, which no repeat tells: calibrations that state less would"
         return (
-            f"{best.added(combination) / variance:.0%} of its variance is what the mechanism's file may be wrong by, "
-            "which no repeat tells: a larger motion would (--motion)"
+            f"{most} what the mechanism's file may be wrong by, which no repeat tells: a larger motion would (--motion)"
         )
 
 

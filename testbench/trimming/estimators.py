@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import TypeVar
 
@@ -107,14 +108,14 @@ class _Equations:
     def fit_all_or_at_sites(self) -> tuple[ImbalanceFit, tuple[str, ...]]:
         """All conditions where the records determine them, else those that masses at the sites can change."""
         problem, whole = self.problem, self.fit()
+        subspace = Subspace.at_sites(problem.conditions, problem.mounted, problem.sites)
+        if problem.at_sites is False or subspace.is_whole:
+            return whole, ()
         rows = np.eye(problem.conditions.rank)
-        try:
+        with suppress(NotIdentifiable):
             if not problem.at_sites and problem.determined(whole.imbalance.estimate(row) for row in rows):
                 return whole, ()
-        except NotIdentifiable:
-            pass
-        subspace = Subspace.at_sites(problem.conditions, problem.mounted, problem.sites)
-        return (whole, ()) if subspace.is_whole else (self.fit(subspace), (FIXED_WITHIN,))
+        return self.fit(subspace), (FIXED_WITHIN,)
 
     def _covariance_by_file(self, found: ImbalanceFit) -> Floats:
         """Of the conditions' values, (rank, rank) [kg2 m2], from what the file may be wrong by in what is fixed."""

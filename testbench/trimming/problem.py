@@ -89,8 +89,8 @@ class TrimProblem:
     sites: Sequence[str]
     cutoff: float | None
     """Highest frequency [Hz]; None: as is best for the source."""
-    at_sites: bool = False
-    """Whether what no mass at the sites can change is taken from the file, though the records may seem to tell it."""
+    at_sites: bool | None = None
+    """Whether what no mass at the sites can change is taken from the file; None: where records do not determine it."""
 
     @property
     def mechanism(self) -> Mechanism:

@@ -13,10 +13,13 @@ from balance.motion.motion_files import load_motion
 from balance.units import G0
 from studies import simulated_runs as memory
 from testbench import analyze, next_run, plan_next
+from testbench.campaign_plan import PlannedRun
 from testbench.errors import AnalysisError
 from testbench.next_run import next_for_first_moment, next_for_reduction
 from testbench.rig import rig_from_text
 from testbench.signal.filters import Band
+from testbench.simulator.run import simulate_run
+from testbench.simulator.sensors import true_signals
 from testbench.store import open_campaign
 from testbench.trimming import trim_runs
 from testbench.vibration.metrics import Measure
@@ -119,29 +122,91 @@ def test_recorded_samples_have_the_peak_that_they_have(scenes):
     assert sorted((key.motion, key.peak_acceleration_g) for key in keys) == [("triangle", 3), ("triangle", 4), ("x", 3)]
 
 
+SMALL_ARM = """
+driven = "joints"
+joints = ["J1", "J2"]
+start = ["0.5 rad", "0.8 rad"]
+peak_acceleration = "{peak} rad/s^2"
+rest = "0.3 s"
+moves = [
+  {{ joint = "J1", to = ["{first} rad", "0.5 rad"] }},
+  {{ joint = "J2", to = ["{second} rad", "0.8 rad"] }},
+  {{ polygon = [["{first} rad", "{second} rad"], ["0.5 rad", "{second} rad"], ["0.5 rad", "0.8 rad"]] }},
+]
+"""
+
+
+def test_a_repeat_of_a_small_motion_does_not_narrow_what_the_file_may_be_wrong_by(tmp_path):
+    """Of an arm that moved little most of the interval is what its file may be wrong by: a repeat leaves nine
+    tenths, as predicted, and the verdict says what would narrow it. A larger motion determines it, and does.
+
+    A half width of one draw by some ten degrees of freedom scatters by a quarter.
+    """
+    rig = rig_from_text(DRIVES.replace("parallelogram-6bar", "serial-2r").replace("A0", "J1").replace("B0", "J2"))
+    arm, texts, scenes = load_mechanism("serial-2r"), {}, {}
+    for name, sizes in (("small", (5, 0.6, 0.9)), ("large", (40, -1.2, 2.2))):
+        texts[name] = SMALL_ARM.format(**dict(zip(("peak", "first", "second"), sizes, strict=True)))
+        (tmp_path / f"{name}.toml").write_text(texts[name])
+        planned = PlannedRun("memory", None, {}, str(tmp_path / f"{name}.toml"), None, 1)
+        bench = simulate_run(rig, arm, planned, motion=load_motion(planned.motion))
+        scenes[name] = memory.Scene(rig, planned, bench, true_signals(rig, bench))
+
+    def brought(*runs):
+        return np.array([one.first_moment.half_width() for one in trim_runs(memory.aligned(runs, arm)).missing])
+
+    run = scenes["small"].run(1)
+    now = brought(run)
+    alone = next_for_first_moment([run], motions=(scenes["small"].planned.motion,))
+    (repeat,) = alone.proposals
+    share = float(np.exp(np.log(brought(run, scenes["small"].run(2)) / now).mean()))
+    assert 0.9 < share < 1.0
+    assert repeat.share == pytest.approx(share, rel=0.05)
+    assert alone.verdict.startswith("no single run narrows it by more than 5%: repeat seed1")
+    assert "of the variance at counter_link_1 is what the mechanism's file may be wrong by, which" in alone.verdict
+    assert alone.verdict.endswith("a larger motion would (--motion)")
+    design = next_for_first_moment([run], motions=(scenes["large"].planned.motion,))
+    assert [one.candidate.repeats for one in design.proposals] == [None, "seed1"]
+    share = float(np.exp(np.log(brought(run, scenes["large"].run(3)) / now).mean()))
+    assert share < 0.25
+    assert design.proposals[0].share == pytest.approx(share, rel=0.3)
+    assert "large.toml, without counter-masses) narrows" in design.verdict
+
+
 def test_a_run_that_would_widen(design):
     """Says so in its row; the others do not."""
     best, other = design.proposals
-    rows = [best, replace(other, now=1.0, after=1.1, share=1.1)]
-    rows = next_run._ranked("reduction", "points", rows, best, ()).proposals
+    wide = replace(other, now=1.0, after=1.1, share=1.1)
+    rows = next_run._ranked("reduction", "points", [(one, best) for one in (best, wide)], ()).proposals
     assert [row.quantity for row in rows] == [best.quantity, f"{other.quantity} (would not narrow)"]
 
 
 @pytest.mark.parametrize(
     ("now", "after", "said"),
     [
-        (9.0, 3.0, "q, 9 points (half of 95 %): {} narrows it most, to 3."),
-        (9.0, 8.95, "q, 9 points (half of 95 %): no single run narrows it by more than 2%."),
-        (None, 3.0, "q, not known yet: {} narrows it most, to 3."),
+        (9.0, 3.0, "q, 9 points (half of 95 %): this run leaves 3."),
+        (None, 3.0, "q, not known yet: this run leaves 3."),
     ],
 )
 def test_the_least_sure_is_said(design, now, after, said):
-    """With the run that narrows it most, where the first line is of another."""
+    """With what the run of the first line leaves of it, whatever another would; nothing where the line is of it."""
     best, other = design.proposals
-    widest = replace(other, quantity="q", now=now, after=after)
-    found = next_run._ranked("reduction", "points", [best, other], widest, ("more",)).notes
-    assert found == (f"Least sure is {said.format(other.candidate)}", "more")
-    assert next_run._ranked("reduction", "points", [best, other], best, ()).notes == ()
+    widest = replace(best, quantity="q", now=now, after=after)
+    narrower = replace(other, quantity="q", now=now, after=1.0)
+    found = next_run._ranked("reduction", "points", [(other, narrower), (best, widest)], ("more",))
+    assert found.verdict.startswith(str(best.candidate))
+    assert found.notes == (f"Least sure is {said}", "more")
+    assert next_run._ranked("reduction", "points", [(best, best)], ()).notes == ()
+
+
+@pytest.mark.parametrize(
+    ("after", "verdict"),
+    [(8.6, "no single run narrows it by more than 5%: {} would do most; z"), (8.5, "{} narrows q from 9 to 8.5 kg")],
+)
+def test_where_no_run_narrows(design, after, verdict):
+    """The verdict says so, and what would."""
+    one = replace(design.proposals[0], quantity="q", now=9.0, after=after, share=after / 9.0)
+    found = next_run._ranked("counter-mass", "kg", [(one, one)], (), "z")
+    assert found.verdict.startswith(verdict.format(one.candidate))
 
 
 @pytest.mark.parametrize(
