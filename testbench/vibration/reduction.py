@@ -428,8 +428,8 @@ class CampaignLikelihoods:
                 where := " ".join(group.names),
                 f"{condition.pair.key}, {sensor} along {axis}: repeats differ by more than their noise, most "
                 f"{group.odd}: {effect[self.repeats[sensor, axis].withholds(group)]}; compare their logs, leave out "
-                "what is not like the others; a mode of the floor as loud as the vibration does the same: name --band "
-                f"... without it ({where})",
+                "what is not like the others; a mode of the floor as loud as the vibration does the same: name a "
+                f"--band without it ({where})",
             )
             for (sensor, axis), group in odd
         ]
