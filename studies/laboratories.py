@@ -481,7 +481,7 @@ class FamilyTally:
     """Statements about a family."""
 
     two_sided: Tally = field(default_factory=Tally)
-    at_least: Tally = field(default_factory=Tally)
+    bounds: Tally = field(default_factory=Tally)
     withheld: int = 0
     refused: int = 0
     widths: list[float] = field(default_factory=list)
@@ -500,13 +500,14 @@ class FamilyTally:
         for one in found:
             axis = laboratory.axes.index(one.axis)
             balanced, bare = laboratory.truth(axis, one.measure)
-            if one.interval is None or getattr(one, "doubts", None):
+            bounded = (-np.inf, one.percent) if one.limit == "at_most" and one.percent is not None else None
+            if one.doubts or not (between := one.interval or bounded):
                 self.withheld += 1
                 continue
-            low, high = one.interval
+            low, high = between
             truth = 100.0 * (1.0 - balanced / bare)
             hit = low <= truth <= high
-            (self.at_least if one.limit == "at_least" else self.two_sided).add(hit)
+            (self.bounds if one.limit else self.two_sided).add(hit)
             if not hit:
                 self.missed.append(seed)
             if one.limit is None and np.isfinite(known[one.axis][0]):
@@ -568,7 +569,7 @@ def narrowing(family: Family, seeds: Sequence[int]) -> Iterator[Row]:
 
 
 def study(count: int, brief: bool) -> Iterator[Row]:
-    """Two-sided and "at least" statements by family, briefly of three; how repeats narrow the intervals."""
+    """Two-sided statements and bounds by family, briefly of three; how repeats narrow the intervals."""
     for name in ("white", "hum", "all mixed") if brief else FAMILIES:
         yield from stated(name, tally(FAMILIES[name], range(count)))
     yield from narrowing(FAMILIES["floor"], range(NARROWED))
@@ -576,14 +577,14 @@ def study(count: int, brief: bool) -> Iterator[Row]:
 
 def stated(name: str, t: FamilyTally) -> Iterator[Row]:
     """The figures of a family: how many statements hold, and how wide they are."""
-    number = t.two_sided.count + t.at_least.count
+    number = t.two_sided.count + t.bounds.count
     note = f"p {_p(t.two_sided):.2g}, withheld {t.withheld} of {number + t.withheld}"
     note += f", {t.refused} campaigns refused" * bool(t.refused)
     if t.widths:
         note += f", half width {np.median(t.widths):.2g} %"
     note += f", missed by seeds {' '.join(map(str, sorted(set(t.missed))[:12]))}" * bool(t.missed)
     yield covered(f"{name}, two-sided", t.two_sided.hits, t.two_sided.count, note)
-    yield covered(f"{name}, at least", t.at_least.hits, t.at_least.count, conservative=True)
+    yield covered(f"{name}, bounds", t.bounds.hits, t.bounds.count, conservative=True)
     if t.widths:
         ratios = np.median(np.array(t.widths) / [t.oracle, t.signal], axis=1)
         note = f"of the oracle {np.median(t.oracle):.2g} %; {ratios[1]:.2f} times that of one that knows the signal"

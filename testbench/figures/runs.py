@@ -20,7 +20,7 @@ from ..runs.si_run import SIRun
 from ..store import Run
 from ..vibration.channel_levels import channel_levels
 from ..vibration.metrics import DEFAULT_BAND, Measure, base_accelerations
-from ..vibration.reduction import Reduction, reduction_of_pair
+from ..vibration.reduction import Reduction, reduction_of_pair, upper_bound
 from ..vibration.run_pairs import ConditionKey, Pair
 from . import style
 
@@ -221,7 +221,7 @@ def _text(found: Reduction) -> str:
     if found.kind == "at_least":
         return f"{name} reduced by at least {found.at_least:.1f} %"
     if found.kind == "at_most":
-        return f"{name} reduced by at most {found.percent:.1f} %"
+        return f"{name} {upper_bound(found.percent)}"
     if found.kind == "withheld":
         return f"{name}: {found.text}, contradicted by {', '.join(found.doubts)}"
     word, sign = ("reduced", 1.0) if found.percent >= 0.0 else ("raised", -1.0)

@@ -97,7 +97,7 @@ class AmplitudesUncertainty:
         surer = _Surer(one.group, one.repeats, scale=float(np.sqrt(count / (count + 1.0))))
         now = Ratio(*self.sides).interval
         after = (Ratio(surer, other) if side == 0 else Ratio(other, surer)).interval
-        return 1.0 if now is None or after is None else (after[1] - after[0]) / (now[1] - now[0])
+        return 1.0 if now is None or after is None or np.isinf(now[1]) else (after[1] - after[0]) / (now[1] - now[0])
 
     def amplitude_budget(self, side: Literal[0, 1]) -> Budget:
         """Of an amplitude [m/s2]."""

@@ -66,7 +66,7 @@ class Ratio:
 
     @cached_property
     def interval(self) -> tuple[float, float] | None:
-        """Of 95 % [-]; None where the ratio is not defined or has no upper end."""
+        """Of 95 % [-], infinite where there is no upper end; None where the ratio is not defined."""
         if self.value is None:
             return None
         low = 0.0 if self.below_noise else _end(self._excess_high, self.value, 0.0)
@@ -75,7 +75,7 @@ class Ratio:
             if self._excess_low(high) < 0.0:
                 return low, _end(self._excess_low, self.value, high)
             high *= 2.0
-        return None
+        return low, np.inf
 
     def _excess_low(self, ratio: float) -> float:
         """The reading less the lowest that is accepted for a ratio."""

@@ -51,6 +51,8 @@ WITHHELD = frozenset({*WITHHOLDING, REPEATS_DIFFER})
 """Doubts after which there is no interval."""
 _TELLS = 100.0
 """Percent by which the best lower bound, where the rest is below noise, may lie below zero and still say something."""
+_ENDLESS = 10.0
+"""Ratio of the amplitudes, and multiple of the one that is found, from which an upper end says nothing."""
 ONE_RUN = (
     "Where nothing is repeated, noise that acts only during the motion, such as that of drives and bearings, is told "
     "by what of one side is no smooth multiple of the other, to a factor of two: make each run at least twice."
@@ -91,9 +93,11 @@ class Reduction:
     method: Annotated[Method | None, Key("", "interval from")]
     """Where the interval comes from."""
     limit: Annotated[Limit | None, Key()]
-    """``at_least``: the residual vibration is below the noise, or the sensor clipped without counter-masses."""
+    """``at_least``: the residual vibration is below the noise, or the sensor clipped without counter-masses;
+    ``at_most``: what vibrates without counter-masses is hardly above the noise, or the sensor clipped with them.
+    """
     below_noise: Annotated[bool, Key()]
-    """Whether the residual vibration with counter-masses is not above the noise."""
+    """Whether noise alone makes it a bound."""
     amplitudes: Annotated[tuple[float, float], Key("amplitude_m_s2", "with/without m/s2", _both, parts=SIDES)]
     """With and without counter-masses, without noise [m/s2]."""
     noise_floor: Annotated[tuple[float | None, float | None], Key("noise_floor_m_s2", "noise m/s2", _both, parts=SIDES)]
@@ -157,7 +161,7 @@ class Reduction:
         if self.kind == "withheld" and self.percent is not None:
             return f"withheld ({value})"
         if self.kind == "at_most":
-            return f"<= {value} clipped"
+            return f"<= {value} {'< noise' if self.below_noise else 'clipped'}"
         return value if self.interval is None else f"{value} [{self.interval[0]:.1f}, {self.interval[1]:.1f}]"
 
 
@@ -348,7 +352,7 @@ class CampaignLikelihoods:
 
     def reduction(self, condition: Condition, place: Place) -> Reduction:
         """Of one place of a condition, without what calibrations add."""
-        return self._with_sides(condition, place)[0]
+        return _at_most_if_endless(self._with_sides(condition, place)[0])
 
     def _with_sides(
         self, condition: Condition, place: Place
@@ -363,7 +367,8 @@ class CampaignLikelihoods:
         interval = None if ratio.interval is None or stated else _percents(ratio.interval)
         below = ratio.defined and (ratio.below_noise or (id(condition), place) in self.noise.unfelt)
         if below and interval:
-            interval = interval[0], max(interval[1], 100.0)
+            interval = (interval[0], 100.0) if np.isfinite(interval[0]) else None
+        nothing = interval is None and not stated
         together = [ConditionAmplitude(mean) for mean in means if mean]
         mean = Ratio(*together) if len(together) == len(means) else None
         found = Reduction(
@@ -371,7 +376,7 @@ class CampaignLikelihoods:
             pair.counter_masses,
             *place,
             condition.measure,
-            None if ratio.value is None or ratio.interval is None else _percent(ratio.value),
+            None if ratio.value is None or nothing else _percent(ratio.value),
             _bounded(interval, sides),
             None if interval is None else "repeats" if self.noise.repeated(place) else "propagation",
             _limit(sides[0].saturated, sides[1].saturated, below),
@@ -383,7 +388,7 @@ class CampaignLikelihoods:
             (len(pair.balanced), len(pair.unbalanced)),
             tuple(run.name for run in pair.runs),
             None if mean is None or mean.value is None else _percent(mean.value),
-            None if mean is None or mean.interval is None else _percents(mean.interval),
+            None if mean is None or mean.interval is None or np.isinf(mean.interval[1]) else _percents(mean.interval),
             (together[0].amplitude, together[1].amplitude) if mean else (None, None),
         )
         return found, None if stated else sides
@@ -439,7 +444,19 @@ def _calibrated(found: Reduction, known: AmplitudesUncertainty) -> Reduction:
     interval = found.interval
     if interval is not None and found.percent is not None:
         interval = known.with_calibration(interval, found.percent)
-    return replace(found, interval=interval, uncertainty=known)
+    return _at_most_if_endless(replace(found, interval=interval, uncertainty=known))
+
+
+def _at_most_if_endless(found: Reduction) -> Reduction:
+    """The upper end of the interval alone, where the lower one says nothing.
+
+    What vibrates without counter-masses is then so near the noise that its amplitude may be next to nothing.
+    """
+    if found.interval is None or found.limit or found.percent is None:
+        return found
+    if 100.0 - found.interval[0] <= _ENDLESS * max(100.0, 100.0 - found.percent):
+        return found
+    return replace(found, percent=found.interval[1], interval=None, limit="at_most", below_noise=True)
 
 
 def _reduction_without_noise(condition: Condition, place: Place) -> Reduction:
@@ -498,13 +515,19 @@ def reduction_findings(condition: Condition, found: Sequence[Reduction]) -> list
         ),
         (
             "vibrates_more",
-            [r for r in alive if r.interval and r.interval[1] < 0.0],
+            [r for r in alive if (r.percent or 0.0) < 0.0 and (r.interval[1] < 0.0 if r.interval else r.limit)],
             "it vibrates more with counter-masses than without: check that the run table does not exchange the runs",
         ),
         (
             "below_noise",
-            [r for r in found if r.below_noise],
+            [r for r in found if r.below_noise and r.limit == "at_least"],
             "the residual vibration with counter-masses is not above the noise: the reductions are lower bounds",
+        ),
+        (
+            "below_noise",
+            [r for r in found if r.below_noise and r.limit == "at_most"],
+            "the vibration without counter-masses is hardly above the noise: the reductions are upper bounds; name a "
+            "--band without the noise, or repeat the runs",
         ),
         (
             "no_reduction",
@@ -558,6 +581,11 @@ def _change(values: Sequence[float]) -> str:
     return f"{word} by {least:.1f} to {most:.1f} %" if len(values) > 1 else f"{word} by {least:.1f} %"
 
 
+def upper_bound(percent: float) -> str:
+    """``reduced by at most 19.7 %``, ``raised by at least`` where it is below zero."""
+    return f"reduced by at most {percent:.1f} %" if percent >= 0.0 else f"raised by at least {-percent:.1f} %"
+
+
 def verdict(reductions: Sequence[Reduction]) -> str:
     """By how much each axis is reduced or raised, and how many reductions are bounds, withheld, or none."""
     withheld, bounds, sound = ([r for r in reductions if r.kind == kind] for kind in ["withheld", "at_least", "number"])
@@ -588,10 +616,16 @@ def verdict(reductions: Sequence[Reduction]) -> str:
         if hidden := len(some) - len(told):
             said.append(f"the noise hides whether it fell or rose in {hidden} condition{'s' * (hidden > 1)}")
         parts.append(f"{f'{sensor} ' if several else ''}{axis}: {', '.join(said)}")
-    counts = [f"{len(bounds)} {of_all} are lower bounds, below noise or clipped"] if len(bounds) > 1 else []
+    upper = [r for r in reductions if r.kind == "at_most" and r.percent is not None]
+    if len(upper) == 1:
+        why = "hardly above the noise without counter-masses" if upper[0].below_noise else "clipped with counter-masses"
+        name = f"{f'{upper[0].sensor} ' if several else ''}{upper[0].axis}"
+        parts.append(f"{name}: {upper_bound(upper[0].percent or 0.0)} ({why})")
+    kinds = ((bounds, "lower bounds, below noise or clipped"), (upper, "upper bounds, near noise or clipped"))
+    counts = [f"{len(some)} {of_all} are {name}" for some, name in kinds if len(some) > 1]
     if withheld:
         codes = ", ".join(sorted({code for r in withheld for code in r.doubts} & WITHHELD))
         counts.append(f"{len(withheld)} {of_all} are withheld for {codes}: see the findings")
-    others = len(reductions) - len(sound) - len(bounds) - len(withheld)
+    others = len(reductions) - len(sound) - len(bounds) - len(upper) - len(withheld)
     counts += [f"{others} {of_all} have no interval"] if others else []
     return "; ".join([*parts, *counts] or ["no reduction"]) + "."

@@ -17,7 +17,7 @@ from testbench.simulator.simulated_logs import stored
 from testbench.store import open_campaign
 from testbench.vibration.metrics import METRICS, Measure
 from testbench.vibration.motion_timing import MotionTiming
-from testbench.vibration.reduction import Reduction, analyze
+from testbench.vibration.reduction import Reduction, analyze, verdict
 
 from ..conftest import PAIR, simulated
 from ..coverage import assert_holds
@@ -143,6 +143,35 @@ def test_clipping(tmp_path, limit_g, limit):
         return
     assert found.interval[1] == 100.0
     assert 0.0 < found.at_least < found.percent < _true(pair((0.2, 0.2)), "x", measure, -0.2)
+
+
+def loud(run: memory.MemoryRun, gain: float, noise: float, seed: int) -> memory.MemoryRun:
+    """The run on a base that moves ``gain`` times as much, with noise [g] on its accelerometer."""
+    rng = np.random.default_rng(seed)
+    data = {
+        path: gain * values + noise * rng.normal(size=len(values)) if path.startswith("daq/Acc") else values
+        for path, values in run.provenance["data"].items()
+    }
+    return replace(run, provenance={"data": data})
+
+
+def test_hardly_above_the_noise():
+    """Where the amplitude without counter-masses may be next to nothing, an upper bound, no endless interval."""
+    measure, bounds, held = Measure("rms", BAND), 0, 0
+    balanced, bare = scenes()
+    truth = _true([balanced.run(0), bare.run(1)], "y", measure, -0.2)
+    for seed in range(8):
+        runs = [loud(balanced.run(2 * seed), 12.0, 0.27, 2 * seed), loud(bare.run(2 * seed + 1), 1.0, 0.27, seed + 99)]
+        analysis = analyze(runs, measure)
+        found = next(r for r in analysis.reductions if r.axis == "y")
+        assert found.interval is None or found.interval[0] > -1000.0
+        if found.kind == "at_most":
+            held += 100.0 * (1.0 - 12.0 * (1.0 - truth / 100.0)) <= found.percent
+            bounds += 1
+            assert "upper bounds" in next(f for f in analysis.findings if f.code == "below_noise").message
+            assert f"y: raised by at least {-found.percent:.1f} % (hardly above" in verdict(analysis.reductions)
+    assert bounds >= 3
+    assert_holds(held, bounds)
 
 
 def test_files_and_memory(shared):
