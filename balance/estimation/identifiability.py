@@ -66,9 +66,10 @@ class Identifiability:
 
     @property
     def weakest(self) -> Annotated[str, Key()]:
-        """The base parameters that the motion hardly distinguishes."""
+        """The base parameters that the motion hardly distinguishes; offsets only where there are no others."""
         size = np.abs(self.weak)
-        return ", ".join(self.text(int(k)) for k in np.argsort(-size) if size[k] > _LARGE * size.max())
+        names = [self.text(int(k)) for k in np.argsort(-size) if size[k] > _LARGE * size.max()]
+        return ", ".join([name for name in names if not name.startswith("offset[")] or names)
 
     @property
     def errors_per_unit(self) -> Annotated[list[dict[str, Any]], Key("base_parameters")]:

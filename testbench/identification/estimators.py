@@ -23,6 +23,7 @@ from typing import Literal
 import numpy as np
 
 from balance.arrays import Floats
+from balance.closure import Trajectory
 from balance.dynamics.regressor import driven_torque_regressor, joint_friction_regressor
 from balance.estimation.base_parameters import BaseParameters, base_parameters
 from balance.estimation.identifiability import Identifiability
@@ -31,7 +32,7 @@ from balance.mechanism.mechanism import Mechanism
 
 from ..errors import AnalysisError
 from ..kinematics.smoothing_and_derivatives import Rates
-from .regression_equations import RecordEquations, RegressionEquations, path_of
+from .regression_equations import NEARBY, RecordEquations, RegressionEquations, path_of
 
 Method = Literal["ls", "iv", "oe"]
 METHODS: tuple[Method, ...] = ("ls", "iv", "oe")
@@ -47,8 +48,6 @@ DAMPING = 0.7
 """Of the pull."""
 _BOUND = 1e12
 """Of deviations and their rates [SI], beyond which nothing is simulated."""
-_STEP = 1e-5
-"""Of differences [rad, m, and their rates]."""
 
 
 class NotSimulated(AnalysisError):
@@ -79,16 +78,14 @@ class Deviation:
         smooth[: len(part.record.mounted)] += part.record.mounted
         count = len(mechanism.pi)
 
-        def torque(of: str, change: Floats) -> Floats:
-            motion = replace(part.motion, **{of: getattr(part.motion, of) + change})
-            path = path_of(part.record, mechanism, motion, part.path)
+        def torque(motion: Rates, path: Trajectory) -> Floats:
             bodies = driven_torque_regressor(mechanism, path.q, path.v, path.a, path.per_drive) @ smooth[:count]
             terms = joint_friction_regressor(mechanism.driven, motion.v, motion.a)[0]
             return np.asarray(bodies + terms @ smooth[count : count + terms.shape[2]])
 
-        units = _STEP * np.eye(part.record.torque.shape[1])
         inertia, damping, stiffness = (
-            np.stack([(torque(of, unit) - torque(of, -unit)) / (2.0 * _STEP) for unit in units], axis=2) for of in "avq"
+            np.stack([(torque(*more) - torque(*less)) / (2.0 * NEARBY) for more, less in part.nearby[of]], axis=2)
+            for of in "avq"
         )
         return cls(inertia, damping, stiffness, part.record.grid.step)
 
@@ -255,7 +252,7 @@ class Methods:
         away = _simulated(part, model, ((torque - columns @ base) * part.valid)[:, :, None])
         motion = Rates(*(getattr(part.motion, x) + getattr(away, x)[:, :, 0] for x in "qva"))
         path = path_of(part.record, self.mechanism, motion, part.path)
-        return part.inside(part.low_passed(part.regressor(motion, path)[:, :, self._pivots]))
+        return part.inside(part.low_passed_columns(part.regressor(motion, path)[:, :, self._pivots]))
 
     def _torques(self, part: RecordEquations) -> tuple[Floats, Floats]:
         """Base columns and measured values of a record's torques, (samples, joints, r) and (samples, joints)."""

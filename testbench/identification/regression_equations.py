@@ -28,6 +28,8 @@ from .records import JointRecord
 
 POSITION_BANDWIDTH = 2.0
 """Cut-off for the positions, in cut-offs of the comparison."""
+NEARBY = 1e-5
+"""Of differences [rad, m, and their rates]."""
 REST_SPEED = 0.1
 """A joint slower than this is at rest, where dry friction may balance any torque: it says nothing [rad/s, m/s]."""
 
@@ -114,6 +116,16 @@ class RecordEquations:
         forces = np.repeat(moves.max(axis=1, keepdims=True), self.whole.shape[1] - joints, axis=1)
         return np.concatenate([moves[:, :joints], forces], axis=1) * self.valid
 
+    @cached_property
+    def nearby(self) -> dict[str, list[tuple[tuple[Rates, Trajectory], ...]]]:
+        """Motions and paths NEARBY above and below this one in q, v or a of each driven joint in turn."""
+        found = {}
+        for of in "avq":
+            changes = NEARBY * np.eye(self.record.q.shape[1])
+            near = [[replace(self.motion, **{of: getattr(self.motion, of) + c}) for c in (d, -d)] for d in changes]
+            found[of] = [tuple((m, path_of(self.record, self.mechanism, m, self.path)) for m in pair) for pair in near]
+        return found
+
     @property
     def reach(self) -> float:
         """How far a gap disturbs the positions [s]."""
@@ -148,6 +160,13 @@ class RecordEquations:
         """Values (samples, ...) [any unit] of the whole record, low-passed at the cut-off between gaps."""
         grid = self.record.grid
         return self.record.gaps.by_segment(lambda v: low_pass(v, self.cutoff, grid.rate), values, grid, self.reach)
+
+    def low_passed_columns(self, columns: Floats) -> Floats:
+        """Columns (samples, rows, p) low-passed; those of offsets stay as they are."""
+        varies = (columns != columns[0]).any(axis=(0, 1))
+        found = columns.copy()
+        found[:, :, varies] = self.low_passed(columns[:, :, varies])
+        return found
 
     def inside(self, values: Floats) -> Floats:
         """Values (samples, ...) [any unit] of the whole record without its ends."""
@@ -204,7 +223,7 @@ class RegressionEquations:
 
     def low_passed_columns(self, pivots: Sequence[int]) -> Floats:
         """Columns of W low-passed at the cut-off, (n, rows, pivots)."""
-        return self.joined(lambda part: part.low_passed(part.whole[:, :, list(pivots)]))
+        return self.joined(lambda part: part.low_passed_columns(part.whole[:, :, list(pivots)]))
 
     def torque(self, delay: float) -> Floats:
         """Rows as recorded, torques ``delay`` [s] after the motion, less what is known, (n, rows) [N m, N]."""

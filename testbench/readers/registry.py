@@ -2,6 +2,7 @@
 
 import re
 import struct
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -193,7 +194,9 @@ def open_recording(path: str | Path, options: ReadOptions | None = None) -> Reco
 
 def _first_bytes(path: Path) -> bytes:
     if path.is_dir():
-        raise RecordingError(f"{path}: is a folder; expected a log file")
+        kinds = Counter(one.suffix for one in path.iterdir() if one.is_file())
+        such = f", such as {path}/*{kinds.most_common(1)[0][0]}" if kinds else ""
+        raise RecordingError(f"{path}: is a folder; expected log files{such}")
     if path.exists() and not path.is_file():
         raise RecordingError(f"{path}: is a pipe or device; expected a log file on a disk")
     try:

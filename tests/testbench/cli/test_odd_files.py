@@ -42,7 +42,7 @@ CONTENTS = {
     ),
     "a web page": (lambda path: path.write_text("<html><body>404</body></html>\n"), "no row of numbers"),
     "nothing": (lambda path: path.write_bytes(b""), "the file is empty"),
-    "a folder": (lambda path: path.mkdir(), "is a folder; expected a log file"),
+    "a folder": (lambda path: path.mkdir(), "is a folder; expected log files"),
     "one endless line": (lambda path: path.write_bytes(b"1" * 50_000_000), "longer than 4 MiB"),
     "an endless line below rows": (lambda path: path.write_bytes(ROWS.encode() + b"1," * 25_000_000), "line 202"),
 }

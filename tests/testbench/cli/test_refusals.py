@@ -7,7 +7,7 @@ import pytest
 WRONG = [
     ("info nowhere.csv", 1, r"nowhere\.csv: no such file"),
     ("info lgo", 1, r"lgo: no such file; expected a log file; did you mean 'log'\?"),
-    ("info .", 1, r"is a folder; expected a log file"),
+    ("info .", 1, r"is a folder; expected log files"),
     ("info *.csv", 1, r"^testbench: \*\.csv: no file matches; expected a log file\n$"),
     ("ingest *.csv -o c", 1, r"^testbench: \*\.csv: no file matches; expected a log file\n$"),
     ("info log --encoding klingon", 1, r"'klingon' is no encoding"),
