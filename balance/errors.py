@@ -35,6 +35,10 @@ class DataError(CounterpoiseError):
     """A file of a motion, stock or results with content other than expected."""
 
 
+class CoarseSamples(UserWarning):
+    """Samples of a motion whose rounding, of values or instants, makes much of the acceleration that follows."""
+
+
 def suggestion(word: str, known: Iterable[str]) -> str:
     """``; did you mean 'rate'?`` if a known word is near; to a single letter only the same one is."""
     from difflib import get_close_matches  # late: every command imports this file

@@ -16,7 +16,7 @@ from .dynamics.inverse_dynamics import Response
 from .errors import DataError, ModelError
 from .mechanism.mechanism import Mechanism
 from .mechanism.mjcf_parser import load_mechanism
-from .motion import DEFAULT_RATE_HZ, Motion
+from .motion import Motion
 from .task_pool import HERE, TaskPool
 from .units import si
 
@@ -271,7 +271,7 @@ def _problem(
 ) -> Problem:
     from .balancing.sweep import Problem
 
-    return Problem(_mechanism(mechanism), load_motion(motion).sample(DEFAULT_RATE_HZ), _masses(counter_masses))
+    return Problem(_mechanism(mechanism), load_motion(motion).sample_as_asked(None), _masses(counter_masses))
 
 
 def sweep(

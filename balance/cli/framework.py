@@ -10,6 +10,7 @@ import atexit
 import gc
 import os
 import sys
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from importlib import import_module
@@ -19,7 +20,7 @@ from typing import Any, NamedTuple, NoReturn, TypeVar, get_args, get_origin
 
 import click
 
-from ..errors import CounterpoiseError, suggestion
+from ..errors import CoarseSamples, CounterpoiseError, suggestion
 from .printing import NO_NUMBER, Detail, FirstLine, columns, complain, emit_findings, emit_json, emit_parts
 
 EXIT_REFUSED = 1
@@ -165,18 +166,25 @@ def _answering(function: Callable[..., Answer]) -> Callable[..., int]:
 
     @wraps(function)
     def answered(*, as_json: bool, **given: Any) -> int:  # noqa: ANN401
-        answer = function(**given)
+        with warnings.catch_warnings(record=True) as heard:
+            warnings.simplefilter("always", CoarseSamples)
+            answer = function(**given)
+        coarse = list(dict.fromkeys(str(one.message) for one in heard if one.category is CoarseSamples))
+        for one in heard:
+            if one.category is not CoarseSamples:
+                warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
         if as_json:
-            emit_json(answer.document)
+            emit_json(({"coarse_samples": coarse} if coarse else {}) | dict(answer.document))
         else:
             answer.show()
+            emit_findings(("coarse_samples", said) for said in coarse)
             emit_findings(("Finding", finding) for finding in answer.findings)
             if Detail.everything:
                 emit_parts(answer.document, answer.further)
         complain(*answer.refused)
         if answer.code or answer.refused:
             return answer.code or EXIT_REFUSED
-        return EXIT_WITH_FINDINGS if answer.has_finding or answer.findings else 0
+        return EXIT_WITH_FINDINGS if answer.has_finding or answer.findings or coarse else 0
 
     return answered
 

@@ -61,7 +61,6 @@ def simulate(
     coarse = described.recorded.coarse() if described.recorded else []
     drives = f"torques and forces of the drives{' and reactions' if found else ''}"
     findings = [
-        *(("coarse_samples", said) for said in coarse),
         *(
             ("beyond_limits", f"{exceeded}: the motion is computed as if it had none")
             for exceeded in model.limits_exceeded(trajectory.q)

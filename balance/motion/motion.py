@@ -1,12 +1,13 @@
 """A motion from rest to rest through way-points, or of recorded samples; and its samples at instants."""
 
 import math
+import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..arrays import Floats
-from ..errors import DataError
+from ..errors import CoarseSamples, DataError
 from ..mechanism.mechanism import Mechanism
 from .driven_coordinates import Drive
 
@@ -16,6 +17,12 @@ _LEAST_STEP = 1e-9
 """Share of a range below which a common step is not told from rounding of binary numbers."""
 _MOST_OF_STEPS = 4.0
 """Acceleration, in steps a squared interval, below which steps make it: rounding alone makes about 1.4 of them RMS."""
+_FEWEST = 12
+"""Samples from which an error of the clock is told."""
+_ROUGH = 0.5
+"""Correlation of what changes from sample to sample, above which a clock that errs makes it."""
+_MADE = 0.02
+"""Share of an acceleration that a clock may make before it is said."""
 DEFAULT_RATE_HZ = 10_000.0
 """Sampling of a motion where none is asked for [Hz]: 15 samples in the shortest ramp of the test motions."""
 RECORDED_SHARE = 0.02
@@ -57,19 +64,49 @@ class Samples:
                 raise DataError(f"{name} of the motion is not finite at t = {self.time[at]:.6g} s")
 
     def coarse(self) -> list[str]:
-        """What is said of each driven coordinate whose acceleration is that of the steps in which its values go."""
-        found, dt = [], float(np.median(np.diff(self.time))) if len(self.time) > 1 else np.inf
-        for i, name in enumerate(self.joints or self.axes):
-            step, a = _common_step(self.position[:, i]), self.acceleration[:, i]
-            made, size = step / dt**2, float(np.sqrt(np.mean(a**2)))
-            if 1e-3 < size / (made or np.inf) < _MOST_OF_STEPS and np.mean(np.diff(a, 2) ** 2) > size**2:
-                unit = "rad" if self.joints and not any(self.sliding[i : i + 1]) else "m"
-                found.append(
-                    f"{name}: the samples go in steps of {step:.3g} {unit}, each of which makes {made:.3g} {unit}/s2 "
-                    f"(step / dt2, dt = {dt:.3g} s) of the acceleration's {size:.3g} {unit}/s2 RMS: forces and torques "
-                    "are those of rounding; write more digits, or the motion as [[moves]]"
-                )
-        return found
+        """What is said of each driven coordinate whose acceleration is that of rounded values or instants."""
+        names = self.joints or self.axes
+        each = (self._coarse(i, name) for i, name in enumerate(names) if len(self.time) > 1)
+        return [said for said in each if said]
+
+    def _coarse(self, i: int, name: str) -> str:
+        """The same of one coordinate; empty where there is nothing to say."""
+        unit = "rad" if self.joints and not any(self.sliding[i : i + 1]) else "m"
+        a, dt = self.acceleration[:, i], float(np.median(np.diff(self.time)))
+        size = float(np.sqrt(np.mean(a**2)))
+        of_clock = self._made_by_clock(i, dt)
+        if of_clock > _MADE * size:
+            away = float(np.sqrt(np.mean(np.diff(self.time, 2) ** 2) / 6.0))
+            return (
+                f"{name}: the instants of the samples are wrong by about {away:.2g} s, which makes {of_clock:.3g} "
+                f"{unit}/s2 of the acceleration's {size:.3g} {unit}/s2 RMS: what follows from it, torques and moments "
+                "above all, is the clock's; write the time with more digits, of evenly spaced samples evenly, or the "
+                "motion as [[moves]]"
+            )
+        step = _common_step(self.position[:, i])
+        made = step / dt**2
+        if 1e-3 < size / (made or np.inf) < _MOST_OF_STEPS and np.mean(np.diff(a, 2) ** 2) > size**2:
+            return (
+                f"{name}: the samples go in steps of {step:.3g} {unit}, each of which makes {made:.3g} {unit}/s2 "
+                f"(step / dt2, dt = {dt:.3g} s) of the acceleration's {size:.3g} {unit}/s2 RMS: forces and torques "
+                "are those of rounding; write more digits, or the motion as [[moves]]"
+            )
+        return ""
+
+    def _made_by_clock(self, i: int, dt: float) -> float:
+        """RMS acceleration that errors of the instants make [m/s2 or rad/s2]; zero where they make none.
+
+        Samples at instants that are e late seem accelerated by - v e'' more. Where the clock is even but for e, that is
+        known from the instants; it is there if the acceleration changes from sample to sample as it does.
+        """
+        if len(self.time) < _FEWEST:
+            return 0.0
+        expected = self.velocity[1:-1, i] * np.diff(self.time, 2) / dt**2
+        changes, seen = np.diff(expected, 3), np.diff(self.acceleration[1:-1, i], 3)
+        sizes = np.linalg.norm(changes) * np.linalg.norm(seen)
+        if not sizes or -(changes @ seen) < _ROUGH * sizes:
+            return 0.0
+        return float(-(changes @ seen) / (changes @ changes) * np.sqrt(np.mean(expected**2)))
 
     def drive(self, mechanism: Mechanism) -> Drive:
         """The driven coordinates as functions of a mechanism's joints. Raises ModelError for an unknown name."""
@@ -150,12 +187,17 @@ class Motion:
         return float(self._phases()[0][-1])
 
     def sample_as_asked(self, rate_hz: float | None, otherwise: float = DEFAULT_RATE_HZ) -> Samples:
-        """Sample at the rate that was asked for, if one was. Raises DataError for one that samples of a file ignore."""
+        """Sample at the rate that was asked for, if one was. Raises DataError for one that samples of a file ignore.
+
+        Warns (CoarseSamples) of samples whose acceleration is that of rounding.
+        """
         if rate_hz is not None and self.recorded is not None:
             raise DataError(
                 f"{self.source}: a rate of {rate_hz:g} Hz has no effect on its samples, which come at their own "
                 "instants: leave the rate out, or write the motion as [[moves]]"
             )
+        for said in self.recorded.coarse() if self.recorded else ():
+            warnings.warn(said, CoarseSamples, stacklevel=3)
         return self.sample(otherwise if rate_hz is None else rate_hz)
 
     def sample(self, rate_hz: float) -> Samples:

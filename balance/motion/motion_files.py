@@ -196,9 +196,21 @@ def _samples(text: str, source: str, joints: tuple[str, ...], point: str | None,
     possible = ("angle", "length") if joints else ("length",)
     columns = csv_columns(text, source, {"time": ("time",)} | dict.fromkeys(joints or axes, possible))
     time, *coordinates = (np.array(column.value) for column in columns.values())
-    if len(time) < _LEAST_SAMPLES or not (np.diff(time) > 0).all():
-        raise DataError(f"{source}: expected at least {_LEAST_SAMPLES} rows with increasing time")
+    if len(time) < _LEAST_SAMPLES:
+        raise DataError(f"{source}: {len(time)} rows: expected at least {_LEAST_SAMPLES} rows with increasing time")
+    if not (np.diff(time) > 0).all():
+        at = int(np.argmin(np.diff(time) > 0))
+        goes = f"time goes from {time[at]:.9g} s to {time[at + 1]:.9g} s"
+        raise DataError(f"{source}, line {at + 3}: {goes}: expected increasing time")
     position = np.column_stack(coordinates)
+    for name, values in zip(joints, position.T, strict=False):
+        at = int(np.argmax(np.abs(np.diff(values))))
+        if columns[name].dimension == "angle" and abs(values[at + 1] - values[at]) > np.pi:
+            goes = f"{name} goes from {values[at]:.4g} rad to {values[at + 1]:.4g} rad"
+            raise DataError(
+                f"{source}, line {at + 3}: {goes}: expected at most half a turn a sample; an angle that wraps round must "
+                "go on counting (numpy.unwrap)"
+            )
     spline = make_interp_spline(time, position, k=5)
     sliding = tuple(columns[name].dimension == "length" for name in joints)
     return Samples(time, position, spline(time, 1), spline(time, 2), joints, point, axes, sliding)

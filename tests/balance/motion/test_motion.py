@@ -1,12 +1,13 @@
 """Motions: straight legs of limited jerk from rest to rest, polygons, samples of a file; wrong files are refused."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from balance import datasets
-from balance.errors import DataError, ModelError
+from balance.errors import CoarseSamples, DataError, ModelError
 from balance.mechanism.mjcf_parser import load_mechanism
 from balance.motion import Motion, Samples
 from balance.motion.motion_files import load_motion, motion_from_table
@@ -190,13 +191,53 @@ def test_steps_that_make_the_acceleration_are_told(tmp_path: Path, unit, positio
         assert f"A0: the samples go in steps of {unit:.3g} rad, each of which makes {unit * 1e6:.3g} rad/s2" in said[0]
 
 
+@pytest.mark.parametrize("position", [lambda t: 0.3 * np.sin(19.0 * t), lambda t: 40.0 * t], ids=["swing", "turn"])
+@pytest.mark.parametrize("rate", [7200.0, 2048.0])
+def test_an_erring_clock_is_told(tmp_path: Path, rate, position) -> None:
+    """Instants rounded to 1 us make an acceleration of their own; true instants, uneven as they may be, do not."""
+    rng = np.random.default_rng(3)
+    even = np.arange(2000) / rate
+    uneven = even + 2e-6 * rng.standard_normal(2000)
+    for true, stamps, wrong in [(even, np.round(even, 6), True), (even, even, False), (uneven, uneven, False)]:
+        values = position(true)[:, None]
+        written(tmp_path, Samples(stamps, values, values, values), ("A0 (rad)",))
+        (tmp_path / "path.toml").write_text(
+            'driven = "joints"\njoints = ["A0"]\nsamples = "path.csv"\n', encoding="utf-8"
+        )
+        said = load_motion(tmp_path / "path.toml").recorded.coarse()
+        assert len(said) == wrong
+        assert all("the instants of the samples are wrong by about 3" in one for one in said)
+        with warnings.catch_warnings(record=True) as heard:
+            load_motion(tmp_path / "path.toml").sample_as_asked(None)
+        assert [one.category for one in heard] == [CoarseSamples] * wrong
+
+
+def test_a_wrapped_angle_is_refused(tmp_path: Path) -> None:
+    """From +pi to -pi in one sample: no mechanism does; lengths may go as far as they like."""
+    time = np.arange(500) * 1e-3
+    wrapped = np.remainder(40.0 * time + np.pi, 2.0 * np.pi)[:, None] - np.pi
+    for column, refused in [("A0 (rad)", True), ("A0 (m)", False)]:
+        written(tmp_path, Samples(time, wrapped, wrapped, wrapped), (column,))
+        (tmp_path / "path.toml").write_text(
+            'driven = "joints"\njoints = ["A0"]\nsamples = "path.csv"\n', encoding="utf-8"
+        )
+        if refused:
+            with pytest.raises(DataError, match=r"path.csv, line 81: A0 goes from 3\.12 rad to -3\.123 rad: expected"):
+                load_motion(tmp_path / "path.toml")
+        else:
+            load_motion(tmp_path / "path.toml")
+
+
 FILES = {
     "no such file": (None, "no such file 'path.csv'"),
     "other columns": ("t,x\n0,1\n", r"path.csv: must hold the columns time \(s\), x \(m\), y \(m\)"),
     "words": ("time (s),x (m),y (m)\n" + "0,up,0\n" * 6, "path.csv, line 2: x is 'up': expected a number"),
     "empty": ("", "must hold the columns"),
     "too short": ("time (s),x (m),y (m)\n0,0,0\n1,1,1\n", "at least 6 rows with increasing time"),
-    "backwards": ("time (s),x (m),y (m)\n" + "".join(f"{-i},0,0\n" for i in range(8)), "increasing time"),
+    "backwards": (
+        "time (s),x (m),y (m)\n" + "".join(f"{-i},0,0\n" for i in range(8)),
+        "path.csv, line 3: time goes from 0 s to -1 s: expected increasing time",
+    ),
     "gap": (
         "time (s),x (m),y (m)\n" + "".join(f"{i},{'nan' if i == 3 else 0},0\n" for i in range(8)),
         "line 5: x is 'nan'",
