@@ -208,8 +208,8 @@ def _samples(text: str, source: str, joints: tuple[str, ...], point: str | None,
         if columns[name].dimension == "angle" and abs(values[at + 1] - values[at]) > np.pi:
             goes = f"{name} goes from {values[at]:.4g} rad to {values[at + 1]:.4g} rad"
             raise DataError(
-                f"{source}, line {at + 3}: {goes}: expected at most half a turn a sample; an angle that wraps round must "
-                "go on counting (numpy.unwrap)"
+                f"{source}, line {at + 3}: {goes}: expected at most half a turn a sample; an angle that wraps round "
+                "must go on counting (numpy.unwrap)"
             )
     spline = make_interp_spline(time, position, k=5)
     sliding = tuple(columns[name].dimension == "length" for name in joints)
