@@ -20,6 +20,7 @@ from balance.estimation.estimate import coverage_factor
 from balance.units import G0
 
 from ..rig.sensors import Torque
+from .beside_others import Unlike, unlike_others
 from .observation import BLOCKS, DRIVE_TERMS, Observation, TorqueEquations, jackknife
 from .statement import Statement
 
@@ -292,17 +293,28 @@ def _is_odd(seen: Observation, channel: str, same: Sequence[Observation]) -> boo
     return len(spans) > 2 and not min(spans) / np.exp(UNLIKE) < own < max(spans) * np.exp(UNLIKE)
 
 
-def mounted(observations: Sequence[Observation]) -> tuple[list[Statement], dict[str, Mapping[str, float]]]:
+def mounted(
+    observations: Sequence[Observation], unlike: Collection[str]
+) -> tuple[list[Statement], dict[str, Mapping[str, float]]]:
     """Statements on counter-masses and torques, and the counter-masses that explain each run's torques.
 
-    A run whose torques are in no relation to the model's has none. With the wrong counter-masses torques ask for a
-    negative scale and a negative payload: a counter-mass carries weight on the other side of its arm.
+    A run whose torques are in no relation to the model's has none, nor has one that is ``unlike`` its repeats unless
+    the torques of the others tell what it carried. With the wrong counter-masses torques ask for a negative scale and a
+    negative payload: a counter-mass carries weight on the other side of its arm.
     """
     sets = [dict(s) for s in {tuple(sorted(o.counter_masses.items())): None for o in observations} if s]
     statements: list[Statement] = []
     found: dict[str, Mapping[str, float]] = {}
+    others = unlike_others(observations)
     for seen in observations:
         if seen.torque is None or "payload_kg" not in seen.conditions:
+            continue
+        if (cause := others.get(seen.name)) is not None:
+            statements.append(_beside_others(seen, cause))
+            if cause.masses is not None:
+                found[seen.name] = cause.masses
+            continue
+        if seen.name in unlike:
             continue
         stated = _alone(seen, seen.counter_masses)
         gross = _gross_torques(seen, stated)
@@ -317,6 +329,16 @@ def mounted(observations: Sequence[Observation]) -> tuple[list[Statement], dict[
                           _masses(masses), "the drives' torques", wrong)
             )  # fmt: skip
     return statements, found
+
+
+def _beside_others(seen: Observation, cause: Unlike) -> Statement:
+    witness = "the drives' torques, beside those of the other runs"
+    if cause.masses is not None:
+        return Statement(seen.name, "counter-masses", None, f"{_masses(seen.counter_masses)} by the run table",
+                         _masses(cause.masses), witness, "counter_mass_contradiction")  # fmt: skip
+    channel = next(c.channel for c in seen.rig.columns_of(Torque) if c.component == cause.joint)
+    return Statement(seen.name, "gain", channel, f"torque of {cause.joint} as in the other runs",
+                     f"{cause.gain:.3g} times that", witness, "gain_contradiction")  # fmt: skip
 
 
 def _fitting_masses(

@@ -177,10 +177,10 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = (), pool: TaskPo
     reasons |= {s.run: reasons[s.run] | {"record": "nothing else is examined of a part of the motion"} for s in short}
     incomplete = {s.run for s in short}
     seen = [one.without_encoders() if one.name in wrong else one for one in seen if one.name not in incomplete]
-    statements += [*unclosed(seen), *unlike_repeats(seen)]
+    statements += [*unclosed(seen), *(repeats := unlike_repeats(seen))]
     for one in seen:
         statements += [*accelerations(one), *motions(one)]
-    about_masses, masses = mounted(seen)
+    about_masses, masses = mounted(seen, {s.run for s in repeats if s.code})
     about_payload, torque = payloads(seen, masses)
     if torque is None:
         reasons |= {name: reasons[name] | {"payload": UNDETERMINED} for name in masses}
@@ -191,7 +191,7 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = (), pool: TaskPo
     statements += [s for s in found if s.code != "flat_channel" or (s.run, s.channel) not in flat]
     known = {(s.run, s.channel) for s in statements if s.code in {"axis_contradiction", "sign_contradiction"}}
     repeated = repeated_vibration([one for one in seen if one.name not in unsure])
-    statements += [s for s in repeated if (s.run, s.channel) not in known]
+    statements += [s for s in repeated if not any((run, s.channel) in known for run in (s.run, *s.others))]
     said = _whose(recordings, statements)
     copied = {s.run for one, whose in zip(recordings, said, strict=True) if len(whose) < len(one.runs) for s in whose}
     statements = [replace(s, because="copied_run") if s.run in copied and s.code else s for s in statements]

@@ -114,9 +114,49 @@ def test_a_lie_is_found_beside_repeats(repeats, name):
     about = {(s.channel, s.stated) for s in found.contradictions if s.run == min(liars)}
     both = name in {"encoders in degrees", "axes exchanged in one run"}
     assert len(about) == 2 if both else about
-    assert found.doubts(liars, "AccY") == tuple(LIES_BESIDE_REPEATS[name].codes)
+    about_one_torque = name.startswith("torque")
+    assert found.doubts(liars, "AccY") == (() if about_one_torque else tuple(LIES_BESIDE_REPEATS[name].codes))
     if name == "encoders in degrees":
         assert all("deg where the rig says rad" in s.witnessed for s in found.contradictions)
+
+
+@pytest.fixture(scope="module")
+def partly(tmp_path_factory):
+    """Two five-bar runs with all counter-masses, two without, one with those of one side alone; observed once."""
+    rig, planned = lies.five_bar(tmp_path_factory.mktemp("project") / "five-bar")
+    (whole,) = planned.conditions
+    half = {site: mass for site, mass in whole.counter_masses.items() if "left" in site}
+    planned = planned.model_copy(update={"repeats": 2})
+    runs = lies.simulated(rig, planned, 1)
+    one = planned.model_copy(
+        update={"repeats": 1, "conditions": [whole.model_copy(update={"counter_masses": half, "also_without": False})]}
+    )
+    (odd,) = lies.simulated(rig, one, 2)
+    return [*runs, replace(odd, path=odd.path.with_name("r009.h5"))]
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_one_side_was_never_mounted(partly, turned):
+    """The torques, beside those of the other runs, name the run and what it carried, whatever the order of the runs."""
+    witnesses, odd = Witnesses(), partly[-1]
+    assert not witnesses.hear(partly).findings
+    told = lies.about(odd, counter_masses=partly[0].conditions["counter_masses"], repeat=3)
+    found = witnesses.hear([told, *partly[-2::-1]] if turned else [*partly[:-1], told]).contradictions
+    assert {(s.run, s.code) for s in found} == {("r009", "counter_mass_contradiction")}
+    carried = odd.conditions["counter_masses"]
+    assert " and ".join(f"{m:g} kg at {site}" for site, m in carried.items()) in {s.witnessed for s in found}
+
+
+@pytest.mark.parametrize("factor", [0.8, 1.2])
+def test_the_gain_of_one_torque(partly, factor):
+    """One drive's torque in one run: by how much, and that channel of that run alone."""
+    for liar in (0, 2):
+        values = factor * partly[liar].channel("tau_A_left")
+        told = [with_values(run, "tau_A_left", values) if n == liar else run for n, run in enumerate(partly)]
+        found = Witnesses().hear(told).contradictions
+        assert {(s.run, s.channel, s.code) for s in found} == {(partly[liar].name, "tau_A_left", "gain_contradiction")}
+        times = [float(s.witnessed.split()[0]) for s in found if "beside" in s.witness]
+        assert times == [pytest.approx(factor, abs=0.04)]
 
 
 def test_an_encoder_is_compared_with_other_runs(repeats):
