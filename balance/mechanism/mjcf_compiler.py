@@ -189,13 +189,15 @@ def _take_inertials(mujoco: Any, spec: Any, name: str) -> None:  # noqa: ANN401
 
 
 def _check_inertias(mujoco: Any, spec: Any, name: str) -> None:  # noqa: ANN401
-    """Refuse principal moments of inertia that no body has, also where their mean would be put in their place.
+    """Refuse masses and principal moments of inertia that no body has, which MuJoCo would put others in the place of.
 
     Those of a lamina in a drawing's digits, beyond the sum by rounding alone, are lifted by as much.
     """
     if spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
         return
     for body in spec.bodies:
+        if body.explicitinertial and body.mass < 0.0:
+            raise ModelError(f"{name}: body {body.name!r}: mass is {body.mass:g} kg: expected zero or a positive mass")
         full = np.array(body.fullinertia)
         stated = not np.isnan(full[0])
         xx, yy, zz, xy, xz, yz = full if stated else (*body.inertia, 0.0, 0.0, 0.0)

@@ -46,6 +46,8 @@ SPAN_SAMPLES = 512
 """Most samples of each."""
 THIN_SAMPLES = 20_000
 """Samples of a record, at least, from which its drift is taken."""
+LEAST_RATE_HZ = 1.0
+"""Of encoders, below which they show no motion."""
 SPEED_RATE_HZ = 100.0
 """At which speeds of encoders are kept [Hz]."""
 SPEED_BAND_HZ = 20.0
@@ -281,6 +283,11 @@ def _keep_speeds(seen: Observation, run: SIRun, columns: list[Column]) -> None:
     group_of_encoders(run)
     time = run.instants(columns[0])
     grid = grid_of(time, f"{run.name}: encoders", bridged=True)
+    if grid.rate < LEAST_RATE_HZ:
+        raise AnalysisError(
+            f"{run.name}: encoders at {grid.rate:.3g} samples per second: expected {LEAST_RATE_HZ:g} or more to show a "
+            "motion; check the unit of the time"
+        )
     time, position = bridge_gaps(time, run.stacked(columns), grid.step)
     smooth = low_pass(position, min(SPEED_BAND_HZ, HIGHEST_CUTOFF * grid.rate), grid.rate)
     at = np.arange(time[0], time[-1], 1.0 / SPEED_RATE_HZ)

@@ -37,6 +37,10 @@ def without_commanded(rig: "Rig | None", recording: Recording, found: Iterable[F
     return [f for f in found if not (f.channel in names and f.code in _FLAT)]
 
 
+TIME_UNITS = {"ms": 1e3, "us": 1e6, "ns": 1e9, "min": 1.0 / 60.0}
+"""Units of a time that may have been taken for seconds, each by how many there are in one."""
+
+
 def rate_findings(rig: "Rig | None", groups: Iterable[GroupCheck]) -> list[Finding]:
     """Rates of the logs that are not those which the rig states for their loggers, and logs too short for any."""
     found: list[Finding] = []
@@ -53,8 +57,15 @@ def rate_findings(rig: "Rig | None", groups: Iterable[GroupCheck]) -> list[Findi
             if stated is None or check.rate_hz is None or abs(check.rate_hz / stated - 1.0) <= RATE_TOLERANCE:
                 continue
             if any(column.channel in names for column in rig.columns(name)):
-                message = f"loggers.{name}: rate {stated:g} Hz in the rig, {check.rate_hz:.6g} Hz in the log"
-                found.append(Finding("rate_contradicts_rig", None, None, f"{message}, which is taken"))
+                message = (
+                    f"loggers.{name}: rate {stated:g} Hz in the rig, {check.rate_hz:.6g} Hz in the log, which is taken"
+                )
+                units = [
+                    unit for unit, factor in TIME_UNITS.items() if abs(check.rate_hz * factor / stated - 1.0) < 0.1
+                ]
+                if units:
+                    message += f"; its time seems to be in {units[0]}: name that unit in the log or its description"
+                found.append(Finding("rate_contradicts_rig", None, None, message))
     return found
 
 

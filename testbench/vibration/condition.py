@@ -463,7 +463,7 @@ def _readable(
             read.append(run)
         sides.append(tuple(read))
     if not all(sides):
-        raise AnalysisError("; ".join(errors))
+        raise AnalysisError("; ".join(dict.fromkeys(errors)))
     mains = {place for record in records for place, one in record.items() if one.line_errors is not None}
     for i, run in enumerate((*sides[0], *sides[1]) if mains else ()):
         lacking = [one for place, one in records[i].items() if place in mains and one.line_errors is None]

@@ -224,6 +224,8 @@ REFUSED = {
     "unknown radius": (
         {"tail": '<custom><numeric name="x.radius_of_gyration" data="0.1"/></custom>'}, "site 'x': there are s1, s2"
     ),
+    "negative mass": ({"hinge": '<joint name="j"/><body name="c"><joint name="k"/><inertial pos="0 0 0" mass="-2.4" '
+                       'diaginertia="1 1 1"/></body>'}, "body 'c': mass is -2.4 kg: expected zero or a positive mass"),
     "negative radius": (
         {"tail": '<custom><numeric name="s1.radius_of_gyration" data="-1"/></custom>'}, "s1.*one number, zero or more"
     ),
