@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 METRIC = option("What an amplitude is.", Word(METRIC_NAMES), default="peak_to_peak")
 BAND = option(
-    "Frequencies that count [Hz], zero-phase Butterworth; none: all. Above a lower end of zero, an offset and "
-    "a ramp are removed first: they are no vibration.",
+    "Frequencies that count [Hz], by a Butterworth filter of order 4, forwards and backwards; none: all. Above a lower "
+    "end of zero, an offset and a ramp are removed first: they are no vibration.",
     options.BAND_TEXT, default="1..200",
 )  # fmt: skip
 

@@ -87,7 +87,9 @@ def report(
         "The point of the base that moments are about.", Read("x,y,z", _point), "--at", default="0m,0m,0m"
     ),
     band: "Band | None" = option(
-        "Of vibration and forces [Hz], zero-phase Butterworth; none: all.", options.BAND_TEXT, default="0..200"
+        "Of vibration and forces [Hz], by a Butterworth filter of order 4, forwards and backwards; none: all.",
+        options.BAND_TEXT,
+        default="0..200",
     ),
     bandwidth: float = options.frequency("Of accelerations from encoders and of torques [Hz].", default=80.0),
     mechanism: str | None = option("A mechanism in place of the one that the rig names.", metavar="MECH"),

@@ -611,8 +611,8 @@ def verdict(reductions: Sequence[Reduction]) -> str:
             if ones:
                 why = "the rest is below noise" if ones[0][1] else "clipped without counter-masses"
                 note = f"in {len(ones)} conditions" if len(ones) > 1 else f"({why})"
-                size = _change([bound for bound, _ in (ones[:1] if ones is rise else ones)])
-                said.append(f"{size.replace(' by ', ' by at most ' if ones is rise else ' by at least ')} {note}")
+                size = _change([bound for bound, _ in ones]).replace(" by ", " by at least ")
+                said.append(f"{f'not raised by more than {-ones[0][0]:.1f} %' if ones is rise else size} {note}")
         if hidden := len(some) - len(told):
             said.append(f"the noise hides whether it fell or rose in {hidden} condition{'s' * (hidden > 1)}")
         parts.append(f"{f'{sensor} ' if several else ''}{axis}: {', '.join(said)}")

@@ -102,7 +102,9 @@ def test_the_verdict_counts_what_is_no_number(brief_analysis):
         f"{bound.axis}: reduced by at least 65.3 to 79.4 % in 2 conditions, the noise hides whether it fell or rose in "
         "1 condition; 3 of 3"
     )
-    assert "raised by at most 77.1 % in 2 conditions;" in verdict([replace(bound, interval=(-12.0, 100.0)), some[0]])
+    assert "not raised by more than 77.1 % in 2 conditions;" in verdict(
+        [replace(bound, interval=(-12.0, 100.0)), some[0]]
+    )
 
 
 def test_the_verdict_says_what_is_raised(brief_analysis):
@@ -113,7 +115,7 @@ def test_the_verdict_says_what_is_raised(brief_analysis):
     assert verdict([more, most]) == f"{sound.axis}: raised by 1.5 to 13.2 % in 2 conditions."
     assert verdict([most, less]) == f"{sound.axis}: between raised by 13.2 % and reduced by 4.0 % in 2 conditions."
     bound = next(r for r in brief_analysis("peak_to_peak").reductions if r.below_noise)
-    assert "raised by at most 12.0 % (" in verdict([replace(bound, interval=(-12.0, 100.0))])
+    assert "not raised by more than 12.0 % (" in verdict([replace(bound, interval=(-12.0, 100.0))])
     assert "the noise hides whether it fell or rose in 1 condition." in verdict(
         [replace(bound, interval=(-1600.0, 100.0))]
     )
@@ -122,7 +124,7 @@ def test_the_verdict_says_what_is_raised(brief_analysis):
         f"{bound.axis}: reduced by at least {bound.at_least:.1f} % (the rest is below noise), the noise hides whether "
         "it fell or rose in 1 condition;"
     )
-    assert "raised by at most 150.0 % (clipped" in verdict([replace(clipped, interval=(-150.0, 100.0))])
+    assert "not raised by more than 150.0 % (clipped" in verdict([replace(clipped, interval=(-150.0, 100.0))])
 
 
 def _true_amplitude(logs, run: str, axis: str, measure: Measure) -> float:
