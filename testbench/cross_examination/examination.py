@@ -172,8 +172,10 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = (), pool: TaskPo
     reasons = {one.name: one.reasons for one in seen}
     recordings = copies(seen, pool)
     statements = [*levels(seen), *(paths := encoder_paths(seen))]
-    wrong = {s.run for s in paths if s.code}
+    wrong = {s.run for s in paths if s.code == "encoder_contradiction"}
     statements += (short := record_ends(seen))
+    cut = {s.run for s in short}  # of which a part of the motion is another than the whole
+    statements = [s for s in statements if s.code != "motion_contradiction" or s.run not in cut]
     reasons |= {s.run: reasons[s.run] | {"record": "nothing else is examined of a part of the motion"} for s in short}
     incomplete = {s.run for s in short}
     seen = [one.without_encoders() if one.name in wrong else one for one in seen if one.name not in incomplete]

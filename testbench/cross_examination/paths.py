@@ -14,9 +14,12 @@ from .statement import Statement
 
 SAME_PATH = 0.95
 """Correlation, of either sign, from which an encoder shows the same path as what it is compared with."""
+OTHER_PATH = 0.7
+"""Correlation below which an encoder shows another motion than the stored one."""
 UNIT_SHARE = 0.1
-"""Share by which the factor between two paths may differ from that of two units."""
+"""Share by which the factor between two paths may differ from one, or from that of two units."""
 DEGREES = 180.0 / np.pi
+UNLIKE = "the path of another motion or joint"
 LEAST_SHARE = 0.05
 """Of the fastest joint's speed, below which a joint is not compared."""
 LEAST_POWER = 1e-6
@@ -52,11 +55,13 @@ def encoder_paths(observations: Sequence[Observation]) -> list[Statement]:
                 wrong, witness = by_motion[channel], "the motion that is stored with the run"
             elif len(votes) > 1:
                 wrong, witness = max(set(votes), key=votes.count), "the other runs of this motion"
-                wrong = wrong if 2 * votes.count(wrong) > len(votes) else ""
+                wrong = wrong if 2 * votes.count(wrong) > len(votes) and not wrong.startswith(UNLIKE) else ""
             else:
                 continue
             code = "encoder_contradiction" if wrong else None
             stated = f"sign and unit of {channel} as in the rig"
+            if channel in by_motion and wrong.startswith(UNLIKE):
+                code, stated = "motion_contradiction", f"{channel} follows the motion of the run table"
             found.append(Statement(seen.name, "axis", None, stated, wrong or "they agree", witness, code))
     return found
 
@@ -77,8 +82,10 @@ def _errors(seen: Observation, wanted: dict[str, Floats]) -> dict[str, str]:
     correlation = products / np.sqrt(np.maximum(np.maximum(power, least) * own, 1e-300))
     correlation[:, (own < LEAST_SHARE**2 * own.max()) | (largest < LEAST_POWER * own)] = 0.0
     best = int(np.argmax((correlation**2).sum(axis=1)))
-    found = {}
+    found, unlike = dict[str, str](), dict[str, str]()
     for name, likeness, factor in zip(names, correlation[best], products[best] / np.maximum(own, 1e-300), strict=True):
+        if 0.0 < abs(likeness) < OTHER_PATH:
+            unlike[name] = f"{UNLIKE}: correlation of the speeds {likeness:.2f} at best"
         if abs(likeness) < SAME_PATH:
             continue
         wrong = ["reversed"] if likeness < 0.0 else []
@@ -86,8 +93,10 @@ def _errors(seen: Observation, wanted: dict[str, Floats]) -> dict[str, str]:
                             (1.0 / DEGREES, "the log is in rad where the rig says deg")):  # fmt: skip
             if abs(abs(factor) / ratio - 1.0) < UNIT_SHARE:
                 wrong.append(f"{abs(factor):.3g} times as far: {text}")
+        if abs(abs(factor) - 1.0) > UNIT_SHARE and not wrong:
+            unlike[name] = f"{UNLIKE}: {abs(factor):.3g} times as far"
         found[name] = "; ".join(wrong)
-    return found
+    return found if any(found.values()) else found | unlike
 
 
 def _sliding(whole: Floats, part: Floats) -> tuple[Floats, Floats]:

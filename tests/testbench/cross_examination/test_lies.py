@@ -19,7 +19,7 @@ from testbench.cross_examination.examination import Examination, _whose
 from testbench.cross_examination.observation import Observation
 from testbench.cross_examination.statement import Statement
 from testbench.rig import load_rig
-from testbench.rig.sensors import Accelerometer, ForceSensor, Wrench
+from testbench.rig.sensors import Accelerometer, Encoder, ForceSensor, Wrench
 from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign
 from testbench.store.ledger import read_ledger
@@ -165,6 +165,24 @@ def test_an_encoder_is_compared_with_other_runs(repeats):
     told, liars = LIES_BESIDE_REPEATS["encoder of one run reversed"].tell(runs, 0, np.random.default_rng(1))
     found = Witnesses().hear(told)
     assert {(s.run, s.code) for s in found.contradictions} == {(*liars, "encoder_contradiction")}
+
+
+@pytest.mark.parametrize("change", ["slower", "farther", "exchanged"])
+def test_encoders_beside_the_stored_motion(repeats, change):
+    """A motion that was another than the stored one, farther than that, or of the other joint."""
+    runs = repeats[0]
+    names = [column.channel for column in SIRun.of(runs[0]).rig.columns_of(Encoder)]
+    first, second = (runs[0].channel(name) for name in names[:2])
+    at = np.arange(len(first))
+    shown = {
+        "slower": [np.interp(0.6 * at, at, first), np.interp(0.6 * at, at, second)],
+        "farther": [first[0] + 1.3 * (first - first[0]), second[0] + 1.3 * (second - second[0])],
+        "exchanged": [first[0] + second - second[0], second[0] + first - first[0]],
+    }[change]
+    liar = with_values(with_values(runs[0], names[0], shown[0]), names[1], shown[1])
+    found = Witnesses().hear([liar, *runs[1:]]).contradictions
+    assert {(s.run, s.code) for s in found if "stored" in s.witness} == {(liar.name, "motion_contradiction")}
+    assert {s.run for s in found} == {liar.name}
 
 
 def test_witnessed_payload(campaign):
