@@ -49,6 +49,10 @@ class ClockMap:
         """Instants (n,) [s] of the own clock on the reference's, (n,) [s]."""
         return self.at_reference + (1.0 + self.drift) * (own - self.at_own)
 
+    def to_own(self, reference: Floats) -> Floats:
+        """Instants (n,) [s] of the reference's clock on the own one, (n,) [s]."""
+        return self.at_own + (reference - self.at_reference) / (1.0 + self.drift)
+
     def half_width(self, own: float) -> float:
         """Half of the 95 % interval of an instant's time on the reference's clock [s]."""
         share = np.array([1.0, own - self.at_own])

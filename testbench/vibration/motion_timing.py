@@ -1,10 +1,10 @@
 """When a run rests and moves, on the clock of its accelerometers: by command and encoders, else by what they feel.
 
-The command, else the encoders, say when and for how long anything moves on their own logger's clock. Where that is
-another one, the motion begins where the accelerometers cannot be predicted any more from what they showed before (an
-autoregression sees neither hum nor a mode of the floor begin, but a motion, to some milliseconds), and not later than
-where the power that is felt matches the power that is commanded. The former alone tells the rest where neither command
-nor encoders were logged.
+The command, else the encoders, say when and for how long anything moves on their own logger's clock, and on that of the
+accelerometers where an alignment is recorded or both loggers recorded a trigger. Elsewhere the motion begins where the
+accelerometers cannot be predicted any more from what they showed before (an autoregression sees neither hum nor a mode
+of the floor begin, but a motion, to some milliseconds), and not later than where the power that is felt matches the
+power that is commanded. The former alone tells the rest where neither command nor encoders were logged.
 """
 
 from collections.abc import Sequence
@@ -22,6 +22,7 @@ from ..kinematics.smoothing_and_derivatives import ALMOST
 from ..rig.sensors import Accelerometer, Encoder, Target
 from ..runs.si_run import SIRun
 from ..signal.filters import loaded_loops
+from ..synchronization.known_clocks import on_clock_of
 
 MARGIN_S = 0.006
 """Of a rest, before the motion."""
@@ -40,6 +41,8 @@ _RATE_HZ = 1000.0
 _WINDOW_S = 0.008
 _CERTAIN = 1e-9
 """Probability that a window is no motion, from which it is one."""
+RELATED_S = 0.003
+"""To which another clock is to be known, half of a 95 % interval, for what its logger tells of the motion."""
 _FADING_S = 0.08
 """In which the base forgets what it was shaken by, roughly."""
 _CELL_S = 0.004
@@ -61,7 +64,7 @@ class MotionTiming:
     unfelt: tuple[float, float] | None = None
     """The whole record, where a motion was commanded of which no accelerometer feels anything begin."""
     timed: bool = False
-    """Whether command or encoders tell it on the same clock."""
+    """Whether command or encoders tell it on the same clock, or on one that is related to it."""
 
     @classmethod
     def of(cls, run: SIRun, group: str) -> "MotionTiming":
@@ -81,6 +84,12 @@ class MotionTiming:
         if source == group:
             first, last = (at - run.time(group)[0] for at in span)
             return cls(_rest(first), (max(first, 0.0), min(last, seconds)), timed=True)
+        related = on_clock_of(run, np.array(span), source, group)
+        if related is not None and related[1] <= RELATED_S:
+            first, last = (float(at - run.instants(columns[0])[0]) for at in related[0])
+            if first < seconds and last > 0.0:
+                rest = None if span[0] <= time[0] else _rest(first)
+                return cls(rest, (max(first, 0.0), min(last, seconds)), timed=True)
         if span[0] <= time[0]:  # quiet accelerometers are no rest then, but a slow beginning
             return cls(None, (0.0, seconds))
         first, lag = beginning(signals, rate), coarse_lag(signals, rate, time, power)
