@@ -43,6 +43,8 @@ CERTAIN = 0.9
 that two short records show is as like itself at some shift, up to less."""
 LEAST_CORRELATION = 0.5
 """From which they are shifted to match about where their motions begin: below it noise is more than what repeats."""
+STANDS_OUT = 0.7
+"""Share of the largest correlation, below which all others are, away from it, that it is of what repeats alone."""
 BEGINS_S = {True: 0.003, False: 0.06}
 """To which it is known when a motion begins, by whether command or encoders tell it on the same clock [s]."""
 _SLOW = 0.2
@@ -354,8 +356,9 @@ def _lags(
     """By how many samples each run shows later what the first shows, and the sign with which it shows that of each
     place, (runs, places): a channel may be reversed.
 
-    None where it is not known of one: it is little like the first, and when its motion begins is not known. To shift
-    it until noise is most like noise would call noise what repeats.
+    None where it is not known of one: it is little like the first, and when its motion begins is not known, or known by
+    what is felt alone, which noise may hide for long. To shift it until noise is most like noise would call noise what
+    repeats.
     """
     size = 2 * count
     spectra, energies = [], []
@@ -374,13 +377,15 @@ def _lags(
         turned[(least > each.max(axis=1)) & (least > REVERSED * np.sqrt(own * energies[0]))] = -1.0
         both, energy = turned @ each, np.sqrt(own.sum() * energies[0].sum())
         best = int(np.argmax(both))
-        if both[best] < CERTAIN * energy:
+        if both[best] < CERTAIN * energy and (timed or not _stands_out(both, best, energy)):
             if begin is None or begins[0] is None:
                 return None
             later = begin - begins[0]
             shifts = np.arange(later - near, later + near + 1)
             best = int(shifts[np.argmax(both[shifts % size])] % size)
             if both[best] < LEAST_CORRELATION * energy:
+                if not timed:
+                    return None
                 lags.append(float(later))
                 continue
             if timed:
@@ -390,6 +395,18 @@ def _lags(
         lag = best + parabola_peak(both, best, periodic=True)[0]
         lags.append(lag - size if lag > count else lag)
     return lags, signs
+
+
+def _stands_out(both: Floats, best: int, energy: float) -> bool:
+    """Whether the largest of correlations by lag (n,) is more than noise makes, and none away from it is near it: a
+    mode of the floor is as much like itself a period away.
+    """
+    middle = len(both) // 2
+    around = np.roll(both, middle - best)
+    swung = np.flatnonzero(around <= 0.0)
+    last, first = swung[swung < middle].max(initial=0), swung[swung > middle].min(initial=len(both))
+    away = max(around[:last].max(initial=0.0), around[first:].max(initial=0.0))
+    return bool(both[best] > LEAST_CORRELATION * energy and away < STANDS_OUT * both[best])
 
 
 def _likelihood(spectra: np.ndarray, firsts: np.ndarray, about: int) -> Floats:

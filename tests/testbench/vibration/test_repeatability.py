@@ -280,6 +280,29 @@ def test_noise_is_not_what_repeats(begins, known, expected):
         np.testing.assert_allclose(found.lags, np.array(expected) * runs[0]["base_acc", "x"].rate_hz / 1000.0, atol=6.0)
 
 
+@pytest.mark.parametrize(
+    ("swing", "floor", "expected"),
+    [(1.0, (5.0, 80.0), 50.0), (0.0, (8.0, 14.0), None), (0.0, (5.0, 80.0), None)],
+)
+def test_what_is_felt_begins_late(swing, floor, expected):
+    """Where noise hides when a motion begins, repeats are moved by a likeness that stands out; else not at all.
+
+    Neither noise nor a mode of the floor, which is like itself at every period, is such a likeness.
+    """
+    rng, time, runs = np.random.default_rng(3), np.arange(2000) / 1000.0, []
+    for begin, felt in ((0.4, 0.42), (0.45, 0.75)):
+        after = np.maximum(time - begin, 0.0)
+        shown = swing * np.exp(-4.0 * after) * np.sin(2.0 * np.pi * 9.0 * after)
+        noise = Band(*floor).filtered(rng.standard_normal(len(time)), 1000.0)
+        shown = shown + 0.12 * noise / noise.std()
+        one = Amplitude.of(shown[None], 1000.0, Measure(), None, (felt, 1.8))[0]
+        runs.append({("base_acc", "x"): one})
+    found = Synchronous.of(runs)
+    assert (found is None) == (expected is None)
+    if found is not None:
+        assert found.lags[1] == pytest.approx(expected, abs=3.0)
+
+
 @pytest.mark.parametrize("seed", [1, 2, 5])
 def test_modes_of_the_floor_do_not_move_repeats(seed):
     """Beside modes of the floor, larger than what repeats, the lag is that of the command and of what repeats."""
