@@ -12,10 +12,19 @@ from balance.errors import CounterpoiseError, suggestion
 
 from ..errors import AnalysisError
 from ..figures import style
-from ..runs.joined_channels import interpolated
 from ..runs.si_run import SIRun
 from .page_contents import COMMAND, POSITIONS, columns_of, unit_of
-from .traces import Difference, Lag, Trace, channel_trace, difference, lag, motion_begins, recorded_trace
+from .traces import (
+    Difference,
+    Lag,
+    Trace,
+    between_samples,
+    channel_trace,
+    difference,
+    lag,
+    motion_begins,
+    recorded_trace,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -72,7 +81,8 @@ class RunTraces:
         made = [{**self.by_name[run].conditions, "repeat": None} for run in (first, second)]
         repeats = len(made[0]) > 1 and made[0] == made[1]
         telling = [pair for pair in shared if repeats or {one.kind for one in pair} == {POSITIONS}]
-        return lag(shared, commands, telling)
+        encoders = [pair for pair in both if {one.kind for one in pair} == {POSITIONS}]
+        return lag(shared, commands, telling, encoders)
 
     @lru_cache(None)  # noqa: B019
     def _moves(self, run: str, group: str) -> float | None:
@@ -103,7 +113,7 @@ class Overlay:
     time: Floats
     """On the clock of the first run's logger, (n,) [s]."""
     values: Floats
-    """Of each run at those instants, interpolated linearly but for the first, (runs, n) [unit]; NaN where none is."""
+    """Of each run at those instants, interpolated but for the first, (runs, n) [unit]; NaN where none is."""
     lags: tuple[Lag, ...]
     """How much later each further run shows the same on its own clock, (runs - 1)."""
     differences: tuple[Difference, ...]
@@ -174,7 +184,7 @@ def overlay(runs: "Sequence[Run]", channel: str) -> Overlay:
         late, found = traces.compared(first, name, channel)
         assert found is not None  # both have the channel, and they are not the same
         other = traces.of(name)[channel]
-        every.append(interpolated(*other.read(0, other.samples), time + late.seconds))
+        every.append(between_samples(*other.read(0, other.samples), time + late.seconds))
         lags.append(late)
         differences.append(found)
     return Overlay(channel, one.unit, tuple(runs), time, np.array(every), tuple(lags), tuple(differences))

@@ -17,10 +17,10 @@ from balance.report.plotted import PlottedChannel, plotted
 
 from ..errors import AnalysisError
 from ..rig import Column
-from ..runs.aligned_run import recorded_clocks
 from ..runs.joined_channels import interpolated
 from ..runs.si_run import SIRun
-from ..signal.filters import correlation_lag
+from ..signal.filters import correlation_peaks
+from ..synchronization.known_clocks import on_clock_of
 from ..vibration.amplitude import SAME_RATE
 from ..vibration.motion_timing import MARGIN_S, beginning
 from ..vibration.run_amplitudes import observed_resolution
@@ -34,6 +34,15 @@ AT_ONCE = 1 << 20
 """Samples that are read in one go; a whole number of blocks."""
 LOOKED_AT = 1 << 20
 """First samples of a run by which it is aligned and its noise is known."""
+TAPS = 16
+"""Samples to either side of an instant that a value there is interpolated from: a sine of 0.4 of the rate to 1e-3."""
+_KAISER = 8.0
+"""Of their window."""
+RIVALS = 24
+"""Peaks of a correlation that are looked at."""
+PERIODIC = "of a signal that is like itself a period later"
+DOUBTFUL = 10.0
+"""Logarithm of the ratio of likelihoods by which one lag is to be likelier than any other."""
 FOLLOWS = 0.9
 """Correlation from which two runs show the same and are aligned by it; of runs of two conditions it is no sign."""
 
@@ -53,6 +62,8 @@ class Trace:
     """Of its logger."""
     run: SIRun | None = None
     """Bound to its rig, where that names the channel."""
+    resolution: float = 0.0
+    """That the rig states [unit]; zero where it states none."""
 
     @cached_property
     def blocks(self) -> tuple[Floats, Floats]:
@@ -111,7 +122,8 @@ class Trace:
         spectrum = np.abs(np.fft.rfft(resting, 2 * count)) ** 2
         correlation = np.fft.irfft(spectrum)[: count // 4] / max(float(resting @ resting), 1e-300)
         freedom = max(count / (2.0 * float(correlation @ correlation) - 1.0) - 1.0, 1.0)
-        return max(float(resting.var(ddof=1)), observed_resolution(values[:count]) ** 2 / 12.0), freedom
+        shown, steps = float(resting.var(ddof=1)), max(observed_resolution(values), self.resolution) ** 2 / 12.0
+        return (shown, freedom) if shown > steps else (steps, np.inf)
 
 
 def channel_trace(run: SIRun, kind: str, name: str, unit: str, column: Column) -> Trace:
@@ -123,7 +135,7 @@ def channel_trace(run: SIRun, kind: str, name: str, unit: str, column: Column) -
         time = run.recorded.time(group.name, begin, end) - column.delay
         return time, run.preloaded(needed, begin, end).readings(column)
 
-    return Trace(kind, name, unit, group.samples, read, group.name, run)
+    return Trace(kind, name, unit, group.samples, read, group.name, run, column.resolution)
 
 
 def recorded_trace(run: "Run", group: "StoredGroup", index: int) -> Trace:
@@ -149,26 +161,40 @@ class Lag:
 Pairs = Sequence[tuple[Trace, Trace]]
 
 
-def lag(shared: Pairs, commands: Pairs, telling: Pairs) -> Lag:
+def lag(shared: Pairs, commands: Pairs, telling: Pairs, encoders: Pairs = ()) -> Lag:
     """Of a logger of a second run against that of a first, by the channels that both have, (first, second) each.
 
-    By the ``commands`` of both, where the loggers were aligned to them; else by that which shows the same most exactly
-    of ``telling``, channels that differ by noise alone; else by where all begin to move.
+    By the ``commands`` of both, where the loggers were aligned to them, or recorded a trigger with them; else by that
+    which shows the same most exactly of ``telling``, channels that differ by noise alone; else by ``encoders`` of other
+    loggers, as by commands; else by where all begin to move.
     """
-    for pair in commands:
-        if (found := _correlated(*pair)) is not None:
-            ends = [_on_clock_of(shown, command, at) for shown, command, at in
-                    zip(shared[0], pair, (0.0, found.seconds), strict=True)]  # fmt: skip
-            if ends[0] is not None and ends[1] is not None:
-                deviation = float(np.linalg.norm([found.deviation or 0.0, ends[0][1], ends[1][1]]))
-                return Lag(ends[1][0] - ends[0][0], deviation, f"the command, {pair[0].name}")
-    same = [found for pair in telling if (found := _correlated(*pair)) is not None]
+    if (found := _by_related(shared, commands, "the command")) is not None:
+        return found
+    same = [one for pair in telling if (one := _correlated(*pair)) is not None]
+    if sure := [one for one in same if one.deviation is not None]:
+        return min(sure, key=lambda one: one.deviation or 0.0)
+    if (found := _by_related(shared, encoders, "the encoder")) is not None:
+        return found
     if same:
-        return min(same, key=lambda one: one.deviation or 0.0)
+        return same[0]
     begins = [motion_begins([pair[i] for pair in shared]) for i in range(2)]
     if begins[0] is not None and begins[1] is not None:
         return Lag(begins[1] - begins[0], None, "the beginning of the motion")
     return Lag(shared[0][1].beginning[0] - shared[0][0].beginning[0], None, "the first sample")
+
+
+def _by_related(shared: Pairs, pairs: Pairs, what: str) -> Lag | None:
+    """By channels of any logger whose clock is related to that of the ``shared`` ones; None where none tells it."""
+    for pair in pairs:
+        found = _correlated(*pair)
+        if found is None or found.deviation is None:
+            continue
+        ends = [_on_clock_of(shown, given, at) for shown, given, at in
+                zip(shared[0], pair, (0.0, found.seconds), strict=True)]  # fmt: skip
+        if ends[0] is not None and ends[1] is not None:
+            deviation = float(np.linalg.norm([found.deviation, ends[0][1], ends[1][1]]))
+            return Lag(ends[1][0] - ends[0][0], deviation, f"{what}, {pair[0].name}")
+    return None
 
 
 def motion_begins(traces: Sequence[Trace]) -> float | None:
@@ -178,39 +204,59 @@ def motion_begins(traces: Sequence[Trace]) -> float | None:
     return None if found is None else seen[0][0] + found
 
 
-def _on_clock_of(shown: Trace, command: Trace, at: float) -> tuple[float, float] | None:
-    """An instant of the command's clock on that of the channel, and its standard uncertainty [s]; None: not aligned."""
-    if shown.group == command.group:
+def _on_clock_of(shown: Trace, given: Trace, at: float) -> tuple[float, float] | None:
+    """An instant of one channel's clock on that of another, and its standard uncertainty [s]; None: not related."""
+    if shown.group == given.group:
         return at, 0.0
-    clocks = recorded_clocks(shown.run) if shown.run else {}
-    if not {shown.group, command.group} <= clocks.keys():
-        return None
-    clock = clocks[shown.group]
-    instant = float(clocks[command.group].to_reference(np.array([at]))[0])
-    return clock.at_own + (instant - clock.at_reference) / (1.0 + clock.drift), clock.deviation
+    found = on_clock_of(shown.run, np.array([at]), given.group, shown.group) if shown.run else None
+    return None if found is None else (float(found[0][0]), found[1] / coverage_factor(np.inf))
 
 
 def _correlated(first: Trace, second: Trace) -> Lag | None:
     """By the correlation of one channel; None where both do not show the same, or not at one rate.
 
     Standard uncertainty sqrt((1 - r^2) / n) / w: r the correlation, w = RMS slope / RMS [rad/s], n = w T / pi as many
-    independent values as the signal has zeros, for what differs is no white noise.
+    independent values as the signal has zeros, for what differs is no white noise; not less than what the steps of both
+    leave open. None where another peak is as likely: one that is periodic matches itself a period later.
     """
     (start, rate, values), (other_start, other_rate, others) = first.beginning, second.beginning
     if abs(rate - other_rate) > SAME_RATE * rate or not (np.isfinite(values).all() and np.isfinite(others).all()):
         return None
-    found = correlation_lag(others, values, rate)
-    time, at = (np.arange(len(some)) / rate for some in (values, others))
-    both = (time + found >= 0.0) & (time + found <= at[-1])
-    pair = values[both], np.interp(time[both] + found, at, others)
-    if both.sum() < 8 or not all(np.ptp(one) > 0.0 for one in pair):
+    found = correlation_peaks(others, values, RIVALS)
+    if not found or (best := found[0]).correlation < FOLLOWS:
         return None
-    same = min(float(np.corrcoef(*pair)[0, 1]), 1.0)
-    if same < FOLLOWS:
-        return None
-    turn = float(np.std(np.diff(pair[0])) / np.std(pair[0])) * rate
-    deviation = np.sqrt((1.0 - same**2) * np.pi * rate / (turn * both.sum())) / turn
-    return Lag(found + other_start - start, float(deviation), f"the correlation of {first.name} ({same:.4f})")
+    steps = [max(one.resolution, observed_resolution(v)) for one, v in ((first, values), (second, others))]
+    apart = 1.0 - best.correlation**2 + sum(step**2 for step in steps) / (12.0 * float(np.var(values)))
+    free = best.turn * best.common / np.pi
+    shown = f"the correlation of {first.name} ({best.correlation:.4f})"
+    late = best.lag / rate + other_start - start
+    for other in found[1:]:
+        if free * np.log1p((best.correlation**2 - other.correlation**2) / apart) < 2.0 * DOUBTFUL:
+            away = 1e3 * abs(other.lag - best.lag) / rate
+            return Lag(late, None, f"{shown}, {PERIODIC} ({other.correlation:.4f} a further {away:.3g} ms away)")
+    return Lag(late, float(np.sqrt(apart / free)) / (best.turn * rate), shown)
+
+
+def between_samples(time: Floats, values: Floats, at: Floats) -> Floats:
+    """Values (n,) [any unit] at ``time`` (n,) [s] interpolated at other instants (m,) [s], (m,).
+
+    Band-limited, by TAPS samples to either side (sinc, Kaiser's window); next to ends and gaps linearly, NaN in them.
+    """
+    found = interpolated(time, values, at)
+    if len(time) <= 2 * TAPS or not at.size:
+        return found
+    place = np.interp(at, time, np.arange(len(time), dtype=float))
+    below = np.floor(place).astype(int)
+    total, weights = np.zeros((2, len(at)))
+    for tap in range(1 - TAPS, TAPS + 1):
+        away = place - (below + tap)
+        weight = np.sinc(away) * np.i0(_KAISER * np.sqrt(np.maximum(1.0 - (away / TAPS) ** 2, 0.0)))
+        total += weight * values[np.clip(below + tap, 0, len(values) - 1)]
+        weights += weight
+    step = float(np.median(np.diff(time)))
+    first, last = np.clip(below + 1 - TAPS, 0, len(time) - 1), np.clip(below + TAPS, 0, len(time) - 1)
+    even = (last - first == 2 * TAPS - 1) & (time[last] - time[first] < (2 * TAPS - 0.5) * step)
+    return np.where(even & (place > below) & np.isfinite(total) & np.isfinite(found), total / weights, found)
 
 
 @dataclass(frozen=True)
@@ -224,6 +270,14 @@ class Difference:
     """What the interval is of, or why there is none."""
 
 
+def _advice(late: Lag, shown: Trace) -> str:
+    """What would tell a lag that is not known."""
+    if PERIODIC in late.by:
+        return "; log a trigger, or a motion that does not repeat itself"
+    others = shown.run is not None and any(group.name != shown.group for group in shown.run.groups)
+    return "; testbench align would tell more" if others else "; an encoder on its logger would tell more"
+
+
 def difference(first: Trace, second: Trace, late: Lag, moves: Sequence[float | None]) -> Difference:
     """The second less the first at the first's instants, shifted by the lag; its interval by noise at rest and lag.
 
@@ -233,12 +287,14 @@ def difference(first: Trace, second: Trace, late: Lag, moves: Sequence[float | N
     def read(begin: int, end: int) -> tuple[Floats, Floats]:
         time, values = first.read(begin, end)
         at = time + late.seconds
-        return time, interpolated(*second.within(float(at[0]), float(at[-1])), at) - values
+        margin = 2.0 * TAPS * float(second.blocks[0][-1] - second.blocks[0][0]) / max(second.samples, 1)
+        near = second.within(float(at[0]) - margin, float(at[-1]) + margin)
+        return time, between_samples(*near, at) - values
 
     trace = Trace(first.kind, first.name, first.unit, first.samples, read)
     noises = first.noise(moves[0]), second.noise(moves[1])
     if late.deviation is None:
-        return Difference(trace, None, f"no interval: aligned by {late.by} alone; testbench align would tell more")
+        return Difference(trace, None, f"no interval: aligned by {late.by} alone{_advice(late, first)}")
     if noises[0] is None or noises[1] is None:
         return Difference(trace, None, "no interval: no rest before the motion shows the noise")
     _, rate, values = second.beginning

@@ -129,6 +129,50 @@ def correlation_lag(late: Floats, early: Floats, rate_hz: float) -> float:
     return (float(correlation_lags(len(late), len(early))[k]) + parabola_peak(both, k)[0]) / rate_hz
 
 
+@dataclass(frozen=True)
+class CorrelationPeak:
+    """A lag at which one record is like another."""
+
+    lag: float
+    """By how much later the first shows the same [samples]."""
+    correlation: float
+    """Of what both show at that lag, at most 1 [-]."""
+    turn: float
+    """RMS slope over RMS of what both have in common, [rad/sample]."""
+    common: int
+    """Samples that both show at that lag."""
+
+
+_FINE = 4
+"""Points a sample at which a correlation is looked at: between samples it is band-limited as the records are."""
+
+
+def correlation_peaks(late: Floats, early: Floats, most: int) -> list[CorrelationPeak]:
+    """Of ``late`` (n,) with ``early`` (m,) [any unit]: the ``most`` largest correlations, largest first."""
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    late, early = without_mean(late), without_mean(early)
+    size = next_fast_len(len(late) + len(early), real=True)
+    both = _FINE * irfft(rfft(late, size) * np.conj(rfft(early, size)), _FINE * size)
+    before, after = np.roll(both, 1), np.roll(both, -1)
+    peaks = np.flatnonzero((both >= before) & (both > after) & (both > 0.5 * max(float(both.max()), 1e-300)))
+    lags = (peaks + _FINE * len(early)) % (_FINE * size) / _FINE - len(early)
+    firsts, lasts = np.ceil(np.maximum(-lags, 0.0)), np.floor(np.minimum(len(early), len(late) - lags))
+    energies = [np.r_[0.0, np.cumsum(one**2)] for one in (early, late)]
+    found = []
+    for k, lag, first, last in zip(peaks, lags, firsts.astype(int), lasts.astype(int), strict=True):
+        move, height = parabola_peak(both, int(k), periodic=True)
+        there = np.clip(np.rint([first + lag, last + lag]).astype(int), 0, len(late))
+        power = (energies[0][last] - energies[0][first]) * (energies[1][there[1]] - energies[1][there[0]])
+        bend = 2.0 * both[k] - before[k] - after[k]
+        if last - first < 8 or not (power > 0.0 and bend > 0.0):
+            continue
+        turn = _FINE * float(np.sqrt(bend / both[k]))
+        same = min(float(height / np.sqrt(power)), 1.0)
+        found.append(CorrelationPeak(round(float(lag + move / _FINE), 6), same, turn, int(last - first)))
+    return sorted(found, key=lambda one: -one.correlation)[:most]
+
+
 def loaded_loops() -> ModuleType | None:
     """The compiled loops, if filters of long records have loaded them before; else none: nothing else pays alone."""
     return sys.modules.get(f"{__package__}.compiled_loops")

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from dataclasses import replace
 from threading import Thread
 
 import numpy as np
@@ -11,6 +12,7 @@ from testbench.cross_examination import Examination, Statement, examine
 from testbench.cross_examination.statement import accept
 from testbench.errors import AnalysisError, StoreError
 from testbench.recording import Channel, Group, UniformClock
+from testbench.report import traces
 from testbench.report.overlay import RunTraces, overlay
 from testbench.report.traces import AT_ONCE, BLOCK, Lag, Trace, difference, lag, motion_begins
 from testbench.report.viewer import Viewer
@@ -84,6 +86,52 @@ def test_repeats_differ_by_their_noise(late):
     apart = difference(*pairs[0], found, [motion_begins([one]) for one in pairs[0]])
     _, values = apart.trace.read(300, 3600)
     assert np.mean(np.abs(values) < apart.half_width) == pytest.approx(0.95, abs=0.03)
+
+
+def burst(shift, noise, seed, hertz, size=5.0):
+    """A wave of ``hertz`` that swells and fades, on a clock that began ``shift`` [s] later; with white noise."""
+    time = np.arange(4000) / RATE + shift
+    swell = np.where((time > 1.0) & (time < 3.0), np.sin(np.pi * (time - 1.0) / 2.0) ** 2, 0.0)
+    return size * swell * np.sin(2 * np.pi * hertz * time) + noise * np.random.default_rng(seed).normal(size=4000)
+
+
+@pytest.mark.parametrize("hertz", [40.0, 80.0, 150.0])
+def test_clocks_half_a_sample_apart(hertz):
+    """What a straight line between two samples leaves of a wave, up to 11 % of one of 150 Hz, is in no difference."""
+    pair = trace(burst(0.0, 0.005, 1, hertz)), trace(burst(0.2005, 0.005, 2, hertz))
+    found = lag([pair], [], [pair])
+    assert found.seconds == pytest.approx(-0.2005, abs=1e-3 / RATE)
+    apart = difference(*pair, found, [motion_begins([one]) for one in pair])
+    _, values = apart.trace.read(1200, 2800)
+    assert np.mean(np.abs(values) < apart.half_width) == pytest.approx(0.95, abs=0.03)
+
+
+def test_a_period_later_as_like():
+    """Of a wave in noise that a period hardly changes, the lag may be another one: no interval, and why."""
+    pair = trace(burst(0.0, 0.45, 1, 40.0)), trace(burst(0.0, 0.45, 2, 40.0))
+    found = lag([pair], [], [pair])
+    assert (found.deviation, traces.PERIODIC in found.by) == (None, True)
+    assert "log a trigger" in difference(*pair, found, [1.0, 1.0]).text
+
+
+def test_steps_are_no_certainty():
+    """Two equal records of an encoder differ by its steps, though it rests on one value."""
+    pair = [trace(np.round(pulse(0.0, 0.0, 1) / 1e-4) * 1e-4) for _ in range(2)]
+    apart = difference(*pair, lag([pair], [], [pair]), [1.0, 1.0])
+    assert apart.half_width == pytest.approx(1.96 * 1e-4 / 6**0.5, rel=0.02)
+
+
+def test_encoders_of_another_logger(monkeypatch):
+    """Where what vibrates tells no lag, encoders do, if their clock is related to that of the channel."""
+    felt = trace(pulse(0.0, 0.3, 1)), trace(pulse(0.0, 0.3, 2))
+    known = [
+        replace(one, group="controller", run=one) for one in (trace(pulse(0.0, 1e-4, 3)), trace(pulse(0.1, 1e-4, 4)))
+    ]
+    felt = tuple(replace(one, group="daq", run=one) for one in felt)
+    monkeypatch.setattr(traces, "on_clock_of", lambda run, at, source, group: (at + 2.0, 1.96e-3))
+    found = lag([felt], [], [], [known])
+    assert (found.seconds, found.by) == (pytest.approx(0.1, abs=1e-4), "the encoder, a")
+    assert found.deviation == pytest.approx(2.0**0.5 * 1e-3, rel=0.01)
 
 
 def test_a_difference_is_found():
