@@ -5,16 +5,21 @@ the base as A x''. One accelerometer does not determine the rotation phi''. But 
 behind the projection P = I - [S; A] [S; A]^+: with one accelerometer of three axes P keeps the components along the
 line from it to the sensor or, for the force on the supports, to the mechanism's centre of mass. No property of the base
 is needed.
+
+A base that turns at phi' holds a mechanism of linear momentum p, which moves on it, with the force -2 phi' x p besides
+(Coriolis). phi' is the integral of what A determines of phi'', and, of what it leaves open, of what the forces show by
+their lever from it. The turning that neither shows, about the line from one accelerometer to the mechanism's centre of
+mass, gives no force along that line.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from balance.arrays import Floats
 from balance.closure import Trajectory
-from balance.dynamics.moving_base import displacement_at
+from balance.dynamics.moving_base import displacement_at, skew
 from balance.dynamics.regressor import first_moment
 from balance.mechanism.forward_kinematics import poses
 from balance.mechanism.loop_constraints import Anchor
@@ -26,6 +31,12 @@ from .encoder_motion import rest_before
 
 NEAR = 1e-3
 """Lever below which the base's rotation is not taken out [m]."""
+RATE_LEVER = 0.02
+"""Lever below which forces do not tell how fast the base turns [m]."""
+_APART = 0.02
+"""Singular value of A, relative to the largest, below which accelerometers do not tell the base's motion."""
+_ROUNDED = 1e-9
+"""Turning of the base per acceleration of the mechanism that is none [rad/m]."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +98,64 @@ def projector(rows: Floats, accelerometers: Floats) -> Floats:
     inner = np.einsum("nij,nik->njk", seen, seen) + NEAR**2 * np.eye(6)
     whole = np.eye(seen.shape[1]) - np.einsum("nij,njk->nik", seen, np.linalg.solve(inner, seen.transpose(0, 2, 1)))
     return np.asarray(whole[:, :k])
+
+
+@dataclass(frozen=True)
+class BaseRates:
+    """How fast the base turns, by its accelerometers and, of what these leave open, by the forces on the supports.
+
+    A force f that the mechanism's inertia does not explain turns the base by phi'' = G f; Coriolis forces are among
+    those that turn it: phi'' = shown + G (2 phi' x p - W c).
+    """
+
+    shown: Floats
+    """phi'' by the accelerometers and all the forces that were measured, (n, 3) [rad/s2]."""
+    gains: Floats
+    """G, of the forces, (n, 3, k) [rad/s2/N]; zero where accelerometers tell it."""
+    step: float
+    """[s]"""
+
+    @classmethod
+    def of(
+        cls, rows: Floats, mass: float, forces: Floats, accelerometers: Floats, readings: Floats, step: float
+    ) -> "BaseRates":
+        """From ``rows`` S of the forces per ``mass`` [kg], ``forces`` (n, k) [N], A and ``readings`` (n, j) [m/s2]."""
+        sizes, motions = np.linalg.svd(accelerometers)[1:]
+        open_to = motions[int(np.count_nonzero(sizes > _APART * sizes[0])) :].T
+        levers = rows @ open_to
+        inner = np.einsum("nki,nkj->nij", levers, levers) + RATE_LEVER**2 * np.eye(open_to.shape[1])
+        gains = open_to[3:] @ np.linalg.solve(inner, levers.transpose(0, 2, 1)) / mass
+        gains[np.abs(gains) < _ROUNDED / mass] = 0.0
+        told = readings @ np.linalg.pinv(accelerometers, rcond=_APART).T
+        beside = forces - mass * np.einsum("nkm,nm->nk", rows, told)
+        return cls(told[:, 3:] + np.einsum("nik,nk->ni", gains, beside), gains, step)
+
+    @property
+    def by_forces(self) -> bool:
+        """Whether forces tell part of it."""
+        return bool(self.gains.any())
+
+    def rates(self, turning: Floats, momentum: Floats, axes: Sequence[int]) -> Floats:
+        """phi' from rest, of ``turning`` phi'' (n, 3, p) [rad/s2, or per parameter] beside what Coriolis forces make.
+
+        Those along ``axes``, which were measured, of the mechanism's ``momentum`` (n, 3) [kg m/s]; (n, 3, p).
+        """
+        half = 0.5 * self.step
+        pushed, found = half * (turning[1:] + turning[:-1]), np.zeros_like(turning)
+        if not self.by_forces:
+            np.cumsum(pushed, axis=0, out=found[1:])
+            return found
+        slowed = 2.0 * half * self.gains @ skew(momentum)[:, axes]
+        after = np.linalg.inv(np.eye(3) + slowed[1:])
+        carried, pushed = after @ (np.eye(3) - slowed[:-1]), after @ pushed
+        for i, one in enumerate(carried):  # trapezoidal
+            found[i + 1] = one @ found[i] + pushed[i]
+        return found
+
+
+def coriolis_force(rates: Floats, momentum: Floats) -> Floats:
+    """-2 phi' x p on the base, (n, 3, p) [N]: of rates (n, 3, 1 or p) [rad/s], momentum (n, 3, 1 or p) [kg m/s]."""
+    return -2.0 * np.cross(rates, momentum, axis=1)
 
 
 def sensor_rows(mechanism: Mechanism, path: Trajectory, sensor: Anchor, axes: Iterable[str]) -> Floats:

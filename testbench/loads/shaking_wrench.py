@@ -235,6 +235,8 @@ class MeasuredLoads:
     """Columns of P for the forces, (n, k, k)."""
     base_projection: Floats | None = None
     """Columns of P for the accelerometers, (n, k, channels)."""
+    rates: base_motion.BaseRates | None = None
+    """How fast the base turns; None: it is at rest."""
 
     @property
     def values(self) -> Floats:
@@ -294,5 +296,7 @@ def _on_grid(run: AlignedRun, wrench: MeasuredWrench, names: Sequence[str], band
     axes = [COMPONENTS.index(name) for name in names]
     rows = base_motion.force_rows(run.mechanism, run.trajectory(bandwidth_hz))[:, axes]
     share = base_motion.projector(rows, base.rows)
-    inertial = run.mechanism.total_mass * run.on_grid(base.group, base.time, base.values)
-    return MeasuredLoads(tuple(names), forces, groups, inertial, share[:, :, : len(axes)], share[:, :, len(axes) :])
+    mass, readings = run.mechanism.total_mass, run.on_grid(base.group, base.time, base.values)
+    rates = base_motion.BaseRates.of(rows, mass, forces, base.rows, readings, run.grid.step)
+    own, others = share[:, :, : len(axes)], share[:, :, len(axes) :]
+    return MeasuredLoads(tuple(names), forces, groups, mass * readings, own, others, rates)

@@ -72,6 +72,8 @@ UNSTATED = (
     'no interval contains it; state it, such as resolution = "0.04 deg"'
 )
 STEPS = "what the encoders' resolution leaves open"
+_ROUNDS, _SETTLED = 6, 0.05
+"""Rounds at most about the values found, and by how much of a standard deviation these still change when settled."""
 _LEAST_FREEDOM = 12.0
 """Of the rests of all runs, from which they tell the noise: to a fifth."""
 
@@ -146,7 +148,16 @@ def by_wrench(problem: TrimProblem) -> SourceEstimate:
     )
     findings += [f for one in every for f in one.findings]
     equations = _Equations(problem, every)
-    measured, within = equations.widened(equations.fit())
+    found = equations.fit()
+    for _ in range(_ROUNDS if any(one.about_values for one in every) else 0):
+        last = found.imbalance
+        every = [force_regression(run, problem.conditions, cutoff, last.values) for run in problem.runs]
+        equations = _Equations(problem, every)
+        found = equations.fit()
+        changed = np.abs(found.imbalance.values - last.values)
+        if (changed <= _SETTLED * np.sqrt(np.diag(found.imbalance.covariance))).all():
+            break
+    measured, within = equations.widened(found)
     base = "the base's motion taken out." if problem.runs[0].base is not None else "the base taken for still."
     about = f"Forces and model low-passed alike at {cutoff:g} Hz, clocks of the loggers aligned, {base}"
     doubts = () if all(run.base is not None for run in problem.runs) else (BASE_UNKNOWN,)

@@ -1,6 +1,8 @@
 """Regression of the measured forces, and of the motor torques, of a run on the balance conditions.
 
-Forces, both sides low-passed alike: P F + m P a = P W_F[pivots] c (see ``shaking_wrench``). Offsets and slow drifts of
+Forces, both sides low-passed alike: P (F + 2 phi' x p) + m P a = P W_F[pivots] c (see ``shaking_wrench``), with the
+momentum p = W_p[pivots] c on a base that turns at phi'. What of phi' is seen by the forces depends on c as well: the
+equations are those of first order about values of c. Offsets and slow drifts of
 each row, and small errors of the clocks (a delay of the forces, one of the accelerations), are nuisances.
 
 Torques, in which gravity turns the first moments and inertia shakes them: of W pi of the driven joints, loops closed,
@@ -9,14 +11,24 @@ what of the first moments balances), friction and the drives' own inertia are nu
 drifts and delays of the torques run by run.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
+from balance.arrays import Floats
 from balance.balancing.conditions import Conditions
-from balance.dynamics.regressor import driven_torque_regressor, joint_friction_regressor, wrench_regressor
+from balance.dynamics.regressor import (
+    driven_torque_regressor,
+    joint_friction_regressor,
+    momentum_regressor,
+    wrench_regressor,
+)
 from balance.estimation.first_moment_imbalance import condition_columns
 
 from ..errors import AnalysisError
-from ..loads.shaking_wrench import COMPONENTS, measured_loads
+from ..kinematics.base_motion import BaseRates, coriolis_force
+from ..kinematics.gaps import ValidSamples, true_segments
+from ..loads.shaking_wrench import COMPONENTS, NOTHING, MeasuredLoads, measured_loads
 from ..rig import Column
 from ..rig.sensors import Torque
 from ..runs.aligned_run import AlignedRun
@@ -33,8 +45,58 @@ LEAST_MOTION = 1e-2
 """Force of a first moment of 1 kg m below which nothing moves [1/s2]."""
 
 
-def force_regression(run: AlignedRun, conditions: Conditions, cutoff: float = CUTOFF_HZ) -> RunEquations:
-    """The equations of a run.
+class _TurningBase:
+    """What forces show of a mechanism on a base that turns, to first order about values of the conditions."""
+
+    def __init__(self, loads: MeasuredLoads, columns: Floats, momentum: Floats, values: Floats) -> None:
+        """Columns of force and momentum per condition, (n, 3, rank) each, about ``values`` (rank,) [kg m]."""
+        self.loads, self.axes = loads, [COMPONENTS.index(name) for name in loads.names]
+        self.columns, self.readings, self.rates = columns[:, self.axes], loads.forces, loads.rates
+        self.momentum = momentum @ values
+        if self.rates is None:
+            return
+        own = self._seen(self.rates, self.columns)
+        made = own @ values
+        turning = self.rates.rates(self.rates.shown[:, :, None], self.momentum, self.axes)[..., 0] - made
+        self.columns = self.columns + coriolis_force(turning[..., None], momentum)[:, self.axes] - self._held(own)
+        self.readings = self.readings - self._held(made[..., None])[..., 0]
+
+    @property
+    def by_forces(self) -> bool:
+        """Whether the forces, and so the values, tell how fast the base turns."""
+        return self.rates is not None and self.rates.by_forces
+
+    def _seen(self, rates: BaseRates, forces: Floats) -> Floats:
+        """Rates of the base that forces (n, k, p) [N, or per parameter] seem to show, (n, 3, p) [rad/s]."""
+        return rates.rates(rates.gains @ forces, self.momentum, self.axes)
+
+    def _held(self, rates: Floats) -> Floats:
+        """Coriolis force of rates (n, 3, p), (n, k, p) [N]."""
+        return coriolis_force(rates, self.momentum[:, :, None])[:, self.axes]
+
+    def projected(self, forces: Floats) -> Floats:
+        """A change of the forces (n, k) [N], with that of the rates that they show, behind P."""
+        if self.rates is not None and self.rates.by_forces:
+            forces = forces - self._held(self._seen(self.rates, forces[:, :, None]))[..., 0]
+        return self.loads.projected(forces)
+
+    def wander(self, valid: ValidSamples) -> Floats:
+        """Of rates that are integrals: offset and drift between gaps, (n, k, few) [N]; none where the base rests."""
+        found = [np.zeros((*self.readings.shape, 0))]
+        if self.rates is not None:
+            for part in true_segments(valid.kept > 0.0):
+                rates = np.zeros((len(valid.kept), 3, 6))
+                rates[part] = offset_and_drift(np.ones(part.stop - part.start), 3)
+                found.append(self._held(rates))
+        every = np.concatenate(found, axis=2)
+        size = np.abs(every).max(axis=(0, 1), initial=0.0)
+        return self.loads.projected(every[:, :, size > NOTHING * size.max(initial=0.0)])
+
+
+def force_regression(
+    run: AlignedRun, conditions: Conditions, cutoff: float = CUTOFF_HZ, values: Floats | None = None
+) -> RunEquations:
+    """The equations of a run, to first order about ``values`` (rank,) [kg m] of the conditions, or those of the file.
 
     Raises AnalysisError without force channels, with sensors at the end of their range, no motion, clocks that cannot
     be aligned, gaps that leave nothing.
@@ -48,26 +110,32 @@ def force_regression(run: AlignedRun, conditions: Conditions, cutoff: float = CU
     axes = [COMPONENTS.index(name) for name in loads.names]
     valid = run.valid_samples(bandwidth, loads.groups)
     refuse_no_motion(valid, path)
-    nuisance = [loads.projected(valid.rates(loads.forces))]
+    momentum = condition_columns(conditions, momentum_regressor(run.mechanism, path.q, path.v)[:, :3])
+    about = conditions.values(run.mechanism) if values is None else values
+    turning = _TurningBase(loads, columns, momentum, about)
+    nuisance = [turning.projected(valid.rates(loads.forces))]
     deviations = stated_deviations([run.run])
-    effects = {entry: loads.projected(change) for entry, change in force_effects(run, deviations, axes).items()}
+    effects = {entry: turning.projected(change) for entry, change in force_effects(run, deviations, axes).items()}
+    held = loads.projected(turning.readings)
     if run.base is not None and loads.inertial is not None:
+        held = held + loads.base_projected(loads.inertial)
         nuisance.append(loads.base_projected(valid.rates(loads.inertial)))
         of_base = reading_effects(loads.inertial, run.base.columns, deviations)
         effects |= {entry: loads.base_projected(change) for entry, change in of_base.items()}
     used = run.motion_span(bandwidth, MARGIN_PERIODS / cutoff)
-    own, whole, *delays = (
-        valid.low_pass(v, cutoff) for v in (loads.projected_regressor(columns), loads.values, *nuisance)
+    own, whole, wander, *delays = (
+        valid.low_pass(v, cutoff) for v in (loads.projected(turning.columns), held, turning.wander(valid), *nuisance)
     )
-    own, readings, *delays = (values[used] for values in (own, whole, *delays))
+    own, readings, wander, *delays = (values[used] for values in (own, whole, wander, *delays))
     before = slice(round(MARGIN_PERIODS / (cutoff * run.grid.step)), used.start)
     kept = valid.kept[used]
-    return RunEquations.of(
+    slow = [offset_and_drift(kept, len(axes)), wander]
+    equations = RunEquations.of(
         valid,
         cutoff,
         own,
         readings,
-        np.concatenate([offset_and_drift(kept, len(axes)), *(delay[:, :, None] for delay in delays)], axis=2),
+        np.concatenate([*slow, *(delay[:, :, None] for delay in delays)], axis=2),
         kept[:, None],
         motion_name(run),
         loads.names,
@@ -75,6 +143,7 @@ def force_regression(run: AlignedRun, conditions: Conditions, cutoff: float = CU
         {entry: valid.low_pass(change, cutoff)[used] for entry, change in effects.items()},
         None if valid.gaps else whole[before],
     )
+    return replace(equations, about_values=turning.by_forces)
 
 
 TORQUE_CUTOFF_HZ = 20.0

@@ -134,6 +134,8 @@ class RunEquations:
     (rows,) [N^2]; None where there is none."""
     freedom_at_rest: float = 0.0
     """How many are independent, less offset and drift [-]."""
+    about_values: bool = False
+    """Whether these are equations of first order about values of the conditions, to be made anew about those found."""
 
     @classmethod
     def of(
