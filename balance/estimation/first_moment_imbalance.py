@@ -5,8 +5,9 @@ is what is measured, one number a condition, and counter-masses m that would bal
 the measured c in place of C pi.
 
 Several sources are weighted by their covariances: c = (sum L_i)^-1 sum L_i c_i with L_i the inverse covariance of
-source i, zero where it determines nothing. Where they agree, sum (c_i - c)' L_i (c_i - c) is distributed as chi-square;
-covariances are estimates, so that it is compared with Fisher's F (per degree of freedom), which leaves more room.
+source i, zero where it determines nothing: what it takes from a file is no measurement. Where they agree,
+sum (c_i - c)' L_i (c_i - c) is distributed as chi-square; covariances are estimates, so that it is compared with
+Fisher's F (per degree of freedom), which leaves more room.
 """
 
 from collections.abc import Sequence
@@ -161,6 +162,15 @@ class Imbalance:
         added = float(combination @ self.covariance @ combination) / max(estimated, 1e-300)
         return min(self.regression.degrees_of_freedom(own) * max(added, 1.0) ** 2, 1e6)
 
+    @property
+    def weight(self) -> Floats:
+        """Inverse covariance of what was estimated, zero of what was fixed, (rank, rank) [1/(kg2 m2)].
+
+        What the fixed part may be wrong by is in the covariance of the estimated one, and no measurement of its own.
+        """
+        own = self.subspace.directions.T @ self.subspace.directions
+        return _inverse(own @ self.covariance @ own)
+
     def is_fixed(self, combination: Floats) -> bool:
         """Whether a combination (rank,) [-] of the conditions' values was not estimated but fixed."""
         own = np.abs(self.subspace.directions @ combination).max(initial=0.0)
@@ -285,7 +295,7 @@ class CombinedImbalance:
 
 def combine(sources: Sequence[Imbalance]) -> CombinedImbalance:
     """The sources together; each as excited as it must be for what is asked of it."""
-    weights = [_inverse(one.covariance) for one in sources]
+    weights = [one.weight for one in sources]
     whole = np.sum(weights, axis=0)
     covariance = _inverse(whole)
     rank = int(np.linalg.matrix_rank(whole, hermitian=True))

@@ -116,7 +116,7 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
         combined = self.imbalance
         rows = masses_per_value(self.conditions, self.mechanism, [one.site for one in self.missing], combined.values)
         gains = [np.eye(len(combined.values))] if len(self.estimates) < 2 else [
-            combined.covariance @ np.linalg.pinv(one.covariance, hermitian=True) for one in self.estimates
+            combined.covariance @ one.weight for one in self.estimates
         ]  # fmt: skip
         found = []
         for one, row in zip(self.missing, rows, strict=True):

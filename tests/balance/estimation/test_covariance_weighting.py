@@ -43,13 +43,15 @@ def test_agreement_is_chi_square(found):
     assert seen[1] > 0.7
 
 
-def test_what_a_source_holds_it_does_not_tell(found):
-    """A source that fixed one condition adds nothing there, whatever its value."""
+@pytest.mark.parametrize("by_file", [0.0, 0.05], ids=["not in the interval", "wrong by as much"])
+def test_what_a_source_holds_it_does_not_tell(found, by_file):
+    """A source that fixed one condition adds nothing there, whatever its value, and whatever it may be wrong by."""
     rank = found.rank
     unit = np.eye(rank)
     free = Subspace(unit[1:], np.zeros(rank))
     errors = np.full(rank, 0.1)
-    errors[0] = 0.0
+    errors[0] = by_file
     both = combine([source(found, [1.0] * rank, [0.1] * rank), source(found, [0.0] + [1.0] * (rank - 1), errors, free)])
     assert both.imbalance.values == pytest.approx(1.0)
     assert both.imbalance.estimate(unit[0]).standard_uncertainty == pytest.approx(0.1)
+    assert both.degrees_of_freedom == rank - 1
