@@ -159,7 +159,8 @@ class Imbalance:
             return self.constant_degrees_of_freedom
         own = self.coordinates(combination, len(self.regression.values))
         estimated = float(own @ self.regression.covariance @ own)
-        added = float(combination @ self.covariance @ combination) / max(estimated, 1e-300)
+        whole = float(combination @ self.covariance @ combination)
+        added = whole / max(estimated, 1e-9 * whole, 1e-300)
         return min(self.regression.degrees_of_freedom(own) * max(added, 1.0) ** 2, 1e6)
 
     @property

@@ -187,8 +187,7 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
     @property
     def predicted_residual_interval(self) -> tuple[float, float]:
         """From the least to the most that the conditions' intervals leave of it [kg m]."""
-        residual = np.abs(self._predicted)
-        half = np.array([0.0 if e is None else e.half_width() for _, e in self.values])
+        residual, half = np.abs(self._predicted), self._half_widths
         return float(np.maximum(residual - half, 0.0).max(initial=0.0)), float((residual + half).max(initial=0.0))
 
     @property
@@ -196,17 +195,31 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
         """Largest of the conditions as measured, with half its interval and what a doubtful source leaves unexplained,
         as a part of that without counter-masses.
 
-        Of one that no mass at the sites can change: by the file. Infinite where the runs do not tell one.
+        Of one that no mass at the sites can change: by the file, with what that may be wrong by. Infinite where the
+        runs do not tell one.
         """
         by_file, units = np.abs(self.conditions.values(self.mechanism)), np.eye(self.conditions.rank)
         each = [
-            abs(e.value) + e.half_width() if e else file if self.imbalance.is_fixed(unit) else np.inf
-            for (_, e), file, unit in zip(self.values, by_file, units, strict=True)
+            half + (abs(e.value) if e else file if self.imbalance.is_fixed(unit) else np.inf)
+            for (_, e), half, file, unit in zip(self.values, self._half_widths, by_file, units, strict=True)
         ]
         if not self.unbalanced > 0.0:
             return np.inf
         hidden = max((share.of_unbalanced for share in self.shares if share.doubtful), default=0.0)
         return float(max(each, default=np.inf) / self.unbalanced) + hidden
+
+    @property
+    def _half_widths(self) -> Floats:
+        """Of the conditions' values, (rank,) [kg m]: of one taken from the file, of what that may be wrong by.
+
+        Zero of one that the runs do not tell at all.
+        """
+        units = np.eye(self.conditions.rank)
+        each = [
+            e or (self.imbalance.estimate(unit) if self.imbalance.is_fixed(unit) else None)
+            for (_, e), unit in zip(self.values, units, strict=True)
+        ]
+        return np.array([0.0 if one is None else one.half_width() for one in each])
 
     def remaining(self) -> list[MissingMass]:
         """What each site lacks still, with the addition."""

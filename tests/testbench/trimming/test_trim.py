@@ -222,6 +222,29 @@ def test_a_centre_off_the_line_of_the_file_is_in_the_interval():
     assert second.first_moment.half_width() < abs(values[across]) * 1.5
 
 
+def test_what_the_file_tells_has_a_width():
+    """A hanging arm, balanced along its site, whose small swings tell nothing of its centre across: what the file may be
+    wrong by is in what is predicted, and were the rest certain, the arm would not be called balanced.
+    """
+    arm = load_mechanism("serial-1r")
+    home, conditions = float(arm.home[0]), balance_conditions(arm)
+    arm = replace(arm, gravity=9.81 * np.array([np.cos(home), np.sin(home), 0.0]))
+    largest, site = conditions.values(arm)[0], arm.counter_sites[0]
+    mounted = {site: largest / arm.lever_arm(site)}
+    run = linkages.run(arm, counter_masses=mounted, plate=False, seconds=20.0, amplitude=0.1)
+    found = trim_runs(memory.aligned([run], arm))
+    along, across = np.eye(2)
+    assert found.imbalance.is_fixed(across)
+    assert found.values[1][1] is None
+    deviation = found.imbalance.covariance[1, 1] ** 0.5
+    assert deviation == pytest.approx(0.01 * largest / np.sqrt(3.0))
+    sure = replace(found.imbalance, values=0.0 * along, covariance=np.diag([1e-12, deviation**2]))
+    certain = replace(found, imbalance=sure)
+    assert certain.predicted_residual_interval == pytest.approx((0.0, 1.96 * deviation), rel=1e-3, abs=1e-6)
+    assert certain.residual_share > 0.01
+    assert certain.verdict != "balanced"
+
+
 @pytest.mark.parametrize("mounted", [{}, {"counter_link_1": 5.0, "counter_link_2": 0.9}])
 def test_of_a_chain_what_is_missing_lies_along_its_sites(mounted):
     """Centres off the lines of the sites, which no mass there meets: the zero along each line, whatever is mounted."""
