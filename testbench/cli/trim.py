@@ -140,8 +140,7 @@ def _verdict(result: "Trim", stock: str | None) -> str:
         f"{low:z.4f} .. {high:z.4f}{', of simulated runs' if result.origin == 'simulated' else ''}. Verdict: {verdict}."
     )
     if verdict == "doubtful":
-        parts.append(
-            "Before anything is mounted, mend what is named below"
-            f"{' (testbench doctor CAMPAIGN RUN)' * bool(result.findings)}, and trim again."
-        )
+        doctor = " (testbench doctor CAMPAIGN RUN)" * bool(result.findings)
+        first = f"Doubtful: before anything is mounted, mend what is named below{doctor}, and trim again."
+        parts = [first, "As it stands:", *parts]
     return " ".join(parts)

@@ -54,6 +54,11 @@ BASE_UNKNOWN = (
     "which is taken for shaking force, and the intervals do not hold; record one (in the rig an accelerometer "
     'attached_to = "base")'
 )
+AXIS_UNKNOWN = (
+    "the accelerometers on the base leave out {}, along which the mechanism shakes: how the base moves along it is not "
+    "known, so that forces along it tell next to nothing; record it (in the rig a channel {} of an accelerometer "
+    'attached_to = "base")'
+)
 WEIGHTLESS = (
     "the rig's [bench] does not state weight = true: the weight's moment as the bodies move, which tilts the base, is "
     "left out"
@@ -160,9 +165,13 @@ def by_wrench(problem: TrimProblem) -> SourceEstimate:
     measured, within = equations.widened(found)
     base = "the base's motion taken out." if problem.runs[0].base is not None else "the base taken for still."
     about = f"Forces and model low-passed alike at {cutoff:g} Hz, clocks of the loggers aligned, {base}"
-    doubts = () if all(run.base is not None for run in problem.runs) else (BASE_UNKNOWN,)
+    doubts = [] if all(run.base is not None for run in problem.runs) else [BASE_UNKNOWN]
+    shaken = {str(row)[1] for one in every for row in one.record.rows}
+    shown = [{column.component for column in run.base.columns} for run in problem.runs if run.base is not None]
+    if left_out := " and ".join(sorted(axis for axis in shaken if any(axis not in one for one in shown))):
+        doubts.append(AXIS_UNKNOWN.format(left_out, left_out))
     return SourceEstimate(
-        "wrench", measured, (about, _jackknife(measured, within)), doubts, tuple(findings), problem.runs,
+        "wrench", measured, (about, _jackknife(measured, within)), tuple(doubts), tuple(findings), problem.runs,
         over_rest=_over_rest(measured, every),
     )  # fmt: skip
 

@@ -143,10 +143,11 @@ def test_a_doubtful_trim_says_what_to_do(campaign, monkeypatch):
     stated = Statement("r002", "payload", None, "8 kg", "5 kg", "the drives", "payload_contradiction")
     monkeypatch.setattr("testbench.cross_examination.examine", lambda *_: Examination(("r002",), (stated,), {}))
     first = " ".join(invoke(trim, campaign, "--by", "wrench", code=3).out.split("\n\n")[0].split())
-    assert (
-        "Verdict: doubtful. Before anything is mounted, mend what is named below (testbench doctor CAMPAIGN RUN)"
-        in first
+    assert first.startswith(
+        "Doubtful: before anything is mounted, mend what is named below (testbench doctor CAMPAIGN RUN), and trim"
     )
+    assert "As it stands: Add" in first
+    assert first.endswith("Verdict: doubtful.")
 
 
 def test_trim_for_people(aligned, tmp_path):

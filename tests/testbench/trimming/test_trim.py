@@ -223,8 +223,8 @@ def test_a_centre_off_the_line_of_the_file_is_in_the_interval():
 
 
 def test_what_the_file_tells_has_a_width():
-    """A hanging arm, balanced along its site, whose small swings tell nothing of its centre across: what the file may be
-    wrong by is in what is predicted, and were the rest certain, the arm would not be called balanced.
+    """A hanging arm, balanced along its site, whose small swings tell nothing of its centre across: what the file may
+    be wrong by is in what is predicted, and were the rest certain, the arm would not be called balanced.
     """
     arm = load_mechanism("serial-1r")
     home, conditions = float(arm.home[0]), balance_conditions(arm)

@@ -9,6 +9,8 @@ from balance.closure import Closure
 from balance.dynamics.regressor import first_moment
 from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
+from testbench import rig as rigs
+from testbench.cli.trim import _verdict
 from testbench.simulator.simulated_logs import MemoryRun
 from testbench.trimming import trim_runs
 
@@ -73,3 +75,13 @@ def test_the_coriolis_force_is_no_first_moment(places, half):
         moment = mass * one.lever_arm
         assert one.interval[0] < moment < one.interval[1]
         assert one.first_moment.half_width() < half * abs(moment)
+
+
+def test_an_axis_that_no_accelerometer_shows_is_named():
+    """Of a planar arm forces along x tell nothing where no accelerometer shows how the base moves along it."""
+    mechanism = load_mechanism("serial-2r")
+    run = turning_run(mechanism, "ab")
+    rig = rigs.rig_from_text(run.rig.replace('x = "aax", ', "").replace('x = "abx", ', ""))
+    found = trim_runs(memory.aligned([run], mechanism, rig), source="wrench")
+    assert found.doubts()[0].startswith("the accelerometers on the base leave out x, along which")
+    assert _verdict(found, None).startswith("Doubtful: before anything is mounted, mend what is named below, and trim")
