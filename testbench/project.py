@@ -250,6 +250,8 @@ def _problems(folder: Path, logs: Sequence[Path]) -> Iterator[Problem]:
             rig.bench.elastic()
         except DataError as error:
             yield from _rows(folder, RIG, error)
+    if rig is not None and rig.under_base:
+        yield Problem(RIG, rig.under_base)
     planned = [] if plan is None else plan.runs()
     if plan is not None:
         yield from _plan_problems(plan, planned, rig, model)

@@ -266,8 +266,10 @@ def measured_loads(run: AlignedRun, regressor: Floats, bandwidth_hz: float) -> t
 
     ``regressor`` (n, 3 or 6, p) [N, N m per parameter] says which components shake; where the base moves, of forces
     alone. P follows from positions smoothed below ``bandwidth_hz``. Raises AnalysisError where none is determined, a
-    sensor is at the end of its range, or clocks cannot be aligned.
+    sensor is at the end of its range or carries the base as well, or clocks cannot be aligned.
     """
+    if below := run.rig.under_base:
+        raise AnalysisError(f"{run.name}: {below}")
     wrench = shaking_wrench(run.run, bridged=True)
     for finding in wrench.findings:
         if finding.code not in {"constant_channel", *INTERPOLATED}:

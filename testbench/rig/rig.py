@@ -25,6 +25,8 @@ from .sensor_channels import LoggedSensor
 
 NONE = "none"
 """The mechanism of a rig that has none, such as a force plate alone."""
+MECHANISM_ON_BASE = ("mechanism", "base")
+"""What a force sensor is between that tells what the mechanism shakes with."""
 _BODIES, _JOINTS = {"body", "link"}, {"joint", "freejoint"}
 _SUFFIXES = (".xml", ".mjcf", ".urdf", ".sdf")
 
@@ -165,6 +167,21 @@ class Rig(Table):
     def supports(self) -> dict[str, kinds.Support]:
         """The sensors through which the mechanism stands on the base."""
         return self.of_kind(kinds.Wrench) | self.of_kind(kinds.ForceSensor)
+
+    @property
+    def under_base(self) -> str:
+        """Which force sensors carry the base as well, that they tell nothing of the mechanism, what to do; or empty."""
+        others = {n: s.between for n, s in self.supports.items() if s.between != MECHANISM_ON_BASE}
+        below = {n: f"between {' and '.join(between)}" for n, between in others.items()}
+        if not below and self.bench.rider is not None:
+            below = dict.fromkeys(self.supports, "under a part of the base (bench.rider)")
+        if not below:
+            return ""
+        return (
+            f"sensors {', '.join(below)}: force sensors {next(iter(below.values()))} carry what accelerates the base "
+            "as well and are not used for what the mechanism shakes with: put them between mechanism and base "
+            '(between = ["mechanism", "base"]), or tell it by the vibration of the base (trim --from vibration, trials)'
+        )
 
     @property
     def base_accelerometers(self) -> dict[str, kinds.Accelerometer]:

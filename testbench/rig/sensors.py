@@ -135,7 +135,8 @@ class Wrench(_Support):
     position: key_types.Point
     """Its origin in the base frame [m]."""
     between: tuple[str, str] = ("mechanism", "base")
-    """What it is between: the wrench is that of the first on the second."""
+    """What it is between: the wrench is that of the first on the second. Analyses take what is between these two alone
+    for what the mechanism shakes with."""
     stiffness: key_types.Stiffness = STIFFNESS
     """Stiffness of the support along each measured axis [N/m]."""
     turning_stiffness: key_types.TurningStiffness = TURNING_STIFFNESS
@@ -185,7 +186,8 @@ class ForceSensor(_Support):
     position: key_types.Point
     """Its place in the base frame [m]."""
     between: tuple[str, str] = ("mechanism", "base")
-    """What it is between: the force is that of the first on the second."""
+    """What it is between: the force is that of the first on the second. Analyses take what is between these two alone
+    for what the mechanism shakes with."""
     stiffness: key_types.Stiffness = STIFFNESS
     """Stiffness of the support along each measured axis [N/m]."""
 

@@ -147,6 +147,8 @@ class _Equations:
 
 def by_wrench(problem: TrimProblem) -> SourceEstimate:
     """By force sensors."""
+    if below := problem.runs[0].rig.under_base:
+        raise AnalysisError(f"{problem.names}: {below}")
     cutoff = problem.cutoff or CUTOFF_HZ
     every, problem, findings = _each(
         problem, AnalysisError, lambda run: force_regression(run, problem.conditions, cutoff)
@@ -287,7 +289,8 @@ def present_sources(problem: TrimProblem, one_mounting: bool) -> list[Source]:
     found: list[Source] = ["wrench"] if rig.supports else []
     if driven and driven >= set(problem.mounted.driven):
         found.append("torque")
-    if not found and rig.base_accelerometers and states_base(rig):
+    useless = found == ["wrench"] and rig.under_base
+    if (useless or not found) and rig.base_accelerometers and states_base(rig):
         found.append("vibration")
     return found
 

@@ -11,6 +11,8 @@ from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from testbench import rig as rigs
 from testbench.cli.trim import _verdict
+from testbench.errors import AnalysisError
+from testbench.project import project_problems
 from testbench.simulator.simulated_logs import MemoryRun
 from testbench.trimming import trim_runs
 
@@ -21,6 +23,13 @@ STEP = 1.0 / linkages.RATE
 TURN, PUSH = 0.01, 0.002
 """By how much the base turns [rad] and moves [m] at most."""
 PLACES = {"a": (0.3, -0.2), "b": (-0.25, -0.15)}
+RIDER = """
+[bench.rider]
+mass = "8 kg"
+centre = ["0 m", "-0.1 m", "0 m"]
+inertia = ["1 kg m^2", "1 kg m^2", "1 kg m^2"]
+[loggers.drive]
+"""
 ACCELEROMETER = """
 [sensors.base_{name}]
 kind = "accelerometer"
@@ -85,3 +94,24 @@ def test_an_axis_that_no_accelerometer_shows_is_named():
     found = trim_runs(memory.aligned([run], mechanism, rig), source="wrench")
     assert found.doubts()[0].startswith("the accelerometers on the base leave out x, along which")
     assert _verdict(found, None).startswith("Doubtful: before anything is mounted, mend what is named below, and trim")
+
+
+@pytest.mark.parametrize(
+    ("where", "says"),
+    [
+        (
+            ('kind = "force"', 'kind = "force"\nbetween = ["base", "floor"]'),
+            "plate: force sensors between base and floor",
+        ),
+        (("[loggers.drive]", RIDER), "plate: force sensors under a part of the base .bench.rider."),
+    ],
+)
+def test_forces_under_the_base_are_not_those_of_the_mechanism(tmp_path, where, says):
+    """They carry what accelerates the base: trim refuses them, and a project with them is told so."""
+    mechanism = load_mechanism("serial-2r")
+    run = turning_run(mechanism, "a")
+    rig = rigs.rig_from_text(run.rig.replace(*where))
+    with pytest.raises(AnalysisError, match=rf"{says} carry .* not used .*between mechanism and base"):
+        trim_runs(memory.aligned([run], mechanism, rig))
+    (tmp_path / "rig.toml").write_text(rig.text, encoding="utf-8")
+    assert [p.file for p in project_problems(tmp_path) if p.message == rig.under_base] == ["rig.toml"]
