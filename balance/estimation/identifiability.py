@@ -66,10 +66,10 @@ class Identifiability:
 
     @property
     def weakest(self) -> Annotated[str, Key()]:
-        """The base parameters that the motion hardly distinguishes; offsets only where there are no others."""
+        """The base parameters that the motion hardly distinguishes, offsets of further runs left out."""
         size = np.abs(self.weak)
         names = [self.text(int(k)) for k in np.argsort(-size) if size[k] > _LARGE * size.max()]
-        return ", ".join([name for name in names if not name.startswith("offset[")] or names)
+        return ", ".join(name for name in names if not name.startswith("offset[") or ", " not in name)
 
     @property
     def errors_per_unit(self) -> Annotated[list[dict[str, Any]], Key("base_parameters")]:

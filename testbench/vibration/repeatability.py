@@ -373,8 +373,12 @@ def _lags(
     lags, signs = [0.0], np.ones((len(runs), len(places)))
     for turned, spectrum, own, begin in zip(signs[1:], spectra[1:], energies[1:], begins[1:], strict=True):
         each = np.fft.irfft(spectrum * np.conj(spectra[0]), size)
-        least = -each.min(axis=1)
-        turned[(least > each.max(axis=1)) & (least > REVERSED * np.sqrt(own * energies[0]))] = -1.0
+        # Where the lag is known a tone half a period away is no reversed channel.
+        at = np.arange(size)
+        if timed and begin is not None and begins[0] is not None:
+            at = np.arange(begin - begins[0] - near, begin - begins[0] + near + 1) % size
+        least = -each[:, at].min(axis=1)
+        turned[(least > each[:, at].max(axis=1)) & (least > REVERSED * np.sqrt(own * energies[0]))] = -1.0
         both, energy = turned @ each, np.sqrt(own.sum() * energies[0].sum())
         best = int(np.argmax(both))
         if both[best] < CERTAIN * energy and (timed or not _stands_out(both, best, energy)):
