@@ -129,6 +129,12 @@ def exchanged_axes(run: MemoryRun, rng: np.random.Generator) -> MemoryRun:
     return with_values(with_values(run, "AccX", y), "AccY", x)
 
 
+def turned(run: MemoryRun, rng: np.random.Generator) -> MemoryRun:
+    """The accelerometer on the base turned by 90 degrees about its axis z, either way."""
+    x, y, way = run.channel("AccX"), run.channel("AccY"), float(rng.choice([-1.0, 1.0]))
+    return with_values(with_values(run, "AccX", way * y), "AccY", -way * x)
+
+
 def scaled(run: MemoryRun, factor: float) -> MemoryRun:
     """All channels of the accelerometer on the base times a factor."""
     for channel in ("AccX", "AccY", "AccZ"):
@@ -297,6 +303,8 @@ LIES = {
     "force channel turned": Lie(_one(turned_force), frozenset({"force_sign"})),
     "record cut in mid-motion": Lie(_one(cut_short), frozenset({"short_record"})),
     "accelerometer reversed in all runs": Lie(_all(reversed_sensor), frozenset({"sign_contradiction"})),
+    "accelerometer turned in one run": Lie(_one(turned), frozenset({"axis_contradiction"})),
+    "accelerometer turned in all runs": Lie(_all(turned), frozenset({"axis_contradiction"})),
 }
 
 
@@ -309,6 +317,7 @@ LIES_BESIDE_REPEATS = {
     "encoders in degrees": Lie(_all(in_degrees), ENCODERS),
     "axes exchanged in one run": LIES["axes exchanged in one run"],
     "record cut in mid-motion": LIES["record cut in mid-motion"],
+    "accelerometer turned in one run": LIES["accelerometer turned in one run"],
 }
 """Told of three repeats, each side, of a machine whose motion drives its joints."""
 

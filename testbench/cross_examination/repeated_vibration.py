@@ -1,19 +1,22 @@
 """Axes and signs of accelerometers against those of a run's repeats, which needs no model of the base."""
 
 from collections.abc import Sequence
-from itertools import combinations
+from dataclasses import dataclass
+from itertools import combinations, permutations
 
 import numpy as np
 
 from balance.arrays import Floats
 
+from .mounting import Signs, exchanged_axes, exchanges, signs_of
 from .observation import Observation
 from .statement import Statement
 
 FOLLOWS = 0.9
 """Correlation of an axis, or of two together, from which one run shows what the other does."""
 EXCHANGED = 0.35
-"""Two axes are exchanged, or one reversed, where that leaves less than this share of what stays unexplained without."""
+"""Axes are exchanged, or one reversed, where that leaves less than this share of what stays unexplained without; those
+that are also reversed where all else, such as two that are reversed and not exchanged, leaves more."""
 MOST_REPEATS = 5
 """With which a run is compared."""
 DECIDED = 0.5
@@ -30,21 +33,56 @@ class _Vibration:
         self.seen, self.condition, self.commanded, self.size = seen, seen.condition, seen.commanded, size
         self.spectra, self.power = rfft(values, size, axis=0).T, (values**2).sum(axis=0)
 
-    def likeness(self, other: "_Vibration", axes: list[int]) -> tuple[float, float]:
-        """Correlation of axes with those of another, as they are, and exchanged or one reversed, at best lag [-]."""
+    def likeness(self, other: "_Vibration", axes: list[int]) -> "_Likeness":
+        """Axes compared with those of another run, at best lag: as they are, and exchanged or one reversed."""
         from scipy.fft import irfft
 
         power = max(float(self.power[axes].sum() * other.power[axes].sum()) ** 0.5, 1e-300)
-        one, turned = self.spectra[axes], other.spectra[axes].conj()
-        sign = 1.0 if len(axes) > 1 else -1.0
-        products = np.stack([(one * turned).sum(axis=0), sign * (one * turned[::-1]).sum(axis=0)])
-        own, otherwise = irfft(products, self.size).max(axis=1)
-        return float(own / power), float(otherwise / power)
+        lags = irfft(self.spectra[axes][:, None] * other.spectra[axes].conj()[None, :], self.size)
+
+        def best(order: Sequence[int], signs: Signs) -> float:
+            each = (sign * lags[n, k] for n, (k, sign) in enumerate(zip(order, signs, strict=True)))
+            return float(sum(each).max()) / power
+
+        same, every = tuple(range(len(axes))), signs_of(len(axes))
+        own = best(same, every[0])
+        if len(axes) == 1:
+            return _Likeness(own, best(same, every[1]), same, every[1])
+        plain, order = max((best(order, every[0]), order) for order in exchanges(len(axes)))
+        turned, turn, signs = max((best(o, s), o, s) for o in exchanges(len(axes)) for s in every)
+        stay = [o for o in permutations(same) if o not in exchanges(len(axes))]
+        without = max(best(o, s) for o in stay for s in every)
+        if not _remainder(turned) < EXCHANGED * _remainder(max(without, plain if len(axes) == 2 else 0.0)):
+            return _Likeness(own, plain, order, every[0], is_told=len(axes) == 2)
+        flipped = (best(turn, (*signs[:n], -signs[n], *signs[n + 1 :])) for n in same)
+        told = [_remainder(turned) < EXCHANGED * _remainder(one) for one in flipped]
+        return _Likeness(own, turned, turn, tuple(np.multiply(signs, told).tolist()))
+
+
+@dataclass(frozen=True)
+class _Likeness:
+    """Correlations of axes with those of another run [-]."""
+
+    own: float
+    otherwise: float
+    """Exchanged, or reversed."""
+    order: tuple[int, ...]
+    """Of the axes exchanged: the axis of the other run that each shows."""
+    signs: Signs
+    """Of each in that; 0 where that is not told."""
+    is_told: bool = True
+    """Whether exchanging fewer axes would explain less."""
+
+    @property
+    def inverse(self) -> tuple[tuple[int, ...], Signs]:
+        """Order and signs seen from the other run."""
+        order = tuple(self.order.index(n) for n in range(len(self.order)))
+        return order, tuple(self.signs[n] for n in order)
 
 
 def repeated_vibration(observations: Sequence[Observation]) -> list[Statement]:
-    """Pairs of axes of an accelerometer that in one run show, each, what the other shows in a repeat, and single axes
-    that show the opposite.
+    """Axes of an accelerometer that in one run show, each, what another shows in a repeat, or its opposite, as those of
+    a sensor do that was turned; and single axes that show the opposite.
 
     Which of the two is wrong other runs of the motion tell, that show the same; else both are named.
     """
@@ -55,32 +93,36 @@ def repeated_vibration(observations: Sequence[Observation]) -> list[Statement]:
         shown = [(seen, seen.vibrations[channels]) for seen in observations if channels in seen.vibrations]
         size = next_fast_len(2 * max(len(values) for _, values in shown), real=True)
         having = [_Vibration(seen, values, size) for seen, values in shown]
-        for pair in combinations(range(len(channels)), 2):
-            found += _statements(channels, list(pair), having)
-        known = {(one.run, one.channel) for one in found if one.code}
-        signs = [one for axis in range(len(channels)) for one in _statements(channels, [axis], having) if one.code]
-        found += [one for one in signs if (one.run, one.channel) not in known]
+        told = dict[int, list[Statement]]()
+        for count in range(min(len(channels), 3), 0, -1):
+            known = {(one.run, one.channel) for of_more in told.values() for one in of_more if one.code}
+            sets = combinations(range(len(channels)), count)
+            about = [one for chosen in sets for one in _statements(channels, list(chosen), having)]
+            told[count] = [one for one in about if (one.code or count == 2) and (one.run, one.channel) not in known]
+        found += [one for of_as_many in told.values() for one in of_as_many]
     return found
 
 
 def _statements(channels: tuple[str, ...], chosen: list[int], having: Sequence[_Vibration]) -> list[Statement]:
-    """Of two axes that may be exchanged, or of one that may be reversed."""
-    same, exchanged = dict[str, str](), dict[str, set[str]]()
+    """Of two or three axes that may be exchanged, or of one that may be reversed."""
+    same, exchanged = dict[str, str](), dict[str, dict[str, str]]()
+    axes = [channels[i] for i in chosen]
     for n, one in enumerate(having):
         repeats = [other for other in having[n + 1 :] if other.condition == one.condition]
         for other in repeats[:MOST_REPEATS]:
-            own, crosswise = one.likeness(other, chosen)
+            found = one.likeness(other, chosen)
+            own, crosswise = found.own, found.otherwise
             names = one.seen.name, other.seen.name
             if own > FOLLOWS and own > crosswise:
                 same |= dict([names, names[::-1]])
-            if not (crosswise > FOLLOWS and _remainder(crosswise) < EXCHANGED * _remainder(own)):
+            if not (found.is_told and crosswise > FOLLOWS and _remainder(crosswise) < EXCHANGED * _remainder(own)):
                 continue
             ahead = _votes(one, having, chosen) - _votes(other, having, chosen)
             apart = DECIDED * (crosswise - own)
-            for (name, beside), more in ((names, ahead), (names[::-1], -ahead)):
+            seen_from = ((names, ahead, (found.order, found.signs)), (names[::-1], -ahead, found.inverse))
+            for (name, beside), more, how in seen_from:
                 if more < apart:
-                    exchanged.setdefault(name, set()).add(beside)
-    axes = [channels[i] for i in chosen]
+                    exchanged.setdefault(name, {})[beside] = exchanged_axes(axes, *how, "shows", "shows")
     statements = []
     for seen in (one.seen for one in having):
         columns = [seen.records[name].column for name in axes if name in seen.records]
@@ -92,7 +134,7 @@ def _statements(channels: tuple[str, ...], chosen: list[int], having: Sequence[_
         if not others:
             witnessed = f"they show the same as in {same[seen.name]}"
         elif what == "axis":
-            witnessed = f"axes exchanged{where}: each shows what the other shows in {others[0]}"
+            witnessed = f"axes exchanged{where}: {exchanged[seen.name][others[0]]} in {others[0]}"
         else:
             witnessed = f"reversed{where}: it shows the opposite of what it shows in {others[0]}"
         stated = ", ".join(f"{name} is axis {one.component}" for name, one in zip(axes, columns, strict=True))
@@ -110,8 +152,8 @@ def _votes(one: _Vibration, having: Sequence[_Vibration], axes: list[int]) -> fl
     for other in having:
         if other is one or other.commanded != one.commanded:
             continue
-        own, crosswise = one.likeness(other, axes)
-        total += own - crosswise if max(own, crosswise) > FOLLOWS else 0.0
+        found = one.likeness(other, axes)
+        total += found.own - found.otherwise if max(found.own, found.otherwise) > FOLLOWS else 0.0
     return total
 
 

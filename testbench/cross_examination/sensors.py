@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Collection, Sequence
-from itertools import combinations
+from itertools import combinations, permutations
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from balance.units import G0
 
 from ..rig import Column
 from ..rig.sensors import Torque
+from .mounting import Signs, exchanged_axes, exchanges, signs_of
 from .observation import ABOVE_NOISE, Observation, Response
 from .statement import Statement
 
@@ -24,7 +25,8 @@ ABOVE_LACKS = 2.0
 dead channel [-]."""
 WHOLE = 0.95
 """Opposition, of all axes of a sensor on the base together, from which the model of the base proves right in all but
-the sign: of 300 honest pairs whose rigs state 0.01 to 100 times the stiffness none exceeds 0.92."""
+the sign: of 300 honest pairs whose rigs state 0.01 to 100 times the stiffness none exceeds 0.92. So does one axis that
+is as large as what another should show, and its opposite, where the other shakes too little to follow it."""
 REVERSED = -0.8
 """Correlation with its load below which a force channel is reversed."""
 LARGE = 0.1
@@ -45,7 +47,13 @@ FLAT = 0.1
 OTHER_RUN = 3.0
 """Factor of reading over model, inverse in the other run of a pair, from which runs or counter-masses are exchanged."""
 EXCHANGED = 0.35
-"""Remainder with two axes exchanged over that without from which they are exchanged."""
+"""Remainder with axes exchanged over that without from which they are exchanged; those that are also reversed over that
+with any axes reversed, and of three over that with two exchanged."""
+UNLIKE, LIKE = 0.5, 1.0 / 3.0
+"""Remainder of axes as they are above which they may be exchanged, and below which they follow the model: correlations
+of 0.58 and 0.71, in between nothing is known."""
+SIGN_SHOWN = 0.7
+"""Correlation from which a channel's sign is witnessed."""
 ACCELERATION: tuple[str, ...] = ("acceleration",)
 UNITS: dict[tuple[str, ...], str] = {ACCELERATION: "m/s2", ("force",): "N", ("moment",): "N m"}
 MANY_STEPS = 8
@@ -214,39 +222,87 @@ class _Others:
 
 
 def _exchanged(seen: Observation, one: Response, others: _Others) -> list[Statement]:
-    """Pairs of axes of a sensor of which each follows what the other should show.
+    """Axes of a sensor of which each follows what another should show; of an accelerometer also its opposite, as where
+    the sensor was turned.
 
-    Of forces, torques and commands, whose sizes differ more, where both follow the model in other runs.
+    Of forces, torques and commands, whose sizes differ more, where both follow the model in other runs. Axes that do
+    not follow the model as they are, nor exchanged, are stated nothing of.
     """
-
-    def remainder(of: tuple[int, int], by: tuple[int, int]) -> float:
-        """What expectations ``by`` leave of channels ``of``, over the power of both: 0 nothing, 1 all, 2 opposed."""
-        fitting, expected = one.yp[of, by].sum(), one.pp[by, by].sum()
-        if not fitting > 0.0:
-            return 2.0
-        scale = fitting / max(expected, 1e-300)
-        power = one.yy[of, of].sum() + scale**2 * expected
-        return float((power - 2.0 * scale * fitting) / max(power, 1e-300))
-
-    found = []
-    for i, k in combinations(range(len(one.columns)), 2):
+    found, wrong_axes, following = list[Statement](), set[int](), list[tuple[int, int]]()
+    axes = range(len(one.columns))
+    if len(axes) == 3 and _is_accelerometer(one.columns[0]) and one.witnessed.all():
+        stay = [order for order in permutations(axes) if order not in exchanges(3)]
+        without = min(_remainder(one, axes, order, signs) for order in stay for signs in signs_of(3))
+        turned, order, signs = min(
+            (_remainder(one, axes, o, signs), o, signs) for o in exchanges(3) for signs in signs_of(3)
+        )
+        own = _remainder(one, axes, axes, signs_of(3)[0])
+        if own > UNLIKE and turned < EXCHANGED * without and min(_crossed(one, axes, order, signs)) > PROVEN:
+            found += _axes(seen, one, axes, exchanged_axes(_names(one, axes), order, signs, "follows", "should show"))
+            return found
+    for pair in combinations(axes, 2):
+        i, k = pair
         if not (one.witnessed[i] or one.witnessed[k]) or one.columns[i].dimensions != one.columns[k].dimensions:
             continue
-        own, crosswise = remainder((i, k), (i, k)), remainder((i, k), (k, i))
-        names = [one.columns[n].channel for n in (i, k)]
-        strong, weak = (i, k) if one.expected[i] > one.expected[k] else (k, i)
-        crossed = one.yp[weak, strong] / max(one.readings[weak] * one.expected[strong], 1e-300)
-        wrong = own > 0.5 and crosswise < EXCHANGED * min(own, 1.0) and crossed > PROVEN
+        order = pair[::-1]
+        own, crosswise = (_remainder(one, pair, by, (1, 1)) for by in (pair, order))
+        strong = int(one.expected[i] <= one.expected[k])  # of the pair, the place of the axis that shakes more
+        wrong = own > UNLIKE and crosswise < EXCHANGED * min(own, 1.0)
+        wrong, signs = wrong and _crossed(one, pair, order, (1, 1))[1 - strong] > PROVEN, (1, 1)
         if not _is_accelerometer(one.columns[i]):
-            wrong = wrong and others.is_large(one, strong) and all(others.follow(seen, one, n) for n in (i, k))
-        found += [
-            Statement(seen.name, "axis", channel, f"{names[0]} is axis {one.columns[i].component}, {names[1]} axis "
-                      f"{one.columns[k].component} by the rig",
-                      "axes exchanged: each follows what the other should show" if wrong else "as the rig states",
-                      "the model of the motion", "axis_contradiction" if wrong else None)
-            for channel in (names if wrong else names[:1])
-        ]  # fmt: skip
+            large = others.is_large(one, pair[strong])
+            wrong = wrong and large and all(others.follow(seen, one, n) for n in pair)
+        elif own > UNLIKE and not wrong:
+            without = min(_remainder(one, pair, pair, signs) for signs in signs_of(2))
+            crosswise, signs = min((_remainder(one, pair, order, signs), signs) for signs in signs_of(2))
+            crossed = _crossed(one, pair, order, signs)
+            gain = crossed[1 - strong] * one.readings[pair[1 - strong]] / max(one.expected[pair[strong]], 1e-300)
+            alone = crossed[1 - strong] > WHOLE and 1.0 / GAIN_FACTOR < gain < GAIN_FACTOR
+            wrong = crosswise < EXCHANGED * without and (min(crossed) > PROVEN or alone)
+            signs = tuple(sign if follows > PROVEN else 0 for sign, follows in zip(signs, crossed, strict=True))
+        if wrong:
+            found += _axes(seen, one, pair, exchanged_axes(_names(one, pair), (1, 0), signs, "follows", "should show"))
+            wrong_axes |= set(pair)
+        elif own < LIKE:
+            following.append(pair)
+    return found + [s for pair in following if not wrong_axes & set(pair) for s in _axes(seen, one, pair)]
+
+
+def _names(one: Response, axes: Sequence[int]) -> list[str]:
+    return [one.columns[n].channel for n in axes]
+
+
+def _remainder(one: Response, of: Sequence[int], by: Sequence[int], signs: Signs) -> float:
+    """What expectations ``by``, each with its sign, leave of channels ``of``, over the power of both: 0 nothing, 1 all,
+    2 opposed.
+    """
+    of, by = list(of), list(by)
+    fitting, expected = float(one.yp[of, by] @ np.array(signs)), one.pp[by, by].sum()
+    if not fitting > 0.0:
+        return 2.0
+    scale = fitting / max(expected, 1e-300)
+    power = one.yy[of, of].sum() + scale**2 * expected
+    return float((power - 2.0 * scale * fitting) / max(power, 1e-300))
+
+
+def _crossed(one: Response, of: Sequence[int], by: Sequence[int], signs: Signs) -> list[float]:
+    """Correlation of each of channels ``of`` with the expectation of that at its place in ``by``, with its sign [-]."""
+    sizes = one.readings[list(of)] * one.expected[list(by)]
+    found: list[float] = (np.array(signs) * one.yp[list(of), list(by)] / np.maximum(sizes, 1e-300)).tolist()
     return found
+
+
+def _axes(seen: Observation, one: Response, axes: Sequence[int], exchanged: str | None = None) -> list[Statement]:
+    """Of axes that follow the model as the rig states, or ``exchanged``: what each follows."""
+    names = _names(one, axes)
+    first, *rest = (f"axis {one.columns[n].component}" for n in axes)
+    stated = ", ".join([f"{names[0]} is {first}", *(f"{n} {axis}" for n, axis in zip(names[1:], rest, strict=True))])
+    witnessed = f"axes exchanged: {exchanged}" if exchanged else "as the rig states"
+    code = "axis_contradiction" if exchanged else None
+    return [
+        Statement(seen.name, "axis", name, f"{stated} by the rig", witnessed, "the model of the motion", code)
+        for name in (names if exchanged else names[:1])
+    ]
 
 
 def _exchanged_runs(heard: Heard) -> list[Statement]:
@@ -292,8 +348,8 @@ def _signs(seen: Observation, one: Response, others: _Others) -> list[Statement]
         opposes = correlation < -WHOLE and 1.0 / GAIN_FACTOR < -one.gain[i] < GAIN_FACTOR
         opposes = opposes and isinstance(seen.rig.sensors.get(column.sensor), Torque)
         follows = others.follow(seen, one, i)
-        if first.dimensions == ACCELERATION or follows or opposes:
-            wrong = (sure or follows) and correlation < -PROVEN
+        wrong = (sure or follows) and correlation < -PROVEN
+        if (first.dimensions == ACCELERATION or follows or opposes) and (wrong or correlation > SIGN_SHOWN):
             witnessed = f"{'reversed: ' if wrong else ''}correlation {correlation:.2f} with the model, expected near 1"
             code = ("force_sign" if of_a_support else "sign_contradiction") if wrong else None
             stated, witness = "sign as in the rig", "the model of the motion"

@@ -16,7 +16,8 @@ from testbench.cross_examination import sensors
 from testbench.cross_examination.conditions import accelerations
 from testbench.cross_examination.copies import OneRecording
 from testbench.cross_examination.examination import Examination, _whose
-from testbench.cross_examination.observation import Observation
+from testbench.cross_examination.observation import Observation, Response
+from testbench.cross_examination.repeated_vibration import repeated_vibration
 from testbench.cross_examination.statement import Statement
 from testbench.rig import load_rig
 from testbench.rig.sensors import Accelerometer, Encoder, ForceSensor, Wrench
@@ -112,7 +113,7 @@ def test_a_lie_is_found_beside_repeats(repeats, name):
         (r, c) for r in liars for c in LIES_BESIDE_REPEATS[name].codes
     }
     about = {(s.channel, s.stated) for s in found.contradictions if s.run == min(liars)}
-    both = name in {"encoders in degrees", "axes exchanged in one run"}
+    both = name in {"encoders in degrees", "axes exchanged in one run", "accelerometer turned in one run"}
     assert len(about) == 2 if both else about
     about_one_torque = name.startswith("torque")
     assert found.doubts(liars, "AccY") == (() if about_one_torque else tuple(LIES_BESIDE_REPEATS[name].codes))
@@ -157,6 +158,69 @@ def test_the_gain_of_one_torque(partly, factor):
         assert {(s.run, s.channel, s.code) for s in found} == {(partly[liar].name, "tau_A_left", "gain_contradiction")}
         times = [float(s.witnessed.split()[0]) for s in found if "beside" in s.witness]
         assert times == [pytest.approx(factor, abs=0.04)]
+def _mounted(run, axes, signs):
+    """The run with the accelerometer on the base mounted so that each channel shows one of ``axes``, with its sign."""
+    values = [run.channel(f"Acc{axis}") for axis in axes]
+    for channel, sign, shown in zip(("AccX", "AccY", "AccZ"), signs, values, strict=True):
+        run = with_values(run, channel, sign * shown)
+    return run
+
+
+@pytest.mark.parametrize(
+    ("axes", "signs", "shown"),
+    [
+        ("YXZ", (1, -1, 1), "AccX {0} what AccY {1}, AccY {0} the opposite of what AccX {1}"),
+        ("YXZ", (1, 1, -1), "each {0} what the other {1}"),
+        ("ZXY", (1, 1, 1), "AccX"),
+    ],
+)
+def test_a_turned_accelerometer(campaign, repeats, axes, signs, shown):
+    """By the model and by repeats alone; where two axes hardly shake, the model tells of the one that does."""
+    for runs, witnesses in (campaign, repeats):
+        i = lies.shaking(runs)[0]
+        told = [_mounted(run, axes, signs) if n == i else run for n, run in enumerate(runs)]
+        about = witnesses.hear(told).contradictions
+        assert {s.run for s in about} == {runs[i].name}
+        assert any(s.code == "axis_contradiction" for s in about)
+        if axes == "YXZ":
+            assert any(shown.format("follows", "should show") in s.witnessed for s in about)
+    found = [s for s in repeated_vibration([witnesses._observed(run) for run in told]) if s.code]
+    assert {s.run for s in found} == {runs[i].name}
+    assert {s.channel for s in found if s.code == "axis_contradiction"} >= {"AccX", "AccY"}
+    assert any(shown.format("shows", "shows") in s.witnessed for s in found)
+
+
+def _axes_of(readings, expected):
+    """A run and its response: an accelerometer of as many axes that reads so, against what the model expects (n, k)."""
+    columns = tuple(
+        SimpleNamespace(channel=f"Acc{a}", component=a, sensor="a", dimensions=("acceleration",), commanded=False)
+        for a in "XYZ"[: expected.shape[1]]
+    )
+    seen = SimpleNamespace(name="r1", rig=SimpleNamespace(base_accelerometers={}, supports={}, sensors={}))
+    return seen, Response(columns, np.full(len(columns), 1e-3), readings, expected)
+
+
+@pytest.mark.parametrize(("degrees", "said"), [(20, "as the rig"), (50, ""), (90, "AccY follows the opposite of")])
+def test_axes_that_follow_nothing_are_not_as_the_rig_states(degrees, said):
+    """Of two axes turned by 50 degrees each correlates 0.64 with its own and 0.77 with the other: neither is stated."""
+    expected = np.random.default_rng(0).normal(0.0, 1.0, (4000, 2))
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    seen, one = _axes_of(expected @ np.array([[c, -s], [s, c]]), expected)
+    others = sensors._Others([(seen, one)])
+    axes, signs = sensors._exchanged(seen, one, others), sensors._signs(seen, one, others)
+    assert bool(axes) == bool(said)
+    assert all(said in s.witnessed and bool(s.code) == (degrees == 90) for s in axes)
+    assert {s.channel for s in signs} == ({"AccX", "AccY"} if degrees == 20 else set())
+
+
+def test_three_axes_that_are_turned_about_their_diagonal():
+    """By the model; the sign of each is told."""
+    expected = np.random.default_rng(0).normal(0.0, 1.0, (4000, 3))
+    seen, one = _axes_of(expected[:, [2, 0, 1]] * np.array([1.0, -1.0, -1.0]), expected)
+    found = sensors._exchanged(seen, one, sensors._Others([(seen, one)]))
+    assert {(s.channel, s.code) for s in found} == {(f"Acc{a}", "axis_contradiction") for a in "XYZ"}
+    what = "AccX follows what AccZ, AccY follows the opposite of what AccX, AccZ follows the opposite of what AccY"
+    assert {s.witnessed.replace(" should show", "") for s in found} == {f"axes exchanged: {what}"}
 
 
 def test_an_encoder_is_compared_with_other_runs(repeats):
