@@ -32,8 +32,8 @@ _MAIN_LOBE = 2.0
 """Half width of the main lobe of an order or a tone [lines]."""
 _LEAST_LINES, _MOST_LINES = 4, 24
 """Limits of the lines used for noise on each side; else half the way to the next order."""
-_HANDED_ON = 0.87
-"""Mean square of the angle's error over that of single pulses, between which it is a spline."""
+_COARSE = 0.01
+"""Share of an order's amplitude that rounding of the pulses takes, from which a finding says so."""
 _REFINED = 2
 """Gauss-Newton iterations on the frequency of a tone."""
 _ZEROS = 16
@@ -98,7 +98,6 @@ def fit_orders(
     if jitter:
         known = 0.5 * jitter * size * coverage_factor() / coverage_factor(spare)  # its size is no estimate
         noise[1] = max(noise[1], noise[0] + known**2 * len(values) / turns * record.power)
-        value *= np.exp(0.5 * _HANDED_ON * jitter**2)
     inverse = np.linalg.inv(normal)
     pick = np.ix_([order, orders + order], [order, orders + order])
     covariance = _turned_phase(noise, np.angle(value), (inverse @ spread @ inverse)[pick]) * 2.0 / record.power
@@ -279,7 +278,7 @@ class Vectors:
     def findings(self) -> tuple[str, ...]:
         """Findings about the run and each vector."""
         each = (f"{v.sensor}: {text}" for v in self.vectors for text in v.findings(self.order))
-        return (*self._synchronous_sampling(), *self._on_the_mains(), *each)
+        return (*self._synchronous_sampling(), *self._coarse_pulses(), *self._on_the_mains(), *each)
 
     def _on_the_mains(self) -> tuple[str, ...]:
         mains = mains_near(self.turns, self.order)
@@ -299,6 +298,17 @@ class Vectors:
             f"the sampling is synchronous with the speed ({samples:.6g} samples a turn): timing errors of the pulses "
             f"do not average out, and shift all phases by up to {np.degrees(self.common_phase_within):.2g} deg; their "
             "intervals contain it; sample faster, or at a rate that is no multiple of the speed",
+        )
+
+    def _coarse_pulses(self) -> tuple[str, ...]:
+        shrunk, _ = self.turns.shrinking(self.order)
+        if 1.0 - shrunk < _COARSE:
+            return ()
+        samples = 1.0 / (self.turns.resolution * self.turns.speed)
+        return (
+            f"the mark is timed to a sample, {samples:.3g} samples a turn: order {self.order} reads "
+            f"{100.0 * (1.0 - shrunk):.2g} % too little by that, which is made up for, and its doubt in the intervals; "
+            "log the mark faster, or use a wider mark whose pulse rises over several samples",
         )
 
 
@@ -433,10 +443,12 @@ def order_vector(
     inside = (time >= turns.pulses[0]) & (time < turns.pulses[-1])
     stepped = 2.0 * np.pi * order * turns.speed * turns.resolution if turns.steep else 0.0
     jitter = 2.0 * np.pi * order * turns.speed * turns.rounding
+    shrunk, shrunk_within = turns.shrinking(order)
     found = fit_orders(values[inside], turns.angle(time[inside]), turns.count, order, orders, stepped, jitter)
-    value, reach = found.value, coverage_factor(found.degrees_of_freedom)
+    value, reach = found.value / shrunk, coverage_factor(found.degrees_of_freedom)
     u = np.array([value.real, value.imag]) / abs(value) if value else np.array([1.0, 0.0])
     along, across = (reach * float(np.sqrt(x @ found.covariance @ x)) for x in (u, np.array([-u[1], u[0]])))
+    along = float(np.hypot(along, coverage_factor() * abs(value) * shrunk_within))
     if turns.is_synchronous:  # one jump of the phase reduces the mean vector by up to 1 - cos(stepped / 2)
         along = float(np.hypot(along, abs(value) * (1.0 - np.cos(min(np.pi, 0.5 * stepped)))))
     significant = max(along, across) < abs(value)

@@ -127,6 +127,12 @@ _UNIFORM = coverage_factor() / (LEVEL * np.sqrt(3.0))
 """Twice the deviation of a uniform error, of the half width that holds 95 % of it."""
 _IN_STEP = 0.1
 """Common timing error of steep pulses [samples] above which the sampling counts as synchronous."""
+_OFFSETS, _A_TURN = 16, 20
+"""Places of the samples within a step, for which pulses are rounded anew, and samples that suffice of a turn."""
+_TURNS_A_PIECE = 8
+"""Least turns of a piece of the smooth motion."""
+_ROUNDED = 0.31
+"""Scatter of instants about a smooth motion [steps] that steps alone explain: 12^-0.5, and a little."""
 _STEEP = 0.3
 """Share of the swing within one sample above which the crossing cannot be interpolated."""
 
@@ -179,6 +185,50 @@ class Turns:
     def rounding(self) -> float:
         """Standard deviation of a pulse's instant by the steps of the samples, apart from the common error [s]."""
         return self.resolution / 12.0**0.5 if self.steep and not self.is_synchronous else 0.0
+
+    def shrinking(self, order: int) -> tuple[float, float]:
+        """Factor on an order's vector by the rounding of steep pulses to samples [-], and its standard deviation, for
+        the place of the samples within a step is not known.
+
+        At a steady speed the errors of the pulses are a sawtooth, whose frequency is what is left of the samples a turn
+        over whole ones: the spline hands a slow one on, and less of one that nearly alternates. So the pulses of a
+        smooth motion are rounded anew, and what that does to the order is seen.
+        """
+        from scipy.interpolate import CubicSpline
+
+        if not self.rounding:
+            return 1.0, 0.0
+        instants, scatter = self._smooth()
+        exact = (instants - instants[0]) / self.resolution
+        most = max(0.5 * float(np.diff(exact).min()) - 0.75, 0.0)  # pulses stay in their order
+        own = min((3.0 * max(scatter**2 - _ROUNDED**2, 0.0)) ** 0.5, most)
+        exact = exact + np.random.default_rng(0).uniform(-own, own, len(exact))
+        found, number = np.zeros(_OFFSETS, dtype=complex), np.arange(len(exact))
+        every = max(1, int(exact[-1] / self.count / _A_TURN))
+        for k in range(_OFFSETS):
+            true = exact + 1.0 + (k + 0.5) / _OFFSETS
+            seen = np.floor(true) + 0.5
+            sample = np.arange(np.ceil(seen[0]), seen[-1], every)
+            error = CubicSpline(seen, number)(sample) - CubicSpline(true, number)(sample)
+            window = np.sin(np.pi * (np.arange(len(sample)) + 0.5) / len(sample)) ** 2
+            found[k] = window @ np.exp(2j * np.pi * order * error) / window.sum()
+        return float(np.abs(found).mean()), float(np.abs(found).std())
+
+    def _smooth(self) -> tuple[Floats, float]:
+        """Instants of the pulses of a smooth motion [s], in as few pieces as leave what steps explain; what is left
+        [steps].
+        """
+        from scipy.interpolate import make_lsq_spline
+
+        number, pieces = np.arange(len(self.pulses), dtype=float), 1
+        while True:
+            knots = np.linspace(0.0, self.count, pieces + 1)
+            knots = np.r_[[0.0] * _DEGREE, knots, [float(self.count)] * _DEGREE]
+            found = make_lsq_spline(number, self.pulses, knots, _DEGREE)(number)
+            scatter = float(np.std(self.pulses - found)) / self.resolution
+            if scatter < _ROUNDED or 2 * pieces * _TURNS_A_PIECE > self.count:
+                return found, scatter
+            pieces *= 2
 
     def angle(self, time: Floats) -> Floats:
         """Angle of the rotor since the first pulse at ``time`` (n,) [s], a cubic spline, (n,) [turns].

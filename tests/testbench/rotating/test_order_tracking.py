@@ -185,6 +185,26 @@ def test_coarse_pulses_of_a_wandering_speed(samples: int) -> None:
     assert min(amplitude, phase) >= 32
 
 
+@pytest.mark.parametrize(
+    ("rate", "speed", "order", "turns"), [(1000, 71.7, 2, 300), (500, 61.3, 3, 200), (1000, 53.9, 3, 200)]
+)
+def test_coarse_pulses_at_a_steady_speed(rate: int, speed: float, order: int, turns: int) -> None:
+    """Rounding is a sawtooth then, of 0.05, 0.16 and 0.45 periods a turn: the spline hands on less of the last."""
+    held, errors = 0, []
+    for seed in range(5):
+        rng, time = np.random.default_rng(seed), np.arange(int((turns + 2) / speed * rate)) / rate
+        turned = rng.uniform() + speed * (1.0 + rng.uniform(-0.002, 0.002)) * time
+        found = steady_turns("run", time, np.where(turned % 1.0 < 0.25, 5.0, 0.0), None, False, 0.05)
+        signal = np.cos(2 * np.pi * order * turned + 0.7) + rng.normal(0.0, 0.01, len(time))
+        vector = order_vector("A", "acceleration", signal, found, time, order, 3)
+        errors.append(abs(vector.value) - 1.0)
+        held += abs(errors[-1]) < vector.amplitude_within
+    assert held >= 4
+    assert abs(np.mean(errors)) < 1e-3
+    (said,) = (text for text in Vectors(order, found, (vector,)).findings() if "log the mark faster" in text)
+    assert f"{rate / speed:.2f}"[:3] in said
+
+
 def test_a_rotor_without_unbalance_has_no_phase() -> None:
     """Noise alone: amplitude within its interval, the phase said to mean nothing, coherence low."""
     from .machine import UNBALANCE
