@@ -3,7 +3,6 @@
 The outcome of each file says what became of it: stored, stored already, refused and why, or waiting.
 """
 
-import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -21,7 +20,7 @@ from ..quality.group_checks import RecordingCheck
 from ..readers import ReadOptions
 from ..recording import Finding, Group, Origin, Refusal, findings_by_group, refusing_findings
 from ..store import atomic_files, open_run
-from ..store.campaign import CONTINUES, StoredSources, is_version
+from ..store.campaign import CONTINUES, StoredSources
 from ..store.writer import RunWriter
 from .log_sources import LogReading, Source, distinct_groups, refuse_stored_run, refuse_too_many, refuse_twice
 from .planned_runs import PlannedRun
@@ -118,8 +117,7 @@ class Ingest:
             if absent:
                 return [*absent, *self._already(planned, sources)]
             if (begun := self._begun(sources)) is not None:
-                stem = re.sub(r"\.v\d+$", "", Path(begun).stem)
-                versions = (f"{stem}.v{number}" for number in count(2))
+                versions = (f"{self._stored.named(begun)}.v{number}" for number in count(2))
                 name = next(name for name in versions if not (self.folder / f"{name}.h5").exists())
                 return self._stored_anew(replace(planned, name=name), sources, begun)
             return self._already(planned, sources) or self._stored_anew(planned, sources)
@@ -198,7 +196,7 @@ class Ingest:
             there = Finding("already_stored", None, None, f"is stored already as {run}; nothing was written")
             stored, name = open_run(self.folder / run), source.path.name
             found = self._differs(planned, stored)
-            if not is_version(run, planned.name) and (twin := _one_recording(source, stored)):
+            if not self._stored.is_version(run, planned.name) and (twin := _one_recording(source, stored)):
                 found = [replace(one, message=twin) if one.code == "conditions_differ" else one for one in found]
             odd += [one.message for one in found if one.code == "conditions_differ"]
             outcomes.append(
@@ -241,7 +239,7 @@ class Ingest:
             return found
         from .run_table import condition_cells  # late: a log alone needs no model of a table
 
-        named = planned.name if is_version(run, planned.name) else stored.name
+        named = planned.name if self._stored.is_version(run, planned.name) else stored.name
         says_simulated = any(source.get("origin") == "simulated" for source in stored.provenance["sources"])
         origin = "simulated" if says_simulated and planned.origin != "measured" else planned.origin or "unstated"
         now = {"run": planned.name, "origin": origin, **condition_cells(planned.conditions)}

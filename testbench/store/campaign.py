@@ -222,6 +222,8 @@ class StoredSources:
     _runs: dict[tuple[int, str], str] = field(default_factory=dict, init=False)
     _named: dict[str, list[tuple[int, str, str]]] = field(default_factory=dict, init=False)
     """Size, digest and run of each source, by its name; the versions of a run in their order."""
+    _continues: dict[str, str] = field(default_factory=dict, init=False)
+    """The file that a run continues, by its own."""
     _known: set[Path] = field(default_factory=set, init=False)
 
     def look(self) -> None:
@@ -231,7 +233,8 @@ class StoredSources:
             if path in self._known:
                 continue
             try:
-                sources = open_run(path).provenance["sources"]
+                provenance = open_run(path).provenance
+                sources = provenance["sources"]
                 for source in sources:
                     content = source["size_bytes"], source["sha256"]
                     self._runs[content] = path.name
@@ -240,6 +243,8 @@ class StoredSources:
                 self.unopened[path.name] = str(error).replace(f"{self.folder}{os.sep}", "")
             else:
                 self._known.add(path)
+                if before := provenance.get(CONTINUES):
+                    self._continues[path.name] = before
 
     def any_of_size(self, sizes: set[int]) -> bool:
         """Whether a source has one of these sizes [bytes]; if not, no digest need be waited for."""
@@ -251,7 +256,7 @@ class StoredSources:
 
     def newest(self, name: str) -> str | None:
         """The file of the newest version of the run of this name; None if none is stored."""
-        versions = (path.name for path in self._known if is_version(path.name, name))
+        versions = (path.name for path in self._known if self.is_version(path.name, name))
         return max(versions, key=lambda file: (len(file), file), default=None)
 
     def content_of(self, log: str, run: str) -> tuple[int, str] | None:
@@ -269,7 +274,15 @@ class StoredSources:
                 return run
         return None
 
+    def is_version(self, file: str, name: str) -> bool:
+        """Whether a file is the run of this name, or one that continues it, of the same logs when they had grown."""
+        return self.named(file) == name
 
-def is_version(file: str, name: str) -> bool:
-    """Whether a file is the run of this name, or one that continues it, of the same logs when they had grown."""
-    return re.fullmatch(rf"{re.escape(name)}(\.v\d+)?{re.escape(SUFFIX)}", file) is not None
+    def named(self, file: str) -> str:
+        """The run's name of which a file is a version, by what it says that it continues: `r1.v2` may be a name too."""
+        first, links = file, 0
+        while first in self._continues and links < len(self._continues):
+            first, links = self._continues[first], links + 1
+        name = first.removesuffix(SUFFIX)
+        # Of a version that was removed, what it continued is told by its name alone.
+        return re.sub(r"\.v\d+$", "", name) if links and not (self.folder / first).exists() else name

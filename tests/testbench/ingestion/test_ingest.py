@@ -299,6 +299,26 @@ def test_a_stored_log_that_has_grown(folder, two_logs):
         log.write_text(log.read_text() + f"0.{samples},0,0,0\n")
 
 
+def test_a_run_named_like_a_version(folder):
+    """A run table's `r001.v2` is a run of its own: exchanged with r001 it is said of both, and it has versions itself."""
+    logs = {name: folder / f"{name}.csv" for name in ("r001", "other")}
+    logs["other"].write_text(HEADER + "".join(ROWS[3:]))
+    for name, log in (("r001", "r001"), ("r001.v2", "other")):
+        ingested(folder, PlannedRun(name, (logs[log],)))
+    for name, log, stored in (("r001", "other", "r001.v2"), ("r001.v2", "r001", "r001")):
+        (outcome,) = ingested(folder, PlannedRun(name, (logs[log],), None, {}))
+        (said,) = [f.message for f in outcome.findings if f.code == "conditions_differ"]
+        assert said.startswith(
+            f"{stored}.h5 is stored with other values than the run table has: run {stored} (now {name})"
+        )
+    logs["other"].write_text(logs["other"].read_text() + "0.4000,0,0,0\n")
+    logs["r001"].write_text(logs["r001"].read_text() + "0.4000,0,0,0\n")
+    grown = [
+        ingested(folder, PlannedRun(name, (logs[log],)))[0] for name, log in (("r001.v2", "other"), ("r001", "r001"))
+    ]
+    assert [(one.status, one.file) for one in grown] == [("stored", "r001.v2.v2.h5"), ("stored", "r001.v3.h5")]
+
+
 @pytest.mark.parametrize("given", [["r001.csv"], ["r001.csv", "more.csv"]])
 def test_a_stored_log_that_was_changed(folder, two_logs, given):
     """What does not begin as it was stored is another log: named, and never stored beside it by itself."""
