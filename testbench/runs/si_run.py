@@ -42,6 +42,7 @@ MISSING_SHARE = 1e-3
 INTERPOLATED = ("not_a_number", "time_gap")
 """Findings of what is interpolated, where it is not refused."""
 _LEFT_OUT = "; left out at the ends of the record, as are the logger's other channels there"
+_INTERPOLATED = "; interpolated between the samples beside them"
 _NEAR_PEAK = 0.9
 """Of the largest deviation from the median [-]: beside such a reading what is missing may be an overload."""
 RESOLVED_BY_CALIBRATION = frozenset({"uncalibrated", "calibration_contradiction"})
@@ -179,6 +180,11 @@ class SIRun:
                     names.add(column.channel)
             self._ends[group] = (used, frozenset(names))
         return self._ends[group]
+
+    def _lacks_within(self, column: Column) -> bool:
+        """Whether a channel has no number at samples that are used, and not only at the ends, which are left out."""
+        (values,) = self.recorded.channels_at([self.recorded.find(column.channel)])
+        return bool(np.isnan(values[self._used(self.group_of(column))[0]]).any())
 
     def instants(self, column: Column) -> Floats:
         """Instants of what a channel's samples show, on its logger's clock, (n,) [s].
@@ -377,6 +383,7 @@ class SIRun:
         used, accepted = {column.channel for column in columns}, set[str | None]({None})
         held = [column for column in columns if self._without_number and self.holds(column)]
         cut = set[str]().union(*(self._used(self.group_of(column))[1] for column in held))
+        ends_alone = {column.channel for column in held if column.channel in cut and not self._lacks_within(column)}
         for column in columns if self._has_gaps or worst_severity(self.findings) is Severity.ERROR else ():
             if self.holds(column) and isinstance(
                 clock := (group := self.group(self.group_of(column))).clock, TimeColumn
@@ -389,7 +396,7 @@ class SIRun:
                 found.channel,
                 f"{self.name}: {found.channel}: {found.message}"
                 + ("" if cut.isdisjoint(self._names(found)) else _LEFT_OUT)
-                + ("; interpolated between the samples beside them" if found.code in INTERPOLATED else "")
+                + (_INTERPOLATED if found.code in INTERPOLATED and ends_alone.isdisjoint(self._names(found)) else "")
                 + ("; accepted when it was stored" if found.severity is Severity.ERROR else ""),
             )
             for found in self.findings

@@ -300,7 +300,7 @@ def test_a_stored_log_that_has_grown(folder, two_logs):
 
 
 def test_a_run_named_like_a_version(folder):
-    """A run table's `r001.v2` is a run of its own: exchanged with r001 it is said of both, and it has versions itself."""
+    """A run table's `r001.v2` is a run of its own: exchanged with r001 it is told of both, and has its own versions."""
     logs = {name: folder / f"{name}.csv" for name in ("r001", "other")}
     logs["other"].write_text(HEADER + "".join(ROWS[3:]))
     for name, log in (("r001", "r001"), ("r001.v2", "other")):

@@ -168,7 +168,12 @@ def test_what_is_missing_at_an_end_is_left_out(tmp_path, count):
     np.testing.assert_array_equal(empty.instants(one), without.instants(one))
     np.testing.assert_allclose(empty.values(one), volts.ACCELERATION[count:], atol=1e-9)
     (said,) = empty.doubts([one])
-    assert "; left out at the ends of the record, as are the logger's other channels there" in said.message
+    assert said.message.endswith("; left out at the ends of the record, as are the logger's other channels there")
+    (tmp_path / "both").mkdir()
+    both = changed(tmp_path / "both", [*places, 50], lambda line: re.sub(r",[^,]*", ",", line, count=1))
+    (said,) = both.doubts([column(both.recorded)])
+    assert "; left out at the ends" in said.message
+    assert said.message.endswith("; interpolated between the samples beside them")
     kept = physical(empty.recorded).channel("ch0")
     assert np.isnan(kept[:count]).all()
     np.testing.assert_array_equal(kept[count:], empty.values(one))
