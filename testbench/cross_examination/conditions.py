@@ -203,7 +203,9 @@ def accelerations(seen: Observation) -> list[Statement]:
 
 
 def motions(seen: Observation) -> list[Statement]:
-    """By the command and the encoders; by an accelerometer, whose path drifts, unless one of them says as stated."""
+    """By the command and the encoders; by an accelerometer, whose path drifts, unless one of them says as stated. One
+    statement of all that say the same.
+    """
     stated = seen.conditions.get("motion")
     if stated not in NAMED_MOTIONS:
         return []
@@ -211,12 +213,16 @@ def motions(seen: Observation) -> list[Statement]:
     witnesses = {source: some for source, some in named.items() if some and "unknown" not in some}
     if any(set(some) == {stated} for some in witnesses.values()):
         witnesses.pop("acceleration", None)
+    agreeing: dict[tuple[str, ...], list[str]] = {}
+    for name, some in witnesses.items():
+        agreeing.setdefault(tuple(dict.fromkeys(some)), []).append(f"the {name}")
     return [
         Statement(
-            seen.name, "axis", None, f"motion {stated} by the run table", f"motion {', '.join(dict.fromkeys(some))}",
-            f"the {name}", None if set(some) == {stated} else "motion_contradiction",
+            seen.name, "axis", None, f"motion {stated} by the run table", f"motion {', '.join(some)}",
+            " and ".join(filter(None, (", ".join(names[:-1]), names[-1]))),
+            None if some == (stated,) else "motion_contradiction",
         )
-        for name, some in witnesses.items()
+        for some, names in agreeing.items()
     ]  # fmt: skip
 
 

@@ -69,6 +69,17 @@ def test_a_lie_is_found_on_the_deep_bench(deep, name):
     assert lies.is_found(witnesses.hear(changed), LIES[name], liars)
 
 
+def test_a_motion_that_command_and_encoders_contradict_is_said_once(campaign):
+    """The controller's log of another run: one line, that names both."""
+    runs, witnesses = campaign
+    log, changed = SIRun.of(runs[0]).rig.columns("controller"), list(runs)
+    for column in log:
+        values = np.resize(runs[0].channel(column.channel), len(runs[2].channel(column.channel)))
+        changed[2] = with_values(changed[2], column.channel, values)
+    said = [s for s in witnesses.hear(changed).contradictions if s.code == "motion_contradiction"]
+    assert [(s.run, s.witness) for s in said] == [(runs[2].name, "the command and the encoders")]
+
+
 def test_a_torque_that_is_reversed_in_all_runs(campaign):
     """No run has it right: the model alone is the witness, as of forces."""
     runs, witnesses = campaign
