@@ -307,11 +307,11 @@ def _condition_problems(
 ) -> Iterator[Problem]:
     """What the runs, each its file, its place there and itself, say of motions and masses; once a file."""
     said = set()
-    motions: dict[tuple[object, ...], list[Problem]] = {}
+    motions, missing = dict[tuple[object, ...], list[Problem]](), list[str]()
     for file, where, run in stated:
         moved = (run.motion, run.peak_acceleration, run.turning)
         if moved not in motions:
-            motions[moved] = list(_motion_problems(folder, rig, model, run)) if run.motion else []
+            motions[moved] = list(_motion_problems(folder, rig, model, run, missing)) if run.motion else []
         carried = [] if model is None else [Problem("", message) for message in run.contradictions(model)]
         for problem in [*carried, *motions[moved]]:
             found = (problem.file or file, problem.message)
@@ -396,8 +396,13 @@ def _run(row: RunTableRow) -> PlannedRun:
     )
 
 
-def _motion_problems(folder: Path, rig: Rig | None, model: Mechanism | None, run: PlannedRun) -> Iterator[Problem]:
-    """Why a run's motion cannot be simulated; without a file where the run is to be named."""
+def _motion_problems(
+    folder: Path, rig: Rig | None, model: Mechanism | None, run: PlannedRun, missing: list[str]
+) -> Iterator[Problem]:
+    """Why a run's motion cannot be simulated; without a file where the run is to be named.
+
+    Files of motions that are not there are added to ``missing``; the shipped ones are listed with the first.
+    """
     own = run.motion if run.motion.endswith(".toml") else f"{run.motion}.toml"
     try:
         motion = load_motion(next((path for path in (folder / run.motion, folder / own) if path.is_file()), run.motion))
@@ -405,9 +410,13 @@ def _motion_problems(folder: Path, rig: Rig | None, model: Mechanism | None, run
         if (folder / own).exists():
             yield from _rows(folder, own, error)
         else:
-            shipped = ", ".join(datasets.dataset_names("motions", ".toml"))
-            to_simulate = f"to simulate them too, write {own} in this folder, or name a shipped motion ({shipped})"
-            yield Problem(own, f"not there: its runs are analysed, and not simulated; {to_simulate}", True)
+            missing.append(own)
+            names = datasets.dataset_names("motions", ".toml")
+            shipped = f" ({', '.join(names)})" if own == missing[0] else ""
+            to_simulate = f"to simulate them too, write {own} in this folder, or name a shipped motion{shipped}"
+            files = sorted(path.stem for path in folder.glob("*.toml") if path.name not in {RIG, PLAN})
+            near = suggestion(own.removesuffix(".toml"), [*names, *files])
+            yield Problem(own, f"not there: its runs are analysed, and not simulated; {to_simulate}{near}", True)
         return
     if rig is None or model is None:
         return

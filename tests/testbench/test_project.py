@@ -319,6 +319,22 @@ def test_what_the_simulator_refuses_is_said(tmp_path, case):
     assert len({(p.file, p.message) for p in problems}) == len(problems)
 
 
+def test_motions_that_are_not_there_are_said_once_each(tmp_path):
+    """Each with a file of the folder whose name is near; the shipped ones are listed with the first alone."""
+    folder = tmp_path / "test"
+    new_project(folder, "four-bar")
+    lines = (folder / "runs.csv").read_text().splitlines()
+    kinds = [
+        line.replace(",motion,", f",{name},") for line, name in zip(lines[1:], ("motoin", "swing") * 9, strict=False)
+    ]
+    (folder / "runs.csv").write_text("\n".join([lines[0], *kinds]) + "\n")
+    said = {p.file: p.message for p in project_problems(folder) if "not there: its runs" in p.message}
+    assert set(said) == {"motoin.toml", "swing.toml"}
+    assert [p.message.count("triangle") for p in project_problems(folder)].count(1) == 1
+    assert said["motoin.toml"].endswith("; did you mean 'motion'?")
+    assert "did you mean" not in said["swing.toml"]
+
+
 def test_quick_motions_are_followed_at_the_rate_of_the_simulator(tmp_path):
     """What ``simulate`` makes is no problem, though 1 kHz would be too slow for it."""
     new_project(tmp_path / "test", "four-bar")
