@@ -42,6 +42,8 @@ def print_result(result: "Identification") -> None:
             "wrong by as much as the torques read wrong; it takes runs that differ by a mass that is known."
         )
     say(verdict)
+    for text in scale_texts(result):
+        say(text)
     about = f"{result.mechanism.name} from {', '.join(result.runs)} (origin {result.origin})"
     if len(result.runs) > 1:
         about += f"; offsets that name no run are those of {result.runs[0]}"
@@ -54,6 +56,27 @@ def print_result(result: "Identification") -> None:
             )
     emit_findings((doubt.code, doubt.text) for doubt in result.all_doubts)
     emit_findings(("time_gap", text) for text in result.lost)
+
+
+def scale_texts(result: "Identification") -> list[str]:
+    """On which scales of the torques the verdict rests, and what of that the mechanism's file could state."""
+    scales = result.tests.scales
+    if not scales.each:
+        return []
+    shown = {name: "{:.4f} [{:.4f}, {:.4f}]".format(one.value, *one.interval()) for name, one in scales.each.items()}
+    one = scales.common is not None
+    listed = [shown[scales.names[0]]] if one else [f"{name} {text}" for name, text in shown.items()]
+    texts = [f"Torques read {', '.join(listed)} times what they should, by masses that differ between the runs."]
+    if scales.by_statement:
+        texts.append("That takes what is mounted to have the radius of gyration that MECH states; no weight tells it.")
+    for body, (low, high) in scales.radii_of_gyration.items():
+        if low > 0.0:
+            texts.append(
+                f"What is mounted on {body} has, squared, a radius of gyration {low * 1e6:.4g} .. {high * 1e6:.4g} "
+                "mm^2 larger than MECH states, and inertias are as wide as that: state it in MECH "
+                "(SITE.radius_of_gyration)."
+            )
+    return texts
 
 
 @command(

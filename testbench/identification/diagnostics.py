@@ -4,7 +4,7 @@
   has friction that the model lacks.
 * Scale between joints: tau_k = s W_k pi with tau_1 = W_1 pi. Bodies that both torques move tie them together. A scale
   common to all of them cannot be distinguished from heavier bodies: every parameter scales in the same way.
-* Scale of all torques: determined where runs differ by masses that are known: tau = s (W pi + W dpi).
+* Scales of torques: determined where runs differ by masses that are known (``torque_scales.py``).
 * Friction: none, dry alone, dry and viscous, dry that differs by direction, and that of the mechanism's file.
 * Delay and cut-off: no delay between torque and motion, from low to high cut-offs. Noise of the motion that a high
   cut-off lets in pulls least squares towards zero.
@@ -91,10 +91,22 @@ def evidence(result: Identification) -> dict[str, Any]:
         "without_delay": without_delay,
         "file_rms_ratio_below_cutoff": dict(zip(result.rows, left.tolist(), strict=True)),
         "torque_scale_between_joints": {f"{joints[k]} / {joints[0]}": _shown(one) for k, one in scales.items()},
-        "scale_of_all": {"identifiable": False, "reason": SCALE_UNKNOWN}
-        if (scale := result.tests.scale) is None
-        else {"identifiable": True, "reason": "from masses that are known to differ between the runs", **_shown(scale)},
+        "scale_of_all": _scale_of_all(result),
+        "torque_scales": {name: _shown(one) for name, one in result.tests.scales.each.items()},
+        "radii_of_gyration_squared_m2": {
+            body: {"beyond_stated": interval} for body, interval in result.tests.scales.radii_of_gyration.items()
+        },
     }
+
+
+def _scale_of_all(result: Identification) -> dict[str, Any]:
+    """One scale where all agree, else why there is none."""
+    scales = result.tests.scales
+    if scales.common is not None:
+        told = "from masses that are known to differ between the runs"
+        return {"identifiable": True, "reason": told, **_shown(scales.common)}
+    apart = "the torques' scales differ, or not each is determined: see torque_scales"
+    return {"identifiable": False, "reason": apart if scales.each else SCALE_UNKNOWN}
 
 
 def _fit(

@@ -17,13 +17,13 @@ varies freely is sought in FREE_ALARM:
   intervals take what it lacks for independent from block to block; then the deviation has the mean square of the
   blocks' own deviations. Where what lacks adds up instead, the deviation is larger: by random signs of the blocks
   (a wild bootstrap) its probability, by the ratio of the squares the factor that the covariance is multiplied with.
-* **The scale of all torques** where runs differ by masses that are known: tau = s (W pi + W dpi).
+* **The scale of each torque** where runs differ by masses that are known (``torque_scales.py``).
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
@@ -37,6 +37,9 @@ from balance.results import Key
 from ..kinematics.smoothing_and_derivatives import ALMOST
 from .estimators import Deviation, NotSimulated
 from .regression_equations import RecordEquations, RegressionEquations
+
+if TYPE_CHECKING:
+    from .torque_scales import TorqueScales
 
 Cause = Literal["outside_torque", "brief_torque", "slip", "angle_scale"]
 """What a :class:`FreeTest` looks for."""
@@ -206,17 +209,17 @@ class ModelTests:
         return MotionTest(float(root[0]), float(root[1]), float(np.mean(drawn >= error)))
 
     @cached_property
-    def scale(self) -> Estimate | None:
-        """Scale of all rows by masses that are known to differ between the runs; None where none do."""
-        if not np.any(self._known):
-            return None
-        columns = np.concatenate([self._base, self._known[:, :, None]], axis=2)
-        found = self.equations.fitted(columns, self._rows + self._known)
-        return found.estimate(np.eye(columns.shape[2])[-1])
+    def scales(self) -> "TorqueScales":
+        """Of each torque, and of all forces, by masses that are known to differ between the runs."""
+        from .torque_scales import TorqueScales
 
-    def scaled(self, scale: float) -> Floats:
-        """By how much base parameters (r,) [SI] change where all torques read ``scale`` times what they are."""
-        return self._unscaled * (1.0 / scale - 1.0)
+        forces = ("forces",) if self._rows.shape[1] > len(self.joints) else ()
+        return TorqueScales(self.equations, (*self.joints, *forces), self._base, self._rows, self._known)
+
+    @property
+    def scale(self) -> Estimate | None:
+        """Scale of all rows by masses known to differ between the runs; None where none do, or scales differ."""
+        return self.scales.common
 
     @cached_property
     def negative_inertia(self) -> list[str]:
@@ -300,17 +303,35 @@ class ModelTests:
     @property
     def _doubts_of_scale(self) -> list[Doubt]:
         """Torques that disagree with masses that are known."""
-        if self.scale is None:
-            return []
-        low, high = self.scale.interval(1.0 - FALSE_ALARM)
-        inner = "{:.3f} .. {:.3f}".format(*self.scale.interval())
-        text = (
-            f"by masses known to differ between the runs the torques read {self.scale.value:.3f} times what they are "
-            f"({LEVEL_TEXT}: {inner}), or the run table's masses are wrong; where the masses are right, correct the "
-            f'sensor: testbench calibrate CAMPAIGN SENSOR --sensitivity "{self.scale.value:.4g} N m/(N m)" '
-            "--reason ..., or what the rig has as sensitivity times that number"
-        )
-        return [] if low <= 1.0 <= high else [Doubt("torque_scale", text)]
+        found, each = [], self.scales.each
+        sensors = dict(zip(self.joints, self.equations.records[0].sensors, strict=False))
+        equal = {"": [*each]} if self.scale is not None else {name: [name] for name in each}
+        for which, names in equal.items():
+            one = each[names[0]]
+            low, high = one.interval(1.0 - FALSE_ALARM)
+            if low <= 1.0 <= high:
+                continue
+            inner = "{:.4f} .. {:.4f}".format(*one.interval())
+            what = f"the torque of {which} reads" if which in self.joints else f"the {which or 'torques'} read"
+            should = "it should" if which in self.joints else "they should"
+            orders = ", ".join(
+                f'testbench calibrate CAMPAIGN {sensors.get(name, "SENSOR")} --sensitivity "{one.value:.4g} '
+                f'{self._sensitivity_unit(name)}" --reason ...'
+                for name in (names if all(name in sensors for name in names) else names[:1])
+            )
+            text = (
+                f"by masses known to differ between the runs {what} {one.value:.4f} times what {should} "
+                f"({LEVEL_TEXT}: {inner}), or the run table's masses are wrong; where the masses are right, correct "
+                f"the sensor: {orders}, or what the rig has as sensitivity times that number; until then the values "
+                "are of the torques as they read, and their intervals reach to those of torques divided by it"
+            )
+            found.append(Doubt("torque_scale", text))
+        return found
+
+    def _sensitivity_unit(self, name: str) -> str:
+        """Of a sensor that reads what it measures."""
+        slides = name in self.joints and not self.mechanism.tree.joints[self.mechanism.coordinate_index(name)].revolute
+        return "N/N" if slides else "N m/(N m)"
 
     @property
     def _each(self) -> Iterator[tuple[RecordEquations, Deviation, slice]]:
@@ -373,8 +394,8 @@ class ModelTests:
         def stacked(values: Floats) -> Floats:
             return np.asarray((values[:, :joints] * weights[:, :, None])[::keep].reshape(-1, values.shape[2]))
 
-        scaled = [self._known[:, :joints, None]] if self.scale is not None else []  # a wrong scale has its own test
-        columns = stacked(np.concatenate([self._base[:, :joints], *scaled, nuisance], axis=2))
+        scaled = self.scales.columns[:, :joints]  # a wrong scale has its own test
+        columns = stacked(np.concatenate([self._base[:, :joints], scaled, nuisance], axis=2))
         rows = stacked(self._rows[:, :, None])[:, 0]
         before, terms = _left(columns, rows)
         tried, free = 1, stacked(added)
@@ -438,11 +459,6 @@ class ModelTests:
     @cached_property
     def _residual(self) -> Floats:
         return np.asarray((self._rows - self._base @ self.identified.values) * self.equations.moving)
-
-    @cached_property
-    def _unscaled(self) -> Floats:
-        """Base parameters with the known masses in them (r,): what a scale of the torques multiplies."""
-        return self.equations.fitted(self._base, self._rows + self._known).values
 
 
 def law_terms(q: Floats, v: Floats, joint: int) -> Floats:

@@ -58,6 +58,8 @@ class JointRecord:
     """Inertial parameters that this run is known to have beyond the mechanism's, (10 nb,), or none, (0,)."""
     gaps: Gaps = field(default_factory=Gaps)
     """Where records that count hold no samples, on the grid's clock."""
+    sensors: tuple[str, ...] = ()
+    """Of the torques, by name in the rig, in the order of the joints."""
 
     @property
     def measured(self) -> Floats:
@@ -154,7 +156,8 @@ def joint_record(run: AlignedRun, *, torque: bool = True) -> JointRecord:
     grid, gaps = grid_of(time, run.name, bridged=True), Gaps.of({groups[0]: time})
     even = on_grid(*bridge_gaps(time, values, grid.step), grid) if gaps else on_grid(time, values, grid)
     joints = len(run.unloaded.driven)
-    return JointRecord(run.name, run.run.origin, grid, even[:, :joints], even[:, joints:], gaps=gaps)
+    sensors = tuple(column.sensor for column in channels[joints:])
+    return JointRecord(run.name, run.run.origin, grid, even[:, :joints], even[:, joints:], gaps=gaps, sensors=sensors)
 
 
 def _channels(run: AlignedRun, kind: type[Encoder] | type[Torque]) -> list[Column]:

@@ -156,8 +156,6 @@ POOR_CONDITION = 100.0
 Int. J. Robot. Res. 11, 1992)."""
 DOUBTFUL_WIDTH = 0.25
 """Half of an interval, as a part of the largest first moment, from which a first moment is doubtful."""
-CLOSED = 0.05
-"""Half width of the interval of the torques' scale, as a part of it, up to which known masses close it."""
 OWN_FACTOR = 2.0
 NEGLIGIBLE = 0.05
 """What stays unexplained may be so many times what did on held-out blocks of the identifying runs, or so little."""
@@ -251,9 +249,8 @@ class Identification(Shown, rows="values", figure="testbench.figures.estimates:d
         coefficients = {identifiable.names[k]: float(vector[k]) for k in np.flatnonzero(vector)}
         found = self.identified.estimate(vector)
         variants = {label: other.estimate(vector).value for label, other in self.variants.items()}
-        for scale in self.tests.scale.interval() if self.closed and self.tests.scale else ():
-            changed = float(identifiable.share(vector) @ self.tests.scaled(scale))
-            variants[f"{SCALE} {scale:.4g}"] = found.value + changed
+        for label, change in self.tests.scales.changes.items():
+            variants[f"{SCALE} {label}"] = found.value + float(identifiable.share(vector) @ change)
         return Value(
             name or text_of(coefficients),
             unit or unit_of(self.mechanism, next(iter(coefficients), "")),
@@ -334,11 +331,10 @@ class Identification(Shown, rows="values", figure="testbench.figures.estimates:d
         """Whether the torques are those of bodies."""
         return ModelTests(self.mechanism, self.choice.equations, self.chosen.delay, self.identified)
 
-    @cached_property
+    @property
     def closed(self) -> bool:
-        """Whether masses that are known to differ between the runs determine the scale of the torques."""
-        scale = self.tests.scale
-        return scale is not None and scale.half_width() <= CLOSED * scale.value
+        """Whether masses that are known to differ between the runs determine the scale of each torque."""
+        return self.tests.scales.closed
 
     @cached_property
     def doubts(self) -> list[Doubt]:

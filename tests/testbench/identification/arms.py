@@ -28,13 +28,19 @@ def record(
     delay: float = 0.0,
     rate: float = RATE,
     swing: tuple[float, float] = SWING,
+    beyond: np.ndarray | float = 0.0,
 ) -> JointRecord:
-    """A simulated record: torques with noise [N m], logged ``delay`` [s] after the motion; encoders with steps."""
+    """A simulated record: torques with noise [N m], logged ``delay`` [s] after the motion; encoders with steps.
+
+    ``beyond`` are inertial parameters (10 nb,) that are mounted on the mechanism.
+    """
     rng = np.random.default_rng(seed)
     grid = Grid(0.0, 1.0 / rate, int(SECONDS * rate))
     home = [mechanism.home[mechanism.coordinate_index(joint)] for joint in mechanism.driven]
     waves = _waves(rng, len(mechanism.driven), *swing)
-    torque = _torque(mechanism, home, waves, grid.time - delay) + noise * rng.normal(size=(grid.count, len(home)))
+    torque = _torque(mechanism, home, waves, grid.time - delay, beyond) + noise * rng.normal(
+        size=(grid.count, len(home))
+    )
     q = _motion(home, waves, grid.time)[0]
     return JointRecord(f"arm {seed}", "simulated", grid, np.rint(q / QUANTUM) * QUANTUM, torque)
 
@@ -62,9 +68,13 @@ def _motion(home: list[float], waves: np.ndarray, time: np.ndarray) -> tuple[np.
     return np.asarray(home) + q.sum(axis=2), v.sum(axis=2), a.sum(axis=2)
 
 
-def _torque(mechanism: Mechanism, home: list[float], waves: np.ndarray, time: np.ndarray) -> np.ndarray:
+def _torque(
+    mechanism: Mechanism, home: list[float], waves: np.ndarray, time: np.ndarray, beyond: np.ndarray | float
+) -> np.ndarray:
     q, v, a = _motion(home, waves, time)
     path = Closure(mechanism).follow(Samples(time, q, v, a, joints=mechanism.driven))
     bodies = driven_torque_regressor(mechanism, path.q, path.v, path.a, path.per_drive)
     terms, _ = joint_friction_regressor(mechanism.driven, v, a)
-    return np.concatenate([bodies, terms], axis=2) @ truth(mechanism)
+    known = truth(mechanism)
+    known[: len(mechanism.pi)] += beyond
+    return np.concatenate([bodies, terms], axis=2) @ known

@@ -86,6 +86,42 @@ def test_a_scale_leaves_ratios_and_verdict():
         assert right.interval == pytest.approx(left.interval, rel=1e-5, abs=1e-9)
 
 
+def mounted(radius: float) -> np.ndarray:
+    """Inertial parameters of 2 kg on the first link and 1 kg on the second, 0.12 m behind their joints."""
+    own = np.array([1.0, -0.12, 0.0, 0.0, 0.0, 0.0, 0.12**2, 0.0, 0.0, 0.12**2 + radius**2])
+    return np.concatenate([2.0 * own, own])
+
+
+@pytest.mark.parametrize(
+    ("scales", "radius", "stated"),
+    [
+        ((1.03, 0.98), 0.0, 0.0),
+        ((1.03, 1.03), 0.0, 0.0),
+        ((1.0, 1.0), 0.04, 0.0),
+        ((1.0, 1.0), 0.04, 0.04),
+        ((0.98, 1.0), 0.0, 0.04),
+    ],
+)
+def test_each_torque_has_a_scale(scales, radius, stated):
+    """Of two drives, by what was mounted in a run: apart, or one if equal, each sensor named; whatever its inertia."""
+    bare, loaded = (arms.record(ARM, seed=s, noise=0.01, beyond=b) for s, b in ((1, 0.0), (2, mounted(radius))))
+    records = [
+        replace(record, torque=record.torque * scales, mounted=known, sensors=("motor_1", "motor_2"))
+        for record, known in ((bare, np.zeros(0)), (loaded, mounted(stated)))
+    ]
+    tests = identify(records, ARM, "ls", others=False).tests
+    assert tests.scales.closed
+    assert (tests.scale is not None) == (scales[0] == scales[1])
+    for one, value in zip(tests.scales.each.values(), scales, strict=True):
+        assert one.value == pytest.approx(value, abs=0.005)
+        assert one.half_width() < 0.005
+    doubts = [doubt for doubt in tests.doubts if doubt.code == "torque_scale"]
+    named = [f"motor_{k + 1}" for k, value in enumerate(scales) if value != 1.0]
+    assert [name for name in ("motor_1", "motor_2") if any(name in doubt.text for doubt in doubts)] == named
+    assert not {"slip", "angle_scale"} & {doubt.code for doubt in tests.doubts}
+    assert all(high > radius**2 - stated**2 for _, high in tests.scales.radii_of_gyration.values())
+
+
 def test_what_adds_up_widens_the_intervals():
     """White noise leaves the covariance as it is; the same noise slowed down makes the motion stray, and widens it."""
     record = arms.record(ARM, seed=5, noise=0.05, rate=100.0)
