@@ -309,13 +309,15 @@ def plan_next(
     metric: Metric | Measure = "peak_to_peak",
     band: Band | str | None = VIBRATION,
     accept: Sequence[str] = (),
+    by: Sequence[Source] = (),
 ) -> Design:
     """Which run to make next: how far each narrows what is asked, the best first; ``.verdict`` names it.
 
     ``question``: ``reduction``, ``first-moment`` or ``counter-mass``. ``payload``: of the runs with this one alone, by
     body or site where several carry one (``{"tool": "1.5 kg"}``). ``motions``, ``peaks`` (``"2 g0"``): of a reduction
     these alone; of others candidates besides those made. ``axes``, ``metric``, ``band``, ``accept``: of a reduction;
-    ``sites``: of the others. Raises AnalysisError where nothing that a run would show tells what is asked.
+    ``sites`` and ``by``, as of :func:`trim`: of the others. Raises AnalysisError where nothing that a run would show
+    tells what is asked.
 
     >>> import testbench
     >>> testbench.plan_next("campaign", axes=["y"]).table()["run.repeats"].tolist()
@@ -332,9 +334,11 @@ def plan_next(
     sizes = [PEAK_ACCELERATION.parse(peak) if isinstance(peak, str) else peak for peak in peaks]
     if unfit := "sites" if sites and question == "reduction" else "axes" if axes and question != "reduction" else "":
         raise AnalysisError(f"{unfit}: nothing of a {question}; sites are of first moments, axes of reductions")
+    if by and question == "reduction":
+        raise AnalysisError("by: nothing of a reduction; sources are of first moments and counter-masses")
     if question == "reduction":
         return next_for_reduction(runs_of(campaign), _measure(metric, band), payloads, motions, sizes, axes, accept)
-    return next_for_first_moment(runs_of(campaign), question, sites, payloads, motions, sizes)
+    return next_for_first_moment(runs_of(campaign), question, sites, payloads, motions, sizes, by)
 
 
 def _model(mechanism: Mechanism | str | None, runs: Sequence[SIRun]) -> Mechanism:

@@ -41,8 +41,9 @@ from .simulator.run import simulate_run
 from .simulator.sensors import true_signals
 from .simulator.simulated_logs import memory_run, written_values
 from .store import Run
+from .synchronization.clock_map import ClockMap
 from .trimming import trim_runs
-from .trimming.estimators import ESTIMATORS, present_sources
+from .trimming.estimators import ESTIMATORS, further_sources, present_sources
 from .trimming.missing_masses import lacking, trim_problem
 from .trimming.problem import SOURCES, Source, TrimProblem
 from .vibration.metrics import Measure
@@ -255,24 +256,34 @@ def next_for_first_moment(
     payloads: Sequence[tuple[str, float]] = (),
     motions: Sequence[str] = (),
     peaks: Sequence[Measured[float]] = (),
+    sources: Sequence[Source] = (),
 ) -> Design:
     """The run that tells most of what first moment is missing at the sites [kg m], or which counter-mass [kg].
 
     Of the mounting (payload and counter-masses) with the most runs, or with the most among those of ``payloads``, as
-    for :func:`next_for_reduction`. Raises AnalysisError where nothing that a run shows depends on it, or no run can be
-    simulated.
+    for :func:`next_for_reduction`. By the ``sources`` that are named; else by those that the rig has, and where they
+    cannot tell by the base's vibration. Raises AnalysisError where nothing that a run shows depends on it, or no run
+    can be simulated.
     """
     mounted, notes = _of_one_mounting(runs, payloads)
     model = mechanism_of(mounted[0], None)
     made = [AlignedRun(run, model, recorded_clocks(run)) for run in mounted]
     problem = trim_problem(made, sites, None)
-    if not (sources := present_sources(problem, one_mounting=True)):
+    if "trials" in sources:
+        raise AnalysisError("trial masses are runs of several mountings, a next run is of one: expected another source")
+    if not (tried := list(sources) or present_sources(problem, one_mounting=True)):
         raise AnalysisError(
             f"{problem.names}: nothing that these runs show depends on what is missing: expected force sensors, motor "
             "torques, or accelerometers on a base that the rig states"
         )
     candidates = list(_candidates(mounted, motions, peaks))
-    known = _Knowledge.of(problem, [_simulated(one, made[0], mounted) for one in candidates], sources)
+    simulated = [_simulated(one, made[0], mounted) for one in candidates]
+    try:
+        known = _Knowledge.of(problem, simulated, tried, named=bool(sources))
+    except AnalysisError:
+        if sources or not (further := further_sources(problem, tried)):
+            raise
+        known = _Knowledge.of(problem, simulated, further)
     sited = [_by_site(candidate, known, number, question) for number, candidate in enumerate(candidates)]
     widest = max(range(len(problem.sites)), key=lambda place: math.inf if (now := sited[0][place].now) is None else now)
     unit = "kg m" if question == "first-moment" else "kg"
@@ -343,12 +354,31 @@ def _simulated(candidate: Candidate, first: AlignedRun, mounted: Sequence[SIRun]
     key, rig = candidate.key, first.rig
     planned = key.planned(candidate.repeats or "next", candidate.counter_masses)
     bench = simulate_run(rig, first.unloaded, planned, motion=_motion(key.motion, mounted))
-    shown, recorded = true_signals(rig, bench), {}
+    shown, recorded, paces = true_signals(rig, bench), {}, {}
     for number, (name, logger) in enumerate(rig.loggers.items()):
         if columns := list(rig.columns(name)):
             log = record_log(logger, columns, bench.time, shown, (_SEED, number))
             recorded[name] = {"Time": log.time} | written_values(log, rig, name)
-    return AlignedRun(SIRun.of(memory_run("next/next.h5", rig, planned, recorded)), first.unloaded)
+            paces[name] = np.polyfit(log.time, log.true_time, 1)
+    run = SIRun.of(memory_run("next/next.h5", rig, planned, recorded))
+    return AlignedRun(run, first.unloaded, _aligned_as(first, run, paces))
+
+
+def _aligned_as(first: AlignedRun, run: SIRun, paces: Mapping[str, Floats]) -> dict[str, ClockMap]:
+    """Clocks of a simulated run on that of its encoders, where those of the ``first`` run were recorded, as surely.
+
+    ``paces`` are slope [-] and start [s] of true time over each logger's own. Other clocks are found as those of any
+    run: by what both recorded.
+    """
+    pace, start = paces[first.rig.sensors[first.encoders[0].sensor].logger]
+    found = {}
+    for logger, (own_pace, own_start) in paces.items():
+        groups = {first.run.group_of(column) for column in first.rig.columns(logger) if first.run.holds(column)}
+        known = [one for group, one in first.known_clocks.items() if group in groups - {first.reference}]
+        if known:
+            drift = float(own_pace / pace) - 1.0
+            found[logger] = replace(known[0], at_own=0.0, at_reference=float((own_start - start) / pace), drift=drift)
+    return found
 
 
 def _alike(one: Motion, other: Motion) -> bool:
@@ -382,13 +412,16 @@ class _Source:
     regression: RegressionFit
     noise: RegressionFit
     """Of the runs that were made, where these determine anything."""
+    of_steps: Floats | None = None
+    """Part of the covariance that the encoders' steps make, (rank, rank) [kg2 m2]."""
 
     @classmethod
     def of(cls, source: Source, problem: TrimProblem, made: "_Source | None") -> "_Source":
         """Of the problem's runs. Raises CounterpoiseError where they tell nothing."""
-        measured = ESTIMATORS[source](problem).imbalance
+        found = ESTIMATORS[source](problem)
+        measured = found.imbalance
         assert measured.regression is not None
-        return cls(measured, measured.regression, measured.regression if made is None else made.noise)
+        return cls(measured, measured.regression, measured.regression if made is None else made.noise, found.of_steps)
 
     @classmethod
     def predicted(cls, source: Source, problem: TrimProblem, made: "_Source | None") -> "_Source":
@@ -441,7 +474,9 @@ class _Knowledge:
     notes: tuple[str, ...]
 
     @classmethod
-    def of(cls, problem: TrimProblem, simulated: Sequence[AlignedRun], sources: Sequence[Source]) -> "_Knowledge":
+    def of(
+        cls, problem: TrimProblem, simulated: Sequence[AlignedRun], sources: Sequence[Source], *, named: bool = False
+    ) -> "_Knowledge":
         """From the runs that were made and those of the candidates. Raises AnalysisError where no source is left."""
         notes, now, then = [], [], [list[_Source]() for _ in simulated]
         for source in sources:
@@ -458,8 +493,9 @@ class _Knowledge:
         if not any(then):
             raise AnalysisError(" ".join(notes))
         known: list[float | None] = [None] * len(problem.sites)
+        by = list(sources) if named else None
         try:
-            known = [one.first_moment.half_width() for one in trim_runs(problem.runs, problem.sites).missing]
+            known = [one.first_moment.half_width() for one in trim_runs(problem.runs, problem.sites, (), by).missing]
         except CounterpoiseError as error:
             notes.append(f"Now: {error}.")
         mounted, sites = problem.mounted, problem.sites
@@ -483,6 +519,10 @@ class _Knowledge:
         if best is None or share < 0.5:
             return "a larger motion would (--motion), or many runs"
         most = f"{share:.0%} of the variance at {self.problem.sites[place]} is"
+        steps = 0.0 if best.of_steps is None else float(combination @ best.of_steps @ combination)
+        if steps > 0.5 * best.added(combination):
+            most = f"{steps / best.variance(combination):.0%} of the variance at {self.problem.sites[place]} is"
+            return f"{most} steps of the encoders, which no repeat tells: encoders of finer steps would"
         if best.imbalance.subspace.is_whole:
             return f"{most} stated errors of sensors, which no repeat tells: calibrations that state less would"
         return (

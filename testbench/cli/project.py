@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ..next_run import Question
     from ..signal import Metric
     from ..signal.filters import Band
+    from ..trimming import Source
 
 
 @command(
@@ -139,6 +140,13 @@ def next_run(
         multiple=True,
     ),
     axis: tuple[str, ...] = option("Reductions along these axes alone.", Word(["x", "y", "z"])),
+    sources: "tuple[Source, ...]" = option(
+        "First moments by force sensors, motor torques, or the base's vibration with the base that the rig states; "
+        "give it again for several.  [default: what the rig has]",
+        Word(["wrench", "torque", "vibration"]),
+        "--from",
+        multiple=True,
+    ),
     metric: "Metric" = METRIC,
     band: "Band | None" = BAND,
     accept: tuple[str, ...] = options.ACCEPT,
@@ -153,12 +161,14 @@ def next_run(
         raise click.UsageError("--site is of first moments and counter-masses: give --for first-moment")
     if question != "reduction" and axis:
         raise click.UsageError("--axis is of reductions")
+    if question == "reduction" and sources:
+        raise click.UsageError("--from is of first moments and counter-masses: give --for first-moment")
     from ..front_door import plan_next
     from ..next_run import Proposal
     from ..store import open_campaign
 
     runs = open_campaign(campaign)
-    found = plan_next(runs, question, dict(payload), motion, peak, axis, site, metric, band, accept)
+    found = plan_next(runs, question, dict(payload), motion, peak, axis, site, metric, band, accept, sources)
 
     def show() -> None:
         say(plain_text(found.verdict))

@@ -246,7 +246,8 @@ def by_vibration(problem: TrimProblem) -> SourceEstimate:
     if (change * np.abs(measured.values) > 2.0 * np.sqrt(np.diag(measured.covariance))).any():
         doubts.append(MOVING_INERTIA.format(change))
     text = (*about, *fixed, _jackknife(measured, [*within, STEPS]))
-    return SourceEstimate("vibration", measured, text, tuple(doubts), tuple(findings), problem.runs, by_steps)
+    runs = problem.runs
+    return SourceEstimate("vibration", measured, text, tuple(doubts), tuple(findings), runs, by_steps, of_steps=steps)
 
 
 def _share_of_steps(bases: Sequence[ShakenBase], problem: TrimProblem, found: ImbalanceFit, pi: Floats) -> float:
@@ -289,10 +290,16 @@ def present_sources(problem: TrimProblem, one_mounting: bool) -> list[Source]:
     found: list[Source] = ["wrench"] if rig.supports else []
     if driven and driven >= set(problem.mounted.driven):
         found.append("torque")
-    useless = found == ["wrench"] and rig.under_base
-    if (useless or not found) and rig.base_accelerometers and states_base(rig):
-        found.append("vibration")
-    return found
+    if found == ["wrench"] and rig.under_base:
+        return [*found, *further_sources(problem, found)]
+    return found or further_sources(problem, found)
+
+
+def further_sources(problem: TrimProblem, tried: Sequence[Source]) -> list[Source]:
+    """The base's vibration, where the rig has it, for what the sources that were ``tried`` cannot tell."""
+    rig = problem.runs[0].run.rig
+    shown = bool(rig.base_accelerometers) and states_base(rig)
+    return ["vibration"] if shown and not {"vibration", "trials"} & set(tried) else []
 
 
 def _each(

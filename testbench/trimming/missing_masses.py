@@ -18,7 +18,7 @@ from ..errors import AnalysisError
 from ..kinematics.gaps import Gaps
 from ..recording import common_origin, mounted_masses
 from ..runs.aligned_run import AlignedRun
-from .estimators import ESTIMATORS, present_sources
+from .estimators import ESTIMATORS, further_sources, present_sources
 from .problem import SOURCES, Source, SourceEstimate, TrimProblem
 from .result import Share, Trim
 
@@ -47,8 +47,8 @@ def trim_runs(
     """What is missing where, from runs of one mechanism.
 
     By what the rig has, unless named: force sensors and motor torques of runs of one mounting, together where both
-    determine it; else the base's vibration; trial masses where mountings differ. Raises AnalysisError or
-    NotIdentifiable where the runs cannot tell.
+    determine it; the base's vibration where they are not there or cannot tell; trial masses where mountings differ.
+    Raises AnalysisError or NotIdentifiable where the runs cannot tell.
     """
     problem = trim_problem(runs, sites, cutoff)
     mounted, names = problem.mounted, problem.sites
@@ -153,7 +153,9 @@ def _estimated(problem: TrimProblem, sources: list[Source], named: bool) -> tupl
     """What the sources determine, and why others do not; one that was named must."""
     found: list[SourceEstimate] = []
     failed: dict[Source, CounterpoiseError] = {}
-    for source in sources:
+    for source in [*sources, *([] if named else further_sources(problem, sources))]:
+        if found and source not in sources:
+            break
         try:
             estimate = ESTIMATORS[source](problem)
             _refuse_wide(estimate, problem)

@@ -183,6 +183,8 @@ class SourceEstimate:
     """Share of what was measured that the encoders' steps leave unexplained; zero where it was not asked."""
     over_rest: float = np.inf
     """Largest residual of a row over what it shows at rest, root mean squares [-]; infinite where no rest tells."""
+    of_steps: Floats | None = None
+    """Part of the covariance that the encoders' steps make, (rank, rank) [kg2 m2]; None where it was not asked."""
 
 
 def refuse_no_motion(valid: ValidSamples, path: Trajectory) -> None:

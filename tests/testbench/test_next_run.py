@@ -21,7 +21,9 @@ from testbench.signal.filters import Band
 from testbench.simulator.run import simulate_run
 from testbench.simulator.sensors import true_signals
 from testbench.store import open_campaign
+from testbench.synchronization.clock_map import ClockMap
 from testbench.trimming import trim_runs
+from testbench.trimming.estimators import by_vibration
 from testbench.vibration.metrics import Measure
 from testbench.vibration.reduction import reduction_of_pair
 from testbench.vibration.run_pairs import pairs
@@ -170,6 +172,106 @@ def test_a_repeat_of_a_small_motion_does_not_narrow_what_the_file_may_be_wrong_b
     assert share < 0.25
     assert design.proposals[0].share == pytest.approx(share, rel=0.3)
     assert "large.toml, without counter-masses) narrows" in design.verdict
+
+
+SWINGER = """<mujoco model="swinger"><option gravity="0 0 -9.81"/><worldbody><body name="arm" pos="0 0 0.1">
+<joint name="yaw" type="hinge" axis="0 0 1"/><inertial pos="0.15 0 0" mass="3" diaginertia="0.004 0.03 0.03"/>
+<site name="counter_tail" pos="-0.1 0 0"/></body></worldbody>
+<actuator><motor name="yaw_motor" joint="yaw"/></actuator></mujoco>"""
+SWEEP = """
+driven = "joints"
+joints = ["yaw"]
+start = ["0 deg"]
+rest = "0.1 s"
+peak_acceleration = "40 rad/s^2"
+moves = [ { joint = "yaw", to = ["60 deg", "-60 deg", "0 deg"] } ]
+"""
+ON_MOUNTS = """
+mechanism = "{model}"
+[loggers.daq]
+rate = "500 Hz"
+start = "-0.3 s"
+drift_ppm = 50.0
+[loggers.controller]
+rate = "500 Hz"
+start = "-0.1 s"
+[sensors.base_acc]
+kind = "accelerometer"
+logger = "daq"
+channels = {{ x = "X", y = "Y", z = "Z" }}
+unit = "m/s^2"
+noise = "0.002 m/s^2"
+position = ["0.2 m", "-0.1 m", "0 m"]
+[sensors.encoder_yaw]
+kind = "encoder"
+logger = "controller"
+channel = "angle"
+joint = "yaw"
+unit = "rad"
+resolution = "1e-4 rad"
+[sensors.motor_yaw]
+kind = "torque"
+logger = "controller"
+channel = "torque"
+joint = "yaw"
+noise = "0.05 N m"
+[bench]
+mass = "60 kg"
+centre = ["0 m", "0 m", "-0.15 m"]
+inertia = ["3 kg m^2", "3.5 kg m^2", "5 kg m^2"]
+""" + "".join(
+    f"""
+[[bench.mounts]]
+position = ["{x} m", "{y} m", "-0.3 m"]
+stiffness = ["3.0e4 N/m", "3.6e4 N/m", "9.0e4 N/m"]
+damping = ["45 N s/m", "50 N s/m", "80 N s/m"]
+"""
+    for x in (-0.4, 0.4)
+    for y in (-0.3, 0.3)
+)
+"""An arm that turns about the vertical, whose torque does not show its first moment; its loggers share nothing."""
+
+
+@pytest.mark.parametrize(("times", "told"), [(9.0, "90% of the variance at counter_tail is steps"), (0.0, "a larger")])
+def test_the_vibration_of_loggers_that_were_aligned(tmp_path, monkeypatch, times, told):
+    """Where torque cannot tell: of candidates the clocks are as surely aligned as those of the runs, by what they were.
+
+    Steps of encoders that make so many times the other variance are told; a source that is asked is not replaced.
+    """
+
+    def stepped(problem):
+        found = by_vibration(problem)
+        assert found.of_steps.max() > 0.0
+        steps = times * found.imbalance.covariance
+        return replace(
+            found, imbalance=replace(found.imbalance, covariance=found.imbalance.covariance + steps), of_steps=steps
+        )
+
+    monkeypatch.setitem(next_run.ESTIMATORS, "vibration", stepped)
+    for name, text in (("swinger.xml", SWINGER), ("sweep.toml", SWEEP)):
+        (tmp_path / name).write_text(text)
+    rig = rig_from_text(ON_MOUNTS.format(model=tmp_path / "swinger.xml"))
+    planned = PlannedRun("memory", None, {}, str(tmp_path / "sweep.toml"), None, 1)
+    arm = load_mechanism(tmp_path / "swinger.xml")
+    bench = simulate_run(rig, arm, planned, motion=load_motion(planned.motion))
+    scene = memory.Scene(rig, planned, bench, true_signals(rig, bench))
+    runs = [scene.run(1), scene.run(2)]
+    monkeypatch.setattr(next_run, "mechanism_of", lambda *of: arm)
+    with pytest.raises(AnalysisError, match="not aligned"):
+        next_for_first_moment(runs)
+    known = ClockMap(0.0, -0.2, -5e-5, np.diag([1e-10, 1e-14]), 1000, (0.0, 1.0))
+    monkeypatch.setattr(next_run, "recorded_clocks", lambda run: {"daq": known})
+    simulated = []
+    made = next_run._simulated
+    monkeypatch.setattr(next_run, "_simulated", lambda *of: simulated.append(made(*of)) or simulated[-1])
+    design = next_for_first_moment(runs)
+    clock = simulated[0].clock("daq")
+    assert (clock.offset, clock.drift) == pytest.approx((known.offset, known.drift), abs=1e-8)
+    assert clock.deviation == known.deviation
+    assert np.isfinite(design.proposals[0].after)
+    assert design.remedy.startswith(told)
+    with pytest.raises(AnalysisError, match="Motor torques would not tell"):
+        next_for_first_moment(runs, sources=["torque"])
 
 
 def test_a_run_that_would_widen(design):
