@@ -20,6 +20,7 @@ Technol. 22, 2014).
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -36,6 +37,8 @@ _EXACT = 1e-4
 _REWEIGHTINGS = 20
 _SETTLED = 1e-6
 """Relative change of the weights at which they count as found."""
+_INVERTED = 0.1 * RANK_LIMIT**-2
+"""Condition number up to which equations of nuisances have an inverse."""
 _OUTSIDE = 1e-6
 """Part of a combination outside what is excited, relative to it, that is rounding."""
 
@@ -461,5 +464,10 @@ def _least_norm(matrix: Floats, right: Floats) -> Floats:
 
 
 def _pseudo_inverse(matrix: Floats) -> Floats:
-    """Of equations of nuisances, (..., k, k)."""
-    return np.asarray(np.linalg.pinv(matrix, rcond=RANK_LIMIT**2))
+    """Of equations of nuisances, which are symmetric, (..., k, k); the inverse where all have one, which is quicker."""
+    with suppress(np.linalg.LinAlgError):
+        found = np.linalg.inv(matrix)
+        sizes = (np.abs(one).sum(axis=-1).max(axis=-1, initial=0.0) for one in (matrix, found))
+        if (np.prod([*sizes], axis=0) < _INVERTED).all():
+            return np.asarray(found)
+    return np.asarray(np.linalg.pinv(matrix, rcond=RANK_LIMIT**2, hermitian=True))

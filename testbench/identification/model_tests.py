@@ -349,7 +349,8 @@ class ModelTests:
             columns = np.column_stack([accelerated, law_terms(part.motion.q, part.motion.v, joint)[:, :count]])
             smooth = part.inside(part.low_passed(columns))[:, None]
             rows = part.inside(part.delayed(part.smooth[0], self.delay))[:, [joint]]
-            law = RegressionRecord.of(smooth[:, :, :1], rows, blocks[own], smooth[:, :, 1:], used, rows=("torque",))
+            terms = _directions(smooth[:, 0, 1:] * used)[:, None] * np.sqrt(len(used))
+            law = RegressionRecord.of(smooth[:, :, :1], rows, blocks[own], terms, used, rows=("torque",))
             records.append(law)
         return fit(records, conditions=0).estimate(np.ones(1))
 
@@ -482,12 +483,18 @@ def law_terms(q: Floats, v: Floats, joint: int) -> Floats:
     return np.stack([values for _, values in sorted(terms, key=lambda term: term[0])], axis=1)
 
 
-def _left(columns: Floats, rows: Floats) -> tuple[float, int]:
-    """Sum of squares that columns (n, k) leave of rows (n,), and how many of them count."""
+def _directions(columns: Floats) -> Floats:
+    """Orthonormal ones of columns (n, k), as many as count, (n, rank)."""
     lengths = np.linalg.norm(columns, axis=0)
     present = lengths > 1e-9 * lengths.max(initial=0.0)
-    directions, sizes, _ = np.linalg.svd(columns[:, present] / lengths[present], full_matrices=False)
-    kept = directions[:, sizes > 1e-6 * sizes[0]]
+    orthonormal, triangle = np.linalg.qr(columns[:, present] / lengths[present])
+    turned, sizes, _ = np.linalg.svd(triangle)
+    return np.asarray(orthonormal @ turned[:, : len(sizes)][:, sizes > 1e-6 * sizes.max(initial=0.0)])
+
+
+def _left(columns: Floats, rows: Floats) -> tuple[float, int]:
+    """Sum of squares that columns (n, k) leave of rows (n,), and how many of them count."""
+    kept = _directions(columns)
     return max(float(rows @ rows - np.sum((kept.T @ rows) ** 2)), np.finfo(float).tiny), kept.shape[1]
 
 
