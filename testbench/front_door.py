@@ -5,7 +5,7 @@ The commands call the same functions. A campaign is a ``Campaign`` or its folder
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -356,11 +356,13 @@ def identify(
     rig: Rig | str | Path | None = None,
     accept: Sequence[str] = (),
     validate: Sequence[Runs] = (),
+    done: Callable[[int], None] = lambda steps: None,
 ) -> Identification:
     """Inertial parameters and friction of a mechanism from the positions, torques and forces of runs.
 
     ``mechanism``: None for that of the first run. ``by``: ``torque``, ``wrench`` or ``both``; ``method``: ``ls``,
-    ``iv`` or ``oe``; ``validate``: runs that have no part in it, to hold the result against. Intervals by a
+    ``iv`` or ``oe``; ``validate``: runs that have no part in it, to hold the result against; ``done`` is told of
+    ``identification.STEPS`` as they are done. Intervals by a
     delete-block jackknife, widened to contain the answers of other choices.
 
     >>> import testbench
@@ -378,7 +380,7 @@ def identify(
     aligned = [AlignedRun(run, model) for run in bound]
     taken = assemble(aligned, by, accept)
     open_findings = examine(bound, accept, model).open_findings
-    found = identified(taken.records, taken.mechanism, method)
+    found = identified(taken.records, taken.mechanism, method, done=done)
     found = replace(found, contradictions=open_findings, by=taken.by, notes=taken.notes)
     if not validate:
         return found

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from balance.cli.framework import Answer, Word, command, option
-from balance.cli.options import FIGURE, draw
+from balance.cli.options import FIGURE, draw, progress
 from balance.cli.printing import emit_findings, emit_table, say
 from balance.results import first_of, table
 
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 
 SCALED = "usable up to a torque scale"
+_TESTED, _TOLD = 8, 4
+"""Steps of the bar that tests and the document take."""
 VALUE_COLUMNS = ("name", "value", "unit", "interval", "in_file")
 FURTHER = (
     "counter_masses", "first_moments", "first_moment_ratios", "validation", "method.compared", "cutoff.held_out_error",
@@ -125,11 +127,19 @@ def identify(
     """
     from ..front_door import bound_runs
     from ..front_door import identify as identified
+    from ..identification import STEPS
     from ..identification.diagnostics import identification_document
 
     mechanism, runs = options.split_words(words)
     bound = bound_runs(runs, rig)
-    result = identified(mechanism, *bound, by=by, method=method, rig=rig, accept=accept, validate=separate)
+    with progress("identifying", STEPS + _TESTED + _TOLD, in_bytes=False) as done:
+        result = identified(
+            mechanism, *bound, by=by, method=method, rig=rig, accept=accept, validate=separate, done=done
+        )
+        result.verdict  # noqa: B018  its tests take as long
+        done(_TESTED)
+        told = identification_document(result)
+        done(_TOLD)
     draw(figure, result.plot)
     applied, budgets = options.calibrations(bound), [value.budget for value in result.first_moments()]
 
@@ -139,5 +149,5 @@ def identify(
             options.print_budgets(result.mechanism.name, budgets)
         options.print_calibrations(applied)
 
-    found = identification_document(result) | ({"budget": budgets} if budget else {}) | {"calibrations": applied}
+    found = told | ({"budget": budgets} if budget else {}) | {"calibrations": applied}
     return Answer(found, show, bool(result.lost or result.all_doubts), further=FURTHER)

@@ -11,7 +11,7 @@ recorded against the model along the recorded motion; and of angle, the block si
 against the recorded ones. Torque error favours least squares, which minimizes it; how far a simulation strays does not.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated
@@ -176,9 +176,13 @@ class Choice:
 
 
 def choose(
-    records: Sequence[JointRecord], mechanism: Mechanism, identifiable: Identifiability, method: Method = "ls"
+    records: Sequence[JointRecord],
+    mechanism: Mechanism,
+    identifiable: Identifiability,
+    method: Method = "ls",
+    done: Callable[[int], None] = lambda steps: None,
 ) -> Choice:
-    """Apply the rule, by least squares whatever the method.
+    """Apply the rule, by least squares whatever the method; ``done`` is told of each cut-off.
 
     The method is least squares too where the one asked for simulates no motion or does not determine all.
     Raises AnalysisError for records that are too short.
@@ -194,6 +198,7 @@ def choose(
         tried = zip(delays(records), held_out.errors(delays(records), common), strict=True)
         best = min((Candidate(cutoff, *one) for one in tried), key=lambda candidate: candidate.error)
         found.append((best, held_out))
+        done(1)
     chosen, held_out = min(found, key=lambda pair: pair[0].error)
     try:
         solved, parameters = held_out.at(chosen.delay).identified(method), held_out.parameters(chosen.delay, method)

@@ -1,6 +1,6 @@
 """From records to an identification: what is observable, the cut-off and delay, the parameters, other choices."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 from balance.estimation.base_parameters import BaseParameters, base_parameters
@@ -9,28 +9,40 @@ from balance.estimation.regression import RegressionRecord
 from balance.mechanism.mechanism import Mechanism
 
 from ..recording import common_origin
-from .cross_validation import Choice, choose, possible_cutoffs
+from .cross_validation import CUTOFFS_HZ, Choice, choose, possible_cutoffs
 from .estimators import BLOCK_PERIODS, Method, Methods, NotSimulated, allowed
 from .records import JointRecord
 from .regression_equations import one_sided, regression_equations
 from .result import Identification
 
+_MOST_VARIANTS = 5
+"""Half and double the cut-off, no delay, two other methods."""
+STEPS = len(CUTOFFS_HZ) + _MOST_VARIANTS
+"""Of an identification, about as long each."""
+
 
 def identify(
-    records: Sequence[JointRecord], mechanism: Mechanism, method: Method | None = None, *, others: bool = True
+    records: Sequence[JointRecord],
+    mechanism: Mechanism,
+    method: Method | None = None,
+    *,
+    others: bool = True,
+    done: Callable[[int], None] = lambda steps: None,
 ) -> Identification:
     """Identify a mechanism from records of its driven joints.
 
     What is observable is found first, then the cut-off and the delay by held-out torque error, then the parameters by
     ``method``; at half and at double that cut-off, without delay, and by the other methods, once more. The method is
     ``iv`` unless named, and ``ls`` where there are forces alone; without ``others`` no interval is
-    widened by the other methods, which take long through loops. Raises NotIdentifiable where nothing is observable.
+    widened by the other methods, which take long through loops. ``done`` is told of STEPS in all, as they are done.
+    Raises NotIdentifiable where nothing is observable.
     """
     method = method or ("iv" if records[0].torque.shape[1] else "ls")
     possible = possible_cutoffs(records)
     middle = regression_equations(records, mechanism, possible[len(possible) // 2])
     identifiable = identifiability(middle.columns * middle.moving[:, :, None], middle.names)
-    choice = choose(records, mechanism, identifiable, method)
+    done(len(CUTOFFS_HZ) - len(possible))
+    choice = choose(records, mechanism, identifiable, method, done)
     delay, cutoff = choice.chosen.delay, choice.chosen.cutoff
     at = choice.held_out.at(delay)
     tried: dict[str, tuple[Methods, Method]] = {}
@@ -42,10 +54,12 @@ def identify(
         tried["no delay"] = choice.held_out.at(0.0), choice.method
     tried |= {name: (at, name) for name in allowed(choice.equations) if others and name != choice.method}
     variants = {}
+    done(_MOST_VARIANTS - len(tried))
     for label, (methods, name) in tried.items():
         with suppress(NotSimulated):
             if (one := methods.identified(name)).determines_all:
                 variants[label] = one
+        done(1)
     failed = [label for label in tried if label not in variants]
     return Identification(
         mechanism,

@@ -10,7 +10,7 @@ from balance.balancing.sizing import exact_sizing
 from balance.estimation.identifiability import NotIdentifiable
 from balance.mechanism.mjcf_parser import load_mechanism
 from testbench.errors import AnalysisError
-from testbench.identification import identify
+from testbench.identification import STEPS, identify
 from testbench.identification.result import validate
 
 from . import arms
@@ -172,3 +172,11 @@ def test_a_short_record_is_refused():
     short = type(whole)("short", "simulated", type(whole.grid)(0.0, 1 / 200.0, 40), whole.q[:40], whole.torque[:40])
     with pytest.raises(AnalysisError, match=r"short: 0.2 s at 200"):
         identify([short], ARM)
+
+
+def test_progress_counts_every_step():
+    """Whatever cut-offs and variants there are, the steps that are told add up to those that were promised."""
+    told = []
+    identify([arms.record(ARM, rate=50.0)], ARM, "ls", others=False, done=told.append)
+    assert sum(told) == STEPS
+    assert min(told) >= 0
