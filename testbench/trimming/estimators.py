@@ -296,10 +296,13 @@ def present_sources(problem: TrimProblem, one_mounting: bool) -> list[Source]:
 
 
 def further_sources(problem: TrimProblem, tried: Sequence[Source]) -> list[Source]:
-    """The base's vibration, where the rig has it, for what the sources that were ``tried`` cannot tell."""
+    """The base's vibration, where the rig has it, for what torques, where these were ``tried``, cannot tell.
+
+    Forces show what shakes the base, as vibration does: where they cannot tell, a motion lacks.
+    """
     rig = problem.runs[0].run.rig
     shown = bool(rig.base_accelerometers) and states_base(rig)
-    return ["vibration"] if shown and not {"vibration", "trials"} & set(tried) else []
+    return ["vibration"] if shown and set(tried) <= {"torque"} else []
 
 
 def _each(
