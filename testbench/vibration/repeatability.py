@@ -371,17 +371,19 @@ def _lags(
     timed = all(one.timed for one in firsts)
     near = round(BEGINS_S[timed] * firsts[0].rate_hz) + 1
     lags, signs = [0.0], np.ones((len(runs), len(places)))
-    for turned, spectrum, own, begin in zip(signs[1:], spectra[1:], energies[1:], begins[1:], strict=True):
+    still = [np.array([_is_still(run[place]) for place in places]) for run in runs]
+    each_run = zip(signs[1:], spectra[1:], energies[1:], begins[1:], still[1:], strict=True)
+    for turned, spectrum, own, begin, still_here in each_run:
         each = np.fft.irfft(spectrum * np.conj(spectra[0]), size)
-        # Where the lag is known a tone half a period away is no reversed channel.
-        at = np.arange(size)
-        if timed and begin is not None and begins[0] is not None:
-            at = np.arange(begin - begins[0] - near, begin - begins[0] + near + 1) % size
-        least = -each[:, at].min(axis=1)
-        turned[(least > each[:, at].max(axis=1)) & (least > REVERSED * np.sqrt(own * energies[0]))] = -1.0
+        shifts = np.arange(size)
+        if known := timed and begin is not None and begins[0] is not None:
+            shifts = np.arange(begin - begins[0] - near, begin - begins[0] + near + 1)
+        least, most = -each[:, shifts % size].min(axis=1), each[:, shifts % size].max(axis=1)
+        turned[(least > most) & (least > REVERSED * np.sqrt(own * energies[0])) & still[0] & still_here] = -1.0
         both, energy = turned @ each, np.sqrt(own.sum() * energies[0].sum())
         best = int(np.argmax(both))
-        if both[best] < CERTAIN * energy and (timed or not _stands_out(both, best, energy)):
+        certain = both[best] >= CERTAIN * energy and (not known or best in shifts % size)
+        if not certain and (timed or not _stands_out(both, best, energy)):
             if begin is None or begins[0] is None:
                 return None
             later = begin - begins[0]
@@ -399,6 +401,14 @@ def _lags(
         lag = best + parabola_peak(both, best, periodic=True)[0]
         lags.append(lag - size if lag > count else lag)
     return lags, signs
+
+
+def _is_still(run: Amplitude) -> bool:
+    """Whether little of what a record shows is there at rest: a tone, half a period later, is no reversed channel."""
+    if run.rest is None or run.moving is None or run.rest.stop <= run.rest.start:
+        return True
+    at_rest, moving = (float(np.mean(run.course[part] ** 2)) for part in (run.rest, run.moving))
+    return at_rest < (1.0 - REVERSED) * moving
 
 
 def _stands_out(both: Floats, best: int, energy: float) -> bool:

@@ -169,6 +169,8 @@ def test_the_gain_of_one_torque(partly, factor):
         assert {(s.run, s.channel, s.code) for s in found} == {(partly[liar].name, "tau_A_left", "gain_contradiction")}
         times = [float(s.witnessed.split()[0]) for s in found if "beside" in s.witness]
         assert times == [pytest.approx(factor, abs=0.04)]
+
+
 def _mounted(run, axes, signs):
     """The run with the accelerometer on the base mounted so that each channel shows one of ``axes``, with its sign."""
     values = [run.channel(f"Acc{axis}") for axis in axes]
