@@ -1,7 +1,7 @@
 """Cross-examination: what the sensors of a run witness, against the run table, the rig, the model and the other runs.
 
 ``observation`` reads a run once, along the motion that ``model_loads`` makes of its encoders; ``conditions``,
-``beside_others``, ``sensors``, ``paths``, ``repeated_vibration`` and ``copies`` state what follows; ``examination``
+``torque_comparison``, ``sensors``, ``paths``, ``repeated_vibration`` and ``copies`` state what follows; ``examination``
 puts it together for a campaign.
 """
 

@@ -20,9 +20,9 @@ from balance.estimation.estimate import coverage_factor
 from balance.units import G0
 
 from ..rig.sensors import Torque
-from .beside_others import Unlike, unlike_others
 from .observation import BLOCKS, DRIVE_TERMS, Observation, TorqueEquations, jackknife
 from .statement import Statement
+from .torque_comparison import Unlike, unlike_others
 
 ROUNDS = 12
 """Of Gauss-Newton; from stated payloads five suffice."""
