@@ -139,13 +139,15 @@ def size(
     rig: str | None = None,
     best: int = 1,
     payload_bodies: Sequence[str] = (),
+    added: float | str | None = None,
 ) -> SizingStudy:
     """Counter-masses that balance a mechanism, or leave the least shaking force: of any mass, or from stock plates.
 
     ``motion``: a shipped name or file, over which the force is made small; without one, over the workspace. ``stock``:
     plates, a shipped name or a CSV file. ``sites``: where masses may be mounted [default: those named counter...].
     ``limits``: largest mass by site, ``{"counter_A0A": "5 kg"}``. ``equal``: groups of sites of equal masses.
-    ``objective``: weights of force, moment, torque, and vibration with a ``rig``. ``best``: sets from stock to give.
+    ``added``: what may be added in all, 2.5 or ``"2.5 kg"``. ``objective``: weights of force, moment, torque, and
+    vibration with a ``rig``. ``best``: sets from stock to give.
     ``payload_bodies``: of which the payload is stated that the counter-masses would balance.
     Least squares within bounds, from plates by mixed-integer search with a proven bound.
 
@@ -161,7 +163,7 @@ def size(
     trajectory = follow(model, motion) if motion else None
     return study_sizing(
         model, trajectory, motion=motion, sites=sites, stock=stock, limits=_masses(limits), equal=equal, best=best,
-        weights=objective, rig=rig, payload_bodies=payload_bodies,
+        weights=objective, rig=rig, payload_bodies=payload_bodies, added=None if added is None else si(added, "mass"),
     )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ from ..input_files import Table, model_from_table, read_toml
 from ..mechanism.mechanism import Mechanism
 from .conditions import Conditions
 from .objective import Exact, Objective, discs, motion_objective, scaled, unit_masses
-from .sizing import Sizing, exact_sizing, site_groups, sizing_of_given, upper_limits
+from .sizing import Sizing, exact_sizing, site_groups, sizing_of_given, total_limit, upper_limits
 
 UNIT = "m_per_s2"
 _STEP = 1e-5
@@ -32,7 +32,7 @@ _MOST = 5_000
 """Evaluations until masses are given up."""
 _MOST_SAMPLES = 12_000_000
 """Samples of a motion, times the ways to share plates, of which all are looked at."""
-_TOO_MANY = 1
+_TOO_MANY, _TOO_MANY_WITHIN = 1, 9
 """What scipy answers then."""
 _EVEN = 1e-6
 """Difference between steps of time, relative to one, that is rounding."""
@@ -195,8 +195,9 @@ def least_vibration(
     objective: VibrationObjective,
     limits: Mapping[str, float] | None = None,
     equal: Sequence[Sequence[str]] = (),
+    added: float | None = None,
 ) -> Sizing:
-    """Masses at ``sites`` of least vibration nearby, with ``limits`` [kg] and ``equal`` as in ``exact_sizing``.
+    """Masses at ``sites`` of least vibration nearby, with ``limits``, ``added`` [kg], ``equal`` as in ``exact_sizing``.
 
     Its objective is the one around them, and it has no bound: the inertia that the base carries changes with the
     masses, so that far from these others might leave less. Raises SizingError where it does not converge.
@@ -204,7 +205,7 @@ def least_vibration(
     from scipy import optimize  # late: plates are looked through without it
 
     least_force = exact_sizing(
-        conditions, mechanism, sites, limits, motion_objective(mechanism, objective.trajectory), equal
+        conditions, mechanism, sites, limits, motion_objective(mechanism, objective.trajectory), equal, added
     )
     groups, upper = site_groups(sites, equal), upper_limits(sites, limits)
     share = np.array([[float(i in group) for group in groups] for i in range(len(sites))])
@@ -223,8 +224,23 @@ def least_vibration(
         )
         for at in starts
     ]  # fmt: skip
-    best = min(found, key=lambda one: float(one.fun))
-    if best.status == _TOO_MANY:
+    best, size, total = min(found, key=lambda one: float(one.fun)), share.sum(axis=0), total_limit(added) / unit
+    if size @ best.x > total:
+        within = optimize.LinearConstraint(size, -np.inf, total)
+        found = [
+            optimize.minimize(
+                value,
+                at * min(1.0, total / max(float(size @ at), 1e-300)),
+                jac="3-point",
+                method="SLSQP",
+                bounds=bounds,
+                constraints=within,
+                options={"ftol": 1e-14, "maxiter": _MOST},
+            )
+            for at in (*starts, best.x)
+        ]
+        best = min(found, key=lambda one: float(one.fun))
+    if best.status in {_TOO_MANY, _TOO_MANY_WITHIN}:
         raise SizingError(f"counter-masses of least vibration did not converge in {_MOST} evaluations: limit them")
     masses = dict(zip(sites, (unit * (share @ best.x)).tolist(), strict=True))
     return sizing_of_given(

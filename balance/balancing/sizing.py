@@ -14,7 +14,7 @@ from ..errors import SizingError
 from ..mechanism.mechanism import Mechanism, inertia_matrix
 from ..results import Key, Shown, counted, plain
 from .conditions import Conditions
-from .least_masses import distribute_masses
+from .least_masses import distribute_masses, distribute_total
 from .objective import Exact, Objective, unit_masses, workspace_objective
 
 if TYPE_CHECKING:
@@ -275,11 +275,13 @@ def exact_sizing(
     limits: Mapping[str, float] | None = None,
     objective: Objective | None = None,
     equal: Sequence[Sequence[str]] = (),
+    added: float | None = None,
 ) -> Sizing:
     """Counter-masses of any mass at ``sites`` (default: those named counter...) of least ``objective``.
 
-    Each between zero and its limit [kg], those of a group of ``equal`` the same; of equals the lightest, then least
-    squares of the masses. Raises SizingError if there is no site or the solver does not converge.
+    Each between zero and its limit [kg], those of a group of ``equal`` the same, all together at most ``added`` [kg];
+    of equals the lightest, then least squares of the masses. Raises SizingError if there is no site or the solver does
+    not converge.
     """
     names = chosen_sites(mechanism, sites)
     objective = objective or conditions.objective
@@ -288,9 +290,9 @@ def exact_sizing(
     upper = upper_limits(names, limits)
     share = np.array([[1.0 / len(group) if i in group else 0.0 for group in groups] for i in range(len(names))])
     most = np.array([len(group) * upper[list(group)].min() for group in groups])
-    found = distribute_masses(columns @ share, target, most)
-    bound = max(float(np.sum((columns @ share @ found.masses - target) ** 2)) - found.gap, 0.0)
-    masses = dict(zip(names, share @ found.masses, strict=True))
+    found, _, gap = distribute_total(columns @ share, target, most, np.ones(len(groups)), total_limit(added))
+    bound = max(float(np.sum((columns @ share @ found - target) ** 2)) - gap, 0.0)
+    masses = dict(zip(names, share @ found, strict=True))
     return sizing_of_given(conditions, mechanism, masses, None, objective, bound)
 
 
@@ -302,6 +304,13 @@ def upper_limits(names: Sequence[str], limits: Mapping[str, float] | None) -> Fl
         if not limit >= 0.0:
             raise SizingError(f"the limit at {name!r} is {limit:g} kg: expected zero or more")
     return np.array([(limits or {}).get(name, np.inf) for name in names])
+
+
+def total_limit(added: float | None) -> float:
+    """What all counter-masses together may weigh, infinite for None [kg]. Raises SizingError below zero."""
+    if added is not None and not added >= 0.0:
+        raise SizingError(f"{added:g} kg may be added in all: expected zero or more")
+    return np.inf if added is None else added
 
 
 def site_groups(names: Sequence[str], equal: Sequence[Sequence[str]]) -> list[list[int]]:
@@ -325,18 +334,20 @@ def best_sets_from_stock(
     equal: Sequence[Sequence[str]] = (),
     best: int = 1,
     exact: Exact | None = None,
+    added: float | None = None,
 ) -> tuple[Sizing, ...]:
     """The ``best`` few choices of plates at the sites, best first, with a bound that no choice is below.
 
-    A plate's quantity is for all sites together; ``limits`` [kg] and ``equal`` as in ``exact_sizing``; ``exact`` as in
-    ``best_plates``.
+    A plate's quantity is for all sites together; ``limits``, ``added`` [kg] and ``equal`` as in ``exact_sizing``;
+    ``exact`` as in ``best_plates``.
     """
     from .stock_search import best_plates  # late: masses of any size are found without it
 
     names = chosen_sites(mechanism, sites)
     objective = objective or conditions.objective
     system, groups = _stock_system([(objective, mechanism)], names, plates), site_groups(names, equal)
-    found = best_plates(**system, limits=upper_limits(names, limits), equal=groups, best=best, exact=exact)
+    upper, total = upper_limits(names, limits), total_limit(added)
+    found = best_plates(**system, limits=upper, equal=groups, best=best, exact=exact, added=total)
     sets = []
     for one in found.selections:
         masses, piles = dict(zip(names, one.masses, strict=True)), _piles(names, one.counts, plates)
@@ -407,8 +418,11 @@ def stock_use(
     limits: Mapping[str, float] | None = None,
     equal: Sequence[Sequence[str]] = (),
     is_linear: bool = True,
+    added: float | None = None,
 ) -> StockUse:
-    """Use of a stock by one set, or by ``sets`` that only grow; ``limits`` [kg] and ``equal``, of one, as it was sized.
+    """Use of a stock by one set, or by ``sets`` that only grow.
+
+    ``limits``, ``added`` [kg] and ``equal``, of one, as it was sized.
 
     Which kinds are wanting is left open where what is made small is not linear in the masses.
     """
@@ -421,7 +435,8 @@ def stock_use(
     if is_linear:
         each = [(one.objective or one.conditions.objective, one.before) for one in sets]
         upper, groups = np.tile(upper_limits(names, limits), len(sets)), site_groups(names, equal) if equal else ()
-        wanting = wanting_kinds(**_stock_system(each, names, plates), counts=counts, limits=upper, equal=groups)
+        system, total = _stock_system(each, names, plates), total_limit(added)
+        wanting = wanting_kinds(**system, counts=counts, limits=upper, equal=groups, added=total)
     used = dict(zip((plate.name for plate in plates), counts.sum(axis=0).tolist(), strict=True))
     lightest = min(((p.mass, p.name) for p in plates if p.quantity), default=(0.0, ""))[::-1]
     wanted = tuple(plates[k].name for k in wanting)

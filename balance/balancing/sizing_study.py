@@ -30,6 +30,7 @@ from .sizing import (
     site_groups,
     sizing_document,
     stock_use,
+    total_limit,
     upper_limits,
 )
 
@@ -160,8 +161,8 @@ class Verdict:
     directions: tuple[RemainingDirection, ...]
     """Empty where it is balanced, or where not the force alone is made small."""
     needed: tuple[NeededSite, ...]
-    """Empty where masses of any size at these sites would do, or where not the force alone is made small: inertia of
-    what is mounted adds to moment and torque by the place, which is open here."""
+    """Empty where masses of any size at these sites would do, or their total is what holds them, or where not the
+    force alone is made small: inertia of what is mounted adds to moment and torque by the place, which is open here."""
 
     @property
     def has_finding(self) -> bool:
@@ -175,8 +176,11 @@ def verdict_of(
     samples: Callable[[Mechanism], Floats] | None,
     limits: Mapping[str, float] | None = None,
     equal: Sequence[Sequence[str]] = (),
+    added: float | None = None,
 ) -> Verdict:
-    """The verdict on counter-masses, ``any_mass`` the best ones of any mass, of the same ``limits`` [kg] and ``equal``.
+    """The verdict on counter-masses, ``any_mass`` the best ones of any mass.
+
+    Both of the same ``limits``, ``added`` [kg] and ``equal``.
 
     ``samples`` gives the force, or the momentum over the workspace, of a mechanism, (n, 3) [unit of the objective].
     """
@@ -185,7 +189,10 @@ def verdict_of(
     directions = (
         () if balanced or samples is None else remaining_directions(samples(found.before), samples(found.after))
     )
-    needed = () if attainable or samples is None else needed_sites(any_mass, limits, equal)
+    is_full = added is not None and any_mass.added_mass >= added * (1.0 - COMPLETE)
+    needed = () if attainable or is_full or samples is None else needed_sites(any_mass, limits, equal)
+    if needed and sum(needed[-1].masses.values()) > total_limit(added):
+        needed = ()
     least = None if found.bound is None else min(found.bound**0.5, after)
     return Verdict(balanced, attainable, before, after, least, directions, needed)
 
@@ -214,6 +221,10 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
     rig: str | None = None
     left_out: tuple[str, ...] = ()
     """Keys of the rig that the base's vibration is computed without."""
+    added: float | None = None
+    """What all counter-masses together may weigh [kg]; None without such a limit."""
+    any_total: Sizing | None = None
+    """The best ones of any mass without that limit."""
 
     @property
     def best(self) -> Sizing:
@@ -287,6 +298,14 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
                 {"counter_masses": plain(one.counter_masses), "remaining_percent": one.remaining_percent()}
                 for one in self.sets
             ]
+        if self.any_total:
+            found |= {
+                "added_limit_kg": self.added,
+                "without_added_limit": {
+                    "added_mass_kg": self.any_total.added_mass,
+                    "remaining_percent": self.any_total.remaining_percent(),
+                },
+            }
         if self.rig:
             found |= {"rig": self.rig, "left_out": list(self.left_out)}
         return sizing_document(result) | found
@@ -317,7 +336,14 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
         if self.stock:
             remain = per_cent_text(self.any_mass.remaining_percent())
             yield "Masses of other sizes at these sites would " + (
-                "balance it completely." if verdict.attainable else f"leave {remain}."
+                "balance it completely." if verdict.attainable else f"leave {remain}{self._in_all()}."
+            )
+        if self.any_total and self.any_total.added_mass > self.any_mass.added_mass * (1.0 + COMPLETE):
+            free = self.any_total
+            left = f"leave {per_cent_text(free.remaining_percent())}"
+            yield (
+                f"Without the limit of {self.added:.4g} kg in all, masses of any size at these sites would "
+                f"{'balance it completely' if free.is_complete() else left}, with {free.added_mass:.4f} kg added."
             )
         if self.stock_use and (use := str(self.stock_use)):
             yield use
@@ -345,16 +371,21 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
             if changed:
                 any_size = ", of any size" if self.stock else ""
                 yield f"The masses are other ones then{any_size}: {', '.join(changed)}."
-        if verdict.directions and not verdict.attainable and not verdict.needed:
+        if verdict.directions and not verdict.attainable and not verdict.needed and self.added is None:
             yield "No counter-mass on any body would lessen it."
 
     def _share(self, value: float) -> str:
         """Part of what is made small without counter-masses."""
         return per_cent_text(100.0 * value / self.verdict.before)
 
+    def _in_all(self) -> str:
+        """The limit of the total, where there is one."""
+        return "" if self.added is None else f" within {self.added:.4g} kg in all"
+
     def _proof(self) -> str:
         """How near the masses are to the best."""
-        what = "choice of these plates leaves" if self.stock else "masses at these sites leave"
+        within = self._in_all()
+        what = f"choice of these plates{within} leaves" if self.stock else f"masses at these sites{within} leave"
         if self.verdict.least is None:
             return f"No other {what} less nearby, where it is linear in the masses; a bound is not known."
         if self.verdict.after <= self.verdict.least * (1.0 + 1e-6):
@@ -375,10 +406,12 @@ def study_sizing(
     weights: Mapping[str, float] | None = None,
     rig: str | None = None,
     payload_bodies: Sequence[str] = (),
+    added: float | None = None,
 ) -> SizingStudy:
     """Counter-masses at ``sites`` of least ``weights`` over a trajectory, or the workspace; of plates with a ``stock``.
 
-    ``motion`` names the trajectory; ``limits`` [kg] by site. Raises SizingError, or DataError for a file.
+    ``motion`` names the trajectory; ``limits`` [kg] by site, ``added`` [kg] of all masses together. Raises SizingError,
+    or DataError for a file.
     """
     weights = weights or {"force": 1.0}
     _refuse_unlike(weights, trajectory, rig, best if stock is None else 1)
@@ -389,8 +422,8 @@ def study_sizing(
             "would swing, which no motor determines: leave those sites out, or put them on the line they turn about"
         )
 
-    def sized(target: Objective) -> Sizing:
-        return exact_sizing(conditions, model, sites, limits, target, equal)
+    def of_any_mass(size: Callable[[float | None], Sizing]) -> tuple[Sizing, Sizing | None]:
+        return size(added), None if added is None else size(None)
 
     left_out: tuple[str, ...] = ()
     if rig and trajectory:
@@ -404,9 +437,12 @@ def study_sizing(
             )
         left_out = tuple(f"bench.{key}" for key in measured.left_out)
         vibration = base_vibration.vibration_objective(model, trajectory, measured, weights)
-        any_mass = base_vibration.least_vibration(conditions, model, sites, vibration, limits, equal)
+        any_mass, any_total = of_any_mass(
+            partial(base_vibration.least_vibration, conditions, model, sites, vibration, limits, equal)
+        )
     else:
-        any_mass = sized(objective.motion_objective(model, trajectory, weights) if trajectory else conditions.objective)
+        target = objective.motion_objective(model, trajectory, weights) if trajectory else conditions.objective
+        any_mass, any_total = of_any_mass(partial(exact_sizing, conditions, model, sites, limits, target, equal))
     sets: Sequence[Sizing] = [any_mass]
     use: StockUse | None = None
     if stock:
@@ -417,18 +453,20 @@ def study_sizing(
         ways = selections(np.array([plate.quantity for plate in plates]), len(sites))
 
         def from_stock(target: Objective | None, exact: Exact | None = None) -> Sequence[Sizing]:
-            return best_sets_from_stock(conditions, model, plates, sites, limits, target, equal, best, exact)
+            return best_sets_from_stock(conditions, model, plates, sites, limits, target, equal, best, exact, added)
 
         least = any_mass.objective
         if rig and trajectory and isinstance(least, base_vibration.VibrationObjective):
             sets = base_vibration.least_vibration_from_stock(model, sites, least, ways, from_stock)
         else:
             sets = from_stock(least)
-        use = stock_use(sets[:1], plates, limits, equal, is_linear=rig is None)
+        use = stock_use(sets[:1], plates, limits, equal, is_linear=rig is None, added=added)
     first = replace(sets[0], payload_bodies=tuple(payload_bodies) or model.payload_bodies)
     samples = _samples(trajectory, model) if set(weights) == {"force"} else None
-    verdict = verdict_of(first, any_mass, samples, limits, equal)
-    return SizingStudy((first, *sets[1:]), any_mass, verdict, weights, motion, stock, use, trajectory, rig, left_out)
+    verdict = verdict_of(first, any_mass, samples, limits, equal, added)
+    return SizingStudy(
+        (first, *sets[1:]), any_mass, verdict, weights, motion, stock, use, trajectory, rig, left_out, added, any_total
+    )
 
 
 def _refuse_unlike(weights: Mapping[str, float], trajectory: Trajectory | None, rig: str | None, best: int) -> None:

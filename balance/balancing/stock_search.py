@@ -1,7 +1,7 @@
 """Which whole plates at which sites: the least square error, proven by a search through all that plates can make.
 
-J(m) = |columns m - target|^2 over masses m that plates make. With m* the best of any masses within the limits and the
-stock's whole mass, g the gradient there and R' R = columns' columns (R triangular),
+J(m) = |columns m - target|^2 over masses m that plates make. With m* the best of any masses within the limits and a
+total, that of the stock or less, g the gradient there and R' R = columns' columns (R triangular),
 
     J(m) >= J(m*) + g (m - m*) + |R (m - m*)|^2,   each g_i (m_i - m*_i) >= 0,
 
@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats, Indices
-from .least_masses import distribute_masses
+from .least_masses import distribute_total
 from .objective import Exact
 
 TIME_LIMIT_S = 8.0
@@ -51,8 +51,6 @@ _FIRST_CAP, _CAPS = 1e-9, 30.0
 """What J may first be above the bound, relative to J without counter-masses, and the factor by which that rises."""
 _WORTHWHILE = 1e-3
 """Part of the root of J by which one more plate must lessen it to be worth naming."""
-_SMALL = 1e-3
-"""Weight of all plates together as a share of the target, where a price of mass is sought."""
 _TIE = 1e-12
 """Difference of J, relative to J without counter-masses, that is rounding: the lighter is better then."""
 
@@ -98,14 +96,15 @@ def best_plates(
     best: int = 1,
     turning: tuple[Floats, Floats] | None = None,
     exact: Exact | None = None,
+    added: float = np.inf,
 ) -> StockOptimum:
     """Plates at the sites of least |columns m - target|^2; of equals the lightest.
 
     ``columns`` (rows, sites), ``target`` (rows,); kinds of plates have ``masses`` (kinds,) [kg] and ``quantities``
-    (kinds,), for all sites together; ``limits`` (sites,) [kg]. Sites whose indices are in one group of ``equal`` carry
-    equal masses. The ``best`` few sets of masses are given. ``turning``: columns (rows, sites) [unit / kg m2] of what
-    plates have of inertia beyond their mass times that of the columns, (sites, kinds) [kg m2]; it is added. With
-    ``exact`` all selections are looked at.
+    (kinds,), for all sites together; ``limits`` (sites,) [kg]; all masses together are at most ``added``
+    [kg]. Sites whose indices are in one group of ``equal`` carry equal masses. The ``best`` few sets of masses are
+    given. ``turning``: columns (rows, sites) [unit / kg m2] of what plates have of inertia beyond their mass times that
+    of the columns, (sites, kinds) [kg m2]; it is added. With ``exact`` all selections are looked at.
     """
     sites = columns.shape[1]
     if exact is None and turning is not None and not (np.abs(turning[0]) @ np.abs(turning[1] * quantities)).any():
@@ -114,26 +113,26 @@ def best_plates(
     most = np.full(sites, np.inf) if limits is None else limits
     used = quantities > 0
     if exact is not None or selections(quantities, sites) * sites <= _MOST_SELECTIONS:
-        return _best_of_all(columns, target, masses, quantities, most, groups, best, turning, exact)
+        return _best_of_all(columns, target, masses, quantities, most, groups, best, turning, exact, added)
     if turning is not None:
         # The best of those that a search finds with one radius of gyration for all plates; the bound is of masses of
         # any size, each of any of the plates' radii of gyration.
         per_turning, inertia = turning
         squares = inertia[:, quantities > 0] / masses[quantities > 0]
         middle = columns + per_turning * (inertia @ quantities / (masses @ quantities))
-        sought = best_plates(middle, target, masses, quantities, most, equal, best + _CANDIDATES)
+        sought = best_plates(middle, target, masses, quantities, most, equal, best + _CANDIDATES, added=added)
         whole = []
         for one in sought.selections:
             made = columns @ one.masses + per_turning @ (inertia * one.counts).sum(axis=1)
             whole.append(replace(one, value=float(np.sum((made - target) ** 2))))
         ends = np.hstack([columns + per_turning * square for square in (squares.min(axis=1), squares.max(axis=1))])
-        least = distribute_masses(ends, target, np.tile(most, 2))
-        bound = float(np.sum((ends @ least.masses - target) ** 2)) - least.gap
+        least, _, gap = distribute_total(ends, target, np.tile(most, 2), np.ones(2 * sites), added)
+        bound = float(np.sum((ends @ least - target) ** 2)) - gap
         return StockOptimum(tuple(sorted(whole, key=lambda one: one.value)[:best]), max(bound, 0.0))
     few, steps = np.prod(quantities + 1.0) <= _MOST_PILES, masses[used] / _STEP_KG
     counted = used.any() and np.abs(steps - np.round(steps)).max() <= _STEP_ROUNDING
     kind = _Search if few and not counted else _UnitSearch
-    search = kind(columns, target, masses[used], quantities[used], most, groups, best)
+    search = kind(columns, target, masses[used], quantities[used], most, groups, best, added)
     found = search.run()
     whole = [Selection(_padded(one.counts, used), one.masses, one.value) for one in found]
     bound = search.bound if search.bound < found[0].value - search.tie else found[0].value
@@ -149,6 +148,7 @@ def wanting_kinds(
     limits: Floats | None = None,
     equal: Sequence[Sequence[int]] = (),
     turning: tuple[Floats, Floats] | None = None,
+    added: float = np.inf,
 ) -> list[int]:
     """Kinds of which ``counts`` (sites, kinds) leaves too few for one more at a site, which would lessen J [unit^2].
 
@@ -167,14 +167,17 @@ def wanting_kinds(
     size, least = np.array([len(group) for group in groups]), (1.0 - _WORTHWHILE) ** 2 * np.sum(left**2)
     found = []
     for kind in np.flatnonzero(quantities > 0).tolist():
-        added = left[:, None] + of_group[:, :, kind]
+        with_one = left[:, None] + of_group[:, :, kind]
         removed = np.column_stack([np.zeros(len(left)), of_group[:, held[:, 0], held[:, 1]]])
         freed = np.zeros((len(groups), removed.shape[1]))
         freed[held[:, 0], 1 + np.arange(len(held))] = masses[held[:, 1]]
-        fits = masses[kind] <= room[:, None] + freed + _ROUNDING * masses.sum()
+        edge = _ROUNDING * masses.sum()
+        fits = masses[kind] <= room[:, None] + freed + edge
+        heavier = size[:, None] * masses[kind] - np.append(0.0, size[held[:, 0]] * masses[held[:, 1]])
+        fits &= heavier <= added - np.sum(counts @ masses) + edge
         back = np.append(0, np.where(held[:, 1] == kind, size[held[:, 0]], 0))
         lacks = counts[:, kind].sum() + size[:, None] - back > quantities[kind]
-        values = np.sum((added[:, :, None] - removed[:, None, :]) ** 2, axis=0)
+        values = np.sum((with_one[:, :, None] - removed[:, None, :]) ** 2, axis=0)
         if (values[fits & lacks] < least - _TIE * np.sum(target**2)).any():
             found.append(kind)
     return found
@@ -195,6 +198,7 @@ def _best_of_all(
     best: int,
     turning: tuple[Floats, Floats] | None,
     exact: Exact | None,
+    added: float,
 ) -> StockOptimum:
     """Of all ways to share the plates among the sites."""
     sites, edge = columns.shape[1], _ROUNDING * max(float(plates @ quantities), 1e-12)
@@ -204,7 +208,7 @@ def _best_of_all(
     for counts, plate, own in zip(shared, plates, inertia.T, strict=True):
         made = (made[:, None] + plate * counts[None]).reshape(-1, sites)
         turned = (turned[:, None] + own * counts[None]).reshape(-1, sites)
-    allowed = (made <= limits + edge).all(axis=1)
+    allowed = (made <= limits + edge).all(axis=1) & (made.sum(axis=1) <= added + edge)
     for group in groups:
         allowed &= np.ptp(made[:, list(group)], axis=1) <= edge
     ways = np.flatnonzero(allowed)
@@ -254,6 +258,8 @@ class _Search:
     limits: Floats
     groups: Sequence[Sequence[int]]
     best: int
+    added: float
+    """What all plates that are placed may weigh together [kg]."""
     found: list[Selection] = field(default_factory=list)
     """The best, best first; of equals the lightest."""
     late: bool = False
@@ -274,15 +280,17 @@ class _Search:
         self.share = np.zeros((self.columns.shape[1], len(self.groups)))
         for k, group in enumerate(self.groups):
             self.share[group, k] = 1.0
-        self.total = float(self.plates @ self.quantities)
-        self.edge = _ROUNDING * max(self.total, 1e-12)
+        stock = float(self.plates @ self.quantities)
+        self.edge = _ROUNDING * max(stock, 1e-12)
+        self.total = min(stock, self.added)
+        self.most = self.added if self.added < stock else np.inf
+        """What plates may weigh together, where they could weigh more [kg]."""
         self.tie = _TIE * (float(np.sum(self.target**2)) or 1.0)
         columns, weight = self.columns @ self.share, self.share.sum(axis=0)
         most = [min(self.limits[list(g)].min(), self.total / len(g)) for g in self.groups]
         upper = np.array([_largest_mass(self.plates, self.quantities, limit, self.edge) for limit in most])
-        centre, self.price, gap = _relaxed(columns, self.target, upper, weight, self.total)
-        slack = self.price * (self.total - weight @ centre)
-        self.relaxed = float(np.sum((columns @ centre - self.target) ** 2)) - slack - gap
+        centre, self.price, gap = distribute_total(columns, self.target, upper, weight, self.total)
+        self.relaxed = float(np.sum((columns @ centre - self.target) ** 2)) - gap
         gradient = 2.0 * columns.T @ (columns @ centre - self.target) + self.price * weight
         pushed = np.where(centre <= 0.0, gradient.clip(min=0.0), np.where(centre >= upper, gradient.clip(max=0.0), 0.0))
         free, steep = np.flatnonzero(pushed == 0.0), np.flatnonzero(pushed)
@@ -332,6 +340,8 @@ class _Search:
                 mass, short = self.plates[kind], columns @ (counts @ self.plates) - self.target
                 here = (counts[:, kind] > 0) | (size == 0)
                 allowed = here[:, None] & (left[kind] + size[:, None] >= size) & (counts @ self.plates + mass <= room)
+                heavier = mass * (size - size[:, None])
+                allowed &= counts @ self.plates @ size + heavier <= self.most + self.edge
                 change = mass * (columns[:, None, :] - columns[:, :, None])
                 values = np.where(allowed, np.sum((short[:, None, None] + change) ** 2, axis=0), np.inf)
                 one, other = np.unravel_index(np.argmin(values), values.shape)
@@ -406,6 +416,7 @@ class _Search:
             )
         if self._worst() <= self.relaxed + self.tie:  # none is better, but one may be lighter
             high = min(high, (self.found[-1].masses.sum() - chosen) / self.weight[level])
+        high = min(high, (self.most - chosen) / self.weight[level])
         first, last = np.searchsorted(masses, [low - self.edge, high + self.edge])
         return masses[first:last]
 
@@ -425,6 +436,8 @@ class _Search:
     def _offer(self, counts: Indices) -> None:
         """Keep plates ``counts`` (sites, kinds), if they are among the best, and others than are kept."""
         made = counts @ self.plates
+        if made.sum() > self.most + self.edge:  # of plates that are rounded
+            return
         one = Selection(counts, made, float(np.sum((self.columns @ made - self.target) ** 2)))
         if any(np.allclose(made, other.masses, rtol=0.0, atol=self.edge) for other in self.found):
             return
@@ -546,28 +559,6 @@ def _sums(units: Sequence[int], quantities: Sequence[int], most: int) -> list[by
             parcel, rest = 2 * parcel, rest - parcel
         sums.append(found)
     return [found.to_bytes(most // 8 + 1, "little") for found in sums]
-
-
-def _relaxed(
-    columns: Floats, target: Floats, upper: Floats, weight: Floats, total: float
-) -> tuple[Floats, float, float]:
-    """Masses of any size of least J with ``weight`` @ masses <= ``total`` [kg], the price of that bound, and a gap.
-
-    The price p is its multiplier: J + p (weight @ masses - total) has its least there without that bound. A square of
-    ``weight @ masses`` that hardly counts makes p a least-squares problem, also where sites have the same effect; its
-    slope there is part of p.
-    """
-    best = distribute_masses(columns, target, upper)
-    if weight @ best.masses <= total:
-        return best.masses, 0.0, best.gap
-    small = _SMALL * float(np.linalg.norm(target)) / total
-    rows = np.vstack([columns, small * weight])
-    low, high = 0.0, float(2.0 * np.abs(columns.T @ target).max() / weight.min())
-    for _ in range(60):
-        price = 0.5 * (low + high)
-        best = distribute_masses(rows, np.append(target, -0.5 * price / small), upper)
-        low, high = (price, high) if weight @ best.masses > total else (low, price)
-    return best.masses, price + 2.0 * small**2 * float(weight @ best.masses), best.gap
 
 
 def _search_order(columns: Floats) -> list[int]:

@@ -20,7 +20,7 @@ from ..mechanism.mechanism import Mechanism
 from ..results import Key, Shown
 from .least_masses import distribute_masses
 from .objective import QUANTITIES, motion_objective, turning_drives
-from .sizing import chosen_sites, upper_limits
+from .sizing import chosen_sites, total_limit, upper_limits
 
 _SAME = 1e-9
 """Difference of a quantity, relative to its largest on the front, that is rounding."""
@@ -81,8 +81,7 @@ def tradeoff_front(
     """
     if not isinstance(points, int | np.integer) or points < 4:
         raise SizingError(f"{points} points: expected a whole number, 4 at least: one for the end of each quantity")
-    if added is not None and not added >= 0.0:
-        raise SizingError(f"{added:g} kg may be added in all: expected zero or more")
+    total_limit(added)
     names = chosen_sites(mechanism, sites)
     upper = upper_limits(names, limits)
     quantities = [name for name in QUANTITIES if name != "torque" or turning_drives(mechanism)]

@@ -65,6 +65,7 @@ COUNTERS = _masses(
 SITES = option("A site that may carry a counter-mass [default: those named counter...].", metavar="SITE")
 MOTION = option("A motion file, or a shipped one, such as x or four-bar.", required=True, metavar="TOML")
 LIMITS = _masses("Largest counter-mass at a site.", "SITE", callback=distinct)
+ADDED = option("Mass that may be added in all, such as 2.5kg.", Quantity("mass"), metavar="M")
 SPEED = option("Speed, such as 3000rpm.", ANGULAR_VELOCITY, metavar="SPEED")
 SCHEDULER = option(
     "Compute on Dask: local for processes of this machine, or an address such as tcp://host:8786.", metavar="ADDRESS"

@@ -25,6 +25,7 @@ Examples:
   balance size parallelogram-6bar --payload platform=5kg
   balance size parallelogram-6bar --payload platform=3.4116kg --stock kiper2019
   balance size four-bar --motion four-bar --site counter_A0A --limit counter_A0A=2kg
+  balance size four-bar --motion four-bar --added 1.2kg
   balance size five-bar --motion five-bar --objective force --objective torque=2 --json
   balance size parallelogram-6bar -p platform=5kg --motion x --objective vibration --rig parallelogram-6bar
   balance size parallelogram-6bar -p platform=1.451kg -p platform=3.4116kg -p platform=5kg --stock kiper2019
@@ -49,6 +50,7 @@ def size(
     without: tuple[str, ...] = option("A site that gets no counter-mass.", metavar="SITE"),
     stock: str | None = option("Make them from these plates: a CSV file as below, or kiper2019.", metavar="CSV"),
     limit: options.Masses = options.LIMITS,
+    added: float | None = options.ADDED,
     equal: tuple[str, ...] = option("Sites that get equal masses.", metavar="SITE,SITE"),
     best: int = option("Sets from stock to list.", click.IntRange(1, 100), default=1),
     motion: str | None = option("The motion whose force is made small, and compared before and after.", metavar="TOML"),
@@ -69,15 +71,15 @@ def size(
     if best > 1 and not stock:
         raise click.UsageError("--best lists sets of plates: give --stock; of any mass one set is the best")
     if closed_form:
-        if site or without or stock or limit or equal or motion or objective or rig or figure:
+        if site or without or stock or limit or equal or motion or objective or rig or figure or added is not None:
             raise click.UsageError("--closed-form reads no model: give only --payload and --json with it")
         return _closed_form(mechanism, payload)
     weights = _weights(objective, motion, rig)
     payloads = _growing(payload)
     if len(payloads) > 1:
-        if limit or equal or without or best > 1 or rig or figure:
+        if limit or equal or without or best > 1 or rig or figure or added is not None:
             raise click.UsageError(
-                "--limit, --equal, --without, --best, --rig and --figure are for one payload of a body"
+                "--limit, --added, --equal, --without, --best, --rig and --figure are for one payload of a body"
             )
         return _size_growing(mechanism, payloads, site, stock, motion, weights)
     from ..front_door import size as sized
@@ -86,7 +88,7 @@ def size(
     found = sized(
         model, motion, stock, sites=_sites(model, site, without), limits=limit,
         equal=[[name.strip() for name in group.split(",")] for group in equal], objective=weights, rig=rig, best=best,
-        payload_bodies=options.payload_bodies(model, payloads[0]),
+        payload_bodies=options.payload_bodies(model, payloads[0]), added=added,
     )  # fmt: skip
     options.draw(figure, found.plot)
     document = found.document() | {n: response_summary(r) for n, r in found.responses.items()}

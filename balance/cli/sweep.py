@@ -254,7 +254,7 @@ def tradeoff(
     site: tuple[str, ...] = options.SITES,
     limit: options.Masses = options.LIMITS,
     points: int = option("Points that are sought, at most.", click.IntRange(4, 3000), default=300),
-    added: float | None = option("Mass that may be added in all, such as 2.5kg.", Quantity("mass"), metavar="M"),
+    added: float | None = options.ADDED,
     figure: str | None = options.FIGURE,
 ) -> Answer:
     """What less shaking force costs in shaking moment, drive torque and mass: the front of MECH on one motion."""

@@ -13,6 +13,7 @@ ASKED = [
     (lambda: balance.size("four-bar", "four-bar", objective={"force": np.nan}), "'force' of weight nan"),
     (lambda: balance.size("four-bar", "four-bar", objective={"vibration": 1.0}), "vibration and a rig"),
     (lambda: balance.size("four-bar", "four-bar", rig="parallelogram-6bar"), "vibration and a rig"),
+    (lambda: balance.size("four-bar", added=np.nan), "nan kg may be added in all: expected zero or more"),
     (lambda: balance.size("four-bar", best=3), "best 3: several sets are of plates"),
     (lambda: balance.check("four-bar", {"counter_A0A": -1.0}), "'counter_A0A' is -1 kg"),
     (lambda: balance.check("four-bar", {"counter_A0A": np.inf}), "'counter_A0A' is inf kg"),

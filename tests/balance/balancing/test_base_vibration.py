@@ -39,9 +39,9 @@ def vibration() -> VibrationObjective:
     return vibration_objective(FOUR_BAR, trajectory, load_measured_base("parallelogram-6bar"))
 
 
-def sized(objective, limits=None) -> Sizing:
+def sized(objective, limits=None, added=None) -> Sizing:
     """Masses of any size."""
-    return exact_sizing(CONDITIONS, FOUR_BAR, SITES, limits, objective)
+    return exact_sizing(CONDITIONS, FOUR_BAR, SITES, limits, objective, added=added)
 
 
 def test_what_is_made_small_by_an_integration_of_its_own(vibration: VibrationObjective) -> None:
@@ -72,17 +72,24 @@ def part(path, count):
 
 
 @pytest.mark.parametrize(
-    ("limits", "base"), [(None, {}), ({"counter_A0A": 0.6}, {}), (None, {"mass": 4.0, "inertia": (0.05, 0.05, 0.02)})]
+    ("limits", "base", "added"),
+    [
+        (None, {}, None),
+        ({"counter_A0A": 0.6}, {}, None),
+        (None, {"mass": 4.0, "inertia": (0.05, 0.05, 0.02)}, None),
+        (None, {}, 1.2),
+    ],
 )
-def test_no_other_masses_are_better(vibration: VibrationObjective, limits, base) -> None:
+def test_no_other_masses_are_better(vibration: VibrationObjective, limits, base, added) -> None:
     """Neither near them, from a milligram to a kilogram away, nor those of a coarse grid, nor those of least force.
 
     Nor on a light base, whose inertia the masses change by as much, so that it is far from linear in them.
     """
     measured = replace(vibration.measured, base=vibration.measured.base.model_copy(update=base))
     vibration = replace(vibration, measured=measured)
-    found = least_vibration(CONDITIONS, FOUR_BAR, SITES, vibration, limits)
+    found = least_vibration(CONDITIONS, FOUR_BAR, SITES, vibration, limits, added=added)
     masses = np.array([c.mass for c in found.counter_masses])
+    assert added is None or masses.sum() == pytest.approx(added, rel=1e-9)
     most = np.array([(limits or {}).get(site, 8.0) for site in SITES])
     away = [10.0**k * np.array(way) for k in (-6, -3, -2, 0) for way in product((-1, 0, 1), repeat=2)]
     others = [
@@ -91,9 +98,11 @@ def test_no_other_masses_are_better(vibration: VibrationObjective, limits, base)
     ]
     least = found.root_mean_squares()[1]
     for other in np.clip(others, 0.0, most):
+        if added is not None and other.sum() > added + 1e-12:
+            continue
         value = vibration.value(FOUR_BAR.with_counter_mass(dict(zip(SITES, other, strict=True))))
         assert value**0.5 >= least * (1.0 - 1e-9)
-    least_force = sized(motion_objective(FOUR_BAR, vibration.trajectory), limits)
+    least_force = sized(motion_objective(FOUR_BAR, vibration.trajectory), limits, added)
     assert least < 0.999 * vibration.value(least_force.after) ** 0.5
     assert found.bound is None
 

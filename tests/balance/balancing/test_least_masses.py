@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from balance.balancing import stock_search
-from balance.balancing.least_masses import distribute_masses
+from balance.balancing.least_masses import distribute_masses, distribute_total
 from balance.balancing.stock_search import best_plates
 
 
@@ -94,14 +94,35 @@ def test_optimality(seed):
     assert found.gap < 1e-20
 
 
-def by_looking_at_all(columns, target, masses, quantities, limits, equal, turning=None):
+@pytest.mark.parametrize(
+    ("columns", "target", "total", "masses", "price"),
+    [
+        (np.eye(2), [3.0, 1.0], 5.0, [3.0, 1.0], 0.0),
+        (np.eye(2), [3.0, 1.0], 3.0, [2.5, 0.5], 1.0),
+        (np.eye(2), [3.0, 1.0], 1.0, [1.0, 0.0], 4.0),
+        (np.eye(2), [3.0, 1.0], 0.0, [0.0, 0.0], None),
+        (np.array([[1.0, 2.0]]), [4.0], 1.0, [0.0, 1.0], 8.0),
+        (np.array([[1.0, 1.0]]), [4.0], 2.0, [1.0, 1.0], 4.0),
+    ],
+)
+def test_a_total_is_shared_where_it_lessens_most(columns, target, total, masses, price):
+    """Masses and the price of the total, 2 (target - mass) of a site that is given some, known by hand."""
+    no_limit = np.full(2, np.inf)
+    found, worth, gap = distribute_total(columns, np.array(target), no_limit, np.ones(2), total)
+    assert found == pytest.approx(masses, abs=1e-9)
+    assert found.sum() <= total
+    assert price is None or worth == pytest.approx(price, abs=1e-9)
+    assert gap < 1e-9
+
+
+def by_looking_at_all(columns, target, masses, quantities, limits, equal, turning=None, added=np.inf):
     """Least square error and mass of all selections of plates."""
     kinds = [list(one) for one in product(*(range(q + 1) for q in quantities))]
     found = []
     for rows in product(kinds, repeat=columns.shape[1]):
         counts = np.array(rows)
         made = counts @ masses
-        fits = (counts.sum(axis=0) <= quantities).all() and (made <= limits + 1e-9).all()
+        fits = (counts.sum(axis=0) <= quantities).all() and (made <= limits + 1e-9).all() and made.sum() <= added + 1e-9
         if fits and all(np.ptp(made[group]) < 1e-9 for group in equal):
             effect = columns @ made - target
             if turning is not None:
@@ -110,11 +131,12 @@ def by_looking_at_all(columns, target, masses, quantities, limits, equal, turnin
     return sorted(set(found))
 
 
-@pytest.mark.parametrize("seed", range(32))
+@pytest.mark.parametrize("seed", range(56))
 def test_plates_are_the_best_of_all(seed, factor):
     """Random stocks, limits, equal sites, few rows: none is better, nor as good and lighter; proven.
 
-    From the 24th on plates have inertia of their own, of which a search gives a bound only.
+    From the 24th on plates have inertia of their own, of which a search gives a bound only; from the 32nd on the total
+    of the masses is limited, to one that plates make in every other.
     """
     rng = np.random.default_rng(seed)
     sites = int(rng.integers(1, 4))
@@ -124,9 +146,12 @@ def test_plates_are_the_best_of_all(seed, factor):
     masses, quantities = factor * np.round(rng.uniform(0.3, 5.0, kinds), 2), rng.integers(0, 3, kinds)
     limits = np.where(rng.random(sites) < 0.5, rng.uniform(0.0, 6.0, sites), np.inf)
     equal = [[0, 1]] if sites > 1 and seed % 3 == 0 else []
-    turning = (rng.normal(size=columns.shape), masses * rng.uniform(-0.3, 1.0, (sites, kinds))) if seed >= 24 else None
-    found = best_plates(columns, target, masses, quantities, limits, equal, turning=turning)
-    all_of_them = by_looking_at_all(columns, target, masses, quantities, limits, equal, turning)
+    turning = (
+        (rng.normal(size=columns.shape), masses * rng.uniform(-0.3, 1.0, (sites, kinds))) if seed % 32 >= 24 else None
+    )
+    added = np.inf if seed < 32 else float(masses[0] if seed % 2 else rng.uniform(0.0, 1.0) * masses @ quantities)
+    found = best_plates(columns, target, masses, quantities, limits, equal, turning=turning, added=added)
+    all_of_them = by_looking_at_all(columns, target, masses, quantities, limits, equal, turning, added)
     best = found.selections[0]
     if turning is None or stock_search._MOST_SELECTIONS:
         assert (best.value, best.masses.sum()) == pytest.approx(all_of_them[0], abs=1e-8)
@@ -230,6 +255,21 @@ def test_plates_of_any_mass_come_near_the_bound_or_say_how_far_they_are(time_lim
     assert bound * (1.0 - 1e-9) <= found.bound <= found.selections[0].value
     near = bound * (1.0 + 1e-5) if time_limit else np.sum(target**2)
     assert found.selections[0].value <= near
+
+
+@pytest.mark.parametrize(("step", "kinds"), [(3, 5), (3, 40), (9, 40)])
+def test_forty_plates_within_a_total_are_near_the_bound(step, kinds):
+    """Half of what is wanted in all: the bound is that of masses of any size with so much, and is all but reached."""
+    rng = np.random.default_rng(6)
+    columns = np.linalg.qr(rng.normal(size=(8, 4)), mode="r") @ np.diag(rng.uniform(2.0, 10.0, 4))
+    masses, total = np.round(rng.uniform(0.2, 2.5, kinds), step), 15.0
+    target = columns @ np.array([7.8, 7.0, 9.3, 8.7])
+    limits = np.array([5.46, np.inf, 13.3, np.inf])
+    found = best_plates(columns, target, masses, np.full(kinds, 40 // kinds), limits, added=total)
+    any_mass, _, _ = distribute_total(columns, target, limits, np.ones(4), total)
+    least = np.sum((columns @ any_mass - target) ** 2)
+    assert found.selections[0].masses.sum() <= total + 1e-6
+    assert least * (1.0 - 1e-9) <= found.bound <= found.selections[0].value <= least * (1.0 + 1e-3)
 
 
 def test_scarce_plates_at_many_sites_are_placed_and_bounded(monkeypatch):

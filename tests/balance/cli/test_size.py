@@ -5,9 +5,10 @@ import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
-from balance import datasets, size
+from balance import datasets, load, simulate, size
 
 KEYS = {
     "counter_masses", "residual_first_moment_kgm", "residual_percent", "balanced_payload_kg", "added_mass_kg",
@@ -55,6 +56,9 @@ OF_PLATFORM = ("parallelogram-6bar", "-p", "platform=1.451kg")
         ((*FOUR_BAR,), "A,1.2,9", {}, ""),
         ((*FOUR_BAR, *LIMITS), "A,0.5,2", {}, "All plates of the stock are used."),
         ((*FOUR_BAR,), "A,0.5,2", {"A": 2}, "more of these plates: A (2 of 2 used)."),
+        ((*FOUR_BAR, "--added", "1kg"), "A,0.5,2", {}, "All plates of the stock are used."),
+        ((*FOUR_BAR, "--added", "1.4kg"), "A,0.5,2", {}, "All plates of the stock are used."),
+        ((*FOUR_BAR, "--added", "1.5kg"), "A,0.5,2", {"A": 2}, "more of these plates: A (2 of 2 used)."),
         ((*FOUR_BAR, *EQUAL), "A,0.3,3", {"A": 3}, "more of these plates: A (2 of 3 used)."),
         ((*FOUR_BAR, *EQUAL), "A,0.3,9", {}, ""),
         ((*FOUR_BAR,), "A,998,2", {}, "The lightest plate, A of 998.0000 kg, is heavier than the mass needed at every"),
@@ -95,6 +99,33 @@ def test_a_limit_and_a_site(balance):
     assert json.loads(out)["counter_masses"][0]["mass_kg"] == pytest.approx(5.0)
     out = balance("size", "serial-1r", "--site", "counter_link_1", "--json").out
     assert json.loads(out)["counter_masses"][0]["mass_kg"] == pytest.approx(1.68)
+
+
+@pytest.mark.parametrize("stock", [(), ("--stock", "stock.csv")])
+def test_a_total_holds_and_its_price_is_said(balance, tmp_path, monkeypatch, stock):
+    """The least force with 1.2 kg in all is that of `balance tradeoff`; of plates of 0.1 kg, of no others there are."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "stock.csv").write_text("name,mass_g,quantity\nA,100,40\n", encoding="utf-8")
+    given = ("size", *FOUR_BAR, "--added", "1.2kg", *stock)
+    code, text, _ = balance(*given)
+    document = json.loads(balance(*given, "--json").out)
+    first = json.loads(balance("tradeoff", *FOUR_BAR, "--added", "1.2kg", "--points", "4", "--json").out)["points"][0]
+    least = document["rms_N"]
+    if stock:
+        mechanism, masses = load("four-bar"), [{}, {"counter_A0A": 0.1}, {"counter_B0B": 0.1}]
+        force, first_site, second_site = (simulate(mechanism.with_counter_mass(m), "four-bar").force for m in masses)
+        a, b = first_site - force, second_site - force  # of a plate at either site: the force is linear in masses
+        made = [force + i * a + k * b for i in range(13) for k in range(13 - i)]
+        assert least == pytest.approx(min(np.sum(one**2, axis=1).mean() ** 0.5 for one in made), rel=1e-9)
+        assert first["rms_force_N"] < least
+        assert "No other choice of these plates within 1.2 kg in all leaves less." in text
+    else:
+        assert least == pytest.approx(first["rms_force_N"], rel=1e-9)
+        assert "No other masses at these sites within 1.2 kg in all leave less." in text
+    assert (code, document["added_limit_kg"], document["sites_needed"]) == (3, 1.2, [])
+    assert document["added_mass_kg"] <= 1.2 + 1e-12
+    assert document["without_added_limit"]["added_mass_kg"] == pytest.approx(2.444, abs=1e-3)
+    assert "Without the limit of 1.2 kg in all, masses of any size at these sites would balance it completely" in text
 
 
 def test_a_site_where_one_is_needed_balances(balance, tmp_path):
