@@ -21,8 +21,6 @@ _LEVEL = 1e-9
 """Slope, relative to the target, that holds no mass at its bound: equals are sought among sites without one."""
 _TIES = 1e-5
 """Weight of squares relative to masses: sites whose levers differ by more are not equivalent."""
-_SMALL = 1e-3
-"""Weight of the total of all masses as a share of the target, where a price of mass is sought."""
 
 
 @dataclass(frozen=True)
@@ -83,28 +81,28 @@ def distribute_total(
     """Masses (sites,) [kg] of least J = |columns m - target|^2 with ``weight`` @ masses <= ``total`` [kg] besides.
 
     With them the price of that bound, and by how much J may exceed the least of all [square of the target's unit].
-    The price p is its multiplier: J + p (weight @ masses - total) has its least there without that bound. A square of
-    ``weight @ masses`` that hardly counts makes p a least-squares problem, also where sites have the same effect; its
-    slope there is part of p.
+    The price p is its multiplier: J + p (weight @ masses - total) has its least there without that bound. The square of
+    ``weight @ masses - total``, which is zero there, makes that a least-squares problem, also where sites have the same
+    effect (Hestenes, J. Optim. Theory Appl. 4, 1969); its slope is part of p.
     """
     best = distribute_masses(columns, target, upper)
     if weight @ best.masses <= total:
         return best.masses, 0.0, best.gap
     if not total > 0.0:
         return np.zeros(len(weight)), 0.0, 0.0
-    small = _SMALL * float(np.linalg.norm(target)) / total
-    rows = np.vstack([columns, small * weight])
+    size = float(np.linalg.norm(columns, axis=0).max() / weight.max())
+    rows = np.vstack([columns, size * weight])
     low, high = 0.0, float(2.0 * np.abs(columns.T @ target).max() / weight.min())
-    light = distribute_masses(rows, np.append(target, -0.5 * high / small), upper)  # none: no mass is worth that
+    light = distribute_masses(rows, np.append(target, size * total - 0.5 * high / size), upper)
     for _ in range(60):
         price = 0.5 * (low + high)
-        best = distribute_masses(rows, np.append(target, -0.5 * price / small), upper)
+        best = distribute_masses(rows, np.append(target, size * total - 0.5 * price / size), upper)
         if weight @ best.masses > total:
             low = price
         else:
             high, light = price, best
     made = float(weight @ light.masses)
-    price = high + 2.0 * small**2 * made
+    price = max(high - 2.0 * size**2 * (total - made), 0.0)
     return light.masses, price, light.gap + price * (total - made)
 
 

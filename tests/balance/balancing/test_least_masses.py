@@ -115,6 +115,27 @@ def test_a_total_is_shared_where_it_lessens_most(columns, target, total, masses,
     assert gap < 1e-9
 
 
+@pytest.mark.parametrize("share", [1e-6, 0.1, 0.999999])
+@pytest.mark.parametrize("seed", range(12))
+def test_a_total_is_proven(seed, share):
+    """Limits, weights, columns over four decades, sites alike: the total is kept and used, and hardly a gap is left."""
+    rng = np.random.default_rng(seed)
+    sites = int(rng.integers(1, 7))
+    columns = rng.normal(size=(int(rng.integers(1, 9)), sites)) * 10.0 ** rng.uniform(-2.0, 2.0, sites)
+    columns[:, -1] = columns[:, 0]
+    target, weight = rng.normal(size=len(columns)), rng.integers(1, 4, sites).astype(float)
+    upper = np.where(rng.random(sites) < 0.5, rng.uniform(0.0, 1.0, sites), np.inf) / np.linalg.norm(columns, axis=0)
+    total = share * float(weight @ distribute_masses(columns, target, upper).masses)
+    found, price, gap = distribute_total(columns, target, upper, weight, total)
+    assert weight @ found == pytest.approx(total, rel=1e-5)
+    assert weight @ found <= total * (1.0 + 1e-14)
+    assert ((found >= 0.0) & (found <= upper)).all()
+    gradient = (2.0 * columns.T @ (columns @ found - target) + price * weight) / np.linalg.norm(columns, axis=0)
+    at = np.where(found <= 0.0, gradient.clip(max=0.0), np.where(found >= upper, gradient.clip(min=0.0), gradient))
+    np.testing.assert_allclose(at, 0.0, atol=1e-9)
+    assert gap < 1e-8 * target @ target
+
+
 def by_looking_at_all(columns, target, masses, quantities, limits, equal, turning=None, added=np.inf):
     """Least square error and mass of all selections of plates."""
     kinds = [list(one) for one in product(*(range(q + 1) for q in quantities))]
