@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from .dynamics.inverse_dynamics import Response as Response
     from .errors import CounterpoiseError as CounterpoiseError
     from .front_door import (
+        animate as animate,
         assemble as assemble,
         check as check,
         conditions as conditions,
@@ -56,6 +57,7 @@ if TYPE_CHECKING:
         sweep as sweep,
         tolerance as tolerance,
         tradeoff as tradeoff,
+        write_report as write_report,
     )
     from .mechanism.mechanism import Mechanism as Mechanism
     from .units import si as si
@@ -100,7 +102,7 @@ __all__, __getattr__, __dir__ = lazy_names(__name__, {
     "dynamics.inverse_dynamics": "Response",
     "balancing.sizing_study": "SizingStudy",
     "closure": "Trajectory",
-    "front_door": "assemble check conditions drive engine follow linkage load load_motion methods rotor shipped "
-    "simulate size sweep tolerance tradeoff",
+    "front_door": "animate assemble check conditions drive engine follow linkage load load_motion methods rotor "
+    "shipped simulate size sweep tolerance tradeoff write_report",
     "units": "si",
 })  # fmt: skip

@@ -167,6 +167,48 @@ def size(
     )  # fmt: skip
 
 
+def write_report(sizing: SizingStudy, path: str | Path) -> Path:
+    """Write the page of counter-masses that were sized on a motion, a name ending in .html, as ``balance report`` does.
+
+    Verdict, sizing, conditions, the motion with and without them, the mechanism moving; it reads without network.
+
+    >>> import balance
+    >>> sizing = balance.size("four-bar", "four-bar")
+    >>> balance.write_report(sizing, "report.html").name
+    'report.html'
+    """
+    from .report.design_page import design_page
+    from .report.page import writable
+
+    path = writable(path, (".html",))
+    if sizing.trajectory is None:
+        raise DataError(f"{path}: the page shows a motion: size the counter-masses on one, balance.size(MECH, MOTION)")
+    return design_page(sizing).write(path)
+
+
+def animate(
+    mechanism: Mechanism | str | Path,
+    motion: str,
+    path: str | Path,
+    counter_masses: Mapping[str, float | str] | None = None,
+) -> Path:
+    """Write a mechanism in motion, to scale: a page (.html), a video (.mp4) or a still (.png, .svg, .pdf).
+
+    With ``counter_masses`` by site it is shown side by side without and with them, the shaking force as an arrow, as
+    ``balance animate`` does.
+
+    >>> import balance
+    >>> balance.animate("four-bar", "four-bar", "four-bar.svg", {"counter_A0A": "1.07 kg"}).name
+    'four-bar.svg'
+    """
+    from .report import video
+
+    model = _mechanism(mechanism)
+    path = video.writable_animation(path)
+    video.write_animation(path, model, motion, follow(model, motion), _masses(counter_masses))
+    return path
+
+
 def check(mechanism: Mechanism | str | Path, counter_masses: Mapping[str, float | str]) -> Sizing:
     """What given counter-masses, by site, leave unbalanced over the workspace.
 

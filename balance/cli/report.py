@@ -82,20 +82,12 @@ def animate(
     """
     from ..front_door import follow
     from ..report import video
-    from ..report.moving import animation_page, designs_of, moving
 
-    filmed, still = output.suffix.lower() == ".mp4", output.suffix.lower() in STILLS
-    if filmed:
-        video.refuse_without_encoder(output)
+    video.writable_animation(output)
     model = options.load_mechanism_option(mechanism, payload)
-    trajectory, motion = follow(model, motion), Path(motion).name
-    drawn = moving(motion, trajectory, designs_of(model, counter))
-    if filmed or still:
-        (video.write_video if filmed else video.write_still)(output, f"{model.name}, motion {motion}", drawn)
-    else:
-        animation_page(model.name, motion, drawn).write(output)
+    drawn = video.write_animation(output, model, motion, follow(model, motion), counter)
     forces = ", ".join(f"{panel['largest_N']:.4g} N {panel['label']}" for panel in drawn["panels"])
-    say(f"{model.name}, motion {motion}: largest shaking force {forces} (simulated).\nWrote {output}.")
+    say(f"{model.name}, motion {Path(motion).name}: largest shaking force {forces} (simulated).\nWrote {output}.")
 
 
 @command(

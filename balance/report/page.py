@@ -121,9 +121,11 @@ class Page:
         return Markup("[{}, {}]").format(self.number(f"{pointer}/0", form), self.number(f"{pointer}/1", form))
 
 
-def writable(path: str | Path) -> Path:
-    """The path of a page to be. Raises DataError where its folder is not there, or it is one."""
+def writable(path: str | Path, endings: Sequence[str] = ()) -> Path:
+    """The path of a page to be. Raises DataError where its folder is not there, it is one, or has other ``endings``."""
     path = Path(path)
+    if endings and path.suffix.lower() not in endings:
+        raise DataError(f"{path}: expected a name ending in {' or '.join(endings)}")
     if not path.parent.is_dir() or path.is_dir():
         what = "is a folder" if path.is_dir() else f"there is no folder {path.parent}"
         raise DataError(f"{path}: {what}; expected the name of a page in a folder that is there")

@@ -7,10 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from ..closure import Trajectory
 from ..errors import CounterpoiseError
 from ..figures.mechanism import COUNTER, GROUND, LINK, PAYLOAD
+from ..mechanism.mechanism import Mechanism
 from ..results import plain_text
-from .moving import pictures
+from .moving import animation_page, designs_of, moving, pictures
+from .page import writable
 
 FRAMES_PER_SECOND = 25
 _PANEL, _BLOCK, _HEADING = 640, 16, 88
@@ -20,6 +23,38 @@ _COLOURS = {
     "centre": "#8a1c1c", "force": "#8a1c1c",
 }  # fmt: skip
 _FILLED = {"counter": COUNTER + "66", "ground": GROUND}
+
+
+STILLS = (".png", ".svg", ".pdf")
+ENDINGS = (".html", ".mp4", *STILLS)
+
+
+def writable_animation(path: str | Path) -> Path:
+    """The path of what is to be written, before anything is computed.
+
+    Raises DataError for another ending, or no folder; CounterpoiseError, with the cure, where no video can be written.
+    """
+    path = writable(path, ENDINGS)
+    if path.suffix.lower() == ".mp4":
+        refuse_without_encoder(path)
+    return path
+
+
+def write_animation(
+    path: Path, mechanism: Mechanism, motion: str, trajectory: Trajectory, masses: dict[str, float]
+) -> dict[str, Any]:
+    """Write a page, a video or a still by the ending of ``path``; gives what is drawn, as :func:`moving` does.
+
+    ``motion`` names the ``trajectory``; ``masses`` [kg] by site are shown beside the mechanism without them.
+    """
+    motion, ending = Path(motion).name, path.suffix.lower()
+    drawn = moving(motion, trajectory, designs_of(mechanism, masses))
+    if ending == ".html":
+        animation_page(mechanism.name, motion, drawn).write(path)
+    else:
+        write = write_video if ending == ".mp4" else write_still
+        write(path, f"{mechanism.name}, motion {motion}", drawn)
+    return drawn
 
 
 def refuse_without_encoder(path: Path) -> None:

@@ -6,6 +6,8 @@ import pytest
 import balance
 from balance.errors import CounterpoiseError
 
+from .cli.conftest import call
+
 ASKED = [
     (lambda: balance.size("four-bar", objective={"moment": 1.0}), "moment is of a motion"),
     (lambda: balance.size("four-bar", "four-bar", objective={"noise": 1.0}), "'noise' of weight 1: expected force"),
@@ -29,6 +31,16 @@ ASKED = [
         lambda: balance.tradeoff("four-bar", "four-bar", added="-1 kg"),
         "-1 kg may be added in all: expected zero or more",
     ),
+    (
+        lambda: balance.write_report(balance.size("four-bar"), "report.html"),
+        "shows a motion: size the counter-masses on",
+    ),
+    (lambda: balance.write_report(balance.size("four-bar"), "report.pdf"), "expected a name ending in .html"),
+    (
+        lambda: balance.animate("four-bar", "four-bar", "a.gif"),
+        "a.gif: expected a name ending in .html or .mp4 or .png",
+    ),
+    (lambda: balance.animate("four-bar", "four-bar", "no/a.svg"), "no/a.svg: there is no folder no"),
     (lambda: balance.engine("in-line-4", orders=0), "one order at least"),
     (lambda: balance.load("a" * 5000), "a{60}...: File name too long"),
 ]
@@ -40,6 +52,19 @@ def test_what_cannot_be_meant_is_refused(ask, message) -> None:
     with pytest.raises(CounterpoiseError, match=message) as refused:
         ask()
     assert len(str(refused.value).splitlines()) == 1
+
+
+def test_what_python_writes_is_what_the_commands_write(tmp_path) -> None:
+    """A report and an animation, letter for letter; an animation shows both designs."""
+    written = [tmp_path / name for name in ("report.html", "moving.html")]
+    sizing = balance.size("four-bar", "four-bar", sites=["counter_A0A"])
+    assert balance.write_report(sizing, written[0]) == written[0]
+    assert balance.animate("four-bar", "four-bar", written[1], {"counter_A0A": "1 kg"}) == written[1]
+    by_python = [path.read_text(encoding="utf-8") for path in written]
+    call("report", "four-bar", "--motion", "four-bar", "--site", "counter_A0A", "-o", written[0])
+    call("animate", "four-bar", "--motion", "four-bar", "-c", "counter_A0A=1kg", "-o", written[1])
+    assert by_python == [path.read_text(encoding="utf-8") for path in written]
+    assert "with counter-masses" in by_python[1]
 
 
 SHOWN = [

@@ -69,8 +69,9 @@ def run_example(name):
 
 
 @pytest.mark.parametrize("name", examples("balance"))
-def test_examples_of_balance_run(name):
+def test_examples_of_balance_run(name, tmp_path, monkeypatch):
     """Every public name has an example, and it gives what it says."""
+    monkeypatch.chdir(tmp_path)
     found = run_example(name)
     assert found.attempted > 0
     assert found.failed == 0
