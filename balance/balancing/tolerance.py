@@ -24,19 +24,21 @@ from .sweep import Problem, Variable
 PERCENTILES = (50.0, 90.0, 95.0, 99.0)
 NOT_LINEAR = 0.05
 """Curvature relative to slope over half a tolerance, above which the answer is doubtful."""
+_COUNTS, _CHANGES = 1e-3, 1e-6
+"""Share of what all errors add, and change of the RMS force by one alone, from which its effect counts."""
 
 
 @dataclass(frozen=True)
 class Tolerance:
     """A quantity of the drawing, and its largest error."""
 
-    name: str
+    name: Annotated[str, Key()]
     """A site or a body."""
-    part: str
+    part: Annotated[str, Key()]
     """``mass`` of a counter-mass or body [kg]; ``x``, ``y``, ``z`` of the place of a site or body [m]."""
-    half_width: float
-    """[kg or m], or a part of the quantity's nominal value [-]."""
-    relative: bool = False
+    half_width: Annotated[float, Key()]
+    """[``unit``], or a part of the quantity's nominal value [-]."""
+    relative: Annotated[bool, Key()] = False
     """Whether it is such a part: of a counter-mass, the mass of a body, or a coordinate."""
 
     @classmethod
@@ -67,6 +69,11 @@ class Tolerance:
                 f"{'g' if self.part == 'mass' else 'mm'}"
             )
         return Tolerance(self.name, self.part, self.half_width * abs(nominal))
+
+    @property
+    def unit(self) -> Annotated[str, Key()]:
+        """Of ``half_width``: kg of a mass, m of a place, 1 of a part of the nominal value."""
+        return "1" if self.relative else "kg" if self.part == "mass" else "m"
 
     @property
     def text(self) -> str:
@@ -101,8 +108,10 @@ class ToleranceAnalysis(Shown, rows="effects", figure="balance.figures.balancing
 
     @property
     def doubtful(self) -> tuple[ToleranceEffect, ...]:
-        """Tolerances so wide that a straight line does not describe their effect."""
-        return tuple(effect for effect in self.effects if effect.curvature > NOT_LINEAR)
+        """Tolerances so wide that a straight line does not describe their effect, of those whose effect counts."""
+        bent = (effect for effect in self.effects if effect.curvature > NOT_LINEAR)
+        least = (1.0 + _CHANGES) * self.nominal
+        return tuple(effect for effect in bent if effect.variance_share >= _COUNTS and effect.rms_95 > least)
 
 
 def analyze_tolerances(

@@ -106,6 +106,25 @@ def test_too_wide_a_tolerance_is_doubtful():
     ]
 
 
+def test_what_has_no_effect_is_not_doubtful():
+    """Where the frame's joint lies does not matter to a balanced four-bar, however bent what is left of it."""
+    counters = {"counter_A0A": 1.0738, "counter_B0B": 1.3702}
+    problem = Problem(load("four-bar"), load_motion("four-bar").sample(300.0), counters)
+    wide, mass = Tolerance("A0A", "x", 8e-3), Tolerance("counter_A0A", "mass", 0.02)
+    found = analyze_tolerances(problem, [wide, mass], 1000, 1)
+    assert found.effects[1].tolerance == wide
+    assert found.effects[1].curvature > 0.05
+    assert not found.doubtful
+
+
+def test_a_table_has_the_unit_of_each_tolerance():
+    """Kilograms and metres in one column are told apart; the keys are those that there were, and the unit's."""
+    rows = analyze_tolerances(manipulator(), TOLERANCES, 1000, 1).table()
+    by_name = dict(zip(rows["tolerance.name"], rows["tolerance.unit"], strict=True))
+    assert by_name == {"counter_A0A": "kg", "counter_B0B": "m", "platform": "kg"}
+    assert {"tolerance.part", "tolerance.half_width", "tolerance.relative"} <= set(rows.columns)
+
+
 @pytest.mark.parametrize(
     ("name", "size", "message"),
     [
