@@ -44,6 +44,11 @@ def find_dataset(name: str | Path, folder: str, *suffixes: str) -> Path:
             f"{name}: is a folder; expected a file ({kinds}), or a shipped one of {folder} (there are: {known})"
         )
     beside = [str(one) for suffix in suffixes for one in path.parent.glob(f"*{suffix}")]
-    meant = suggestion(str(name), [*beside, *(n for suffix in suffixes for n in dataset_names(folder, suffix))])
+    whole = next((one for one in (f"{name}{suffix}" for suffix in suffixes) if one in beside), None)
+    meant = (
+        f"; did you mean {whole!r}?"
+        if whole
+        else suggestion(str(name), [*beside, *(n for suffix in suffixes for n in dataset_names(folder, suffix))])
+    )
     given = str(name) or repr("")
     raise DataError(f"{given}: no such file, and no shipped one of that name in {folder}{meant} (there are: {known})")

@@ -248,7 +248,7 @@ def _print_configurations(closure: "Closure", found: "list[Configuration]", tole
 
 
 BALANCED_KGM = 1e-6
-"""First-moment residual up to which a mechanism is called balanced [kg m]."""
+"""Left-hand side of a condition up to which a mechanism is called balanced [kg m]."""
 
 
 @command(
@@ -334,7 +334,7 @@ def _print_conditions(found: "Conditions", momentum: str) -> None:
     model = found.mechanism
     largest = ", ".join(f"{found.residual(unit):.4g} {unit}" for unit in sorted({"kg m", *found.units}))
     say(
-        f"{'Balanced' if found.is_balanced(BALANCED_KGM) else 'Not balanced'}: largest residual {largest}, of "
+        f"{'Balanced' if found.is_balanced(BALANCED_KGM) else 'Not balanced'}: largest left-hand side {largest}, of "
         f"{found.rank} condition{'s' * (found.rank != 1)} on {momentum} momentum."
     )
     rows = _condition_rows(found, model)
@@ -388,6 +388,10 @@ def check(
     payloads, nearest = result.balanced_payloads(), {body: result.nearest_payload(body) for body in bodies}
     force = [shaking_force_per_acceleration(state, bodies[0]) if bodies else None for state in (model, result.after)]
     before, after = (None if value is None else value * G0 for value in force)
+    left = f"{per_cent_text(remaining)} of the RMS momentum remains over the workspace"
+    if remaining is None:
+        why = "there was none without them" if result.objective else "bodies without mass can move alone"
+        left = f"first-moment residual {result.residual():.4g} kg m; the RMS momentum has no measure: {why}"
     document = {
         "mechanism": model.name,
         "balanced": balanced,
@@ -404,11 +408,7 @@ def check(
     }
 
     def show() -> None:
-        say(
-            "Balanced completely over the workspace."
-            if balanced
-            else f"Not balanced completely: {per_cent_text(remaining)} of the RMS momentum remains over the workspace."
-        )
+        say("Balanced completely over the workspace." if balanced else f"Not balanced completely: {left}.")
         masses = ", ".join(f"{c.site} {mass(c.mass)} kg" for c in result.counter_masses)
         rows = _condition_rows(found, result.after)
         emit_table(f"Conditions of {model.name} with {masses}", ["condition", "now", "unit"], rows)

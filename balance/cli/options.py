@@ -35,9 +35,29 @@ def distinct(_context: click.Context, parameter: click.Parameter, pairs: Pairs) 
     return dict(pairs)
 
 
+class _MassOf(NamedQuantity):
+    """``NAME=M``; of a mass alone, the names that the mechanism has are said."""
+
+    def convert(
+        self, value: str | tuple[str, float], param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, float]:
+        """Name and mass [kg]."""
+        file = ctx and ctx.params.get("mechanism")
+        if isinstance(value, str) and value[:1].isdigit() and "=" not in value and isinstance(file, str):
+            from ..mechanism.mjcf_parser import load_mechanism
+
+            model = load_mechanism(file)
+            of_site = self.name.startswith("SITE")
+            names = (model.counter_sites or list(model.sites)) if of_site else model.payload_bodies or model.bodies
+            what = "sites" if of_site else "bodies"
+            meant = f"did you mean {names[0]}={value}?" if len(names) == 1 else f"{what} are {', '.join(names)}"
+            self.fail(f"{value!r}: expected {self.name.partition('=')[0]}=5kg; {meant}", param, ctx)
+        return super().convert(value, param, ctx)
+
+
 def _masses(text: str, what: str, *names: str, **attributes: Any) -> Any:  # noqa: ANN401
     """An option of masses at sites or of bodies."""
-    kind = NamedQuantity(what, "mass", "5kg")
+    kind = _MassOf(what, "mass", "5kg")
     return option(text, kind, *names, metavar=f"{what}=M", multiple=True, **attributes)
 
 
@@ -50,7 +70,7 @@ def _drawable(_context: click.Context, _parameter: click.Parameter, path: str | 
     return path
 
 
-MECHANISM = argument("MECH")
+MECHANISM = argument("MECH", is_eager=True)  # known where a mass without a name is refused
 PAYLOADS_OF_ONE_BODY, PAYLOADS = (
     _masses(
         "Set the mass of a body, such as platform=5kg; its own mass included.", "BODY", "--payload", "-p",

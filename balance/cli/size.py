@@ -296,7 +296,7 @@ def _print_nested(name: str, sets: list[dict[str, Any]], stock: str | None, publ
         payload = ", ".join(f"{body} = {mass(value)} kg" for body, value in found["payload_kg"].items())
         if found["attainable_with_any_mass"]:
             residual = f"{found['residual_first_moment_kgm']:.4g} kg m"
-            say(f"Residual at {payload}  {residual}  ({per_cent_text(found['residual_percent'])})")
+            say(f"First-moment residual at {payload}  {residual}  ({per_cent_text(found['residual_percent'])})")
         else:
             say(f"At {payload}  no masses at these sites balance completely")
     if stock:

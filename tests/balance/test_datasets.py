@@ -28,6 +28,17 @@ def test_other_names_are_refused(name: str) -> None:
         datasets.find_dataset(name, "mechanisms", ".xml")
 
 
+def test_a_file_without_its_ending_is_suggested(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However short its name is beside the ending, and before names that are more alike; in its folder."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "m.toml").touch()
+    (tmp_path / "moves").mkdir()
+    (tmp_path / "moves" / "deltoid.toml").touch()
+    for name in ("m", "moves/deltoid"):
+        with pytest.raises(DataError, match=rf"did you mean '{name}.toml'\?"):
+            datasets.find_dataset(name, "motions", ".toml")
+
+
 @pytest.mark.parametrize("name", [".", "..", "mine"])
 def test_a_folder_is_told_so(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """That it is a folder, and what would do; a shipped name goes before a folder of that name."""

@@ -43,6 +43,7 @@ REFUSED = {
     ),
     "unknown mechanism": (("conditions", "six-bar"), "six-bar: no such file"),
     "unknown body": (("size", MECH, "-p", "crate=1kg"), "no body or site 'crate'"),
+    "payload of an unknown mechanism": (("size", "six-bar", "-p", "2kg"), "six-bar: no such file"),
     "unknown site": (("check", MECH, "-c", "nowhere=1kg"), "no site 'nowhere'"),
     "unknown site to size": (("size", MECH, "--site", "nowhere"), "no site 'nowhere'"),
     "site that is limited in vain": (("size", MECH, "--limit", "C_AC=1kg"), "C_AC"),
@@ -58,6 +59,7 @@ REFUSED = {
     "typo in a motion": (("simulate", MECH, "--motion", "typo.toml"), "typo.toml: drven: unknown key; did you mean"),
     "joint of a motion": (("simulate", MECH, "--motion", "joints.toml"), "no joint 'A9'"),
     "unknown motion": (("simulate", MECH, "--motion", "spiral"), "spiral: no such file"),
+    "motion without its ending": (("simulate", MECH, "--motion", "typo"), "did you mean 'typo.toml'?"),
     "motion of a chain": (("simulate", "serial-3r", *X), "serial-3r"),
     "too fast": (("simulate", MECH, *X, "--rate", "1e15 Hz"), "expected fewer than"),
     "rate of samples": (("simulate", MECH, "--motion", "sampled.toml", "--rate", "1 kHz"), "of 1000 Hz has no effect"),
@@ -103,6 +105,9 @@ def test_refused_is_one_message_and_exit_1(balance, folder, case):
 
 WRONG = {
     "size parallelogram-6bar -p platform": "expected BODY=5kg",
+    "size parallelogram-6bar -p 2kg": "'2kg': expected BODY=5kg; did you mean platform=2kg?",
+    "size -p 2kg four-bar": "'2kg': expected BODY=5kg; bodies are A0A, AB, B0B",
+    "size four-bar --limit 2kg": "'2kg': expected SITE=5kg; sites are counter_A0A, counter_B0B",
     "size parallelogram-6bar -p platform=5": "platform: '5' has no unit",
     "size parallelogram-6bar -p 'platform=5 m'": "platform: 'm' is not a unit of mass",
     "check parallelogram-6bar -c 'counter_A0A=5 stones9'": "not a known unit",

@@ -175,7 +175,7 @@ def test_a_condition_on_masses_alone_is_in_kilograms(balance):
     assert found[-1]["value_kg"] == pytest.approx(6.4)
     out = balance("conditions", "stewart").out
     assert re.search(r" \+6\.4  kg\n", out)
-    assert out.startswith("Not balanced: largest residual 6.4 kg, 0.032 kg m")
+    assert out.startswith("Not balanced: largest left-hand side 6.4 kg, 0.032 kg m")
 
 
 def test_people_read_equations(balance):
@@ -264,6 +264,25 @@ def test_people_read_the_verdict(balance):
     assert out.startswith("Not balanced completely: 4.58 % of the RMS momentum remains over the workspace.")
     for text in ("0.030809", "4.58 %", "3.2062 kg", "asked: 3.4116 kg", "N per g0"):
         assert text in out
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        (models.load("serial-2r").text.replace('mass="0.9" diaginertia="9.375e-05 0.0046875 0.0046875"',
+                                               'mass="0" diaginertia="0 0 0"'), "bodies without mass can move alone"),
+        (models.load("serial-1r").text.replace('inertial pos="0.14 0 0"', 'inertial pos="0 0 0"'), "there was none"),
+    ],
+)  # fmt: skip
+def test_what_remains_where_momentum_has_no_measure(balance, tmp_path, text, why):
+    """Of massless bodies, or of a mechanism without momentum, no share can be said: the first-moment residual is."""
+    (tmp_path / "arm.xml").write_text(text, encoding="utf-8")
+    given = ("check", str(tmp_path / "arm.xml"), "-c", "counter_link_1=1kg")
+    document = json.loads(balance(*given, "--json").out)
+    left = document["residual_first_moment_kgm"]
+    assert document["remaining_percent"] is None
+    said = f"Not balanced completely: first-moment residual {left:.4g} kg m; the RMS momentum has no measure: {why}"
+    assert balance(*given).out.startswith(said)
 
 
 def test_the_nearest_payload_where_none_is_balanced(balance):
@@ -357,5 +376,5 @@ def test_a_base_that_an_sdf_does_not_fix_is_named(balance, tmp_path):
         text = f"<sdf version='1.7'><model name='m'>{links}</model></sdf>"
         (tmp_path / f"{name}.sdf").write_text(text, encoding="utf-8")
         code, out, notes = balance("conditions", str(tmp_path / f"{name}.sdf"))
-        assert (code, "largest residual" in out) == (0, True)
+        assert (code, "largest left-hand side" in out) == (0, True)
         assert ("no joint of the SDF file holds link 'stand' to the world" in notes) == (name == "loose")
