@@ -157,7 +157,7 @@ class StockRow(Table):
     name: Text
     """Name of the plate, used once."""
     mass_kg: Annotated[float, Field(gt=0.0, lt=1e6, allow_inf_nan=False), NoUnderscores] | None = None
-    """Mass of one plate, weighed [kg]; or in another unit, such as `mass_g`, as all numbers but those of holes."""
+    """Mass of one plate, weighed [kg]. A column `mass_g` in its place holds grams; likewise lengths and densities."""
     quantity: Annotated[int, Field(ge=0, lt=10_000), NoUnderscores]
     """How many there are, for all sites together."""
     shape: Literal["rectangle", "disc", "ring"] | None = None

@@ -100,7 +100,8 @@ Examples:
 
 \b
 NAME.mass is the counter-mass at a site, or the mass of a body; NAME.x, .y, .z the place of a site or a body in the body
-that carries it, as its MJCF file writes it. Values: first:last:count, or a list. All designs have the same motion.
+that carries it, as its MJCF file writes it. Values: first:last:count, or a list. The driven joints move alike in all
+designs, the loops closed anew.
 \b
 Columns: each variable; rms_F_N, peak_F_N of the force vector; rms_M_Nm, peak_M_Nm of the moment about the base's
 origin; the same of each component and drive; added_mass_kg. A folder (-o) holds them as Parquet; a sweep goes on there

@@ -118,7 +118,10 @@ class MotionTable(Table):
     ) = None
     """Moves in turn."""
     samples: Text | None = None
-    """In place of start and moves a CSV in this folder: ``time (s)``, then columns as ``x (m)`` or ``A0 (rad)``."""
+    """In place of start and moves a CSV in this folder: ``time (s)``, then columns as ``x (m)`` or ``A0 (rad)``; also
+    in other units that the column names, ``time (ms)``, ``A0 (deg)``. An angle goes on counting beyond half a turn: one
+    that wraps round is refused. Instants and positions need all their digits: the acceleration is their second
+    difference, and commands say of few digits what they make of it (`coarse_samples`)."""
 
     @property
     def names(self) -> tuple[str, ...]:
