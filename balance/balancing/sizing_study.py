@@ -348,19 +348,15 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
         if self.stock_use and (use := str(self.stock_use)):
             yield use
         needed = max(one.mass for one in self.any_mass.counter_masses)
-        if self.stock_use and not self.best.added_mass and 0.0 < needed < self.stock_use.lightest[1]:
-            name, lightest = self.stock_use.lightest
+        name, lightest = self.stock_use.lightest if self.stock_use else ("", 0.0)
+        if self.stock_use and self.added is not None and self.added < lightest:
+            yield f"The lightest plate, {name} of {lightest:.4f} kg, is heavier than the {self.added:.4g} kg in all."
+        elif self.stock_use and not self.best.added_mass and 0.0 < needed < lightest:
             yield (
                 f"The lightest plate, {name} of {lightest:.4f} kg, is heavier than the mass needed at every site (at "
                 f"most {needed:.4f} kg): add lighter plates, or correct the unit of their masses (mass_kg, mass_g)."
             )
-        for number, site in enumerate(verdict.needed):
-            bodies = " or ".join([site.body, *site.alternatives])
-            left = f"{self._share(site.after)} would" if site.after else "nothing would"
-            moment = f", with the first moment {along_axes(site.first_moment)} kg m" if site.first_moment.any() else ""
-            where = moment + (f" on {site.body}" if moment and site.alternatives else "")
-            on = f"And on body {bodies} too" if number else f"With a site on body {bodies} as well"
-            yield f"{on}{where}: {left} remain."
+        yield from self._needed()
         if verdict.needed:
             then = verdict.needed[-1].masses
             changed = [
@@ -373,6 +369,21 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
                 yield f"The masses are other ones then{any_size}: {', '.join(changed)}."
         if verdict.directions and not verdict.attainable and not verdict.needed and self.added is None:
             yield "No counter-mass on any body would lessen it."
+
+    def _needed(self) -> Iterator[str]:
+        """Further sites one after the other, what remains with each, and the first moments that all of them take."""
+        needed, alone = self.verdict.needed, len(self.verdict.needed) == 1
+        moments = [f"{along_axes(s.first_moment)} kg m on {s.body}" for s in needed if s.first_moment.any()]
+        takes = f", with the first moment {moments[0]}" if alone and moments else ""
+        for number, site in enumerate(needed):
+            bodies = " or ".join([site.body, *site.alternatives])
+            left = f"{self._share(site.after)} would" if site.after else "nothing would"
+            on = f"And on body {bodies} too" if number else f"With another site, on body {bodies}"
+            yield f"{on}{takes}: {left} remain."
+        if moments and not alone:
+            yield f"All of them take the first moments {', '.join(moments)}."
+        if moments:
+            yield "A mass that gives such a moment counts on the bodies that carry it, too: size again with the site."
 
     def _share(self, value: float) -> str:
         """Part of what is made small without counter-masses."""

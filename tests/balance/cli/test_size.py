@@ -176,7 +176,7 @@ def test_the_verdict_comes_first_and_names_the_body_that_lacks_a_site(balance):
     assert code == 3
     first = "Not balanced completely: 52.8 % of the RMS shaking force remains in motion four-bar (6.383 N of 12.09 N)"
     assert out.startswith(first)
-    needed = "With a site on body AB or B0B as well, with the first moment x -0.1425 kg m on AB: nothing would remain."
+    needed = "With another site, on body AB or B0B, with the first moment x -0.1425 kg m on AB: nothing would remain."
     assert needed in out
     assert "First-moment residual" not in out  # a number without meaning where masses here cannot meet the conditions
     document = json.loads(balance(*arguments, "--json").out)
@@ -189,8 +189,8 @@ def test_the_verdict_comes_first_and_names_the_body_that_lacks_a_site(balance):
     squares = sum(one["rms_N"] ** 2 for one in document["remaining_directions"])
     assert squares == pytest.approx(document["rms_N"] ** 2, rel=1e-9)
     several = balance("size", "serial-2r", "--site", "tip").out  # no alternatives: each beside the ones before it
-    first = "With a site on body link_1 as well, with the first moment x -0.438 kg m: 59.1 % would remain.\n"
-    assert f"{first}And on body link_2 too, with the first moment x -0.099 kg m: nothing would remain." in several
+    first = "With another site, on body link_1: 59.1 % would remain.\nAnd on body link_2 too: nothing would remain.\n"
+    assert f"{first}All of them take the first moments x -0.438 kg m on link_1, x -0.099 kg m on link_2." in several
 
 
 def test_limits_hold_for_plates_too_and_the_best_few_are_listed(balance, tmp_path):
