@@ -6,6 +6,7 @@ The commands call the same functions. A mechanism is a ``Mechanism``, a shipped 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -96,9 +97,9 @@ def follow(
     True
     """
     described = motion if isinstance(motion, Motion) else load_motion(motion)
-    return Closure(_mechanism(mechanism)).follow(
-        described.sample_as_asked(None if rate is None else si(rate, "frequency"))
-    )
+    samples = described.sample_as_asked(None if rate is None else si(rate, "frequency"))
+    coarse = tuple(samples.coarse()) if described.recorded else ()
+    return replace(Closure(_mechanism(mechanism)).follow(samples), coarse=coarse)
 
 
 def assemble(mechanism: Mechanism | str | Path) -> list[Configuration]:

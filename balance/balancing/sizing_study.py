@@ -253,8 +253,9 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
 
     @property
     def has_finding(self) -> bool:
-        """Whether more remains than steps of stock plates leave, or something was left out."""
-        return self.verdict.has_finding or bool(self.left_out)
+        """Whether more remains than steps of stock plates leave, something was left out, or the motion is coarse."""
+        coarse = self.trajectory.coarse if self.trajectory else ()
+        return self.verdict.has_finding or bool(self.left_out) or bool(coarse)
 
     @cached_property
     def responses(self) -> dict[str, Response]:

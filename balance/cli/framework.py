@@ -88,6 +88,7 @@ def run(name: str, package: str, lazy: dict[str, tuple[str, str]], text: str) ->
     os.environ.setdefault("MUJOCO_GL", "disable")
     Detail.everything = Detail.quiet = Detail.emitted = False
     stdout, names = sys.stdout, {"help_option_names": ["-h", "--help"]}
+    warnings.showwarning = _shown
     group = LazyGroup(name, package=package, lazy=lazy, help=text, context_settings=names)
     click.version_option(package_name="counterpoise")(group)
     try:
@@ -112,6 +113,18 @@ def run(name: str, package: str, lazy: dict[str, tuple[str, str]], text: str) ->
     finally:
         sys.stdout = stdout
     sys.exit(code or 0)
+
+
+def _shown(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: object = None,
+    line: object = None,
+) -> None:
+    """Say a warning in one line, without the place in the code that has it."""
+    click.echo(f"  {'coarse_samples' if category is CoarseSamples else 'warning'}: {message}", err=True)
 
 
 def _message(error: Exception) -> str:

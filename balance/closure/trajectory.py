@@ -138,6 +138,8 @@ class Trajectory(Brief):
     """The configuration whose assembly branch every sample is on."""
     idle: tuple[str, ...] = ()
     """Coordinates of idle freedoms, which nothing drives: they stay as at home (``Closure.idle``)."""
+    coarse: tuple[str, ...] = ()
+    """What is said of samples of a file whose acceleration is that of rounding or noise."""
 
     def is_closed(self, tol: float = RESIDUAL_LIMIT) -> bool:
         """Whether no residual exceeds ``tol`` [m, rad]."""

@@ -17,6 +17,16 @@ _LEAST_STEP = 1e-9
 """Share of a range below which a common step is not told from rounding of binary numbers."""
 _MOST_OF_STEPS = 4.0
 """Acceleration, in steps a squared interval, below which steps make it: rounding alone makes about 1.4 of them RMS."""
+_GAP = 10.0
+"""Step of time, in the median step, from which something is missing."""
+_THIRD = 42.0
+"""Mean square of third differences of accelerations that noise of the positions makes, over that of these."""
+_ROUGH_SHARE = 0.15
+"""Share of an acceleration that noise may be before it is said."""
+_LEAST_ROUGH = 1e-6
+"""Share of a step's speed by which it may change: rounding of numbers."""
+_AROUND = 12
+"""Samples to either side that one wrong value reaches."""
 _FEWEST = 12
 """Samples from which an error of the clock is told."""
 _ROUGH = 0.5
@@ -91,7 +101,35 @@ class Samples:
                 f"(step / dt2, dt = {dt:.3g} s) of the acceleration's {size:.3g} {unit}/s2 RMS: forces and torques "
                 "are those of rounding; write more digits, or the motion as [[moves]]"
             )
-        return ""
+        return self._missing(dt, name) or self._rough(a, size, f"{unit}/s2", name)
+
+    def _missing(self, dt: float, name: str) -> str:
+        """What is said of a gap between the samples."""
+        at = int(np.argmax(np.diff(self.time)))
+        begin, end = self.time[at : at + 2]
+        if end - begin <= _GAP * dt:
+            return ""
+        return (
+            f"{name}: no sample between {begin:.6g} s and {end:.6g} s: a smooth curve is laid through, and forces "
+            "there are those of the curve; record the motion without a gap"
+        )
+
+    def _rough(self, a: Floats, size: float, unit: str, name: str) -> str:
+        """What is said of noise and of single wrong values, by how an acceleration (n,) changes between samples."""
+        rough = np.diff(a, 3) ** 2
+        noise = float(np.sqrt(np.mean(rough) / _THIRD)) if len(rough) else 0.0
+        least = _LEAST_ROUGH * float(np.abs(self.velocity).max()) / float(np.median(np.diff(self.time)))
+        if noise <= max(_ROUGH_SHARE * size, least):
+            return ""
+        at = int(np.argmax(rough))
+        alone = float(np.sum(rough[max(at - _AROUND, 0) : at + _AROUND])) > 0.5 * float(np.sum(rough))
+        instant = self.time[min(at + 2, len(a) - 1)]
+        about = f", most about {instant:.6g} s, where one value does not fit" * alone
+        return (
+            f"{name}: the samples are rough: {noise:.3g} {unit} of the acceleration's {size:.3g} {unit} RMS change "
+            f"from sample to sample as noise does{about}: what follows from it, torques and moments above all, is "
+            "that of noise; smooth the samples, or write the motion as [[moves]]"
+        )
 
     def _made_by_clock(self, i: int, dt: float) -> float:
         """RMS acceleration that errors of the instants make [m/s2 or rad/s2]; zero where they make none.

@@ -43,7 +43,7 @@ def design_page(study: SizingStudy) -> Page:
         "motions": [moving(motion, trajectory, designs, forces)],
     }
     figure = inline_svg(draw_responses(responses, shown), "Forces, moments and torques with and without counter-masses")
-    about = {"sections": SECTIONS, "motion": motion, "figure": figure}
+    about = {"sections": SECTIONS, "motion": motion, "figure": figure, "coarse": trajectory.coarse}
     return Page(Path(__file__).with_name("design.html"), document, data, about)
 
 

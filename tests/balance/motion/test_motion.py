@@ -216,6 +216,40 @@ def test_an_erring_clock_is_told(tmp_path: Path, rate, position) -> None:
         assert [one.category for one in heard] == [CoarseSamples] * wrong
 
 
+ROUGH = {
+    "noise": (lambda t, rng: 2e-5 * rng.standard_normal(len(t)), "the samples are rough: "),
+    "noise on counts": (
+        lambda t, rng: np.round((0.3 * np.sin(19.0 * t) + 4e-4 * rng.standard_normal(len(t))) / 3.8e-4) * 3.8e-4
+        - 0.3 * np.sin(19.0 * t), "the samples are rough: ",
+    ),
+    "spike": (lambda t, rng: 1e-2 * (np.arange(len(t)) == 301), "about 0.3.* where one value does not fit"),
+    "value twice": (lambda t, rng: np.where(np.arange(len(t)) == 301, -5.6e-3, 0.0), "where one value does not fit"),
+    "little noise": (lambda t, rng: 3e-7 * rng.standard_normal(len(t)), None),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", ROUGH)
+def test_rough_samples_are_told(tmp_path: Path, case) -> None:
+    """Noise, with or without the steps of an encoder, and one wrong value make accelerations that no machine has."""
+    error, message = ROUGH[case]
+    time = np.arange(1000) * 1e-3
+    values = (0.3 * np.sin(19.0 * time) + error(time, np.random.default_rng(2)))[:, None]
+    written(tmp_path, Samples(time, values, values, values), ("A0 (rad)",))
+    (tmp_path / "path.toml").write_text('driven = "joints"\njoints = ["A0"]\nsamples = "path.csv"\n', encoding="utf-8")
+    said = load_motion(tmp_path / "path.toml").recorded.coarse()
+    assert len(said) == (message is not None)
+    assert all(re.search(str(message), one) for one in said)
+
+
+def test_a_gap_between_samples_is_told(tmp_path: Path) -> None:
+    """Thirty rows are missing: what is laid through them is no record."""
+    time = np.delete(np.arange(1000) * 1e-3, slice(299, 329))
+    values = 0.3 * np.sin(19.0 * time)[:, None]
+    written(tmp_path, Samples(time, values, values, values), ("A0 (rad)",))
+    (tmp_path / "path.toml").write_text('driven = "joints"\njoints = ["A0"]\nsamples = "path.csv"\n', encoding="utf-8")
+    assert "no sample between 0.298 s and 0.329 s" in load_motion(tmp_path / "path.toml").recorded.coarse()[0]
+
+
 def test_a_wrapped_angle_is_refused(tmp_path: Path) -> None:
     """From +pi to -pi in one sample: no mechanism does; lengths may go as far as they like."""
     time = np.arange(500) * 1e-3
