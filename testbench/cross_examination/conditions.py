@@ -412,8 +412,12 @@ def payloads(
     ask for beside those of the other runs, which carried what is stated; fewer than half are told from the others.
     """
     used = {o.name: o for o in observations if o.name in masses}
-    joints = [o.torque.joints for o in used.values() if o.torque is not None]
-    used = {name: o for name, o in used.items() if o.torque is not None and o.torque.joints == joints[0]}
+    alike = [(o.torque.joints, o.torque.names) for o in used.values() if o.torque is not None]
+    used = {
+        name: o
+        for name, o in used.items()
+        if o.torque is not None and (o.torque.joints, o.torque.names) == max(alike, key=alike.count)
+    }
     if not used:
         return [], None
     stated = {name: o.conditions["payload_kg"] for name, o in used.items()}

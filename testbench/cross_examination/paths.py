@@ -82,21 +82,40 @@ def _errors(seen: Observation, wanted: dict[str, Floats]) -> dict[str, str]:
     correlation = products / np.sqrt(np.maximum(np.maximum(power, least) * own, 1e-300))
     correlation[:, (own < LEAST_SHARE**2 * own.max()) | (largest < LEAST_POWER * own)] = 0.0
     best = int(np.argmax((correlation**2).sum(axis=1)))
+    late = slice(best, best + len(path) + len(path) // 4)
+    far = np.ptp(np.cumsum(shown[late], axis=0), axis=0) / np.maximum(np.ptp(np.cumsum(path, axis=0), axis=0), 1e-300)
+    part = len(seen.encoder_speeds) < len(path) and np.isfinite(_period(path))  # of a motion that repeats
     found, unlike = dict[str, str](), dict[str, str]()
-    for name, likeness, factor in zip(names, correlation[best], products[best] / np.maximum(own, 1e-300), strict=True):
-        if 0.0 < abs(likeness) < OTHER_PATH:
-            unlike[name] = f"{UNLIKE}: correlation of the speeds {likeness:.2f} at best"
+    for i, (name, likeness) in enumerate(zip(names, correlation[best], strict=True)):
+        if 0.0 < abs(likeness) < OTHER_PATH and not part:
+            joint = _followed(shown[:, i], path, names)
+            whose = f"that of {joint}, exchanged in the rig or the log" if joint not in {"", name} else ""
+            unlike[name] = f"{UNLIKE}: {whose or f'correlation of the speeds {likeness:.2f} at best'}"
         if abs(likeness) < SAME_PATH:
             continue
         wrong = ["reversed"] if likeness < 0.0 else []
+        factor = abs(products[best, i]) / max(own[i], 1e-300)
         for ratio, text in ((DEGREES, "the log is in deg where the rig says rad"),
                             (1.0 / DEGREES, "the log is in rad where the rig says deg")):  # fmt: skip
-            if abs(abs(factor) / ratio - 1.0) < UNIT_SHARE:
-                wrong.append(f"{abs(factor):.3g} times as far: {text}")
-        if abs(abs(factor) - 1.0) > UNIT_SHARE and not wrong:
-            unlike[name] = f"{UNLIKE}: {abs(factor):.3g} times as far"
+            if abs(factor / ratio - 1.0) < UNIT_SHARE:
+                wrong.append(f"{factor:.3g} times as far: {text}")
+        if abs(far[i] - 1.0) > UNIT_SHARE and not wrong and not part:
+            joint = _followed(shown[:, i], path, names)
+            whose = f", that of {joint}, exchanged in the rig or the log" if joint not in {"", name} else ""
+            unlike[name] = f"{UNLIKE}: {far[i]:.3g} times as far{whose}"
         found[name] = "; ".join(wrong)
     return found if any(found.values()) else found | unlike
+
+
+def _followed(shown: Floats, path: Floats, names: Sequence[str]) -> str:
+    """The joint whose path (m, k) a channel's speeds (n,) follow at some lag, as far as it goes; empty of none's."""
+    products, power = _sliding(np.repeat(shown[:, None], len(names), axis=1), path)
+    own = np.maximum((path.astype(float) ** 2).sum(axis=0), 1e-300)
+    likeness = products / np.maximum(np.sqrt(np.maximum(power, 1e-12 * own) * own), 1e-150)
+    best = np.argmax(likeness, axis=0), range(len(names))
+    far = np.abs(products[best] / own - 1.0)
+    near = int(np.argmin(np.where(likeness[best] > SAME_PATH, far, np.inf)))
+    return names[near] if likeness[best][near] > SAME_PATH and far[near] < UNIT_SHARE else ""
 
 
 def _sliding(whole: Floats, part: Floats) -> tuple[Floats, Floats]:

@@ -28,7 +28,7 @@ EXPLAINS = 4.0
 """Unexplained power with what is stated and any payload, over that with another cause, from which that is named; and
 over that of the best of its peers."""
 LEAST_GAIN = 0.05
-"""Change of a torque's gain from which it is named."""
+"""Change of a torque's gain from which it is named, where friction of its own does not explain the run as well."""
 MOST_GAIN = 4.0
 """Factor from which a gain, as one below zero, is left to who looks at single runs."""
 MOST_SITES = 6
@@ -55,8 +55,8 @@ class Unlike:
 def unlike_others(observations: Sequence[Observation]) -> dict[str, Unlike]:
     """Runs whose torques one change explains, and what was stated does not; none where half of them are unlike."""
     seen = [o for o in observations if o.torque is not None and "payload_kg" in o.conditions]
-    joints = [o.torque.joints for o in seen if o.torque is not None]
-    seen = [o for o, own in zip(seen, joints, strict=True) if own == joints[0]]
+    alike = [(o.torque.joints, o.torque.names) for o in seen if o.torque is not None]
+    seen = [o for o, own in zip(seen, alike, strict=True) if own == max(alike, key=alike.count)]
     if len(seen) < FEWEST:
         return {}
     campaign = _Campaign(seen)
@@ -74,8 +74,8 @@ class _Campaign:
         products = np.stack([one.products.sum(axis=0) for one in equations])
         at = self.names.index("offset")
         self.products = products - products[..., :, [at]] * products[..., [at], :] / products[..., [at], [at], None]
-        scale = np.mean(self.products[:, :, 0, 0], axis=0)  # of the torques, so that each drive counts alike
-        self.products = self.products / scale[None, :, None, None]
+        scale = np.median(self.products[:, :, 0, 0], axis=0)  # of the torques, so that each drive counts alike
+        self.products = self.products / np.maximum(scale, 1e-300)[None, :, None, None]
         self.torque, self.common = np.eye(len(self.names))[0], [self.names.index(name) for name in COMMON]
         self.stated = np.array([self._body(o, o.counter_masses) for o in seen])
         self.factors = self._agreed()
@@ -162,9 +162,19 @@ class _Campaign:
         along = np.einsum("jk,jk->j", products[:, 0], made)
         power = np.maximum(np.einsum("jk,jkl,jl->j", made, products, made), 1e-300)
         left, own = self._left(self.stated)[run], products[:, 0, 0] - along**2 / power
-        gains = along / power
+        gains, by_friction = along / power, self._with_own_friction(run)
         return [
             (float(left.sum() - left[j] + own[j]), Unlike(None, joint, float(gains[j])))
             for j, joint in enumerate(self.joints)
-            if abs(gains[j] - 1.0) > LEAST_GAIN
+            if abs(gains[j] - 1.0) > LEAST_GAIN and EXPLAINS * own[j] < by_friction[j]
         ]
+
+    def _with_own_friction(self, run: int) -> Floats:
+        """Unexplained power of each drive (j,) where this run has friction of its own."""
+        products, rest = self.products[run], self.torque - self._made(self.stated[run][None])[0]
+        at = [self.names.index(name) for name in ("viscous", "coulomb")]
+        found = np.einsum("jk,jkl,jl->j", rest, products, rest)
+        for j, one in enumerate(products):
+            along = one[at] @ rest[j]
+            found[j] -= along @ np.linalg.pinv(one[np.ix_(at, at)], rcond=1e-10, hermitian=True) @ along
+        return found

@@ -448,14 +448,16 @@ def _calibrated(found: Reduction, known: AmplitudesUncertainty) -> Reduction:
 
 
 def _at_most_if_endless(found: Reduction) -> Reduction:
-    """The upper end of the interval alone, where the lower one says nothing.
+    """The upper end of the interval alone, where the lower one says nothing; none where that is a bound.
 
     What vibrates without counter-masses is then so near the noise that its amplitude may be next to nothing.
     """
-    if found.interval is None or found.limit or found.percent is None:
+    if found.interval is None or found.percent is None:
         return found
     if 100.0 - found.interval[0] <= _ENDLESS * max(100.0, 100.0 - found.percent):
         return found
+    if found.limit:  # a bound of what may be anything
+        return replace(found, percent=None, interval=None, limit=None)
     return replace(found, percent=found.interval[1], interval=None, limit="at_most", below_noise=True)
 
 

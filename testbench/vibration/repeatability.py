@@ -46,7 +46,9 @@ LEAST_CORRELATION = 0.5
 STANDS_OUT = 0.7
 """Share of the largest correlation, below which all others are, away from it, that it is of what repeats alone."""
 BEGINS_S = {True: 0.003, False: 0.06}
-"""To which it is known when a motion begins, by whether command or encoders tell it on the same clock [s]."""
+"""To which it is known when a motion begins, by whether command or encoders tell it [s]."""
+CLOCKS_S = 0.006
+"""By how much more two beginnings may differ that loggers with other clocks tell, each to 3 ms [s]."""
 _SLOW = 0.2
 """Of a step, by which a signal changes from sample to sample, up to which samples of repeats lie on one plateau."""
 _NEIGHBOURS = 15
@@ -377,7 +379,8 @@ def _lags(
         each = np.fft.irfft(spectrum * np.conj(spectra[0]), size)
         shifts = np.arange(size)
         if known := timed and begin is not None and begins[0] is not None:
-            shifts = np.arange(begin - begins[0] - near, begin - begins[0] + near + 1)
+            about, reach = begin - begins[0], near + round(CLOCKS_S * firsts[0].rate_hz)
+            shifts = np.arange(about - reach, about + reach + 1)
         least, most = -each[:, shifts % size].min(axis=1), each[:, shifts % size].max(axis=1)
         turned[(least > most) & (least > REVERSED * np.sqrt(own * energies[0])) & still[0] & still_here] = -1.0
         both, energy = turned @ each, np.sqrt(own.sum() * energies[0].sum())
