@@ -9,8 +9,8 @@ from studies import lies
 from studies.lies import Witnesses
 from studies.simulated_runs import with_values
 from testbench.campaign_plan import load_plan
-from testbench.cross_examination.observation import Observation
-from testbench.cross_examination.paths import record_ends
+from testbench.cross_examination.observation import SPEED_RATE_HZ, Observation
+from testbench.cross_examination.paths import encoder_paths, record_ends
 from testbench.project import new_project
 from testbench.rig import load_rig
 from testbench.rig.sensors import Torque
@@ -207,3 +207,43 @@ def test_an_accelerometer_alone_is_compared_with_its_repeats():
     assert "ends in mid-motion" in early.witnessed
     assert "begins in mid-motion" in late.witnessed
     assert not record_ends([shaken("r1", 110), shaken("r22", 3000)])
+
+
+def _move(distance: float, seconds: float) -> np.ndarray:
+    """Speeds of a smooth move between two rests of a second."""
+    time, rest = np.arange(0.0, seconds, 1.0 / SPEED_RATE_HZ), np.zeros(int(SPEED_RATE_HZ))
+    return np.concatenate([rest, distance / seconds * (1.0 - np.cos(2.0 * np.pi * time / seconds)), rest])
+
+
+def _lagging(speeds: np.ndarray, seconds: float) -> np.ndarray:
+    """What a position loop of first order makes of speeds (n, k)."""
+    share, found = 1.0 - np.exp(-1.0 / (SPEED_RATE_HZ * seconds)), np.zeros_like(speeds)
+    for i in range(1, len(speeds)):
+        found[i] = found[i - 1] + share * (speeds[i] - found[i - 1])
+    return found
+
+
+TURN = np.linspace(0.0, 40.0 * np.pi, 1000)
+SINES = np.column_stack([np.sin(TURN), np.cos(TURN)])
+MOVE = np.column_stack([_move(1.0, 0.4), _move(0.5, 0.4)])
+BY_HAND = np.vstack([np.column_stack([_move(3.0, 0.8), _move(-2.0, 0.8)]), MOVE])
+SHOWN = {
+    "a part of what repeats": (SINES[:300], SINES, ""),
+    "a loop that lags": (_lagging(MOVE, 0.067), MOVE, ""),
+    "moved by hand before": (BY_HAND, MOVE, ""),
+    "another motion": (np.column_stack([_move(1.0, 1.6), _move(0.5, 1.6)]), MOVE, "path of another motion"),
+    "farther": (1.3 * MOVE, MOVE, "1.3 times as far"),
+    "the other joint": (MOVE[:, ::-1], MOVE, "that of q1, exchanged in the rig or the log"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", SHOWN)
+def test_encoders_beside_the_stored_path(case):
+    """Honest records that are parts, late or longer are none of another motion; what is one is told, with the joint."""
+    shown, wanted, message = SHOWN[case]
+    seen = Observation("r1", {"motion": "m"}, None)
+    seen.encoders, seen.encoder_speeds = ("q0", "q1"), shown.astype(np.float32)
+    seen.commanded_speeds = dict(zip(seen.encoders, wanted.T, strict=True))
+    found = [s for s in encoder_paths([seen]) if s.code]
+    assert bool(found) == bool(message)
+    assert not message or any(message in s.witnessed for s in found)
