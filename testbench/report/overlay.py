@@ -17,13 +17,15 @@ from .page_contents import COMMAND, POSITIONS, columns_of, unit_of
 from .traces import (
     Difference,
     Lag,
+    Pairs,
     Trace,
     between_samples,
     channel_trace,
     difference,
-    lag,
     motion_begins,
+    motion_lag,
     recorded_trace,
+    shown_lag,
 )
 
 if TYPE_CHECKING:
@@ -71,18 +73,31 @@ class RunTraces:
                     found[one.name if one.name not in found else f"{group.name} {index}: {one.name}"] = one
         return found
 
+    def _lag(self, one: Trace, other: Trace, first: str, second: str) -> Lag:
+        """How much later the logger of a channel of the second run shows the same as that of it in the first."""
+        return self._motion_lag(first, second, one.group, other.group) or self._shown_lag(one, other, first, second)
+
     @lru_cache(None)  # noqa: B019
-    def _lag(self, first: str, second: str, group: str, other: str) -> Lag:
-        """How much later a logger of the second run shows the same as one of the first."""
-        others = self.of(second)
-        both = [(one, others[name]) for name, one in self.of(first).items() if name in others]
-        shared = [pair for pair in both if (pair[0].group, pair[1].group) == (group, other)]
-        commands = [pair for pair in both if {one.kind for one in pair} == {COMMAND}]
+    def _motion_lag(self, first: str, second: str, group: str, other: str) -> Lag | None:
+        """By command and encoders."""
+        both, shared = self._pairs(first, second, group, other)
+        commands, encoders = ([p for p in both if {one.kind for one in p} == {kind}] for kind in (COMMAND, POSITIONS))
+        return motion_lag(shared, commands, encoders)
+
+    @lru_cache(None)  # noqa: B019
+    def _shown_lag(self, one: Trace, other: Trace, first: str, second: str) -> Lag:
+        """By a channel itself, else by others of its logger: of repeats alone."""
+        _, shared = self._pairs(first, second, one.group, other.group)
         made = [{**self.by_name[run].conditions, "repeat": None} for run in (first, second)]
         repeats = len(made[0]) > 1 and made[0] == made[1]
-        telling = [pair for pair in shared if repeats or {one.kind for one in pair} == {POSITIONS}]
-        encoders = [pair for pair in both if {one.kind for one in pair} == {POSITIONS}]
-        return lag(shared, commands, telling, encoders)
+        own = [(one, other), *(pair for pair in shared if pair[0] is not one)]
+        return shown_lag(shared, own if repeats else [])
+
+    def _pairs(self, first: str, second: str, group: str, other: str) -> tuple[Pairs, Pairs]:
+        """The channels that both runs have, and of them those of one logger each."""
+        others = self.of(second)
+        both = [(one, others[name]) for name, one in self.of(first).items() if name in others]
+        return both, [pair for pair in both if (pair[0].group, pair[1].group) == (group, other)]
 
     @lru_cache(None)  # noqa: B019
     def _moves(self, run: str, group: str) -> float | None:
@@ -99,7 +114,7 @@ class RunTraces:
             raise AnalysisError(
                 f"{channel}: in {one.unit} in {first}, in {other.unit} in {second}: state one in the rig"
             )
-        late = self._lag(first, second, one.group, other.group)
+        late = self._lag(one, other, first, second)
         return late, difference(one, other, late, [self._moves(first, one.group), self._moves(second, other.group)])
 
 

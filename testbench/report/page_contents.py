@@ -20,7 +20,7 @@ from ..figures.style import condition_of
 from ..kinematics.encoder_motion import mechanism_of
 from ..loads.command_tracking import BANDWIDTH_HZ
 from ..recording import mounted_masses
-from ..rig.sensors import Accelerometer, Encoder, Target, Torque
+from ..rig.sensors import Accelerometer, Encoder, Target, Torque, Trigger
 from ..runs.aligned_run import AlignedRun
 from ..runs.si_run import SIRun
 from ..vibration.run_pairs import pairs
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from ..vibration.channel_levels import ChannelLevels
     from ..vibration.comparison import Comparison
 
-COMMAND, POSITIONS = "Command", "Positions of the joints"
+COMMAND, POSITIONS, TRIGGER = "Command", "Positions of the joints", "Trigger"
 MOST_MOTIONS = 60
 """Motions of the mechanism on a page; of a campaign with more, those of the first conditions."""
 KINDS: tuple[tuple[type, str], ...] = (
@@ -42,6 +42,7 @@ KINDS: tuple[tuple[type, str], ...] = (
     (Torque, "Torque of the drives"),
     (Encoder, POSITIONS),
     (Target, COMMAND),
+    (Trigger, TRIGGER),
 )
 """Under which heading the channels of a kind of sensor are listed."""
 BASE, SUPPORTS = "Acceleration of the base", "Forces between mechanism and base"

@@ -24,6 +24,7 @@ from ..synchronization.known_clocks import on_clock_of
 from ..vibration.amplitude import SAME_RATE
 from ..vibration.motion_timing import MARGIN_S, beginning
 from ..vibration.run_amplitudes import observed_resolution
+from .page_contents import TRIGGER
 
 if TYPE_CHECKING:
     from ..store.run import Run, StoredGroup
@@ -43,6 +44,10 @@ RIVALS = 24
 PERIODIC = "of a signal that is like itself a period later"
 DOUBTFUL = 10.0
 """Logarithm of the ratio of likelihoods by which one lag is to be likelier than any other."""
+SWITCHING = 4
+"""Samples that a line of two values takes at most to go from one to the other."""
+LEVELS_APART = 10.0
+"""Of a line of two values, in the standard deviations of both together."""
 FOLLOWS = 0.9
 """Correlation from which two runs show the same and are aligned by it; of runs of two conditions it is no sign."""
 
@@ -109,6 +114,21 @@ class Trace:
             raise AnalysisError(f"{self.name}: has no two samples, or its time does not run")
         return float(time[0]), (len(time) - 1) / float(time[-1] - time[0]), values
 
+    @cached_property
+    def switched(self) -> bool:
+        """Whether it is a line of two values, off and on, with noise or not: a trigger, a limit switch, a pulse."""
+        if self.kind == TRIGGER:
+            return True
+        _, _, values = self.beginning
+        values = values[np.isfinite(values)]
+        if not values.size or not np.ptp(values) > 0.0:
+            return False
+        share = (values - values.min()) / np.ptp(values)
+        off, on = share[share < 0.25], share[share > 0.75]
+        switches = np.count_nonzero(np.diff(share[(share < 0.25) | (share > 0.75)] > 0.5))
+        clear = on.mean() - off.mean() > LEVELS_APART * (on.std() + off.std())
+        return bool(clear and len(values) - len(off) - len(on) <= SWITCHING * switches)
+
     def noise(self, moves: float | None) -> tuple[float, float] | None:
         """Variance at rest before its logger ``moves`` [s], at least that of the resolution, and degrees of freedom.
 
@@ -164,17 +184,32 @@ Pairs = Sequence[tuple[Trace, Trace]]
 def lag(shared: Pairs, commands: Pairs, telling: Pairs, encoders: Pairs = ()) -> Lag:
     """Of a logger of a second run against that of a first, by the channels that both have, (first, second) each.
 
-    By the ``commands`` of both, where the loggers were aligned to them, or recorded a trigger with them; else by that
-    which shows the same most exactly of ``telling``, channels that differ by noise alone; else by ``encoders`` of other
-    loggers, as by commands; else by where all begin to move.
+    By what tells the motion, see :func:`motion_lag`, else by what the logger shows, see :func:`shown_lag`.
     """
-    if (found := _by_related(shared, commands, "the command")) is not None:
-        return found
-    same = [one for pair in telling if (one := _correlated(*pair)) is not None]
+    return motion_lag(shared, commands, encoders) or shown_lag(shared, telling)
+
+
+def motion_lag(shared: Pairs, commands: Pairs, encoders: Pairs) -> Lag | None:
+    """By the ``commands`` of both runs, else their ``encoders``, where the logger of the ``shared`` channels recorded
+    them or its clock is related to theirs, by a recorded alignment or a trigger; None where none tells it.
+    """
+    return _by_related(shared, commands, "the command") or _by_related(shared, encoders, "the encoder")
+
+
+def shown_lag(shared: Pairs, telling: Pairs) -> Lag:
+    """By the first of ``telling``, channels that differ by noise alone, else by that of them which shows the same most
+    exactly; else by where all of the ``shared`` ones begin to move. A line of two values tells when it was switched,
+    not when anything moved: it counts for nothing.
+    """
+    same = []
+    for pair in telling:
+        if any(one.switched for one in pair) or (found := _correlated(*pair)) is None:
+            continue
+        if pair is telling[0] and found.deviation is not None:
+            return found
+        same.append(found)
     if sure := [one for one in same if one.deviation is not None]:
         return min(sure, key=lambda one: one.deviation or 0.0)
-    if (found := _by_related(shared, encoders, "the encoder")) is not None:
-        return found
     if same:
         return same[0]
     begins = [motion_begins([pair[i] for pair in shared]) for i in range(2)]
@@ -184,7 +219,10 @@ def lag(shared: Pairs, commands: Pairs, telling: Pairs, encoders: Pairs = ()) ->
 
 
 def _by_related(shared: Pairs, pairs: Pairs, what: str) -> Lag | None:
-    """By channels of any logger whose clock is related to that of the ``shared`` ones; None where none tells it."""
+    """By that channel of any logger whose clock is related to that of the ``shared`` ones which tells it most exactly;
+    None where none does.
+    """
+    told = []
     for pair in pairs:
         found = _correlated(*pair)
         if found is None or found.deviation is None:
@@ -193,14 +231,14 @@ def _by_related(shared: Pairs, pairs: Pairs, what: str) -> Lag | None:
                 zip(shared[0], pair, (0.0, found.seconds), strict=True)]  # fmt: skip
         if ends[0] is not None and ends[1] is not None:
             deviation = float(np.linalg.norm([found.deviation, ends[0][1], ends[1][1]]))
-            return Lag(ends[1][0] - ends[0][0], deviation, f"{what}, {pair[0].name}")
-    return None
+            told.append((deviation, Lag(ends[1][0] - ends[0][0], deviation, f"{what}, {pair[0].name}")))
+    return min(told, key=lambda one: one[0])[1] if told else None
 
 
 def motion_begins(traces: Sequence[Trace]) -> float | None:
-    """When channels of one logger cease to be at rest [s]; None where it is not seen."""
-    seen = [trace.beginning for trace in traces]
-    found = beginning([values for _, _, values in seen if np.isfinite(values).all()], seen[0][1])
+    """When channels of one logger, but for lines of two values, cease to be at rest [s]; None where it is not seen."""
+    seen = [trace.beginning for trace in traces if not trace.switched]
+    found = beginning([values for _, _, values in seen if np.isfinite(values).all()], seen[0][1]) if seen else None
     return None if found is None else seen[0][0] + found
 
 

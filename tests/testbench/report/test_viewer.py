@@ -134,6 +134,45 @@ def test_encoders_of_another_logger(monkeypatch):
     assert found.deviation == pytest.approx(2.0**0.5 * 1e-3, rel=0.01)
 
 
+def switched(moment, noise, seed, kind="As recorded"):
+    """A line that is switched on at a moment [s] for 0.1 s, and again 0.3 s later, with white noise."""
+    time = np.arange(4000) / RATE
+    on = ((time > moment) & (time < moment + 0.1)) | ((time > moment + 0.3) & (time < moment + 0.35))
+    return replace(trace(5.0 * on + noise * np.random.default_rng(seed).normal(size=4000)), kind=kind)
+
+
+@pytest.mark.parametrize(("noise", "kind"), [(0.0, "As recorded"), (0.02, "As recorded"), (0.5, traces.TRIGGER)])
+def test_a_switch_tells_no_motion(noise, kind):
+    """Of two repeats of which one began 20 ms later, a line switched 60 ms later, trigger or not, says nothing,
+    neither of the lag nor of when anything began; and where it is all that was recorded, nothing does.
+    """
+    felt = trace(pulse(0.0, 0.01, 1)), trace(pulse(0.02, 0.01, 2))
+    line = switched(0.5, noise, 3, kind), switched(0.56, noise, 4, kind)
+    assert lag([line, felt], [], [line, felt]).seconds == pytest.approx(0.02, abs=0.5 / RATE)
+    assert not any(one.switched for one in felt)
+    assert lag([line, felt], [], []) == lag([felt], [], [])
+    assert lag([line], [], [line]).by == "the first sample"
+
+
+def test_encoders_tell_before_what_is_felt(monkeypatch):
+    """Of repeats too: encoders of a related clock, the one that tells it most exactly, whatever the logger shows; and
+    without any the channel itself, whatever the others show.
+    """
+    monkeypatch.setattr(traces, "on_clock_of", lambda run, at, source, group: (at, 1.96e-4))
+    felt, other = (
+        tuple(replace(one, group="daq", run=one) for one in (trace(pulse(0.0, 0.01, 1)), trace(pulse(late, 0.01, 2))))
+        for late in (0.02, 0.03)
+    )
+    known = [
+        tuple(replace(trace(pulse(late, noise, 5)), group="ctl", run=1, name=name) for late in (0.0, apart))
+        for noise, apart, name in ((0.05, 0.015, "rough"), (1e-4, 0.01, "fine"))
+    ]
+    found = lag([felt, other], [], [felt, other], known)
+    assert (found.seconds, found.by) == (pytest.approx(0.01, abs=1e-4), "the encoder, fine")
+    assert lag([felt, other], [], [other, felt]).seconds == pytest.approx(0.03, abs=1e-3)
+    assert lag([felt, other], [], [felt, other]).seconds == pytest.approx(0.02, abs=1e-3)
+
+
 def test_a_difference_is_found():
     """Half the size at another rate: aligned by where both begin alone, so that no interval is given."""
     one, other = trace(pulse(0.0, 1e-4, 1)), trace(pulse(0.1, 1e-4, 2, 1500.0, 0.5), rate=1500.0)
