@@ -19,7 +19,7 @@ from ..errors import AnalysisError
 from ..rig import Column
 from ..runs.joined_channels import interpolated
 from ..runs.si_run import SIRun
-from ..signal.filters import correlation_peaks
+from ..signal.filters import CorrelationPeak, correlation_peaks, without_mean
 from ..synchronization.known_clocks import on_clock_of
 from ..vibration.amplitude import SAME_RATE
 from ..vibration.motion_timing import MARGIN_S, beginning
@@ -39,6 +39,10 @@ TAPS = 16
 """Samples to either side of an instant that a value there is interpolated from: a sine of 0.4 of the rate to 1e-3."""
 _KAISER = 8.0
 """Of their window."""
+STEPS = 12
+"""In which a lag is refined, at most."""
+LEAST_STEP = 1e-5
+"""Of them [samples]."""
 RIVALS = 24
 """Peaks of a correlation that are looked at."""
 PERIODIC = "of a signal that is like itself a period later"
@@ -253,9 +257,12 @@ def _on_clock_of(shown: Trace, given: Trace, at: float) -> tuple[float, float] |
 def _correlated(first: Trace, second: Trace) -> Lag | None:
     """By the correlation of one channel; None where both do not show the same, or not at one rate.
 
+    The peak of the correlation of whole records is refined by least squares over what both show at that lag, for their
+    means and ends differ: see :func:`_refined`.
     Standard uncertainty sqrt((1 - r^2) / n) / w: r the correlation, w = RMS slope / RMS [rad/s], n = w T / pi as many
     independent values as the signal has zeros, for what differs is no white noise; not less than what the steps of both
-    leave open. None where another peak is as likely: one that is periodic matches itself a period later.
+    leave open. None where another peak is as likely: one that is periodic matches itself a period later; or where none
+    is, since the slope is constant.
     """
     (start, rate, values), (other_start, other_rate, others) = first.beginning, second.beginning
     if abs(rate - other_rate) > SAME_RATE * rate or not (np.isfinite(values).all() and np.isfinite(others).all()):
@@ -266,13 +273,57 @@ def _correlated(first: Trace, second: Trace) -> Lag | None:
     steps = [max(one.resolution, observed_resolution(v)) for one, v in ((first, values), (second, others))]
     apart = 1.0 - best.correlation**2 + sum(step**2 for step in steps) / (12.0 * float(np.var(values)))
     free = best.turn * best.common / np.pi
-    shown = f"the correlation of {first.name} ({best.correlation:.4f})"
-    late = best.lag / rate + other_start - start
+    exact = _refined(values, others, best)
+    shown = f"the correlation of {first.name} ({(exact or best).correlation:.4f})"
+    late = (exact or best).lag / rate + other_start - start
     for other in found[1:]:
         if free * np.log1p((best.correlation**2 - other.correlation**2) / apart) < 2.0 * DOUBTFUL:
             away = 1e3 * abs(other.lag - best.lag) / rate
             return Lag(late, None, f"{shown}, {PERIODIC} ({other.correlation:.4f} a further {away:.3g} ms away)")
-    return Lag(late, float(np.sqrt(apart / free)) / (best.turn * rate), shown)
+    if exact is None:
+        return Lag(late, None, shown)
+    apart = 1.0 - exact.correlation**2 + sum(step**2 for step in steps) / (12.0 * float(np.var(values)))
+    free = exact.turn * exact.common / np.pi
+    return Lag(late, float(np.sqrt(apart / free)) / (exact.turn * rate), shown)
+
+
+def _refined(early: Floats, late: Floats, peak: CorrelationPeak) -> CorrelationPeak | None:
+    """The lag by which ``late`` (n,) differs least from ``early`` (m,) [any unit], their offset and size being free.
+
+    Newton's steps from a ``peak``, over the samples that both show then; ``turn`` is of what is neither offset nor
+    size. None where they lead nowhere: further away than the signal turns by a radian.
+    """
+    taps = np.arange(1.0 - TAPS, TAPS)
+    order = np.where(taps, taps, 1.0)
+    slope = np.where(taps, (-1.0) ** taps / order, 0.0) * _window(taps) / np.i0(_KAISER)
+    slopes = np.convolve(early, slope, "same")
+    lag, reach = peak.lag, 1.0 / peak.turn
+    for _ in range(STEPS):
+        whole = int(np.floor(lag))
+        first, last = max(TAPS, TAPS - whole), min(len(early), len(late) - whole) - TAPS
+        if last - first < 2 * TAPS or abs(lag - peak.lag) > reach:
+            return None
+        away = lag - whole - np.arange(1 - TAPS, TAPS + 1)
+        weights = np.sinc(away) * _window(away)
+        shown = np.correlate(late[first + whole + 1 - TAPS : last + whole + TAPS], weights / weights.sum(), "valid")
+        one, other = without_mean(early[first:last]), without_mean(shown)
+        turned = slopes[first:last] - slopes[first:last].mean()
+        turned -= (turned @ one) / max(float(one @ one), 1e-300) * one
+        power = float(turned @ np.convolve(other, slope, "same"))
+        like = float(one @ other)
+        if not (power > 0.0 and like > 0.0):
+            return None
+        step = -float(turned @ other) / power
+        lag += step
+        if abs(step) < LEAST_STEP:
+            break
+    same = min(like / float(np.sqrt((one @ one) * (other @ other))), 1.0)
+    return CorrelationPeak(round(lag, 6), same, float(np.sqrt(power / like)), last - first)
+
+
+def _window(away: Floats) -> Floats:
+    """Kaiser's window of the interpolation (n,) [-] at distances (n,) [samples], TAPS at most."""
+    return np.asarray(np.i0(_KAISER * np.sqrt(np.maximum(1.0 - (away / TAPS) ** 2, 0.0))))
 
 
 def between_samples(time: Floats, values: Floats, at: Floats) -> Floats:
@@ -288,7 +339,7 @@ def between_samples(time: Floats, values: Floats, at: Floats) -> Floats:
     total, weights = np.zeros((2, len(at)))
     for tap in range(1 - TAPS, TAPS + 1):
         away = place - (below + tap)
-        weight = np.sinc(away) * np.i0(_KAISER * np.sqrt(np.maximum(1.0 - (away / TAPS) ** 2, 0.0)))
+        weight = np.sinc(away) * _window(away)
         total += weight * values[np.clip(below + tap, 0, len(values) - 1)]
         weights += weight
     step = float(np.median(np.diff(time)))

@@ -106,6 +106,37 @@ def test_clocks_half_a_sample_apart(hertz):
     assert np.mean(np.abs(values) < apart.half_width) == pytest.approx(0.95, abs=0.03)
 
 
+def moved(begin, end, noise, seed, gain=1.0, zero=0.0, step=5e-5):
+    """Positions of a joint that goes from 0 to 0.8, -0.2 and 0.3 rad from ``begin`` on, recorded to ``end`` [s]."""
+    time = np.arange(round(end * RATE)) / RATE - begin
+    angle = np.zeros(len(time))
+    for k, size in enumerate((0.8, -1.0, 0.5)):
+        share = np.clip((time - 0.7 * k) / 0.4, 0.0, 1.0)
+        angle += size * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    shown = gain * angle + zero + noise * np.random.default_rng(seed).normal(size=len(time))
+    return trace(np.round(shown / step) * step)
+
+
+@pytest.mark.parametrize("begin", [0.3104, 0.9017, 1.7003])
+@pytest.mark.parametrize(("noise", "gain", "zero"), [(2e-5, 1.0, 0.0), (2e-3, 1.0, 0.0), (2e-5, 1.002, 0.3)])
+def test_positions_that_begin_and_end_otherwise(begin, noise, gain, zero):
+    """The lag of an encoder is within its deviation, whatever rests before and after the motion add to the means, and
+    whatever its zero: within a hundredth of a sample where noise is small.
+    """
+    for seed in range(5):
+        pair = moved(0.5, 3.0, noise, seed), moved(begin, begin + 2.6, noise, 10 + seed, gain, zero)
+        found = lag([pair], [], [pair])
+        apart = abs(found.seconds - (begin - 0.5))
+        assert apart < 2.0 * found.deviation < (0.1 if noise < 1e-3 else 3.0) / RATE
+        assert apart < 0.01 / RATE or noise > 1e-3
+
+
+def test_a_straight_line_tells_no_lag():
+    """Of a counter or a ramp any lag is an offset: no deviation is stated."""
+    pair = [(trace(np.arange(3000.0)), trace(np.arange(2900.0)))]
+    assert lag(pair, [], pair).deviation is None
+
+
 def test_a_period_later_as_like():
     """Of a wave in noise that a period hardly changes, the lag may be another one: no interval, and why."""
     pair = trace(burst(0.0, 0.45, 1, 40.0)), trace(burst(0.0, 0.45, 2, 40.0))
