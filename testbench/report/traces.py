@@ -223,16 +223,17 @@ def shown_lag(shared: Pairs, telling: Pairs) -> Lag:
 
 
 def _by_related(shared: Pairs, pairs: Pairs, what: str) -> Lag | None:
-    """By that channel of any logger whose clock is related to that of the ``shared`` ones which tells it most exactly;
-    None where none does.
+    """By that channel of any logger whose clock is related to that of the ``shared`` ones which tells it most exactly,
+    in the middle of its record, where a drift is known best; None where none does.
     """
     told = []
     for pair in pairs:
         found = _correlated(*pair)
         if found is None or found.deviation is None:
             continue
+        middle = float(np.mean([pair[0].read(k, k + 1)[0][0] for k in (0, pair[0].samples - 1)]))
         ends = [_on_clock_of(shown, given, at) for shown, given, at in
-                zip(shared[0], pair, (0.0, found.seconds), strict=True)]  # fmt: skip
+                zip(shared[0], pair, (middle, middle + found.seconds), strict=True)]  # fmt: skip
         if ends[0] is not None and ends[1] is not None:
             deviation = float(np.linalg.norm([found.deviation, ends[0][1], ends[1][1]]))
             told.append((deviation, Lag(ends[1][0] - ends[0][0], deviation, f"{what}, {pair[0].name}")))

@@ -165,6 +165,14 @@ def test_encoders_of_another_logger(monkeypatch):
     assert found.deviation == pytest.approx(2.0**0.5 * 1e-3, rel=0.01)
 
 
+def test_clocks_are_related_where_it_moves(monkeypatch):
+    """A relation that is known best amid the records counts as it does there, not as at the clock's zero."""
+    known = [replace(trace(pulse(late, 1e-4, 3), start=50.0), group="controller", run=1) for late in (0.0, 0.1)]
+    felt = [replace(one, group="daq") for one in known]
+    monkeypatch.setattr(traces, "on_clock_of", lambda run, at, *groups: (at, 1.96 * (1e-4 + 1e-3 * abs(at[0] - 52.0))))
+    assert lag([felt], [], [], [known]).deviation == pytest.approx(2.0**0.5 * 1.5e-4, rel=0.2)
+
+
 def switched(moment, noise, seed, kind="As recorded"):
     """A line that is switched on at a moment [s] for 0.1 s, and again 0.3 s later, with white noise."""
     time = np.arange(4000) / RATE
