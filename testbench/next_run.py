@@ -34,7 +34,7 @@ from balance.units import G0
 from .errors import AnalysisError
 from .kinematics.encoder_motion import mechanism_of
 from .recording import mounted_masses
-from .runs.aligned_run import AlignedRun, recorded_clocks
+from .runs.aligned_run import AlignedRun, recorded_clocks, said_of_clocks
 from .runs.si_run import SIRun
 from .simulator.loggers import record_log
 from .simulator.run import simulate_run
@@ -288,7 +288,7 @@ def next_for_first_moment(
     widest = max(range(len(problem.sites)), key=lambda place: math.inf if (now := sited[0][place].now) is None else now)
     unit = "kg m" if question == "first-moment" else "kg"
     proposals = [(_proposal(one), one[widest]) for one in sited]
-    return _ranked(question, unit, proposals, [*notes, *known.notes], known.remedy(widest))
+    return _ranked(question, unit, proposals, [*notes, *known.notes, *said_of_clocks(made)], known.remedy(widest))
 
 
 def _proposal(by_site: Sequence[Proposal]) -> Proposal:
@@ -365,7 +365,7 @@ def _simulated(candidate: Candidate, first: AlignedRun, mounted: Sequence[SIRun]
 
 
 def _aligned_as(first: AlignedRun, run: SIRun, paces: Mapping[str, Floats]) -> dict[str, ClockMap]:
-    """Clocks of a simulated run on that of its encoders, where those of the ``first`` run were recorded, as surely.
+    """Clocks of a simulated run on that of its encoders, where those of the ``first`` run are known, as surely.
 
     ``paces`` are slope [-] and start [s] of true time over each logger's own. Other clocks are found as those of any
     run: by what both recorded.
@@ -374,7 +374,7 @@ def _aligned_as(first: AlignedRun, run: SIRun, paces: Mapping[str, Floats]) -> d
     found = {}
     for logger, (own_pace, own_start) in paces.items():
         groups = {first.run.group_of(column) for column in first.rig.columns(logger) if first.run.holds(column)}
-        known = [one for group, one in first.known_clocks.items() if group in groups - {first.reference}]
+        known = [one for group in groups - {first.reference} if (one := first.related_clock(group)) is not None]
         if known:
             drift = float(own_pace / pace) - 1.0
             found[logger] = replace(known[0], at_own=0.0, at_reference=float((own_start - start) / pace), drift=drift)

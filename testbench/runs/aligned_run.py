@@ -3,16 +3,19 @@
 Channels are interpolated on an even grid of the encoders' clock; gaps are masks, for nothing was measured there.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from balance.arrays import Floats
 from balance.closure import Trajectory
 from balance.mechanism.mechanism import Mechanism
+from balance.results import first_of
 
+from ..errors import AnalysisError
 from ..kinematics import base_motion
 from ..kinematics.encoder_motion import (
     encoder_gaps,
@@ -28,6 +31,9 @@ from ..rig import Column, Rig
 from ..rig.sensors import Encoder
 from ..synchronization.clock_map import DRIFT_FROM_S, ClockMap, same_clock
 from .si_run import SIRun
+
+if TYPE_CHECKING:
+    from ..synchronization.offset_and_drift import AlignedClock
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +55,7 @@ class AlignedRun:
     """Maps of groups onto the encoders' clock that are known, such as :func:`recorded_clocks`; others are found."""
     _trajectories: dict[float, Trajectory] = field(default_factory=dict, init=False, repr=False)
     _found: dict[str, ClockMap] = field(default_factory=dict, init=False, repr=False)
+    _triggered: dict[str, "tuple[AlignedClock | None, str]"] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def name(self) -> str:
@@ -106,20 +113,46 @@ class AlignedRun:
     def clock(self, group: str) -> ClockMap:
         """The map of a group's clock onto the encoders': the one that is known, else found in the records.
 
-        Raises AnalysisError where the two cannot be aligned.
+        By a trigger that the rig names or by what else both recorded, whichever is surer. Raises AnalysisError where
+        the two cannot be aligned.
         """
         if group == self.reference:
             return same_clock((0.0, 0.0))
         if group not in self.known_clocks and group not in self._found:
-            from ..synchronization import run_alignment  # runs of one logger need none of it
-
-            times = self.run.time(self.reference)
-            drift = bool(times[-1] - times[0] >= DRIFT_FROM_S)
-            found = run_alignment.align_run(
-                self.run, lambda: self.mechanism, self.reference, drift=drift, among={group}
-            )
-            self._found.update({group: found.map_of(group)} | {name: one.clock for name, one in found.aligned.items()})
+            self._find_clock(group)
         return self.known_clocks.get(group) or self._found[group]
+
+    def _find_clock(self, group: str) -> None:
+        from ..synchronization import known_clocks, run_alignment  # runs of one logger need none of it
+
+        edges, why = self._by_trigger(group)
+        times = self.run.time(self.reference)
+        drift = bool(times[-1] - times[0] >= DRIFT_FROM_S)
+        found = run_alignment.align_run(self.run, lambda: self.mechanism, self.reference, drift=drift, among={group})
+        self._found.update({name: one.clock for name, one in found.aligned.items()})
+        if edges is None and group not in self._found:
+            refused = f"; nor by the trigger that the rig names: {why}" if why else ""
+            raise AnalysisError(f"{found.refusal(group)}{refused}")
+        clocks = [self._found[name] for name in self._found if name == group] + ([] if edges is None else [edges.clock])
+        self._found[group] = min(clocks, key=lambda one: known_clocks.within(self.run, group, one))
+
+    def _by_trigger(self, group: str) -> "tuple[AlignedClock | None, str]":
+        if group not in self._triggered:
+            from ..synchronization.known_clocks import clock_by_trigger
+
+            self._triggered[group] = clock_by_trigger(self.run, self.reference, group)
+        return self._triggered[group]
+
+    def related_clock(self, group: str) -> ClockMap | None:
+        """The map of a group's clock onto the encoders' that is known, or that a trigger tells; None for neither."""
+        edges, _ = (None, "") if group in self.known_clocks else self._by_trigger(group)
+        return edges.clock if edges is not None else self.known_clocks.get(group)
+
+    @property
+    def by_trigger(self) -> "dict[str, AlignedClock]":
+        """By group, the clocks that were asked for and that a trigger related."""
+        found = {group: edges for group, (edges, _) in self._triggered.items() if edges is not None}
+        return {group: edges for group, edges in found.items() if self._found.get(group) is edges.clock}
 
     def gaps(self, groups: Collection[str] = ()) -> Gaps:
         """Gaps of the encoders and other groups, on the encoders' clock."""
@@ -145,6 +178,19 @@ class AlignedRun:
         """Channels of one logger on the grid, (n, k) [SI]."""
         time = self.run.instants(columns[0])
         return self.on_grid(self.run.group_of(columns[0]), time, self.run.stacked(columns))
+
+
+def said_of_clocks(runs: Iterable[AlignedRun]) -> list[str]:
+    """A sentence on the clocks of runs that a trigger related, for people; none where it related none."""
+    from ..synchronization.known_clocks import within
+
+    found = [(run.run, group, one) for run in runs for group, one in run.by_trigger.items()]
+    if not found:
+        return []
+    groups = first_of([group for _, group, _ in found], 4)
+    contents = first_of(list(dict.fromkeys(one.content for *_, one in found)), 3)
+    widest = max(within(run, group, one.clock) for run, group, one in found)
+    return [f"Clocks of {groups} by the trigger that the rig names ({contents}), within {1e3 * widest:.3g} ms."]
 
 
 def recorded_clocks(run: SIRun) -> dict[str, ClockMap]:

@@ -19,6 +19,7 @@ from balance.units import si
 from ..errors import AnalysisError
 from ..rig.sensors import Trigger
 from ..store.run import Run, StoredGroup
+from ..synchronization.known_clocks import KnownClocks, related_clocks
 from ..synchronization.run_alignment import stored_clock_maps
 from .si_run import SIRun
 
@@ -38,7 +39,8 @@ _MOST_ROWS = 1 << 24
 def joined(run: Run, rate: float | str, channels: Sequence[str] | None = None) -> "pandas.DataFrame":
     """All groups with a time, or these ``channels``, over the time that all their groups recorded, at ``rate`` [Hz].
 
-    Clocks are mapped by the newest recorded alignment where there is one; a warning names those that have none. Values
+    Clocks are mapped by the newest recorded alignment, else by a trigger that the rig names on both loggers; a warning
+    names those that have neither. Values
     are interpolated between two samples; faster loggers are low-passed first, without phase, those without a rate at
     that of their median step; of digital lines, counters and states the last sample is taken. In gaps there is no
     value. ``attrs`` has what was done; a warning names what may be codes, and was taken for a measurement.
@@ -59,7 +61,8 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
         raise AnalysisError(
             f"{run.name}: resampling to {hertz:g} Hz: expected a positive rate, and a group with a time"
         )
-    clocks = stored_clock_maps(run.path) if run.path.parent.is_dir() else {}
+    known = _known_clocks(run)
+    clocks = known.maps
     times = {
         g.name: clocks[g.name].to_reference(t) if g.name in clocks else t for g in groups if len(t := run.time(g.name))
     }
@@ -67,6 +70,7 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
     if not last > first:
         raise AnalysisError(
             f"{run.name}: its loggers recorded at no time together: align their clocks (testbench align)"
+            f"{_no_trigger(known)}"
         )
     if (last - first) * hertz > (most := max(_MOST_ROWS, 100 * max(map(len, times.values())))):
         raise AnalysisError(
@@ -97,11 +101,14 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
     frame = pandas.DataFrame(found, index=pandas.Index(grid, name="time (s)"))
     unaligned = [name for name in times if name not in clocks] if len(times) > 1 else []
     how, doubts = "as recorded" if len(times) == 1 else "recorded alignments", []
+    if len(times) > 1 and known.by_trigger:
+        recorded = f"{how}, " * (len(clocks) > 1 + len(known.by_trigger))
+        how = f"{recorded}the trigger that the rig names ({'; '.join(one.content for one in known.by_trigger)})"
     if unaligned:
         how = f"as recorded, not aligned: {', '.join(unaligned)}"
         doubts.append(
             f"{run.name}: the clocks of {', '.join(unaligned)} are as recorded, not aligned: one instant may have "
-            f"another time in each; align them first: testbench align {run.path.parent.name}"
+            f"another time in each; align them first: testbench align {run.path.parent.name}{_no_trigger(known)}"
         )
     if codes:
         doubts.append(
@@ -118,6 +125,17 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
     if (g0 := run.provenance.get("g0_m_per_s2")) is not None:
         frame.attrs["g0_m_per_s2"] = g0
     return frame, "; ".join(doubts)
+
+
+def _known_clocks(run: Run) -> KnownClocks:
+    """Of the groups, with or without a rig."""
+    if run.rig is None:
+        return KnownClocks(stored_clock_maps(run.path) if run.path.parent.is_dir() else {}, (), ())
+    return related_clocks(SIRun.of(run))
+
+
+def _no_trigger(known: KnownClocks) -> str:
+    return f" (by the trigger that the rig names they are not: {'; '.join(known.refused)})" if known.refused else ""
 
 
 def _places(run: Run, channels: Sequence[str] | None) -> list[tuple[StoredGroup, int]]:

@@ -46,10 +46,12 @@ class RunClocks:
         if group == self.reference:
             return same_clock((0.0, 0.0))
         if group not in self.aligned:
-            raise AnalysisError(
-                f"{self.run}: {group} is not aligned: {self.refused.get(group, 'it was not requested')}"
-            )
+            raise AnalysisError(self.refusal(group))
         return self.aligned[group].clock
+
+    def refusal(self, group: str) -> str:
+        """Why there is no map of a group's clock."""
+        return f"{self.run}: {group} is not aligned: {self.refused.get(group, 'it was not requested')}"
 
     @property
     def findings(self) -> list[str]:
@@ -108,10 +110,7 @@ def align_run(
     """
     if len(run.groups) < 2:
         raise AnalysisError(f"{run.name}: one logger, one clock: there is nothing to align")
-    if reference is None:
-        encoders = run.rig.columns_of(Encoder)
-        recording = (g.name for column in encoders for g in run.groups if run.holds(column, g.name))
-        reference = next(recording, run.groups[0].name)
+    reference = reference or reference_group(run)
     run.group(reference)
     motion = RunMotion(run, mechanism, cutoff)
     known = {reference: same_clock((0.0, 0.0))}
@@ -128,6 +127,13 @@ def align_run(
             refused[group] = found
     delays = {group.name: delay_of(run, group.name) for group in run.groups}
     return RunClocks(run.name, run.origin, reference, aligned, refused, delays, _stated_offsets(run, reference))
+
+
+def reference_group(run: SIRun) -> str:
+    """The group whose clock is the reference unless another is named: that of the encoders, else the first."""
+    encoders = run.rig.columns_of(Encoder)
+    recording = (g.name for column in encoders for g in run.groups if run.holds(column, g.name))
+    return next(recording, run.groups[0].name)
 
 
 def _first_determined(found: Iterable[SignalBuilder], drift: bool, method: AlignmentMethod) -> AlignedClock | str:

@@ -1,12 +1,19 @@
 """A run on one clock: encoders, forces and accelerations at the same instants, gaps left out and not invented."""
 
+import re
+from dataclasses import replace
+from functools import cache
+
 import numpy as np
 import pytest
 
+from balance import datasets
 from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
+from testbench import rig as rigs
 from testbench.errors import AnalysisError
-from testbench.runs.aligned_run import AlignedRun, recorded_clocks
+from testbench.runs.aligned_run import AlignedRun, recorded_clocks, said_of_clocks
+from testbench.runs.joined_channels import joined_table
 from testbench.runs.si_run import SIRun
 from testbench.synchronization.clock_map import ClockMap, same_clock
 
@@ -80,3 +87,53 @@ def test_a_rig_without_encoders_is_named(scene):
 def test_what_the_campaign_does_not_hold_is_no_clock(scene):
     """A run in memory has no records."""
     assert recorded_clocks(SIRun.of(scene.run(0))) == {}
+
+
+@cache
+def triggered() -> memory.Scene:
+    """Encoders and the base's accelerometers on two loggers, which record one line, and have nothing else in common."""
+    text = datasets.find_dataset("parallelogram-6bar", "rigs", ".toml").read_text("utf-8")
+    for logger in ("controller", "daq"):
+        text += f'\n[sensors.trigger_{logger}]\nkind = "trigger"\nlogger = "{logger}"\nchannel = "{logger}_sync"\n'
+    rig = rigs.rig_from_text(text)
+    kept = {name: s for name, s in rig.sensors.items() if s.kind != "accelerometer" or s.attached_to == "base"}
+    return memory.scene("x", rig=rig.model_copy(update={"sensors": kept}))
+
+
+def test_a_trigger_that_the_rig_names_is_used_unasked():
+    """For a clock that is asked for, and for a table of both loggers, which both say so; within its interval."""
+    run, starts = triggered().run(3), triggered().starts(3)
+    late = starts["daq"]["start"] - starts["controller"]["start"]
+    aligned = AlignedRun(SIRun.of(run), MECHANISM)
+    assert aligned.related_clock("daq") is aligned.clock("daq")
+    assert abs(aligned.clock("daq").offset - late) < aligned.clock("daq").half_width(0.0) < 3e-3
+    (said,) = said_of_clocks([aligned])
+    assert re.match(r"Clocks of daq by the trigger that the rig names \(1 edge, daq_sync with controller_sync\)", said)
+    table, doubts = joined_table(run, "1 kHz", ["daq_sync", "controller_sync"])
+    assert (table.attrs["clocks"], doubts) == (
+        "the trigger that the rig names (1 edge, daq_sync with controller_sync)",
+        "",
+    )
+    rises = [np.flatnonzero(np.diff(table[name]) > 0.0)[0] for name in table]
+    assert abs(rises[0] - rises[1]) <= 1
+
+
+@pytest.mark.parametrize(
+    ("quiet", "channel", "why"),
+    [
+        (0.0, "daq_sync", "daq_sync with controller_sync: a channel that never changes"),
+        (1.0, "unplugged", "the rig names a trigger, but no channel of it that daq holds"),
+    ],
+)
+def test_why_a_trigger_relates_nothing(quiet, channel, why):
+    """Is said with the channels, beside why nothing else that both recorded does, and of a table of both."""
+    run = triggered().run(3)
+    run = memory.with_values(run, "daq_sync", quiet * run.channel("daq_sync"))
+    rig = rigs.rig_from_text(triggered().rig.text.replace("daq_sync", channel))
+    run = replace(run, rig=rig.text)
+    aligned = AlignedRun(SIRun.of(run), MECHANISM)
+    with pytest.raises(AnalysisError, match=f"daq is not aligned: .*; nor by the trigger that the rig names: {why}"):
+        aligned.clock("daq")
+    assert aligned.related_clock("daq") is None
+    assert said_of_clocks([aligned]) == []
+    assert why in joined_table(run, "1 kHz")[1]
