@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, overload
 
 from balance.mechanism.mechanism import Mechanism
 
@@ -43,6 +43,10 @@ VIBRATION = "1..200"
 """Frequencies that count as vibration [Hz], unless others are given."""
 Runs = Campaign | Run | str | Path | Sequence[Run]
 """What a function takes for runs: a campaign, one run, or the path of either; or runs that are open."""
+
+
+AlignBy = Literal["correlation", "tap", "trigger"]
+"""By what clocks are aligned."""
 
 
 def runs_of(*given: Runs) -> list[Run]:
@@ -424,23 +428,70 @@ def trim(
     return replace(found, findings=(*found.findings, *examination.open_findings), accepted=accepted)
 
 
-def align(run: Run | str | Path, reference: str | None = None, drift: bool = True, record: bool = False) -> RunClocks:
+@overload
+def align(
+    runs: Run, reference: str | None = None, drift: bool = True, record: bool = False, by: AlignBy = "correlation"
+) -> RunClocks: ...
+
+
+@overload
+def align(
+    runs: Campaign | Sequence[Run],
+    reference: str | None = None,
+    drift: bool = True,
+    record: bool = False,
+    by: AlignBy = "correlation",
+) -> list[RunClocks]: ...
+
+
+@overload
+def align(
+    runs: str | Path,
+    reference: str | None = None,
+    drift: bool = True,
+    record: bool = False,
+    by: AlignBy = "correlation",
+) -> RunClocks | list[RunClocks]: ...
+
+
+def align(
+    runs: Runs,
+    reference: str | None = None,
+    drift: bool = True,
+    record: bool = False,
+    by: AlignBy = "correlation",
+) -> RunClocks | list[RunClocks]:
     """The clocks of a run's loggers: offset [s] and drift against that of the encoders or ``reference``.
 
-    With ``record`` the result is added to the campaign, as by ``testbench align``: tables of several loggers are joined
-    by it.
+    Of a campaign, or its folder, a list of those of each run. ``by``: ``correlation`` of common signals, a ``tap``, or
+    the edges of a ``trigger`` that the rig names. What is not aligned has the reason in ``refused``. With ``record``
+    the result is added to the campaign, as by ``testbench align``: tables of several loggers are joined by it.
 
     >>> import testbench
     >>> sorted(testbench.align("campaign/r002.h5").aligned)
     ['r002_daq', 'r002_forces']
     """
+    from .errors import AnalysisError
     from .kinematics.encoder_motion import loaded_mechanism, mechanism_of
     from .runs.si_run import SIRun
+    from .synchronization.common_signals import signal_pairs, trigger_pairs
+    from .synchronization.event_alignment import METHODS
     from .synchronization.run_alignment import align_run, write_alignments
 
-    (opened,) = runs_of(run)
-    bound = SIRun.of(opened)
-    found = align_run(bound, lambda: loaded_mechanism(bound, mechanism_of(bound, None)), reference, drift)
-    if record and found.aligned:
-        write_alignments(opened.path.parent, [(opened.path, found)])
-    return found
+    if by not in METHODS:
+        raise AnalysisError(f"by: {by!r}: expected {', '.join(METHODS)}")
+    pairs = trigger_pairs if by == "trigger" else signal_pairs
+    opened = runs_of(runs)
+    found: list[RunClocks] = []
+    for one in opened:
+        bound = SIRun.of(one)
+
+        def mounted(run: SIRun = bound) -> Mechanism:
+            return loaded_mechanism(run, mechanism_of(run, None))
+
+        found.append(align_run(bound, mounted, reference, drift, method=METHODS[by], pairs=pairs))
+    done = [(one.path, clocks) for one, clocks in zip(opened, found, strict=True) if clocks.aligned]
+    for folder in dict.fromkeys(path.parent for path, _ in done) if record else ():
+        write_alignments(folder, [one for one in done if one[0].parent == folder])
+    single = isinstance(runs, Run) or (isinstance(runs, str | Path) and not Path(runs).is_dir())
+    return found[0] if single else found

@@ -125,3 +125,16 @@ def test_another_distribution_in_its_place_is_refused(tmp_path):
     (tmp_path / "balance").mkdir()
     (tmp_path / "balance" / "__init__.py").write_text("weights = None\n", encoding="utf-8")
     assert "pip uninstall balance, then" in imported(tmp_path, "testbench")
+
+
+def test_clocks_of_a_campaign(laboratory):
+    """A list of those of each run, of one run its own; by a trigger as by the command, refused with the reason."""
+    import testbench
+    from testbench.errors import AnalysisError
+
+    named = [one.run for one in testbench.align("campaign", by="trigger", drift=False)]
+    assert named == [run.name for run in testbench.open_campaign("campaign").runs]
+    refused = testbench.align("campaign/r002.h5", by="trigger").refused
+    assert "no sensor of kind 'trigger' in r002_controller: add one" in refused["r002_daq"]
+    with pytest.raises(AnalysisError, match="by: 'edges': expected correlation, tap, trigger"):
+        testbench.align("campaign", by="edges")
