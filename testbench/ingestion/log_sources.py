@@ -111,6 +111,8 @@ class LogReading:
                     fitting[named] = options, recording
         whole = {named: one for named, one in fitting.items() if not _lacking(one[1])}
         fitting = whole or fitting  # of loggers that call their channels alike, the one whose names are all there
+        complete = {named: one for named, one in fitting.items() if self._holds(one[1], named, every=True)}
+        fitting = complete or fitting
         if len({options.description.text for options, _ in fitting.values() if options.description}) > 1:
             loggers = [name for named in fitting for name in self._loggers[named]]
             raise RecordingError(
@@ -130,12 +132,15 @@ class LogReading:
                 raise failure
         return self._options, recording
 
-    def _holds(self, recording: Recording, named: str) -> bool:
-        """Whether a log holds a channel of one of the loggers with a description, be it by its name as written."""
+    def _holds(self, recording: Recording, named: str, every: bool = False) -> bool:
+        """Whether a log holds a channel, or ``every`` one, of one of the loggers with a description, be it by its name
+        as written."""
         held = {name for group in recording.groups for channel in group.channels for name in channel.names}
         loggers, description = self._loggers[named], self._described[named].description
         held |= description.renamed(held) if description is not None else set()
-        return any(column.channel in held for name in loggers if self._rig for column in self._rig.columns(name))
+        quantity = all if every else any
+        wanted = [[column.channel in held for column in self._rig.columns(name)] for name in loggers if self._rig]
+        return any(one and quantity(one) for one in wanted)
 
 
 def _lacking(recording: Recording) -> set[str | None]:

@@ -140,9 +140,18 @@ class Rig(Table):
                 if channel in seen:
                     raise DataError(
                         f"sensors.{name}: channel {channel!r} is also that of sensors.{seen[channel]}: "
-                        "expected one sensor a channel"
+                        f"expected one sensor a channel{self._renamed(sensor.logger, seen[channel], channel)}"
                     )
                 seen[channel] = name
+
+    def _renamed(self, logger: str, other: str, channel: str) -> str:
+        """What to do where two loggers call a channel alike."""
+        if logger == self.sensors[other].logger:
+            return ""
+        return (
+            "; where the logs of both loggers call one so, give each logger an import description (read_as) and rename "
+            f"it in that of {logger}: channels = {{ {channel!r} = '{channel} {logger}' }}, which the sensor then names"
+        )
 
     def columns(self, logger: str | None = None) -> Iterator[Column]:
         """The channels of one logger, or of all, in the order of the file."""

@@ -155,6 +155,23 @@ def test_loggers_that_call_their_channels_alike(bench):
         assert {f.code for f in outcome.findings if f.code.startswith("channel_")} == codes
 
 
+def test_a_channel_that_both_loggers_call_alike(bench):
+    """One description renames it; a log is of the logger whose channels in the rig it has all, whatever is in both."""
+    sync = '[sensors.sync_{0}]\nkind = "trigger"\nlogger = "{0}"\nchannel = "{1}"\n'
+    (bench / "rig.toml").write_text(RIG + sync.format("daq", "Sync") + sync.format("plc", "Sync plc"))
+    (bench / "daq.toml").write_text('name = "daq"')
+    (bench / "plc.toml").write_text("channels = { 'Sync' = 'Sync plc' }")
+    rows = "\n".join(f"{i},{i * i % 7},{i // 20}" for i in range(50))
+    (bench / "daq.csv").write_text(f"Time (s),K1 (N),Sync (V)\n{rows}\n")
+    (bench / "plc.csv").write_text(f"Time (s),angle (deg),Sync (V)\n{rows}\n")
+    outcomes = Ingest(bench / "c", load_rig(bench / "rig.toml")).run(
+        PlannedRun("r", (bench / "daq.csv", bench / "plc.csv"))
+    )
+    assert [(one.status, one.message) for one in outcomes] == [("stored", "")] * 2
+    run = open_run(bench / "c" / "r.h5")
+    assert [run.find(name)[0].name for name in ("Sync", "Sync plc")] == ["daq", "plc"]
+
+
 @pytest.mark.parametrize(
     ("file", "old", "new", "said"),
     [

@@ -89,7 +89,8 @@ def test_text():
         ('axis = "z"', 'axis = "z"\nunloaded = ["rest"]', "sensors.futek.unloaded", "['rest']: expected 'rest'\n"),
         ('unit = "g"', 'unit = "N"', "sensors.base_acc.unit", "acceleration"),
         ('logger = "daq"', 'logger = "dac"', "sensors.base_acc.logger", "did you mean 'daq'"),
-        ('channel = "Fz3"', 'channel = "Fx1"', "sensors.futek", "sensors.k6d40"),
+        ('channel = "Fz3"', 'channel = "Fx1"', "sensors.futek", "sensors.k6d40: expected one sensor a channel\n"),
+        ('channel = "Fz3"', 'channel = "AccX"', "sensors.futek", "channels = { 'AccX' = 'AccX forces' }"),
         ('clock = "uniform"', 'clok = "uniform"', "loggers.daq.clok", "did you mean 'clock'"),
         ('clock = "uniform"', 'rate = "5 kg"', "loggers.daq.rate", "'5 kg'"),
         (
