@@ -115,11 +115,15 @@ class Response:
     """Readings y (n, k) of a sensor's channels against what the model expects of them, p, as mean products [SI].
 
     By channel, (k,): sizes of ``readings`` and ``expected`` ones, ``noise`` below BAND_HZ; whether more than that is
-    expected, ``witnessed``; ``correlation`` and ``gain`` of the readings, its standard uncertainty ``gain_deviation``.
+    expected, ``witnessed``; ``correlation`` and ``gain`` of the readings, its standard uncertainty ``gain_deviation``;
+    ``quadrature``, mean products with what is expected a quarter period earlier [SI].
     """
 
     def __init__(self, columns: tuple[Column, ...], noise: Floats, y: Floats, p: Floats) -> None:
+        from scipy.signal import hilbert
+
         self.columns, self.noise = columns, noise
+        self.quadrature = np.mean(y * np.imag(hilbert(p, axis=0)), axis=0)
         blocks = [np.array_split(values, BLOCKS) for values in (y, p)]
         yp, pp = (np.array([a.T @ b / len(y) for a, b in zip(one, blocks[1], strict=True)]) for one in blocks)
         self.yy, self.yp, self.pp = y.T @ y / len(y), yp.sum(axis=0), pp.sum(axis=0)

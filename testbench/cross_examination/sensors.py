@@ -233,6 +233,7 @@ def _exchanged(seen: Observation, one: Response, others: _Others) -> list[Statem
     if len(axes) == 3 and _is_accelerometer(one.columns[0]) and one.witnessed.all():
         stay = [order for order in permutations(axes) if order not in exchanges(3)]
         without = min(_remainder(one, axes, order, signs) for order in stay for signs in signs_of(3))
+        without = min(without, _shifted_remainder(one, axes))
         turned, order, signs = min(
             (_remainder(one, axes, o, signs), o, signs) for o in exchanges(3) for signs in signs_of(3)
         )
@@ -254,11 +255,13 @@ def _exchanged(seen: Observation, one: Response, others: _Others) -> list[Statem
             wrong = wrong and large and all(others.follow(seen, one, n) for n in pair)
         elif own > UNLIKE and not wrong:
             without = min(_remainder(one, pair, pair, signs) for signs in signs_of(2))
+            without = min(without, _shifted_remainder(one, pair))
             crosswise, signs = min((_remainder(one, pair, order, signs), signs) for signs in signs_of(2))
             crossed = _crossed(one, pair, order, signs)
-            gain = crossed[1 - strong] * one.readings[pair[1 - strong]] / max(one.expected[pair[strong]], 1e-300)
-            alone = crossed[1 - strong] > WHOLE and 1.0 / GAIN_FACTOR < gain < GAIN_FACTOR
-            wrong = crosswise < EXCHANGED * without and (min(crossed) > PROVEN or alone)
+            gains = np.array(crossed) * one.readings[list(pair)] / np.maximum(one.expected[list(order)], 1e-300)
+            right = np.abs(np.log(np.maximum(gains, 1e-300))) < np.log(GAIN_FACTOR)
+            alone = crossed[1 - strong] > WHOLE and right[1 - strong]
+            wrong = crosswise < EXCHANGED * without and bool((min(crossed) > PROVEN and right.all()) or alone)
             signs = tuple(sign if follows > PROVEN else 0 for sign, follows in zip(signs, crossed, strict=True))
         if wrong:
             found += _axes(seen, one, pair, exchanged_axes(_names(one, pair), (1, 0), signs, "follows", "should show"))
@@ -283,6 +286,18 @@ def _remainder(one: Response, of: Sequence[int], by: Sequence[int], signs: Signs
     scale = fitting / max(expected, 1e-300)
     power = one.yy[of, of].sum() + scale**2 * expected
     return float((power - 2.0 * scale * fitting) / max(power, 1e-300))
+
+
+def _shifted_remainder(one: Response, axes: Sequence[int]) -> float:
+    """The same of channels as they are, all shifted by the phase at which they follow best.
+
+    Under a force that turns, a base of another stiffness, or a clock that is late, shifts both axes by a quarter period
+    as a turn of the sensor by 90 degrees does.
+    """
+    own = list(axes)
+    fitting, expected = np.hypot(one.yp[own, own].sum(), one.quadrature[own].sum()), one.pp[own, own].sum()
+    power = one.yy[own, own].sum() + fitting**2 / max(expected, 1e-300)
+    return float(2.0 * one.yy[own, own].sum() / max(power, 1e-300) - 1.0)
 
 
 def _crossed(one: Response, of: Sequence[int], by: Sequence[int], signs: Signs) -> list[float]:

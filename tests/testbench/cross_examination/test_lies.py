@@ -226,6 +226,30 @@ def test_axes_that_follow_nothing_are_not_as_the_rig_states(degrees, said):
     assert {s.channel for s in signs} == ({"AccX", "AccY"} if degrees == 20 else set())
 
 
+@pytest.mark.parametrize(
+    ("ratio", "late", "turned", "gain", "found"),
+    [
+        (1.0, 90, False, 1.0, False),
+        (0.8, 90, False, 1.0, False),
+        (0.8, -90, False, 1.5, False),
+        (0.8, 0, True, 1.0, True),
+        (0.8, 0, True, 2.0, False),
+    ],
+)
+def test_beside_a_crank_that_turns(ratio, late, turned, gain, found):
+    """A quarter period of phase, as a base of other stiffness near resonance makes, is no turn by 90 degrees.
+
+    A turn exchanges the sizes of the axes, too; one that is not as large as the model's is not told.
+    """
+    angle = 2.0 * np.pi * 4.0 * np.arange(4000) / 200.0
+    expected = np.column_stack([np.cos(angle), ratio * np.sin(angle)])
+    readings = gain * np.column_stack([np.cos(angle - np.radians(late)), ratio * np.sin(angle - np.radians(late))])
+    readings = readings + np.random.default_rng(0).normal(0.0, 1e-3, readings.shape)
+    seen, one = _axes_of(readings[:, ::-1] * np.array([1.0, -1.0]) if turned else readings, expected)
+    axes = sensors._exchanged(seen, one, sensors._Others([(seen, one)]))
+    assert [s.code for s in axes] == ["axis_contradiction"] * (2 if found else 0)
+
+
 def test_three_axes_that_are_turned_about_their_diagonal():
     """By the model; the sign of each is told."""
     expected = np.random.default_rng(0).normal(0.0, 1.0, (4000, 3))
