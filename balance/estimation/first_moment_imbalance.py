@@ -5,9 +5,11 @@ is what is measured, one number a condition, and counter-masses m that would bal
 the measured c in place of C pi.
 
 Several sources are weighted by their covariances: c = (sum L_i)^-1 sum L_i c_i with L_i the inverse covariance of
-source i, zero where it determines nothing: what it takes from a file is no measurement. Where they agree,
-sum (c_i - c)' L_i (c_i - c) is distributed as chi-square; covariances are estimates, so that it is compared with
-Fisher's F (per degree of freedom), which leaves more room.
+source i, zero where it determines nothing: what it takes from a file is no measurement. What the file may be wrong by
+is the same in all of them, c_i = c + P_i e + noise, and no mean narrows it: with G_i the weight of source i it adds
+P P', P = sum G_i P_i. Where they agree, the squares of what they differ by, weighted by the inverse of the joint
+covariance, are distributed as chi-square; covariances are estimates, so that they are compared with Fisher's F (per
+degree of freedom), which leaves more room.
 """
 
 from collections.abc import Sequence
@@ -119,6 +121,9 @@ class Imbalance:
     """Of every combination, where no regression is behind the values."""
     regression: RegressionFit | None = None
     """Behind the values; its first unknowns are the subspace's coordinates."""
+    by_file: Floats | None = None
+    """How the values change by one standard deviation of each condition's value in the mechanism's file, from which the
+    rest was fixed, (rank, rank) [kg m]: the same errors in all sources, contained in the covariance; None for none."""
 
     def unexplained_of(self, values: Floats) -> float:
         """What is not explained as a part of what values (rank,) [kg m] of the conditions make [-]; infinite where no
@@ -171,6 +176,11 @@ class Imbalance:
         """
         own = self.subspace.directions.T @ self.subspace.directions
         return _inverse(own @ self.covariance @ own)
+
+    @property
+    def covariance_by_file(self) -> Floats:
+        """Part of the covariance that the mechanism's file makes, (rank, rank) [kg2 m2]."""
+        return np.zeros_like(self.covariance) if self.by_file is None else self.by_file @ self.by_file.T
 
     def is_fixed(self, combination: Floats) -> bool:
         """Whether a combination (rank,) [-] of the conditions' values was not estimated but fixed."""
@@ -287,6 +297,8 @@ class CombinedImbalance:
     """Of chi-square: what more than one source determines."""
     probability: Annotated[float, Key()]
     """Of a disagreement at least as large by chance; 1 where nothing is determined twice."""
+    gains: tuple[Floats, ...]
+    """By source: how the combined values follow its own, (rank, rank) [-]."""
 
     @property
     def agrees(self) -> Annotated[bool, Key()]:
@@ -299,16 +311,21 @@ def combine(sources: Sequence[Imbalance]) -> CombinedImbalance:
     weights = [one.weight for one in sources]
     whole = np.sum(weights, axis=0)
     covariance = _inverse(whole)
+    gains = tuple(covariance @ w for w in weights)
     rank = int(np.linalg.matrix_rank(whole, hermitian=True))
     fixed = sources[0].values if sources[0].subspace.is_whole else sources[0].subspace.start
     away = np.sum([w @ (one.values - fixed) for w, one in zip(weights, sources, strict=True)], axis=0)
     values = fixed + covariance @ away
-    chi = sum(float((one.values - values) @ w @ (one.values - values)) for w, one in zip(weights, sources, strict=True))
+    chi = _disagreement(sources, weights, fixed)
     freedom = sum(int(np.linalg.matrix_rank(w, hermitian=True)) for w in weights) - rank
     shares = np.array([np.trace(w @ covariance) / rank for w in weights])
     each = np.array([one.degrees_of_freedom for one in sources])
     sizes, directions = np.linalg.eigh(covariance)
     subspace = Subspace(directions[:, sizes > _NO_VARIANCE * sizes[-1]].T, fixed)
+    by_file = _by_file(sources, gains, subspace)
+    if by_file is not None:
+        parts = [g @ (one.covariance - one.covariance_by_file) @ g.T for g, one in zip(gains, sources, strict=True)]
+        covariance = np.sum(parts, axis=0) + by_file @ by_file.T
     combined = Imbalance(
         sources[0].conditions,
         values,
@@ -317,9 +334,36 @@ def combine(sources: Sequence[Imbalance]) -> CombinedImbalance:
         np.eye(len(subspace.directions)),
         max(one.unexplained for one in sources),
         effective_degrees_of_freedom(shares, each),
+        by_file=by_file,
     )
     probability = f_tail(chi / freedom, freedom, float(each.min())) if freedom > 0 else 1.0
-    return CombinedImbalance(combined, chi, freedom, probability)
+    return CombinedImbalance(combined, chi, freedom, probability, gains)
+
+
+def _by_file(sources: Sequence[Imbalance], gains: Sequence[Floats], subspace: Subspace) -> Floats | None:
+    """Of the combined values, of which those outside ``subspace`` stay as in the file, (rank, rank) [kg m]."""
+    told = [(gain, one.by_file) for gain, one in zip(gains, sources, strict=True) if one.by_file is not None]
+    if not told:
+        return None
+    outside = np.eye(len(subspace.start)) - subspace.directions.T @ subspace.directions
+    return np.asarray(np.sum([gain @ per for gain, per in told], axis=0) + outside @ told[0][1])
+
+
+def _disagreement(sources: Sequence[Imbalance], weights: Sequence[Floats], fixed: Floats) -> float:
+    """Squares of what sources differ by from the values (rank,) nearest to all, over their joint covariance [-]."""
+    from scipy.linalg import block_diag
+
+    rows, away, own, common = [], [], [], []
+    for one, weight in zip(sources, weights, strict=True):
+        sizes, axes = np.linalg.eigh(weight)
+        rows.append(axes[:, sizes > _NO_VARIANCE * sizes[-1]].T)
+        away.append(rows[-1] @ (one.values - fixed))
+        own.append(rows[-1] @ (one.covariance - one.covariance_by_file) @ rows[-1].T)
+        common.append(rows[-1] @ (np.zeros_like(weight) if one.by_file is None else one.by_file))
+    columns, read, by_file = np.concatenate(rows), np.concatenate(away), np.concatenate(common)
+    weight = _inverse(block_diag(*own) + by_file @ by_file.T)
+    left = read - columns @ (_inverse(columns.T @ weight @ columns) @ (columns.T @ weight @ read))
+    return float(left @ weight @ left)
 
 
 def _inverse(covariance: Floats) -> Floats:

@@ -124,25 +124,26 @@ class _Equations:
                 return whole, ()
         return self.fit(subspace), (FIXED_WITHIN,)
 
-    def _covariance_by_file(self, found: ImbalanceFit) -> Floats:
-        """Of the conditions' values, (rank, rank) [kg2 m2], from what the file may be wrong by in what is fixed."""
+    def _by_file(self, found: ImbalanceFit) -> Floats:
+        """Of the conditions' values, (rank, rank) [kg m], by what the file may be wrong by in what is fixed."""
         space, every = found.imbalance.subspace, np.eye(self.problem.conditions.rank)
         pairs = zip(found.gains(), self.records, strict=True)
         followed = np.sum([np.einsum("nrk,nrj->kj", g, r.columns[:, :, : len(every)]) for g, r in pairs], axis=0)
         per_fixed = (every - followed) @ (every - space.directions.T @ space.directions)
-        return np.asarray(per_fixed @ per_fixed.T * (FILE_KNOWN * self.problem.largest_first_moment) ** 2 / 3.0)
+        return np.asarray(per_fixed * (FILE_KNOWN * self.problem.largest_first_moment / 3.0**0.5))
 
     def widened(self, found: ImbalanceFit) -> tuple[Imbalance, list[str]]:
         """With what the errors leave open, and what that is called."""
-        covariance, within = found.imbalance.covariance, []
+        covariance, by_file, within = found.imbalance.covariance, None, []
         if not found.imbalance.subspace.is_whole:
-            covariance = covariance + self._covariance_by_file(found)
+            by_file = self._by_file(found)
+            covariance = covariance + by_file @ by_file.T
             within.append(f"up to {FILE_KNOWN * self.problem.largest_first_moment:.2g} kg m in what the file tells")
         if self.entries:
             covariance = covariance + sensor_errors.error_covariance(found, self.records, len(self.entries))
             names = ", ".join(dict.fromkeys(name for name, *_ in self.entries))
             within.append(f"the errors of calibration and cross-talk that rig and calibration state of {names}")
-        return replace(found.imbalance, covariance=covariance), within
+        return replace(found.imbalance, covariance=covariance, by_file=by_file), within
 
 
 def by_wrench(problem: TrimProblem) -> SourceEstimate:

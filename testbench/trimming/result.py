@@ -109,20 +109,23 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
 
     @property
     def budgets(self) -> list[Budget]:
-        """Of what each site lacks [kg m]: by source, noise and what its sensors' stated errors leave open.
+        """Of what each site lacks [kg m]: by source, noise and what its sensors' stated errors leave open; the file.
 
-        Several sources are weighted by their inverse covariances, so that each has a part in both.
+        Several sources are weighted by their inverse covariances, so that each has a part in both; what the file may be
+        wrong by is the same in all.
         """
         combined = self.imbalance
         rows = masses_per_value(self.conditions, self.mechanism, [one.site for one in self.missing], combined.values)
-        gains = [np.eye(len(combined.values))] if len(self.estimates) < 2 else [
-            combined.covariance @ one.weight for one in self.estimates
-        ]  # fmt: skip
+        gains = self.consensus.gains if self.consensus else (np.eye(len(combined.values)),)
         found = []
         for one, row in zip(self.missing, rows, strict=True):
             parts = []
             for share, estimate, gain in zip(self.shares, self.estimates, gains, strict=True):
                 parts += _contributions(share.source, estimate, one.lever_arm * row @ gain)
+            if combined.by_file is not None:
+                by_file = float(np.linalg.norm(one.lever_arm * row @ combined.by_file))
+                name = "what is taken from the mechanism's file"
+                parts.append(Contribution(name, "B", by_file, "kg m", 1.0, "normal"))
             moment, name = one.first_moment, f"first moment missing at {one.site}"
             found.append(Budget(name, moment.value, "kg m", tuple(parts), moment.degrees_of_freedom))
         return found
@@ -270,7 +273,7 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
 
 def _contributions(source: Source, estimate: Imbalance, gain: Floats) -> list[Contribution]:
     """Of one source to a combination of the conditions' values in which it has a gain (rank,) [-]."""
-    whole = max(float(gain @ estimate.covariance @ gain), 0.0)
+    whole = max(float(gain @ (estimate.covariance - estimate.covariance_by_file) @ gain), 0.0)
     noise, freedom = whole, estimate.constant_degrees_of_freedom
     if estimate.regression is not None:
         own = estimate.coordinates(gain, len(estimate.regression.values))
@@ -279,7 +282,7 @@ def _contributions(source: Source, estimate: Imbalance, gain: Floats) -> list[Co
     name = SOURCES[source].name.partition(",")[0]
     parts = [Contribution(f"{name}: noise, and what the model lacks", "A", noise**0.5, "kg m", 1.0, "t", freedom)]
     if whole > noise * (1.0 + 1e-9):
-        stated = f"{name}: stated errors of calibration, cross-talk, resolution; the file"
+        stated = f"{name}: stated errors of calibration, cross-talk, resolution"
         parts.append(Contribution(stated, "B", (whole - noise) ** 0.5, "kg m", 1.0, "normal"))
     return parts
 

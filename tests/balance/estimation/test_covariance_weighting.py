@@ -14,11 +14,12 @@ def found():
     return conditions.balance_conditions(load_mechanism("serial-2r"))
 
 
-def source(found, values, errors, free=None, freedom=1000):
-    """A source with these values and standard errors."""
+def source(found, values, errors, free=None, freedom=1000, by_file=None):
+    """A source with these values and standard errors, and how it follows errors of the file."""
     rank = found.rank
     free = free or Subspace.all_values(found)
-    return Imbalance(found, np.array(values), np.diag(np.square(errors)), free, np.eye(rank), 0.0, freedom)
+    covariance = np.diag(np.square(errors)) + (0.0 if by_file is None else by_file @ by_file.T)
+    return Imbalance(found, np.array(values), covariance, free, np.eye(rank), 0.0, freedom, by_file=by_file)
 
 
 def test_weights(found):
@@ -55,3 +56,26 @@ def test_what_a_source_holds_it_does_not_tell(found, by_file):
     assert both.imbalance.values == pytest.approx(1.0)
     assert both.imbalance.estimate(unit[0]).standard_uncertainty == pytest.approx(0.1)
     assert both.degrees_of_freedom == rank - 1
+
+
+@pytest.mark.parametrize("followed", [(0.8, 0.8), (0.8, 0.2), (0.8, None)], ids=["alike", "unlike", "one alone"])
+def test_what_sources_take_from_one_file_is_wrong_in_all(found, followed):
+    """Known truth: the error of the file stays in the mean and in what is fixed, and does not count as disagreement."""
+    rank, rng, noise, wrong = found.rank, np.random.default_rng(5), 0.1, 0.5
+    free = Subspace(np.eye(rank)[1:], np.zeros(rank))
+    every, whole = np.r_[0.0, np.full(rank - 1, noise)], np.full(rank, noise)
+    followers = [None if one is None else np.outer(np.r_[1.0, np.full(rank - 1, one)], np.eye(rank)[0]) * wrong
+                 for one in followed]  # fmt: skip
+    combined = []
+    for _ in range(400):
+        error, drawn = rng.normal(size=rank), []
+        for per in followers:
+            errors = whole if per is None else every
+            values = rng.normal(0.0, errors) + (0.0 if per is None else per @ error)
+            drawn.append(source(found, values, errors, None if per is None else free, 1e6, per))
+        combined.append(combine(drawn))
+    one = combined[0].imbalance
+    values = np.array([each.imbalance.values - each.imbalance.subspace.start for each in combined])[:, 1:]
+    assert np.sqrt(np.diag(one.covariance))[1:] == pytest.approx(values.std(axis=0), rel=0.08)
+    assert one.covariance[0, 0] == pytest.approx(noise**2 if None in followed else wrong**2)
+    assert 0.02 < np.mean([each.probability < 0.05 for each in combined]) < 0.09

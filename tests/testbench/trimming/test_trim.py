@@ -220,6 +220,10 @@ def test_a_centre_off_the_line_of_the_file_is_in_the_interval():
     second = found.missing[1]
     assert second.interval[0] < mechanism.parameters[1, 1] < second.interval[1]
     assert second.first_moment.half_width() < abs(values[across]) * 1.5
+    budget = found.budgets[1]
+    assert budget.standard_uncertainty == pytest.approx(second.first_moment.standard_uncertainty)
+    (by_file,) = (c for c in budget.contributions if c.evaluation == "B")
+    assert by_file.source == "what is taken from the mechanism's file"
 
 
 def test_what_the_file_tells_has_a_width():
