@@ -10,6 +10,8 @@ from balance.results import counted, first_of, table
 from . import options
 
 if TYPE_CHECKING:
+    from balance.balancing.sizing import CounterMass, Sizing
+
     from ..trimming import Source, Trim
 
 GAP = "time_gap"
@@ -118,29 +120,47 @@ def _verdict(result: "Trim", stock: str | None) -> str:
         )
     added = [c for c in result.addition.counter_masses if c.mass > 0.0]
     lacking = [m for m in result.missing if m.is_significant and m.first_moment.value > 0.0]
-    parts = []
     together = {m.site: m.mass.value for m in result.missing}
-    untouched = first_of([site for site in together if site not in {c.site for c in added}], 3)
-    for c in added:
-        plates = f" = {counted(c.plates)}" if c.plates else ""
-        why = f": best with nothing changed at {untouched}, {together[c.site]:.3f} kg with all that the table has"
-        apart = untouched and not plates and f"{c.mass:.3f}" != f"{together[c.site]:.3f}"
-        parts.append(f"Add {c.mass:.3f} kg at {c.site}{plates}{why if apart else ''}.")
+    untouched = first_of([site for site in together if site not in result.changes], 3)
+    simulated = ", of simulated runs" if result.origin == "simulated" else ""
+
+    def why(site: str, mass: float, plates: object) -> str:
+        apart = untouched and not plates and f"{mass:.3f}" != f"{together[site]:.3f}"
+        text = f": best with nothing changed at {untouched}, {together[site]:.3f} kg with all that the table has"
+        return text if apart else ""
+
+    parts = []
     if lacking and not added:
         masses = ", ".join(f"{m.mass.value:.3f} kg at {m.site}" for m in lacking)
         parts.append(f"No plates of {stock} bring it nearer: what is missing stays: {masses}.")
     elif not added and not result.removal:
         parts.append("Add nothing: every interval holds zero.")
-    parts += [f"{m.site} has {-m.mass.value:.3f} kg too much: remove it." for m in result.removal]
-    low, high = result.predicted_residual_interval
+    residual = _residual_text(result, result.addition) + simulated
+    if result.removal:
+        more = [f"at {c.site} {c.mass:.3f} kg more{_plates(c)}{why(c.site, c.mass, c.plates)}" for c in added]
+        less = [f"at {m.site} {-m.mass.value:.3f} kg less{why(m.site, m.mass.value, ())}" for m in result.removal]
+        changes = ", ".join([*more, *less])
+        parts.append(f"{changes[0].upper()}{changes[1:]}: first-moment residual predicted {residual}.")
+        if (only := result.only_adding) is not None:
+            masses = ", ".join(f"{c.mass:.3f} kg at {c.site}{_plates(c)}" for c in only.counter_masses if c.mass > 0.0)
+            parts.append(f"If only adding is possible: {masses}, residual {_residual_text(result, only)}.")
+    else:
+        parts += [f"Add {c.mass:.3f} kg at {c.site}{_plates(c)}{why(c.site, c.mass, c.plates)}." for c in added]
+        parts.append(f"First-moment residual predicted{' with that' * bool(added)}: {residual}.")
     verdict = result.verdict if added or result.verdict != "add" else f"add, but not from {stock}"
-    then = " with that" if added or result.removal else ""
-    parts.append(
-        f"First-moment residual predicted{then}: {result.predicted_residual:z.4f} kg m, "
-        f"{low:z.4f} .. {high:z.4f}{', of simulated runs' if result.origin == 'simulated' else ''}. Verdict: {verdict}."
-    )
+    parts.append(f"Verdict: {verdict}.")
     if verdict == "doubtful":
         doctor = " (testbench doctor CAMPAIGN RUN)" * bool(result.findings)
         first = f"Doubtful: before anything is mounted, mend what is named below{doctor}, and trim again."
         parts = [first, "As it stands:", *parts]
     return " ".join(parts)
+
+
+def _plates(added: "CounterMass") -> str:
+    return f" = {counted(added.plates)}" if added.plates else ""
+
+
+def _residual_text(result: "Trim", mounting: "Sizing") -> str:
+    """First-moment residual of a mounting with its interval."""
+    value, (low, high) = result.residual_with(mounting)
+    return f"{value:z.4f} kg m, {low:z.4f} .. {high:z.4f}"

@@ -86,7 +86,7 @@ def draw_trim(result: Trim) -> "Figure":
             ]
             if len(result.shares) > 1:
                 shown.append(("all", before, style.TARGET))
-            shown.append(("with what is added", after, style.WITHOUT))
+            shown.append(("with the changes" if result.removal else "with what is added", after, style.WITHOUT))
             for place, (_, one, colour) in enumerate(shown):
                 (low, high), value = one.interval, one.first_moment.value
                 axes.errorbar(place, value, [[value - low], [high - value]], fmt="o", capsize=5, color=colour)
@@ -95,7 +95,10 @@ def draw_trim(result: Trim) -> "Figure":
             axes.set_xlim(-0.6, len(shown) - 0.4)
             axes.axhline(0.0, color="k", lw=0.8)
             added = next((c for c in result.addition.counter_masses if c.site == before.site), None)
-            plates = f"add {added.mass:.3f} kg" if added is not None and added.mass > 0.0 else "add nothing"
+            change = result.changes.get(before.site, 0.0)
+            plates = f"add {change:.3f} kg" if change > 0.0 else "add nothing"
+            if change < 0.0:
+                plates = f"take off {-change:.3f} kg"
             if added is not None and added.plates:
                 plates += f"\n({counted(added.plates)})"
             axes.set_title(f"{before.site}: {plates}")

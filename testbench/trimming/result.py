@@ -156,42 +156,80 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
     def addition(self) -> Sizing:
         """What to add to the sites that significantly lack something: from the plates, else of any mass.
 
-        Nothing to a mechanism that counts as balanced.
+        On the mechanism less the removal; nothing to one that counts as balanced.
         """
-        lacking = [m.site for m in self.missing if m.is_significant and m.first_moment.value > 0.0]
-        if not lacking or self.verdict == "balanced":
-            return sizing_of_given(self.conditions, self._measured, {})
-        if self.plates:
-            return best_sets_from_stock(self.conditions, self._measured, self.plates, lacking)[0]
-        if len(lacking) == len(self.missing):
-            every = {m.site: m.mass.value for m in self.missing}
-            return sizing_of_given(self.conditions, self._measured, every)
-        return exact_sizing(self.conditions, self._measured, lacking)
+        if not self.removal:
+            return self._added_to(self._measured)
+        columns = site_columns(self.conditions, self.mechanism, [one.site for one in self.removal])
+        values = self.conditions.values(self._measured) + columns @ [one.mass.value for one in self.removal]
+        rest = with_condition_values(self.conditions, self._measured, values)
+        more = {site: mass for site, mass in self._best_changes.items() if mass > 0.0}
+        return self._added_to(rest) if self.plates else sizing_of_given(self.conditions, rest, more)
 
     @property
     def removal(self) -> tuple[MissingMass, ...]:
-        """Sites that significantly have too much; none of a mechanism that counts as balanced."""
-        too_much = (m for m in self.missing if m.is_significant and m.first_moment.value < 0.0)
-        return () if self.verdict == "balanced" else tuple(too_much)
+        """What to take off where there is significantly too much, in the mounting whose residual is predicted.
 
-    @property
-    def _predicted(self) -> Floats:
-        """Values of the conditions with the addition and the removal, undetermined ones by the file, (rank,) [kg m]."""
-        values = self.conditions.values(self.addition.after)
-        for one in self.removal:
-            values = values + site_columns(self.conditions, self.mechanism, [one.site])[:, 0] * one.mass.value
-        return values
+        None of a mechanism that counts as balanced.
+        """
+        less = {site: mass for site, mass in self._best_changes.items() if mass < 0.0}
+        return tuple(m.with_added(m.mass.value - less[m.site]) for m in self.missing if m.site in less)
+
+    @cached_property
+    def _best_changes(self) -> dict[str, float]:
+        """By site, masses to add, or to take off (negative), that are best with nothing changed where an interval holds
+        zero [kg]; empty where no site has significantly too much.
+        """
+        changed = [m for m in self.missing if m.is_significant]
+        if self.verdict == "balanced" or all(m.first_moment.value > 0.0 for m in changed):
+            return {}
+        values, masses = self.conditions.values(self._measured), np.zeros(0)
+        while changed:  # until each has the sign of what is missing there
+            sites = [m.site for m in changed]
+            masses = masses_per_value(self.conditions, self.mechanism, sites, values) @ values
+            kept = [m for m, mass in zip(changed, masses, strict=True) if m.first_moment.value * mass > 0.0]
+            if len(kept) == len(changed):
+                break
+            changed = kept
+        return {m.site: float(mass) for m, mass in zip(changed, masses, strict=False)}
+
+    @cached_property
+    def only_adding(self) -> Sizing | None:
+        """What to add where nothing can be taken off; None where nothing is to be taken off, or to be added."""
+        if not self.removal:
+            return None
+        found = self._added_to(self._measured)
+        return found if any(c.mass > 0.0 for c in found.counter_masses) else None
+
+    def _added_to(self, mechanism: Mechanism) -> Sizing:
+        """What to add to the sites that significantly lack something, on ``mechanism`` as it is else mounted."""
+        lacking = [m.site for m in self.missing if m.is_significant and m.first_moment.value > 0.0]
+        if not lacking or self.verdict == "balanced":
+            return sizing_of_given(self.conditions, mechanism, {})
+        if self.plates:
+            return best_sets_from_stock(self.conditions, mechanism, self.plates, lacking)[0]
+        if len(lacking) == len(self.missing):
+            every = {m.site: m.mass.value for m in self.missing}
+            return sizing_of_given(self.conditions, mechanism, every)
+        return exact_sizing(self.conditions, mechanism, lacking)
+
+    def residual_with(self, mounting: Sizing) -> tuple[float, tuple[float, float]]:
+        """Largest of the conditions in a mounting, and from the least to the most that their intervals leave of it
+        [kg m]; undetermined ones by the file.
+        """
+        residual, half = np.abs(self.conditions.values(mounting.after)), self._half_widths
+        low, high = np.maximum(residual - half, 0.0), residual + half
+        return float(residual.max(initial=0.0)), (float(low.max(initial=0.0)), float(high.max(initial=0.0)))
 
     @property
     def predicted_residual(self) -> float:
         """Largest of the conditions with the addition and the removal [kg m]."""
-        return float(np.abs(self._predicted).max(initial=0.0))
+        return self.residual_with(self.addition)[0]
 
     @property
     def predicted_residual_interval(self) -> tuple[float, float]:
         """From the least to the most that the conditions' intervals leave of it [kg m]."""
-        residual, half = np.abs(self._predicted), self._half_widths
-        return float(np.maximum(residual - half, 0.0).max(initial=0.0)), float((residual + half).max(initial=0.0))
+        return self.residual_with(self.addition)[1]
 
     @property
     def residual_share(self) -> float:
@@ -225,9 +263,14 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
         return np.array([0.0 if one is None else one.half_width() for one in each])
 
     def remaining(self) -> list[MissingMass]:
-        """What each site lacks still, with the addition."""
-        added = {c.site: c.mass for c in self.addition.counter_masses}
-        return [m.with_added(added.get(m.site, 0.0)) for m in self.missing]
+        """What each site lacks still, with the addition and the removal."""
+        return [m.with_added(self.changes.get(m.site, 0.0)) for m in self.missing]
+
+    @property
+    def changes(self) -> dict[str, float]:
+        """By site, what the addition adds and the removal takes off (negative), sites that stay left out [kg]."""
+        added = {c.site: c.mass for c in self.addition.counter_masses if c.mass > 0.0}
+        return {**added, **{m.site: m.mass.value for m in self.removal}}
 
     @property
     def _measured(self) -> Mechanism:
@@ -287,8 +330,22 @@ def _contributions(source: Source, estimate: Imbalance, gain: Floats) -> list[Co
     return parts
 
 
+def _additions(sizing: Sizing) -> list[dict[str, Any]]:
+    return [
+        {"site": c.site, "mass_kg": c.mass, "plates": c.plates, "position_m": c.position} for c in sizing.counter_masses
+    ]
+
+
 def trim_document(result: Trim) -> dict[str, Any]:
-    """What is missing and what to add, units in the keys."""
+    """What is missing, what to add and take off in one mounting, and what is best by adding only; units in the keys."""
+    adding = None
+    if (only := result.only_adding) is not None:
+        residual, interval = result.residual_with(only)
+        adding = {
+            "add": _additions(only),
+            "predicted_residual_kgm": residual,
+            "predicted_residual_interval_kgm": interval,
+        }
     found = {
         "mechanism": result.mechanism.name,
         "runs": result.runs,
@@ -298,10 +355,7 @@ def trim_document(result: Trim) -> dict[str, Any]:
         "agreement": result.consensus,
         "missing": result.missing,
         "interval_level": result.interval_level,
-        "add": [
-            {"site": c.site, "mass_kg": c.mass, "plates": c.plates, "position_m": c.position}
-            for c in result.addition.counter_masses
-        ],
+        "add": _additions(result.addition),
         "remove": [
             {"site": m.site, "mass_kg": -m.mass.value, "first_moment_kgm": -m.first_moment.value}
             for m in result.removal
@@ -310,6 +364,7 @@ def trim_document(result: Trim) -> dict[str, Any]:
         "residual_share": finite(result.residual_share),
         "predicted_residual_kgm": result.predicted_residual,
         "predicted_residual_interval_kgm": result.predicted_residual_interval,
+        "only_adding": adding,
         "verdict": result.verdict,
         "doubts": result.doubts(),
         "findings": [finding.as_dict() for finding in result.findings],

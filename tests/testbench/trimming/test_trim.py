@@ -16,6 +16,7 @@ from testbench.cli.trim import _verdict
 from testbench.errors import AnalysisError
 from testbench.trimming import trim_runs
 from testbench.trimming.estimators import FIXED_WITHIN
+from testbench.trimming.result import trim_document
 
 from ..coverage import assert_holds
 from . import linkages
@@ -93,6 +94,25 @@ def test_too_much_is_said(manipulator):
     assert found.verdict == "remove"
     assert all(m.mass.value == pytest.approx(-1.0, abs=0.3) for m in found.missing)
     assert not found.addition.counter_masses
+
+
+def test_the_residual_is_that_of_the_mounting_that_is_told(manipulator):
+    """A kilogram too much on one arm, one missing on the other: what is told leaves little; adding alone is apart."""
+    uneven = memory.scene("triangle", masses={"counter_A0A": 18.931, "counter_B0B": 16.931})
+    found = trim_runs(memory.aligned([uneven.run(0)], manipulator), source="wrench")
+    document, text = trim_document(found), _verdict(found, None)
+    (add,), (less,), only = document["add"], document["remove"], document["only_adding"]
+    assert (add["site"], less["site"]) == ("counter_B0B", "counter_A0A")
+    assert [add["mass_kg"], less["mass_kg"]] == pytest.approx([1.0, 1.0], abs=0.3)
+    assert found.changes == {"counter_B0B": add["mass_kg"], "counter_A0A": -less["mass_kg"]}
+    assert document["predicted_residual_kgm"] < 0.005 < 0.02 < only["predicted_residual_kgm"]
+    assert text.startswith(
+        f"At counter_B0B {add['mass_kg']:.3f} kg more, at counter_A0A {less['mass_kg']:.3f} kg less: first-moment "
+        f"residual predicted {document['predicted_residual_kgm']:.4f} kg m"
+    )
+    alone = f"If only adding is possible: {only['add'][0]['mass_kg']:.3f} kg at counter_B0B, residual "
+    assert f"{alone}{only['predicted_residual_kgm']:.4f} kg m" in text
+    assert all(abs(one.mass.value) < 1e-9 for one in found.remaining())
 
 
 def test_stock(repeats):
