@@ -83,7 +83,8 @@ def _errors(seen: Observation, wanted: dict[str, Floats]) -> dict[str, str]:
     correlation[:, (own < LEAST_SHARE**2 * own.max()) | (largest < LEAST_POWER * own)] = 0.0
     best = int(np.argmax((correlation**2).sum(axis=1)))
     late = slice(best, best + len(path) + len(path) // 4)
-    far = np.ptp(np.cumsum(shown[late], axis=0), axis=0) / np.maximum(np.ptp(np.cumsum(path, axis=0), axis=0), 1e-300)
+    far, wide = (np.ptp(np.cumsum(one, axis=0, dtype=float), axis=0) for one in (shown[late], path))
+    far = far / np.maximum(wide, 1e-300)
     part = len(seen.encoder_speeds) < len(path) and np.isfinite(_period(path))  # of a motion that repeats
     found, unlike = dict[str, str](), dict[str, str]()
     for i, (name, likeness) in enumerate(zip(names, correlation[best], strict=True)):
