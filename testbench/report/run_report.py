@@ -145,7 +145,9 @@ def _report(run: SIRun, how: Reporting, seen: Observation | None, spans: int | N
         },
         "command": of_command,
         "vibration": attempt_part(vibration),
-        "modes": attempt_part(lambda: sections.base_modes(run, sections.motion_on_base_clock(run, found, shown))),
+        "modes": attempt_part(
+            lambda: sections.base_modes(run, sections.motion_on_base_clock(run, found, shown, aligned))
+        ),
         "response": response,
         "wrench": forces,
         "torque": attempt_part(torque),

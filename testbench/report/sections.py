@@ -16,11 +16,11 @@ from balance.errors import CounterpoiseError
 from balance.estimation.estimate import LEVEL_TEXT, coverage_factor
 
 from ..errors import AnalysisError
-from ..runs.aligned_run import recorded_clocks
 from ..signal.filters import Band
 from ..signal.free_decay_modes import free_decay_modes
 from ..signal.frequency_response import response_of
 from ..signal.welch import Spectra, welch
+from ..synchronization.known_clocks import clock_by_trigger, on_clock_of
 from ..vibration.metrics import METRICS
 
 if TYPE_CHECKING:
@@ -28,11 +28,14 @@ if TYPE_CHECKING:
     from ..loads.command_tracking import CommandPerformance
     from ..loads.shaking_wrench import MeasuredWrench
     from ..rig import Column
+    from ..runs.aligned_run import AlignedRun
     from ..runs.si_run import SIRun
 
 Part = dict[str, Any]
 HIGHEST_HZ = 100.0
 """Highest frequency of modes that are searched: a base on its mounts, and what a motion excites [Hz]."""
+ENCODERS_HZ = 80.0
+"""Bandwidth of the encoders that tell when the mechanism moves [Hz]."""
 SETTLED_S = 0.02
 """Time after the motion from which the base decays freely: the zero-phase band smears as far [s]."""
 SEGMENT_S = 0.25
@@ -86,11 +89,15 @@ def base_modes(run: "SIRun", moved: tuple[float, float]) -> Part:
 
 
 def motion_on_base_clock(
-    run: "SIRun", found: "Mapping[Source, list[RecognizedMotion]]", shown: "CommandPerformance | None"
+    run: "SIRun",
+    found: "Mapping[Source, list[RecognizedMotion]]",
+    shown: "CommandPerformance | None",
+    aligned: "Callable[[], AlignedRun]",
 ) -> tuple[float, float]:
     """Start of the first and end of the last motion on the clock of the base's accelerometers [s].
 
-    Raises AnalysisError where no source of motions is on that clock.
+    By what recognizes motions on that clock, else by the encoders on one that a recorded alignment or a trigger relates
+    to it, as wide as that is sure. Raises AnalysisError, saying why, where neither tells.
     """
     group = run.group_of(base_columns(run)[0])
     for motions in found.values():
@@ -101,10 +108,25 @@ def motion_on_base_clock(
         return found["command"][0].start + shift, found["command"][-1].end + shift
     if (measured := found.get("acceleration")) and measured[-1].group == group:
         return measured[0].start, measured[-1].end
-    raise AnalysisError(
-        f"{run.name}: no motion is recognized on the clock of the base's accelerometers, {group}, so the free decay of "
-        "the base is unknown: several loggers need testbench align, and a motion its file"
+    unknown = (
+        f"{run.name}: when the motion ends, on the clock of the base's accelerometers, {group}, is unknown, and so "
     )
+    unknown += "is the free decay of the base"
+    try:
+        encoders = aligned()
+        moves = encoders.grid.time[encoders.motion_span(ENCODERS_HZ, 0.0)][[0, -1]]
+        related = on_clock_of(run, moves, encoders.reference, group)
+        _, why = clock_by_trigger(run, encoders.reference, group)
+    except CounterpoiseError as error:
+        raise AnalysisError(f"{unknown}: the encoders do not tell: {error}") from error
+    if related is None:
+        told = f" (that which it names does not relate them: {why})" if why else ""
+        raise AnalysisError(
+            f"{unknown}: the encoders are on that of {encoders.reference}, which nothing relates to it: testbench "
+            f"align {run.path}, or a trigger of both in the rig{told}"
+        )
+    (start, end), half = related
+    return float(start) - half, float(end) + half
 
 
 def base_response(run: "SIRun", wrench: "MeasuredWrench", highest_hz: float = HIGHEST_HZ) -> Part:
@@ -159,15 +181,15 @@ def _rows(column: "Column", forces: list[str], spectra: Spectra, place: int) -> 
 def _at_force_instants(run: "SIRun", wrench: "MeasuredWrench", column: "Column") -> Floats:
     """A channel at the instants of the forces, (n,) [SI]. Raises AnalysisError for clocks that are not aligned."""
     group, time = run.group_of(column), run.even_instants(column)
-    values, at = run.signal(column)[0], wrench.time
-    if group != wrench.group:
-        maps = recorded_clocks(run)
-        if missing := [name for name in (group, wrench.group) if name not in maps]:
-            raise AnalysisError(
-                f"{run.name}: the clock of {', '.join(missing)} is not aligned: testbench align {run.path} first"
-            )
-        time, at = maps[group].to_reference(time), maps[wrench.group].to_reference(at)
-    return np.interp(at, time, values)
+    related = on_clock_of(run, wrench.time, wrench.group, group)
+    if related is None:
+        _, why = clock_by_trigger(run, wrench.group, group)
+        told = f" (the trigger that the rig names does not relate them: {why})" if why else ""
+        raise AnalysisError(
+            f"{run.name}: the clocks of {group} and {wrench.group} are not aligned: testbench align {run.path} first"
+            f"{told}"
+        )
+    return np.interp(related[0], time, run.signal(column)[0])
 
 
 def wrench_part(wrench: "MeasuredWrench", band: Band | None) -> Part:

@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 
 from balance import datasets
+from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from testbench import rig as rigs
+from testbench.errors import AnalysisError
+from testbench.kinematics.gaps import gap_reach
+from testbench.report.sections import ENCODERS_HZ, motion_on_base_clock
+from testbench.runs.aligned_run import AlignedRun
+from testbench.runs.si_run import SIRun
 from testbench.simulator.sensors import base_acceleration
 from testbench.store import open_campaign
 
@@ -140,3 +146,25 @@ def test_response_that_follows_the_moment_is_marked():
 def test_response_needs_clocks_in_line(told):
     """Forces and accelerations of two loggers that are not aligned: the reason, and what to do."""
     assert "testbench align" in told["response"]["reason"]
+
+
+@pytest.mark.parametrize("channel", ["daq_sync", "unplugged"])
+def test_the_free_decay_begins_by_the_encoders_of_another_logger(channel):
+    """Where a trigger relates the clocks, as wide as it is sure; else it is said that nothing does, and why."""
+    text = TEXT
+    for logger in ("controller", "daq"):
+        text += f'\n[sensors.trigger_{logger}]\nkind = "trigger"\nlogger = "{logger}"\nchannel = "{logger}_sync"\n'
+    scene = memory.scene("x", rig=rigs.rig_from_text(text))
+    run = SIRun.of(scene.run(3), rigs.rig_from_text(text.replace("daq_sync", channel)))
+    aligned = AlignedRun(run, load_mechanism("parallelogram-6bar"))
+    if channel == "unplugged":
+        why = "no channel of it that daq holds"
+        with pytest.raises(AnalysisError, match=rf"encoders are on that of controller, which nothing .*{why}\)$"):
+            motion_on_base_clock(run, {}, None, lambda: aligned)
+        return
+    start, end = motion_on_base_clock(run, {}, None, lambda: aligned)
+    speed = np.abs(scene.bench.trajectory.v).max(axis=1)
+    moves = scene.bench.trajectory.time[speed > 1e-3 * speed.max()][[0, -1]] - scene.starts(3)["daq"]["start"]
+    sure = gap_reach(ENCODERS_HZ) + 0.01  # what smoothing smears, and the edge's interval twice
+    assert moves[0] - sure < start < moves[0]
+    assert moves[1] < end < moves[1] + sure
