@@ -34,7 +34,7 @@ from balance.units import G0
 from .errors import AnalysisError
 from .kinematics.encoder_motion import mechanism_of
 from .recording import mounted_masses
-from .runs.aligned_run import AlignedRun, recorded_clocks, said_of_clocks
+from .runs.aligned_run import AlignedRun, recorded_clocks, trigger_notes
 from .runs.si_run import SIRun
 from .simulator.loggers import record_log
 from .simulator.run import simulate_run
@@ -288,7 +288,7 @@ def next_for_first_moment(
     widest = max(range(len(problem.sites)), key=lambda place: math.inf if (now := sited[0][place].now) is None else now)
     unit = "kg m" if question == "first-moment" else "kg"
     proposals = [(_proposal(one), one[widest]) for one in sited]
-    return _ranked(question, unit, proposals, [*notes, *known.notes, *said_of_clocks(made)], known.remedy(widest))
+    return _ranked(question, unit, proposals, [*notes, *known.notes, *trigger_notes(made)], known.remedy(widest))
 
 
 def _proposal(by_site: Sequence[Proposal]) -> Proposal:

@@ -23,7 +23,7 @@ from ..loads.shaking_wrench import MeasuredLoads, measured_loads
 from ..recording import Origin
 from ..rig import Column
 from ..rig.sensors import Encoder, Torque
-from ..runs.aligned_run import AlignedRun, said_of_clocks
+from ..runs.aligned_run import AlignedRun, trigger_notes
 
 EDGE_S = 0.25
 EDGE_SHARE = 0.05
@@ -129,7 +129,7 @@ def assemble(runs: Sequence[AlignedRun], by: By | None = None, accept: Sequence[
     if len({() if record.loads is None else record.loads.names for record in records}) > 1:
         listed = "; ".join(f"{r.name}: {', '.join(r.loads.names)}" for r in records if r.loads is not None)
         raise AnalysisError(f"runs whose force sensors determine different components: {listed}: identify them apart")
-    return Assembled(runs[0].mechanism, tuple(records), chosen, (*notes, *said_of_clocks(runs)))
+    return Assembled(runs[0].mechanism, tuple(records), chosen, (*notes, *trigger_notes(runs)))
 
 
 def joint_record(run: AlignedRun, *, torque: bool = True) -> JointRecord:

@@ -180,7 +180,7 @@ class AlignedRun:
         return self.on_grid(self.run.group_of(columns[0]), time, self.run.stacked(columns))
 
 
-def said_of_clocks(runs: Iterable[AlignedRun]) -> list[str]:
+def trigger_notes(runs: Iterable[AlignedRun]) -> list[str]:
     """A sentence on the clocks of runs that a trigger related, for people; none where it related none."""
     from ..synchronization.known_clocks import within
 

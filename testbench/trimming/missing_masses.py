@@ -17,7 +17,7 @@ from balance.results import first_of
 from ..errors import AnalysisError
 from ..kinematics.gaps import Gaps
 from ..recording import common_origin, mounted_masses
-from ..runs.aligned_run import AlignedRun, said_of_clocks
+from ..runs.aligned_run import AlignedRun, trigger_notes
 from .estimators import ESTIMATORS, further_sources, present_sources
 from .problem import SOURCES, Source, SourceEstimate, TrimProblem
 from .result import Share, Trim
@@ -66,7 +66,7 @@ def trim_runs(
     about = [line for one in found for line in one.about]
     if both:
         about = [f"By {SOURCES[o.source].name}: {text[0].lower()}{text[1:]}" for o in found for text in o.about]
-    about += said_of_clocks(runs)
+    about += trigger_notes(runs)
     if not can_be_met(problem.conditions, mounted, names):
         about.append(COMPROMISE)
     unbalanced = problem.conditions.values(_unbalanced(problem))

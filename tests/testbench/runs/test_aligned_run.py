@@ -12,7 +12,7 @@ from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from testbench import rig as rigs
 from testbench.errors import AnalysisError
-from testbench.runs.aligned_run import AlignedRun, recorded_clocks, said_of_clocks
+from testbench.runs.aligned_run import AlignedRun, recorded_clocks, trigger_notes
 from testbench.runs.joined_channels import joined_table
 from testbench.runs.si_run import SIRun
 from testbench.synchronization.clock_map import ClockMap, same_clock
@@ -107,7 +107,7 @@ def test_a_trigger_that_the_rig_names_is_used_unasked():
     aligned = AlignedRun(SIRun.of(run), MECHANISM)
     assert aligned.related_clock("daq") is aligned.clock("daq")
     assert abs(aligned.clock("daq").offset - late) < aligned.clock("daq").half_width(0.0) < 3e-3
-    (said,) = said_of_clocks([aligned])
+    (said,) = trigger_notes([aligned])
     assert re.match(r"Clocks of daq by the trigger that the rig names \(1 edge, daq_sync with controller_sync\)", said)
     table, doubts = joined_table(run, "1 kHz", ["daq_sync", "controller_sync"])
     assert (table.attrs["clocks"], doubts) == (
@@ -135,5 +135,5 @@ def test_why_a_trigger_relates_nothing(quiet, channel, why):
     with pytest.raises(AnalysisError, match=f"daq is not aligned: .*; nor by the trigger that the rig names: {why}"):
         aligned.clock("daq")
     assert aligned.related_clock("daq") is None
-    assert said_of_clocks([aligned]) == []
+    assert trigger_notes([aligned]) == []
     assert why in joined_table(run, "1 kHz")[1]
