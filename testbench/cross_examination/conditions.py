@@ -190,7 +190,7 @@ def accelerations(seen: Observation) -> list[Statement]:
         if stated and value > 0.0 and (witness == "command" or seen.conditions.get("motion") in NAMED_MOTIONS):
             shown.append((witness, stated * G0, value, "m/s2"))
 
-    found = []
+    found = _by_stored_motion(seen) if not turning else []
     for witness, wanted, value, unit in shown:
         table, text = (f"{v:.4g} {unit}" + (f" = {v / G0:.3g} g0" if unit == "m/s2" else "") for v in (wanted, value))
         code = "acceleration_contradiction" if abs(value / wanted - 1.0) > ACCELERATION_SHARE[witness] else None
@@ -200,6 +200,19 @@ def accelerations(seen: Observation) -> list[Statement]:
                       column=column)
         )  # fmt: skip
     return found
+
+
+def _by_stored_motion(seen: Observation) -> list[Statement]:
+    """The peak acceleration of joints by the encoders, against the stored motion's where the run table states none."""
+    pairs = list(zip(seen.wanted_peaks, seen.peak_joint_acceleration, strict=False))
+    if not pairs or min(min(pair) for pair in pairs) <= 0.0:
+        return []
+    wanted, value = min(pairs, key=lambda pair: abs(np.log(pair[1] / pair[0])))
+    code = "motion_contradiction" if abs(value / wanted - 1.0) > ACCELERATION_SHARE["encoders"] else None
+    return [
+        Statement(seen.name, "acceleration", None, f"peak {wanted:.4g} rad/s2 by the stored motion", f"{value:.4g} rad/s2",
+                  "the encoders", code)
+    ]  # fmt: skip
 
 
 def motions(seen: Observation) -> list[Statement]:

@@ -154,6 +154,8 @@ class Observation:
     """Channels of the encoders."""
     encoder_speeds: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     """Of each, every 1 / SPEED_RATE_HZ, (n, k) float32 [rad/s, m/s]."""
+    wanted_peaks: tuple[float, ...] = ()
+    """Peak accelerations of the stored motion of joints, of one joint and along a leg [rad/s2, m/s2]."""
     commanded_speeds: dict[str, Floats] = field(default_factory=dict)
     """By channel of an encoder whose joint the stored motion drives, likewise, (n,) [rad/s, m/s]."""
     vibrations: dict[tuple[str, ...], Floats] = field(default_factory=dict)
@@ -304,6 +306,9 @@ def _keep_speeds(seen: Observation, run: SIRun, columns: list[Column]) -> None:
             motion = motion.with_peak_acceleration(peak)
         wanted = motion.sample(STORED_RATE_HZ)
         at = np.arange(wanted.time[0], wanted.time[-1], 1.0 / SPEED_RATE_HZ)
+        if wanted.joints and not (motion.recorded and motion.recorded.coarse()):
+            sizes = np.abs(wanted.acceleration)
+            seen.wanted_peaks = (float(sizes.max()), float(np.linalg.norm(sizes, axis=1).max()))
         speeds = {j: np.interp(at, wanted.time, v) for j, v in zip(wanted.joints, wanted.velocity.T, strict=False)}
         seen.commanded_speeds = {c.channel: speeds[c.component] for c in columns if c.component in speeds}
 

@@ -286,6 +286,16 @@ def test_encoders_beside_the_stored_motion(repeats, change):
     assert {s.run for s in found} == {liar.name}
 
 
+@pytest.mark.parametrize(("peak", "contradicts"), [(1.0, False), (0.75, True), (1.35, True)])
+def test_the_stored_motion_has_another_peak(repeats, peak, contradicts):
+    """Where the run table states no peak acceleration, the encoders' is held against that of the motion's file."""
+    (seen,) = [Witnesses()._observed(repeats[0][0])]
+    seen = replace(seen, wanted_peaks=tuple(peak * value for value in seen.wanted_peaks))
+    (found,) = accelerations(seen)
+    assert (found.code == "motion_contradiction") == contradicts
+    assert found.witness == "the encoders"
+
+
 def test_witnessed_payload(campaign):
     """By the torques, whatever the run table states: 5 kg, within what the model leaves."""
     runs, witnesses = campaign
