@@ -26,6 +26,7 @@ from ..runs.aligned_run import AlignedRun
 from . import sensor_errors
 from .load_regression import CUTOFF_HZ, TORQUE_CUTOFF_HZ, force_regression, torque_channels, torque_regression
 from .problem import (
+    MASS,
     SOURCES,
     NoValidMotion,
     RunEquations,
@@ -70,6 +71,9 @@ MOVING_INERTIA = (
 FILE_KNOWN = 0.01
 """Of a first moment that is taken from the file, as a part of the largest of the mechanism without counter-masses, what
 it may be wrong by: a mass centre off its line by a hundredth of what counts (Type B, rectangular)."""
+FILE_MASS = 0.05
+"""Standard deviation of the mass that the file gives to the bodies together, payload and counter-masses apart [-]. On a
+base that moves, forces hold it, and one that is not known is like a common error of the forces' sensitivity."""
 FIXED = "What no mass at the sites can change is taken from the mechanism's file: these runs do not tell it."
 FIXED_WITHIN = f"{FIXED} Intervals contain errors of it of up to {FILE_KNOWN:.0%} of the largest first moment."
 UNSTATED = (
@@ -89,6 +93,7 @@ class _Equations:
     def __init__(self, problem: TrimProblem, runs: Sequence[RunEquations]) -> None:
         """Noise below a cut-off lasts half of its period: so many samples a prior counts for."""
         deviations = sensor_errors.stated_deviations(run.run for run in problem.runs)
+        deviations[MASS] = FILE_MASS * problem.mechanism.total_mass / problem.mounted.total_mass
         effects = [run.effects for run in runs]
         self.problem = problem
         self.records, self.entries = sensor_errors.with_error_columns([r.record for r in runs], effects, deviations)
@@ -107,6 +112,20 @@ class _Equations:
             effects = (sensor_errors.reading_effects(e, c, deviations) for e, c in zip(explained, columns, strict=True))
             runs = [replace(run, effects=own) for run, own in zip(runs, effects, strict=True)]
         return cls(problem, runs)
+
+    @classmethod
+    def of_forces(cls, problem: TrimProblem, runs: Sequence[RunEquations]) -> "_Equations":
+        """Of rows that are sums over the supports, whose sensors are exposed to what they show less what is left."""
+        first = cls(problem, runs)
+        if first.entries in ([], [MASS]):
+            return first
+        left = first.fit().regression.residual()
+        supports = problem.runs[0].rig.supports
+        exposed = [
+            replace(r, effects=sensor_errors.without_residual(r, own, supports))
+            for r, own in zip(runs, left, strict=True)
+        ]
+        return cls(problem, exposed)
 
     def fit(self, free: Subspace | None = None) -> ImbalanceFit:
         """Values of the conditions."""
@@ -141,8 +160,10 @@ class _Equations:
             within.append(f"up to {FILE_KNOWN * self.problem.largest_first_moment:.2g} kg m in what the file tells")
         if self.entries:
             covariance = covariance + sensor_errors.error_covariance(found, self.records, len(self.entries))
-            names = ", ".join(dict.fromkeys(name for name, *_ in self.entries))
-            within.append(f"the errors of calibration and cross-talk that rig and calibration state of {names}")
+            if names := ", ".join(dict.fromkeys(entry[0] for entry in self.entries if entry != MASS)):
+                within.append(f"the errors of calibration and cross-talk that rig and calibration state of {names}")
+            if MASS in self.entries:
+                within.append(f"what the file's masses may be wrong by, {FILE_MASS:.0%} (standard deviation)")
         return replace(found.imbalance, covariance=covariance, by_file=by_file), within
 
 
@@ -155,12 +176,12 @@ def by_wrench(problem: TrimProblem) -> SourceEstimate:
         problem, AnalysisError, lambda run: force_regression(run, problem.conditions, cutoff)
     )
     findings += [f for one in every for f in one.findings]
-    equations = _Equations(problem, every)
+    equations = _Equations.of_forces(problem, every)
     found = equations.fit()
     for _ in range(_ROUNDS if any(one.about_values for one in every) else 0):
         last = found.imbalance
         every = [force_regression(run, problem.conditions, cutoff, last.values) for run in problem.runs]
-        equations = _Equations(problem, every)
+        equations = _Equations.of_forces(problem, every)
         found = equations.fit()
         changed = np.abs(found.imbalance.values - last.values)
         if (changed <= _SETTLED * np.sqrt(np.diag(found.imbalance.covariance))).all():

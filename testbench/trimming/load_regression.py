@@ -2,8 +2,9 @@
 
 Forces, both sides low-passed alike: P (F + 2 phi' x p) + m P a = P W_F[pivots] c (see ``shaking_wrench``), with the
 momentum p = W_p[pivots] c on a base that turns at phi'. What of phi' is seen by the forces depends on c as well: the
-equations are those of first order about values of c. Offsets and slow drifts of
-each row, and small errors of the clocks (a delay of the forces, one of the accelerations), are nuisances.
+equations are those of first order about values of c. What of the first moment differs from the file's is held as well,
+-phi'' x H (c - c_file), and m is an unknown near the file's. Offsets and slow drifts of each row, and small errors of
+the clocks (a delay of the forces, one of the accelerations), are nuisances.
 
 Torques, in which gravity turns the first moments and inertia shakes them: of W pi of the driven joints, loops closed,
 pi = C^+ c + N z with the conditions C pi = c and N what they leave free. The columns of c are W C^+; z (inertias, and
@@ -19,11 +20,12 @@ from balance.arrays import Floats
 from balance.balancing.conditions import Conditions
 from balance.dynamics.regressor import (
     driven_torque_regressor,
+    first_moment,
     joint_friction_regressor,
     momentum_regressor,
     wrench_regressor,
 )
-from balance.estimation.first_moment_imbalance import condition_columns
+from balance.estimation.first_moment_imbalance import condition_columns, with_condition_values
 
 from ..errors import AnalysisError
 from ..kinematics.base_motion import BaseRates, coriolis_force
@@ -32,7 +34,7 @@ from ..loads.shaking_wrench import COMPONENTS, NOTHING, MeasuredLoads, measured_
 from ..rig import Column
 from ..rig.sensors import Torque
 from ..runs.aligned_run import AlignedRun
-from .problem import RunEquations, motion_name, offset_and_drift, parameter_basis, refuse_no_motion
+from .problem import MASS, RunEquations, motion_name, offset_and_drift, parameter_basis, refuse_no_motion
 from .sensor_errors import force_effects, reading_effects, stated_deviations
 
 MARGIN_PERIODS = 3.0
@@ -66,6 +68,13 @@ class _TurningBase:
         """Whether the forces, and so the values, tell how fast the base turns."""
         return self.rates is not None and self.rates.by_forces
 
+    def hold(self, rates: BaseRates, first_moments: Floats, by_file: Floats) -> None:
+        """Count what the turning base holds of ``first_moments`` (n, 3, rank) [-] by which values differ from the
+        file's (rank,) [kg m]; those of the file are in P.
+        """
+        held = -np.cross(rates.shown[:, :, None], first_moments, axis=1)[:, self.axes]
+        self.columns, self.readings = self.columns + held, self.readings + held @ by_file
+
     def _seen(self, rates: BaseRates, forces: Floats) -> Floats:
         """Rates of the base that forces (n, k, p) [N, or per parameter] seem to show, (n, 3, p) [rad/s]."""
         return rates.rates(rates.gains @ forces, self.momentum, self.axes)
@@ -93,6 +102,13 @@ class _TurningBase:
         return self.loads.projected(every[:, :, size > NOTHING * size.max(initial=0.0)])
 
 
+def _first_moments(run: AlignedRun, conditions: Conditions, q: Floats) -> Floats:
+    """First moment of the mechanism at positions q (n, joints) per value of each condition, (n, 3, rank) [-]."""
+    by_file, before = conditions.values(run.mechanism), first_moment(run.mechanism, q)
+    each = [with_condition_values(conditions, run.mechanism, by_file + unit) for unit in np.eye(conditions.rank)]
+    return np.stack([first_moment(one, q) - before for one in each], axis=2)
+
+
 def force_regression(
     run: AlignedRun, conditions: Conditions, cutoff: float = CUTOFF_HZ, values: Floats | None = None
 ) -> RunEquations:
@@ -113,12 +129,15 @@ def force_regression(
     momentum = condition_columns(conditions, momentum_regressor(run.mechanism, path.q, path.v)[:, :3])
     about = conditions.values(run.mechanism) if values is None else values
     turning = _TurningBase(loads, columns, momentum, about)
+    if loads.rates is not None:
+        turning.hold(loads.rates, _first_moments(run, conditions, path.q), conditions.values(run.mechanism))
     nuisance = [turning.projected(valid.rates(loads.forces))]
     deviations = stated_deviations([run.run])
     effects = {entry: turning.projected(change) for entry, change in force_effects(run, deviations, axes).items()}
     held = loads.projected(turning.readings)
     if run.base is not None and loads.inertial is not None:
-        held = held + loads.base_projected(loads.inertial)
+        of_mass = loads.base_projected(loads.inertial)
+        held, effects[MASS] = held + of_mass, -of_mass
         nuisance.append(loads.base_projected(valid.rates(loads.inertial)))
         of_base = reading_effects(loads.inertial, run.base.columns, deviations)
         effects |= {entry: loads.base_projected(change) for entry, change in of_base.items()}

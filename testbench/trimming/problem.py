@@ -75,6 +75,8 @@ DETERMINED = 0.02
 source determines it; else the file's value is taken where no mass at the sites changes it."""
 Entry = tuple[str, int, int]
 """Of a sensor's sensitivity matrix: the sensor, which of its channels shows, and which is exposed."""
+MASS: Entry = ("mass", -1, -1)
+"""Stands for the mass of the mechanism on a base that moves, as a part of that by file and run table."""
 Effects = Mapping[Entry, Floats]
 """By entry: how the readings of a record change per unit of it, (n, rows) [N, N m, m/s2]."""
 

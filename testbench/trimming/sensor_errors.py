@@ -18,9 +18,10 @@ from balance.estimation.regression import RegressionRecord
 
 from ..rig import Column
 from ..rig.sensor_channels import sensitivity_scatter
+from ..rig.sensors import Support
 from ..runs.aligned_run import AlignedRun
 from ..runs.si_run import SIRun
-from .problem import Effects, Entry
+from .problem import Effects, Entry, RunEquations
 
 
 def stated_deviations(runs: Iterable[SIRun]) -> dict[Entry, float]:
@@ -94,4 +95,20 @@ def force_effects(run: AlignedRun, deviations: Mapping[Entry, float], axes: Sequ
                     change[:, row] = loads[support.measured.index(component), entry[1]] * shown[:, entry[2]]
             if change.any():
                 found[entry] = change
+    return found
+
+
+def without_residual(run: RunEquations, residual: Floats, supports: Mapping[str, Support]) -> Effects:
+    """Effects of the supports' errors on sums of their forces, of what the sensors are exposed to: what they show less
+    an equal part each of the ``residual`` (n, rows) [N].
+
+    With it the least squares would make forces, conditions and mass smaller together, and the residual with them.
+    """
+    found = dict(run.effects)
+    for place, row in enumerate(run.record.rows):
+        showing = {name: one.measured.index(row) for name, one in supports.items() if row in one.measured}
+        for name, channel in showing.items():
+            if (entry := (name, channel, channel)) in found:
+                found[entry] = found[entry].copy()
+                found[entry][:, place] -= residual[:, place] / len(showing)
     return found

@@ -1,8 +1,12 @@
 """What the sensors' stated errors leave open: in the interval where the rig states them."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from balance.estimation import regression
 from studies import simulated_runs as memory
 from studies.trim import BENCHES, campaign
 from testbench import rig as rigs
@@ -10,6 +14,7 @@ from testbench.rig.sensor_channels import sensitivity_scatter
 from testbench.runs.aligned_run import AlignedRun
 from testbench.runs.si_run import SIRun
 from testbench.trimming import sensor_errors, trim_runs
+from testbench.trimming.problem import RunEquations
 from testbench.trimming.result import trim_document
 
 MISSING = 0.0308090
@@ -100,3 +105,22 @@ def test_effects_are_of_what_the_channels_are_exposed_to():
     assert list(effect) == [("base_acc", 1, 2)]
     assert effect["base_acc", 1, 2][:, 1] == pytest.approx(exposed[:, 2])
     assert not effect["base_acc", 1, 2][:, [0, 2]].any()
+
+
+def test_noise_is_not_explained_by_a_common_error_of_sensitivity():
+    """Two sensors, 10 % of noise: a scale that both may share does not shrink what is found to shrink the residual."""
+    rng, count, period = np.random.default_rng(1), 4000, 25.0
+    column = rng.standard_normal((count, 1))
+    shown = {name: 0.5 * column + 0.07 * rng.standard_normal((count, 1)) for name in ("front", "rear")}
+    blocks = regression.equal_blocks(column[:, 0] ** 2, period, 20)
+    record = regression.RegressionRecord.of(column[:, :, None], sum(shown.values()), blocks, rows=["Fx"])
+    run = RunEquations(record, period, (), {(name, 0, 0): one for name, one in shown.items()})
+    deviations, found = {entry: 0.02 for entry in run.effects}, []
+    for _ in range(2):
+        records, entries = sensor_errors.with_error_columns([record], [run.effects], deviations)
+        fit = regression.fit(records, np.r_[0.0, np.full(len(entries), 0.5 * period)], one_scale=1)
+        found.append(fit.values[0])
+        supports = dict.fromkeys(shown, SimpleNamespace(measured=("Fx",)))
+        run = replace(run, effects=sensor_errors.without_residual(run, fit.residual()[0], supports))
+    assert found[0] < 0.97
+    assert found[1] == pytest.approx(1.0, abs=0.01)
