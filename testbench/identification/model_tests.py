@@ -316,7 +316,8 @@ class ModelTests:
             should = "it should" if which in self.joints else "they should"
             orders = ", ".join(
                 f'testbench calibrate CAMPAIGN {sensors.get(name, "SENSOR")} --sensitivity "{one.value:.4g} '
-                f'{self._sensitivity_unit(name)}" --reason ...'
+                f'{self._sensitivity_unit(name)}" --uncertainty "{100.0 * one.half_width() / one.value:.2g} %" '
+                "--coverage-factor 2 --reason ..."
                 for name in (names if all(name in sensors for name in names) else names[:1])
             )
             text = (

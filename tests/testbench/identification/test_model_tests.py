@@ -42,7 +42,9 @@ def test_what_deceives_is_named(kind, seed, code):
     doubts = {doubt.code: doubt.text for doubt in result.doubts}
     assert code in doubts
     if code == "torque_scale":
-        assert f'SENSOR --sensitivity "{result.tests.scale.value:.4g} N m/(N m)"' in doubts[code]
+        scale = result.tests.scale
+        known = f'--uncertainty "{100.0 * scale.half_width() / scale.value:.2g} %" --coverage-factor 2 --reason'
+        assert f'SENSOR --sensitivity "{scale.value:.4g} N m/(N m)" {known}' in doubts[code]
 
 
 @pytest.mark.parametrize(("seed", "verdict"), [(4, "usable"), (5, "usable up to a torque scale")])
