@@ -210,8 +210,8 @@ def _by_stored_motion(seen: Observation) -> list[Statement]:
     wanted, value = min(pairs, key=lambda pair: abs(np.log(pair[1] / pair[0])))
     code = "motion_contradiction" if abs(value / wanted - 1.0) > ACCELERATION_SHARE["encoders"] else None
     return [
-        Statement(seen.name, "acceleration", None, f"peak {wanted:.4g} rad/s2 by the stored motion", f"{value:.4g} rad/s2",
-                  "the encoders", code)
+        Statement(seen.name, "acceleration", None, f"peak {wanted:.4g} rad/s2 by the stored motion",
+                  f"{value:.4g} rad/s2", "the encoders", code)
     ]  # fmt: skip
 
 
