@@ -31,7 +31,7 @@ def test_text_has_every_part_and_says_simulated(pair):
         "Compared",
     ):
         assert words in text
-    assert "No response: r005: the clock of" in text
+    assert "No response: r005: the clocks of r005_daq and r005_forces are not aligned: testbench align" in text
     assert re.search(r"\bN m\b", text)
     assert "Nm" not in text
 
