@@ -98,7 +98,7 @@ def follow(
     """
     described = motion if isinstance(motion, Motion) else load_motion(motion)
     samples = described.sample_as_asked(None if rate is None else si(rate, "frequency"))
-    coarse = tuple(samples.coarse()) if described.recorded else ()
+    coarse = tuple(samples.coarse) if described.recorded else ()
     return replace(Closure(_mechanism(mechanism)).follow(samples), coarse=coarse)
 
 

@@ -58,7 +58,7 @@ def simulate(
     beyond, left_out = model.beyond_limits(trajectory.q), model.left_out if response.torque else ()
     turning = [name for name, inertia in zip(model.coordinates, model.armature, strict=True) if inertia]
     rotors = [f"the shaking moment of rotors (armature of {', '.join(turning)})"] if turning and response.torque else []
-    coarse = described.recorded.coarse() if described.recorded else []
+    coarse = described.recorded.coarse if described.recorded else []
     drives = f"torques and forces of the drives{' and reactions' if found else ''}"
     findings = [
         *(

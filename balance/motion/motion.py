@@ -3,6 +3,7 @@
 import math
 import warnings
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -73,6 +74,7 @@ class Samples:
                 at = int(np.argmax(~np.isfinite(values).all(axis=1)))
                 raise DataError(f"{name} of the motion is not finite at t = {self.time[at]:.6g} s")
 
+    @cached_property
     def coarse(self) -> list[str]:
         """What is said of each driven coordinate whose acceleration is that of rounded values or instants."""
         names = self.joints or self.axes
@@ -234,7 +236,7 @@ class Motion:
                 f"{self.source}: a rate of {rate_hz:g} Hz has no effect on its samples, which come at their own "
                 "instants: leave the rate out, or write the motion as [[moves]]"
             )
-        for said in self.recorded.coarse() if self.recorded else ():
+        for said in self.recorded.coarse if self.recorded else ():
             warnings.warn(said, CoarseSamples, stacklevel=3)
         return self.sample(otherwise if rate_hz is None else rate_hz)
 

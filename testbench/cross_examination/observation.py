@@ -306,7 +306,7 @@ def _keep_speeds(seen: Observation, run: SIRun, columns: list[Column]) -> None:
             motion = motion.with_peak_acceleration(peak)
         wanted = motion.sample(STORED_RATE_HZ)
         at = np.arange(wanted.time[0], wanted.time[-1], 1.0 / SPEED_RATE_HZ)
-        if wanted.joints and not (motion.recorded and motion.recorded.coarse()):
+        if wanted.joints and not (motion.recorded and motion.recorded.coarse):
             sizes = np.abs(wanted.acceleration)
             seen.wanted_peaks = (float(sizes.max()), float(np.linalg.norm(sizes, axis=1).max()))
         speeds = {j: np.interp(at, wanted.time, v) for j, v in zip(wanted.joints, wanted.velocity.T, strict=False)}

@@ -131,8 +131,8 @@ class _Campaign:
         """What one change explains a run; None where it is like the others, or nothing explains it."""
         seen, stated = self.seen[run], self._with_any_payload(run, self.stated[run])[0]
         peers = [self.left[i] for i, o in enumerate(self.seen) if i != run and o.counter_masses == seen.counter_masses]
-        usual = min(peers) if peers else float(np.median(self.left))
-        if stated < EXPLAINS * usual:
+        least = min(peers) if peers else float(np.median(self.left))
+        if stated < EXPLAINS * least:
             return None
         found = self._masses(run, bool(peers))
         found += self._gains(run) if peers else []

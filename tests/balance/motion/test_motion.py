@@ -186,7 +186,7 @@ def test_steps_that_make_the_acceleration_are_told(tmp_path: Path, unit, positio
     rounded = np.round(position(time) / unit)[:, None] * unit
     written(tmp_path, Samples(time, rounded, rounded, rounded), ("A0 (rad)",))
     (tmp_path / "path.toml").write_text('driven = "joints"\njoints = ["A0"]\nsamples = "path.csv"\n', encoding="utf-8")
-    said = load_motion(tmp_path / "path.toml").recorded.coarse()
+    said = load_motion(tmp_path / "path.toml").recorded.coarse
     assert len(said) == is_coarse
     if said:
         assert f"A0: the samples go in steps of {unit:.3g} rad, each of which makes {unit * 1e6:.3g} rad/s2" in said[0]
@@ -205,7 +205,7 @@ def test_an_erring_clock_is_told(tmp_path: Path, rate, position) -> None:
         (tmp_path / "path.toml").write_text(
             'driven = "joints"\njoints = ["A0"]\nsamples = "path.csv"\n', encoding="utf-8"
         )
-        said = load_motion(tmp_path / "path.toml").recorded.coarse()
+        said = load_motion(tmp_path / "path.toml").recorded.coarse
         assert len(said) == wrong
         for one in said:
             away = float(re.search("the instants of the samples are wrong by about ([0-9e.-]+) s", one)[1])
@@ -236,7 +236,7 @@ def test_rough_samples_are_told(tmp_path: Path, case) -> None:
     values = (0.3 * np.sin(19.0 * time) + error(time, np.random.default_rng(2)))[:, None]
     written(tmp_path, Samples(time, values, values, values), ("A0 (rad)",))
     (tmp_path / "path.toml").write_text('driven = "joints"\njoints = ["A0"]\nsamples = "path.csv"\n', encoding="utf-8")
-    said = load_motion(tmp_path / "path.toml").recorded.coarse()
+    said = load_motion(tmp_path / "path.toml").recorded.coarse
     assert len(said) == (message is not None)
     assert all(re.search(str(message), one) for one in said)
 
@@ -247,7 +247,7 @@ def test_a_gap_between_samples_is_told(tmp_path: Path) -> None:
     values = 0.3 * np.sin(19.0 * time)[:, None]
     written(tmp_path, Samples(time, values, values, values), ("A0 (rad)",))
     (tmp_path / "path.toml").write_text('driven = "joints"\njoints = ["A0"]\nsamples = "path.csv"\n', encoding="utf-8")
-    assert "no sample between 0.298 s and 0.329 s" in load_motion(tmp_path / "path.toml").recorded.coarse()[0]
+    assert "no sample between 0.298 s and 0.329 s" in load_motion(tmp_path / "path.toml").recorded.coarse[0]
 
 
 def test_a_wrapped_angle_is_refused(tmp_path: Path) -> None:
