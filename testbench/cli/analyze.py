@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from balance.cli.framework import Answer, Word, argument, command, option
 from balance.cli.options import FIGURE, SCHEDULER, draw
-from balance.cli.printing import emit_table, plain_text, say
+from balance.cli.printing import Detail, emit_table, plain_text, say
 from balance.results import document, first_of, plain, table
 
 from ..signal import METRIC_NAMES
@@ -173,7 +173,7 @@ Examples:
   testbench doctor campaign
   testbench doctor campaign r003 r004 --json
 \b
-Exit codes: 0 nothing contradicts, 3 done with findings, 1 no campaign or no such run."""
+Exit codes: 0 no contradiction, 3 done with findings, 1 no campaign or no such run."""
 )
 def doctor(
     campaign: Path = argument(),
@@ -237,9 +237,14 @@ def doctor(
 def _print_examination(examination: "Examination", shown: list[str]) -> None:
     from ..cross_examination import Statement
 
-    doubtful = [s for run in shown for s in examination.about(run)]
-    if doubtful:
-        emit_table("Contradictions", *table(Statement, doubtful))
+    causes: dict[tuple[str | None, ...], list[Statement]] = {}
+    for one in (s for run in shown for s in examination.about(run)):
+        cause = (one.subject, one.channel, one.witness, one.code, one.run if Detail.everything else None)
+        causes.setdefault(cause, []).append(one)
+    rows = [replace(some[0], run=first_of([one.run for one in some], 2)) for some in causes.values()]
+    if rows:
+        note = "" if len(rows) == sum(map(len, causes.values())) else "Values are of the first run; --all: of each."
+        emit_table("Contradictions", *table(Statement, rows), note)
     sharing: dict[str, list[str]] = {}
     for run in shown:
         if run in examination.unexamined:
@@ -247,7 +252,7 @@ def _print_examination(examination: "Examination", shown: list[str]) -> None:
             sharing.setdefault(f"not examined: {reason}", []).append(run)
         elif missing := examination.unwitnessed(run):
             reasons = "; ".join(dict.fromkeys(examination.reasons[run].values()))
-            text = f"nothing witnesses {', '.join(missing)}{f' ({reasons})' if reasons else ''}"
+            text = f"not confirmed by another signal: {', '.join(missing)}{f' ({reasons})' if reasons else ''}"
             sharing.setdefault(text, []).append(run)
     for text, runs in sharing.items():
         say(f"{', '.join(runs)}: {text}")

@@ -10,7 +10,7 @@ import click
 
 from balance.cli.framework import EXIT_REFUSED, EXIT_WITH_FINDINGS, JSON, Answer, Word, argument, command, option
 from balance.cli.options import SCHEDULER, progress
-from balance.cli.printing import complain, emit_json, emit_table, plain_text, say
+from balance.cli.printing import Detail, complain, emit_json, emit_table, plain_text, say
 from balance.results import first_of, table
 
 from . import options
@@ -139,13 +139,22 @@ def _ingest(files: Sequence[Path], work: "Ingest", run_table: Path | None, sched
     return [outcome for place in range(len(runs)) for outcome in found[place]]
 
 
+_MOST_ROWS = 12
+"""Logs up to which each has its row; of more, those with findings or not stored have, and all with ``--all``."""
+
+
 def _print(outcomes: "Sequence[Outcome]") -> None:
     from ..ingestion.ingest import Outcome
 
     counts = Counter(outcome.status.replace("_", " ") for outcome in outcomes)
+    odd = [one for one in outcomes if one.status != "stored" or any(f.severity > 0 for f in one.findings)]
+    runs = len({one.file for one in outcomes if one.file})
     title = f"Logs: {', '.join(f'{count} {status}' for status, count in counts.items()) or 'none'}"
-    say(f"{title}.")
-    emit_table("", *table(Outcome, outcomes, "source", "file", "origin", "status", "findings"))
+    title += f" in {runs} run{'s' * (runs > 1)}" if runs else ""
+    say(f"{title}{'' if odd or not outcomes else ', without findings'}.")
+    shown = outcomes if Detail.everything or len(outcomes) <= _MOST_ROWS else odd
+    if shown:
+        emit_table("", *table(Outcome, shown, "source", "file", "origin", "status", "findings"))
     found = [
         (outcome.source, finding)
         for outcome in outcomes

@@ -71,7 +71,7 @@ def check(folder: Path = argument(), logs: tuple[Path, ...] = argument("[LOG]...
 
     def show() -> None:
         number = f"{len(problems)} problem{'s' * (len(problems) > 1)}"
-        say(f"{plain_text(str(folder))}: {number if problems else 'nothing is missing and nothing contradicts'}.")
+        say(f"{plain_text(str(folder))}: {number if problems else 'complete, no contradiction'}.")
         for title, rows in (("Problems", problems), ("Notes: for simulated logs alone", notes)):
             if rows:
                 emit_table(title, *table(Problem, rows))

@@ -96,7 +96,7 @@ class Examination(Shown, rows="statements"):
         return frozenset(s.run for s in self.contradictions if s.code == "copied_run")
 
     def unwitnessed(self, run: str) -> list[str]:
-        """Subjects on which nothing witnesses a run."""
+        """Subjects of a run that no signal confirms."""
         about = [s for s in self.statements if s.run == run]
         heard = {s.subject for s in about}
         found = [subject for subject in WITNESSED if subject not in heard and (subject != "copy" or len(self.runs) < 2)]
@@ -120,7 +120,7 @@ class Examination(Shown, rows="statements"):
             return f"None of {len(shown)} runs can be examined: nothing is known of them."
         if not doubtful:
             rest = f"; {len(unheard)} more cannot be examined" if unheard else ""
-            return f"Nothing contradicts in {len(shown) - len(unheard)} runs{rest}."
+            return f"No contradiction in {len(shown) - len(unheard)} runs{rest}."
         subjects = ", ".join(sorted({s.subject for run in doubtful for s in self.about(run)}))
         return f"{len(doubtful)} of {len(shown)} runs contradict the run table, the rig or other runs: {subjects}."
 

@@ -50,7 +50,7 @@ REPEATS_DIFFER = "repeats_differ"
 WITHHELD = frozenset({*WITHHOLDING, REPEATS_DIFFER})
 """Doubts after which there is no interval."""
 _TELLS = 100.0
-"""Percent by which the best lower bound, where the rest is below noise, may lie below zero and still say something."""
+"""Percent by which the best lower bound, where residual below noise, may lie below zero and still say something."""
 _ENDLESS = 10.0
 """Ratio of the amplitudes, and multiple of the one that is found, from which an upper end says nothing."""
 ONE_RUN = (
@@ -590,44 +590,59 @@ def upper_bound(percent: float) -> str:
 
 def verdict(reductions: Sequence[Reduction]) -> str:
     """By how much each axis is reduced or raised, and how many reductions are bounds, withheld, or none."""
-    withheld, bounds, sound = ([r for r in reductions if r.kind == kind] for kind in ["withheld", "at_least", "number"])
+    kinds = {kind: [r for r in reductions if r.kind == kind] for kind in ("number", "at_least", "at_most", "withheld")}
+    sound, bounds, upper, withheld = kinds.values()
+    upper = [r for r in upper if r.percent is not None]
     several = len({r.sensor for r in reductions}) > 1
     parts = []
-    for sensor, axis in dict.fromkeys((r.sensor, r.axis) for r in sound):
-        some = [r for r in sound if (r.sensor, r.axis) == (sensor, axis)]
-        values = [r.percent for r in some if r.percent is not None]
-        size = f"{_change(values)} in {len(some)} conditions"
-        if len(some) == 1:
-            ends = list(some[0].interval or ())
-            ends = ends if values[0] >= 0.0 else [-end for end in reversed(ends)]
-            size = f"{_change(values)} [{', '.join(f'{end:.1f}' for end in ends)}]"
-        parts.append(f"{f'{sensor} ' if several else ''}{axis}: {size}")
+    for place in dict.fromkeys((r.sensor, r.axis) for r in (*sound, *bounds, *upper[: len(upper) == 1])):
+        numbers, least, most = ([r for r in some if (r.sensor, r.axis) == place] for some in (sound, bounds, upper))
+        said = [_number(numbers)] if numbers else []
+        said += _lower_bounds(least, bool(numbers))
+        if most and len(upper) == 1:
+            why = (
+                "hardly above the noise without counter-masses"
+                if most[0].below_noise
+                else "clipped with counter-masses"
+            )
+            said.append(f"{upper_bound(most[0].percent or 0.0)} ({why})")
+        parts.append(f"{f'{place[0]} ' if several else ''}{place[1]}: {', '.join(said)}")
     of_all = f"of {len(reductions)} reductions"
-    for sensor, axis in dict.fromkeys((r.sensor, r.axis) for r in bounds):
-        some = [r for r in bounds if (r.sensor, r.axis) == (sensor, axis)]
-        least = sorted((r.at_least or 0.0, r.below_noise) for r in some)
-        tells = 0.0 if least[-1][0] >= 0.0 else -_TELLS
-        told = [(bound, noisy) for bound, noisy in least if bound >= tells or not noisy]
-        rise, said = [x for x in told if x[0] < 0.0], list[str]()
-        for ones in (told[len(rise) :], rise):
-            if ones:
-                why = "the rest is below noise" if ones[0][1] else "clipped without counter-masses"
-                note = f"in {len(ones)} conditions" if len(ones) > 1 else f"({why})"
-                size = _change([bound for bound, _ in ones]).replace(" by ", " by at least ")
-                said.append(f"{f'not raised by more than {-ones[0][0]:.1f} %' if ones is rise else size} {note}")
-        if hidden := len(some) - len(told):
-            said.append(f"the noise hides whether it fell or rose in {hidden} condition{'s' * (hidden > 1)}")
-        parts.append(f"{f'{sensor} ' if several else ''}{axis}: {', '.join(said)}")
-    upper = [r for r in reductions if r.kind == "at_most" and r.percent is not None]
-    if len(upper) == 1:
-        why = "hardly above the noise without counter-masses" if upper[0].below_noise else "clipped with counter-masses"
-        name = f"{f'{upper[0].sensor} ' if several else ''}{upper[0].axis}"
-        parts.append(f"{name}: {upper_bound(upper[0].percent or 0.0)} ({why})")
-    kinds = ((bounds, "lower bounds, below noise or clipped"), (upper, "upper bounds, near noise or clipped"))
-    counts = [f"{len(some)} {of_all} are {name}" for some, name in kinds if len(some) > 1]
+    counted = ((bounds, "lower bounds, below noise or clipped"), (upper, "upper bounds, near noise or clipped"))
+    counts = [f"{len(some)} {of_all} are {name}" for some, name in counted if len(some) > 1]
     if withheld:
         codes = ", ".join(sorted({code for r in withheld for code in r.doubts} & WITHHELD))
         counts.append(f"{len(withheld)} {of_all} are withheld for {codes}: see the findings")
     others = len(reductions) - len(sound) - len(bounds) - len(upper) - len(withheld)
     counts += [f"{others} {of_all} have no interval"] if others else []
     return "; ".join([*parts, *counts] or ["no reduction"]) + "."
+
+
+def _number(some: Sequence[Reduction]) -> str:
+    """The reductions of a place, or the only one with its interval."""
+    values = [r.percent for r in some if r.percent is not None]
+    if len(some) > 1:
+        return f"{_change(values)} in {len(some)} conditions"
+    ends = list(some[0].interval or ())
+    ends = ends if values[0] >= 0.0 else [-end for end in reversed(ends)]
+    return f"{_change(values)} [{', '.join(f'{end:.1f}' for end in ends)}]"
+
+
+def _lower_bounds(some: Sequence[Reduction], more: bool) -> list[str]:
+    """What the lower bounds of a place are, ``more`` than numbers of it; how many tell nothing."""
+    bounds = sorted((r.at_least or 0.0, r.below_noise) for r in some)
+    tells = 0.0 if bounds and bounds[-1][0] >= 0.0 else -_TELLS
+    telling = [(bound, noisy) for bound, noisy in bounds if bound >= tells or not noisy]
+    rises = [one for one in telling if one[0] < 0.0]
+    said = []
+    for ones in (telling[len(rises) :], rises):
+        if not ones:
+            continue
+        why = "residual below noise" if ones[0][1] else "clipped without counter-masses"
+        size = _change([bound for bound, _ in ones]).replace(" by ", " by at least ")
+        size = f"not raised by more than {-ones[0][0]:.1f} %" if ones is rises else size
+        size = f"at least {ones[0][0]:.1f} %" if more and ones is not rises else size
+        said.append(f"{size} in {len(ones)} conditions" if len(ones) > 1 and not more else f"{size} ({why})")
+    if hidden := len(some) - len(telling):
+        said.append(f"the noise hides whether it fell or rose in {hidden} condition{'s' * (hidden > 1)}")
+    return said

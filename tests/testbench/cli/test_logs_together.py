@@ -86,7 +86,10 @@ def test_logs_of_runs_that_are_stored_need_not_be_given_again(ingest, tmp_path):
     stored = {"a_daq.csv": [], "b_forces.csv": [], "d_daq.csv": [], "d_forces.csv": []}
     assert ingest("d_daq.csv", "d_forces.csv", "--runs", "runs.csv") == (0, stored)
     found = call(main, "testbench", "ingest", "d_daq.csv", "--runs", "runs.csv", "--rig", "rig.toml", "-o", "c")
-    assert (found.out.splitlines()[0], found.code) == ("Logs: 4 already stored.", 3)  # one of them was given again
+    assert (found.out.splitlines()[0], found.code) == (
+        "Logs: 4 already stored in 2 runs.",
+        3,
+    )  # one of them was given again
     table.write_text(table.read_text() + "e_daq.csv,r3,x\n")
     assert ingest("d_daq.csv", "--runs", "runs.csv")[1]["e_daq.csv"] == ["log_missing"]
     table.write_text("file,run,motion\na_daq.csv,r1,y\nb_forces.csv,r1,y\nd_daq.csv,r2,x\n")

@@ -88,8 +88,8 @@ def test_the_verdict_counts_what_is_no_number(brief_analysis):
     assert verdict([withheld]) == ("1 of 1 reductions are withheld for counter_mass_contradiction: see the findings.")
     low, high = sound.interval
     assert verdict([sound, bound, withheld, replace(sound, interval=None)]) == (
-        f"{sound.axis}: reduced by {sound.percent:.1f} % [{low:.1f}, {high:.1f}]; {bound.axis}: reduced by at least "
-        f"{bound.at_least:.1f} % (the rest is below noise); 1 of 4 reductions are withheld for "
+        f"{sound.axis}: reduced by {sound.percent:.1f} % [{low:.1f}, {high:.1f}], at least "
+        f"{bound.at_least:.1f} % (residual below noise); 1 of 4 reductions are withheld for "
         "counter_mass_contradiction: see the findings; 1 of 4 reductions have no interval."
     )
     less = replace(bound, interval=(bound.at_least - 5.0, 100.0))
@@ -121,7 +121,7 @@ def test_the_verdict_says_what_is_raised(brief_analysis):
     )
     lost, clipped = replace(bound, interval=(-1600.0, 100.0)), replace(bound, below_noise=False)
     assert verdict([lost, bound]).startswith(
-        f"{bound.axis}: reduced by at least {bound.at_least:.1f} % (the rest is below noise), the noise hides whether "
+        f"{bound.axis}: reduced by at least {bound.at_least:.1f} % (residual below noise), the noise hides whether "
         "it fell or rose in 1 condition;"
     )
     assert "not raised by more than 150.0 % (clipped" in verdict([replace(clipped, interval=(-150.0, 100.0))])
