@@ -5,6 +5,7 @@ import pytest
 
 import testbench
 from testbench.cli.options import print_reading_findings
+from testbench.cross_examination.statement import ADVICE, WITHHOLDING
 from testbench.ingestion import Ingest
 from testbench.ingestion.planned_runs import PlannedRun
 from testbench.quality.log_description import describe_log
@@ -45,6 +46,17 @@ def test_every_code_of_an_analysis_is_documented():
                 codes |= {one.value for one in node.elts[:1] if isinstance(one, ast.Constant)}
     lines = {line.partition(" | ")[0].strip("| `") for line in PAGE.read_text("utf-8").splitlines()}
     assert {"vibrates_more", "durations_differ"} <= codes <= lines
+
+
+def test_contradictions_that_withhold_a_number_are_marked_so_on_the_page():
+    """All contradictions are listed; a copied run has words of its own, for it counts once or not at all."""
+    _, table = PAGE.read_text("utf-8").split("| contradiction | subject |")
+    effects = {
+        row[1].strip(): row[3].strip() for row in (line.split("|") for line in table.splitlines()) if len(row) > 4
+    }
+    assert set(ADVICE) <= set(effects)
+    for code in set(ADVICE) - {"copied_run"}:
+        assert effects[code] == ("withheld" if code in WITHHOLDING else "marked"), code
 
 
 def test_only_accepted_errors_pass():
