@@ -27,7 +27,7 @@ from .motion import Motion, Samples
 Acceleration = Annotated[Measured[float], Quantity("acceleration", "angular acceleration", above=0.0)]
 Place = Annotated[Measured[float], Quantity("length", "angle")]
 _LEAST_SAMPLES = 6
-"""Of a quintic spline."""
+"""Of a quintic spline, and at each end those whose quartic gives its third and fourth derivative there."""
 
 
 class MoveTable(Table):
@@ -121,7 +121,7 @@ class MotionTable(Table):
     """In place of start and moves a CSV in this folder: ``time (s)``, then columns as ``x (m)`` or ``A0 (rad)``; also
     in other units that the column names, ``time (ms)``, ``A0 (deg)``. An angle goes on counting beyond half a turn: one
     that wraps round is refused. Instants and positions need all their digits: the acceleration is their second
-    difference, and commands say of few digits what they make of it (`coarse_samples`)."""
+    difference, and commands say what few digits, noise, gaps or a clock make of it (`coarse_samples`)."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -214,9 +214,21 @@ def _samples(text: str, source: str, joints: tuple[str, ...], point: str | None,
                 f"{source}, line {at + 3}: {goes}: expected at most half a turn a sample; an angle that wraps round "
                 "must go on counting (numpy.unwrap)"
             )
-    spline = make_interp_spline(time, position, k=5)
+    ends: Any = _end(time, position), _end(time[::-1], position[::-1])
+    spline = make_interp_spline(time, position, k=5, bc_type=ends)
     sliding = tuple(columns[name].dimension == "length" for name in joints)
     return Samples(time, position, spline(time, 1), spline(time, 2), joints, point, axes, sliding)
+
+
+def _end(time: Floats, position: Floats) -> list[tuple[int, Floats]]:
+    """Order and value (d,) of derivatives at the first of the samples (n,), (n, d): from the nearest, in least squares.
+
+    Left to the spline, the acceleration there has ten times the noise of the others.
+    """
+    span = time[_LEAST_SAMPLES - 1] - time[0]
+    near = (time[:_LEAST_SAMPLES] - time[0]) / span
+    of = np.polynomial.polynomial.polyfit(near, position[:_LEAST_SAMPLES], 4)
+    return [(3, 6.0 * of[3] / span**3), (4, 24.0 * of[4] / span**4)]
 
 
 def _waypoints(table: MotionTable) -> tuple[Floats, Floats]:
