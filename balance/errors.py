@@ -36,7 +36,7 @@ class DataError(CounterpoiseError):
 
 
 class CoarseSamples(UserWarning):
-    """Samples of a motion whose rounding, of values or instants, makes much of the acceleration that follows."""
+    """Samples of a motion whose rounding, noise, gaps or clock make much of the acceleration that follows."""
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:

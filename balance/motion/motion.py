@@ -2,8 +2,10 @@
 
 import math
 import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
 
@@ -20,10 +22,16 @@ _MOST_OF_STEPS = 4.0
 """Acceleration, in steps a squared interval, below which steps make it: rounding alone makes about 1.4 of them RMS."""
 _GAP = 10.0
 """Step of time, in the median step, from which something is missing."""
-_THIRD = 42.0
-"""Mean square of third differences of accelerations that noise of the positions makes, over that of these."""
-_ROUGH_SHARE = 0.15
-"""Share of an acceleration that noise may be before it is said."""
+_FALSE = 0.03
+"""RMS share of an acceleration that noise or a clock may make before it is said: of a peak it makes four times that."""
+_BY = 5
+"""Order of differences of accelerations in which noise is told: a motion of ten samples a period is not in them."""
+_OF_NOISE = 940.0
+"""Upper quartile of their squares over the mean square of the accelerations, both of white noise of positions.
+
+Jumps of a true acceleration are in fewer of them, and about one their sum is up to 330 squared peaks; about one wrong
+value that makes the peak it is 1100 or more.
+"""
 _LEAST_ROUGH = 1e-6
 """Share of a step's speed by which it may change: rounding of numbers."""
 _AROUND = 12
@@ -32,8 +40,22 @@ _FEWEST = 12
 """Samples from which an error of the clock is told."""
 _ROUGH = 0.5
 """Correlation of what changes from sample to sample, above which a clock that errs makes it."""
-_MADE = 0.02
-"""Share of an acceleration that a clock may make before it is said."""
+_SAID = {
+    "clock": "{name}: the instants of the samples are wrong by about {away:.2g} s, which makes {made:.3g} {unit}/s2 of "
+    "the acceleration's {size:.3g} {unit}/s2 RMS: what follows from it, torques and moments above all, is the clock's; "
+    "write the time with more digits, of evenly spaced samples evenly, or the motion as [[moves]]",
+    "steps": "{name}: the samples go in steps of {step:.3g} {unit}, each of which makes {made:.3g} {unit}/s2 "
+    "(step / dt2, dt = {dt:.3g} s) of the acceleration's {size:.3g} {unit}/s2 RMS: forces and torques are those of "
+    "rounding; write more digits, or the motion as [[moves]]",
+    "gap": "{name}: no sample between {begin:.6g} s and {end:.6g} s: a smooth curve is laid through, and forces there "
+    "are those of the curve; record the motion without a gap",
+    "noise": "{name}: the samples are rough: {made:.3g} {unit}/s2 of the acceleration's {size:.3g} {unit}/s2 RMS, and "
+    "some four times as much of its peak, change from sample to sample as noise does: what follows from it, torques "
+    "and moments above all, is that of noise; smooth the samples, or write the motion as [[moves]]",
+    "value": "{name}: one value does not fit, about {instant:.6g} s: it makes an acceleration of {peak:.3g} {unit}/s2, "
+    "and forces and torques there are its own; correct it, or leave its row out",
+}
+"""What is said of each fault of samples."""
 DEFAULT_RATE_HZ = 10_000.0
 """Sampling of a motion where none is asked for [Hz]: 15 samples in the shortest ramp of the test motions."""
 RECORDED_SHARE = 0.02
@@ -76,62 +98,36 @@ class Samples:
 
     @cached_property
     def coarse(self) -> list[str]:
-        """What is said of each driven coordinate whose acceleration is that of rounded values or instants."""
-        names = self.joints or self.axes
-        each = (self._coarse(i, name) for i, name in enumerate(names) if len(self.time) > 1)
-        return [said for said in each if said]
+        """What is said of each driven coordinate whose acceleration is that of a fault: the first of ``_SAID``."""
+        said = []
+        for i, name in enumerate(self.joints or self.axes):
+            unit = "rad" if self.joints and not any(self.sliding[i : i + 1]) else "m"
+            said += [_SAID[kind].format(name=name, unit=unit, **of) for kind, of in islice(self._faults(i), 1)]
+        return said
 
-    def _coarse(self, i: int, name: str) -> str:
-        """The same of one coordinate; empty where there is nothing to say."""
-        unit = "rad" if self.joints and not any(self.sliding[i : i + 1]) else "m"
-        a, dt = self.acceleration[:, i], float(np.median(np.diff(self.time)))
-        size = float(np.sqrt(np.mean(a**2)))
-        of_clock = self._made_by_clock(i, dt)
-        if of_clock > _MADE * size:
-            away = float(np.sqrt(np.mean(np.diff(self.time, 2) ** 2) / 6.0))
-            return (
-                f"{name}: the instants of the samples are wrong by about {away:.2g} s, which makes {of_clock:.3g} "
-                f"{unit}/s2 of the acceleration's {size:.3g} {unit}/s2 RMS: what follows from it, torques and moments "
-                "above all, is the clock's; write the time with more digits, of evenly spaced samples evenly, or the "
-                "motion as [[moves]]"
-            )
+    def _faults(self, i: int) -> Iterator[tuple[str, dict[str, float]]]:
+        """Faults of one coordinate's samples, in the order of ``_SAID``, each with the numbers of what is said."""
+        a, between = self.acceleration[:, i], np.diff(self.time)
+        if len(a) <= _BY:
+            return
+        dt, size, peak = float(np.median(between)), float(np.sqrt(np.mean(a**2))), float(np.abs(a).max())
+        least = max(_FALSE * size, _LEAST_ROUGH * float(np.abs(self.velocity[:, i]).max()) / dt)
+        if (made := self._made_by_clock(i, dt)) > least:
+            away = float(np.sqrt(np.mean(np.diff(between) ** 2) / 6.0))
+            yield "clock", {"away": away, "made": made, "size": size}
         step = _common_step(self.position[:, i])
         made = step / dt**2
         if 1e-3 < size / (made or np.inf) < _MOST_OF_STEPS and np.mean(np.diff(a, 2) ** 2) > size**2:
-            return (
-                f"{name}: the samples go in steps of {step:.3g} {unit}, each of which makes {made:.3g} {unit}/s2 "
-                f"(step / dt2, dt = {dt:.3g} s) of the acceleration's {size:.3g} {unit}/s2 RMS: forces and torques "
-                "are those of rounding; write more digits, or the motion as [[moves]]"
-            )
-        return self._missing(dt, name) or self._rough(a, size, f"{unit}/s2", name)
-
-    def _missing(self, dt: float, name: str) -> str:
-        """What is said of a gap between the samples."""
-        at = int(np.argmax(np.diff(self.time)))
-        begin, end = self.time[at : at + 2]
-        if end - begin <= _GAP * dt:
-            return ""
-        return (
-            f"{name}: no sample between {begin:.6g} s and {end:.6g} s: a smooth curve is laid through, and forces "
-            "there are those of the curve; record the motion without a gap"
-        )
-
-    def _rough(self, a: Floats, size: float, unit: str, name: str) -> str:
-        """What is said of noise and of single wrong values, by how an acceleration (n,) changes between samples."""
-        rough = np.diff(a, 3) ** 2
-        noise = float(np.sqrt(np.mean(rough) / _THIRD)) if len(rough) else 0.0
-        least = _LEAST_ROUGH * float(np.abs(self.velocity).max()) / float(np.median(np.diff(self.time)))
-        if noise <= max(_ROUGH_SHARE * size, least):
-            return ""
+            yield "steps", {"step": step, "made": made, "dt": dt, "size": size}
+        at = int(np.argmax(between))
+        if between[at] > _GAP * dt:
+            yield "gap", {"begin": self.time[at], "end": self.time[at + 1]}
+        rough = np.diff(a, _BY) ** 2
+        if (made := float(np.sqrt(np.quantile(rough, 0.75) / _OF_NOISE))) > least:
+            yield "noise", {"made": made, "size": size}
         at = int(np.argmax(rough))
-        alone = float(np.sum(rough[max(at - _AROUND, 0) : at + _AROUND])) > 0.5 * float(np.sum(rough))
-        instant = self.time[min(at + 2, len(a) - 1)]
-        about = f", most about {instant:.6g} s, where one value does not fit" * alone
-        return (
-            f"{name}: the samples are rough: {noise:.3g} {unit} of the acceleration's {size:.3g} {unit} RMS change "
-            f"from sample to sample as noise does{about}: what follows from it, torques and moments above all, is "
-            "that of noise; smooth the samples, or write the motion as [[moves]]"
-        )
+        if float(np.sum(rough[max(at - _AROUND, 0) : at + _AROUND])) > _OF_NOISE * max(peak, least) ** 2:
+            yield "value", {"instant": self.time[at + _BY // 2], "peak": peak}
 
     def _made_by_clock(self, i: int, dt: float) -> float:
         """RMS acceleration that errors of the instants make [m/s2 or rad/s2]; zero where they make none.
@@ -229,7 +225,7 @@ class Motion:
     def sample_as_asked(self, rate_hz: float | None, otherwise: float = DEFAULT_RATE_HZ) -> Samples:
         """Sample at the rate that was asked for, if one was. Raises DataError for one that samples of a file ignore.
 
-        Warns (CoarseSamples) of samples whose acceleration is that of rounding.
+        Warns (CoarseSamples) of samples whose acceleration is that of a fault.
         """
         if rate_hz is not None and self.recorded is not None:
             raise DataError(

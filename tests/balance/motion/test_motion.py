@@ -198,13 +198,17 @@ def test_steps_that_make_the_acceleration_are_told(tmp_path: Path, unit, positio
 
 
 @pytest.mark.parametrize("position", [lambda t: 0.3 * np.sin(19.0 * t), lambda t: 40.0 * t], ids=["swing", "turn"])
-@pytest.mark.parametrize("rate", [7200.0, 2048.0])
+@pytest.mark.parametrize("rate", [7200.0, 2048.0, 1000.0])
 def test_an_erring_clock_is_told(tmp_path: Path, rate, position) -> None:
     """Instants rounded to 1 us make an acceleration of their own; true instants, uneven as they may be, do not."""
     rng = np.random.default_rng(3)
     even = np.arange(2000) / rate
     uneven = even + 2e-6 * rng.standard_normal(2000)
-    for true, stamps, wrong in [(even, np.round(even, 6), True), (even, even, False), (uneven, uneven, False)]:
+    for true, stamps, wrong in [
+        (even, np.round(even, 6), rate != 1000.0),
+        (even, even, False),
+        (uneven, uneven, False),
+    ]:
         values = position(true)[:, None]
         written(tmp_path, Samples(stamps, values, values, values), ("A0 (rad)",))
         (tmp_path / "path.toml").write_text(
@@ -227,9 +231,15 @@ ROUGH = {
         lambda t, rng: np.round((0.3 * np.sin(19.0 * t) + 4e-4 * rng.standard_normal(len(t))) / 3.8e-4) * 3.8e-4
         - 0.3 * np.sin(19.0 * t), "the samples are rough: ",
     ),
-    "spike": (lambda t, rng: 1e-2 * (np.arange(len(t)) == 301), "about 0.3.* where one value does not fit"),
-    "value twice": (lambda t, rng: np.where(np.arange(len(t)) == 301, -5.6e-3, 0.0), "where one value does not fit"),
+    "spike": (lambda t, rng: 1e-2 * (np.arange(len(t)) == 301), "one value does not fit, about 0.3"),
+    "value twice": (lambda t, rng: np.where(np.arange(len(t)) == 301, -5.6e-3, 0.0), "one value does not fit"),
+    "noise of a ninth": (lambda t, rng: 2e-6 * rng.standard_normal(len(t)), "the samples are rough: "),
+    "single precision": (
+        lambda t, rng: np.float32(100.0 + 0.3 * np.sin(19.0 * t)) - 0.3 * np.sin(19.0 * t), "the samples are rough: "
+    ),
     "little noise": (lambda t, rng: 3e-7 * rng.standard_normal(len(t)), None),
+    "100 Hz": (lambda t, rng: 1e-3 * np.sin(628.0 * t), None),
+    "jumps": (lambda t, rng: 50.0 * np.where(t % 0.2 < 0.1, 1.0, -1.0) * (t % 0.1) * (0.1 - t % 0.1), None),
 }  # fmt: skip
 
 
