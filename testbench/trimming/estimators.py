@@ -92,13 +92,13 @@ class _Equations:
 
     def __init__(self, problem: TrimProblem, runs: Sequence[RunEquations]) -> None:
         """Noise below a cut-off lasts half of its period: so many samples a prior counts for."""
-        deviations = sensor_errors.stated_deviations(run.run for run in problem.runs)
-        deviations[MASS] = FILE_MASS * problem.mechanism.total_mass / problem.mounted.total_mass
+        of_mass = {MASS: FILE_MASS * problem.mechanism.total_mass / problem.mounted.total_mass}
+        deviations = [sensor_errors.stated_deviations(run.run) | of_mass for run in problem.runs]
         effects = [run.effects for run in runs]
         self.problem = problem
         self.records, self.entries = sensor_errors.with_error_columns([r.record for r in runs], effects, deviations)
         others = self.records[0].columns.shape[2] - problem.conditions.rank - len(self.entries)
-        self.prior = np.r_[np.zeros(others), np.full(len(self.entries), 0.5 * runs[0].period)]
+        self.prior = np.r_[np.zeros(others), np.full(len(self.entries), 0.5 * np.mean([run.period for run in runs]))]
 
     @classmethod
     def channel_by_channel(
@@ -107,9 +107,10 @@ class _Equations:
         """Of rows that are channels, exposed to what explains them without errors; ``shared`` (p, k) as excited."""
         records = with_shared_unknowns([run.record for run in runs], problem.conditions.rank, shared)
         runs = [replace(run, record=record) for run, record in zip(runs, records, strict=True)]
-        if deviations := sensor_errors.stated_deviations(run.run for run in problem.runs):
+        deviations = [sensor_errors.stated_deviations(run.run) for run in problem.runs]
+        if any(deviations):
             explained = imbalance_fit(records, problem.conditions).regression.explained()
-            effects = (sensor_errors.reading_effects(e, c, deviations) for e, c in zip(explained, columns, strict=True))
+            effects = map(sensor_errors.reading_effects, explained, columns, deviations)
             runs = [replace(run, effects=own) for run, own in zip(runs, effects, strict=True)]
         return cls(problem, runs)
 

@@ -132,7 +132,7 @@ def force_regression(
     if loads.rates is not None:
         turning.hold(loads.rates, _first_moments(run, conditions, path.q), conditions.values(run.mechanism))
     nuisance = [turning.projected(valid.rates(loads.forces))]
-    deviations = stated_deviations([run.run])
+    deviations = stated_deviations(run.run)
     effects = {entry: turning.projected(change) for entry, change in force_effects(run, deviations, axes).items()}
     held = loads.projected(turning.readings)
     if run.base is not None and loads.inertial is not None:

@@ -7,7 +7,7 @@ as the scatter says. What of it the fit does not see goes by the gain of the lea
 are independent, their variances add (JCGM 100, 5.1.2).
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,31 +24,33 @@ from ..runs.si_run import SIRun
 from .problem import Effects, Entry, RunEquations
 
 
-def stated_deviations(runs: Iterable[SIRun]) -> dict[Entry, float]:
-    """Standard deviations of the entries that calibrations and rigs state, zero ones left out."""
+def stated_deviations(run: SIRun) -> dict[Entry, float]:
+    """Standard deviations of the entries that a run's calibrations and rig state, zero ones left out."""
     found: dict[Entry, float] = {}
-    for run in runs:
-        for name, errors in run.rig.bench.errors.items():
-            if name in run.rig.sensors:
-                sizes = sensitivity_scatter(name, list(run.rig.sensors[name].columns(name)), errors)
-                found |= {(name, int(j), int(k)): float(sizes[j, k]) for j, k in np.argwhere(sizes > 0.0)}
-        for column in run.rig.columns():
-            if run.holds(column) and (stated := run.sensitivity_uncertainty(column)) is not None:
-                found[column.sensor, column.index, column.index] = stated.relative
+    for name, errors in run.rig.bench.errors.items():
+        if name in run.rig.sensors:
+            sizes = sensitivity_scatter(name, list(run.rig.sensors[name].columns(name)), errors)
+            found |= {(name, int(j), int(k)): float(sizes[j, k]) for j, k in np.argwhere(sizes > 0.0)}
+    for column in run.rig.columns():
+        if run.holds(column) and (stated := run.sensitivity_uncertainty(column)) is not None:
+            found[column.sensor, column.index, column.index] = stated.relative
     return found
 
 
 def with_error_columns(
-    records: Sequence[RegressionRecord], effects: Sequence[Effects], deviations: Mapping[Entry, float]
+    records: Sequence[RegressionRecord], effects: Sequence[Effects], deviations: Sequence[Mapping[Entry, float]]
 ) -> tuple[list[RegressionRecord], list[Entry]]:
-    """Records with a shared column for each entry that changes one, per standard deviation of it, and those entries."""
+    """Records with a shared column for each entry that changes one, and those entries.
+
+    In each record it is per standard deviation of the entry in that run: one may be calibrated better than another.
+    """
     entries = sorted({entry for one in effects for entry in one})
     if not entries:
         return list(records), []
     joined = []
-    for record, one in zip(records, effects, strict=True):
+    for record, one, own in zip(records, effects, deviations, strict=True):
         still = np.zeros_like(record.readings)
-        columns = np.stack([deviations[entry] * one.get(entry, still) for entry in entries], axis=2)
+        columns = np.stack([own[entry] * one[entry] if entry in one else still for entry in entries], axis=2)
         joined.append(replace(record, columns=np.concatenate([record.columns, columns], axis=2)))
     return joined, entries
 

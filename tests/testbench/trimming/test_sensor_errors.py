@@ -75,13 +75,13 @@ def test_what_is_not_stated_is_not_in_the_interval(aligned, found):
 def test_a_stated_error_of_one_channel(deep):
     """Only what is stated counts; the uncertainty of a calibration takes the place of what the rig's bench states."""
     run = SIRun.of(deep[0])
-    assert sensor_errors.stated_deviations([SIRun(deep[0], rigs.load_rig(memory.MANIPULATOR))]) == {}
+    assert sensor_errors.stated_deviations(SIRun(deep[0], rigs.load_rig(memory.MANIPULATOR))) == {}
     text = run.rig.text.replace("[sensors.kistler]", '[sensors.kistler.calibration.uncertainty]\nexpanded = "6 %"\n'
                                 "coverage_factor = 2\n[sensors.kistler]")  # fmt: skip
-    certified = sensor_errors.stated_deviations([SIRun(deep[0], rigs.rig_from_text(text))])
+    certified = sensor_errors.stated_deviations(SIRun(deep[0], rigs.rig_from_text(text)))
     assert certified["kistler", 0, 0] == pytest.approx(0.03)
     assert certified["kistler", 0, 2] == pytest.approx(0.01)
-    entries = sensor_errors.stated_deviations([run])
+    entries = sensor_errors.stated_deviations(run)
     assert entries["kistler", 0, 0] == pytest.approx(0.005)
     assert entries["kistler", 0, 2] == pytest.approx(0.01)
     assert ("futek_1", 0, 0) in entries
@@ -117,10 +117,28 @@ def test_noise_is_not_explained_by_a_common_error_of_sensitivity():
     run = RunEquations(record, period, (), {(name, 0, 0): one for name, one in shown.items()})
     deviations, found = {entry: 0.02 for entry in run.effects}, []
     for _ in range(2):
-        records, entries = sensor_errors.with_error_columns([record], [run.effects], deviations)
+        records, entries = sensor_errors.with_error_columns([record], [run.effects], [deviations])
         fit = regression.fit(records, np.r_[0.0, np.full(len(entries), 0.5 * period)], one_scale=1)
         found.append(fit.values[0])
         supports = dict.fromkeys(shown, SimpleNamespace(measured=("Fx",)))
         run = replace(run, effects=sensor_errors.without_residual(run, fit.residual()[0], supports))
     assert found[0] < 0.97
     assert found[1] == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)], ids=["rough first", "fine first"])
+def test_the_better_calibration_counts_whatever_the_order(order):
+    """A sensor 5 % wrong in the run whose calibration states 5 %, right in that of 0.1 %: the truth is the latter's."""
+    rng, count, period, entry = np.random.default_rng(2), 2000, 25.0, ("scale", 0, 0)
+    column = rng.standard_normal((count, 1))
+    blocks = regression.equal_blocks(column[:, 0] ** 2, period, 20)
+    scales, stated = (1.05, 1.0), ({entry: 0.05}, {entry: 0.001})
+    records = [
+        regression.RegressionRecord.of(
+            column[:, :, None], scales[i] * column + 0.01 * rng.standard_normal((count, 1)), blocks, rows=["Fx"]
+        )
+        for i in order
+    ]
+    joined, _ = sensor_errors.with_error_columns(records, [{entry: column}] * 2, [stated[i] for i in order])
+    found = regression.fit(joined, np.r_[0.0, 0.5 * period], one_scale=1)
+    assert found.values[0] == pytest.approx(1.0, abs=0.002)
