@@ -1,5 +1,6 @@
 """What is missing at each site and what to add there, with the verdict."""
 
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,7 +10,7 @@ import numpy as np
 
 from balance.arrays import Floats
 from balance.balancing.conditions import Conditions, text_of
-from balance.balancing.sizing import Sizing, best_sets_from_stock, exact_sizing, site_columns, sizing_of_given
+from balance.balancing.sizing import Sizing, best_sets_from_stock, site_columns, sizing_of_given
 from balance.balancing.stock_plates import Plate
 from balance.estimation.estimate import LEVEL, Estimate
 from balance.estimation.first_moment_imbalance import (
@@ -158,33 +159,31 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
 
         On the mechanism less the removal; nothing to one that counts as balanced.
         """
-        if not self.removal:
-            return self._added_to(self._measured)
-        columns = site_columns(self.conditions, self.mechanism, [one.site for one in self.removal])
-        values = self.conditions.values(self._measured) + columns @ [one.mass.value for one in self.removal]
-        rest = with_condition_values(self.conditions, self._measured, values)
-        more = {site: mass for site, mass in self._best_changes.items() if mass > 0.0}
-        return self._added_to(rest) if self.plates else sizing_of_given(self.conditions, rest, more)
+        return self._addition(self._best_changes(may_remove=True))
 
-    @property
+    @cached_property
     def removal(self) -> tuple[MissingMass, ...]:
         """What to take off where there is significantly too much, in the mounting whose residual is predicted.
 
         None of a mechanism that counts as balanced.
         """
-        less = {site: mass for site, mass in self._best_changes.items() if mass < 0.0}
-        return tuple(m.with_added(m.mass.value - less[m.site]) for m in self.missing if m.site in less)
+        changes = self._best_changes(may_remove=True)
+        less = [m for m in self.missing if changes.get(m.site, 0.0) < 0.0]
+        return tuple(m.with_added(m.mass.value - changes[m.site]) for m in less)
 
     @cached_property
-    def _best_changes(self) -> dict[str, float]:
+    def only_adding(self) -> Sizing | None:
+        """What to add where nothing can be taken off; None where nothing is to be taken off, or to be added."""
+        found = self._addition(self._best_changes(may_remove=False)) if self.removal else None
+        return found if found and any(c.mass > 0.0 for c in found.counter_masses) else None
+
+    def _best_changes(self, may_remove: bool) -> dict[str, float]:
         """By site, masses to add, or to take off (negative), that are best with nothing changed where an interval holds
-        zero [kg]; empty where no site has significantly too much.
+        zero, nor, where none ``may_remove``, where there is too much [kg].
         """
-        changed = [m for m in self.missing if m.is_significant]
-        if self.verdict == "balanced" or all(m.first_moment.value > 0.0 for m in changed):
-            return {}
+        changed = [m for m in self.missing if m.is_significant and (may_remove or m.first_moment.value > 0.0)]
         values, masses = self.conditions.values(self._measured), np.zeros(0)
-        while changed:  # until each has the sign of what is missing there
+        while changed and self.verdict != "balanced":  # until each has the sign of what is missing there
             sites = [m.site for m in changed]
             masses = masses_per_value(self.conditions, self.mechanism, sites, values) @ values
             kept = [m for m, mass in zip(changed, masses, strict=True) if m.first_moment.value * mass > 0.0]
@@ -193,25 +192,16 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
             changed = kept
         return {m.site: float(mass) for m, mass in zip(changed, masses, strict=False)}
 
-    @cached_property
-    def only_adding(self) -> Sizing | None:
-        """What to add where nothing can be taken off; None where nothing is to be taken off, or to be added."""
-        if not self.removal:
-            return None
-        found = self._added_to(self._measured)
-        return found if any(c.mass > 0.0 for c in found.counter_masses) else None
-
-    def _added_to(self, mechanism: Mechanism) -> Sizing:
-        """What to add to the sites that significantly lack something, on ``mechanism`` as it is else mounted."""
-        lacking = [m.site for m in self.missing if m.is_significant and m.first_moment.value > 0.0]
-        if not lacking or self.verdict == "balanced":
-            return sizing_of_given(self.conditions, mechanism, {})
-        if self.plates:
-            return best_sets_from_stock(self.conditions, mechanism, self.plates, lacking)[0]
-        if len(lacking) == len(self.missing):
-            every = {m.site: m.mass.value for m in self.missing}
-            return sizing_of_given(self.conditions, mechanism, every)
-        return exact_sizing(self.conditions, mechanism, lacking)
+    def _addition(self, changes: Mapping[str, float]) -> Sizing:
+        """What is added of changes [kg], on the mechanism less what they take off; plates as near as they come."""
+        more, rest = {site: mass for site, mass in changes.items() if mass > 0.0}, self._measured
+        if len(more) < len(changes):
+            columns = site_columns(self.conditions, rest, list(changes))
+            taken_off = columns @ np.minimum(list(changes.values()), 0.0)
+            rest = with_condition_values(self.conditions, rest, self.conditions.values(rest) + taken_off)
+        if more and self.plates:
+            return best_sets_from_stock(self.conditions, rest, self.plates, list(more))[0]
+        return sizing_of_given(self.conditions, rest, more)
 
     def residual_with(self, mounting: Sizing) -> tuple[float, tuple[float, float]]:
         """Largest of the conditions in a mounting, and from the least to the most that their intervals leave of it
