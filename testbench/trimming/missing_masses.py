@@ -9,7 +9,7 @@ from balance.balancing import conditions
 from balance.balancing.stock_plates import Plate
 from balance.dynamics.regressor import driven_torque_regressor
 from balance.errors import CounterpoiseError
-from balance.estimation.first_moment_imbalance import can_be_met, combine, masses_per_value
+from balance.estimation.first_moment_imbalance import CombinedImbalance, can_be_met, combine, masses_per_value
 from balance.estimation.identifiability import NotIdentifiable
 from balance.mechanism.mechanism import Mechanism
 from balance.results import first_of
@@ -56,46 +56,53 @@ def trim_runs(
     found, failed = _estimated(problem, _sources(problem, named), bool(named))
     both = combine([one.imbalance for one in found]) if len(found) > 1 else None
     measured = both.imbalance if both else found[0].imbalance
-    doubts = [doubt for one in found for doubt in one.doubts]
-    if both and not both.agrees:
-        doubts.append(
-            f"the sources contradict each other: chi-square {both.chi_square:.3g} with {both.degrees_of_freedom} "
-            f"degrees of freedom, probability {both.probability:.1g}; see what each says, and trust none before the "
-            "reason is found"
-        )
-    about = [line for one in found for line in one.about]
-    if both:
-        about = [f"By {SOURCES[o.source].name}: {text[0].lower()}{text[1:]}" for o in found for text in o.about]
-    about += trigger_notes(runs)
-    if not can_be_met(problem.conditions, mounted, names):
-        about.append(COMPROMISE)
     unbalanced = problem.conditions.values(_unbalanced(problem))
+    shares = [
+        Share(
+            source=one.source,
+            missing=tuple(one.imbalance.missing(mounted, names)),
+            unexplained=one.imbalance.unexplained,
+            by_steps=one.by_steps,
+            of_unbalanced=one.imbalance.unexplained_of(unbalanced),
+            over_rest=one.over_rest,
+        )
+        for one in found
+    ]
     return Trim(
-        problem.conditions,
-        mounted,
-        tuple(run.name for run in runs),
-        common_origin(run.run.origin for run in runs),
-        tuple(
-            Share(
-                one.source,
-                tuple(one.imbalance.missing(mounted, names)),
-                one.imbalance.unexplained,
-                one.by_steps,
-                one.imbalance.unexplained_of(unbalanced),
-                one.over_rest,
-            )
-            for one in found
-        ),
-        tuple(measured.missing(mounted, names)),
-        measured,
-        tuple(dict.fromkeys([*about, *failed])),
-        tuple(doubts),
-        both,
-        tuple(plates),
-        tuple(finding for one in found for finding in one.findings),
-        tuple(one.imbalance for one in found),
+        conditions=problem.conditions,
+        mechanism=mounted,
+        runs=tuple(run.name for run in runs),
+        origin=common_origin(run.run.origin for run in runs),
+        shares=tuple(shares),
+        missing=tuple(measured.missing(mounted, names)),
+        imbalance=measured,
+        about=tuple(dict.fromkeys([*_about(problem, found), *failed])),
+        doubts_before=(*(doubt for one in found for doubt in one.doubts), *_contradiction(both)),
+        consensus=both,
+        plates=tuple(plates),
+        findings=tuple(finding for one in found for finding in one.findings),
+        estimates=tuple(one.imbalance for one in found),
         unbalanced=float(np.abs(unbalanced).max(initial=0.0)),
     )
+
+
+def _about(problem: TrimProblem, found: Sequence[SourceEstimate]) -> list[str]:
+    """How it was found, by each source where there are several, and what no masses at the sites can meet."""
+    about = [line for one in found for line in one.about]
+    if len(found) > 1:
+        about = [f"By {SOURCES[o.source].name}: {text[0].lower()}{text[1:]}" for o in found for text in o.about]
+    met = can_be_met(problem.conditions, problem.mounted, problem.sites)
+    return [*about, *trigger_notes(problem.runs), *([] if met else [COMPROMISE])]
+
+
+def _contradiction(both: CombinedImbalance | None) -> list[str]:
+    """The doubt of sources that contradict each other."""
+    if both is None or both.agrees:
+        return []
+    return [
+        f"the sources contradict each other: chi-square {both.chi_square:.3g} with {both.degrees_of_freedom} degrees "
+        f"of freedom, probability {both.probability:.1g}; see what each says, and trust none before the reason is found"
+    ]
 
 
 def trim_problem(runs: Sequence[AlignedRun], sites: Sequence[str], cutoff: float | None) -> TrimProblem:
