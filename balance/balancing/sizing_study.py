@@ -433,10 +433,6 @@ def study_sizing(
             f"{model.name}: with masses at {', '.join(sites)}, bodies that turn idly ({', '.join(conditions.idle)}) "
             "would swing, which no motor determines: leave those sites out, or put them on the line they turn about"
         )
-
-    def of_any_mass(size: Callable[[float | None], Sizing]) -> tuple[Sizing, Sizing | None]:
-        return size(added), None if added is None else size(None)
-
     left_out: tuple[str, ...] = ()
     if rig and trajectory:
         from . import base_vibration  # late: forces are balanced without reading a rig
@@ -449,12 +445,11 @@ def study_sizing(
             )
         left_out = tuple(f"bench.{key}" for key in measured.left_out)
         vibration = base_vibration.vibration_objective(model, trajectory, measured, weights)
-        any_mass, any_total = of_any_mass(
-            partial(base_vibration.least_vibration, conditions, model, sites, vibration, limits, equal)
-        )
+        of_any_mass = partial(base_vibration.least_vibration, conditions, model, sites, vibration, limits, equal)
     else:
         target = objective.motion_objective(model, trajectory, weights) if trajectory else conditions.objective
-        any_mass, any_total = of_any_mass(partial(exact_sizing, conditions, model, sites, limits, target, equal))
+        of_any_mass = partial(exact_sizing, conditions, model, sites, limits, target, equal)
+    any_mass, any_total = of_any_mass(added), None if added is None else of_any_mass(None)
     sets: Sequence[Sizing] = [any_mass]
     use: StockUse | None = None
     if stock:
