@@ -45,20 +45,18 @@ def simulate(
     """
     from ..dynamics.inverse_dynamics import simulate as respond
     from ..dynamics.reactions import find_reactions
-    from ..front_door import follow, load_motion
+    from ..front_door import follow
     from ..table_files import write_csv_file, write_parquet
 
     if csv and parquet and Path(csv).resolve() == Path(parquet).resolve():
         raise click.UsageError(f"--csv and --parquet name one file, {csv}: give two names")
     model = options.load_mechanism_option(mechanism, payload).with_counter_mass(counter)
-    described = load_motion(motion)
-    trajectory = follow(model, described, rate)
+    trajectory = follow(model, motion, rate)
     response = respond(model, trajectory)
     found = find_reactions(model, trajectory, response) if reactions else None
     beyond, left_out = model.beyond_limits(trajectory.q), model.left_out if response.torque else ()
     turning = [name for name, inertia in zip(model.coordinates, model.armature, strict=True) if inertia]
     rotors = [f"the shaking moment of rotors (armature of {', '.join(turning)})"] if turning and response.torque else []
-    coarse = described.recorded.coarse if described.recorded else []
     drives = f"torques and forces of the drives{' and reactions' if found else ''}"
     findings = [
         *(
@@ -80,7 +78,7 @@ def simulate(
         {"mechanism": model.name, "motion": motion, "samples": len(trajectory.time)}
         | {"closure": {name: getattr(trajectory, key) for name, key in _CLOSURE.items()}}
         | {"beyond_limits": {joint: list(reached) for joint, reached in beyond.items()}}
-        | {"idle": list(trajectory.idle), "left_out": [*left_out, *rotors], "coarse_samples": coarse}
+        | {"idle": list(trajectory.idle), "left_out": [*left_out, *rotors], "coarse_samples": list(trajectory.coarse)}
         | options.response_summary(response)
         | {"drives": response.drives()}
     )

@@ -37,7 +37,7 @@ _LEAST_ROUGH = 1e-6
 _AROUND = 12
 """Samples to either side that one wrong value reaches."""
 _FEWEST = 12
-"""Samples from which an error of the clock is told."""
+"""Samples from which faults are told."""
 _ROUGH = 0.5
 """Correlation of what changes from sample to sample, above which a clock that errs makes it."""
 _SAID = {
@@ -108,7 +108,7 @@ class Samples:
     def _faults(self, i: int) -> Iterator[tuple[str, dict[str, float]]]:
         """Faults of one coordinate's samples, in the order of ``_SAID``, each with the numbers of what is said."""
         a, between = self.acceleration[:, i], np.diff(self.time)
-        if len(a) <= _BY:
+        if len(a) < _FEWEST:
             return
         dt, size, peak = float(np.median(between)), float(np.sqrt(np.mean(a**2))), float(np.abs(a).max())
         least = max(_FALSE * size, _LEAST_ROUGH * float(np.abs(self.velocity[:, i]).max()) / dt)
@@ -135,8 +135,6 @@ class Samples:
         Samples at instants that are e late seem accelerated by - v e'' more. Where the clock is even but for e, that is
         known from the instants; it is there if the acceleration changes from sample to sample as it does.
         """
-        if len(self.time) < _FEWEST:
-            return 0.0
         expected = self.velocity[1:-1, i] * np.diff(self.time, 2) / dt**2
         changes, seen = np.diff(expected, 3), np.diff(self.acceleration[1:-1, i], 3)
         sizes = np.linalg.norm(changes) * np.linalg.norm(seen)

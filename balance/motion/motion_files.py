@@ -221,9 +221,8 @@ def _samples(text: str, source: str, joints: tuple[str, ...], point: str | None,
 
 
 def _end(time: Floats, position: Floats) -> list[tuple[int, Floats]]:
-    """Order and value (d,) of derivatives at the first of the samples (n,), (n, d): from the nearest, in least squares.
-
-    Left to the spline, the acceleration there has ten times the noise of the others.
+    """Order and value (d,) of derivatives at the first of the samples (n,), (n, d), by least squares of the nearest: by
+    the spline's own the acceleration there has ten times the noise of the others.
     """
     span = time[_LEAST_SAMPLES - 1] - time[0]
     near = (time[:_LEAST_SAMPLES] - time[0]) / span
