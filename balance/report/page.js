@@ -138,8 +138,11 @@
           y.push(raw[i] === -32768 ? null : one.low + (raw[i] + 32767) * scale);
         }
         one.curve = [x, y];
-        const { half_width: half } = one;
-        if (half) one.curve.push(...[-half, half].map((off) => y.map((value) => (value === null ? null : value + off))));
+        if (one.half_width) {
+          const [, half] = curve(one.half_width), none = (i) => half[i] === null || y[i] === null;
+          const wide = (i) => Math.max(half[i], one.whole ? 0 : half[i ^ 1]);
+          one.curve.push(...[-1, 1].map((sign) => y.map((value, i) => (none(i) ? null : value + sign * wide(i)))));
+        }
       }
       return one.curve;
     };

@@ -140,17 +140,19 @@ class Overlay:
         return [run.name for run in self.runs]
 
     def table(self) -> "DataFrame":
-        """Time [s], the channel in each run, and each further run less the first [unit], a row an instant."""
+        """Time [s], the channel in each run, each further run less the first and, where it is known, the half width of
+        its 95 % interval [unit], a row an instant.
+        """
         import pandas as pd
 
         first, *others = self.names
         columns = {"time": self.time, **dict(zip(self.names, self.values, strict=True))}
-        columns |= {f"{name} less {first}": self.values[k + 1] - self.values[0] for k, name in enumerate(others)}
+        for name, values, apart in zip(others, self.values[1:], self.differences, strict=True):
+            columns[f"{name} less {first}"] = values - self.values[0]
+            if apart.half_width is not None:
+                columns[f"half width of {name} less {first}"] = apart.half_width.read(0, len(self.time))[1]
         found = pd.DataFrame(columns)
         found.attrs["units"] = {name: "s" if name == "time" else self.unit for name in columns}
-        found.attrs["half_widths"] = {
-            f"{name} less {first}": one.half_width for name, one in zip(others, self.differences, strict=True)
-        }
         return found
 
     def __repr__(self) -> str:
@@ -173,8 +175,10 @@ class Overlay:
             for values, found in zip(self.values[1:], self.differences, strict=True):
                 (line,) = below.plot(self.time, values - self.values[0], lw=0.9)
                 if found.half_width is not None:
-                    ends = [values - self.values[0] + sign * found.half_width for sign in (-1.0, 1.0)]
-                    below.fill_between(self.time, *ends, color=line.get_color(), alpha=0.25, lw=0.0)
+                    apart, (_, half) = values - self.values[0], found.half_width.read(0, len(self.time))
+                    below.fill_between(
+                        self.time, apart - half, apart + half, color=line.get_color(), alpha=0.25, lw=0.0
+                    )
             above.set_ylabel(f"{self.channel}\n[{self.unit}]")
             below.set_ylabel(f"less {first}\n[{self.unit}]")
             below.set_xlabel(f"time of the logger of {first} [s]")

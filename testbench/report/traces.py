@@ -43,6 +43,8 @@ STEPS = 12
 """In which a lag is refined, at most."""
 LEAST_STEP = 1e-5
 """Of them [samples]."""
+LEAST_FREEDOM = 1.0
+"""Degrees of freedom of a lag's deviation, from which it is known."""
 RIVALS = 24
 """Peaks of a correlation that are looked at."""
 PERIODIC = "of a signal that is like itself a period later"
@@ -259,11 +261,10 @@ def _correlated(first: Trace, second: Trace) -> Lag | None:
     """By the correlation of one channel; None where both do not show the same, or not at one rate.
 
     The peak of the correlation of whole records is refined by least squares over what both show at that lag, for their
-    means and ends differ: see :func:`_refined`.
-    Standard uncertainty sqrt((1 - r^2) / n) / w: r the correlation, w = RMS slope / RMS [rad/s], n = w T / pi as many
-    independent values as the signal has zeros, for what differs is no white noise; not less than what the steps of both
-    leave open. None where another peak is as likely: one that is periodic matches itself a period later; or where none
-    is, since the slope is constant.
+    means and ends differ, with its deviation: see :func:`_refined`.
+    Deviation None where another peak is as likely: one that is periodic matches itself a period later; or where none
+    is, since the slope is constant. Likelihoods count as many independent values as the signal has zeros, and no more
+    than what differs has, by the deviation.
     """
     (start, rate, values), (other_start, other_rate, others) = first.beginning, second.beginning
     if abs(rate - other_rate) > SAME_RATE * rate or not (np.isfinite(values).all() and np.isfinite(others).all()):
@@ -271,28 +272,33 @@ def _correlated(first: Trace, second: Trace) -> Lag | None:
     found = correlation_peaks(others, values, RIVALS)
     if not found or (best := found[0]).correlation < FOLLOWS:
         return None
-    steps = [max(one.resolution, observed_resolution(v)) for one, v in ((first, values), (second, others))]
-    apart = 1.0 - best.correlation**2 + sum(step**2 for step in steps) / (12.0 * float(np.var(values)))
-    free = best.turn * best.common / np.pi
-    exact = _refined(values, others, best)
+    resolutions = [max(one.resolution, observed_resolution(v)) for one, v in ((first, values), (second, others))]
+    rounding = sum(step**2 for step in resolutions) / 12.0
+    exact, deviation = _refined(values, others, best, rounding) or (None, 0.0)
     shown = f"the correlation of {first.name} ({(exact or best).correlation:.4f})"
     late = (exact or best).lag / rate + other_start - start
+    apart, free = 1.0 - best.correlation**2 + rounding / float(np.var(values)), best.turn * best.common / np.pi
+    if deviation > 0.0:
+        free = min(free, apart / (best.turn * deviation) ** 2)
     for other in found[1:]:
         if free * np.log1p((best.correlation**2 - other.correlation**2) / apart) < 2.0 * DOUBTFUL:
             away = 1e3 * abs(other.lag - best.lag) / rate
             return Lag(late, None, f"{shown}, {PERIODIC} ({other.correlation:.4f} a further {away:.3g} ms away)")
-    if exact is None:
-        return Lag(late, None, shown)
-    apart = 1.0 - exact.correlation**2 + sum(step**2 for step in steps) / (12.0 * float(np.var(values)))
-    free = exact.turn * exact.common / np.pi
-    return Lag(late, float(np.sqrt(apart / free)) / (exact.turn * rate), shown)
+    return Lag(late, None if exact is None else deviation / rate, shown)
 
 
-def _refined(early: Floats, late: Floats, peak: CorrelationPeak) -> CorrelationPeak | None:
-    """The lag by which ``late`` (n,) differs least from ``early`` (m,) [any unit], their offset and size being free.
+def _refined(
+    early: Floats, late: Floats, peak: CorrelationPeak, rounding: float
+) -> tuple[CorrelationPeak, float] | None:
+    """The lag by which ``late`` (n,) differs least from ``early`` (m,) [any unit], offset and size being free, and its
+    standard deviation [samples].
 
     Newton's steps from a ``peak``, over the samples that both show then; ``turn`` is of what is neither offset nor
-    size. None where they lead nowhere: further away than the signal turns by a radian.
+    size. None where they lead nowhere, further away than the signal turns by a radian, or a few blocks tell it all.
+    What differs is no white noise, and is most where it moves: the deviation is by leaving out one block after the
+    other (jackknife), each three times as long as the signal is between two zeros, or once where so few would tell too
+    little; for Student's t, as wide as 95 % of a normal distribution are to be; and by a ``rounding`` [unit squared]
+    between two zeros.
     """
     taps = np.arange(1.0 - TAPS, TAPS)
     order = np.where(taps, taps, 1.0)
@@ -319,7 +325,22 @@ def _refined(early: Floats, late: Floats, peak: CorrelationPeak) -> CorrelationP
         if abs(step) < LEAST_STEP:
             break
     same = min(like / float(np.sqrt((one @ one) * (other @ other))), 1.0)
-    return CorrelationPeak(round(lag, 6), same, float(np.sqrt(power / like)), last - first)
+    turn = float(np.sqrt(power / like))
+    residual = other - like / float(one @ one) * one
+    for half_waves in (3.0, 1.0):
+        block = max(round(half_waves * np.pi / turn), 1)
+        begins = np.arange(0, last - first, block)
+        scores, shares = (np.add.reduceat(v, begins) for v in (turned * residual, turned**2 / float(turned @ turned)))
+        if (freedom := 1.0 / float(shares @ shares) - 1.0) >= LEAST_FREEDOM:
+            break
+    else:
+        return None
+    wide = coverage_factor(freedom) / coverage_factor(np.inf)
+    variance = wide**2 * float(np.sum((scores / (1.0 - shares)) ** 2)) + np.pi / turn * rounding * float(
+        turned @ turned
+    )
+    deviation = float(np.sqrt(variance)) / power
+    return CorrelationPeak(round(lag, 6), same, turn, last - first), deviation
 
 
 def _window(away: Floats) -> Floats:
@@ -354,7 +375,7 @@ class Difference:
     """A channel of a second run less that of a first, and how far that is known."""
 
     trace: Trace
-    half_width: float | None
+    half_width: Trace | None
     """Of the 95 % interval of each value [unit]; None where it is not known."""
     text: str
     """What the interval is of, or why there is none."""
@@ -369,17 +390,32 @@ def _advice(late: Lag, shown: Trace) -> str:
 
 
 def difference(first: Trace, second: Trace, late: Lag, moves: Sequence[float | None]) -> Difference:
-    """The second less the first at the first's instants, shifted by the lag; its interval by noise at rest and lag.
+    """The second less the first at the first's instants, shifted by the lag; its interval by noise at rest, and by half
+    of what the second changes by from a standard uncertainty of the lag before to one after, a sample at least.
 
     ``moves``: when the logger of each ceases to be at rest [s].
     """
+    deviation = (late.deviation or 0.0) * second.beginning[1]
+    reach = max(round(deviation), 1)
+
+    def near(at: Floats) -> tuple[Floats, Floats]:
+        step = float(second.blocks[0][-1] - second.blocks[0][0]) / max(second.samples, 1)
+        margin = (2.0 * TAPS + reach) * step
+        return second.within(float(at[0]) - margin, float(at[-1]) + margin)
 
     def read(begin: int, end: int) -> tuple[Floats, Floats]:
         time, values = first.read(begin, end)
-        at = time + late.seconds
-        margin = 2.0 * TAPS * float(second.blocks[0][-1] - second.blocks[0][0]) / max(second.samples, 1)
-        near = second.within(float(at[0]) - margin, float(at[-1]) + margin)
-        return time, between_samples(*near, at) - values
+        return time, between_samples(*near(time + late.seconds), time + late.seconds) - values
+
+    def shifted(values: Floats) -> Floats:
+        at = np.arange(len(values))
+        after, before = np.minimum(at + reach, len(at) - 1), np.maximum(at - reach, 0)
+        return deviation * np.abs(values[after] - values[before]) / (after - before)
+
+    def half_widths(begin: int, end: int) -> tuple[Floats, Floats]:
+        time, _ = first.read(begin, end)
+        there, values = near(time + late.seconds)
+        return time, np.hypot(rest, factor * interpolated(there, shifted(values), time + late.seconds))
 
     trace = Trace(first.kind, first.name, first.unit, first.samples, read)
     noises = first.noise(moves[0]), second.noise(moves[1])
@@ -387,10 +423,9 @@ def difference(first: Trace, second: Trace, late: Lag, moves: Sequence[float | N
         return Difference(trace, None, f"no interval: aligned by {late.by} alone{_advice(late, first)}")
     if noises[0] is None or noises[1] is None:
         return Difference(trace, None, "no interval: no rest before the motion shows the noise")
-    _, rate, values = second.beginning
-    shifted = late.deviation * rate * float(np.nanstd(np.diff(values)))
-    variances = np.array([noises[0][0], noises[1][0], shifted**2])
-    freedom = effective_degrees_of_freedom(variances, np.array([noises[0][1], noises[1][1], np.inf]))
-    half = coverage_factor(freedom) * float(np.sqrt(variances.sum()))
+    variances, freedoms = np.array(noises).T
+    rest = coverage_factor(effective_degrees_of_freedom(variances, freedoms)) * float(np.sqrt(variances.sum()))
+    factor = coverage_factor(np.inf)
+    most = float(np.hypot(rest, factor * np.nanmax(shifted(second.beginning[2]))))
     what = "interval of 95 % of each value by the noise of both runs at rest and by their alignment"
-    return Difference(trace, half, f"± {half:.3g} {first.unit}, {what}")
+    return Difference(trace, replace(trace, read=half_widths), f"± {rest:.3g} to {most:.3g} {first.unit}, {what}")

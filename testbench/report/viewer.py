@@ -124,8 +124,11 @@ class Viewer:
         _, found = self._compared(first, run, channel)
         if found is None:
             raise AnalysisError(f"{first}: has no channel {channel!r}, so that there is no difference")
-        drawn = found.trace.between(begin, end, _spans(words))
-        return drawn.as_dict() | {"half_width": found.half_width, "note": f"{run} less {first}: {found.text}"}
+        drawn = [one.between(begin, end, _spans(words)).as_dict() for one in (found.trace, found.half_width) if one]
+        return drawn[0] | {
+            "half_width": drawn[-1] if found.half_width else None,
+            "note": f"{run} less {first}: {found.text}",
+        }
 
     def spectrum(self, words: Mapping[str, str]) -> dict[str, Any]:
         """The power spectral density of what is between two instants, of at most LOOKED_AT samples."""
