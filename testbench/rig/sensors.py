@@ -283,6 +283,8 @@ class Trigger(LoggedSensor):
     """Kind of sensor."""
     channel: str
     """Its channel."""
+    line: str = "trigger"
+    """Which line it is, where a logger records several: those of one line are compared."""
     unit: str = "V"
     """Unit in which the log is written; of no effect, since edges alone count."""
 

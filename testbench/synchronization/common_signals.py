@@ -292,16 +292,39 @@ def trigger_pairs(
     """The trigger that the groups ``reference`` and ``own`` recorded, by the rig."""
 
     def common_trigger(_first: ClockMap | None) -> SharedSignals:
-        found = {group: motion.columns(motion.run.rig.columns_of(Trigger), group) for group in (reference, own)}
-        for group, columns in found.items():
-            if not columns:
-                raise AnalysisError(
-                    f"the rig has no sensor of kind 'trigger' in {group}: add one for each logger that recorded the "
-                    "trigger, or name its channels, --pair REFERENCE=OWN"
-                )
-        return named_channels(motion.run.recorded, found[reference][0].channel, found[own][0].channel)
+        return named_channels(motion.run.recorded, *common_triggers(motion.run, reference, own)[0])
 
     yield common_trigger
+
+
+def common_triggers(run: SIRun, reference: str, own: str) -> list[tuple[str, str]]:
+    """Channels of the groups ``reference`` and ``own`` that recorded one trigger line each, by the rig.
+
+    Raises AnalysisError where it names none in one of them, several of one line, or none of one line in both.
+    """
+    lines: list[dict[str, str]] = []
+    for group in (reference, own):
+        held: dict[str, str] = {}
+        for column in run.rig.columns_of(Trigger):
+            line = getattr(run.rig.sensors[column.sensor], "line", "")
+            if run.holds(column, group) and held.setdefault(line, column.channel) != column.channel:
+                raise AnalysisError(
+                    f"{held[line]} and {column.channel} in {group} are triggers of one line, {line!r}: state in "
+                    'the rig which line each is, such as line = "start"'
+                )
+        if not held:
+            raise AnalysisError(
+                f"the rig has no sensor of kind 'trigger' in {group}: add one for each logger that recorded the "
+                "trigger, or name its channels, --pair REFERENCE=OWN"
+            )
+        lines.append(held)
+    there, here = lines
+    if not (shared := [(there[line], here[line]) for line in there if line in here]):
+        raise AnalysisError(
+            f"the triggers of {reference} ({', '.join(there)}) and of {own} ({', '.join(here)}) are of different "
+            "lines: state the same `line` in the rig for those of one"
+        )
+    return shared
 
 
 def trigger_groups(runs: Iterable[SIRun]) -> list[str]:
