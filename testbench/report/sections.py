@@ -20,7 +20,7 @@ from ..signal.filters import Band
 from ..signal.free_decay_modes import free_decay_modes
 from ..signal.frequency_response import response_of
 from ..signal.welch import Spectra, welch
-from ..synchronization.known_clocks import clock_by_trigger, on_clock_of
+from ..synchronization.known_clocks import on_clock_of
 from ..vibration.metrics import METRICS
 
 if TYPE_CHECKING:
@@ -115,8 +115,7 @@ def motion_on_base_clock(
     try:
         encoders = aligned()
         moves = encoders.grid.time[encoders.motion_span(ENCODERS_HZ, 0.0)][[0, -1]]
-        related = on_clock_of(run, moves, encoders.reference, group)
-        _, why = clock_by_trigger(run, encoders.reference, group)
+        related, why = on_clock_of(run, moves, encoders.reference, group)
     except CounterpoiseError as error:
         raise AnalysisError(f"{unknown}: the encoders do not tell: {error}") from error
     if related is None:
@@ -181,9 +180,8 @@ def _rows(column: "Column", forces: list[str], spectra: Spectra, place: int) -> 
 def _at_force_instants(run: "SIRun", wrench: "MeasuredWrench", column: "Column") -> Floats:
     """A channel at the instants of the forces, (n,) [SI]. Raises AnalysisError for clocks that are not aligned."""
     group, time = run.group_of(column), run.even_instants(column)
-    related = on_clock_of(run, wrench.time, wrench.group, group)
+    related, why = on_clock_of(run, wrench.time, wrench.group, group)
     if related is None:
-        _, why = clock_by_trigger(run, wrench.group, group)
         told = f" (the trigger that the rig names does not relate them: {why})" if why else ""
         raise AnalysisError(
             f"{run.name}: the clocks of {group} and {wrench.group} are not aligned: testbench align {run.path} first"

@@ -253,7 +253,7 @@ def _on_clock_of(shown: Trace, given: Trace, at: float) -> tuple[float, float] |
     """An instant of one channel's clock on that of another, and its standard uncertainty [s]; None: not related."""
     if shown.group == given.group:
         return at, 0.0
-    found = on_clock_of(shown.run, np.array([at]), given.group, shown.group) if shown.run else None
+    found, _ = on_clock_of(shown.run, np.array([at]), given.group, shown.group) if shown.run else (None, "")
     return None if found is None else (float(found[0][0]), found[1] / coverage_factor(np.inf))
 
 

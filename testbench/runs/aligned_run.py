@@ -33,6 +33,7 @@ from ..synchronization.clock_map import DRIFT_FROM_S, ClockMap, same_clock
 from .si_run import SIRun
 
 if TYPE_CHECKING:
+    from ..synchronization.known_clocks import KnownClocks
     from ..synchronization.offset_and_drift import AlignedClock
 
 
@@ -55,7 +56,6 @@ class AlignedRun:
     """Maps of groups onto the encoders' clock that are known, such as :func:`recorded_clocks`; others are found."""
     _trajectories: dict[float, Trajectory] = field(default_factory=dict, init=False, repr=False)
     _found: dict[str, ClockMap] = field(default_factory=dict, init=False, repr=False)
-    _triggered: dict[str, "tuple[AlignedClock | None, str]"] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def name(self) -> str:
@@ -113,46 +113,48 @@ class AlignedRun:
     def clock(self, group: str) -> ClockMap:
         """The map of a group's clock onto the encoders': the one that is known, else found in the records.
 
-        By a trigger that the rig names or by what else both recorded, whichever is surer. Raises AnalysisError where
-        the two cannot be aligned.
+        By a trigger that the rig names instead where that is surer than either. Raises AnalysisError where the two
+        cannot be aligned.
         """
         if group == self.reference:
             return same_clock((0.0, 0.0))
-        if group not in self.known_clocks and group not in self._found:
+        if group not in self._found:
             self._find_clock(group)
-        return self.known_clocks.get(group) or self._found[group]
+        return self._found[group]
 
     def _find_clock(self, group: str) -> None:
         from ..synchronization import known_clocks, run_alignment  # runs of one logger need none of it
 
-        edges, why = self._by_trigger(group)
+        related = self.related_clock(group)
+        if related is not None and group in self.known_clocks:
+            self._found[group] = related
+            return
         times = self.run.time(self.reference)
         drift = bool(times[-1] - times[0] >= DRIFT_FROM_S)
         found = run_alignment.align_run(self.run, lambda: self.mechanism, self.reference, drift=drift, among={group})
-        self._found.update({name: one.clock for name, one in found.aligned.items()})
-        if edges is None and group not in self._found:
+        clocks = [found.aligned[group].clock] if group in found.aligned else []
+        clocks += [] if related is None else [related]
+        if not clocks:
+            why = "; ".join(self._related.refused)
             refused = f"; nor by the trigger that the rig names: {why}" if why else ""
             raise AnalysisError(f"{found.refusal(group)}{refused}")
-        clocks = [self._found[name] for name in self._found if name == group] + ([] if edges is None else [edges.clock])
         self._found[group] = min(clocks, key=lambda one: known_clocks.within(self.run, group, one))
 
-    def _by_trigger(self, group: str) -> "tuple[AlignedClock | None, str]":
-        if group not in self._triggered:
-            from ..synchronization.known_clocks import clock_by_trigger
+    @cached_property
+    def _related(self) -> "KnownClocks":
+        from ..synchronization.known_clocks import related_clocks
 
-            self._triggered[group] = clock_by_trigger(self.run, self.reference, group)
-        return self._triggered[group]
+        return related_clocks(self.run, self.reference, self.known_clocks)
 
     def related_clock(self, group: str) -> ClockMap | None:
-        """The map of a group's clock onto the encoders' that is known, or that a trigger tells; None for neither."""
-        edges, _ = (None, "") if group in self.known_clocks else self._by_trigger(group)
-        return edges.clock if edges is not None else self.known_clocks.get(group)
+        """The map of a group's clock onto the encoders' that is known or that a trigger tells, the surer; or None."""
+        return self._related.maps.get(group) or self.known_clocks.get(group)
 
     @property
     def by_trigger(self) -> "dict[str, AlignedClock]":
         """By group, the clocks that were asked for and that a trigger related."""
-        found = {group: edges for group, (edges, _) in self._triggered.items() if edges is not None}
-        return {group: edges for group, edges in found.items() if self._found.get(group) is edges.clock}
+        told = self._related.by_trigger.items() if self._found else ()
+        return {group: edges for group, edges in told if self._found.get(group) is self._related.maps[group]}
 
     def gaps(self, groups: Collection[str] = ()) -> Gaps:
         """Gaps of the encoders and other groups, on the encoders' clock."""

@@ -39,11 +39,11 @@ _MOST_ROWS = 1 << 24
 def joined(run: Run, rate: float | str, channels: Sequence[str] | None = None) -> "pandas.DataFrame":
     """All groups with a time, or these ``channels``, over the time that all their groups recorded, at ``rate`` [Hz].
 
-    Clocks are mapped by the newest recorded alignment, else by a trigger that the rig names on both loggers; a warning
-    names those that have neither. Values
-    are interpolated between two samples; faster loggers are low-passed first, without phase, those without a rate at
-    that of their median step; of digital lines, counters and states the last sample is taken. In gaps there is no
-    value. ``attrs`` has what was done; a warning names what may be codes, and was taken for a measurement.
+    Clocks are mapped by the newest recorded alignment or by a trigger that the rig names on both loggers, whichever is
+    surer; a warning names those that have neither. Values are interpolated between two samples; faster loggers are low-
+    passed first, without phase, those without a rate at that of their median step; of digital lines, counters and
+    states the last sample is taken. In gaps there is no value. ``attrs`` has what was done; a warning names what may be
+    codes, and was taken for a measurement.
     """
     frame, problem = joined_table(run, rate, channels)
     if problem:
@@ -103,7 +103,9 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
     how, doubts = "as recorded" if len(times) == 1 else "recorded alignments", []
     if len(times) > 1 and known.by_trigger:
         recorded = f"{how}, " * (len(clocks) > 1 + len(known.by_trigger))
-        how = f"{recorded}the trigger that the rig names ({'; '.join(one.content for one in known.by_trigger)})"
+        how = (
+            f"{recorded}the trigger that the rig names ({'; '.join(one.content for one in known.by_trigger.values())})"
+        )
     if unaligned:
         how = f"as recorded, not aligned: {', '.join(unaligned)}"
         doubts.append(
@@ -130,7 +132,7 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
 def _known_clocks(run: Run) -> KnownClocks:
     """Of the groups, with or without a rig."""
     if run.rig is None:
-        return KnownClocks(stored_clock_maps(run.path) if run.path.parent.is_dir() else {}, (), ())
+        return KnownClocks(stored_clock_maps(run.path) if run.path.parent.is_dir() else {}, {}, ())
     return related_clocks(SIRun.of(run))
 
 

@@ -53,6 +53,22 @@ class ClockMap:
         """Instants (n,) [s] of the reference's clock on the own one, (n,) [s]."""
         return self.at_own + (reference - self.at_reference) / (1.0 + self.drift)
 
+    def then(self, onward: "ClockMap") -> "ClockMap":
+        """The map onto the reference of ``onward``, whose own clock is the reference of this one."""
+        share = np.array([[1.0, self.at_reference - onward.at_own], [0.0, 1.0]])
+        there = float(onward.to_reference(np.array([self.at_reference]))[0])
+        drift = (1.0 + self.drift) * (1.0 + onward.drift) - 1.0
+        covariance = self.covariance + share @ onward.covariance @ share.T
+        freedom = min(self.degrees_of_freedom, onward.degrees_of_freedom)
+        return ClockMap(self.at_own, there, drift, covariance, freedom, self.span)
+
+    @property
+    def inverse(self) -> "ClockMap":
+        """The map of the reference's clock onto the own one; a drift's square is left out of its covariance."""
+        first, last = (float(at) for at in self.to_reference(np.array(self.span)))
+        drift, freedom = 1.0 / (1.0 + self.drift) - 1.0, self.degrees_of_freedom
+        return ClockMap(self.at_reference, self.at_own, drift, self.covariance, freedom, (first, last))
+
     def half_width(self, own: float) -> float:
         """Half of the 95 % interval of an instant's time on the reference's clock [s]."""
         share = np.array([1.0, own - self.at_own])

@@ -84,7 +84,7 @@ class MotionTiming:
         if source == group:
             first, last = (at - run.time(group)[0] for at in span)
             return cls(_rest(first), (max(first, 0.0), min(last, seconds)), timed=True)
-        related = on_clock_of(run, np.array(span), source, group)
+        related, _ = on_clock_of(run, np.array(span), source, group)
         if related is not None and related[1] <= RELATED_S:
             first, last = (float(at - run.instants(columns[0])[0]) for at in related[0])
             if first < seconds and last > 0.0:

@@ -204,7 +204,7 @@ def test_encoders_of_another_logger(monkeypatch):
         replace(one, group="controller", run=one) for one in (trace(pulse(0.0, 1e-4, 3)), trace(pulse(0.1, 1e-4, 4)))
     ]
     felt = tuple(replace(one, group="daq", run=one) for one in felt)
-    monkeypatch.setattr(traces, "on_clock_of", lambda run, at, source, group: (at + 2.0, 1.96e-3))
+    monkeypatch.setattr(traces, "on_clock_of", lambda run, at, source, group: ((at + 2.0, 1.96e-3), ""))
     found = lag([felt], [], [], [known])
     assert (found.seconds, found.by) == (pytest.approx(0.1, abs=1e-4), "the encoder, a")
     assert found.deviation == pytest.approx(2.0**0.5 * 1e-3, rel=0.01)
@@ -214,7 +214,9 @@ def test_clocks_are_related_where_it_moves(monkeypatch):
     """A relation that is known best amid the records counts as it does there, not as at the clock's zero."""
     known = [replace(trace(pulse(late, 1e-4, 3), start=50.0), group="controller", run=1) for late in (0.0, 0.1)]
     felt = [replace(one, group="daq") for one in known]
-    monkeypatch.setattr(traces, "on_clock_of", lambda run, at, *groups: (at, 1.96 * (1e-4 + 1e-3 * abs(at[0] - 52.0))))
+    monkeypatch.setattr(
+        traces, "on_clock_of", lambda run, at, *of: ((at, 1.96 * (1e-4 + 1e-3 * abs(at[0] - 52.0))), "")
+    )
     assert lag([felt], [], [], [known]).deviation == pytest.approx(2.0**0.5 * 1.5e-4, rel=0.2)
 
 
@@ -242,7 +244,7 @@ def test_encoders_tell_before_what_is_felt(monkeypatch):
     """Of repeats too: encoders of a related clock, the one that tells it most exactly, whatever the logger shows; and
     without any the channel itself, whatever the others show.
     """
-    monkeypatch.setattr(traces, "on_clock_of", lambda run, at, source, group: (at, 1.96e-4))
+    monkeypatch.setattr(traces, "on_clock_of", lambda run, at, source, group: ((at, 1.96e-4), ""))
     felt, other = (
         tuple(replace(one, group="daq", run=one) for one in (trace(pulse(0.0, 0.01, 1)), trace(pulse(late, 0.01, 2))))
         for late in (0.02, 0.03)

@@ -122,7 +122,7 @@ def test_a_trigger_that_the_rig_names_is_used_unasked():
     ("quiet", "channel", "why"),
     [
         (0.0, "daq_sync", "daq_sync with controller_sync: a channel that never changes"),
-        (1.0, "unplugged", "the rig names a trigger, but no channel of it that daq holds"),
+        (1.0, "unplugged", "the rig has no sensor of kind 'trigger' in daq"),
     ],
 )
 def test_why_a_trigger_relates_nothing(quiet, channel, why):

@@ -16,9 +16,10 @@ from studies.clocks import truth as true_instant
 from testbench import rig as rigs
 from testbench.errors import AnalysisError
 from testbench.kinematics.encoder_motion import loaded_mechanism, mechanism_of
+from testbench.runs.aligned_run import AlignedRun
 from testbench.runs.si_run import SIRun
-from testbench.synchronization import run_alignment
-from testbench.synchronization.clock_map import ClockMap
+from testbench.synchronization import known_clocks, run_alignment
+from testbench.synchronization.clock_map import ClockMap, same_clock
 from testbench.synchronization.common_signals import trigger_groups, trigger_pairs, weight_caution
 from testbench.synchronization.event_alignment import by_trigger
 from testbench.synchronization.offset_and_drift import by_correlation
@@ -202,3 +203,54 @@ def test_a_trigger_that_the_rig_names():
     bare = rigs.rig_from_text(text.replace('channel = "daq_sync"', 'channel = "unplugged"'))
     refused = aligned_by(run, bare, drift=False, method=by_trigger, pairs=trigger_pairs).refused
     assert "no sensor of kind 'trigger' in daq: add one" in refused["daq"]
+
+
+@pytest.mark.parametrize(
+    ("triggers", "recorded", "deviation", "lines"),
+    [
+        ("controller daq", "forces", 1e-4, None),
+        ("daq forces", "", 0.0, None),
+        ("controller daq forces", "forces daq", 0.02, None),
+        ("controller daq", "forces daq", 1e-4, None),
+        ("controller daq forces", "", 0.0, "start gate"),
+        ("controller daq forces", "", 0.0, "trigger trigger"),
+    ],
+    ids=["chain", "without encoders", "rough record", "record", "lines", "lines unnamed"],
+)
+def test_clocks_by_record_and_trigger(triggers, recorded, deviation, lines, monkeypatch):
+    """The surest way from one clock to another, through a third one too, the same for each who asks; of two lines that
+    a logger recorded, that which the other did.
+
+    A line's edges are known to a sample of the slower logger.
+    """
+    text = datasets.find_dataset("parallelogram-6bar", "rigs", ".toml").read_text("utf-8")
+    sensor = '\n[sensors.{0}]\nkind = "trigger"\nlogger = "{1}"\nchannel = "{0}"\nline = "{2}"\n'
+    start, gate = (lines or "start gate").split()
+    if lines:
+        text += sensor.format("forces_start", "forces", start)
+    for logger in triggers.split():
+        text += sensor.format(f"{logger}_sync", logger, gate)
+    scene = memory.scene("x", rig=rigs.rig_from_text(text))
+    run, seed = scene.run(0), 0
+    if lines:
+        run = memory.with_values(run, "forces_start", np.roll(run.channel("forces_start"), -150))
+    maps = {"controller": same_clock((0.0, 0.0))} if recorded else {}
+    for group in recorded.split():
+        late = truth(scene, seed, group, 0.0) + 1.5 * deviation
+        maps[group] = ClockMap(0.0, late, 0.0, np.diag([deviation**2, 1e-12]), 1000, (0.0, 1.0))
+    monkeypatch.setattr(known_clocks, "stored_clock_maps", lambda path: dict(maps))
+    bound, at = SIRun.of(run, scene.rig), np.array([0.3])
+    found, why = known_clocks.on_clock_of(bound, at, "forces", "daq")
+    if lines == "trigger trigger":
+        assert (found, "are triggers of one line, 'trigger'" in why) == (None, True)
+        return
+    (own,), half = found
+    there, here = truth(scene, seed, "forces", at[0]), truth(scene, seed, "daq", own)
+    assert abs(there - here) < 1.5 * half < 5e-3
+    known = known_clocks.related_clocks(bound, "daq").maps["forces"]
+    assert float(known.to_reference(at)[0]) == pytest.approx(own, abs=1e-12)
+    if "controller" in triggers:
+        aligned = AlignedRun(bound, load_mechanism("parallelogram-6bar"), maps)
+        for group in ("forces", "daq"):
+            late = float(aligned.related_clock(group).to_reference(at)[0]) - truth(scene, seed, group, at[0])
+            assert abs(late) < 3e-3
