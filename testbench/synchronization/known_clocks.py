@@ -47,11 +47,10 @@ def related_clocks(
     By records and triggers, in the surest way (of least 95 % interval over the group's record, Dijkstra). ``recorded``
     are maps onto the reference to take for those of the newest record.
     """
-    hub = reference
+    hub = reference or reference_group(run)
     if recorded is None:
         recorded = stored_clock_maps(run.path) if run.path.parent.is_dir() else {}
-        hub = next((name for name, one in recorded.items() if not one.covariance.any()), reference_group(run))
-    hub = hub or reference_group(run)
+        hub = next((name for name, one in recorded.items() if not one.covariance.any()), hub)
     reference, recorded = reference or hub, {**recorded, hub: same_clock((0.0, 0.0))}
     timed = {one.name for one in run.groups if one.has_time and one.samples}
     maps: dict[str, ClockMap] = {}
