@@ -5,8 +5,9 @@ Of drive j in run r, with the payload and counter-masses of the run table in ``b
 tau = s_j body_r + k_j base + J_j a + b_j v + f_j sign(v) + o_jr.
 
 All factors but the offset o are the campaign's, by least squares in which a run weighs the less the more it leaves
-unexplained, so that those that agree decide. With these factors each run is asked which one change leaves least:
-another payload, other counter-masses, or another gain of a drive.
+unexplained, so that those that agree decide. All power is a share of what the run's motion asks for without
+counter-masses: a gentle run leaves less than a fast one. With these factors each run is asked which one change leaves
+least: another payload, other counter-masses, or another gain of a drive.
 
 Where the file's masses are wrong all runs with one set of counter-masses are unlike the model in one way. So a run is
 told from its peers, those with the same set, where it has any; without them it may only have carried another whole set.
@@ -33,6 +34,8 @@ MOST_GAIN = 4.0
 """Factor from which a gain, as one below zero, is left to who looks at single runs."""
 MOST_SITES = 6
 """Of which any may have been left empty: of more only all."""
+LEAST_POWER = 1e-4
+"""Of the torques that the motion of the median run asks for, below which a run counts as one of that."""
 _ROUNDS = 30
 _LEAST_WEIGHT = 0.3
 """Of the median of what runs leave, below which one that leaves less weighs no more."""
@@ -78,6 +81,9 @@ class _Campaign:
         self.products = self.products / np.maximum(scale, 1e-300)[None, :, None, None]
         self.torque, self.common = np.eye(len(self.names))[0], [self.names.index(name) for name in COMMON]
         self.stated = np.array([self._body(o, o.counter_masses) for o in seen])
+        bare = np.array([self._body(o, {}) for o in seen])
+        power = np.einsum("rk,rjkl,rl->r", bare, self.products, bare)  # so that a gentle run counts as a fast one does
+        self.products /= np.maximum(power, LEAST_POWER * np.median(power) + 1e-300)[:, None, None, None]
         self.factors = self._agreed()
         self.left = self._left(self.stated).sum(axis=1)
 

@@ -16,9 +16,10 @@ from testbench.cross_examination import sensors
 from testbench.cross_examination.conditions import accelerations
 from testbench.cross_examination.copies import OneRecording
 from testbench.cross_examination.examination import Examination, _whose
-from testbench.cross_examination.observation import Observation, Response
+from testbench.cross_examination.observation import DRIVE_TERMS, Observation, Response, TorqueEquations
 from testbench.cross_examination.repeated_vibration import repeated_vibration
 from testbench.cross_examination.statement import Statement
+from testbench.cross_examination.torque_comparison import unlike_others
 from testbench.rig import load_rig
 from testbench.rig.sensors import Accelerometer, Encoder, ForceSensor, Wrench
 from testbench.runs.si_run import SIRun
@@ -169,6 +170,48 @@ def test_the_gain_of_one_torque(partly, factor):
         assert {(s.run, s.channel, s.code) for s in found} == {(partly[liar].name, "tau_A_left", "gain_contradiction")}
         times = [float(s.witnessed.split()[0]) for s in found if "beside" in s.witness]
         assert times == [pytest.approx(factor, abs=0.04)]
+
+
+def _two_joint_arm(name, speed, stated, carried, gain, rng):
+    """A run of an arm of two drives, by its equations of motion; an elastic mode and noise are in no model."""
+    t = np.linspace(0.0, 4.0, 1001)
+    angle = [0.5 * np.sin(2 * np.pi * speed * t + i) + 0.3 * np.sin(3.4 * np.pi * speed * t + 2 * i) for i in (0, 1)]
+    rate = [np.gradient(q, t) for q in angle]
+    turning, products = [np.gradient(v, t) for v in rate], []
+    for j, (q, v, a) in enumerate(zip(angle, rate, turning, strict=True)):
+        level, coupled, still = np.cos(q), np.cos(angle[0] - angle[1]) * turning[1 - j], 0.0 * t
+        model = 2.0 * a + 0.8 * coupled + 0.8 * np.sin(angle[0] - angle[1]) * rate[1 - j] ** 2 + 14.7 * level
+        payload, site = 0.4 * a + 0.3 * coupled + 3.9 * level, 0.09 * a - 2.9 * level
+        sites, dry = [site if j == k else still for k in (0, 1)], np.tanh(v / 0.05)
+        torque = model + 2.0 * payload + 0.3 * a + 0.4 * v + 0.8 * dry + 0.1 * j
+        torque += sum(carried.get(key, 0.0) * own for key, own in zip(("left", "right"), sites, strict=True))
+        torque += 0.04 * np.std(model) * np.sin(12.6 * np.pi * speed * t + j) + rng.normal(0.0, 0.02, t.size)
+        columns = np.column_stack(
+            [(1.0 if j else gain) * torque, model, payload, *sites, still, 1.0 + still, a, v, dry]
+        )
+        products.append(columns.T @ columns)
+    names = ("torque", "model", "payload", "left", "right", "base", *DRIVE_TERMS)
+    equations = TorqueEquations(("j1", "j2"), names, np.array([products]))
+    return Observation(name, {"payload_kg": 2.0, "counter_masses": stated}, None, torque=equations)
+
+
+@pytest.mark.parametrize("speed", [1.5, 0.5, 0.3])
+@pytest.mark.parametrize(
+    ("carried", "gain", "told"),
+    [({"left": 4.0, "right": 4.0}, 1.0, ""), ({"right": 4.0}, 1.0, "masses"), ({}, 1.0, "masses"),
+     ({"left": 4.0, "right": 4.0}, 1.15, "gain")],
+)  # fmt: skip
+def test_a_run_that_is_gentler_or_faster_than_the_others(speed, carried, gain, told):
+    """Down to a tenth of their accelerations it is told apart as any other run; an honest one is not."""
+    rng, both = np.random.default_rng(1), {"left": 4.0, "right": 4.0}
+    runs = [_two_joint_arm("odd", speed, both, carried, gain, rng)]
+    runs += [_two_joint_arm(f"r{i}", 1.0, mounted, mounted, 1.0, rng) for i in range(3) for mounted in (both, {})]
+    found = unlike_others(runs)
+    assert list(found) == (["odd"] if told else [])
+    if told == "masses":
+        assert found["odd"].masses == carried
+    if told == "gain":
+        assert (found["odd"].joint, found["odd"].gain) == ("j1", pytest.approx(gain, abs=0.03))
 
 
 def _mounted(run, axes, signs):
