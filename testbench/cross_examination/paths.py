@@ -4,6 +4,7 @@ Speeds of encoders, or vibrations of repeats, are laid over each other at the la
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,8 +19,20 @@ OTHER_PATH = 0.7
 """Correlation below which an encoder shows another motion than the stored one."""
 UNIT_SHARE = 0.1
 """Share by which the factor between two paths may differ from one, or from that of two units."""
-DEGREES = 180.0 / np.pi
-UNLIKE = "the path of another motion or joint"
+UNITS = {"deg": 180.0 / np.pi, "rad": np.pi / 180.0}
+"""Times as far that an encoder shows whose log is in this unit and whose rig states the other."""
+SAYS = {
+    "same": "they agree",
+    "deg": "{:.3g} times as far: the log is in deg where the rig says rad",
+    "rad": "{:.3g} times as far: the log is in rad where the rig says deg",
+    "scaled": "{:.3g} times as far, unlike other encoders",
+    "exchanged": "the path of another joint: that of {1}, exchanged in the rig or the log",
+    "farther": "the path of another motion: {:.3g} times as far",
+    "unlike": "the path of another motion or joint: correlation of the speeds {:.2f} at best",
+}
+"""By kind, what an encoder says beside what it is compared with."""
+OF_THE_MOTION = ("farther", "unlike")
+"""Kinds that contradict a stored motion; of the other runs nothing is known that states it."""
 LEAST_SHARE = 0.05
 """Of the fastest joint's speed, below which a joint is not compared."""
 LEAST_POWER = 1e-6
@@ -32,7 +45,7 @@ LEAST_S = 0.05
 """Least time that a record lacks, twice what its lag is known to [s]."""
 SEEN_S = {"motion": LEAST_S, "vibration": 0.2}
 """First or last part of a record that shows whether it is at rest there: longer than a period of vibration [s]."""
-REPEATS, REPEATED_SHARE, LIKE = 2, 0.25, 0.1
+REPEATS, REPEATED_SHARE, LEFT = 2, 0.25, 0.1
 """A motion repeats where its last quarter stood there twice before, but for a tenth of its power: where a record of a
 period of it, or more, begins or ends does not matter."""
 
@@ -47,27 +60,50 @@ def encoder_paths(observations: Sequence[Observation]) -> list[Statement]:
         if not seen.encoder_speeds.size:
             continue
         others = [o for o in observations if o is not seen and o.encoder_speeds.size and o.commanded == seen.commanded]
-        by_motion = _errors(seen, seen.commanded_speeds)
-        by_runs = [_errors(seen, dict(zip(o.encoders, o.encoder_speeds.T, strict=True))) for o in others]
+        by_motion = _compared(seen, seen.commanded_speeds)
+        by_runs = [_compared(seen, dict(zip(o.encoders, o.encoder_speeds.T, strict=True))) for o in others]
         for channel in seen.encoders:
             votes = [one[channel] for one in by_runs if channel in one]
-            if channel in by_motion:
-                wrong, witness = by_motion[channel], "the motion that is stored with the run"
-            elif len(votes) > 1:
-                wrong, witness = max(set(votes), key=votes.count), "the other runs of this motion"
-                wrong = wrong if 2 * votes.count(wrong) > len(votes) and not wrong.startswith(UNLIKE) else ""
-            else:
+            said = by_motion.get(channel) or (_most(votes) if len(votes) > 1 else None)
+            if said is None:
                 continue
-            code = "encoder_contradiction" if wrong else None
-            stated = f"sign and unit of {channel} as in the rig"
-            if channel in by_motion and wrong.startswith(UNLIKE):
+            code = None if said.kind == "same" and said.value > 0.0 else "encoder_contradiction"
+            witness = (
+                "the motion that is stored with the run" if channel in by_motion else "the other runs of this motion"
+            )
+            stated = f"path, sign and unit of {channel} as in the rig"
+            if said.kind in OF_THE_MOTION and said.value > 0.0:
                 code, stated = "motion_contradiction", f"{channel} follows the motion of the run table"
-            found.append(Statement(seen.name, "axis", None, stated, wrong or "they agree", witness, code))
+            found.append(Statement(seen.name, "axis", None, stated, str(said), witness, code))
     return found
 
 
-def _errors(seen: Observation, wanted: dict[str, Floats]) -> dict[str, str]:
-    """By channel, what is wrong with an encoder that shows a path of ``wanted`` (n,) by channel; empty if nothing.
+class PathShown(NamedTuple):
+    """An encoder's path beside the one that it is compared with."""
+
+    kind: str
+    """A key of SAYS."""
+    joint: str
+    """Whose path it shows instead; empty where no other's."""
+    value: float
+    """How many times as far it goes, below zero if reversed; where it is unlike, the size of the correlation [-]."""
+
+    def __str__(self) -> str:
+        text = SAYS[self.kind].format(abs(self.value), self.joint)
+        return text if self.value > 0.0 else "reversed" if self.kind == "same" else f"reversed; {text}"
+
+
+def _most(votes: Sequence[PathShown]) -> PathShown | None:
+    """What most runs say, the own being one that agrees; None where that is nothing, or says nothing of encoders."""
+    votes = [*votes, PathShown("same", "", 1.0)]
+    alike = [(one.kind, one.joint, one.value > 0.0) for one in votes]
+    most = max(alike, key=alike.count)
+    sure = 2 * alike.count(most) > len(votes) and most[0] not in OF_THE_MOTION
+    return votes[alike.index(most)] if sure else None
+
+
+def _compared(seen: Observation, wanted: dict[str, Floats]) -> dict[str, PathShown]:
+    """Encoders, by channel, beside the paths ``wanted`` (n,) by channel; what may be either is left out.
 
     All are compared at one lag, at which the squares of the correlations are largest: signs and units do not matter.
     """
@@ -78,34 +114,29 @@ def _errors(seen: Observation, wanted: dict[str, Floats]) -> dict[str, str]:
     shown = np.pad(seen.encoder_speeds[:, [seen.encoders.index(name) for name in names]], ((len(path),) * 2, (0, 0)))
     products, power = _sliding(shown, path)
     own, largest = (path.astype(float) ** 2).sum(axis=0), power.max(axis=0)
-    least = LEAST_SHARE**2 * largest.max()
-    correlation = products / np.sqrt(np.maximum(np.maximum(power, least) * own, 1e-300))
+    correlation = products / np.sqrt(np.maximum(np.maximum(power, LEAST_SHARE**2 * largest) * own, 1e-300))
     correlation[:, (own < LEAST_SHARE**2 * own.max()) | (largest < LEAST_POWER * own)] = 0.0
     best = int(np.argmax((correlation**2).sum(axis=1)))
     late = slice(best, best + len(path) + len(path) // 4)
     far, wide = (np.ptp(np.cumsum(one, axis=0, dtype=float), axis=0) for one in (shown[late], path))
     far = far / np.maximum(wide, 1e-300)
     part = len(seen.encoder_speeds) < len(path) and np.isfinite(_period(path))  # of a motion that repeats
-    found, unlike = dict[str, str](), dict[str, str]()
+    found = dict[str, PathShown]()
     for i, (name, likeness) in enumerate(zip(names, correlation[best], strict=True)):
-        if 0.0 < abs(likeness) < OTHER_PATH and not part:
-            joint = _followed(shown[:, i], path, names)
-            whose = f"that of {joint}, exchanged in the rig or the log" if joint not in {"", name} else ""
-            unlike[name] = f"{UNLIKE}: {whose or f'correlation of the speeds {likeness:.2f} at best'}"
+        times, joint = products[best, i] / max(own[i], 1e-300), ""
+        kind = next((unit for unit, one in UNITS.items() if abs(abs(times) / one - 1.0) < UNIT_SHARE), "same")
         if abs(likeness) < SAME_PATH:
+            kind, times = "unlike", abs(likeness)
+        elif kind == "same" and abs(far[i] - 1.0) > UNIT_SHARE and not part:
+            kind, times = "farther", np.copysign(far[i], likeness)
+        if kind == "unlike" and (part or not 0.0 < times < OTHER_PATH):
             continue
-        wrong = ["reversed"] if likeness < 0.0 else []
-        factor = abs(products[best, i]) / max(own[i], 1e-300)
-        for ratio, text in ((DEGREES, "the log is in deg where the rig says rad"),
-                            (1.0 / DEGREES, "the log is in rad where the rig says deg")):  # fmt: skip
-            if abs(factor / ratio - 1.0) < UNIT_SHARE:
-                wrong.append(f"{factor:.3g} times as far: {text}")
-        if abs(far[i] - 1.0) > UNIT_SHARE and not wrong and not part:
-            joint = _followed(shown[:, i], path, names)
-            whose = f", that of {joint}, exchanged in the rig or the log" if joint not in {"", name} else ""
-            unlike[name] = f"{UNLIKE}: {far[i]:.3g} times as far{whose}"
-        found[name] = "; ".join(wrong)
-    return found if any(found.values()) else found | unlike
+        if kind in OF_THE_MOTION and (joint := _followed(shown[:, i], path, names)) not in {"", name}:
+            kind, times = "exchanged", abs(times)
+        found[name] = PathShown(kind, joint, float(times))
+    if any(one.kind == "same" for one in found.values()):
+        found |= {name: one._replace(kind="scaled") for name, one in found.items() if one.kind == "farther"}
+    return found
 
 
 def _followed(shown: Floats, path: Floats, names: Sequence[str]) -> str:
@@ -254,7 +285,7 @@ def _period(values: Floats) -> float:
         return np.inf
     products, power = (each.sum(axis=1) for each in _sliding(earlier, last))
     own = float((last.astype(float) ** 2).sum())
-    places = np.flatnonzero(power + own - 2.0 * products < LIKE * own)
+    places = np.flatnonzero(power + own - 2.0 * products < LEFT * own)
     found, free = 0, 0
     for place in map(int, places):
         if place >= free:

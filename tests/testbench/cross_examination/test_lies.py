@@ -325,7 +325,8 @@ def test_encoders_beside_the_stored_motion(repeats, change):
     }[change]
     liar = with_values(with_values(runs[0], names[0], shown[0]), names[1], shown[1])
     found = Witnesses().hear([liar, *runs[1:]]).contradictions
-    assert {(s.run, s.code) for s in found if "stored" in s.witness} == {(liar.name, "motion_contradiction")}
+    code = "encoder_contradiction" if change == "exchanged" else "motion_contradiction"
+    assert {(s.run, s.code) for s in found if "stored" in s.witness} == {(liar.name, code)}
     assert {s.run for s in found} == {liar.name}
 
 

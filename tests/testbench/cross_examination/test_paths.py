@@ -227,23 +227,65 @@ TURN = np.linspace(0.0, 40.0 * np.pi, 1000)
 SINES = np.column_stack([np.sin(TURN), np.cos(TURN)])
 MOVE = np.column_stack([_move(1.0, 0.4), _move(0.5, 0.4)])
 BY_HAND = np.vstack([np.column_stack([_move(3.0, 0.8), _move(-2.0, 0.8)]), MOVE])
+PART = np.column_stack([MOVE[:, 0], np.r_[_move(0.5, 0.1), _move(-0.3, 0.2)][: len(MOVE)]])
 SHOWN = {
-    "a part of what repeats": (SINES[:300], SINES, ""),
-    "a loop that lags": (_lagging(MOVE, 0.067), MOVE, ""),
-    "moved by hand before": (BY_HAND, MOVE, ""),
-    "another motion": (np.column_stack([_move(1.0, 1.6), _move(0.5, 1.6)]), MOVE, "path of another motion"),
-    "farther": (1.3 * MOVE, MOVE, "1.3 times as far"),
-    "the other joint": (MOVE[:, ::-1], MOVE, "that of q1, exchanged in the rig or the log"),
+    "a part of what repeats": (SINES[:300], SINES, {}),
+    "a loop that lags": (_lagging(MOVE, 0.067), MOVE, {}),
+    "moved by hand before": (BY_HAND, MOVE, {}),
+    "another motion": (np.column_stack([_move(1.0, 1.6), _move(0.5, 1.6)]), MOVE,
+                       {"q0": "path of another motion", "q1": "path of another motion"}),
+    "farther": (1.3 * MOVE, MOVE, {"q0": "1.3 times as far", "q1": "1.3 times as far"}),
+    "one farther": (MOVE * [1.0, 1.3], MOVE, {"q1": "1.3 times as far, unlike other encoders"}),
+    "one reversed, one farther": (MOVE * [-1.0, 1.5], MOVE, {"q0": "reversed", "q1": "1.5 times as far"}),
+    "one in degrees, one unlike": (PART * [np.rad2deg(1.0), 1.0], MOVE,
+                                   {"q0": "the log is in deg", "q1": "path of another motion or joint"}),
+    "the other joint": (MOVE[:, ::-1], MOVE, {"q0": "that of q1, exchanged in the rig or the log", "q1": "that of q0"}),
 }  # fmt: skip
+
+
+def _moved(name, shown, stored=None):
+    """A run whose encoders q0 and q1 show these speeds (n, 2)."""
+    one = Observation(name, {"motion": "m"}, None, encoders=("q0", "q1"))
+    one.encoder_speeds = shown.astype(np.float32)
+    one.commanded_speeds = {} if stored is None else dict(zip(one.encoders, stored.T, strict=True))
+    return one
 
 
 @pytest.mark.parametrize("case", SHOWN)
 def test_encoders_beside_the_stored_path(case):
     """Honest records that are parts, late or longer are none of another motion; what is one is told, with the joint."""
-    shown, wanted, message = SHOWN[case]
-    seen = Observation("r1", {"motion": "m"}, None)
-    seen.encoders, seen.encoder_speeds = ("q0", "q1"), shown.astype(np.float32)
-    seen.commanded_speeds = dict(zip(seen.encoders, wanted.T, strict=True))
-    found = [s for s in encoder_paths([seen]) if s.code]
-    assert bool(found) == bool(message)
-    assert not message or any(message in s.witnessed for s in found)
+    shown, wanted, messages = SHOWN[case]
+    found = [s for s in encoder_paths([_moved("r1", shown, wanted)]) if s.code]
+    assert len(found) == len(messages)
+    for channel, message in messages.items():
+        assert [message in s.witnessed for s in found if f"{channel} " in s.stated] == [True]
+
+
+@pytest.mark.parametrize(
+    ("liar", "messages"),
+    [
+        (lambda speeds: speeds, {"q0": "they agree", "q1": "they agree"}),
+        (lambda speeds: speeds * [1.0, -1.0], {"q0": "they agree", "q1": "reversed"}),
+        (lambda speeds: speeds * [1.0, np.rad2deg(1.0)], {"q0": "they agree", "q1": "the log is in deg"}),
+        (lambda speeds: speeds * [1.0, 2.0], {"q0": "they agree", "q1": "times as far, unlike other encoders"}),
+        (lambda speeds: speeds[:, ::-1], {"q0": "that of q1", "q1": "that of q0"}),
+        (lambda speeds: 2.0 * speeds, {}),
+        (lambda speeds: np.cumsum(speeds, axis=0) / 10.0, {}),
+    ],
+    ids=["honest", "reversed", "in degrees", "twice as far", "exchanged", "all twice as far", "another motion"],
+)
+def test_encoders_beside_other_runs(liar, messages):
+    """Of repeats that differ by 0.3 %: what contradicts is told, nothing is said of another motion or without most."""
+    phase, envelope = np.linspace(0.0, 20.0, 800), np.sin(np.linspace(0.0, np.pi, 800)) ** 2
+    speeds = np.column_stack([envelope * np.sin(phase), envelope * np.sin(1.6 * phase + 1.0)])
+    honest = [_moved(f"r{i}", (1.0 + 0.003 * i) * speeds) for i in range(3)]
+    for runs in ([*honest, _moved("odd", liar(speeds))], [_moved("odd", liar(speeds)), *honest[::-1]]):
+        said = encoder_paths(runs)
+        assert {s.run for s in said if s.code} <= {"odd"}
+        assert sum(s.run != "odd" and s.witnessed == "they agree" for s in said) == 6
+        about = [s for s in said if s.run == "odd"]
+        assert len(about) == len(messages)
+        for channel, message in messages.items():
+            assert [message in s.witnessed for s in about if f" {channel} " in s.stated] == [True]
+    two = [_moved("r1", speeds), _moved("r2", speeds), _moved("r3", liar(speeds)), _moved("r4", liar(speeds))]
+    assert not [s for s in encoder_paths(two) if s.code], "two against two"
