@@ -163,10 +163,10 @@ CAMPAIGN_DEVIATIONS = 6.0
 """Robust standard deviations of witnessed less stated values over the campaign within which a run agrees."""
 ACCELERATION_SHARE = {"command": 0.05, "encoders": 0.15}
 """Share by which a peak acceleration may differ: rounded in the run table, smoothed by the encoders' low-pass."""
-UNLIKE = float(np.log(1.5))
+NO_REPEAT = float(np.log(1.5))
 """Distance of a run from its nearest repeat from which it is none [logarithm of sizes]."""
-LIKE = 0.25
-"""Most of that distance by which it differs from a run with other counter-masses, as which it counts; or UNLIKE."""
+NEAR_SHARE = 0.25
+"""Most of that distance by which it differs from a run with other counter-masses, as which it counts; or NO_REPEAT."""
 FOLLOWS = 0.95
 """Correlation from which torques follow the model with the masses of the run table."""
 ABOVE_NOISE = 30.0
@@ -255,7 +255,7 @@ def unlike_repeats(observations: Sequence[Observation]) -> list[Statement]:
         if not away or not others:
             continue
         near, like = min(others, key=lambda one: one[0])
-        wrong = min(away) > UNLIKE and near < min(LIKE * min(away), UNLIKE)
+        wrong = min(away) > NO_REPEAT and near < min(NEAR_SHARE * min(away), NO_REPEAT)
         wrong = wrong and not (_follows(seen, same) and not any(_follows(o, same) for o in repeats))
         size = f"{np.exp(min(away)):.2g}, the median of its channels"
         witnessed = f"its channels differ from those of {repeats[0].name}, a repeat, by a factor of {size}"
@@ -275,7 +275,7 @@ def _follows(seen: Observation, same: Sequence[Observation]) -> bool:
     """Whether all torques follow the model with the masses of the run table, in size too unless their gain is odd."""
     found = [
         one.correlation[i] > FOLLOWS
-        and (abs(np.log(max(one.gain[i], 1e-300))) < UNLIKE or _is_odd(seen, column.channel, same))
+        and (abs(np.log(max(one.gain[i], 1e-300))) < NO_REPEAT or _is_odd(seen, column.channel, same))
         for one in seen.responses
         for i, column in enumerate(one.columns)
         if isinstance(seen.rig.sensors.get(column.sensor), Torque)
@@ -309,7 +309,7 @@ def _is_odd(seen: Observation, channel: str, same: Sequence[Observation]) -> boo
         return False
     own = seen.records[channel].span
     spans = [o.records[channel].span for o in same if o is not seen and channel in o.records]
-    return len(spans) > 2 and not min(spans) / np.exp(UNLIKE) < own < max(spans) * np.exp(UNLIKE)
+    return len(spans) > 2 and not min(spans) / np.exp(NO_REPEAT) < own < max(spans) * np.exp(NO_REPEAT)
 
 
 def mounted(

@@ -49,7 +49,7 @@ OTHER_RUN = 3.0
 EXCHANGED = 0.35
 """Remainder with axes exchanged over that without from which they are exchanged; those that are also reversed over that
 with any axes reversed, and of three over that with two exchanged."""
-UNLIKE, LIKE = 0.5, 1.0 / 3.0
+DOUBTFUL, AS_STATED = 0.5, 1.0 / 3.0
 """Remainder of axes as they are above which they may be exchanged, and below which they follow the model: correlations
 of 0.58 and 0.71, in between nothing is known."""
 SIGN_SHOWN = 0.7
@@ -222,53 +222,61 @@ class _Others:
 
 
 def _exchanged(seen: Observation, one: Response, others: _Others) -> list[Statement]:
-    """Axes of a sensor of which each follows what another should show; of an accelerometer also its opposite, as where
-    the sensor was turned.
+    """Axes of a sensor of which each follows what another should show, or its opposite, and axes that follow the model.
 
-    Of forces, torques and commands, whose sizes differ more, where both follow the model in other runs. Axes that do
-    not follow the model as they are, nor exchanged, are stated nothing of.
+    Axes that do not follow the model as they are, nor exchanged, are stated nothing of.
     """
-    found, wrong_axes, following = list[Statement](), set[int](), list[tuple[int, int]]()
     axes = range(len(one.columns))
-    if len(axes) == 3 and _is_accelerometer(one.columns[0]) and one.witnessed.all():
-        stay = [order for order in permutations(axes) if order not in exchanges(3)]
-        without = min(_remainder(one, axes, order, signs) for order in stay for signs in signs_of(3))
-        without = min(without, _shifted_remainder(one, axes))
-        turned, order, signs = min(
-            (_remainder(one, axes, o, signs), o, signs) for o in exchanges(3) for signs in signs_of(3)
-        )
-        own = _remainder(one, axes, axes, signs_of(3)[0])
-        if own > UNLIKE and turned < EXCHANGED * without and min(_crossed(one, axes, order, signs)) > PROVEN:
-            found += _axes(seen, one, axes, exchanged_axes(_names(one, axes), order, signs, "follows", "should show"))
-            return found
+    if len(axes) == 3 and _is_accelerometer(one.columns[0]) and one.witnessed.all() and (how := _turned_triple(one)):
+        return _axes(seen, one, axes, how)
+    found, wrong_axes, following = list[Statement](), set[int](), list[tuple[int, int]]()
     for pair in combinations(axes, 2):
         i, k = pair
         if not (one.witnessed[i] or one.witnessed[k]) or one.columns[i].dimensions != one.columns[k].dimensions:
             continue
-        order = pair[::-1]
-        own, crosswise = (_remainder(one, pair, by, (1, 1)) for by in (pair, order))
-        strong = int(one.expected[i] <= one.expected[k])  # of the pair, the place of the axis that shakes more
-        wrong = own > UNLIKE and crosswise < EXCHANGED * min(own, 1.0)
-        wrong, signs = wrong and _crossed(one, pair, order, (1, 1))[1 - strong] > PROVEN, (1, 1)
-        if not _is_accelerometer(one.columns[i]):
-            large = others.is_large(one, pair[strong])
-            wrong = wrong and large and all(others.follow(seen, one, n) for n in pair)
-        elif own > UNLIKE and not wrong:
-            without = min(_remainder(one, pair, pair, signs) for signs in signs_of(2))
-            without = min(without, _shifted_remainder(one, pair))
-            crosswise, signs = min((_remainder(one, pair, order, signs), signs) for signs in signs_of(2))
-            crossed = _crossed(one, pair, order, signs)
-            gains = np.array(crossed) * one.readings[list(pair)] / np.maximum(one.expected[list(order)], 1e-300)
-            right = np.abs(np.log(np.maximum(gains, 1e-300))) < np.log(GAIN_FACTOR)
-            alone = crossed[1 - strong] > WHOLE and right[1 - strong]
-            wrong = crosswise < EXCHANGED * without and bool((min(crossed) > PROVEN and right.all()) or alone)
-            signs = tuple(sign if follows > PROVEN else 0 for sign, follows in zip(signs, crossed, strict=True))
-        if wrong:
-            found += _axes(seen, one, pair, exchanged_axes(_names(one, pair), (1, 0), signs, "follows", "should show"))
+        if how := _exchanged_pair(seen, one, others, pair):
+            found += _axes(seen, one, pair, how)
             wrong_axes |= set(pair)
-        elif own < LIKE:
+        elif _remainder(one, pair, pair, (1, 1)) < AS_STATED:
             following.append(pair)
     return found + [s for pair in following if not wrong_axes & set(pair) for s in _axes(seen, one, pair)]
+
+
+def _turned_triple(one: Response) -> str | None:
+    """What each axis of an accelerometer follows that was turned about their diagonal; None where it was not."""
+    axes, turns = (0, 1, 2), exchanges(3)
+    left = {(o, signs): _remainder(one, axes, o, signs) for o in permutations(axes) for signs in signs_of(3)}
+    turned = min((how for how in left if how[0] in turns), key=left.__getitem__)
+    without = min(_shifted_remainder(one, axes), *(rest for how, rest in left.items() if how[0] not in turns))
+    wrong = left[axes, (1, 1, 1)] > DOUBTFUL and left[turned] < EXCHANGED * without
+    wrong = wrong and min(_crossed(one, axes, *turned)) > PROVEN
+    return exchanged_axes(_names(one, axes), *turned, "follows", "should show") if wrong else None
+
+
+def _exchanged_pair(seen: Observation, one: Response, others: _Others, pair: tuple[int, int]) -> str | None:
+    """What each of two axes follows that are exchanged; of an accelerometer also the opposite, as where it was turned.
+
+    Of forces, torques and commands, whose sizes differ more, where both follow the model in other runs.
+    """
+    order, signs = pair[::-1], signs_of(2)[0]
+    own = _remainder(one, pair, pair, signs)
+    if own <= DOUBTFUL:
+        return None
+    weak = int(one.expected[pair[0]] > one.expected[pair[1]])  # the place of the axis that should shake less
+    wrong = _remainder(one, pair, order, signs) < EXCHANGED * min(own, 1.0)
+    wrong = wrong and _crossed(one, pair, order, signs)[weak] > PROVEN
+    if not _is_accelerometer(one.columns[pair[0]]):
+        wrong = wrong and others.is_large(one, pair[1 - weak]) and all(others.follow(seen, one, n) for n in pair)
+    elif not wrong:
+        without = min(_shifted_remainder(one, pair), *(_remainder(one, pair, pair, each) for each in signs_of(2)))
+        crosswise, signs = min((_remainder(one, pair, order, each), each) for each in signs_of(2))
+        crossed = _crossed(one, pair, order, signs)
+        gains = np.array(crossed) * one.readings[list(pair)] / np.maximum(one.expected[list(order)], 1e-300)
+        right = np.abs(np.log(np.maximum(gains, 1e-300))) < np.log(GAIN_FACTOR)
+        follow = (min(crossed) > PROVEN and right.all()) or (crossed[weak] > WHOLE and right[weak])
+        wrong = crosswise < EXCHANGED * without and bool(follow)
+        signs = tuple(sign if share > PROVEN else 0 for sign, share in zip(signs, crossed, strict=True))
+    return exchanged_axes(_names(one, pair), (1, 0), signs, "follows", "should show") if wrong else None
 
 
 def _names(one: Response, axes: Sequence[int]) -> list[str]:
