@@ -21,7 +21,7 @@ from .copies import OneRecording, copies
 from .observation import Observation, observe
 from .paths import encoder_paths, record_ends
 from .repeated_vibration import repeated_vibration
-from .sensors import examined_sensors, levels, unclosed
+from .sensors import examined_sensors, levels, mechanisms
 from .statement import WITHHOLDING, Statement, decisions
 
 CONDITIONS = frozenset({"payload_contradiction", "counter_mass_contradiction"})
@@ -179,7 +179,7 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = (), pool: TaskPo
     reasons |= {s.run: reasons[s.run] | {"record": "nothing else is examined of a part of the motion"} for s in short}
     incomplete = {s.run for s in short}
     seen = [one.without_encoders() if one.name in wrong else one for one in seen if one.name not in incomplete]
-    statements += [*unclosed(seen), *(repeats := unlike_repeats(seen))]
+    statements += [*mechanisms(seen), *(repeats := unlike_repeats(seen))]
     for one in seen:
         statements += [*accelerations(one), *motions(one)]
     about_masses, masses = mounted(seen, {s.run for s in repeats if s.code})

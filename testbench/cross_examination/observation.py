@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from balance.arrays import Floats, parabola_peak
-from balance.errors import ClosureError, CounterpoiseError
+from balance.errors import ClosureError, CounterpoiseError, ModelError
 from balance.mechanism.mechanism import Mechanism
 from balance.motion.motion_files import motion_from_texts
 
@@ -170,6 +170,8 @@ class Observation:
     """Whether the encoders or the command move."""
     unclosed: str | None = None
     """Why the mechanism's loops do not follow the encoders; None where they do, or there are none."""
+    unread: str | None = None
+    """Why the stored mechanism cannot be read; None where it can, or there are no encoders."""
 
     def without_encoders(self) -> "Observation":
         """The same less what is made of its encoders, which are contradicted."""
@@ -240,7 +242,12 @@ def observe(run: SIRun, mechanism: Callable[[], Mechanism]) -> Observation:
     with seen.witness("encoders"):
         if not encoders:
             raise AnalysisError("the rig has no encoder")
-        _by_model(seen, ModelledRun.of(run, mechanism()))
+        try:
+            unloaded = mechanism()
+        except ModelError as error:
+            seen.unread = str(error)
+            raise
+        _by_model(seen, ModelledRun.of(run, unloaded))
     return seen
 
 

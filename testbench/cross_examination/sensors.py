@@ -96,12 +96,18 @@ def levels(observations: Sequence[Observation]) -> list[Statement]:
     return found
 
 
-def unclosed(observations: Sequence[Observation]) -> list[Statement]:
-    """Runs whose encoders the mechanism's loops do not follow, where they follow those of another run."""
+def mechanisms(observations: Sequence[Observation]) -> list[Statement]:
+    """Runs whose mechanism cannot be read, or whose loops do not follow the encoders, and follow those of another."""
+    stated, code = "the mechanism of the rig", "unread_mechanism"
+    unread = [
+        Statement(seen.name, "mechanism", None, stated, f"it cannot be read: {seen.unread}", "its stored text", code)
+        for seen in observations
+        if seen.unread is not None
+    ]
     if not any(seen.peak_joint_acceleration or "encoders" in seen.peak_acceleration for seen in observations):
-        return []
+        return unread
     stated = "the mechanism's loops follow the encoders, as in other runs"
-    return [
+    return unread + [
         Statement(seen.name, "axis", None, stated, seen.unclosed, "the encoders", "encoder_contradiction")
         for seen in observations
         if seen.unclosed is not None

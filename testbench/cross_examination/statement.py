@@ -39,6 +39,7 @@ ADVICE = {
     "encoder_contradiction": "check in rig and log which channel is which encoder, their signs, zeros and units",
     "sign_contradiction": "check the direction in which the sensor is mounted and the sign of its sensitivity",
     "force_sign": "check its sign in the rig and the wiring, and whether it is exchanged with another channel",
+    "unread_mechanism": "correct the mechanism's file and ingest into a new campaign, or give one by --mechanism FILE",
     "torque_contradiction": "check units in rig and log, payload and counter-masses in the run table",
 }
 """All contradictions, and what to do about each."""
@@ -51,7 +52,7 @@ class Statement:
     run: Annotated[str, Key("", "run")]
     subject: Annotated[str, Key("", "about")]
     """``payload``, ``acceleration``, ``axis``, ``sign``, ``gain``, ``copy``, ``rest``, ``dead``, ``counter-masses``,
-    ``record``."""
+    ``record``, ``mechanism``."""
     channel: Annotated[str | None, Key("", "channel", lambda channel: channel or "-")]
     """The channel that it is about; None: the whole run."""
     stated: Annotated[str, Key("", "stated")]

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 _ONE_PAYLOAD = re.compile(r'<text name="payload" data="[^" ]+" */>')
 """How a mechanism's text names one body as its payload."""
-_SEVERAL_FILES = ("<include", "<attach", "<model", "file=", "<robot", "<sdf")
-"""What a mechanism's text holds that is made of more than itself, or whose loops are described elsewhere."""
 Inputs = dict[str, tuple[str, ...]]
 """Name and texts of a file by ``mechanism`` and ``motion``."""
 
@@ -43,12 +41,12 @@ def run_inputs(rig: "Rig | None", conditions: Conditions, folders: Iterable[Path
                 from balance.motion.motion_files import motion_texts
 
                 found[kind] = (path.name, *motion_texts(path))
-            elif any(mark in (text := read_text(path)) for mark in _SEVERAL_FILES):
-                from balance.mechanism.mjcf_parser import load_mechanism  # late: few mechanisms are of several files
+            elif path.parent == datasets.ROOT / "mechanisms":
+                found[kind] = (path.name, read_text(path))
+            else:
+                from balance.mechanism.mjcf_parser import load_mechanism  # late: a shipped one can be read
 
                 found[kind] = (path.name, load_mechanism(path).text)
-            else:
-                found[kind] = (path.name, text)
         except CounterpoiseError as error:
             message = f"its {kind} is not stored with it: {error}; correct {path.name} and ingest into a new campaign"
             findings.append(Finding("input_not_stored", None, None, message))

@@ -303,6 +303,15 @@ def test_three_axes_that_are_turned_about_their_diagonal():
     assert {s.witnessed.replace(" should show", "") for s in found} == {f"axes exchanged: {what}"}
 
 
+def test_a_stored_mechanism_that_cannot_be_read(repeats):
+    """It is a finding of each run that holds it, with what is wrong in it and where."""
+    file, text = repeats[0][0].inputs["mechanism"]
+    told = [replace(run, inputs={"mechanism": (file, text.replace("hinge", "hinj"))}) for run in repeats[0][:2]]
+    found = Witnesses().hear(told).contradictions
+    assert {(s.run, s.code) for s in found} == {(run.name, "unread_mechanism") for run in told}
+    assert all("invalid keyword: 'hinj'" in s.finding.message and "--mechanism" in s.advice for s in found)
+
+
 def test_an_encoder_is_compared_with_other_runs(repeats):
     """Where no motion is stored, by most of the other runs."""
     runs = [replace(run, inputs={"mechanism": run.inputs["mechanism"]}) for run in repeats[0]]

@@ -77,10 +77,12 @@ def test_a_label_is_no_file(folder):
     assert "motion" in run_inputs(None, {"motion": "swing"}, [folder])[0]
 
 
-def test_what_cannot_be_read_is_said(folder):
-    """The log is stored nevertheless, and the finding names file and reason."""
+@pytest.mark.parametrize("file", ["bodies.xml", "arm.xml"])
+def test_what_cannot_be_read_is_said(folder, file):
+    """The log is stored nevertheless, and the finding names file and reason: of a part, or of the one file there is."""
     (folder / "swing.csv").unlink()
-    (folder / "bodies.xml").write_text("<mujoco")
+    hinge = (datasets.ROOT / "mechanisms" / "serial-1r.xml").read_text()
+    (folder / file).write_text("<mujoco" if file == "bodies.xml" else hinge.replace("hinge", "hinj"))
     (planned,) = plan_runs([folder / "log.csv"], folder / "runs.csv")
     (outcome,) = Ingest(folder / "campaign", load_rig(folder / "rig.toml")).run(planned)
     assert outcome.status == "stored"
