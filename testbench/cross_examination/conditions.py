@@ -22,7 +22,7 @@ from balance.units import G0
 from ..rig.sensors import Torque
 from .observation import BLOCKS, DRIVE_TERMS, Observation, TorqueEquations, jackknife
 from .statement import Statement
-from .torque_comparison import Unlike, unlike_others
+from .torque_comparison import Unlike, comparable_torques, unlike_others
 
 ROUNDS = 12
 """Of Gauss-Newton; from stated payloads five suffice."""
@@ -245,9 +245,9 @@ def unlike_repeats(observations: Sequence[Observation]) -> list[Statement]:
     Sizes of channels are compared, which needs no model. Where both of two repeats are, torques that follow the model
     with the masses of the run table tell which of them carries these.
     """
-    found, conditions = [], [_condition(seen) for seen in observations]
-    for seen, condition in zip(observations, conditions, strict=True):
-        same = [o for o, other in zip(observations, conditions, strict=True) if other == condition]
+    found = []
+    for seen in observations:
+        same = [o for o in observations if o.unmounted_condition == seen.unmounted_condition]
         apart = {o.name: _apart(seen, o, same) for o in same if o is not seen}
         repeats = [o for o in same if o is not seen and o.counter_masses == seen.counter_masses]
         others = [(d, o) for o in same if o.counter_masses != seen.counter_masses and (d := apart[o.name]) is not None]
@@ -265,10 +265,6 @@ def unlike_repeats(observations: Sequence[Observation]) -> list[Statement]:
                       "its sensors beside those of its repeats", "counter_mass_contradiction" if wrong else None)
         )  # fmt: skip
     return found
-
-
-def _condition(seen: Observation) -> dict[str, object]:
-    return {k: v for k, v in seen.conditions.items() if k not in {"counter_masses", "repeat"}}
 
 
 def _follows(seen: Observation, same: Sequence[Observation]) -> bool:
@@ -424,17 +420,11 @@ def payloads(
     Where they do not determine it, as with one drive whose inertia is not known, each run's payload is what its torques
     ask for beside those of the other runs, which carried what is stated; fewer than half are told from the others.
     """
-    used = {o.name: o for o in observations if o.name in masses}
-    alike = [(o.torque.joints, o.torque.names) for o in used.values() if o.torque is not None]
-    used = {
-        name: o
-        for name, o in used.items()
-        if o.torque is not None and (o.torque.joints, o.torque.names) == max(alike, key=alike.count)
-    }
+    used = {o.name: (o, torque) for o, torque in comparable_torques([o for o in observations if o.name in masses])}
     if not used:
         return [], None
-    stated = {name: o.conditions["payload_kg"] for name, o in used.items()}
-    equations = {name: o.torque for name, o in used.items() if o.torque is not None}
+    stated = {name: o.conditions["payload_kg"] for name, (o, _) in used.items()}
+    equations = {name: torque for name, (_, torque) in used.items()}
     carried = {name: masses[name] for name in used}
     solved = torque_balance(equations, stated, carried)
     if solved.determined:

@@ -84,7 +84,7 @@ class OneRecording:
         agreeing = list(self.runs)
         for names in contradicted:
             agreeing = [run for run in agreeing if run.name not in names] or agreeing
-        original = agreeing[0] if all(_condition(run) == _condition(agreeing[0]) for run in agreeing) else None
+        original = agreeing[0] if all(run.condition == agreeing[0].condition for run in agreeing) else None
         noise = f"the same noise of {', '.join(self.channels)}"
         found = []
         for run in self.runs:
@@ -105,10 +105,6 @@ class OneRecording:
                 Statement(run.name, "copy", None, stated, shown, "its recorded channels", "copied_run", others)
             )
         return found
-
-
-def _condition(seen: Observation) -> dict[str, object]:
-    return {key: value for key, value in seen.conditions.items() if key != "repeat"}
 
 
 def copies(observations: Sequence[Observation], pool: TaskPool = HERE) -> list[OneRecording]:

@@ -177,8 +177,7 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = (), pool: TaskPo
     cut = {s.run for s in short}  # of which a part of the motion is another than the whole
     statements = [s for s in statements if s.code != "motion_contradiction" or s.run not in cut]
     reasons |= {s.run: reasons[s.run] | {"record": "nothing else is examined of a part of the motion"} for s in short}
-    incomplete = {s.run for s in short}
-    seen = [one.without_encoders() if one.name in wrong else one for one in seen if one.name not in incomplete]
+    seen = [one.without_encoders() if one.name in wrong else one for one in seen if one.name not in cut]
     statements += [*mechanisms(seen), *(repeats := unlike_repeats(seen))]
     for one in seen:
         statements += [*accelerations(one), *motions(one)]

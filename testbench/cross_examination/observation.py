@@ -190,6 +190,11 @@ class Observation:
         """What the run table states of a run and all its repeats."""
         return {key: value for key, value in self.conditions.items() if key != "repeat"}
 
+    @cached_property
+    def unmounted_condition(self) -> dict[str, object]:
+        """The same less counter-masses: of runs with and without them."""
+        return {key: value for key, value in self.condition.items() if key != "counter_masses"}
+
     @property
     def counter_masses(self) -> dict[str, float]:
         """Counter-masses above zero by site, by the run table [kg]."""

@@ -34,7 +34,7 @@ SAYS = {
 OF_THE_MOTION = ("farther", "unlike")
 """Kinds that contradict a stored motion; of the other runs nothing is known that states it."""
 LEAST_SHARE = 0.05
-"""Of the fastest joint's speed, below which a joint is not compared."""
+"""Of the fastest joint's speed, below which a joint is not compared, nor an encoder where it is slower than its own."""
 LEAST_POWER = 1e-6
 """Of the wanted path's power, below which an encoder shows nothing of it: one in radians for degrees shows 3e-4."""
 FOLLOWS = {"motion": 0.95, "vibration": 0.9}
@@ -69,7 +69,7 @@ def encoder_paths(observations: Sequence[Observation]) -> list[Statement]:
                 continue
             code = None if said.kind == "same" and said.value > 0.0 else "encoder_contradiction"
             witness = (
-                "the motion that is stored with the run" if channel in by_motion else "the other runs of this motion"
+                f"the {'motion that is stored with the run' if channel in by_motion else 'other runs of this motion'}"
             )
             stated = f"path, sign and unit of {channel} as in the rig"
             if said.kind in OF_THE_MOTION and said.value > 0.0:
@@ -206,11 +206,9 @@ def _by_other_runs(seen: Observation, observations: Sequence[Observation]) -> La
             cut = [here and not there for here, there in zip(ends, _moving_ends(whole, kind), strict=True)]
             if not (whole.size and any(cut)):
                 continue
-            before, after = _lacks(part, whole, kind)
+            before, after = (lack * here for lack, here in zip(_lacks(part, whole, kind), cut, strict=True))
             witness = "its encoders" if kind == "motion" else "its accelerometers"
-            if said := _said(
-                witness, f"the {kind} of {other.name}", part, whole, (before * cut[0], after * cut[1]), kind
-            ):
+            if said := _said(witness, f"the {kind} of {other.name}", part, whole, (before, after), kind):
                 return said
     return None
 

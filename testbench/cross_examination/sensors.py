@@ -349,7 +349,7 @@ def _exchanged_runs(heard: Heard) -> list[Statement]:
             if its == sensor
             and (more > less) != (read > expected)
             and bool(other.counter_masses) != bool(seen.counter_masses)
-            and {**other.condition, "counter_masses": {}} == {**seen.condition, "counter_masses": {}}
+            and other.unmounted_condition == seen.unmounted_condition
         ]
         if others:
             witnessed = f"{read:.3g} m/s2 RMS, the inverse in {others[0]}: runs or counter-masses exchanged"
@@ -385,10 +385,8 @@ def _signs(seen: Observation, one: Response, others: _Others) -> list[Statement]
             found.append(Statement(seen.name, "sign", column.channel, stated, witnessed, witness, code))
         if one.readings[i] < FLAT * one.expected[i] and others.is_flat(seen, one, i):
             unit = UNITS.get(column.dimensions, "")
-            stated, witnessed = (
-                f"{one.expected[i]:.3g} {unit} RMS by the model",
-                f"{one.readings[i]:.3g} {unit} RMS, flat",
-            )
+            stated = f"{one.expected[i]:.3g} {unit} RMS by the model"
+            witnessed = f"{one.readings[i]:.3g} {unit} RMS, flat"
             found.append(
                 Statement(seen.name, "dead", column.channel, stated, witnessed, "its readings", "flat_channel")
             )

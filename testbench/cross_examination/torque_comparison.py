@@ -21,7 +21,7 @@ import numpy as np
 
 from balance.arrays import Floats
 
-from .observation import DRIVE_TERMS, Observation
+from .observation import DRIVE_TERMS, Observation, TorqueEquations
 
 FEWEST = 5
 """Runs with torques of which some may be told from the others."""
@@ -57,31 +57,34 @@ class Unlike:
 
 def unlike_others(observations: Sequence[Observation]) -> dict[str, Unlike]:
     """Runs whose torques one change explains, and what was stated does not; none where half of them are unlike."""
-    seen = [o for o in observations if o.torque is not None and "payload_kg" in o.conditions]
-    alike = [(o.torque.joints, o.torque.names) for o in seen if o.torque is not None]
-    seen = [o for o, own in zip(seen, alike, strict=True) if own == max(alike, key=alike.count)]
-    if len(seen) < FEWEST:
+    if len(seen := comparable_torques(observations)) < FEWEST:
         return {}
     campaign = _Campaign(seen)
-    found = {one.name: unlike for i, one in enumerate(seen) if (unlike := campaign.unlike(i))}
+    found = {one.name: unlike for i, (one, _) in enumerate(seen) if (unlike := campaign.unlike(i))}
     return found if 2 * len(found) < len(seen) else {}
+
+
+def comparable_torques(observations: Sequence[Observation]) -> list[tuple[Observation, TorqueEquations]]:
+    """Runs of a stated payload with torques, of the drives and columns that most of them have."""
+    seen = [(o, o.torque) for o in observations if o.torque is not None and "payload_kg" in o.conditions]
+    alike = [(torque.joints, torque.names) for _, torque in seen]
+    return [one for one, own in zip(seen, alike, strict=True) if own == max(alike, key=alike.count)]
 
 
 class _Campaign:
     """Products of the columns of all runs, offsets eliminated, and the factors on which most runs agree."""
 
-    def __init__(self, seen: Sequence[Observation]) -> None:
-        self.seen = seen
-        equations = [o.torque for o in seen if o.torque is not None]
-        self.names, self.joints = equations[0].names, equations[0].joints
-        products = np.stack([one.products.sum(axis=0) for one in equations])
+    def __init__(self, seen: Sequence[tuple[Observation, TorqueEquations]]) -> None:
+        self.seen = [o for o, _ in seen]
+        self.names, self.joints = seen[0][1].names, seen[0][1].joints
+        products = np.stack([torque.products.sum(axis=0) for _, torque in seen])
         at = self.names.index("offset")
         self.products = products - products[..., :, [at]] * products[..., [at], :] / products[..., [at], [at], None]
         scale = np.median(self.products[:, :, 0, 0], axis=0)  # of the torques, so that each drive counts alike
         self.products = self.products / np.maximum(scale, 1e-300)[None, :, None, None]
         self.torque, self.common = np.eye(len(self.names))[0], [self.names.index(name) for name in COMMON]
-        self.stated = np.array([self._body(o, o.counter_masses) for o in seen])
-        bare = np.array([self._body(o, {}) for o in seen])
+        self.stated = np.array([self._body(o, o.counter_masses) for o in self.seen])
+        bare = np.array([self._body(o, {}) for o in self.seen])
         power = np.einsum("rk,rjkl,rl->r", bare, self.products, bare)  # so that a gentle run counts as a fast one does
         self.products /= np.maximum(power, LEAST_POWER * np.median(power) + 1e-300)[:, None, None, None]
         self.factors = self._agreed()

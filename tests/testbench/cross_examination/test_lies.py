@@ -402,7 +402,7 @@ def test_one_of_several_logs_is_that_of_another_run(campaign, kinds, log):
 
 def test_a_sensor_that_is_wrong_in_both_does_not_tell_whose_log_it_is():
     """The axis of a turned sensor contradicts in the original too, and no channel fits the one run alone."""
-    runs = tuple(SimpleNamespace(name=n, conditions={"payload_kg": p}, logs={"F": f"{n}.csv"}) for n, p in ("a1", "b2"))
+    runs = tuple(Observation(n, {"payload_kg": p}, None, {"F": f"{n}.csv"}) for n, p in ("a1", "b2"))
     one = OneRecording(runs, ("F",), whole=False)
     wrong = [Statement(name, "axis", "F", "", "", "", "axis_contradiction") for name in "ab"]
     assert {s.run for s in _whose([one], wrong)[0]} == {"a", "b"}
@@ -426,7 +426,7 @@ def test_a_sensor_that_is_wrong_in_both_does_not_tell_whose_log_it_is():
 def test_whose_log_it_is(payloads, contradicted, blamed, said):
     """That of the one run which nothing contradicts; where that does not tell, all are named and none is blamed."""
     conditions = [{"payload_kg": payload, "repeat": i} for i, payload in enumerate(payloads)]
-    runs = tuple(SimpleNamespace(name=name, conditions=c) for name, c in zip("abc", conditions, strict=False))
+    runs = tuple(Observation(name, c, None) for name, c in zip("abc", conditions, strict=False))
     found = OneRecording(runs, ("F",), whole=True).statements(contradicted)
     assert {s.run: s.others for s in found} == blamed
     assert all(said in s.witnessed for s in found)
