@@ -24,6 +24,7 @@ from ..rig import Column
 from ..rig.sensors import Torque
 from ..runs.aligned_run import AlignedRun
 from . import sensor_errors
+from .base_coupling import BaseCoupling
 from .load_regression import CUTOFF_HZ, TORQUE_CUTOFF_HZ, force_regression, torque_channels, torque_regression
 from .problem import (
     MASS,
@@ -64,10 +65,6 @@ WEIGHTLESS = (
     "the rig's [bench] does not state weight = true: the weight's moment as the bodies move, which tilts the base, is "
     "left out"
 )
-MOVING_INERTIA = (
-    "the mechanism's inertia on the base, held as at the start, changes by {:.1%} of both's in the motion: what is "
-    "missing may be wrong by as much, which is more than the intervals"
-)
 FILE_KNOWN = 0.01
 """Of a first moment that is taken from the file, as a part of the largest of the mechanism without counter-masses, what
 it may be wrong by: a mass centre off its line by a hundredth of what counts (Type B, rectangular)."""
@@ -81,6 +78,7 @@ UNSTATED = (
     'no interval contains it; state it, such as resolution = "0.04 deg"'
 )
 STEPS = "what the encoders' resolution leaves open"
+SECOND_ORDER = "all that is of second order in the base's motion (rectangular)"
 _ROUNDS, _SETTLED = 6, 0.05
 """Rounds at most about the values found, and by how much of a standard deviation these still change when settled."""
 _LEAST_FREEDOM = 12.0
@@ -244,13 +242,34 @@ def by_vibration(problem: TrimProblem) -> SourceEstimate:
     columns = [list(one.sensors.columns) for one in bases]
     equations = _Equations.channel_by_channel(problem, parts, columns, combinations)
     found, fixed = equations.fit_all_or_at_sites()
-    measured, within = equations.widened(found)
-    # Wider by what the encoders' steps do to the columns.
     rank, basis = problem.conditions.rank, parameter_basis(problem.conditions)
-    pi = basis[:, :rank] @ measured.values + basis[:, rank:] @ (combinations @ found.shared[: combinations.shape[1]])
-    each = zip(bases, problem.runs, found.gains(), strict=True)
+
+    def parameters(fit: ImbalanceFit) -> Floats:
+        shared = combinations @ fit.shared[: combinations.shape[1]]
+        return np.asarray(basis[:, :rank] @ fit.imbalance.values + basis[:, rank:] @ shared)
+
+    couplings = [BaseCoupling.of(base, run) for base, run in zip(bases, problem.runs, strict=True) if _moves(run)]
+    second: list[Floats] = []
+    for _ in range(_ROUNDS if couplings else 0):
+        before = found.imbalance
+        added, second = map(list, zip(*(one.readings(parameters(found)) for one in couplings), strict=True))
+        corrected = [
+            replace(part, record=replace(part.record, readings=part.record.readings - own))
+            for part, own in zip(parts, added, strict=True)
+        ]
+        equations = _Equations.channel_by_channel(problem, corrected, columns, combinations)
+        found = equations.fit(before.subspace if fixed else None)
+        changed = np.abs(found.imbalance.values - before.values)
+        if (changed <= _SETTLED * np.sqrt(np.diag(found.imbalance.covariance))).all():
+            break
+    measured, within = equations.widened(found)
+    # Wider by what the encoders' steps do to the columns, and by what is of second order in the base's motion.
+    pi, gains = parameters(found), found.gains()
+    each = zip(bases, problem.runs, gains, strict=True)
     steps = np.sum([step_covariance(base, run.encoders, gain, pi) for base, run, gain in each], axis=0)
-    measured = replace(measured, covariance=measured.covariance + steps)
+    shift = sum((np.einsum("nrk,nr->k", gain, own) for gain, own in zip(gains, second, strict=False)), np.zeros(rank))
+    measured = replace(measured, covariance=measured.covariance + steps + np.outer(shift, shift) / 3.0)
+    within += [SECOND_ORDER] if couplings else []
     about = (
         "The base's mass, centre, inertia and mounts are those that the rig states: a model that is assumed, whose "
         "errors the intervals do not contain.",
@@ -264,13 +283,14 @@ def by_vibration(problem: TrimProblem) -> SourceEstimate:
         doubts += [UNSTATED.format(names)] * (not any(column.total_noise for column in problem.runs[0].encoders))
     if any(run.run.origin != "simulated" and not run.rig.bench.weight for run in problem.runs):
         doubts.append(WEIGHTLESS)
-    moving = [run.run.origin != "simulated" or run.rig.bench.coupling == "moving" for run in problem.runs]
-    change = max((one.inertia_change for one, moves in zip(bases, moving, strict=True) if moves), default=0.0)
-    if (change * np.abs(measured.values) > 2.0 * np.sqrt(np.diag(measured.covariance))).any():
-        doubts.append(MOVING_INERTIA.format(change))
     text = (*about, *fixed, _jackknife(measured, [*within, STEPS]))
     runs = problem.runs
     return SourceEstimate("vibration", measured, text, tuple(doubts), tuple(findings), runs, by_steps, of_steps=steps)
+
+
+def _moves(run: AlignedRun) -> bool:
+    """Whether the mechanism moves on the base as bodies do; a simulation may hold its inertia."""
+    return run.run.origin != "simulated" or run.rig.bench.coupling == "moving"
 
 
 def _share_of_steps(bases: Sequence[ShakenBase], problem: TrimProblem, found: ImbalanceFit, pi: Floats) -> float:

@@ -54,7 +54,6 @@ SOURCES: dict[Source, SourceWords] = {
     ),
     "vibration": SourceWords(
         "vibration of the base, by the base that the rig states", "vibration", 0.1, _MORE_RUNS,
-        "; the mechanism's inertia on the moving base, which is that of its start",
     ),
     "trials": SourceWords(
         "vibration of the base, by trial masses", "vibration", 0.15, "use heavier trial masses, or more runs",

@@ -30,7 +30,6 @@ from balance.dynamics.moving_base import (
     ElasticBase,
     apparent_gravity,
     gravity_in_tilted_axes,
-    inertia_along,
     locked_inertia,
     skew,
 )
@@ -65,9 +64,6 @@ IMPULSES = 3
 LEAST_SHARE = 1e-6
 """Ringings of the base that differ by less, relative to the strongest, are one."""
 
-CONFIGURATIONS = 200
-"""Of a run, at which the mechanism's inertia is looked at."""
-
 
 @dataclass(frozen=True)
 class ShakenBase:
@@ -94,17 +90,6 @@ class ShakenBase:
     def smooth(self, values: Floats) -> Floats:
         """Values (n, channels, k) low-passed, on the samples that count; zero where gaps touch them."""
         return self.valid.low_pass(values, self.cutoff)[self.used]
-
-    @property
-    def inertia_change(self) -> float:
-        """By how much the inertia of base and mechanism leaves that of the start, at most, as a part of it.
-
-        The largest of |x'(M(q) - M(q0)) x| / x' M(q0) x over all motions x of the base, at configurations of the run.
-        """
-        along = self.path.q[self.used][:: max(1, (self.used.stop - self.used.start) // CONFIGURATIONS)]
-        change = inertia_along(self.model, along) - locked_inertia(self.model, self.path.q[0])
-        whitened = np.linalg.inv(np.linalg.cholesky(self.base.mass))
-        return float(np.abs(np.linalg.eigvalsh(whitened @ change @ whitened.T)).max())
 
     def wrench_regressor(self, path: Trajectory) -> Floats:
         """W with ``W @ pi`` = shaking wrench, and the weight's less that at the start, (n, 6, 10 nb) [N, N m]."""

@@ -1,0 +1,159 @@
+"""What a moving base and the mechanism that moves on it do to each other, beyond M x'' + C x' + K x = w.
+
+In axes of the base the momentum about its origin is h = (p, L) = h_mechanism + I(q) V with V = (v, omega), the speed of
+that origin and of the base's turning, and exactly
+
+    h' + (omega x p, omega x L + v x p) = mounts + weight.
+
+Of first order in the base's motion x are an inertia I(q) that changes, Coriolis forces, and the weight of what has
+moved on a base that tilts; of second order springs whose points turn, and centripetal accelerations. Springs stay along
+the axes of the base at rest.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from balance.arrays import Floats
+from balance.dynamics.moving_base import (
+    BaseMotion,
+    MountedBase,
+    apparent_gravity,
+    displacement_at,
+    first_moment,
+    inertia_along,
+    locked_inertia,
+)
+from balance.dynamics.regressor import momentum_regressor, wrench_regressor
+
+from ..runs.aligned_run import AlignedRun
+from .vibration_regression import ShakenBase
+
+_SMALL = 1e-3
+"""Part of the base's motion by which terms of first order are told from those of second."""
+_ROUNDS, _SETTLED = 12, 1e-3
+"""Rounds to the base's motion at most, and the change of what moves it, as a part, below which it is found."""
+
+
+@dataclass(frozen=True)
+class BaseCoupling:
+    """One run, its base and its mechanism."""
+
+    run: ShakenBase
+    bench: MountedBase
+    points: Floats
+    """Of the accelerometers' channels, in the base's frame, (channels, 3) [m]."""
+    inertia: Floats
+    """I(q), of base and mechanism, (n, 6, 6) [kg, kg m, kg m2]."""
+    exact: bool
+    """Whether the base moves as bodies do, and not to first order, as simulated benches move."""
+
+    @classmethod
+    def of(cls, run: ShakenBase, aligned: AlignedRun) -> "BaseCoupling":
+        """Of a run, and what its rig states."""
+        rig = aligned.rig
+        points = np.array([rig.base_accelerometers[c.sensor].position for c in run.sensors.columns])
+        inertia = run.base.mass - locked_inertia(run.model, run.path.q[0]) + inertia_along(run.model, run.path.q)
+        return cls(run, rig.bench, points, inertia, aligned.run.origin != "simulated")
+
+    def readings(self, pi: Floats) -> tuple[Floats, Floats]:
+        """What the coupling adds to the readings, and which part is of second order, (samples that count, channels).
+
+        In m/s2 each. ``pi`` (10 nb,) are the mechanism's parameters. Simulated benches move to first order: of their
+        runs no second order is added.
+        """
+        run = self.run
+        push = run.wrench_regressor(run.path) @ pi
+        first = np.zeros_like(push)
+        for _ in range(_ROUNDS):
+            moved = run.moved((push + first)[:, None])
+            motion = BaseMotion(moved.displacement[:, 0], moved.velocity[:, 0], moved.acceleration[:, 0])
+            ahead, behind = (self.unbalanced(pi, _scaled(motion, part)) for part in (_SMALL, -_SMALL))
+            before, first = first, (ahead - behind) / (2.0 * _SMALL) + self._linear(motion)
+            if np.linalg.norm(first - before) <= _SETTLED * np.linalg.norm(push + first):
+                break
+        second = self.unbalanced(pi, motion) - push + self._linear(motion) - first
+        shown = run.answers(np.stack([first, second], axis=2))
+        shown[:, :, 1] += self._shown_exactly(motion) - self._shown_linearly(motion)
+        smooth = run.smooth(shown)
+        return smooth[:, :, 0] + self.exact * smooth[:, :, 1], smooth[:, :, 1]
+
+    def unbalanced(self, pi: Floats, motion: BaseMotion) -> Floats:
+        """Mounts and weight less h' and what turns with it, in axes of the base about its origin, (n, 6) [N, N m]."""
+        run, first = self.run, first_moment(self.inertia)
+        to_base, speed, rate = _in_base_axes(motion)
+        momentum = self._momentum @ pi + _times(self.inertia, speed)
+        found = self._wrench @ pi - _times(self.inertia, rate) - _times(self._inertia_rate, speed)
+        found[:, :3] -= np.cross(speed[:, 3:], momentum[:, :3])
+        found[:, 3:] -= np.cross(speed[:, 3:], momentum[:, 3:]) + np.cross(speed[:, :3], momentum[:, :3])
+        weight = to_base @ run.gravity
+        found += np.hstack([self.inertia[0, 0, 0] * weight, np.cross(first, weight)])
+        at_rest = np.concatenate([self.inertia[0, 0, 0] * run.gravity, np.cross(first[0], run.gravity)])
+        sag = np.linalg.solve(self.bench.elastic().stiffness, at_rest)
+        for mount in self.bench.mounts:
+            point = np.array(mount.position)
+            arm = np.einsum("nji,j->ni", to_base, point)
+            moved = motion.displacement[:, :3] + arm - point + displacement_at(point) @ sag
+            velocity = motion.velocity[:, :3] + np.einsum("nji,nj->ni", to_base, np.cross(speed[:, 3:], point))
+            force = _times(to_base, -np.array(mount.stiffness) * moved - np.array(mount.damping) * velocity)
+            found += np.hstack([force, np.cross(point, force)])
+        return found
+
+    @cached_property
+    def _momentum(self) -> Floats:
+        return momentum_regressor(self.run.model, self.run.path.q, self.run.path.v)
+
+    @cached_property
+    def _wrench(self) -> Floats:
+        return wrench_regressor(self.run.model, self.run.path.q, self.run.path.v, self.run.path.a)
+
+    @cached_property
+    def _inertia_rate(self) -> Floats:
+        return np.gradient(self.inertia, self.run.grid.step, axis=0)
+
+    def _linear(self, motion: BaseMotion) -> Floats:
+        """M x'' + C x' + K x, (n, 6) [N, N m]."""
+        base = self.run.base
+        pairs = (
+            (base.mass, motion.acceleration),
+            (base.damping, motion.velocity),
+            (base.stiffness, motion.displacement),
+        )
+        return np.sum([vectors @ matrix.T for matrix, vectors in pairs], axis=0)
+
+    def _shown_linearly(self, motion: BaseMotion) -> Floats:
+        acceleration = motion.acceleration.copy()
+        acceleration[:, :3] += apparent_gravity(self.run.gravity, motion.displacement)
+        return np.asarray(acceleration @ self.run.sensors.rows.T)
+
+    def _shown_exactly(self, motion: BaseMotion) -> Floats:
+        """Readings of the accelerometers less those at rest, (n, channels) [m/s2]."""
+        to_base, speed, rate = _in_base_axes(motion)
+        origin = _times(to_base, motion.acceleration[:, :3]) + self.run.gravity - to_base @ self.run.gravity
+        found = np.empty((len(origin), len(self.points)))
+        for k, (point, row) in enumerate(zip(self.points, self.run.sensors.rows, strict=True)):
+            turning = np.cross(rate[:, 3:], point) + np.cross(speed[:, 3:], np.cross(speed[:, 3:], point))
+            found[:, k] = (origin + turning) @ row[:3]
+        return found
+
+
+def _scaled(motion: BaseMotion, part: float) -> BaseMotion:
+    return BaseMotion(part * motion.displacement, part * motion.velocity, part * motion.acceleration)
+
+
+def _times(matrices: Floats, vectors: Floats) -> Floats:
+    """Each of ``matrices`` (n, j, k) times its vector (n, k), (n, j)."""
+    return np.asarray(np.einsum("njk,nk->nj", matrices, vectors))
+
+
+def _in_base_axes(motion: BaseMotion) -> tuple[Floats, Floats, Floats]:
+    """R' (n, 3, 3) [-], V and its rate of change, (n, 6) [m/s, rad/s] and [m/s2, rad/s2], to second order in x."""
+    angle, turning = motion.displacement[:, 3:], motion.velocity[:, 3:]
+    to_base = Rotation.from_rotvec(angle).as_matrix().transpose(0, 2, 1)
+    omega = turning - 0.5 * np.cross(angle, turning)
+    velocity = _times(to_base, motion.velocity[:, :3])
+    rate = _times(to_base, motion.acceleration[:, :3]) - np.cross(omega, velocity)
+    faster = motion.acceleration[:, 3:] - 0.5 * np.cross(angle, motion.acceleration[:, 3:])
+    return to_base, np.hstack([velocity, omega]), np.hstack([rate, faster])
