@@ -46,6 +46,7 @@ if TYPE_CHECKING:
         drive as drive,
         engine as engine,
         follow as follow,
+        influence as influence,
         linkage as linkage,
         load as load,
         load_motion as load_motion,
@@ -102,7 +103,7 @@ __all__, __getattr__, __dir__ = lazy_names(__name__, {
     "dynamics.inverse_dynamics": "Response",
     "balancing.sizing_study": "SizingStudy",
     "closure": "Trajectory",
-    "front_door": "animate assemble check conditions drive engine follow linkage load load_motion methods rotor "
-    "shipped simulate size sweep tolerance tradeoff write_report",
+    "front_door": "animate assemble check conditions drive engine follow influence linkage load load_motion methods "
+    "rotor shipped simulate size sweep tolerance tradeoff write_report",
     "units": "si",
 })  # fmt: skip

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .closure import Closure, Trajectory
 from .datasets import KINDS, dataset_names
@@ -33,6 +33,7 @@ if TYPE_CHECKING:  # what each function needs is imported when it is called: a c
     from .drives.harmonic_balance import SteadyRotation
     from .engines.free_forces import FreeForces
     from .linkages.equivalence_method import LinkageBalance
+    from .rotors.results import Influence
     from .rotors.rotor import Correction
 
 _KINDS = "mechanism motion stock rig plan drive engine linkage rotor springs"
@@ -390,6 +391,30 @@ def rotor(name: str | Path) -> Correction:
 
     described = load_rotor(name)
     return correct_planes(described.unbalances, described.planes)
+
+
+def influence(runs: str | Path | Mapping[str, Any], method: str = "least-squares") -> Influence:
+    """Correction weights from trial runs, by influence coefficients: any planes, sensors and speeds.
+
+    ``runs``: a shipped name, a TOML file or its keys as ``tomllib`` reads them; what ``to_toml`` of
+    ``testbench.rotating.vectors`` writes are runs of it. ``method`` makes small the sum of squares of the readings
+    (``least-squares``), their sum (``robust``) or the largest (``min-max``). A row of the table is a plane: its weights
+    in all, still on and to be added [g or g mm, deg], with 95 % intervals where the readings have some. Raises
+    DataError for a trial weight of too little effect.
+
+    >>> import balance
+    >>> found = balance.influence("two-plane-maker")
+    >>> found.table()[["plane", "add.magnitude_g"]].shape, found.findings
+    ((2, 2), [])
+    """
+    from .rotors.influence_coefficients import METHODS
+    from .rotors.results import Influence
+    from .rotors.trial_runs import load_trial_runs, trial_runs_from_table
+
+    loaded = trial_runs_from_table(runs, "runs") if isinstance(runs, Mapping) else load_trial_runs(runs)
+    if method not in METHODS:
+        raise DataError(f"method: {method!r}: expected {', '.join(METHODS)}")
+    return Influence(loaded, loaded.solve(method))
 
 
 def engine(name: str | Path, orders: int = 8) -> list[FreeForces]:

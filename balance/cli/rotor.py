@@ -239,17 +239,12 @@ def influence(
     A trial weight that changed no reading enough is refused by name. Whether each trial weight stayed on must be
     recorded; the weights are shown as totals, and as the weights to add to those still on.
     """
-    from ..rotors.results import READING, WEIGHT, trial_runs_document
-    from ..rotors.trial_runs import load_trial_runs
+    from .. import front_door
 
-    trial_runs = load_trial_runs(runs)
-    solution = trial_runs.solve(method)
-    document = trial_runs_document(trial_runs, solution)
-    if figure:
-        (reading, _, r), (weight, _, w) = READING[trial_runs.reading], WEIGHT[trial_runs.weight]
-        drawn = (trial_runs, solution, (reading, r), (weight, w), trial_runs.uncertainty(solution))
-        options.draw(figure, "balance.figures.rotating:draw_readings", *drawn)
-    show = partial(_print_trial_runs, trial_runs, document)
+    found = front_door.influence(runs, method)
+    document = found.document
+    options.draw(figure, "balance.figures.rotating:draw_readings", found)
+    show = partial(_print_trial_runs, found.runs, document)
     return Answer(document, show, findings=document["findings"], further=("", "readings", "trial_weights"))
 
 

@@ -22,9 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ..rotors.correction_uncertainty import CorrectionUncertainty
-    from ..rotors.influence_coefficients import Solution
-    from ..rotors.trial_runs import TrialRuns
+    from ..rotors.results import Influence
 
 BLUE, ORANGE, GREEN, GREY = "#3b6ea5", "#e07a3f", "#2a9d8f", "#555555"
 """Before, given or forward; after, computed or backward; neither."""
@@ -32,37 +30,35 @@ _ASIDE = 0.3
 """Cosine of a vector's angle beyond which its name is to the side of its tip, not above or below."""
 
 
-def draw_readings(
-    runs: "TrialRuns",
-    solution: "Solution",
-    reading: tuple[str, float] = ("SI", 1.0),
-    weight: tuple[str, float] = ("SI", 1.0),
-    uncertainty: "CorrectionUncertainty | None" = None,
-) -> "Figure":
+def draw_readings(found: "Influence") -> "Figure":
     """Readings before and predicted after, and the correction weights, angles in the sense of the file of the runs.
 
-    ``reading`` and ``weight`` are the units in which they are drawn and their factors from SI. With
-    ``uncertainty``, shaded regions hold the true vectors with 95 %.
+    Shaded regions hold the true vectors with 95 %, where readings have intervals.
     """
+    from ..rotors.results import READING, WEIGHT
+
+    runs, solution = found.runs, found.solution
+    uncertainty = runs.uncertainty(solution)
+    (reading, _, r), (weight, _, w) = READING[runs.reading], WEIGHT[runs.weight]
     figure, ((readings, weights),) = panels(9.6, 5.0, 1, 2, grid=False, subplot_kw={"projection": "polar"})
     names = [sensor if speed == "unstated" else f"{sensor}, {speed}" for sensor, speed in runs.rows]
     before, after = runs.in_file_phase(solution.coefficients.initial), runs.in_file_phase(solution.residual)
     total = runs.in_file_sense(solution.weights)
     if uncertainty is not None:
         circle = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 181))
-        _regions(readings, reading[1] * (after[:, None] + np.outer(uncertainty.after, circle)))
+        _regions(readings, r * (after[:, None] + np.outer(uncertainty.after, circle)))
         outlines = np.array([runs.in_file_sense(region.outline()) for region in uncertainty.regions])
-        _regions(weights, weight[1] * (total[:, None] + outlines))
-    _arrows(readings, before * reading[1], names, BLUE)
-    _arrows(readings, after * reading[1], [""] * len(names), ORANGE)
-    _arrows(weights, total * weight[1], [plane.name for plane in runs.planes], ORANGE)
+        _regions(weights, w * (total[:, None] + outlines))
+    _arrows(readings, before * r, names, BLUE)
+    _arrows(readings, after * r, [""] * len(names), ORANGE)
+    _arrows(weights, total * w, [plane.name for plane in runs.planes], ORANGE)
     _grid(readings, before)
     _grid(weights, total)
     shaded = "" if uncertainty is None else f"; shaded: {LEVEL_TEXT}"
     readings.set_title(
-        f"Readings [{reading[0]}], phase as {runs.phase}\nblue before, orange predicted after{shaded}", fontsize=9
+        f"Readings [{reading}], phase as {runs.phase}\nblue before, orange predicted after{shaded}", fontsize=9
     )
-    weights.set_title(f"Correction weights [{weight[0]}]\nangles {runs.angles}{shaded}", fontsize=9)
+    weights.set_title(f"Correction weights [{weight}]\nangles {runs.angles}{shaded}", fontsize=9)
     return figure
 
 

@@ -2,13 +2,15 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ..arrays import Complexes, root_mean_square
 from ..estimation.estimate import LEVEL_TEXT
-from ..results import document, finite
+from ..results import Shown, document, finite
 from ..units import G0
 from .correction_uncertainty import CorrectionUncertainty, PolarInterval
 from .influence_coefficients import Solution
@@ -143,6 +145,29 @@ def trial_runs_document(runs: TrialRuns, solution: Solution) -> dict[str, Any]:
         f"misfit_of_runs_{reading}": solution.coefficients.misfit * r,
         "findings": _findings(runs, solution, uncertainty),
     }
+
+
+@dataclass(frozen=True)
+class Influence(Shown, rows="planes", figure="balance.figures.rotating:draw_readings"):
+    """Trial runs and the correction weights that they give."""
+
+    runs: TrialRuns
+    solution: Solution
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """The document of ``balance rotor influence --json``."""
+        return trial_runs_document(self.runs, self.solution)
+
+    @property
+    def planes(self) -> list[dict[str, Any]]:
+        """Of each plane the weights in all, still on and to be added, with their intervals, the unit in the key."""
+        return list(self.document["planes"])
+
+    @property
+    def findings(self) -> list[str]:
+        """What makes the weights doubtful."""
+        return list(self.document["findings"])
 
 
 def predicted_residual(solution: Solution) -> Complexes:

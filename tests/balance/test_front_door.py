@@ -42,6 +42,7 @@ ASKED = [
     ),
     (lambda: balance.animate("four-bar", "four-bar", "no/a.svg"), "no/a.svg: there is no folder no"),
     (lambda: balance.engine("in-line-4", orders=0), "one order at least"),
+    (lambda: balance.influence("two-plane-maker", "least"), "method: 'least': expected least-squares, robust, min-max"),
     (lambda: balance.load("a" * 5000), "a{60}...: File name too long"),
 ]
 

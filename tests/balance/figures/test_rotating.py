@@ -6,6 +6,7 @@ import pytest
 from balance.engines import free_forces
 from balance.engines.engine_files import load_layout
 from balance.figures.rotating import draw_orders, draw_polygons, draw_readings
+from balance.rotors.results import READING, WEIGHT, Influence
 from balance.rotors.rotor import Plane, Unbalance, correct_planes, polygons
 from balance.rotors.trial_runs import load_trial_runs
 
@@ -46,6 +47,6 @@ def test_tips_of_vectors_lie_within_the_frame(name):
     """All readings and weights, with room for their names."""
     runs = load_trial_runs(name)
     solution = runs.solve("least-squares")
-    readings, weights = draw_readings(runs, solution).axes
-    assert readings.get_rmax() > 1.05 * np.abs(solution.coefficients.initial).max()
-    assert weights.get_rmax() > 1.05 * np.abs(solution.weights).max()
+    readings, weights = draw_readings(Influence(runs, solution)).axes
+    assert readings.get_rmax() > 1.05 * READING[runs.reading][2] * np.abs(solution.coefficients.initial).max()
+    assert weights.get_rmax() > 1.05 * WEIGHT[runs.weight][2] * np.abs(solution.weights).max()

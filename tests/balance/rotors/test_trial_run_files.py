@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
+import balance
 from balance.errors import DataError, UnitError
-from balance.figures.rotating import draw_readings
 from balance.rotors.trial_runs import load_trial_runs, trial_runs_from_table
 from balance.units import parse_uncertain
 
@@ -165,15 +165,13 @@ def test_the_figure_and_the_document_have_the_regions(file, tmp_path):
     found = json_of("rotor", "influence", path)
     (plane,) = found["planes"]
     long, short = plane["region"]["half_axes_g"]
-    runs = load_trial_runs(path)
-    solution = runs.solve("least-squares")
-    figure = draw_readings(runs, solution, ("um", 1e6), ("g", 1e3), runs.uncertainty(solution))
+    figure = balance.influence(path).plot()
     (patch,) = figure.axes[1].patches
     angle, length = patch.get_xy().T
     off = np.abs(length * np.exp(1j * angle) - complex(plane["total"]["x_g"], plane["total"]["y_g"]))
     assert off.max() == pytest.approx(long, rel=1e-3)
     assert off.min() == pytest.approx(short, rel=1e-3)
-    assert not draw_readings(runs, solution).axes[1].patches
+    assert not balance.influence("two-plane-maker").plot().axes[1].patches
 
 
 def test_common_mode_error_of_phases(file):
