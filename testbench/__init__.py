@@ -29,7 +29,7 @@ from balance import lazy_names  # noqa: E402
 if TYPE_CHECKING:
     from balance.errors import CounterpoiseError as CounterpoiseError
 
-    from . import export as export, report as report
+    from . import export as export, report as report, rotating as rotating
     from .cross_examination import Examination as Examination
     from .front_door import (
         align as align,
@@ -81,4 +81,4 @@ __all__, __getattr__, __dir__ = lazy_names(__name__, {
     "trimming": "Trim",
     "front_door": "align analyze compare doctor encoder_speed formats identify ingest load_plan load_rig new_project "
     "overlay plan_next read simulate trim",
-}, ("export", "report"))  # fmt: skip
+}, ("export", "report", "rotating"))  # fmt: skip

@@ -14,13 +14,12 @@ from ..signal import METRIC_NAMES
 from . import options
 
 if TYPE_CHECKING:
-    from ..rotating.order_tracking import OrderVector, Vectors
+    from ..rotating.order_tracking import Vectors
     from ..signal import Metric
     from ..store import Run
 
 _ROUNDING = 1e-9
 """Relative change of speed that counts as rounding."""
-_NO_SENSOR = "no vibration in a unit of length, velocity or acceleration; if it is, the rig needs its calibration."
 _SAID = 4
 """Sensors of the first sentence."""
 
@@ -44,7 +43,7 @@ Exit codes: 0 done, 3 done with findings, 1 refused."""
 )
 def vectors(
     run_file: Path = argument("RUN"),
-    tacho: str = option("Channel with one pulse a turn.", default="tacho", metavar="CHANNEL"),
+    tacho: str = option("Channel with one pulse a turn, or an encoder's angle.", default="tacho", metavar="CHANNEL"),
     level: float | None = option("Level of a pulse, in the channel's unit [default: half swing].", metavar="V"),
     falling: bool = option("Pulses begin where the signal falls."),
     sensor: tuple[str, ...] = option(
@@ -56,7 +55,9 @@ def vectors(
     steady_within: float = option(
         "Speed that counts as steady.", click.FloatRange(0.0, 50.0, min_open=True), default=1.0, metavar="PERCENT"
     ),
-    speed: str | None = option("Nominal speed, such as 3000rpm: the run's must agree with it.", metavar="N"),
+    speed: str | None = option(
+        "Speed at which the vectors are given, such as 3000rpm [default: the mean].", metavar="N"
+    ),
     toml: str | None = option("Write it as this run of a file of trial runs; needs --speed.", metavar="NAME"),
     weight: tuple[str, ...] = option('Trial weight of this run, "fan end=10 g @ 0 deg".', metavar="PLANE=W@A"),
     stayed_on: bool | None = option(
@@ -67,8 +68,8 @@ def vectors(
     """Amplitude and phase of each vibration sensor of RUN, a stored run, at an order of its speed.
 
     The tachometer's pulses cut the record into turns, over which it is averaged; intervals (95 %) come from the noise
-    near the order, where tones that do not turn with the rotor are fitted and named. Refused: lost or spurious
-    pulses, a speed that is not steady, too few turns.
+    near the order, where tones that do not turn with the rotor are fitted and named. Where the speed changes, vectors
+    are fitted over it and given at one. Refused: lost or spurious pulses, a speed that is not steady, too few turns.
     """
     if toml and click.get_current_context().params["as_json"]:
         raise click.UsageError("give either --toml or --json")
@@ -88,152 +89,56 @@ def vectors(
         raise click.UsageError("--weight needs --stayed-on or --came-off, and they need --weight")
     if wrong := [text for text in weight if "=" not in text or "@" not in text]:
         raise click.UsageError(f"--weight {wrong[0]!r}: expected 'PLANE=10 g @ 0 deg'")
-    from ..rotating.order_tracking import Tachometer, order_vectors
+    from ..rotating import order_tracking
     from ..store import open_run
 
-    run, within = open_run(run_file), steady_within / 100.0
-    found = order_vectors(run, Tachometer(tacho, level, falling, within), sensor, order)
-    if speed:
-        _agrees(run, found, speed, within)
-    document = _document(run, found, phase, amplitude)
-    draw(figure, "testbench.figures.rotating:draw_vectors", document)
+    run = open_run(run_file)
+    found = order_tracking.vectors(
+        run, tacho, sensor, order, speed, level=level, falling=falling, steady_within=steady_within / 100.0,
+        amplitude=amplitude, phase=phase,
+    )  # fmt: skip
+    document = found.document()
+    draw(figure, "testbench.figures.rotating:draw_vectors", found)
+    pairs = [text.partition("=") for text in weight]
+    weights = {plane.strip(): on.strip() for plane, _, on in pairs}
 
     def show() -> None:
         if toml:
-            click.echo(_toml(run, found, (toml, speed or "", phase, amplitude), weight, stayed_on))
+            click.echo(found.to_toml(toml, weights, stayed_on))
         else:
-            _print(run, found, phase, amplitude)
+            _print(run, found, document)
 
-    return Answer(document, show, bool(found.findings()))
-
-
-def _agrees(run: "Run", found: "Vectors", text: str, within: float) -> None:
-    from balance.units import parse
-
-    from ..errors import AnalysisError
-
-    nominal = parse(text, "angular velocity") / (2.0 * math.pi)
-    if not nominal > 0.0:
-        raise click.UsageError(f"--speed is {text!r}: expected more than zero")
-    if abs(found.turns.speed / nominal - 1.0) > within:
-        raise AnalysisError(
-            f"{run.name}: turns at {60 * found.turns.speed:.5g} rpm, not at {text} within {100 * within:g} %"
-        )
+    return Answer(document, show, bool(document["findings"]))
 
 
-def _amplitude(vector: "OrderVector", metric: "Metric") -> tuple[float, float]:
-    from ..rotating.order_tracking import METRICS
-
-    return METRICS[metric] * abs(vector.value), METRICS[metric] * vector.amplitude_within
-
-
-def _degrees(vector: "OrderVector", phase: str) -> float:
-    import cmath
-
-    return math.degrees(cmath.phase(vector.value)) * (1.0 if phase == "lead" else -1.0)
-
-
-def _toml(
-    run: "Run",
-    found: "Vectors",
-    written: "tuple[str, str, str, Metric]",
-    weights: tuple[str, ...],
-    stayed_on: bool | None,
-) -> str:
-    """A run of a file of trial runs, ``written`` its name, speed, phase and metric."""
-    name, speed, phase, metric = written
-    lines = [
-        f'# from {run.name}, {run.origin}: phase = "{phase}", amplitude = "{metric}"',
-        *(f"# finding: {finding}" for finding in found.findings()),
-        *(f"# left out: {one}: {_NO_SENSOR}" for one in found.left_out),
-        "[[runs]]",
-        f"name = {_quoted(name)}",
-    ]
-    if weights:
-        pairs = [text.partition("=") for text in weights]
-        mounted = ", ".join(f"{_quoted(plane.strip())} = {_quoted(weight.strip())}" for plane, _, weight in pairs)
-        lines += [f"weights = {{ {mounted} }}", f"stayed_on = {str(stayed_on).lower()}"]
-    readings = ", ".join(f"{_quoted(v.sensor)} = {_quoted(_reading(v, phase, metric))}" for v in found.vectors)
-    lines.append(f"readings.{_quoted(speed)} = {{ {readings} }}")
-    if found.common_phase_normal_within > _ROUNDING:
-        within = math.degrees(found.common_phase_normal_within)
-        lines.append(f'phases_alike.{_quoted(speed)} = "{within:.3g} deg"')
-    return "\n".join([*lines, ""])
-
-
-def _reading(vector: "OrderVector", phase: str, metric: "Metric") -> str:
-    """A reading with its intervals; one within the scatter has no interval of the phase."""
-    from ..rotating.order_tracking import UNITS
-
-    (size, within), unit = _amplitude(vector, metric), UNITS[vector.dimension]
-    about = f" ± {math.degrees(vector.own_phase_within):.3g} deg" if vector.is_significant else ""
-    return f"{size:.9g} {unit} ± {within:.3g} {unit} @ {_degrees(vector, phase):.6f} deg{about}"
-
-
-def _quoted(text: str) -> str:
-    """A basic string of TOML."""
-    import json
-
-    return json.dumps(text, ensure_ascii=False)
-
-
-def _document(run: "Run", found: "Vectors", phase: str, metric: "Metric") -> dict[str, Any]:
-    from balance.estimation.estimate import LEVEL_TEXT
-
-    from ..rotating.order_tracking import UNITS
-
-    suffix = {"m": "m", "m/s": "m_s", "m/s^2": "m_s2"}
-    rows = []
-    for v in found.vectors:
-        key, (size, within) = f"amplitude_{suffix[UNITS[v.dimension]]}", _amplitude(v, metric)
-        row: dict[str, Any] = {"sensor": v.sensor, "reading": v.dimension, key: size, f"{key}_within": within}
-        row |= {"phase_deg": _degrees(v, phase), "phase_deg_within": math.degrees(v.phase_within)}
-        rows.append(
-            row
-            | {"coherence": v.coherence, "share_of_power": v.share, "told": v.is_significant}
-            | {"foreign_tones_Hz": list(v.tones)}
-        )
-    return {
-        "run": run.name,
-        "origin": run.origin,
-        "order": found.order,
-        "amplitude": metric,
-        "phase": phase,
-        "turns": found.turns.count,
-        "speed_rpm": 60.0 * found.turns.speed,
-        "speed_change_percent": 100.0 * found.turns.change,
-        "interval": LEVEL_TEXT,
-        "phases_off_alike_deg_within": math.degrees(found.common_phase_within),
-        "findings": list(found.findings()),
-        "vectors": rows,
-        "left_out": list(found.left_out),
-    }
-
-
-def _print(run: "Run", found: "Vectors", phase: str, metric: "Metric") -> None:
+def _print(run: "Run", found: "Vectors", document: dict[str, Any]) -> None:
     """Speed and vectors in one sentence, then all that is known of each vector."""
-    from ..rotating.order_tracking import UNITS
+    from ..rotating.order_tracking import METRICS, NO_SENSOR, UNITS
 
     rows, said = [], []
     for v in found.vectors:
-        size, within = _amplitude(v, metric)
-        angle = with_interval(_degrees(v, phase), math.degrees(v.phase_within)) if v.is_significant else ""
-        length = f"{with_interval(size, within)} {UNITS[v.dimension]}"
+        angle = with_interval(found.degrees(v.value), math.degrees(v.phase_within)) if v.is_significant else ""
+        factor = METRICS[found.amplitude]
+        length = f"{with_interval(factor * abs(v.value), factor * v.amplitude_within)} {UNITS[v.dimension]}"
         said.append(f"{v.sensor} {length} {f'at {angle} deg' if angle else 'in the scatter'}")
         rows.append([v.sensor, length, angle or "in the scatter", f"{v.coherence:.4f}", f"{v.share:.3f}"])
-    turns = found.turns
-    change = f"{100 * turns.change:.2g}" if turns.change > _ROUNDING else "0"
+    change = f"{document['speed_change_percent']:.2g}" if found.turns.change > _ROUNDING else "0"
+    at = f", given at {found.asked}" if found.asked else ""
     say(
-        f"{run.name} ({run.origin}), {turns.count} turns at {60 * turns.speed:.6g} rpm, changing by {change} %: order "
-        f"{found.order} {'; '.join(said[:_SAID])}{f' and {len(said) - _SAID} more' if len(said) > _SAID else ''}."
+        f"{run.name} ({run.origin}), {found.turns.count} turns at {document['speed_rpm']:.6g} rpm, changing by "
+        f"{change} %{at}: order {found.order} {'; '.join(said[:_SAID])}"
+        f"{f' and {len(said) - _SAID} more' if len(said) > _SAID else ''}."
     )
-    title = f"Order {found.order} of {run.name} ({run.origin}), {metric}, phase as {phase} of the pulse"
+    title = f"Order {found.order} of {run.name} ({run.origin}), {found.amplitude}, phase as {found.phase} of the pulse"
     emit_table(title, ["sensor", "amplitude", "phase [deg]", "coherence", "share of power"], rows)
+    findings = document["findings"]
     for v in found.vectors:
+        if (course := found.course(v)) and not any(course in finding for finding in findings):
+            say(f"{v.sensor}: {course}.")
         if v.tones:
             tones = ", ".join(f"{tone:.4g} Hz" for tone in v.tones)
             say(f"{v.sensor}: near the order {tones}, which does not turn with the rotor; fitted with it.")
     if found.left_out:
-        say(f"Left out: {', '.join(found.left_out)}: {_NO_SENSOR}")
+        say(f"Left out: {', '.join(found.left_out)}: {NO_SENSOR}")
     options.print_calibrations(options.calibrations([run]))
-    emit_findings(("Finding", f"{finding}.") for finding in found.findings())
+    emit_findings(("Finding", f"{finding}.") for finding in findings)

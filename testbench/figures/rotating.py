@@ -13,17 +13,20 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from ..rotating.order_tracking import Vectors
+
 _HEADROOM = 1.2
 _UNITS = {"length": ("m", "m"), "velocity": ("m_s", "m/s"), "acceleration": ("m_s2", "m/s²")}
 """Ends of the keys and units by what a sensor reads."""
 _COLOURS = (style.ANALYSED, style.WITHOUT, style.ENCODERS, style.ACCELEROMETER, style.SIMULATED, style.PUBLISHED)
 
 
-def draw_vectors(document: dict[str, Any]) -> "Figure":
-    """A diagram for each quantity that sensors read, from the document of ``testbench vectors``.
+def draw_vectors(found: "Vectors") -> "Figure":
+    """A diagram for each quantity that sensors read.
 
     A shaded field is amplitude and phase within their intervals; a disc is a vector within its scatter.
     """
+    document = found.document()
     rows = document["vectors"]
     kinds = [kind for kind in _UNITS if any(row["reading"] == kind for row in rows)]
     with style.styled():
@@ -32,7 +35,7 @@ def draw_vectors(document: dict[str, Any]) -> "Figure":
         for axes, kind in zip(drawn, kinds, strict=True):
             _panel(axes, [row for row in rows if row["reading"] == kind], kind, document)
         style.headline(
-            figure, f"{document['run']}: order {document['order']} at {document['speed_rpm']:.5g} rev/min\n"
+            figure, f"{document['run']}: order {document['order']} at {document['given_at_rpm']:.5g} rev/min\n"
             f"(origin {document['origin']}; phase as {document['phase']} of the pulse; shaded: {LEVEL_TEXT})",
         )  # fmt: skip
     return figure

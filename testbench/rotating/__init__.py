@@ -6,6 +6,7 @@ comparison with a drive's equation of motion. Vibration: ``tachometer`` gives th
 """
 
 from .encoder_edges import Disc, Edges, LostEdges, log_origin, number_edges, read_edge_times
+from .order_tracking import OrderVector, Vectors, vectors
 from .speed_fit import SpeedEstimate, SteadySpeedFit, periodic_turn
 from .speed_results import SpeedHistory, speed_history
 
@@ -13,12 +14,15 @@ __all__ = [
     "Disc",
     "Edges",
     "LostEdges",
+    "OrderVector",
     "SpeedEstimate",
     "SpeedHistory",
     "SteadySpeedFit",
+    "Vectors",
     "log_origin",
     "number_edges",
     "periodic_turn",
     "read_edge_times",
     "speed_history",
+    "vectors",
 ]

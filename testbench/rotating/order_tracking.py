@@ -7,24 +7,37 @@ by which the peak comes before the pulse. Moving a heavy spot on by an angle wit
 The record is weighted by a Hann window, whose side lobes fall off fast, so that distant lines (a line is one period a
 record) leak little into the order. Tones that do not turn with the rotor are found near the order and fitted with it.
 The residual on the lines near the order, away from order and tones, is the noise of the vector.
+
+Where the speed changes the vector is a polynomial of it, fitted with the orders, and given at one speed. A resonance
+makes a geometric series of its terms: so the next one is known before it is fitted, and taken where it matters.
 """
 
-from collections.abc import Iterator, Sequence
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from balance.arrays import Floats
-from balance.estimation.estimate import coverage_factor
+from balance.errors import UnitError
+from balance.estimation.estimate import LEVEL_TEXT, coverage_factor
+from balance.results import Shown, rpm
+from balance.units import factor_to_si, si
 
 from ..errors import AnalysisError
 from ..runs.si_run import physical
 from ..signal import Metric
-from ..store import Run
+from ..store import Run, open_run
 from ..store.run import StoredGroup
-from .tachometer import DITHERED, STEADY_WITHIN, Turns, steady_turns
+from .tachometer import DITHERED, STEADY_WITHIN, Mark, Turns, encoder_mark, steady_turns
 
+NO_SENSOR = "no vibration in a unit of length, velocity or acceleration; if it is, the rig needs its calibration."
+_ROUNDING = 1e-9
+"""Angle that counts as rounding [deg]."""
 _MOST_TONES = 4
 _FALSE_TONE = 1e-3
 """Probability of taking noise for a tone."""
@@ -36,6 +49,16 @@ _COARSE = 0.01
 """Share of an order's amplitude that rounding of the pulses takes, from which a finding says so."""
 _REFINED = 2
 """Gauss-Newton iterations on the frequency of a tone."""
+_MOST_TERMS = 4
+"""Highest power of the speed."""
+_NEGLIGIBLE = 0.3
+"""Size of a term over the standard deviation of the vector below which it is left out."""
+_SEEN = 3.7
+"""Standard deviations above which a difference of vectors is seen (0.1 %, two components)."""
+_BY_SPEED = 4.0
+"""Relative change of a vector by that of the speed, where the record does not show it: 2 by the force of unbalance,
+twice that below a resonance at 1.4 times the speed.
+"""
 _ZEROS = 16
 """Zeros of a converter within a step, over which rounding errors scatter."""
 _MAINS = (50.0, 60.0, 100.0, 120.0, 150.0, 180.0)
@@ -59,6 +82,12 @@ class OrderFit:
     """Degrees of freedom of the noise."""
     tones: tuple[float, ...]
     """Periods per record of the tones that were fitted."""
+    powers: NDArray[np.complex128]
+    """Coefficients of the first and higher powers of the shift of speed, (terms,) [unit]."""
+    spread: Floats
+    """Covariance of the real, as of the imaginary parts of ``powers``, (terms, terms) [unit^2]."""
+    left: float
+    """Size of the first power that is left out, where it matters [unit]."""
 
 
 @dataclass
@@ -69,17 +98,26 @@ class _Tone:
 
 
 def fit_orders(
-    values: Floats, angle: Floats, turns: int, order: int, orders: int, stepped: float = 0.0, jitter: float = 0.0
+    values: Floats,
+    angle: Floats,
+    turns: int,
+    order: int,
+    orders: int,
+    stepped: float = 0.0,
+    jitter: float = 0.0,
+    shift: Floats | None = None,
 ) -> OrderFit:
     """Vector of an order in ``values`` (n,) [unit] over whole turns, at the rotor's ``angle`` (n,) [turns].
 
     Orders up to ``orders`` are fitted together. ``stepped`` [rad] is the jump of the order's phase where pulses move by
     one sample: it causes lines near the order of up to half its size, so weaker tones are left to the noise.
     ``jitter`` [rad] is the standard deviation of its phase at single pulses by that: few lines, or lines between which
-    such errors repeat, may show less of it.
+    such errors repeat, may show less of it. ``shift`` (n,) [-] is the speed less that at which the vector is given, at
+    most 1; None where it is steady.
     """
-    record = _Record(values, angle, order, orders)
+    record = _Record(values, angle, order, orders, shift)
     lines = int(np.clip(turns // 2, _LEAST_LINES, _MOST_LINES))
+    near = int(np.clip(turns // 4, _LEAST_LINES, _MOST_LINES))
     tones: list[_Tone] = []
     while True:
         solved, normal, spread = record.solve(tones)
@@ -87,22 +125,27 @@ def fit_orders(
         size = float(np.hypot(solved[order], solved[orders + order]))
         least = 0.5 * record.window.sum() * 0.5 * stepped * size
         found = _tone(nearby, lines, order * turns, tones, least) if len(tones) < _MOST_TONES else None
-        if found is None:
+        if found is not None:
+            tones.append(_Tone(found))
+            record.refine(tones)
+            continue
+        value, powers = complex(solved[order], solved[orders + order]), record.powers(solved)
+        noise, spare = _noise(nearby * np.exp(-1j * np.angle(value)), near, order * turns, tones, record.terms)
+        inverse, real = np.linalg.inv(normal), 1 + 2 * orders + 2 * np.arange(record.terms)
+        shape = inverse @ spread @ inverse * 2.0 / record.power
+        scatter = float(noise.max()) * shape[np.ix_(real, real)]
+        left = _next_power(size, np.abs(powers), np.sqrt(np.diag(scatter)))
+        left *= left > _NEGLIGIBLE * float(noise.max() * shape[order, order]) ** 0.5
+        if not left or record.terms == _MOST_TERMS:
             break
-        tones.append(_Tone(found))
-        record.refine(tones)
-    value = complex(solved[order], solved[orders + order])
+        record.terms, tones = record.terms + 1, []  # of sidebands some may have been taken for tones
     rounding = record.rounding(solved, tones)
-    near = int(np.clip(turns // 4, _LEAST_LINES, _MOST_LINES))
-    noise, spare = _noise(nearby * np.exp(-1j * np.angle(value)), near, order * turns, tones)
     if jitter:
         known = 0.5 * jitter * size * coverage_factor() / coverage_factor(spare)  # its size is no estimate
         noise[1] = max(noise[1], noise[0] + known**2 * len(values) / turns * record.power)
-    inverse = np.linalg.inv(normal)
-    pick = np.ix_([order, orders + order], [order, orders + order])
-    covariance = _turned_phase(noise, np.angle(value), (inverse @ spread @ inverse)[pick]) * 2.0 / record.power
-    covariance += rounding * np.eye(2)
-    return OrderFit(value, covariance, spare, tuple(t.line for t in tones))
+    pick = [order, orders + order]
+    covariance = _turned_phase(noise, np.angle(value), shape[np.ix_(pick, pick)]) + rounding * np.eye(2)
+    return OrderFit(value, covariance, spare, tuple(t.line for t in tones), powers, scatter, left)
 
 
 def _turned_phase(noise: Floats, angle: float, shape: Floats) -> Floats:
@@ -116,19 +159,25 @@ def _turned_phase(noise: Floats, angle: float, shape: Floats) -> Floats:
 class _Record:
     """A record with its window and the regressor of the fit, in chunks."""
 
-    def __init__(self, values: Floats, angle: Floats, order: int, orders: int) -> None:
+    def __init__(self, values: Floats, angle: Floats, order: int, orders: int, shift: Floats | None) -> None:
         self.values, self.angle, self.order, self.orders = values, angle, order, orders
+        self.shift, self.terms = shift, 0 if shift is None else 1
         self.share = (np.arange(len(values)) + 0.5) / len(values)
         self.window = np.sin(np.pi * self.share) ** 2
         self.power = float((self.window**2).sum())
 
     def _chunks(self, tones: list[_Tone]) -> Iterator[tuple[slice, Floats]]:
-        """Columns: 1; cos, then -sin of the orders; cos, sin of each tone and its derivative by frequency."""
+        """Columns: 1; cos, then -sin of the orders; both by each power of the shift; cos, sin of each tone and its
+        derivative by frequency.
+        """
         for begin in range(0, len(self.values), _CHUNK):
             part = slice(begin, begin + _CHUNK)
             turned = np.exp(2j * np.pi * self.angle[part, None])
             powers = np.cumprod(np.broadcast_to(turned, (len(turned), self.orders)), axis=1)
             columns = [np.ones((len(turned), 1)), powers.real, -powers.imag]
+            if self.shift is not None:
+                by = self.shift[part, None] ** np.arange(1, self.terms + 1) * powers[:, [self.order - 1]]
+                columns.append(np.stack([by.real, -by.imag], axis=2).reshape(len(by), -1))
             for tone in tones:
                 phi = 2.0 * np.pi * tone.line * self.share[part]
                 c, s = np.cos(phi), np.sin(phi)
@@ -138,7 +187,8 @@ class _Record:
 
     def solve(self, tones: list[_Tone]) -> tuple[Floats, Floats, Floats]:
         """Coefficients (p,), and the products of the columns weighted by the window and by its square, (p, p)."""
-        count = 1 + 2 * self.orders + 3 * len(tones)
+        first = 1 + 2 * self.orders + 2 * self.terms
+        count = first + 3 * len(tones)
         normal, spread, target = np.zeros((count, count)), np.zeros((count, count)), np.zeros(count)
         for part, columns in self._chunks(tones):
             weighted = columns * self.window[part, None]
@@ -147,7 +197,7 @@ class _Record:
             target += weighted.T @ self.values[part]
         for k, tone in enumerate(tones):
             if not tone.cos and not tone.sin:  # the derivative of a tone of amplitude zero is zero
-                last = 2 * self.orders + 3 * k + 3
+                last = first + 3 * k + 2
                 normal[last, last] = 1.0
         return np.linalg.solve(normal, target), normal, spread
 
@@ -155,9 +205,14 @@ class _Record:
         """Frequency and amplitude of the tones by Gauss-Newton iterations."""
         for _ in range(_REFINED + 1):
             solved, *_ = self.solve(tones)
-            for tone, (c, s, moved) in zip(tones, solved[1 + 2 * self.orders :].reshape(-1, 3), strict=True):
+            for tone, (c, s, moved) in zip(tones, solved[-3 * len(tones) :].reshape(-1, 3), strict=True):
                 tone.line += float(np.clip(moved, -0.5, 0.5))
                 tone.cos, tone.sin = float(c), float(s)
+
+    def powers(self, solved: Floats) -> NDArray[np.complex128]:
+        """Coefficients of the powers of the shift, (terms,) [unit]."""
+        pairs = solved[1 + 2 * self.orders :][: 2 * self.terms].reshape(-1, 2)
+        return np.asarray(pairs @ [1.0, 1.0j])
 
     def _explained(self, solved: Floats, tones: list[_Tone]) -> Floats:
         """What the coefficients (p,) make of the record, (n,) [unit]."""
@@ -188,6 +243,15 @@ class _Record:
         return np.asarray(np.add.reduceat(turned, edges))
 
 
+def _next_power(size: float, powers: Floats, deviation: Floats) -> float:
+    """Size of the power after ``powers`` (terms,) of the geometric series of ``size`` and the first, or of the last."""
+    if not len(powers) or not size:
+        return 0.0
+    ratio = float(powers[0]) / size
+    surely = max(0.0, float(powers[-1] - _SEEN * deviation[-1])) if len(powers) > 1 else 0.0
+    return float(max(size * ratio ** (len(powers) + 1), surely * ratio))
+
+
 def _tone(nearby: NDArray[np.complex128], lines: int, order: int, tones: list[_Tone], least: float) -> float | None:
     """Periods per record of the strongest tone on quarter lines near the order; None where all may be noise.
 
@@ -205,17 +269,20 @@ def _tone(nearby: NDArray[np.complex128], lines: int, order: int, tones: list[_T
     return order + best / fine if power[best] > max(least**2, usual * np.log(2 * lines / _FALSE_TONE)) else None
 
 
-def _noise(nearby: NDArray[np.complex128], lines: int, order: int, tones: list[_Tone]) -> tuple[Floats, int]:
+def _noise(
+    nearby: NDArray[np.complex128], lines: int, order: int, tones: list[_Tone], terms: int
+) -> tuple[Floats, int]:
     """Mean power along and across the vector, (2,), on lines near it and off the tones; degrees of freedom of each.
 
     They are separate, since jitter of the pulses disturbs the phase alone. Only every second line counts, since a Hann
-    window correlates neighbours, and the lines of a part on both sides are one.
+    window correlates neighbours, and the lines of a part on both sides are one. Each power of the shift takes one.
     """
     at = np.arange(2, lines + 1, 2)
     off = np.array([[abs(abs(tone.line - order) - k) >= _MAIN_LOBE for tone in tones] for k in at]).reshape(len(at), -1)
     chosen = at[off.all(axis=1)] if off.all(axis=1).sum() >= 2 else at
     power = [float(np.mean(np.abs(np.fft.fft(part)[chosen]) ** 2)) for part in (nearby.real, nearby.imag)]
-    return np.array(power), 2 * len(chosen)
+    spare = max(1, 2 * len(chosen) - terms)
+    return np.array(power) * (2 * len(chosen) / spare), spare
 
 
 METRICS: dict[Metric, float] = {"peak": 1.0, "peak_to_peak": 2.0, "rms": 0.5**0.5}
@@ -242,28 +309,37 @@ class OrderVector:
     """Power of the order over that of the whole signal without its mean [-]."""
     tones: tuple[float, ...] = ()
     """Frequencies of tones near the order that do not turn with the rotor, fitted with it [Hz]."""
+    at_ends: tuple[complex, complex] | None = None
+    """Vectors at the lowest and highest speed of the record; None where it is steady, or shows no difference."""
+    is_described: bool = True
+    """Whether the powers of the speed that are fitted describe the vector over the record."""
 
     @property
     def is_significant(self) -> bool:
         """Whether the amplitude exceeds its scatter; else the phase means nothing."""
         return self.phase_within < np.pi / 2
 
-    def findings(self, order: int) -> tuple[str, ...]:
-        """Findings about the vector."""
-        if self.is_significant:
-            return ()
-        return (f"order {order} does not exceed the scatter, so its phase means nothing",)
-
 
 @dataclass(frozen=True)
-class Vectors:
-    """Order vectors of a run."""
+class Vectors(Shown, rows="rows", figure="testbench.figures.rotating:draw_vectors"):
+    """Order vectors of a run, and how they are stated: metric of amplitudes, whether phase is a lead or a lag."""
 
     order: int
     turns: Turns
     vectors: tuple[OrderVector, ...]
     left_out: tuple[str, ...] = ()
     """Channels of the tachometer's logger in no unit of a vibration sensor, with their unit."""
+    run: str = ""
+    origin: str = ""
+    asked: str = ""
+    """Speed at which the vectors are given, such as ``3000rpm``; empty for the mean."""
+    amplitude: Metric = "peak"
+    phase: str = "lead"
+
+    @property
+    def speed(self) -> float:
+        """Speed at which the vectors are given [turns/s]."""
+        return turns_a_second(self.asked) if self.asked else self.turns.speed
 
     @property
     def common_phase_within(self) -> float:
@@ -275,10 +351,121 @@ class Vectors:
         """The same for a normal error of equal standard deviation, for sums with other errors [rad]."""
         return 2.0 * np.pi * self.order * self.turns.speed * self.turns.timing_normal_within
 
+    def size(self, value: complex | float, vector: OrderVector) -> str:
+        """An amplitude in the metric, with its unit."""
+        return f"{METRICS[self.amplitude] * abs(value):.4g} {UNITS[vector.dimension]}"
+
+    def degrees(self, value: complex) -> float:
+        """The phase of a vector as it is stated [deg]."""
+        return float(np.degrees(np.angle(value))) * (1.0 if self.phase == "lead" else -1.0)
+
+    def reading(self, vector: OrderVector) -> str:
+        """A vector as a reading of a file of trial runs; one within the scatter has no interval of the phase."""
+        factor, unit = METRICS[self.amplitude], UNITS[vector.dimension]
+        about = f" ± {np.degrees(vector.own_phase_within):.3g} deg" if vector.is_significant else ""
+        size, within = factor * abs(vector.value), factor * vector.amplitude_within
+        return f"{size:.9g} {unit} ± {within:.3g} {unit} @ {self.degrees(vector.value):.6f} deg{about}"
+
+    def to_toml(self, name: str, weights: Mapping[str, str] | None = None, stayed_on: bool | None = None) -> str:
+        """This run, called ``name``, as text of a file of trial runs, for ``balance.influence``.
+
+        ``weights``: trial weights by plane (``{"fan end": "10 g @ 0 deg"}``); ``stayed_on``: whether they did after it.
+        Raises AnalysisError without the speed at which the vectors are to be given.
+        """
+        if not self.asked:
+            raise AnalysisError(f"{self.run}: give speed: the vectors of all trial runs must belong to one")
+        lines = [
+            f'# from {self.run}, {self.origin}: phase = "{self.phase}", amplitude = "{self.amplitude}"',
+            *(f"# finding: {finding}" for finding in self.findings()),
+            *(f"# left out: {one}: {NO_SENSOR}" for one in self.left_out),
+            "[[runs]]",
+            f"name = {_quoted(name)}",
+        ]
+        if weights:
+            mounted = ", ".join(f"{_quoted(plane)} = {_quoted(weight)}" for plane, weight in weights.items())
+            lines += [f"weights = {{ {mounted} }}", f"stayed_on = {str(bool(stayed_on)).lower()}"]
+        readings = ", ".join(f"{_quoted(v.sensor)} = {_quoted(self.reading(v))}" for v in self.vectors)
+        lines.append(f"readings.{_quoted(self.asked)} = {{ {readings} }}")
+        if (alike := np.degrees(self.common_phase_normal_within)) > _ROUNDING:
+            lines.append(f'phases_alike.{_quoted(self.asked)} = "{alike:.3g} deg"')
+        return "\n".join([*lines, ""])
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """Amplitude and phase of each sensor, with half widths of their intervals, the unit in the key."""
+        rows, suffix, factor = [], {"m": "m", "m/s": "m_s", "m/s^2": "m_s2"}, METRICS[self.amplitude]
+        for v in self.vectors:
+            key, ends = f"amplitude_{suffix[UNITS[v.dimension]]}", v.at_ends or ()
+            row: dict[str, Any] = {"sensor": v.sensor, "reading": v.dimension, key: factor * abs(v.value)}
+            row |= {f"{key}_within": factor * v.amplitude_within, "phase_deg": self.degrees(v.value)}
+            row |= {"phase_deg_within": float(np.degrees(v.phase_within)), "coherence": v.coherence}
+            row |= {"share_of_power": v.share, "told": v.is_significant, "foreign_tones_Hz": list(v.tones)}
+            row |= {f"{key}_at_range": [factor * abs(one) for one in ends]}
+            rows.append(row | {"phase_deg_at_range": [self.degrees(one) for one in ends]})
+        return rows
+
+    def document(self) -> dict[str, Any]:
+        """The document of ``testbench vectors --json``."""
+        return {
+            "run": self.run,
+            "origin": self.origin,
+            "order": self.order,
+            "amplitude": self.amplitude,
+            "phase": self.phase,
+            "turns": self.turns.count,
+            "speed_rpm": 60.0 * self.turns.speed,
+            "given_at_rpm": 60.0 * self.speed,
+            "speed_range_rpm": [60.0 * one for one in self.turns.speed_range],
+            "speed_change_percent": 100.0 * self.turns.change,
+            "interval": LEVEL_TEXT,
+            "phases_off_alike_deg_within": float(np.degrees(self.common_phase_within)),
+            "findings": list(self.findings()),
+            "vectors": self.rows,
+            "left_out": list(self.left_out),
+        }
+
     def findings(self) -> tuple[str, ...]:
         """Findings about the run and each vector."""
-        each = (f"{v.sensor}: {text}" for v in self.vectors for text in v.findings(self.order))
-        return (*self._synchronous_sampling(), *self._coarse_pulses(), *self._on_the_mains(), *each)
+        each = (f"{v.sensor}: {text}" for v in self.vectors for text in self._of(v))
+        run = (*self._synchronous_sampling(), *self._coarse_pulses(), *self._on_the_mains(), *self._off_the_speed())
+        return (*run, *each)
+
+    def course(self, vector: OrderVector) -> str:
+        """How a vector goes over the speeds of the record, in words; empty where it shows no difference."""
+        if vector.at_ends is None:
+            return ""
+        low, high = vector.at_ends
+        (lowest, highest), degrees = self.turns.speed_range, [f"{self.degrees(one):.4g}" for one in vector.at_ends]
+        return (
+            f"over {60 * lowest:.5g} to {60 * highest:.5g} rpm the amplitude goes from {self.size(low, vector)} to "
+            f"{self.size(high, vector)}, the phase from {degrees[0]} to {degrees[1]} deg"
+        )
+
+    def _of(self, vector: OrderVector) -> Iterator[str]:
+        if not vector.is_significant:
+            yield f"order {self.order} does not exceed the scatter, so its phase means nothing"
+        moved = max((abs(end - vector.value) for end in vector.at_ends or ()), default=0.0)
+        if not self.asked and moved > vector.amplitude_within:
+            yield (
+                f"{self.course(vector)}, more than the interval; it is given at the mean, {60 * self.speed:.5g} rpm: "
+                "to compare runs, give all at one speed, --speed"
+            )
+        if not vector.is_described:
+            yield (
+                f"it changes so much with the speed that powers up to {_MOST_TERMS} do not describe it, as near a "
+                "resonance: its interval is widened; cut out a part of less change"
+            )
+
+    def _off_the_speed(self) -> tuple[str, ...]:
+        at, change = self.turns.off_range(self.speed)
+        widened = [v for v in self.vectors if _BY_SPEED * change * abs(v.value) > 0.5 * v.amplitude_within]
+        if not widened:
+            return ()
+        return (
+            f"the run never turns at {self.asked}: its vectors are those at {60 * at:.6g} rpm, their intervals widened "
+            f"by {100 * _BY_SPEED * change:.2g} % of the amplitude, as the force of unbalance and a resonance at 1.4 "
+            "times the speed would change them; run at one speed, or give one that all runs pass",
+        )
 
     def _on_the_mains(self) -> tuple[str, ...]:
         mains = mains_near(self.turns, self.order)
@@ -327,43 +514,76 @@ _ORDERS = 8
 _SAMPLES_AN_ORDER = 2.5
 
 
-@dataclass(frozen=True)
-class Tachometer:
-    """Channel of the tachometer, one pulse a turn, and how its pulses are detected."""
-
-    channel: str = "tacho"
-    level: float | None = None
-    """Level of a pulse in the channel's unit; None for half its swing."""
-    falling: bool = False
-    steady_within: float = STEADY_WITHIN
+def turns_a_second(speed: float | str) -> float:
+    """A speed, a text with its unit or a number [rad/s], in turns/s. Raises AnalysisError for none above zero."""
+    found = si(speed, "angular velocity") / (2.0 * np.pi)
+    if not 0.0 < found < np.inf:
+        raise AnalysisError(f"speed: {speed}: expected more than zero")
+    return found
 
 
-def order_vectors(run: Run, tachometer: Tachometer, sensors: Sequence[str] = (), order: int = 1) -> Vectors:
-    """Order vectors of ``sensors``, by default all of length, velocity or acceleration timed with the tachometer.
+def vectors(
+    run: Run | str | Path,
+    tacho: str = "tacho",
+    sensors: Sequence[str] = (),
+    order: int = 1,
+    speed: float | str | None = None,
+    *,
+    level: float | None = None,
+    falling: bool = False,
+    steady_within: float = STEADY_WITHIN,
+    amplitude: Metric = "peak",
+    phase: str = "lead",
+) -> Vectors:
+    """Amplitude and phase of each vibration sensor of a stored run at an order of its speed, with 95 % intervals.
 
-    Channels of the run's rig are read in SI by the calibration in force, all others in the unit of the log.
-    Raises AnalysisError for an order that the samples do not resolve, and as ``tachometer.steady_turns``.
+    ``tacho``: channel with one pulse a turn, which begins where it rises (``falling``: falls) through ``level`` [its
+    unit; half the swing], or an encoder's angle, whose zero is the mark. ``sensors``: by default all of length,
+    velocity or acceleration timed with it; those of the rig are read in SI by the calibration in force. ``speed`` at
+    which the vectors are given (``"3000rpm"`` or [rad/s]), by default the mean; ``steady_within``: largest change
+    of speed, and distance of the mean from ``speed``, as a share. ``amplitude``: ``peak``, ``peak_to_peak`` or ``rms``;
+    ``phase``: ``lead`` or ``lag`` of the pulse. Raises AnalysisError for lost or spurious pulses, too few turns, an
+    unsteady speed, an order that the samples do not resolve.
+
+    >>> import testbench
+    >>> found = testbench.rotating.vectors("rotor/run.h5", tacho="tacho", speed="2400rpm")
+    >>> found.table()[["sensor", "amplitude_m_s2", "phase_deg"]].round(1).values.tolist()
+    [['A', 4.0, 40.0]]
+    >>> print(found.to_toml("as found").splitlines()[1])
+    [[runs]]
     """
-    group, index = run.find(tachometer.channel)
-    where = f"{run.name}: channel {tachometer.channel!r}"
-    time, pulse = run.time(group.name), _finite(run, group, index)
-    turns = steady_turns(where, time, pulse, tachometer.level, tachometer.falling, tachometer.steady_within)
+    for given, known in ((amplitude, tuple(METRICS)), (phase, ("lead", "lag"))):
+        if given not in known:
+            raise AnalysisError(f"{given!r}: expected {' or '.join(known)}")
+    run = run if isinstance(run, Run) else open_run(run)
+    group, index = run.find(tacho)
+    read = run if run.rig is None else physical(run)
+    in_si, where = read.group(group.name), f"{run.name}: channel {tacho!r}"
+    time, pulse, mark = run.time(group.name), _finite(run, group, index), Mark(level, falling)
+    unit = in_si.channels[index].unit
+    if unit and _dimension(unit, ["angle"]):
+        pulse, mark = encoder_mark(factor_to_si(unit, "angle") * _finite(read, in_si, index))
+    turns = steady_turns(where, time, pulse, mark.level, mark.falling, steady_within, mark.doubt)
+    asked = speed if isinstance(speed, str) else "" if speed is None else f"{rpm(speed):.10g} rpm"
+    if asked and abs(turns.speed / turns_a_second(asked) - 1.0) > steady_within:
+        raise AnalysisError(
+            f"{run.name}: turns at {60 * turns.speed:.5g} rpm, not at {asked} within {100 * steady_within:g} %"
+        )
     samples = 1.0 / (turns.resolution * turns.speed)
     if samples < _SAMPLES_AN_ORDER * order:
         raise AnalysisError(
             f"{run.name}: {samples:.3g} samples a turn do not resolve order {order}: expected at least "
             f"{_SAMPLES_AN_ORDER * order:g}; sample faster"
         )
-    orders = max(order, min(_ORDERS, int(samples / _SAMPLES_AN_ORDER)))
-    read = run if run.rig is None else physical(run)
-    in_si, found = read.group(group.name), []
-    chosen = _chosen(run, group, in_si, index, sensors)
+    orders, found = max(order, min(_ORDERS, int(samples / _SAMPLES_AN_ORDER))), []
+    chosen, at = _chosen(run, group, in_si, index, sensors), turns_a_second(asked) if asked else None
     for i in chosen:
         dimension, factor = _reading(read, in_si, i)
         values = factor * _alive(read, in_si, i)
-        found.append(order_vector(group.channels[i].label, dimension, values, turns, time, order, orders))
+        found.append(order_vector(group.channels[i].label, dimension, values, turns, time, order, orders, at))
     others = [] if sensors else [group.channels[i] for i in group.measured if i != index and i not in chosen]
-    return Vectors(order, turns, tuple(found), tuple(f"{c.label} ({c.unit or 'no unit'})" for c in others))
+    left_out = tuple(f"{c.label} ({c.unit or 'no unit'})" for c in others)
+    return Vectors(order, turns, tuple(found), left_out, run.name, run.origin, asked, amplitude, phase)
 
 
 def _chosen(run: Run, group: StoredGroup, in_si: StoredGroup, tacho: int, sensors: Sequence[str]) -> list[int]:
@@ -387,22 +607,15 @@ def _chosen(run: Run, group: StoredGroup, in_si: StoredGroup, tacho: int, sensor
     return indices
 
 
-def _dimension(unit: str) -> str | None:
-    from balance.errors import UnitError
-    from balance.units import factor_to_si
-
-    for dimension in UNITS:
-        try:
+def _dimension(unit: str, dimensions: Iterable[str] = UNITS) -> str | None:
+    for dimension in dimensions:
+        with suppress(UnitError):
             factor_to_si(unit, dimension)
-        except UnitError:
-            continue
-        return dimension
+            return dimension
     return None
 
 
 def _reading(run: Run, group: StoredGroup, index: int) -> tuple[str, float]:
-    from balance.units import factor_to_si
-
     channel = group.channels[index]
     dimension = _dimension(channel.unit) if channel.unit else None
     if channel.unit is None or dimension is None:
@@ -437,22 +650,46 @@ def _alive(run: Run, group: StoredGroup, index: int) -> Floats:
 
 
 def order_vector(
-    sensor: str, dimension: str, values: Floats, turns: Turns, time: Floats, order: int, orders: int
+    sensor: str,
+    dimension: str,
+    values: Floats,
+    turns: Turns,
+    time: Floats,
+    order: int,
+    orders: int,
+    speed: float | None = None,
 ) -> OrderVector:
-    """Vector of ``values`` (n,) [m, m/s or m/s2] at ``time`` (n,) [s]; orders up to ``orders`` are fitted together."""
+    """Vector of ``values`` (n,) [m, m/s or m/s2] at ``time`` (n,) [s]; orders up to ``orders`` are fitted together.
+
+    It is given at ``speed`` [turns/s], by default the mean; beyond the speeds of the record its intervals are widened.
+    """
     inside = (time >= turns.pulses[0]) & (time < turns.pulses[-1])
     stepped = 2.0 * np.pi * order * turns.speed * turns.resolution if turns.steep else 0.0
     jitter = 2.0 * np.pi * order * turns.speed * turns.rounding
     shrunk, shrunk_within = turns.shrinking(order)
-    found = fit_orders(values[inside], turns.angle(time[inside]), turns.count, order, orders, stepped, jitter)
+    given_at, speeds, shift = speed or turns.speed, turns.speeds(time[inside]), None
+    at, off = turns.off_range(given_at)
+    if speeds is not None:
+        lowest, highest = turns.speed_range
+        shift = (speeds - at) / max(at - lowest, highest - at)
+    angle = turns.angle(time[inside])
+    found = fit_orders(values[inside], angle, turns.count, order, orders, stepped, jitter, shift)
     value, reach = found.value / shrunk, coverage_factor(found.degrees_of_freedom)
     u = np.array([value.real, value.imag]) / abs(value) if value else np.array([1.0, 0.0])
     along, across = (reach * float(np.sqrt(x @ found.covariance @ x)) for x in (u, np.array([-u[1], u[0]])))
+    elsewhere = float(np.hypot(found.left, _BY_SPEED * off * abs(value)))
+    along, across = (float(np.hypot(one, elsewhere)) for one in (along, across))
     along = float(np.hypot(along, coverage_factor() * abs(value) * shrunk_within))
     if turns.is_synchronous:  # one jump of the phase reduces the mean vector by up to 1 - cos(stepped / 2)
         along = float(np.hypot(along, abs(value) * (1.0 - np.cos(min(np.pi, 0.5 * stepped)))))
     significant = max(along, across) < abs(value)
     both = float(np.hypot(across, abs(value) * 2.0 * np.pi * order * turns.speed * turns.timing))
+    ends = None
+    if shift is not None:
+        powers = np.array([shift.min(), shift.max()])[:, None] ** np.arange(1, len(found.powers) + 1)
+        moved, scatter = powers @ found.powers / shrunk, np.einsum("ei,ij,ej->e", powers, found.spread, powers)
+        if (np.abs(moved) > _SEEN * np.sqrt(scatter)).any():
+            ends = (complex(value + moved[0]), complex(value + moved[1]))
     parts = _parts(values, turns, time, order, orders)
     squares = float((np.abs(parts) ** 2).mean())
     power = float(np.var(values[inside]))
@@ -466,7 +703,14 @@ def order_vector(
         abs(parts.mean()) ** 2 / squares if squares else 0.0,
         abs(value) ** 2 / 2.0 / power if power else 0.0,
         tuple(tone / turns.count * turns.speed for tone in found.tones),
+        ends,
+        found.left < along,
     )
+
+
+def _quoted(text: str) -> str:
+    """A basic string of TOML."""
+    return json.dumps(text, ensure_ascii=False)
 
 
 def _turned(across: float, size: float) -> float:

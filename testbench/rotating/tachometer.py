@@ -7,6 +7,8 @@ with normal scatter, observed in steps.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +17,9 @@ from balance.estimation.estimate import LEVEL, coverage_factor, log_normal_proba
 
 from ..errors import AnalysisError
 from .encoder_edges import Gap, lost_edges, spurious_edges
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 DITHERED = 0.6
 """Scatter of instants [steps] above which errors are independent: two neighbouring samples explain at most 0.5."""
@@ -133,6 +138,8 @@ _TURNS_A_PIECE = 8
 """Least turns of a piece of the smooth motion."""
 _ROUNDED = 0.31
 """Scatter of instants about a smooth motion [steps] that steps alone explain: 12^-0.5, and a little."""
+_EXACT = 1e-3
+"""The same where pulses are interpolated between samples."""
 _STEEP = 0.3
 """Share of the swing within one sample above which the crossing cannot be interpolated."""
 
@@ -198,12 +205,13 @@ class Turns:
 
         if not self.rounding:
             return 1.0, 0.0
-        instants, scatter = self._smooth()
-        exact = (instants - instants[0]) / self.resolution
+        motion, scatter = self._motion
+        number = np.arange(len(self.pulses))
+        exact = (motion(number) - motion(0.0)) / self.resolution
         most = max(0.5 * float(np.diff(exact).min()) - 0.75, 0.0)  # pulses stay in their order
         own = min((3.0 * max(scatter**2 - _ROUNDED**2, 0.0)) ** 0.5, most)
         exact = exact + np.random.default_rng(0).uniform(-own, own, len(exact))
-        found, number = np.zeros(_OFFSETS, dtype=complex), np.arange(len(exact))
+        found = np.zeros(_OFFSETS, dtype=complex)
         every = max(1, int(exact[-1] / self.count / _A_TURN))
         for k in range(_OFFSETS):
             true = exact + 1.0 + (k + 0.5) / _OFFSETS
@@ -214,21 +222,45 @@ class Turns:
             found[k] = window @ np.exp(2j * np.pi * order * error) / window.sum()
         return float(np.abs(found).mean()), float(np.abs(found).std())
 
-    def _smooth(self) -> tuple[Floats, float]:
-        """Instants of the pulses of a smooth motion [s], in as few pieces as leave what steps explain; what is left
-        [steps].
+    @cached_property
+    def _motion(self) -> "tuple[BSpline, float]":
+        """Instants of the pulses of a smooth motion [s] over their number, and what is left [steps]: a steady one, or
+        in as few pieces as leave what steps explain, else the best by Schwarz's criterion.
         """
         from scipy.interpolate import make_lsq_spline
 
-        number, pieces = np.arange(len(self.pulses), dtype=float), 1
-        while True:
-            knots = np.linspace(0.0, self.count, pieces + 1)
-            knots = np.r_[[0.0] * _DEGREE, knots, [float(self.count)] * _DEGREE]
-            found = make_lsq_spline(number, self.pulses, knots, _DEGREE)(number)
-            scatter = float(np.std(self.pulses - found)) / self.resolution
-            if scatter < _ROUNDED or 2 * pieces * _TURNS_A_PIECE > self.count:
-                return found, scatter
-            pieces *= 2
+        number, found = np.arange(len(self.pulses), dtype=float), []
+        for degree, pieces in [(1, 1), *((_DEGREE, 2**k) for k in range(self.count // _TURNS_A_PIECE))]:
+            if pieces > max(1, self.count // _TURNS_A_PIECE):
+                break
+            inner = np.linspace(0.0, self.count, pieces + 1)
+            spline = make_lsq_spline(number, self.pulses, np.r_[[0.0] * degree, inner, [self.count] * degree], degree)
+            scatter = float(np.std(self.pulses - spline(number))) / self.resolution
+            cost = 2.0 * len(number) * np.log(scatter) + (degree + pieces) * np.log(len(number)) if scatter else -np.inf
+            found.append((cost, scatter, spline))
+            if scatter < (_ROUNDED if self.steep else _EXACT):
+                return spline, scatter
+        _, scatter, spline = min(found, key=lambda one: one[0])
+        return spline, scatter
+
+    def speeds(self, time: Floats) -> Floats | None:
+        """Speed at ``time`` (n,) [s] of the smooth motion, (n,) [turns/s]; None where it is steady."""
+        motion, _ = self._motion
+        if motion.k == 1:
+            return None
+        found: Floats = 1.0 / motion.derivative()(self.angle(time))
+        return found
+
+    @cached_property
+    def speed_range(self) -> tuple[float, float]:
+        """Lowest and highest speed of the smooth motion [turns/s]."""
+        found = self.speeds(np.linspace(self.pulses[0], self.pulses[-1], 16 * self.count + 1))
+        return (self.speed, self.speed) if found is None else (float(found.min()), float(found.max()))
+
+    def off_range(self, speed: float) -> tuple[float, float]:
+        """The speed of the record that is nearest to ``speed`` [turns/s], and how far that is from it, as a share."""
+        at = min(max(speed, self.speed_range[0]), self.speed_range[1])
+        return at, abs(speed / at - 1.0)
 
     def angle(self, time: Floats) -> Floats:
         """Angle of the rotor since the first pulse at ``time`` (n,) [s], a cubic spline, (n,) [turns].
@@ -240,6 +272,28 @@ class Turns:
 
         found: Floats = CubicSpline(self.pulses, np.arange(len(self.pulses)))(time)
         return found
+
+
+@dataclass(frozen=True)
+class Mark:
+    """Where a turn begins in the signal of a tachometer."""
+
+    level: float | None = None
+    """Level of a pulse [unit of the signal]; None for half its swing."""
+    falling: bool = False
+    doubt: float = 0.0
+    """Standard deviation of the level [unit of the signal]; of half the swing it is found in the record."""
+
+
+def encoder_mark(angle: Floats) -> tuple[Floats, Mark]:
+    """An encoder's ``angle`` (n,) [rad], counting on or back at zero, as signal (n,) of a tachometer: its sine.
+
+    A count is where the angle enters it, so the angle is half a count more in the mean; that half is in doubt.
+    """
+    turned = np.unwrap(angle)
+    turned = turned if turned[-1] > turned[0] else -turned
+    count = float(np.diff(np.sort(np.diff(turned))).max(initial=0.0))  # increments differ by whole counts
+    return np.sin(turned + 0.5 * count), Mark(0.0, doubt=count / 12.0**0.5)
 
 
 def tacho_pulses(time: Floats, signal: Floats, level: float | None = None, falling: bool = False) -> Floats:
@@ -277,8 +331,12 @@ def _crossings(time: Floats, signal: Floats, level: float, falling: bool) -> Flo
     return time[at] + share * (time[at + 1] - time[at])
 
 
-def steady_turns(name: str, time: Floats, signal: Floats, level: float | None, falling: bool, within: float) -> Turns:
+def steady_turns(
+    name: str, time: Floats, signal: Floats, level: float | None, falling: bool, within: float, doubt: float = 0.0
+) -> Turns:
     """Turns of a record at steady speed: ``signal`` (n,) [unit of ``level``] at ``time`` (n,) [s].
+
+    ``doubt`` is the standard deviation of ``level``.
 
     Raises AnalysisError for a signal without pulses, too few turns, lost or spurious pulses, a speed that changes by
     more than ``within`` of its mean.
@@ -287,7 +345,8 @@ def steady_turns(name: str, time: Floats, signal: Floats, level: float | None, f
     if len(found) < LEAST_TURNS + 1:
         raise AnalysisError(
             f"{name}: {len(found)} pulses in {time[-1] - time[0]:.3g} s, values {signal.min():g} to {signal.max():g}: "
-            f"expected at least {LEAST_TURNS + 1}, one a turn; try another channel, --level, or a longer record"
+            f"expected at least {LEAST_TURNS + 1}, one a turn; try another channel, --level, or a longer record; "
+            "an encoder is taken where its channel is an angle, by its unit (rad, deg) or the rig: ingest it so"
         )
     never_again = len(found)  # no slot of a disc explains an odd interval: there is one pulse a turn
     if gaps := lost_edges(found, never_again):
@@ -302,12 +361,12 @@ def steady_turns(name: str, time: Floats, signal: Floats, level: float | None, f
             f"{name}: {len(extra)} pulse{'s' * (len(extra) > 1)} too many, at {places}: expected one a turn; check "
             "--level"
         )
-    turns = _timed(time, signal, found, half_swing(time, signal, falling)[1] if guessed else 0.0)
+    turns = _timed(time, signal, found, half_swing(time, signal, falling)[1] if guessed else doubt)
     if turns.change > within:
         raise AnalysisError(
             f"{name}: the speed changes by {100 * turns.change:.2g} % of its mean {60 * turns.speed:.5g} rpm; expected "
-            f"at most {100 * within:g} %: amplitude and phase belong to one speed; cut out a steady part, or give "
-            "--steady-within"
+            f"at most {100 * within:g} %: cut out a steady part, or give --steady-within: vectors are then fitted over "
+            "the speed and given at one (--speed), with how far they move over its range"
         )
     return turns
 

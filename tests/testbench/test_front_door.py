@@ -2,13 +2,18 @@
 
 import doctest
 import os
+import pkgutil
 import shutil
 import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
+
+import testbench
 
 from .conftest import PAIR, conditions
 
@@ -23,6 +28,13 @@ def folder(request, tmp_path_factory):
     (folder / "log.csv").write_text("t (s),a (m/s^2)\n0.0,0.5\n0.1,0.25\n0.2,0.75\n", encoding="utf-8")
     (folder / "edges.csv").write_text("t (s)\n" + "".join(f"{0.01 * k:.6f}\n" for k in range(300)), encoding="utf-8")
     (folder / "one-run.toml").write_text(conditions((5.0, 0.0, ("x",))), encoding="utf-8")
+    theta = 2.0 * np.pi * 40.0 * (time := np.arange(2500) / 2500.0)
+    noise = np.random.default_rng(0).normal(0.0, 0.01, len(time))
+    columns = [time, np.sin(theta), 4.0 * np.cos(theta + np.radians(40.0)) + noise]
+    pd.DataFrame(dict(zip(("t (s)", "tacho (V)", "A (m/s^2)"), columns, strict=True))).to_csv(
+        folder / "run.csv", index=False
+    )
+    testbench.ingest([folder / "run.csv"], to=folder / "rotor")
     return folder
 
 
@@ -56,14 +68,13 @@ def laboratory(folder, monkeypatch):
 
 def examples(package):
     """The docstrings of a package and of all its public names."""
-    return [package, *(f"{package}.{name}" for name in import_module(package).__all__)]
+    deeper = ["testbench.rotating.vectors"] if package == "testbench" else []
+    return [package, *(f"{package}.{name}" for name in import_module(package).__all__), *deeper]
 
 
 def run_example(name):
     """Run the example in the docstring of a name; how many lines failed, of how many."""
-    package, _, public = name.partition(".")
-    thing = import_module(package)
-    text = (getattr(thing, public) if public else thing).__doc__ or ""
+    text = pkgutil.resolve_name(name).__doc__ or ""
     test = doctest.DocTestParser().get_doctest(text, {}, name, None, None)
     return doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(test)
 

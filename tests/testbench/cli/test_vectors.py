@@ -2,19 +2,21 @@
 
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import balance
 from balance.cli.rotor import influence
 from testbench.cli.ingest import ingest
 from testbench.cli.vectors import vectors
 from testbench.errors import AnalysisError, StoreError
-from testbench.figures.rotating import draw_vectors
 from testbench.ingestion import Ingest
 from testbench.ingestion.planned_runs import PlannedRun
+from testbench.rotating import order_tracking
 
 from ...commands import assert_fits, held_to_widths
 from ..rotating.machine import UNBALANCE, Rotor
@@ -135,14 +137,15 @@ def test_figure(found: str, tmp_path: Path) -> None:
     assert code == 0
     assert "origin unstated" in (tmp_path / "vectors.svg").read_text(encoding="utf-8")
     document = json.loads(run(found, "--json")[1])
-    (axes,) = draw_vectors(document).axes
+    vectors = order_tracking.vectors(found)
+    (axes,) = vectors.plot().axes
     for row, line, field in zip(document["vectors"], axes.lines, axes.patches, strict=True):
         assert line.get_xdata()[1] == pytest.approx(np.radians(row["phase_deg"]))
         assert line.get_ydata()[1] == pytest.approx(row["amplitude_m_s2"])
         assert field.get_height() == pytest.approx(2 * row["amplitude_m_s2_within"])
         assert field.get_width() == pytest.approx(2 * np.radians(row["phase_deg_within"]))
-    document["vectors"][0] |= {"told": False, "phase_deg_within": 180.0}
-    (axes,) = draw_vectors(document).axes
+    scattered = replace(vectors.vectors[0], phase_within=np.pi)
+    (axes,) = replace(vectors, vectors=(scattered, *vectors.vectors[1:])).plot().axes
     assert axes.patches[0].get_y() == 0.0
     assert axes.patches[0].get_width() == pytest.approx(2 * np.pi)
 
@@ -215,13 +218,18 @@ def test_from_logs_to_correction_weights(trials: list[str], tmp_path: Path, phas
     lines = [f'phase = "{phase}"', f'angles = "{angles}"', 'amplitude = "peak"']
     lines += ["", "[[planes]]", 'name = "1"', "", "[[planes]]", 'name = "2"', ""]
     for file, (name, (plane, weight)) in zip(trials, TRIALS.items(), strict=True):
+        on: dict[str, str] = {}
         arguments = [file, "--speed", "3000 rpm", "--phase", phase, "--toml", name]
         if plane:
             angle = sense * np.degrees(np.angle(weight))
-            arguments += ["--weight", f"{plane}={abs(weight):.6f} g @ {angle:.4f} deg", "--came-off"]
+            on = {plane: f"{abs(weight):.6f} g @ {angle:.4f} deg"}
+            arguments += ["--weight", f"{plane}={on[plane]}", "--came-off"]
         lines.append(run(*arguments)[1])
+        assert lines[-1] == order_tracking.vectors(file, speed="3000 rpm", phase=phase).to_toml(name, on) + "\n"
     (tmp_path / "runs.toml").write_text("\n".join(lines), encoding="utf-8")
     correction = _weights(tmp_path / "runs.toml", sense)
+    found = balance.influence(tomllib.loads("\n".join(lines)))
+    np.testing.assert_allclose(found.table()["total.magnitude_g"], np.abs(correction))
     np.testing.assert_allclose(correction, -UNBALANCE, atol=0.03)
     left = np.abs(Rotor(weights=correction).truth()) / np.abs(Rotor().truth())
     assert left.max() < 0.03
