@@ -28,10 +28,10 @@ _ROUNDING = 1e-9
 """Part of a vector in which a component is rounding."""
 
 
-def along_axes(vector: Floats) -> str:
-    """Components of a vector (3,) [any unit] that are not zero, such as ``x 130, z 4``."""
+def along_axes(vector: Floats, digits: int = 5) -> str:
+    """Components of a vector (3,) [any unit] that are not zero, in ``digits``, such as ``x 130, z 4``."""
     kept = np.abs(vector) > _ROUNDING * np.abs(vector).max()
-    shown = [f"{axis} {value:.5g}" for axis, value, keep in zip("xyz", vector, kept, strict=True) if keep]
+    shown = [f"{axis} {value:.{digits}g}" for axis, value, keep in zip("xyz", vector, kept, strict=True) if keep]
     return ", ".join(shown) or "0"
 
 

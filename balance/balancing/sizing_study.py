@@ -1,29 +1,27 @@
 """Counter-masses with all there is to say of them: how good they are, what remains and why, a motion with them."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 
-from ..arrays import Floats, root_mean_square
+from ..arrays import Floats, conic_optimum, root_mean_square
 from ..closure import Closure, Trajectory
 from ..dynamics.inverse_dynamics import Response, simulate
 from ..errors import SizingError
-from ..mechanism.mechanism import PARAMETERS, Mechanism
+from ..mechanism.mechanism import PARAMETERS, Mechanism, Site
 from ..results import Shown, per_cent_text, plain
 from . import objective
 from .conditions import balance_conditions
-from .least_masses import bounded_least_squares
 from .objective import Exact, Objective
 from .sizing import (
     COMPLETE,
     CounterMass,
     Sizing,
     StockUse,
-    along_axes,
     best_sets_from_stock,
     chosen_sites,
     exact_sizing,
@@ -39,8 +37,12 @@ STEPS = 0.05
 
 _LESS = 1e-3
 """Part of what is left by which another site must lessen it to be worth naming."""
-_SMALL = 1e-6
-"""Weight that holds unknowns small where nothing else does, columns of length one."""
+REACHES = (1.0, 2.0, 4.0)
+"""How far from its joint a further site may be, in distances of the body's own points from there."""
+_FARTHER = 0.1
+"""Part of what is left by which a site farther out must lessen it."""
+_LIGHT, _ROUNDING = 1e-5, 1e-9
+"""Weight of mass beside what is left, both near one, and such a mass that is none."""
 
 
 @dataclass(frozen=True)
@@ -73,76 +75,108 @@ def remaining_directions(before: Floats, after: Floats) -> tuple[RemainingDirect
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class NeededSite:
-    """A body that lacks a site at the right place."""
-
-    body: str
-    after: float
-    """Root of the objective that the best masses leave with it, and with those named before it [its unit]."""
-    first_moment: Floats
-    """Which the counter-mass has there, about the origin of the body's frame and along its axes, (3,) [kg m], once
-    those on all bodies named are mounted; of several as good that of least squares."""
-    alternatives: tuple[str, ...] = ()
-    """Other bodies that would do as well in its place."""
-    masses: Mapping[str, float] = field(default_factory=dict)
-    """Counter-masses at the sizing's sites then [kg]."""
+Restrictions = tuple[Mapping[str, float] | None, Sequence[Sequence[str]], float | None]
+"""Of a sizing: limits [kg] by site, groups of sites of equal masses, and the limit of all masses [kg]."""
 
 
-def needed_sites(
-    sizing: Sizing, limits: Mapping[str, float] | None = None, equal: Sequence[Sequence[str]] = ()
-) -> tuple[NeededSite, ...]:
-    """Bodies where a counter-mass of any mass at any place would lessen what is left, the most helpful first.
+def needed_sites(sizing: Sizing, restrictions: Restrictions) -> tuple[tuple[Sizing, ...], ...]:
+    """The sizing with further sites: one on the body where it helps most, then with a second one on another, and so on.
 
-    Each with those before it, besides those at the sizing's sites of any mass within ``limits`` [kg], those of a group
-    of ``equal`` the same, until nothing is left or nothing helps. Of bodies that would do as well the first by name, so
-    that the order of the file does not matter.
+    Until nothing is left or nothing helps. Each further site is where on its body a counter-mass lessens most what is
+    left, and is sized with the others. Of bodies that do as well all are given, by name; the next site is beside that
+    on the first.
     """
-    mechanism, objective = sizing.before, sizing.objective
-    assert objective is not None
-    names = [c.site for c in sizing.counter_masses]
-    columns, target = objective.system(mechanism, names)
-    groups = site_groups(names, equal)
-    columns = np.column_stack([columns[:, group].sum(axis=1) for group in groups])
-    most = np.array([upper_limits(names, limits)[group].min() for group in groups])
     before, left = sizing.root_mean_squares()
-    found: list[NeededSite] = []
-    chosen, bounds = columns, np.zeros(columns.shape[1])
-    while left > COMPLETE * before and len(found) < len(mechanism.bodies):
-        trials = []
-        for body in sorted(set(mechanism.bodies) - {one.body for one in found}):
-            first = len(PARAMETERS) * mechanism.body_index(body)
-            added = np.hstack([chosen, objective.factor[:, first : first + 4]])
-            least = np.concatenate([bounds, [0.0], np.full(3, -np.inf)])
-            trials.append((_least_squares(added, target, least, most)[0], body, added, least))
-        smallest = min(size for size, *_ in trials)
-        if not smallest < (1.0 - _LESS) * left:
+    found, chosen = list[tuple[Sizing, ...]](), list[str]()
+    while left > COMPLETE * before and len(chosen) < len(sizing.before.bodies):
+        rest = sorted(set(sizing.before.bodies) - set(chosen))
+        trials = {body: _with_sites_on([*chosen, body], sizing, restrictions) for body in rest}
+        remain = {body: one.root_mean_squares()[1] for body, one in trials.items()}
+        if not min(remain.values()) < (1.0 - _LESS) * left:
             break
-        (left, body, chosen, bounds), *others = (one for one in trials if one[0] <= smallest + COMPLETE * before)
-        alternatives = tuple(name for _, name, *_ in others)
-        found.append(NeededSite(body, left if left > COMPLETE * before else 0.0, np.zeros(3), alternatives))
-    _, unknown = _least_squares(chosen, target, bounds, most, _SMALL)
-    masses = {names[i]: float(mass) for group, mass in zip(groups, unknown, strict=False) for i in group}
-    moments = unknown[len(groups) :].reshape(-1, 4)[:, 1:]
-    return tuple(replace(one, first_moment=moment, masses=masses) for one, moment in zip(found, moments, strict=True))
+        left = min(remain.values())
+        best = [body for body in rest if remain[body] <= left + COMPLETE * before]
+        found.append(tuple(trials[body] for body in best))
+        chosen.append(best[0])
+    return tuple(found)
 
 
-def _least_squares(
-    columns: Floats, target: Floats, least: Floats, most: Floats, small: float = 0.0
-) -> tuple[float, Floats]:
-    """Root of the least square error with unknowns of at least ``least``, the first of at most ``most``, and the
-    unknowns; ``small`` holds those that change nothing small.
+def _with_sites_on(bodies: Sequence[str], sizing: Sizing, restrictions: Restrictions) -> Sizing:
+    """The sizing with further sites, each named after its body; far out where that leaves less by _FARTHER.
+
+    Their places are rounded as far as that loses nothing: what remains is with them as they are stated.
     """
-    size, upper = np.linalg.norm(columns, axis=0), np.full(columns.shape[1], np.inf)
-    upper[: len(most)] = most
-    used = (size > 1e-12 * size.max(initial=0.0)) & (upper > least)
-    unknown = np.zeros(len(size))
-    if used.any():
-        unit = columns[:, used] / size[used]
-        count = unit.shape[1]
-        augmented, wanted = np.vstack([unit, small * np.eye(count)]), np.pad(target, (0, count))
-        unknown[used] = bounded_least_squares(augmented, wanted, least[used], upper[used] * size[used]) / size[used]
-    return float(np.linalg.norm(columns @ unknown - target)), unknown
+    model, names, (limits, equal, added) = sizing.before, [one.site for one in sizing.counter_masses], restrictions
+    best, rounding = sizing, COMPLETE * sizing.root_mean_squares()[0]
+
+    def sized(places: Mapping[str, Floats]) -> tuple[float, Sizing]:
+        sites = {f"on {body}": Site(f"on {body}", model.body_index(body), place) for body, place in places.items()}
+        wider = replace(model, sites={**model.sites, **sites})
+        one = exact_sizing(sizing.conditions, wider, [*names, *sites], limits, sizing.objective, equal, added)
+        return one.root_mean_squares()[1], one
+
+    for times in REACHES:
+        places = _best_places(bodies, times, sizing, restrictions)
+        exact, _ = sized(places)
+        if times == REACHES[0] or exact < (1.0 - _FARTHER) * best.root_mean_squares()[1] - rounding:
+            rounded = (sized({body: np.round(at, k) + 0.0 for body, at in places.items()}) for k in range(4, 12))
+            best = next((one for left, one in rounded if left <= exact + 0.5 * rounding), best)
+    return best
+
+
+def _extent(model: Mechanism, body: str) -> float:
+    """Distance from a body's joint to the farthest joint, site or centre of mass on it, else on any body [m]."""
+    index = model.body_index(body)
+    places = [(site.body, site.position) for site in model.sites.values()]
+    places += [(k, model.centre(one)) for k, one in enumerate(model.bodies) if model.mass(one)]
+    for one in model.tree.joints:
+        places += [(k, one.position) for k, joint in enumerate(model.tree.bodies) if joint == one.parent]
+    apart = [(k, float(np.linalg.norm(place))) for k, place in places]
+    return max((far for k, far in apart if k == index), default=0.0) or max((far for _, far in apart), default=1.0)
+
+
+def _best_places(bodies: Sequence[str], times: float, sizing: Sizing, restrictions: Restrictions) -> dict[str, Floats]:
+    """Where on each of ``bodies`` a counter-mass leaves the least, of equals that of least mass in all, (3,) [m].
+
+    At most ``times`` as far from the joint as the body's own points. A mass m at p counts by m and m p: what is left is
+    the length of a vector linear in them and in the other masses, |m p| <= m times that distance, a conic programme.
+    """
+    model, goal = sizing.before, sizing.objective or sizing.conditions.objective
+    names, (limits, equal, added) = [one.site for one in sizing.counter_masses], restrictions
+    columns, target = goal.system(model, names)
+    groups = site_groups(names, equal)
+    own = np.column_stack([columns[:, group].sum(axis=1) for group in groups])
+    most = np.array([upper_limits(names, limits)[group].min() for group in groups])
+    far = np.array([times * _extent(model, body) for body in bodies])
+    first = [len(PARAMETERS) * model.body_index(body) for body in bodies]
+    further = [goal.factor[:, k : k + 4] * [1.0, r, r, r] for k, r in zip(first, far, strict=True)]
+    size = np.concatenate(
+        [np.linalg.norm(own, axis=0)] + [np.full(4, np.linalg.norm(one, axis=0).max()) for one in further]
+    )
+    size = np.where(size > 1e-12 * size.max(), size, size.max() or 1.0) / np.linalg.norm(target)
+    count, sites = len(size), len(groups)
+    triangle = np.asarray(np.linalg.qr(np.column_stack([own, *further, target]), mode="r")) / np.linalg.norm(target)
+    triangle[:, :-1] /= size
+    unit, capped = np.eye(count), np.flatnonzero(np.isfinite(most))
+    weight = np.concatenate([[len(group) for group in groups], np.tile([1.0, 0.0, 0.0, 0.0], len(bodies))]) / size
+    total = total_limit(added) / weight.max()
+    weight /= weight.max()
+    sides = [np.zeros((1, count)), triangle[:, :-1], -unit[sites:], -unit[:sites], unit[capped]]
+    right = [np.zeros(1), triangle[:, -1], np.zeros(count), most[capped] * size[capped]]
+    if np.isfinite(total):
+        sides, right = [*sides, weight[None]], [*right, np.array([total])]
+    rows = np.vstack(sides)
+    rows = np.column_stack([rows, np.zeros(len(rows))])  # the last unknown: the length of what is left
+    rows[0, -1] = -1.0
+    cones = [("SecondOrder", 1 + len(triangle)), *[("SecondOrder", 4)] * len(bodies)]
+    cones.append(("Nonnegative", len(rows) - 1 - len(triangle) - 4 * len(bodies)))
+    found = conic_optimum(np.append(_LIGHT * weight, 1.0), rows, np.concatenate(right), cones, 1e-12)
+    masses = np.asarray(found.x)[sites:-1].reshape(-1, 4)
+    return {
+        body: moment / mass * r
+        for body, (mass, *moment), r in zip(bodies, masses, far, strict=True)
+        if mass > _ROUNDING
+    }
 
 
 @dataclass(frozen=True)
@@ -160,9 +194,9 @@ class Verdict:
     """What no masses that are allowed are below; None where that is not known."""
     directions: tuple[RemainingDirection, ...]
     """Empty where it is balanced, or where not the force alone is made small."""
-    needed: tuple[NeededSite, ...]
-    """Empty where masses of any size at these sites would do, or their total is what holds them, or where not the
-    force alone is made small: inertia of what is mounted adds to moment and torque by the place, which is open here."""
+    needed: tuple[tuple[Sizing, ...], ...]
+    """``needed_sites``. Empty where masses of any size at these sites would do, or their total is what holds them, or
+    where not the force alone is made small: what is mounted adds to moment and torque by its inertia, which is open."""
 
     @property
     def has_finding(self) -> bool:
@@ -190,9 +224,7 @@ def verdict_of(
         () if balanced or samples is None else remaining_directions(samples(found.before), samples(found.after))
     )
     is_full = added is not None and any_mass.added_mass >= added * (1.0 - COMPLETE)
-    needed = () if attainable or is_full or samples is None else needed_sites(any_mass, limits, equal)
-    if needed and sum(needed[-1].masses.values()) > total_limit(added):
-        needed = ()
+    needed = () if attainable or is_full or samples is None else needed_sites(any_mass, (limits, equal, added))
     least = None if found.bound is None else min(found.bound**0.5, after)
     return Verdict(balanced, attainable, before, after, least, directions, needed)
 
@@ -283,13 +315,14 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
             ],
             "sites_needed": [
                 {
-                    "body": one.body,
-                    "alternatives": list(one.alternatives),
-                    "first_moment_kgm": one.first_moment.tolist(),
-                    "counter_masses_kg": dict(one.masses),
-                    f"rms{unit}": one.after,
+                    "new_sites": [{"body": body, **plain(mass)} for body, mass in self.further(one)],
+                    "counter_masses_kg": {at.site: at.mass for at in one.counter_masses[: len(self.counter_masses)]},
+                    "added_mass_kg": one.added_mass,
+                    f"rms{unit}": one.root_mean_squares()[1],
+                    "remaining_percent": one.remaining_percent(),
                 }
-                for one in verdict.needed
+                for equals in verdict.needed
+                for one in equals
             ],
         }
         if self.stock_use:
@@ -357,34 +390,19 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
                 f"The lightest plate, {name} of {lightest:.4f} kg, is heavier than the mass needed at every site (at "
                 f"most {needed:.4f} kg): add lighter plates, or correct the unit of their masses (mass_kg, mass_g)."
             )
-        yield from self._needed()
-        if verdict.needed:
-            then = verdict.needed[-1].masses
-            changed = [
-                f"{then[one.site]:.4f} kg at {one.site}"
-                for one in self.best.counter_masses
-                if abs(then[one.site] - one.mass) > 1e-3 * max(then[one.site], one.mass)
-            ]
-            if changed:
-                any_size = ", of any size" if self.stock else ""
-                yield f"The masses are other ones then{any_size}: {', '.join(changed)}."
+        for equals in verdict.needed:
+            *others, _ = [body for body, _ in self.further(equals[0])]
+            bodies = " or ".join(self.further(one)[-1][0] for one in equals)
+            sites = f"further sites, on {' and '.join([*others, bodies])}" if others else f"a further site, on {bodies}"
+            left = "nothing" if equals[0].is_complete() else per_cent_text(equals[0].remaining_percent())
+            yield f"With {sites}: {left} would remain."
         if verdict.directions and not verdict.attainable and not verdict.needed and self.added is None:
             yield "No counter-mass on any body would lessen it."
 
-    def _needed(self) -> Iterator[str]:
-        """Further sites one after the other, what remains with each, and the first moments that all of them take."""
-        needed, alone = self.verdict.needed, len(self.verdict.needed) == 1
-        moments = [f"{along_axes(s.first_moment)} kg m on {s.body}" for s in needed if s.first_moment.any()]
-        takes = f", with the first moment {moments[0]}" if alone and moments else ""
-        for number, site in enumerate(needed):
-            bodies = " or ".join([site.body, *site.alternatives])
-            left = f"{self._share(site.after)} would" if site.after else "nothing would"
-            on = f"And on body {bodies} too" if number else f"With another site, on body {bodies}"
-            yield f"{on}{takes}: {left} remain."
-        if moments and not alone:
-            yield f"All of them take the first moments {', '.join(moments)}."
-        if moments:
-            yield "A mass that gives such a moment counts on the bodies that carry it, too: size again with the site."
+    def further(self, one: Sizing) -> list[tuple[str, CounterMass]]:
+        """Body and counter-mass at each of the further sites of one of the verdict's ``needed``."""
+        bodies = one.before.bodies
+        return [(bodies[one.before.site(at.site).body], at) for at in one.counter_masses[len(self.counter_masses) :]]
 
     def _share(self, value: float) -> str:
         """Part of what is made small without counter-masses."""

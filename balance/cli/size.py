@@ -65,7 +65,7 @@ def size(
 ) -> Answer:
     """Size the counter-masses that balance MECH, or leave the least shaking force: of any mass, or from stock plates.
 
-    The first line states whether it balances; if not, what remains, and which bodies would need a site. Force balance
+    The first line states whether it balances, or what remains; a table where further sites would help. Force balance
     alone raises the shaking moment and the drive torque: --motion shows by how much.
     """
     if best > 1 and not stock:
@@ -99,12 +99,27 @@ def size(
 
 def _print(found: "SizingStudy", best: int, beside: str) -> None:
     """The verdict, the masses by site, the motion before and after; what sites lack; with --all the rest."""
-    from ..balancing.sizing import BodyMoment, CounterMass
+    from ..balancing.sizing import BodyMoment, CounterMass, along_axes
+    from ..balancing.sizing_study import REACHES
 
     say(str(found))
     title = f"Counter-masses for {found.before.name}" + (f" from {found.stock}" if found.stock else "")
     of_table = ("site", "mass", "position", "first_moment", "plates")
     emit_table(title, *table(CounterMass, found.counter_masses, *of_table[: None if found.stock else -1]))
+    rows = []
+    for one in (one for equals in found.verdict.needed for one in equals):
+        others = " / ".join(mass(at.mass) for at in one.counter_masses[: len(found.counter_masses)])
+        remain = "nothing" if one.is_complete() else per_cent_text(one.remaining_percent())
+        for body, at in found.further(one):
+            rows.append([body, mass(at.mass), along_axes(1e3 * at.position, 9), others, remain])
+            others = remain = ""
+    if rows:
+        note = (
+            "Each with its masses by site is a design by itself, the lightest there; farther out less mass may do. "
+            f"Places are sought up to {REACHES[-1]:g} times as far from a body's joint as its own points."
+        )
+        header = ["body", "mass [kg]", "in body [mm]", "by site as above [kg]", "remain"]
+        emit_table("Further sites", header, rows, note)
     if (Detail.everything or not found.verdict.attainable) and (moments := found.best.first_moments()):
         of_body = ("body", "required", "given", "missing")
         note = "The least, all together; other shares that meet the conditions (balance conditions) do as well."

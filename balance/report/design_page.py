@@ -49,13 +49,14 @@ def design_page(study: SizingStudy) -> Page:
 
 def _document(study: SizingStudy) -> dict[str, Any]:
     """What the page shows, units in the keys; under ``sizing`` as `balance size --json` has it."""
-    found = study.best.conditions
+    found, (verdict, *rest) = study.best.conditions, str(study).splitlines()
     values = zip(found.values(study.before), found.values(study.after), found.units, strict=True)
     return document_of({
         "mechanism": study.before.name,
         "motion": study.motion,
         "software": {"name": "counterpoise", "version": version("counterpoise")},
-        "verdict": " ".join(line for line in str(study).splitlines() if not line.startswith(" ")),
+        "verdict": verdict,
+        "proof": " ".join(line for line in rest if not line.startswith(" ")),
         "sizing": study.document(),
         "moving_mass_kg": {"before": study.before.total_mass, "after": study.after.total_mass},
         "conditions": [

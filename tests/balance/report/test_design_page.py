@@ -63,7 +63,7 @@ def test_a_motion_is_named_once_without_its_folder(tmp_path):
 @pytest.mark.parametrize(
     ("words", "code", "verdict"),
     [
-        (["four-bar", "--motion", "four-bar", "--site", "counter_A0A"], 3, "With another site, on body"),
+        (["four-bar", "--motion", "four-bar", "--site", "counter_A0A"], 3, "of the RMS shaking force"),
         (
             ["parallelogram-6bar", "-p", "platform=5kg", "--motion", "x", "--stock", "kiper2019"],
             0,
