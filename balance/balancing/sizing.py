@@ -3,7 +3,7 @@
 What is made small is an ``Objective``: without one, the momentum over the workspace.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,6 +19,7 @@ from .objective import Exact, Objective, unit_masses, workspace_objective
 
 if TYPE_CHECKING:
     from .stock_plates import Plate
+    from .stock_search import StockOptimum
 
 COMPLETE = 1e-6
 """Share of the root mean square without counter-masses up to which a mechanism counts as balanced completely."""
@@ -394,22 +395,39 @@ class StockUse:
 
     used: Mapping[str, int]
     in_stock: Mapping[str, int]
-    wanting: tuple[str, ...] = ()
-    """Kinds of which too few are left for one more at a site, or at each of equal sites, which would leave less."""
+    more: int = 1
+    """How many more of a kind: as many as there are sites of equal masses in the largest group."""
+    with_more: Mapping[str, float] = field(default_factory=dict)
+    """Part of the root of the objective without counter-masses that remains with ``more`` of a kind, the least first,
+    where that is less than without them [-]."""
+    unproven: tuple[str, ...] = ()
+    """Kinds of which not all choices were looked at in the time: less may remain."""
     lightest: tuple[str, float] = ("", 0.0)
     """The lightest plate that there is, and its mass [kg]."""
 
     def document(self) -> dict[str, Any]:
-        """For JSON: how many there are of those that are wanting, and whether no plate is left."""
-        used_up = {name: self.in_stock[name] for name in self.wanting}
-        return {"used_up_plates": used_up, "all_plates_used": self.used == self.in_stock}
+        """For JSON: what would remain with more of a kind, and whether no plate is left."""
+        more = [
+            {"plate": name, "more": self.more, "remaining_percent": 100.0 * part, "proven": name not in self.unproven}
+            for name, part in self.with_more.items()
+        ]
+        return {"with_more_plates": more, "not_searched": self._open, "all_plates_used": self.used == self.in_stock}
 
-    def __str__(self) -> str:
-        """The kinds that are wanting; else whether no plate is left, or nothing."""
-        if self.wanting:
-            kinds = ", ".join(f"{name} ({self.used[name]} of {self.in_stock[name]} used)" for name in self.wanting)
-            return f"Less would remain with more of these plates: {kinds}."
-        return "All plates of the stock are used." if self.used == self.in_stock else ""
+    @property
+    def _open(self) -> list[str]:
+        return [name for name in self.unproven if name not in self.with_more]
+
+    def sentences(self, shown: Callable[[float], str]) -> Iterator[str]:
+        """Of which plates more would leave less, parts ``shown`` as text; else whether no plate is left, or nothing."""
+        number = "one" if self.more == 1 else self.more
+        least = {name: "" if name not in self.unproven else " or less" for name in self.with_more}
+        if kinds := ", ".join(f"{name} {shown(part)}{least[name]}" for name, part in self.with_more.items()):
+            yield f"Less would remain with {number} more of a plate: {kinds}."
+        elif self.used == self.in_stock:
+            yield "All plates of the stock are used."
+        if count := len(self._open):
+            kinds = f"{count}{' other' if self.with_more else ''} kinds" if count > 1 else self._open[0]
+            yield f"Whether {number} more of {kinds} would leave less was not found in the time."
 
 
 def stock_use(
@@ -424,23 +442,30 @@ def stock_use(
 
     ``limits``, ``added`` [kg] and ``equal``, of one, as it was sized.
 
-    Which kinds are wanting is left open where what is made small is not linear in the masses.
+    Of which kinds more would help is left open where what is made small is not linear in the masses.
     """
-    from .stock_search import wanting_kinds  # late: masses of any size are found without it
+    from .stock_search import with_more  # late: masses of any size are found without it
 
     names = [one.site for one in sets[0].counter_masses]
     piles = [[[c.plates.count(plate.name) for plate in plates] for c in one.counter_masses] for one in sets]
     counts = np.diff(np.array(piles), axis=0, prepend=0).reshape(-1, len(plates))
-    wanting = list[int]()
+    more, whole = max(map(len, equal), default=1), 1.0
+    found, unknown = dict[int, "StockOptimum"](), list[int]()
     if is_linear:
         each = [(one.objective or one.conditions.objective, one.before) for one in sets]
         upper, groups = np.tile(upper_limits(names, limits), len(sets)), site_groups(names, equal) if equal else ()
         system, total = _stock_system(each, names, plates), total_limit(added)
-        wanting = wanting_kinds(**system, counts=counts, limits=upper, equal=groups, added=total)
-    used = dict(zip((plate.name for plate in plates), counts.sum(axis=0).tolist(), strict=True))
-    lightest = min(((p.mass, p.name) for p in plates if p.quantity), default=(0.0, ""))[::-1]
-    wanted = tuple(plates[k].name for k in wanting)
-    return StockUse(used, {plate.name: plate.quantity for plate in plates}, wanted, lightest)
+        whole = float(np.sum(system["target"] ** 2))
+        found, unknown = with_more(**system, counts=counts, more=more, limits=upper, equal=groups, added=total)
+    unproven = [*unknown, *(kind for kind, one in found.items() if one.gap > 0.0)]
+    return StockUse(
+        dict(zip((plate.name for plate in plates), counts.sum(axis=0).tolist(), strict=True)),
+        {plate.name: plate.quantity for plate in plates},
+        more,
+        {plates[kind].name: (one.selections[0].value / whole) ** 0.5 for kind, one in found.items()},
+        tuple(plates[kind].name for kind in unproven),
+        min(((p.mass, p.name) for p in plates if p.quantity), default=(0.0, ""))[::-1],
+    )
 
 
 def _stock_system(

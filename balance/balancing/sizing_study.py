@@ -379,8 +379,10 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
                 f"Without the limit of {self.added:.4g} kg in all, masses of any size at these sites would "
                 f"{'balance it completely' if free.is_complete() else left}, with {free.added_mass:.4f} kg added."
             )
-        if self.stock_use and (use := str(self.stock_use)):
-            yield use
+        if self.stock_use:
+            yield from self.stock_use.sentences(
+                lambda part: f"{part * verdict.before:.4g} {unit}" if unit else per_cent_text(100.0 * part)
+            )
         needed = max(one.mass for one in self.any_mass.counter_masses)
         name, lightest = self.stock_use.lightest if self.stock_use else ("", 0.0)
         if self.stock_use and self.added is not None and self.added < lightest:

@@ -97,6 +97,7 @@ def best_plates(
     turning: tuple[Floats, Floats] | None = None,
     exact: Exact | None = None,
     added: float = np.inf,
+    time_limit: float | None = None,
 ) -> StockOptimum:
     """Plates at the sites of least |columns m - target|^2; of equals the lightest.
 
@@ -105,6 +106,7 @@ def best_plates(
     [kg]. Sites whose indices are in one group of ``equal`` carry equal masses. The ``best`` few sets of masses are
     given. ``turning``: columns (rows, sites) [unit / kg m2] of what plates have of inertia beyond their mass times that
     of the columns, (sites, kinds) [kg m2]; it is added. With ``exact`` all selections are looked at.
+    A search ends after ``time_limit`` [s] (default TIME_LIMIT_S).
     """
     sites = columns.shape[1]
     if exact is None and turning is not None and not (np.abs(turning[0]) @ np.abs(turning[1] * quantities)).any():
@@ -120,7 +122,9 @@ def best_plates(
         per_turning, inertia = turning
         squares = inertia[:, quantities > 0] / masses[quantities > 0]
         middle = columns + per_turning * (inertia @ quantities / (masses @ quantities))
-        sought = best_plates(middle, target, masses, quantities, most, equal, best + _CANDIDATES, added=added)
+        sought = best_plates(
+            middle, target, masses, quantities, most, equal, best + _CANDIDATES, added=added, time_limit=time_limit
+        )
         whole = []
         for one in sought.selections:
             made = columns @ one.masses + per_turning @ (inertia * one.counts).sum(axis=1)
@@ -132,55 +136,52 @@ def best_plates(
     few, steps = np.prod(quantities + 1.0) <= _MOST_PILES, masses[used] / _STEP_KG
     counted = used.any() and np.abs(steps - np.round(steps)).max() <= _STEP_ROUNDING
     kind = _Search if few and not counted else _UnitSearch
-    search = kind(columns, target, masses[used], quantities[used], most, groups, best, added)
+    longest = TIME_LIMIT_S if time_limit is None else time_limit
+    search = kind(columns, target, masses[used], quantities[used], most, groups, best, added, longest)
     found = search.run()
     whole = [Selection(_padded(one.counts, used), one.masses, one.value) for one in found]
     bound = search.bound if search.bound < found[0].value - search.tie else found[0].value
     return StockOptimum(tuple(whole), max(bound, 0.0))
 
 
-def wanting_kinds(
+def with_more(
     columns: Floats,
     target: Floats,
     masses: Floats,
     quantities: Indices,
     counts: Indices,
+    more: int = 1,
     limits: Floats | None = None,
     equal: Sequence[Sequence[int]] = (),
     turning: tuple[Floats, Floats] | None = None,
     added: float = np.inf,
-) -> list[int]:
-    """Kinds of which ``counts`` (sites, kinds) leaves too few for one more at a site, which would lessen J [unit^2].
+) -> tuple[dict[int, StockOptimum], list[int]]:
+    """The best plates with ``more`` of one kind, by kind, the best first, where they leave less than ``counts``.
 
-    One more, in each of a group of sites, is added, or takes the place of a plate at any site or group; the rest is as
-    for ``best_plates``.
+    ``counts`` (sites, kinds) are the best without them; the rest is as for ``best_plates``. The second list has kinds
+    of which that is open, since in TIME_LIMIT_S, for all of them, nothing better was found and not all was looked at.
     """
-    groups = _groups(len(counts), equal)
-    effect = columns[:, :, None] * masses
+    made = columns @ (counts @ masses) - target
     if turning is not None:
-        effect = effect + turning[0][:, :, None] * turning[1]
-    left = np.sum(effect * counts, axis=(1, 2)) - target
-    most = np.full(len(counts), np.inf) if limits is None else limits
-    room = np.array([(most - counts @ masses)[group].min() for group in groups])
-    of_group = np.stack([effect[:, group].sum(axis=1) for group in groups], axis=1)
-    held = np.argwhere([counts[group].min(axis=0) > 0 for group in groups])
-    size, least = np.array([len(group) for group in groups]), (1.0 - _WORTHWHILE) ** 2 * np.sum(left**2)
-    found = []
-    for kind in np.flatnonzero(quantities > 0).tolist():
-        with_one = left[:, None] + of_group[:, :, kind]
-        removed = np.column_stack([np.zeros(len(left)), of_group[:, held[:, 0], held[:, 1]]])
-        freed = np.zeros((len(groups), removed.shape[1]))
-        freed[held[:, 0], 1 + np.arange(len(held))] = masses[held[:, 1]]
-        edge = _ROUNDING * masses.sum()
-        fits = masses[kind] <= room[:, None] + freed + edge
-        heavier = size[:, None] * masses[kind] - np.append(0.0, size[held[:, 0]] * masses[held[:, 1]])
-        fits &= heavier <= added - np.sum(counts @ masses) + edge
-        back = np.append(0, np.where(held[:, 1] == kind, size[held[:, 0]], 0))
-        lacks = counts[:, kind].sum() + size[:, None] - back > quantities[kind]
-        values = np.sum((with_one[:, :, None] - removed[:, None, :]) ** 2, axis=0)
-        if (values[fits & lacks] < least - _TIE * np.sum(target**2)).any():
-            found.append(kind)
-    return found
+        made = made + turning[0] @ (turning[1] * counts).sum(axis=1)
+    worthwhile = (1.0 - _WORTHWHILE) ** 2 * float(made @ made) - _TIE * float(target @ target)
+    kinds, deadline = np.flatnonzero(quantities > 0).tolist(), time.monotonic() + TIME_LIMIT_S
+    if not worthwhile > 0.0:
+        return {}, []
+    found, unknown = dict[int, StockOptimum](), list[int]()
+    for place, kind in enumerate(kinds):
+        if (left := deadline - time.monotonic()) < 0.0:
+            unknown += kinds[place:]
+            break
+        larger = quantities + more * (np.arange(len(quantities)) == kind)
+        one = best_plates(
+            columns, target, masses, larger, limits, equal, 1, turning, None, added, left / (len(kinds) - place)
+        )
+        if one.selections[0].value < worthwhile:
+            found[kind] = one
+        elif one.bound < worthwhile:
+            unknown.append(kind)
+    return dict(sorted(found.items(), key=lambda item: item[1].selections[0].value)), unknown
 
 
 def _groups(sites: int, equal: Sequence[Sequence[int]]) -> list[list[int]]:
@@ -260,6 +261,8 @@ class _Search:
     best: int
     added: float
     """What all plates that are placed may weigh together [kg]."""
+    time_limit: float
+    """Longest search [s]."""
     found: list[Selection] = field(default_factory=list)
     """The best, best first; of equals the lightest."""
     late: bool = False
@@ -311,7 +314,7 @@ class _Search:
     def _search(self, distinct: Floats) -> list[Selection]:
         """Search through the ``distinct`` masses that plates make, rising [kg]; no plates are always a selection."""
         self.reachable = [distinct[distinct <= upper + self.edge] for upper in self.upper]
-        self.deadline = time.monotonic() + _FIRST * TIME_LIMIT_S
+        self.deadline = time.monotonic() + _FIRST * self.time_limit
         self._offer(np.zeros((len(self.columns[0]), len(self.plates)), dtype=np.intp))
         most = max(self.found[0].value - self.relaxed, self.tie)
         cap = max(_FIRST_CAP * most, _GOOD * self.relaxed)
@@ -319,7 +322,7 @@ class _Search:
         self._descend(len(self.order) - 1, np.zeros(len(self.order)), 0.0)
         self.first = self.late = False
         self._offer(self._placed())
-        self.deadline = time.monotonic() + (1.0 - _FIRST) * TIME_LIMIT_S
+        self.deadline = time.monotonic() + (1.0 - _FIRST) * self.time_limit
         while not self.late:
             self.cap = cap if cap < most else np.inf
             self._descend(len(self.order) - 1, np.zeros(len(self.order)), 0.0)

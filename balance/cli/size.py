@@ -271,8 +271,9 @@ def _size_growing(
             if complete
             else f"Not balanced completely: {left} of the RMS {what} remains with the payloads below."
         )
-        if use and not complete and str(use):
-            say(str(use))
+        if use and not complete:
+            for sentence in use.sentences(lambda part: f"{per_cent_text(100.0 * part)} over all payloads"):
+                say(sentence)
         _print_nested(models[0].name, sets, stock, published.get("published"))
 
     largest = max(one["remaining_percent"] or 0.0 for one in sets)

@@ -276,6 +276,9 @@ def test_plates_of_any_mass_come_near_the_bound_or_say_how_far_they_are(time_lim
     assert bound * (1.0 - 1e-9) <= found.bound <= found.selections[0].value
     near = bound * (1.0 + 1e-5) if time_limit else np.sum(target**2)
     assert found.selections[0].value <= near
+    if not time_limit:
+        more, unknown = stock_search.with_more(columns, target, masses, np.full(20, 2), found.selections[0].counts)
+        assert (more, unknown) == ({}, list(range(20)))
 
 
 @pytest.mark.parametrize(("step", "kinds"), [(3, 5), (3, 40), (9, 40)])

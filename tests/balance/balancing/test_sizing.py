@@ -105,25 +105,33 @@ def test_stock_is_the_best_of_all_combinations(seed: int) -> None:
     found = balance_conditions(mechanism)
     plates = [Plate(f"P{i}", round(float(rng.uniform(1.0, 9.0)), 3), int(rng.integers(1, 4))) for i in range(3)]
     best, *_ = best_sets_from_stock(found, mechanism, plates)
-    counts = [range(p.quantity + 1) for p in plates]
-    results = []
-    for first, second in product(product(*counts), repeat=2):
-        if all(a + b <= p.quantity for a, b, p in zip(first, second, plates, strict=True)):
-            masses = [sum(n * p.mass for n, p in zip(row, plates, strict=True)) for row in (first, second)]
-            mounted = mechanism.with_counter_mass(dict(zip(SITES, masses, strict=True)))
-            results.append((best.objective.value(mounted), sum(masses)))
+
+    def every(plates: list[Plate]) -> list[tuple[float, float]]:
+        """J and mass of all choices."""
+        counts = [range(p.quantity + 1) for p in plates]
+        results = []
+        for first, second in product(product(*counts), repeat=2):
+            if all(a + b <= p.quantity for a, b, p in zip(first, second, plates, strict=True)):
+                masses = [sum(n * p.mass for n, p in zip(row, plates, strict=True)) for row in (first, second)]
+                mounted = mechanism.with_counter_mass(dict(zip(SITES, masses, strict=True)))
+                results.append((best.objective.value(mounted), sum(masses)))
+        return results
+
+    results = every(plates)
     least = min(value for value, _ in results)
     assert best.objective.value(best.after) == pytest.approx(least, rel=1e-9)
     assert best.bound == pytest.approx(least, rel=1e-9)
     assert best.added_mass == pytest.approx(min(m for r, m in results if r < least * (1.0 + 1e-9)), abs=1e-9)
+    before, left = best.objective.value(mechanism), {}
     for plate in plates:
-        used = sum(c.plates.count(plate.name) for c in best.counter_masses)
-        assert used <= plate.quantity
-        if plate.name in stock_use([best], plates).wanting:
-            one_more = [replace(p, quantity=p.quantity + (p is plate)) for p in plates]
-            better, *_ = best_sets_from_stock(found, mechanism, one_more)
-            assert used == plate.quantity
-            assert better.objective.value(better.after) < least
+        assert sum(c.plates.count(plate.name) for c in best.counter_masses) <= plate.quantity
+        more = [replace(p, quantity=p.quantity + (p is plate)) for p in plates]
+        left[plate.name] = min(value for value, _ in every(more))
+    use = stock_use([best], plates)
+    assert not use.unproven
+    better = sorted((value, name) for name, value in left.items() if value < 0.998 * least)
+    assert list(use.with_more) == [name for _, name in better]
+    assert list(use.with_more.values()) == pytest.approx([(value / before) ** 0.5 for value, _ in better], rel=1e-9)
 
 
 def test_nothing_in_stock_mounts_nothing() -> None:
