@@ -67,24 +67,20 @@ class CounterMass:
 
 @dataclass(frozen=True)
 class BodyMoment:
-    """First moment of mass that the conditions require of a body, in its own frame.
+    """First moment of mass that a body has of counter-masses, and lacks with them, in its own frame.
 
     >>> import balance
     >>> one = balance.check("four-bar", {"counter_A0A": "1 kg"}).first_moments()[0]
-    >>> one.body, one.required[0].round(4), one.given[0], one.missing[0].round(4)
-    ('A0A', -0.0537, -0.05, -0.0037)
+    >>> one.body, one.given[0], one.missing[0].round(4)
+    ('A0A', -0.05, -0.0037)
     """
 
     body: Annotated[str, Key("", "body")]
     given: Annotated[Floats, Key("given_kgm", "sites give [kg m]", along_axes)]
     """What the counter-masses at its sites give, (3,) [kg m]."""
     missing: Annotated[Floats, Key("missing_kgm", "missing [kg m]", along_axes)]
-    """What is still to be added, on all bodies together: see ``Conditions.required_first_moments``, (3,) [kg m]."""
-
-    @property
-    def required(self) -> Annotated[Floats, Key("required_kgm", "required [kg m]", along_axes)]:
-        """What is to be added to the body as it is without counter-masses, (3,) [kg m]."""
-        return self.given + self.missing
+    """What is to be added to the mechanism with all counter-masses, whose masses count on other bodies, too, on all
+    bodies together: see ``Conditions.required_first_moments``, (3,) [kg m]."""
 
 
 def body_moments(
@@ -159,7 +155,7 @@ class Sizing(Shown, rows="counter_masses", figure="balance.figures.mechanism:dra
         return 100.0 * self.residual() / whole if whole > 0.0 else None
 
     def first_moments(self) -> list[BodyMoment]:
-        """Of each body, the first moment that the conditions require, what the sites give and what is missing."""
+        """Of each body, the first moment that the sites give, and what is missing with them."""
         return body_moments(self.conditions, self.after, self.counter_masses)
 
     def is_balanced(self, tol: float) -> bool:

@@ -121,9 +121,11 @@ def _print(found: "SizingStudy", best: int, beside: str) -> None:
         header = ["body", "mass [kg]", "in body [mm]", "by site as above [kg]", "remain"]
         emit_table("Further sites", header, rows, note)
     if (Detail.everything or not found.verdict.attainable) and (moments := found.best.first_moments()):
-        of_body = ("body", "required", "given", "missing")
-        note = "The least, all together; other shares that meet the conditions (balance conditions) do as well."
-        emit_table("First moments of the bodies", *table(BodyMoment, moments, *of_body), note)
+        note = (
+            "Missing once the masses above are mounted, which count on the bodies that carry them, too; balance "
+            "conditions counts none. The least, all together; other shares that meet the conditions do as well."
+        )
+        emit_table("First moments of the bodies", *table(BodyMoment, moments, "body", "given", "missing"), note)
     if found.responses:
         print_responses(found.responses)
     if len(found.sets) > 1:

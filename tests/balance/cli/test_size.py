@@ -245,7 +245,7 @@ def test_the_verdict_comes_first_and_names_the_body_that_lacks_a_site(balance):
     assert [one["new_sites"][0]["body"] for one in document["sites_needed"]] == ["AB", "B0B"]
     given = {one["body"]: one["given_kgm"][0] for one in document["first_moments"]}
     assert given == {"A0A": document["counter_masses"][0]["first_moment_kgm"][0], "AB": 0.0, "B0B": 0.0}
-    assert "required [kg m]  sites give [kg m]  missing [kg m]" in out
+    assert "body  sites give [kg m]  missing [kg m]" in out
     squares = sum(one["rms_N"] ** 2 for one in document["remaining_directions"])
     assert squares == pytest.approx(document["rms_N"] ** 2, rel=1e-9)
     several = balance("size", "serial-2r", "--site", "tip").out  # no alternatives: each beside the ones before it
