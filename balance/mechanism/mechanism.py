@@ -230,8 +230,12 @@ class Mechanism(Brief):
     def site(self, name: str) -> Site:
         """A site by name. Raises ModelError, listing the sites on moving bodies, if there is none."""
         if name not in self.sites:
-            known = ", ".join(n for n, site in self.sites.items() if site.body >= 0) or "none"
-            raise ModelError(f"{self.name} has no site {name!r}: there are {known}{suggestion(name, self.sites)}")
+            known = [n for n, site in self.sites.items() if site.body >= 0]
+            on_body = sorted(
+                (n for n in known if self.bodies[self.sites[n].body] == name), key=lambda n: not n.startswith("counter")
+            )
+            meant = f"; that body has {', '.join(on_body)}" if on_body else suggestion(name, self.sites)
+            raise ModelError(f"{self.name} has no site {name!r}: there are {', '.join(known) or 'none'}{meant}")
         return self.sites[name]
 
     def lever_arm(self, site: str) -> float:

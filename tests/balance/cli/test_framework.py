@@ -68,6 +68,7 @@ REFUSED = {
         "sampled.toml: a rate of 1000 Hz has no effect",
     ),
     "no stock": (("size", MECH, "--stock", "shelf"), "shelf: no such file"),
+    "body for a site": (("size", MECH, "--site", "A0A"), "D_platform; that body has counter_A0A"),
     "wrong stock": (("size", MECH, "--stock", "plates.csv"), "column 'mass': is not expected; did you mean 'mass_kg'"),
     "no sites": (("size", "serial-1r", "--site", "tip", "--limit", "nowhere=1kg"), "nowhere"),
     "folder that is not there": (("simulate", MECH, *X, "--rate", "500 Hz", "--csv", "no/such/run.csv"), "run.csv"),
