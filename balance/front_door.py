@@ -90,7 +90,7 @@ def follow(
 ) -> Trajectory:
     """Positions, velocities and accelerations of all joints along a motion, its loops closed at each sample.
 
-    ``rate`` of sampling [Hz], 10 kHz unless given; DataError for one of a motion that has samples of its own. Raises
+    ``rate`` of sampling [Hz], 10 kHz unless given; DataError for another than that of a motion of samples. Raises
     ClosureError where the mechanism cannot go there, or is singular.
 
     >>> import balance

@@ -15,6 +15,8 @@ from ..mechanism.mechanism import Mechanism
 from .driven_coordinates import Drive
 
 _SAMPLES_IN_RAMP = 2.0
+_SAME_RATE, _EVEN = 1e-3, 0.2
+"""How far the mean interval of samples, and each, may be from that of a rate that is theirs, in such intervals."""
 _MAX_SAMPLES = 50_000_000
 _LEAST_STEP = 1e-9
 """Share of a range below which a common step is not told from rounding of binary numbers."""
@@ -221,15 +223,17 @@ class Motion:
         return float(self._phases()[0][-1])
 
     def sample_as_asked(self, rate_hz: float | None, otherwise: float = DEFAULT_RATE_HZ) -> Samples:
-        """Sample at the rate that was asked for, if one was. Raises DataError for one that samples of a file ignore.
+        """Sample at the rate that was asked for, if one was. Raises DataError for another than samples of a file have.
 
         Warns (CoarseSamples) of samples whose acceleration is that of a fault.
         """
         if rate_hz is not None and self.recorded is not None:
-            raise DataError(
-                f"{self.source}: a rate of {rate_hz:g} Hz has no effect on its samples, which come at their own "
-                "instants: leave the rate out, or write the motion as [[moves]]"
-            )
+            off = rate_hz * np.diff(self.recorded.time) - 1.0
+            if not (len(off) and abs(off.mean()) <= _SAME_RATE and np.abs(off).max() <= _EVEN):
+                raise DataError(
+                    f"{self.source}: a rate of {rate_hz:g} Hz is not that of its samples, which come at their own "
+                    "instants: leave the rate out, or write the motion as [[moves]]"
+                )
         for said in self.recorded.coarse if self.recorded else ():
             warnings.warn(said, CoarseSamples, stacklevel=3)
         return self.sample(otherwise if rate_hz is None else rate_hz)

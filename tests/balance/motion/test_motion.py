@@ -200,7 +200,10 @@ def test_steps_that_make_the_acceleration_are_told(tmp_path: Path, unit, positio
 @pytest.mark.parametrize("position", [lambda t: 0.3 * np.sin(19.0 * t), lambda t: 40.0 * t], ids=["swing", "turn"])
 @pytest.mark.parametrize("rate", [7200.0, 2048.0, 1000.0])
 def test_an_erring_clock_is_told(tmp_path: Path, rate, position) -> None:
-    """Instants rounded to 1 us make an acceleration of their own; true instants, uneven as they may be, do not."""
+    """Instants rounded to 1 us make an acceleration of their own; true instants, uneven as they may be, do not.
+
+    The rate that was meant is that of the samples, one that is 0.2 % more is not.
+    """
     rng = np.random.default_rng(3)
     even = np.arange(2000) / rate
     uneven = even + 2e-6 * rng.standard_normal(2000)
@@ -221,7 +224,9 @@ def test_an_erring_clock_is_told(tmp_path: Path, rate, position) -> None:
             assert away == pytest.approx(np.std(stamps - even), rel=0.5)
         with warnings.catch_warnings(record=True) as heard:
             warnings.simplefilter("always")
-            load_motion(tmp_path / "path.toml").sample_as_asked(None)
+            assert len(load_motion(tmp_path / "path.toml").sample_as_asked(rate).time) == 2000
+        with pytest.raises(DataError, match="is not that of its samples"):
+            load_motion(tmp_path / "path.toml").sample_as_asked(1.002 * rate)
         assert [one.category for one in heard] == [CoarseSamples] * wrong
 
 
