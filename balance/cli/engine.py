@@ -2,7 +2,7 @@
 
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -10,7 +10,7 @@ from ..results import NO_VALUE
 from . import options
 from .framework import FILE, Answer, Quantity, argument, command, option
 from .options import SPEED
-from .printing import cells, emit_table, say
+from .printing import Detail, cells, emit_table, say
 
 if TYPE_CHECKING:
     from ..engines.engine import Engine
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 _BUILT_ORDERS = 2
 """Highest order whose balance shafts are shown: those of higher orders are not built."""
+_LEAST_SHAFT = 1e-4
+"""Force of a balance shaft, in that of the greatest, from which it is shown."""
 _CASES = {
     "counterweight": "name", "m_b r_b [kg mm]": "kgmm:.5g", "m_b [kg]": "counterweight_mass_kg:.5g",
     "r_b [mm]": "counterweight_radius_mm:.5g", "F max [N]": "F_max_N:.5g", "F RMS [N]": "F_rms_N:.5g",
@@ -151,8 +153,13 @@ def free(
     drawn = (by_order, model.name, omega**2, units, residual)
     options.draw(figure, "balance.figures.rotating:draw_orders", *drawn)
     document = engine_document(model, by_order, shafts, residual, omega)
-    further = ("", "balance_shafts", "textbook_sums", "over_a_turn_exact", "left_over_a_turn", "firing")
-    return Answer(document, lambda: _print_free(model, by_order, omega, units, residual), further=further)
+
+    def show() -> None:
+        _print_free(model, by_order, omega, units, residual)
+        if Detail.everything:
+            _print_shafts(document["balance_shafts"], model.normalised)
+
+    return Answer(document, show, further=("", "textbook_sums", "over_a_turn_exact", "left_over_a_turn", "firing"))
 
 
 def _print_free(
@@ -191,6 +198,30 @@ def _print_free(
         f"Fires {'-'.join(map(str, fired.order))}, {engine.strokes}-stroke, at intervals of "
         f"{', '.join(f'{i:g}' for i in fired.intervals_deg)} deg: {'even' if fired.even else 'uneven'}."
     )
+
+
+def _print_shafts(shafts: list[dict[str, Any]], normalised: bool) -> None:
+    """An unbalance a row, of those whose force counts."""
+    (at, length), (size, unit), scale = (("at_a", "a"), ("magnitude_mr", "m r"), 1.0) if normalised else (
+        ("at_m", "mm"), ("magnitude_kgm", "kg mm"), 1e3
+    )  # fmt: skip
+    found = [(shaft, u, shaft["order"] ** 2 * u[size]) for shaft in shafts for u in shaft["unbalances"]]
+    least = _LEAST_SHAFT * max((force for *_, force in found), default=0.0)
+    rows = [
+        [
+            str(shaft["order"]),
+            "on the crankshaft" if shaft["is_crankshaft"] else shaft["turns"],
+            f"{scale * u[at]:.5g}",
+            f"{scale * u[size]:.5g}",
+            f"{round(u['angle_deg'], 2) % 360.0:g}",
+        ]
+        for shaft, u, force in found
+        if force > least
+    ]
+    if rows:
+        note = f"Left out: unbalances with {_LEAST_SHAFT:.2g} of the greatest force, or less; --json has all."
+        header = ["order", "turns", f"at [{length}]", f"unbalance [{unit}]", "angle [deg]"]
+        emit_table("Balance shafts", header, rows, note)
 
 
 @command(

@@ -112,7 +112,14 @@ def test_residual_with_counterweights_and_shafts_over_a_turn(tmp_path):
     boxer = json_of("engine", "free", "boxer-4")["left_over_a_turn"]["before"]
     assert set(boxer["force_x_mrw2"]) == {0.0}  # no rounding error is shown as a force
     assert boxer["largest_force_mrw2"] == 0.0
-    assert "Largest over a turn, before and after balancing" in call("engine", "free", str(path), "--all").out
+    text = call("engine", "free", str(path), "--all").out
+    assert "Largest over a turn, before and after balancing" in text
+    lines = text[text.index("Balance shafts") :].split("\n\n")[0].splitlines()
+    assert max(map(len, lines)) <= 80
+    shafts = json_of("engine", "free", str(path))["balance_shafts"]
+    forces = [one["order"] ** 2 * u["magnitude_kgm"] for one in shafts for u in one["unbalances"]]
+    shown = sum(force > 1e-4 * max(forces) for force in forces)
+    assert len([line for line in lines if line[4:5].isdigit()]) == shown < len(forces)
     # one cylinder of many is called so, and the counterweights of the file, which are not included, are named
     output = call("engine", "single", str(path)).out
     assert "one of its 3 cylinders" in output
