@@ -70,7 +70,7 @@ class Objective:
         return columns, -self.factor @ np.append(mechanism.pi, 1.0)
 
     def turning(self, mechanism: Mechanism, sites: Sequence[str]) -> Floats:
-        """Columns (k, sites) [unit / kg m2] of the inertia of a thin disc at a site, normal to its body's z axis."""
+        """Columns (k, sites) [unit / kg m2] of the inertia of a thin disc at a site."""
         return self.factor[:, :-1] @ discs(mechanism, sites).T
 
 

@@ -169,13 +169,10 @@ class Sizing(Shown, rows="counter_masses", figure="balance.figures.mechanism:dra
 
     @property
     def added_inertia(self) -> float:
-        """Inertia of all counter-masses about the joint axes of the bodies that carry them [kg m2]."""
-        made, total = self._as_made, 0.0
-        for one in self.counter_masses:
-            site = made.site(one.site)
-            axis = made.tree.joints[made.tree.bodies[site.body]].axis
-            total += one.mass * float(axis @ inertia_matrix(site.unit_mass()) @ axis)
-        return total
+        """Inertia of all counter-masses about the axes that the bodies that carry them turn about [kg m2]."""
+        made = self._as_made
+        sites = [(one.mass, made.site(one.site)) for one in self.counter_masses]
+        return float(sum(mass * site.axis @ inertia_matrix(site.unit_mass()) @ site.axis for mass, site in sites))
 
     def balanced_payloads(self) -> dict[str, float | None]:
         """For each payload body, the payload that these counter-masses balance best [kg]; None where there is none."""

@@ -115,13 +115,14 @@ class _Parts:
             )
         heads = [next(b for b, r in enumerate(self.row_of) if r == row) for row in range(len(self.rows))]
         payload, radii = self._payload(), self._numerics(_RADIUS)
+        tree = Tree(tuple(self.joints), tuple(self.rows))
         sites = {
             name: Site(
                 name,
                 self.row_of[(body := model.site_bodyid[i])],
                 frozen(self._site(i).position),
                 radii.get(name, 0.0),
-                frozen(self.placed[body].rotation[:, 2].copy()),
+                frozen(tree.normal(self.placed[body].joint, self.placed[body].rotation)),
             )
             for i, name in enumerate(self.names["site"])
             if name and not name.startswith(LOOP_END)
@@ -136,7 +137,7 @@ class _Parts:
         return Mechanism(
             name=name,
             text=text,
-            tree=Tree(tuple(self.joints), tuple(self.rows)),
+            tree=tree,
             loops=loops,
             bodies=tuple(bodies[head] for head in heads),
             coordinates=tuple(self.coordinates),

@@ -18,6 +18,8 @@ from ..arrays import Floats
 from .tape import Program, Symbols, Tape, cross, numbers
 
 T = TypeVar("T")
+_NORMAL = 1e-9
+"""Cosine up to which two axes count as normal to each other."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,20 @@ class Tree:
             found.append(joint)
             joint = self.joints[joint].parent
         return found[::-1]
+
+    def normal(self, joint: int, frame: Floats) -> Floats:
+        """Normal of a disc on a body that ``joint`` carries, the axis that it turns about, in that joint's frame, (3,).
+
+        That is the axis of the nearest hinge on its way to the base, of a ball the body's z axis; of what only slides
+        the z axis of its own ``frame`` (3, 3) in the joint's. It points to the side of that z axis, if to any.
+        """
+        turn, own = np.eye(3), frame[:, 2]
+        for k in reversed(self.path(joint)):
+            if self.joints[k].revolute:
+                axis: Floats = turn @ self.joints[k].axis
+                return axis if axis @ own > -_NORMAL else -axis
+            turn = turn @ self.joints[k].rotation.T
+        return own
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,7 @@ class Site:
     radius_of_gyration: float = 0.0
     """Of a counter-mass mounted here, about its own centre and ``axis`` [m]."""
     axis: Floats = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
-    """The z axis of what it is on, in the body's frame: of a body that is fixed to that one, its own, (3,)."""
+    """Normal of a counter-mass mounted here, in the body's frame, (3,): see ``Tree.normal``."""
 
     def unit_mass(self) -> Floats:
         """PARAMETERS of 1 kg mounted here, a disc normal to ``axis``, (10,) [-, m, m2]."""

@@ -298,9 +298,9 @@ class Bench(MountedBase):
     tilt: tuple[key_types.Turn, key_types.Turn, key_types.Turn] = (0.0, 0.0, 0.0)
     """Tilt of the base at rest, a rotation vector in its own axes [rad]; sensors were zeroed level."""
     planes: dict[str, key_types.Length] = Field(default_factory=dict)
-    """By body or site: how much farther along its own z axis it, or its counter-mass, lies than the file says [m]."""
+    """By body or site: how much farther along the axis that the body turns about it lies than the file says [m]."""
     stacks: dict[str, key_types.MassPerLength] = Field(default_factory=dict)
-    """By site: mass per length of its counter-mass, plates stacked along the z axis of its body from its plane on, so
+    """By site: mass per length of its counter-mass, plates stacked along that axis from its plane on, so
     that the centre of a heavier one lies farther out [kg/m]."""
     unstated_mass: dict[str, key_types.MassOfEitherSign] = Field(default_factory=dict)
     """By body: mass of cables and fixtures that move with it and are not in the mechanism's file, spread as the body's

@@ -21,7 +21,7 @@ from ..rig.bench import Rider, Rotor
 
 
 def with_planes(mechanism: Mechanism, planes: Mapping[str, float]) -> Mechanism:
-    """The mechanism with bodies, and sites of counter-masses, moved along the body's z axis by ``planes`` [m].
+    """The mechanism with bodies, and sites of counter-masses, moved by ``planes`` [m] along what the body turns about.
 
     Raises RigError for what is neither a body nor a site of a moving body.
     """
@@ -40,7 +40,8 @@ def with_planes(mechanism: Mechanism, planes: Mapping[str, float]) -> Mechanism:
 
 def _with_body(mechanism: Mechanism, body: str, z: float) -> Mechanism:
     index, own = mechanism.own_mass[body]
-    moved = moved_frame(own, z * mechanism.anchor(body, np.zeros(3)).rotation[:, 2])
+    at = mechanism.anchor(body, np.zeros(3))
+    moved = moved_frame(own, z * mechanism.tree.normal(at.joint, at.rotation))
     parameters = mechanism.parameters.copy()
     parameters[index] += moved - own
     return replace(mechanism, parameters=parameters, own_mass={**mechanism.own_mass, body: (index, moved)})

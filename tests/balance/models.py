@@ -1,9 +1,11 @@
 """Mechanisms that the tests build: small MJCF files with a known geometry and a closed home configuration."""
 
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from functools import cache
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from balance.datasets import dataset_names
 from balance.mechanism.mechanism import Mechanism
@@ -129,6 +131,39 @@ def bennett(angle: float = 0.8, alpha: float = 0.6, beta: float = 1.1, a: float 
 def model(text: str, name: str = "test") -> Mechanism:
     """A mechanism from the text of a MJCF file."""
     return mechanism_from_text(text, name)
+
+
+def reframed(text: str, world: np.ndarray, seed: int = 0) -> str:
+    """The same machine, its axes without the attribute ``euler``, in the base's axes turned by ``world`` (3, 3).
+
+    With a ``seed`` other than 0 the frames of its bodies are turned too, at random.
+    """
+    root, rng = ElementTree.fromstring(text), np.random.default_rng(seed)
+
+    def written(values: np.ndarray) -> str:
+        return " ".join(repr(float(value)) for value in values)
+
+    def turn(element: ElementTree.Element, own: np.ndarray) -> None:
+        for key in {"pos", "axis", "gravity"} & set(element.keys()):
+            element.set(key, written(own.T @ np.array(element.get(key, "").split(), float)))
+        if (principal := element.attrib.pop("diaginertia", None)) is not None:
+            about = own.T @ np.diag(np.array(principal.split(), float)) @ own
+            element.set("fullinertia", written(about[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]))
+
+    def body(element: ElementTree.Element, frame: np.ndarray) -> None:
+        for one in element:
+            turn(one, frame)
+            if one.tag == "body":
+                inner = Rotation.random(random_state=rng).as_matrix() if seed else world
+                one.set("quat", written(Rotation.from_matrix(frame.T @ inner).as_quat(scalar_first=True)))
+                body(one, inner)
+
+    for one in root:
+        if one.tag == "option":
+            turn(one, world)
+        elif one.tag == "worldbody":
+            body(one, world)
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def serial_chain(count: int, seed: int) -> str:

@@ -1,11 +1,16 @@
 """What a person at Python's prompt may ask of `import balance` by mistake: refused, not answered otherwise."""
 
+from functools import cache
+from typing import Any
+
 import numpy as np
 import pytest
 
 import balance
 from balance.errors import CounterpoiseError
+from balance.mechanism.mjcf_parser import mechanism_from_text
 
+from . import models
 from .cli.conftest import call
 
 ASKED = [
@@ -66,6 +71,42 @@ def test_what_python_writes_is_what_the_commands_write(tmp_path) -> None:
     call("animate", "four-bar", "--motion", "four-bar", "-c", "counter_A0A=1kg", "-o", written[1])
     assert by_python == [path.read_text(encoding="utf-8") for path in written]
     assert "with counter-masses" in by_python[1]
+
+
+_TURNS = {"x-y": np.eye(3), "x-z": [[1, 0, 0], [0, 0, -1], [0, 1, 0]], "y-z": [[0, 0, 1], [1, 0, 0], [0, 1, 0]]}
+"""Columns are the base's axes of a machine in that plane, written in those of the machine in x-y."""
+
+
+@cache
+def _asked_of(text: str) -> dict[str, Any]:
+    """Sizes, with plates as drawn too, and what a machine that carries them exerts on its base."""
+    machine = mechanism_from_text(text, "machine")
+    everything = {"force": 1.0, "moment": 0.5, "torque": 0.5}
+    sizes = {
+        stock: balance.size(machine, "four-bar", stock, objective=everything, limits={"counter_B0B": "6 kg"}).best
+        for stock in (None, "example-plates")
+    }
+    exerted = balance.simulate(sizes["example-plates"].after, "four-bar", rate="500 Hz")
+    return {
+        "masses": [[one.mass for one in each.counter_masses] for each in sizes.values()],
+        "inertia": [each.added_inertia for each in sizes.values()],
+        "left": [each.remaining_percent() for each in sizes.values()],
+        "force": exerted.force, "moment": exerted.moment, "torque": exerted.torque["A0"],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("plane", "seed"), [("x-z", 0), ("y-z", 0), ("x-y", 3), ("x-z", 4)])
+def test_results_do_not_depend_on_the_axes_in_which_a_machine_is_written(plane, seed) -> None:
+    """Its plane, and with a seed the frames of its bodies; to rounding of some 1e-12."""
+    radii = "".join(
+        f'<numeric name="{site}.radius_of_gyration" data="0.04"/>' for site in ("counter_A0A", "counter_B0B")
+    )
+    text = balance.load("four-bar").text.replace("<custom>", f"<custom>{radii}")
+    turn = np.array(_TURNS[plane], float)
+    expected, found = _asked_of(text), _asked_of(models.reframed(text, turn, seed))
+    for name, values in expected.items():
+        values = values @ turn if name in ("force", "moment") else values
+        np.testing.assert_allclose(found[name], values, rtol=1e-8, atol=1e-9, err_msg=name)
 
 
 SHOWN = [

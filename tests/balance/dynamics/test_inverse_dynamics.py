@@ -1,6 +1,7 @@
 """Shaking wrench and drive torque against two independent engines, and against the laws of mechanics."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -264,20 +265,49 @@ def test_a_disc_is_its_mass_at_a_site() -> None:
     np.testing.assert_allclose([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], at_centre + steiner, atol=1e-15)
 
 
-def test_a_disc_on_a_turned_body_is_normal_to_that_body_s_axis() -> None:
-    """Of a body that is fixed to another too: as written into the file."""
-    disc = '<body name="disc" pos="0.1 0 {}"><inertial pos="0 0 0" mass="2" diaginertia="0.04 0.04 0.08"/></body>'
+_SLIDE, _BALL = '<joint name="arm" type="slide" axis="1 0 0"/>', '<joint name="arm" type="ball"/>'
+
+
+def _euler(angles: str) -> Any:
+    """Rotation matrix (3, 3) of a body's ``euler`` [rad], as MuJoCo reads it."""
+    return Rotation.from_euler("XYZ", [float(angle) for angle in angles.split()]).as_matrix()
+
+
+_PUSHED = '<body name="post" euler="0 0.3 0"><joint name="turn" axis="0.6 0.8 0"/>{}</body>'
+
+
+@pytest.mark.parametrize(
+    ("joint", "outer", "axis"),
+    [
+        ('<joint name="arm" axis="0.6 0 0.8"/>', "{}", (0.6, 0.0, 0.8)), (_SLIDE, _PUSHED, (0.6, 0.8, 0.0)),
+        (_BALL, "{}", (0.0, 0.0, 1.0)), (_BALL, _PUSHED, (0.0, 0.0, 1.0)), (_SLIDE, "{}", (0.0, 0.0, 1.0)),
+    ],
+    ids=["hinge", "slide on a hinge", "ball", "ball on a hinge", "slide"],
+)  # fmt: skip
+@pytest.mark.parametrize("hand", ["0 0 0", "0.5 0.2 0.1"])
+def test_a_disc_is_normal_to_the_axis_that_its_body_turns_about(joint: str, outer: str, axis: Any, hand: str) -> None:
+    """As written into the file; a body that is fixed to another turns with that. Of slides alone, its own z axis."""
+    if outer == "{}" and joint == _SLIDE:
+        axis = _euler(hand)[:, 2]
+    disc = '<body name="disc" pos="{}"><inertial pos="0 0 0" mass="2" fullinertia="{}"/></body>'
+    at, about = _euler(hand) @ [0.1, 0.0, 0.0] + [0.3, 0.0, 0.0], 0.04 * (np.eye(3) + np.outer(axis, axis))
+    wide = about[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    written = disc.format(" ".join(map(repr, at.tolist())), " ".join(map(repr, wide.tolist())))
     text = models.mjcf(
-        models.link(
-            '<body name="hand" pos="0.3 0 0" euler="0.5 0.2 0.1"><site name="s" pos="0.1 0 0"/>{}</body>', "arm"
+        outer.format(
+            models.link(
+                f'<body name="hand" pos="0.3 0 0" euler="{hand}"><site name="s" pos="0.1 0 0"/></body>{{}}',
+                "arm",
+                joint,
+            )
         ),
         '<custom><numeric name="s.radius_of_gyration" data="0.2"/></custom>',
     )
     arm = models.model(text.format(""))
-    expected = models.model(text.format(disc.format(0.0))).parameters
+    expected = models.model(text.format(written)).parameters
     np.testing.assert_allclose(arm.with_counter_mass({"s": 2.0}).parameters, expected, atol=1e-15)
     place, turning = replace(arm.site("s"), radius_of_gyration=0.0).unit_mass(), discs(arm, ["s"])[0]
-    np.testing.assert_allclose(arm.pi + 2.0 * (place + 0.04 * turning), expected.ravel(), atol=1e-15)
+    np.testing.assert_allclose(arm.pi[-10:] + 2.0 * (place + 0.04 * turning[-10:]), expected[-1], atol=1e-15)
 
 
 def test_a_link_turning_steadily() -> None:

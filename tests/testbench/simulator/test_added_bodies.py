@@ -42,13 +42,13 @@ def test_as_in_a_file():
 
 
 def test_planes_of_a_body_that_is_fixed_to_another():
-    """They lie along its own z axis, as in a file, and so do those of its sites."""
+    """They lie along the axis that both turn about, here against the hand's x axis, and so do those of its sites."""
     text = MECHANISM.text.replace(
         '<site name="counter_A0A"',
-        '<body name="hand" euler="0 1.5707963267948966 0"><inertial pos="0 0 {}" mass="2" diaginertia="1 1 1"/>'
-        '<site name="s" pos="0 0 {}"/></body><site name="counter_A0A"',
+        '<body name="hand" euler="0 1.5707963267948966 0"><inertial pos="{} 0 0" mass="2" diaginertia="1 1 1"/>'
+        '<site name="s" pos="{} 0 0"/></body><site name="counter_A0A"',
     )
-    flat, deep = (mechanism_from_text(text.format(*z), "hand.xml") for z in ((0, 0), (0.1, 0.2)))
+    flat, deep = (mechanism_from_text(text.format(*z), "hand.xml") for z in ((0, 0), (-0.1, -0.2)))
     found = with_planes(flat, {"hand": 0.1, "s": 0.2}).with_counter_mass({"s": 3.0}).parameters
     assert found == pytest.approx(deep.with_counter_mass({"s": 3.0}).parameters, abs=1e-14)
 
