@@ -1,6 +1,7 @@
 """The named methods of balancing, side by side on one motion: what each costs, and the force and moment that remain.
 
-As it is; springs; counter-masses; with counter-inertias; mirror images; active masses. All act in the plane x-y.
+As it is; springs; counter-masses; with counter-inertias; mirror images; active masses. All act in the
+mechanism's plane, here x-y, and in x-z or y-z as well: its first and second axis stand for x and y, its normal for z.
 
 Counter-inertias are wheels on the base that turn against bodies and take up the angular momentum. A serial chain or
 four-bar balanced in force has L = sum_b J_b omega_b with constant J_b, the four-bar if its coupler's centre is on its
@@ -27,7 +28,7 @@ from ..closure import Trajectory
 from ..dynamics.inverse_dynamics import Response, driven_rates, momentum, simulate
 from ..dynamics.regressor import first_moment
 from ..errors import ModelError, SizingError
-from ..mechanism.forward_kinematics import motions, poses
+from ..mechanism.forward_kinematics import motions, plane_axes, poses
 from ..mechanism.mechanism import Mechanism
 from ..results import Shown
 from .closed_forms import ConditionComparison
@@ -120,11 +121,13 @@ def compare_methods(
     """Outcomes of all methods on one motion; first that of the mechanism as it is."""
     settings = settings or MethodSettings()
     plain = Outcome.from_response("as it is", simulate(mechanism, trajectory))
-    out = max(float(np.abs(plain.force[:, 2]).max()), float(np.abs(plain.moment[:, :2]).max()))
+    plane, names = _plane(mechanism)
+    out = max(float(np.abs(plain.force @ plane[2]).max()), float(np.abs(plain.moment @ plane[:2].T).max()))
     size = max(plain.force_peak, plain.moment_peak)
     if out > 1e-9 * size:
         raise ModelError(
-            f"{mechanism.name} shakes out of the plane x-y ({out:.3g} N or N m): the methods are for planar mechanisms"
+            f"{mechanism.name} shakes out of the plane {names[0]}-{names[1]}, to which its first hinge is normal "
+            f"({out:.3g} N or N m): the methods are for planar mechanisms"
         )
     return [
         plain,
@@ -133,6 +136,18 @@ def compare_methods(
         *mirror_outcomes(mechanism, trajectory),
         active_outcome(mechanism, trajectory, settings.stroke, settings.turn),
     ]
+
+
+def _plane(mechanism: Mechanism) -> tuple[Floats, str]:
+    """Of its plane, to which the first hinge is normal: two axes in it and the normal (rows), base axes, (3, 3).
+
+    And their names, by the nearest of the base's axes: ``xyz``, ``xzy`` or ``yzx``.
+    """
+    hinges = (k for k, joint in enumerate(mechanism.tree.joints) if joint.revolute)
+    normal = poses(mechanism.tree, mechanism.home[None]).axis[0, next(hinges, -1)]
+    normal = normal if normal.any() else np.eye(3)[2]
+    name = "xyz"[int(np.abs(normal).argmax())]
+    return plane_axes(normal), "xyz".replace(name, "") + name
 
 
 def _with_counter_masses(mechanism: Mechanism, trajectory: Trajectory, settings: MethodSettings) -> list[Outcome]:
@@ -195,13 +210,13 @@ class Wheels:
 
 
 def fit_wheels(mechanism: Mechanism) -> Wheels:
-    """Wheels of least residual angular momentum about z, against bodies pivoted on the base if those are enough.
+    """Wheels of least residual angular momentum in the plane, against bodies pivoted on the base if those are enough.
 
     Least squares over the ``workspace_motions``.
     """
-    q, v = workspace_motions(mechanism)
-    rotation = motions(mechanism.tree, q, v, np.zeros_like(v)).omega[:, list(mechanism.tree.bodies), 2]
-    angular, tree = momentum(mechanism, q, v)[:, 5], mechanism.tree
+    (q, v), (*_, normal) = workspace_motions(mechanism), _plane(mechanism)[0]
+    rotation = motions(mechanism.tree, q, v, np.zeros_like(v)).omega[:, list(mechanism.tree.bodies)] @ normal
+    angular, tree = momentum(mechanism, q, v)[:, 3:] @ normal, mechanism.tree
     turning = [b for b, joint in enumerate(tree.bodies) if any(tree.joints[j].revolute for j in tree.path(joint))]
     ground = [b for b in turning if tree.joints[tree.bodies[b]].parent < 0 and tree.joints[tree.bodies[b]].revolute]
     best = _fitted(rotation, angular, ground)
@@ -231,17 +246,19 @@ def counter_inertia_outcome(
     ``mechanism`` has its counter-masses, ``mounted`` is their mass [kg].
     """
     found, response, bodies = fit_wheels(mechanism), simulate(mechanism, trajectory), list(mechanism.tree.bodies)
-    alpha = motions(mechanism.tree, trajectory.q, trajectory.v, trajectory.a).alpha[:, bodies, 2]
+    *_, normal = _plane(mechanism)[0]
+    alpha = motions(mechanism.tree, trajectory.q, trajectory.v, trajectory.a).alpha[:, bodies] @ normal
     rates = driven_rates(mechanism, trajectory.per_drive, mechanism.driven or mechanism.coordinates)
     still = np.zeros_like(trajectory.v)
     turned = [
-        motions(mechanism.tree, trajectory.q, rate, still).omega[:, bodies, 2] for rate in np.moveaxis(rates, 2, 0)
+        motions(mechanism.tree, trajectory.q, rate, still).omega[:, bodies] @ normal
+        for rate in np.moveaxis(rates, 2, 0)
     ]
     moment = response.moment.copy()
     torque = {joint: values.copy() for joint, values in response.torque.items()}
     inertia = 0.0
     for wheel in found.wheels:
-        moment[:, 2] += wheel.momentum * alpha[:, wheel.body]
+        moment += wheel.momentum * np.outer(alpha[:, wheel.body], normal)
         inertia += abs(wheel.momentum) / ratio
         for k, joint in enumerate(torque):
             torque[joint] += abs(wheel.momentum) * ratio * alpha[:, wheel.body] * turned[k][:, wheel.body]
@@ -273,35 +290,35 @@ IMAGES = {
     "image turned by 180 deg": ((-1.0, -1.0),),
     "three images": ((-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)),
 }
-"""Signs of x and y for each image of a method."""
+"""Signs of the plane's two axes for each image of a method."""
 
 
 def mirror_outcomes(mechanism: Mechanism, trajectory: Trajectory) -> list[Outcome]:
     """The outcome of each set of images, none of them balanced otherwise."""
-    own, found = simulate(mechanism, trajectory), []
+    own, found, (plane, names) = simulate(mechanism, trajectory), [], _plane(mechanism)
     at = poses(mechanism.tree, trajectory.q[:1])
-    x, y, z = at.rotation[0, list(mechanism.tree.bodies), 2].T  # the base's z axis in each body's frame
+    x, y, z = (plane[2] @ at.rotation[0, list(mechanism.tree.bodies)]).T  # the normal in each body's frame
     about_z = np.stack([x * x, 2 * x * y, y * y, 2 * x * z, 2 * y * z, z * z], axis=1)
     inertia = float(np.sum(mechanism.parameters[:, 4:] * about_z))
     for name, images in IMAGES.items():
         force, moment, torque = own.force.copy(), own.moment.copy(), dict(own.torque)
         for sx, sy in images:
-            flip = np.array([sx, sy, 1.0])
+            flip = plane.T @ np.diag([sx, sy, 1.0]) @ plane
             # An image under gravity g needs the torque of the mechanism itself under T g.
-            image = simulate(replace(mechanism, gravity=flip * mechanism.gravity), trajectory)
-            force += flip * own.force
-            moment += sx * sy * flip * own.moment
+            image = simulate(replace(mechanism, gravity=flip @ mechanism.gravity), trajectory)
+            force += own.force @ flip
+            moment += sx * sy * own.moment @ flip
             torque = {joint: values + image.torque[joint] for joint, values in torque.items()}
         count = len(images)
         note = f"{count} more mechanism{'s' * (count > 1)}, driven by the same motors; "
-        note += "cancels all" if count == 3 else _image_note(*images[0])
+        note += "cancels all" if count == 3 else _image_note(images[0], names)
         found.append(Outcome(name, force, moment, torque, count * mechanism.total_mass, count * inertia, {}, note))
     return found
 
 
-def _image_note(sx: float, sy: float) -> str:
-    cancelled = [what for what, sign in (("Fx", sx), ("Fy", sy), ("Mz", sx * sy)) if sign < 0.0]
-    doubled = [what for what in ("Fx", "Fy", "Mz") if what not in cancelled]
+def _image_note(signs: tuple[float, float], names: str) -> str:
+    found = {f"{of}{axis}": sign for of, axis, sign in zip("FFM", names, (*signs, signs[0] * signs[1]), strict=True)}
+    cancelled, doubled = ([what for what, sign in found.items() if (sign < 0.0) == wanted] for wanted in (True, False))
     return f"cancels {' and '.join(cancelled)}, doubles {' and '.join(doubled)}"
 
 
@@ -309,11 +326,12 @@ def active_outcome(mechanism: Mechanism, trajectory: Trajectory, stroke: float, 
     """The outcome of masses that move ``stroke`` [m] and a disc that turns ``turn`` [rad], both from end to end."""
     response, needs, mass, inertia = simulate(mechanism, trajectory), dict[str, float](), 0.0, 0.0
     moment, momenta = first_moment(mechanism, trajectory.q), momentum(mechanism, trajectory.q, trajectory.v)
-    for axis, name in enumerate("xy"):
-        swing = float(np.ptp(moment[:, axis]))
+    plane, names = _plane(mechanism)
+    for name, axis in zip(names, plane[:2], strict=False):
+        swing = float(np.ptp(moment @ axis))
         if swing < _NEGLIGIBLE:
             continue
-        speed, force = -momenta[:, axis] * stroke / swing, response.force[:, axis]
+        speed, force = -momenta[:, :3] @ axis * stroke / swing, response.force @ axis
         needs |= {
             f"mass_{name}_kg": swing / stroke,
             f"stroke_{name}_m": stroke,
@@ -322,12 +340,12 @@ def active_outcome(mechanism: Mechanism, trajectory: Trajectory, stroke: float, 
             f"power_{name}_peak_W": float(np.abs(force * speed).max()),
         }
         mass += swing / stroke
-    angular = momenta[:, 5]
+    angular = momenta[:, 3:] @ plane[2]
     swept = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(trajectory.time) * (angular[1:] + angular[:-1]))])
     swing = float(np.ptp(swept))
     if float(np.abs(angular).max()) >= _NEGLIGIBLE and swing > 0.0:
         inertia = swing / turn
-        speed, torque = -angular / inertia, response.moment[:, 2]
+        speed, torque = -angular / inertia, response.moment @ plane[2]
         needs |= {
             "disc_kgm2": inertia,
             "disc_turn_rad": turn,

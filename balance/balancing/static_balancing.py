@@ -17,6 +17,7 @@ from ..closure import Closure
 from ..closure.assembly import RANK_LIMIT
 from ..dynamics.regressor import potential, potential_regressor
 from ..errors import ModelError, SizingError
+from ..mechanism.forward_kinematics import plane_axes
 from ..mechanism.mechanism import Mechanism
 from .conditions import Conditions, pivot_order, reduced_row_echelon, row_space
 from .objective import Objective, triangle, with_constant, workspace_states
@@ -98,8 +99,8 @@ def spring_layout(mechanism: Mechanism, reach: float, height: float) -> list[Spr
     pivots = [j.position for j in mechanism.tree.joints if j.parent < 0 and j.revolute] or [np.zeros(3)]
     ground = [End(-1, pivot + sign * height * up) for pivot in pivots for sign in (1.0, -1.0)]
     ends = [
-        [End(body, sign * reach * np.eye(3)[axis]) for axis in (0, 1) for sign in (1.0, -1.0)]
-        for body in range(len(mechanism.bodies))
+        [End(body, sign * reach * axis) for axis in plane_axes(normal)[:2] for sign in (1.0, -1.0)]
+        for body, normal in enumerate(mechanism.tree.normal(joint, np.eye(3)) for joint in mechanism.tree.bodies)
     ]
     pairs = [(base, end) for body in ends for base in ground for end in body]
     pairs += [(a, b) for one, other in combinations(ends, 2) for a in one for b in other]

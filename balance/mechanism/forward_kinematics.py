@@ -132,6 +132,18 @@ def pose(tree: Tree, q: Symbols) -> Pose:
     return Pose(q, rotation, position, axis)
 
 
+def plane_axes(normal: Floats) -> Floats:
+    """Two axes of a plane of unit ``normal`` (3,), and that or its opposite: right-handed rows, (3, 3).
+
+    The two are on the side of two of the frame's own, x and y, x and z, or y and z: those that it is least along.
+    """
+    first, second = (axis for axis in range(3) if axis != int(np.abs(normal).argmax()))
+    along = np.eye(3)[first] - normal[first] * normal
+    along /= np.linalg.norm(along)
+    across = np.cross(normal, along)
+    return np.array([along, across, normal]) * [[1.0], *2 * [[np.sign(across[second])]]]
+
+
 def rotated(frame: Symbols, axis: Floats, angle: Any) -> Symbols:  # noqa: ANN401
     """``frame`` (3, 3) turned by ``angle`` [rad] about its ``axis``. Rodrigues: R + R K sin + R K K (1 - cos)."""
     s, c = np.sin(angle), np.cos(angle)

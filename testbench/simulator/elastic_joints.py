@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from balance.arrays import Floats
-from balance.mechanism.forward_kinematics import Joint, Tree, poses
+from balance.mechanism.forward_kinematics import Joint, Tree, plane_axes, poses
 from balance.mechanism.loop_constraints import Anchor, Constraint, Loop
 from balance.mechanism.mechanism import Mechanism, pseudo_inertia
 
@@ -102,7 +102,7 @@ def _tied_anew(
 def _before_joint(tree: Tree, at: int) -> Tree:
     """The tree with two slides before a joint; the same for the same tree, since it keeps programs written for it."""
     own = tree.joints[at]
-    x, y = _normals(own.axis)
+    x, y, _ = plane_axes(own.axis)
     slides = (
         Joint(own.parent, own.rotation, own.position, x, revolute=False),
         Joint(at, np.eye(3), np.zeros(3), y, revolute=False),
@@ -138,20 +138,12 @@ def _at_loop(mechanism: Mechanism, loop: Loop) -> Mechanism:
 
 @lru_cache(maxsize=64)
 def _after_anchor(tree: Tree, parent: int, position: tuple[float, ...], axis: tuple[float, ...]) -> Tree:
-    x, y = _normals(np.array(axis))
+    x, y, _ = plane_axes(np.array(axis))
     slides = (
         Joint(parent, np.eye(3), np.array(position), x, revolute=False),
         Joint(tree.size, np.eye(3), np.zeros(3), y, revolute=False),
     )
     return Tree((*tree.joints, *slides), (*tree.bodies, tree.size + 1))
-
-
-def _normals(axis: Floats) -> Floats:
-    """Two unit vectors normal to a unit ``axis`` (3,) and to each other, along the frame's axes where that can be."""
-    x = np.roll(np.eye(3)[int(np.argmax(np.abs(axis)))], 1)
-    x = x - (x @ axis) * axis
-    x /= np.linalg.norm(x)
-    return np.array([x, np.cross(axis, x)])
 
 
 def with_elastic_links(

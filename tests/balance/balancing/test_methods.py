@@ -1,5 +1,6 @@
 """The named methods: published conditions against derived ones, and each method rebuilt part by part in Pinocchio."""
 
+import re
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 
@@ -298,6 +299,24 @@ def test_wheels_that_turn_faster_are_lighter_and_ask_more():
     own = simulate(mechanism, motion).torque["J1"]
     assert fast.added_inertia == pytest.approx(slow.added_inertia / 3.0)
     np.testing.assert_allclose(fast.torque["J1"] - own, 3.0 * (slow.torque["J1"] - own), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(("name", "letters"), [("serial-2r", "xzy"), ("four-bar", "yzx")])
+def test_methods_act_in_the_plane_of_the_mechanism(name, letters):
+    """What they leave, cost and need is the same in x-y and in another plane; the names of its axes go with it."""
+    plain = models.load(name)
+    written = np.array([[float(a == b) for a in letters] for b in "xyz"])  # of x-y, in the other's axes
+    written[:, 2] *= np.linalg.det(written)
+    other = models.model(models.reframed(plain.text, written.T), plain.name)
+    names = str.maketrans("xyz", letters)
+    for own, found in zip(*(methods.compare_methods(one, waving(one)) for one in (plain, other)), strict=True):
+        np.testing.assert_allclose(found.force, own.force @ written.T, atol=1e-9)
+        np.testing.assert_allclose(found.moment, own.moment @ written.T, atol=1e-9)
+        assert found.torque_rms() == pytest.approx(own.torque_rms(), rel=1e-8)
+        assert (found.added_mass, found.added_inertia) == pytest.approx((own.added_mass, own.added_inertia), rel=1e-8)
+        needs = {re.sub("_([xy])_", lambda m: m[0].translate(names), key): value for key, value in own.needs.items()}
+        assert found.needs == pytest.approx(needs, rel=1e-6)
+        assert found.note == re.sub("[FM][xyz]", lambda m: m[0].translate(names), own.note)
 
 
 def test_what_shakes_out_of_the_plane_is_refused():
