@@ -5,6 +5,7 @@ The commands call the same functions. A mechanism is a ``Mechanism``, a shipped 
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -430,18 +431,35 @@ def engine(name: str | Path, orders: int = 8) -> list[FreeForces]:
     return free_forces(load_engine(name), orders)
 
 
-def drive(name: str | Path) -> list[SteadyRotation]:
+def drive(name: str | Path, *, flywheel_for: float | None = None, side: str = "crank") -> list[SteadyRotation]:
     """Steady rotations of a motor-driven machine of one degree of freedom, by harmonic balance.
+
+    At each speed of its file; one at which the machine stalls is left out with a warning.
+
+    ``flywheel_for``: a coefficient of speed fluctuation, such as 0.05. Each machine then has the smallest flywheel on
+    the shaft of this ``side``, crank or motor, with which its fastest rotation fluctuates by no more: the last of the
+    rotation's ``machine.inertias``, zero where none is needed. Raises CounterpoiseError where it stalls at all of them.
 
     >>> import balance
     >>> rotation = balance.drive("four-bar-dc")[0]
     >>> 0.0 < rotation.fluctuation() < 1.0
     True
     """
+    from .drives import DriveError
     from .drives.drive_files import load_drive
+    from .drives.harmonic_balance import flywheel_for as sized_flywheel
     from .drives.harmonic_balance import steady_rotations
 
-    described = load_drive(name)
-    return [
-        rotation for machine in described.machines(described.load_mechanism()) for rotation in steady_rotations(machine)
-    ]
+    described, found, refused = load_drive(name), [], []
+    for machine in described.machines(described.load_mechanism()):
+        try:
+            if flywheel_for is not None:
+                machine = machine.with_flywheel(sized_flywheel(machine, flywheel_for, side=side).inertia, side)
+            found += steady_rotations(machine)
+        except DriveError as error:
+            refused.append(error)
+    if refused and not found:
+        raise refused[0]
+    for one in refused:
+        warnings.warn(str(one), stacklevel=2)
+    return found

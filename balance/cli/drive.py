@@ -74,34 +74,44 @@ def drive(
     if counter:
         result["reduced_with_counter_masses"] = documents.inertia_document(machines[-1][0])
     result |= {"steady": [], "findings": [], "start_up": [], "flywheel": [], "convergence": []}
+    refused: list[str] = []
     for machine, has_masses in machines:
         begin = machine.reduced.direction * study.table.start_angle
-        solutions = steady_rotations(machine)
-        reached, refusal = None, None
+        solutions, reached, refusal, where = (
+            [],
+            None,
+            None,
+            f"{machine.nominal / documents.RPM:g} rpm, {machine.reading}",
+        )
         try:
+            solutions = steady_rotations(machine)
             reached = reached_from_rest(solutions, begin)
         except DriveError as error:
             refusal = str(error)
-        result["findings"] += documents.reach_findings(solutions, reached, refusal)
+        refused += [] if solutions else [f"{where}: {refusal}"]
+        result["findings"] += documents.reach_findings(solutions, reached, refusal) if solutions else refused[-1:]
         published = study.published_at(machine.nominal)
         for each in solutions:
             row = documents.steady_document(each, published, has_masses, each is reached)
             result["steady"].append(row)
             if each.is_stable:
                 result["findings"] += documents.drive_findings(each, row)
-        solution = reached or solutions[0]
-        for share in flywheel_for:
-            wheel = sized_flywheel(machine, share, side=flywheel_side, near=solution.mean_speed)
-            result["flywheel"].append(documents.flywheel_document(machine, wheel, has_masses))
+        solution = reached or next(iter(solutions), None)
+        near = None if solution is None else solution.mean_speed
         try:
+            for share in flywheel_for:
+                wheel = sized_flywheel(machine, share, side=flywheel_side, near=near)
+                result["flywheel"].append(documents.flywheel_document(machine, wheel, has_masses))
             if start_up and refusal is None:
                 run = started(machine, start_up, begin)
                 result["start_up"].append(documents.start_up_document(machine, run, reached, has_masses))
-            if convergence:
+            if convergence and solution:
                 needed = int(min(60, max(4, -(-solution.turns_to(1e-4) // 1) + 2)))
                 result["convergence"].append(documents.solvers_document(solution, needed, has_masses))
         except DriveError as error:
-            result["findings"].append(f"{machine.nominal / documents.RPM:g} rpm, {machine.reading}: {error}")
+            result["findings"].append(f"{where}: {error}")
+    if refused and not (result["steady"] or result["flywheel"]):
+        raise DriveError(refused[0])
     for machine, has_masses in machines:
         result["findings"] += [] if has_masses else documents.beyond_file(machine, study.table.speeds)
     options.draw(figure, "balance.figures.rotating:draw_drive", result)
@@ -124,7 +134,7 @@ def _print(result: dict[str, Any]) -> None:
     parts = [f"{row['fluctuation']['nominal']:.4f} at {', '.join(_setting(row)[:2])}" for row in steady[:3]]
     more = f" and {len(steady) - 3} more" if len(steady) > 3 else ""
     meaning = "speed fluctuates over a turn, (n_max - n_min) / n_nominal, by"
-    say(f"{result['mechanism']}: {meaning} {'; '.join(parts)}{more}.")
+    say(f"{result['mechanism']}: {meaning} {'; '.join(parts) or 'any share, for it stalls'}{more}.")
     rows = []
     for row in result["steady"]:
         kept = "from rest" if row["reached_from_rest"] else "once there" if row["stable"] else "unstable"

@@ -5,7 +5,7 @@ Fourier series of T that satisfies this at as many angles as it has coefficients
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Annotated
 
 import numpy as np
@@ -234,7 +234,8 @@ def _balance(machine: Machine, guess: Periodic, harmonics: int) -> tuple[Periodi
             return Periodic.through(energy[None]), iteration
     raise DriveError(
         f"{machine.reduced.mechanism.name}: no steady rotation with {harmonics} harmonics at nominal "
-        f"{machine.nominal:.6g} rad/s of the motor: the kinetic energy falls to {energy.min():.3g} J on the way round"
+        f"{rpm(machine.nominal):.6g} rpm of the motor: the crank stalls on the way round, its kinetic energy falls to "
+        f"{energy.min():.3g} J; a flywheel may carry it on: --flywheel-for 0.1, in Python flywheel_for=0.1"
     )
 
 
@@ -278,18 +279,26 @@ def flywheel_for(
 ) -> Flywheel:
     """The smallest flywheel that brings the fluctuation down to ``wanted``, the motor's own answer included.
 
-    Of the fastest steady rotation, or of that next to a speed of the crank ``near`` [rad/s].
-    Raises DriveError where even 1e6 times the machine's own inertia does not.
+    Of the fastest steady rotation, or of that next to a speed of the crank ``near`` [rad/s]; the machine may stall
+    without a flywheel. Raises DriveError where even 1e6 times the machine's own inertia does not.
     """
     if not 0.0 < wanted < 2.0:
         raise DriveError(f"wanted coefficient of fluctuation is {wanted:g}: expected a number between 0 and 2")
+    enough: dict[float, float] = {}
+    _balanced_speeds(machine)  # which inertia does not change: where there is none, no flywheel helps
 
+    @cache
     def excess(inertia: float) -> float:
-        return steady_rotation(machine.with_flywheel(inertia, side), near=near).fluctuation(definition) - wanted
+        try:
+            found = steady_rotation(machine.with_flywheel(inertia, side), near=near).fluctuation(definition)
+        except DriveError:
+            return 2.0  # it stalls
+        if found <= wanted:
+            enough[inertia] = found
+        return found - wanted
 
-    without = excess(0.0)
-    if without <= 0.0:
-        return Flywheel(0.0, side, without + wanted, wanted)
+    if excess(0.0) <= 0.0:
+        return Flywheel(0.0, side, enough[0.0], wanted)
     own = float(np.mean(machine.inertia(np.linspace(0.0, 2.0 * np.pi, 64)))) / (
         machine.ratio**2 if side == "motor" else 1
     )
@@ -298,8 +307,9 @@ def flywheel_for(
         low, high = high, 4.0 * high
         if high > 1e6 * own:
             raise DriveError(f"no flywheel up to {high:.3g} kg m2 brings the fluctuation down to {wanted:g}")
-    inertia = float(brentq(excess, low, high, xtol=1e-12 * own, rtol=1e-12))
-    return Flywheel(inertia, side, excess(inertia) + wanted, wanted)
+    brentq(excess, low, high, xtol=1e-12 * own, rtol=1e-12)
+    inertia = min(enough)
+    return Flywheel(inertia, side, enough[inertia], wanted)
 
 
 def flywheel_estimate(machine: Machine, wanted: float) -> float:

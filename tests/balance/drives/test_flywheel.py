@@ -1,11 +1,17 @@
 """The flywheel for a wanted fluctuation."""
 
+import json
+
 import numpy as np
 import pytest
 
+import balance
+from balance.datasets import find_dataset
 from balance.drives import DriveError
 from balance.drives.harmonic_balance import flywheel_estimate, flywheel_for, steady_rotation
+from balance.drives.time_integration import run_to
 
+from ..cli.conftest import call
 from .source import REFERENCE, machine
 
 
@@ -31,6 +37,32 @@ def test_the_textbook_s_estimate():
     row = REFERENCE["flywheel_estimate"]
     assert flywheel_estimate(machine(276), 0.1) == pytest.approx(row["I_needed_delta_0_1"], rel=1e-6)
     assert np.ptp(machine(276).reduced.potential(np.linspace(0, 7, 20001))) == pytest.approx(row["dE_pot"], rel=1e-6)
+
+
+def test_one_that_stalls_without_a_flywheel(tmp_path):
+    """It runs with the one that is found, as an integrated turn shows; the other speed is computed without, too."""
+    path = tmp_path / "drive.toml"
+    path.write_text(
+        find_dataset("four-bar-dc", "drives", ".toml").read_text("utf-8").replace('["900', '["300 rpm", "900')
+    )
+    with pytest.warns(UserWarning, match="four-bar: no steady rotation .* 300 rpm .* stalls on the way round"):
+        (kept,) = balance.drive(path)
+    assert kept.machine.nominal == pytest.approx(30.0 * np.pi)
+    slow, fast = balance.drive(path, flywheel_for=0.4)
+    for found in (slow, fast):
+        machine, start = found.machine, float(found.rate(0.0))
+        assert machine.inertias[-1].value > 0.0
+        _, turn = run_to(machine, 0.0, np.array([0.0, start]), 2.0 * np.pi)
+        assert turn.y[1, -1] == pytest.approx(start, rel=1e-7)
+        speed = turn.sol(np.linspace(0.0, turn.t[-1], 4001))[1]
+        assert np.ptp(speed) / machine.nominal_crank == pytest.approx(0.4, rel=1e-5)
+    outcome = call("drive", path, "--flywheel-for", "0.4", "--json")
+    assert outcome.code == 3
+    document = json.loads(outcome.out)
+    assert [row["nominal_rpm"] for row in document["steady"]] == pytest.approx([900.0])
+    found = [row["inertia_kgm2"] for row in document["flywheel"]]
+    assert found == pytest.approx([one.machine.inertias[-1].value for one in (slow, fast)], rel=1e-9)
+    assert "stalls" in document["findings"][0]
 
 
 def test_nonsense_is_refused():
