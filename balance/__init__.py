@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from .balancing.sweep import Designs as Designs
     from .balancing.tradeoff import Front as Front
     from .closure import Trajectory as Trajectory
+    from .drives.harmonic_balance import SteadyRotation as SteadyRotation
     from .dynamics.inverse_dynamics import Response as Response
     from .errors import CounterpoiseError as CounterpoiseError
     from .front_door import (
@@ -102,6 +103,7 @@ __all__, __getattr__, __dir__ = lazy_names(__name__, {
     "balancing.methods": "Methods",
     "dynamics.inverse_dynamics": "Response",
     "balancing.sizing_study": "SizingStudy",
+    "drives.harmonic_balance": "SteadyRotation",
     "closure": "Trajectory",
     "front_door": "animate assemble check conditions drive engine follow influence linkage load load_motion methods "
     "rotor shipped simulate size sweep tolerance tradeoff write_report",

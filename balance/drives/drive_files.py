@@ -58,7 +58,7 @@ class _LoadTable(Table):
 
 
 class FrictionTable(_LoadTable):
-    """A load of constant size: against the joint's positive direction, or dry against its motion."""
+    """A load of constant size: dry, against the joint's motion, or constant, with the sign of a load over the angle."""
 
     kind: Literal["constant", "dry"]
     """Kind of load."""
@@ -98,7 +98,11 @@ class DragTable(_LoadTable):
 
 
 class CurveTable(_LoadTable):
-    """A load over the crank's angle, one turn, against the joint's positive direction."""
+    """A load over the crank's angle, one turn; between the points a monotone cubic (PCHIP).
+
+    A positive value pushes the joint towards smaller coordinates, whichever way it moves: weight of 50 N on a ram that
+    slides along +y upwards is ``force = "50 N"``, gas that pushes the ram upwards is negative.
+    """
 
     kind: Literal["table"]
     """Kind of load."""
