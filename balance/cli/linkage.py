@@ -182,9 +182,16 @@ def _print_balance(document: dict[str, Any], with_equations: bool) -> None:
         ]
         emit_table(f"Counter-masses{how}, from the reduction joint of their body", *cells(rows, _COUNTER_MASSES))
         if document["inertias"]:
-            own, sized = ("name", "body", "joint", "carrier", "teeth"), ("inertia", "counter_mass", "wheel_mass")
+            own, sized = (
+                ("name", "body", "joint", "carrier", "pivot", "teeth"),
+                ("inertia", "counter_mass", "wheel_mass"),
+            )
             title = f"Gears{how}: counter-gear I_z and m_z*, real gear on the body m_z and I_m_z"
-            emit_table(title, *table(GearResult, part["gears"], *own, *sized, "wheel_inertia"))
+            remark = (
+                "Pivot: of the counter-gear, where `at` is left out a joint of its carrier; on the ground anywhere, "
+                "since its place changes neither force nor moment."
+            )
+            emit_table(title, *table(GearResult, part["gears"], *own, *sized, "wheel_inertia"), remark)
     if not document["inertias"]:
         say("No gears: the force is balanced, the moment is not.")
     for link, inertia in document["reshaped_inertia_kgm2"].items():

@@ -190,7 +190,7 @@ class CounterGearTable(Table):
     """The counter-gear."""
 
     at: PlanePoint | None = None
-    """Its pivot in the frame of the link that it is on [m]."""
+    """Its pivot in the frame of the link that it is on [m]; left out: at the joint by which that link is reduced."""
     on: Name | None = None
     """Link that its pivot is on, or ``ground``."""
     mass: PositiveMass | None = None

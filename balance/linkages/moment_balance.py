@@ -65,6 +65,8 @@ class GearResult:
     gear: Annotated[Gear, INLINE]
     joint: Annotated[str, Key("", "at", "s")]
     carrier: Annotated[str, Key("", "carrier", "s")]
+    pivot: Annotated[str, Key("counter_gear_pivot", "pivot", "s")]
+    """Where the counter-gear is pivoted: as stated, else at a joint of its carrier, or anywhere on the ground."""
     inertia: Annotated[float, Key("counter_gear_inertia_kgm2", "I_z [kg m2]", ".4g")]
     """Of the counter-gear, I_z = (Z*/Z) I [kg m2]."""
     wheel_mass: Annotated[float, Key("gear_mass_kg", "m_z [kg]", partial(_unless_zero, ".4f"))]
@@ -215,8 +217,18 @@ class _Step:
             inertia, gyration = self.bodies[body].inertia / gear.ratio, gear.counter_gyration
             weight = gear.counter_mass if gyration is None else inertia / gyration**2
             self.gears[gear.name] = GearResult(
-                gear, self.joint[gear.name], self.carrier[gear.name], inertia, *self._wheel(gear), weight
+                gear,
+                self.joint[gear.name],
+                self.carrier[gear.name],
+                self._pivot(gear),
+                inertia,
+                *self._wheel(gear),
+                weight,
             )
+
+    def _pivot(self, gear: Gear) -> str:
+        carrier = self.carrier[gear.name]
+        return "as stated" if gear.pivot else "anywhere" if carrier == GROUND else self.reduced.tree[carrier]
 
     def _gear_loads(self, body: str) -> list[EquivalentLoad]:
         """Masses of gears on a body, its own and received."""

@@ -53,6 +53,7 @@ def test_a_gear_at_another_joint_than_the_reduction_joint(crank_rocker_keys):
     keys["gears"]["z3"] |= {"joint": "B"}
     result = balanced(keys)
     assert result.moment.gears["z3"].carrier == "4"
+    assert result.moment.gears["z3"].pivot == result.tree["4"]
     assert left_over(result) < 1e-10
 
 
