@@ -360,12 +360,15 @@ def active_outcome(mechanism: Mechanism, trajectory: Trajectory, stroke: float, 
 
 
 @dataclass(frozen=True)
-class Methods(Shown, rows="rows", figure="balance.figures.balancing:draw_methods"):
+class Methods(Shown, rows="compared", figure="balance.figures.balancing:draw_methods"):
     """The named methods of balancing on one motion, and published conditions with the derived ones.
 
     >>> import balance
     >>> balance.methods("serial-1r", "serial-1r").rows[0]["method"]
     'as it is'
+
+    ``table()`` has what all methods have: masses, force, moment, torques. What one of them needs besides, and its note,
+    are in ``rows``, by ``["needs"]`` and ``["note"]``.
     """
 
     mechanism: Mechanism
@@ -393,6 +396,11 @@ class Methods(Shown, rows="rows", figure="balance.figures.balancing:draw_methods
             }
             for outcome in self.outcomes
         ]
+
+    @property
+    def compared(self) -> list[dict[str, Any]]:
+        """The rows without what a method needs of its own, and without notes."""
+        return [{key: value for key, value in row.items() if key not in ("needs", "note")} for row in self.rows]
 
     def document(self) -> dict[str, Any]:
         """For JSON."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import balance
 from balance.balancing import closed_forms, conditions, methods
 from balance.balancing.sizing import Sizing, exact_sizing
 from balance.closure import Closure, Trajectory
@@ -324,6 +325,14 @@ def test_what_shakes_out_of_the_plane_is_refused():
     arm = models.model(models.skew_arm())
     with pytest.raises(ModelError, match="out of the plane"):
         methods.compare_methods(arm, waving(arm, 30))
+
+
+def test_a_table_has_what_all_methods_have():
+    """No empty cell; what one method needs, and its note, are apart."""
+    found = balance.methods("serial-2r", "serial-2r")
+    assert not found.table().isna().any(axis=None)
+    assert {"method", "force_rms_N", "torque_rms_Nm.J1"} < set(found.table()) < {*found.table(), "note"}
+    assert any(row["needs"] and row["note"] for row in found.rows)
 
 
 def test_without_a_place_for_counter_masses_the_rest_is_compared():
