@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 _LABEL = {
     "Fx_N": "force FX [N]", "Fy_N": "force FY [N]", "Mz_Nm": "moment M [N m]", "torque_Nm": "drive torque [N m]",
 }  # fmt: skip
+_DRIVES = {
+    "torque_rms_Nm": "largest motor torque, RMS [N m]", "drive_force_rms_N": "largest force of slides, RMS [N]",
+}  # fmt: skip
 _STAGE = {
     "before": ("before", "#555555", "-"),
     "force": ("counter-masses", "#3b6ea5", "-"),
@@ -53,10 +56,10 @@ def draw_methods(found: "Methods") -> "Figure":
     values_of = {
         "shaking force, RMS [N]": [row["force_rms_N"] for row in rows],
         "shaking moment, RMS [N m]": [row["moment_rms_Nm"] for row in rows],
-        "largest motor torque, RMS [N m]": [max(row["torque_rms_Nm"].values(), default=0.0) for row in rows],
+        **{label: [max(row[key].values()) for row in rows] for key, label in _DRIVES.items() if rows[0][key]},
         "added mass [kg]": [row["added_mass_kg"] for row in rows],
     }
-    figure, drawn = panels(12, 0.42 * len(rows) + 1.4, 1, 4, grid=False, sharey=True)
+    figure, drawn = panels(12, 0.42 * len(rows) + 1.4, 1, len(values_of), grid=False, sharey=True)
     for axes, (label, values) in zip(drawn[0], values_of.items(), strict=True):
         bars = axes.barh([row["method"] for row in rows], values, color="#3b6ea5")
         axes.bar_label(bars, [f"{value:.3g}" if value > 1e-9 else "0" for value in values], padding=3, fontsize=8)

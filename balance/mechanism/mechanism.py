@@ -224,8 +224,12 @@ class Mechanism(Brief):
         """Values of motors by joint under two keys: ``turning`` [N m] and ``sliding`` [N]."""
         found: dict[str, dict[str, float]] = {turning: {}, sliding: {}}
         for joint, value in values.items():
-            found[turning if self.tree.joints[self.coordinate_index(joint)].revolute else sliding][joint] = value
+            found[sliding if self.drive_unit(joint) == "N" else turning][joint] = value
         return found
+
+    def drive_unit(self, joint: str) -> str:
+        """Unit of the load of a drive: ``N m`` on a joint that turns, ``N`` on one that slides."""
+        return "N m" if self.tree.joints[self.coordinate_index(joint)].revolute else "N"
 
     def site(self, name: str) -> Site:
         """A site by name. Raises ModelError, listing the sites on moving bodies, if there is none."""

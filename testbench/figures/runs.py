@@ -7,7 +7,7 @@ import numpy as np
 
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism
-from balance.units import G0
+from balance.units import G0, SI_UNITS
 
 from ..errors import AnalysisError
 from ..kinematics.encoder_motion import moving_interval
@@ -60,7 +60,7 @@ def draw_run(run: Run) -> "Figure":
 
 
 def motor_torques(with_run: Run, without_run: Run) -> "Figure":
-    """Torque of each motor as its drive reports it, gravity included, band-limited; AnalysisError without any."""
+    """Torque of each motor (of slides force) as its drive reports it, gravity included; AnalysisError without any."""
     runs = SIRun.of(without_run), SIRun.of(with_run)
     columns = runs[1].rig.columns_of(Torque)
     if not columns:
@@ -68,8 +68,9 @@ def motor_torques(with_run: Run, without_run: Run) -> "Figure":
     with style.styled():
         figure, panels = style.light_grid(len(columns), 1, 2.0, sharex=True)
         for axes, column in zip(panels[:, 0], columns, strict=True):
-            without, balanced = (f"{peak:.1f} N m" for peak in _draw(axes, column, runs))
-            axes.set_ylabel("torque [N m]")
+            unit = SI_UNITS[runs[1].dimension(column)]
+            without, balanced = (f"{peak:.1f} {unit}" for peak in _draw(axes, column, runs))
+            axes.set_ylabel(f"{'force' if unit == 'N' else 'torque'} [{unit}]")
             axes.set_title(f"{column.sensor}, joint {column.component}: peak {without} without, {balanced} with")
         _limit(panels[-1], columns, runs[0])
         style.legend(figure, panels[0, 0])

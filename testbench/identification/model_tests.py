@@ -281,8 +281,8 @@ class ModelTests:
         for joint, at in self.jumps.items():
             found.append(Doubt("encoder_jump", f"{joint}: the position jumps at {at:.4g} s as no motion does"))
         for joint, (seconds, torque) in self.stalls.items():
-            text = f"{joint} rests for {seconds:.2g} s under {torque:.3g} that neither weight nor friction explains"
-            found.append(Doubt("stall", text))
+            load = f"{torque:.3g} {self.mechanism.drive_unit(joint)}"
+            found.append(Doubt("stall", f"{joint} rests for {seconds:.2g} s under {load} not of weight or friction"))
         if self.motion is not None:
             found += self.motion.doubts
         elif self.joints and not self.negative_inertia:
@@ -331,8 +331,7 @@ class ModelTests:
 
     def _sensitivity_unit(self, name: str) -> str:
         """Of a sensor that reads what it measures."""
-        slides = name in self.joints and not self.mechanism.tree.joints[self.mechanism.coordinate_index(name)].revolute
-        return "N/N" if slides else "N m/(N m)"
+        return "N/N" if name in self.joints and self.mechanism.drive_unit(name) == "N" else "N m/(N m)"
 
     @property
     def _each(self) -> Iterator[tuple[RecordEquations, Deviation, slice]]:

@@ -277,8 +277,9 @@ def regression_equations(records: Sequence[JointRecord], mechanism: Mechanism, c
     for joint, moving in zip(mechanism.driven, found.moving.T, strict=False):
         if not moving.any():
             lost = "".join(f"; {text}" for text in found.left_out)
+            unit = "m/s" if mechanism.drive_unit(joint) == "N" else "rad/s"
             raise AnalysisError(
-                f"{', '.join(r.name for r in records)}: joint {joint!r} never moves faster than {REST_SPEED} rad/s: "
+                f"{', '.join(r.name for r in records)}: joint {joint!r} never moves faster than {REST_SPEED} {unit}: "
                 f"expected a record in which every driven joint moves{lost}"
             )
     return found

@@ -1,14 +1,19 @@
 """Figures: every panel has its unit, and what is simulated says so."""
 
 import io
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from studies import lies
 from testbench import figures
+from testbench.campaign_plan import load_plan
 from testbench.figures.style import origin_of
+from testbench.project import new_project
 from testbench.published_tables import load_published
+from testbench.rig import load_rig
 from testbench.store import open_campaign
 from testbench.vibration.comparison import compare_campaign
 from testbench.vibration.metrics import Measure
@@ -40,6 +45,15 @@ def test_two_runs(runs, name, panels, unit):
     assert all(unit in axes.get_ylabel() + axes.get_title(loc="left") for axes in visible)
     assert figure.get_suptitle().startswith("Simulated: ")
     assert "payload 5 kg, motion x, peak 3 g0" in figure.get_suptitle()
+
+
+def test_drives_in_the_units_of_their_joints(tmp_path):
+    """A drive that slides pushes in newtons, between others that turn."""
+    new_project(tmp_path / "test", "scara-quill")
+    made = lies.simulated(load_rig(tmp_path / "test" / "rig.toml"), load_plan(tmp_path / "test" / "plan.toml"), 3)
+    shown = figures.motor_torques(made[0], made[-1]).axes
+    assert [axes.get_ylabel() for axes in shown] == ["torque [N m]", "torque [N m]", "force [N]", "torque [N m]"]
+    assert re.search(r"peak [\d.]+ N without, [\d.]+ N with$", shown[2].get_title(loc="left"))
 
 
 def test_base_acceleration_states_the_reduction(brief, runs):
