@@ -196,24 +196,36 @@ class Conditions:
         """Left-hand sides for a mechanism of the same kind with other masses, (rank,) [``units``]."""
         return self.matrix @ (mechanism or self.mechanism).pi
 
-    def residual(self, unit: str) -> float:
+    def residual(self, unit: str, mechanism: Mechanism | None = None) -> float:
         """Largest absolute value of the conditions of one ``unit``, as they are listed."""
-        return float(np.abs(self.values()[[one == unit for one in self.units]]).max(initial=0.0))
+        return float(np.abs(self.values(mechanism)[[one == unit for one in self.units]]).max(initial=0.0))
 
     def first_moment_residual(self, mechanism: Mechanism | None = None) -> float:
         """Largest first moment that a body lacks [kg m]; the same in any order of bodies and in any axes of theirs.
 
         Of all conditions on a body's first moment, with weight 1, the one is taken whose weights of the other bodies'
-        first moments are least in squares. Conditions on masses alone are left out.
+        first moments are least in squares. Conditions on masses alone count by ``on_first_moments``.
         """
         return float(np.linalg.norm(self._lacking @ (mechanism or self.mechanism).pi, axis=1).max(initial=0.0))
 
     @cached_property
+    def on_first_moments(self) -> Floats:
+        """T: ``T @ values`` are the conditions but those on masses alone, which no first moment meets, (k, rank) [-, m].
+
+        Of these that part counts whose momentum over the workspace is like that of first moments: all along x and y of
+        an arm that carries a lift along z. None of it where the momentum has no measure.
+        """
+        masses = np.array([unit == "kg" for unit in self.units], dtype=bool)
+        rows = np.eye(self.rank)[~masses]
+        if masses.any():
+            with suppress(ModelError):
+                rows[:, masses] = np.linalg.pinv(self.weights[:, ~masses]) @ self.weights[:, masses]
+        return rows
+
+    @cached_property
     def _lacking(self) -> Floats:
         """L with ``L @ pi`` the first moment that each body lacks, (nb, 3, 10 nb) [-, m]."""
-        masses = np.array([unit == "kg" for unit in self.units], dtype=bool)
-        of_masses, rows = self.matrix[masses], self.matrix[~masses]
-        rows = rows - rows @ np.linalg.pinv(of_masses) @ of_masses
+        rows = self.on_first_moments @ self.matrix
         bodies = len(self.mechanism.bodies)
         weights = rows.reshape(len(rows), bodies, len(PARAMETERS))[:, :, 1:4].reshape(len(rows), 3 * bodies)
         least = np.linalg.pinv(weights, rcond=_ZERO)

@@ -148,7 +148,7 @@ class _Equations:
         pairs = zip(found.gains(), self.records, strict=True)
         followed = np.sum([np.einsum("nrk,nrj->kj", g, r.columns[:, :, : len(every)]) for g, r in pairs], axis=0)
         per_fixed = (every - followed) @ (every - space.directions.T @ space.directions)
-        return np.asarray(per_fixed * (FILE_KNOWN * self.problem.largest_first_moment / 3.0**0.5))
+        return np.asarray(per_fixed * (FILE_KNOWN * self.problem.largest / 3.0**0.5))
 
     def widened(self, found: ImbalanceFit) -> tuple[Imbalance, list[str]]:
         """With what the errors leave open, and what that is called."""
@@ -156,7 +156,8 @@ class _Equations:
         if not found.imbalance.subspace.is_whole:
             by_file = self._by_file(found)
             covariance = covariance + by_file @ by_file.T
-            within.append(f"up to {FILE_KNOWN * self.problem.largest_first_moment:.2g} kg m in what the file tells")
+            largest = self.problem.conditions.residual("kg m", self.problem.mechanism)
+            within.append(f"up to {FILE_KNOWN * largest:.2g} kg m in what the file tells")
         if self.entries:
             covariance = covariance + sensor_errors.error_covariance(found, self.records, len(self.entries))
             if names := ", ".join(dict.fromkeys(entry[0] for entry in self.entries if entry != MASS)):

@@ -82,7 +82,7 @@ def trim_runs(
         plates=tuple(plates),
         findings=tuple(finding for one in found for finding in one.findings),
         estimates=tuple(one.imbalance for one in found),
-        unbalanced=float(np.abs(unbalanced).max(initial=0.0)),
+        unbalanced=float(np.abs(problem.conditions.on_first_moments @ unbalanced).max(initial=0.0)),
     )
 
 

@@ -104,14 +104,15 @@ class TrimProblem:
         return self.runs[0].mechanism
 
     @property
-    def largest_first_moment(self) -> float:
-        """Of the conditions, without payload and counter-masses, by the file [kg m]."""
-        return float(np.abs(self.conditions.values(self.mechanism)).max(initial=0.0))
+    def largest(self) -> Floats:
+        """By condition, the largest value of those of its unit, without payload and counter-masses, by the file,
+        (rank,) [kg m, or kg of masses alone].
+        """
+        return np.array([self.conditions.residual(unit, self.mechanism) for unit in self.conditions.units])
 
     def determined(self, values: Iterable[Estimate]) -> bool:
-        """Whether a source determines conditions that it estimates so."""
-        most = DETERMINED * self.largest_first_moment
-        return all(one.half_width() <= most for one in values)
+        """Whether a source determines all conditions, which it estimates so."""
+        return all(one.half_width() <= DETERMINED * most for one, most in zip(values, self.largest, strict=True))
 
     @property
     def names(self) -> str:

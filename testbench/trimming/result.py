@@ -145,12 +145,9 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
     def values(self) -> tuple[tuple[str, Estimate | None], ...]:
         """The balance conditions, left-hand sides as measured; None where the runs do not determine one."""
         found = []
-        for row, unit in enumerate(np.eye(self.conditions.rank)):
-            estimate = None
-            if not self.imbalance.is_fixed(unit):
-                with suppress(NotIdentifiable):
-                    estimate = self.imbalance.estimate(unit)
-            found.append((text_of(self.conditions.coefficients(row)), estimate))
+        for k, (row, unit) in enumerate(zip(np.eye(self.conditions.rank), self.conditions.units, strict=True)):
+            estimate = None if self.imbalance.is_fixed(row) else self._estimate(row, unit)
+            found.append((text_of(self.conditions.coefficients(k)), estimate))
         return tuple(found)
 
     @cached_property
@@ -204,10 +201,11 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
         return sizing_of_given(self.conditions, rest, more)
 
     def residual_with(self, mounting: Sizing) -> tuple[float, tuple[float, float]]:
-        """Largest of the conditions in a mounting, and from the least to the most that their intervals leave of it
-        [kg m]; undetermined ones by the file.
+        """Largest of the conditions on first moments in a mounting, and from the least to the most that their intervals
+        leave of it [kg m]; undetermined ones by the file.
         """
-        residual, half = np.abs(self.conditions.values(mounting.after)), self._half_widths
+        residual = np.abs(self.conditions.on_first_moments @ self.conditions.values(mounting.after))
+        half = np.array([one.half_width() if one else 0.0 for one in self._of_first_moments])
         low, high = np.maximum(residual - half, 0.0), residual + half
         return float(residual.max(initial=0.0)), (float(low.max(initial=0.0)), float(high.max(initial=0.0)))
 
@@ -223,34 +221,28 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
 
     @property
     def residual_share(self) -> float:
-        """Largest of the conditions as measured, with half its interval and what a doubtful source leaves unexplained,
-        as a part of that without counter-masses.
+        """Largest of the conditions on first moments as measured, with half its interval and what a doubtful source
+        leaves unexplained, as a part of that without counter-masses.
 
         Of one that no mass at the sites can change: by the file, with what that may be wrong by. Infinite where the
         runs do not tell one.
         """
-        by_file, units = np.abs(self.conditions.values(self.mechanism)), np.eye(self.conditions.rank)
-        each = [
-            half + (abs(e.value) if e else file if self.imbalance.is_fixed(unit) else np.inf)
-            for (_, e), half, file, unit in zip(self.values, self._half_widths, by_file, units, strict=True)
-        ]
+        each = [abs(one.value) + one.half_width() if one else np.inf for one in self._of_first_moments]
         if not self.unbalanced > 0.0:
             return np.inf
         hidden = max((share.of_unbalanced for share in self.shares if share.doubtful), default=0.0)
         return float(max(each, default=np.inf) / self.unbalanced) + hidden
 
     @property
-    def _half_widths(self) -> Floats:
-        """Of the conditions' values, (rank,) [kg m]: of one taken from the file, of what that may be wrong by.
+    def _of_first_moments(self) -> list[Estimate | None]:
+        """The conditions ``on_first_moments``: of one taken from the file, with what that may be wrong by."""
+        return [self._estimate(row) for row in self.conditions.on_first_moments]
 
-        Zero of one that the runs do not tell at all.
-        """
-        units = np.eye(self.conditions.rank)
-        each = [
-            e or (self.imbalance.estimate(unit) if self.imbalance.is_fixed(unit) else None)
-            for (_, e), unit in zip(self.values, units, strict=True)
-        ]
-        return np.array([0.0 if one is None else one.half_width() for one in each])
+    def _estimate(self, combination: Floats, unit: str = "kg m") -> Estimate | None:
+        """A combination (rank,) of the conditions' values [kg m, or ``unit``]; None where the runs do not tell it."""
+        with suppress(NotIdentifiable):
+            return self.imbalance.estimate(combination, unit)
+        return None
 
     def remaining(self) -> list[MissingMass]:
         """What each site lacks still, with the addition and the removal."""
@@ -360,7 +352,8 @@ def trim_document(result: Trim) -> dict[str, Any]:
         "findings": [finding.as_dict() for finding in result.findings],
         "accepted": [finding.as_dict() for finding in result.accepted],
         "conditions": [
-            {"condition": text, "value_kgm": e and e.value, "interval": e and e.interval()} for text, e in result.values
+            {"condition": text, f"value_{unit.replace(' ', '')}": e and e.value, "interval": e and e.interval()}
+            for (text, e), unit in zip(result.values, result.conditions.units, strict=True)
         ],
         "unexplained": result.unexplained,
         "about": result.about,

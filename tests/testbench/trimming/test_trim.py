@@ -1,6 +1,7 @@
 """What is missing on which arm, from simulated runs with known truth; refused where they cannot tell."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from balance.balancing import stock_plates
 from balance.balancing.conditions import balance_conditions
 from balance.errors import CounterpoiseError
-from balance.estimation.first_moment_imbalance import with_condition_values
+from balance.estimation.first_moment_imbalance import Imbalance, Subspace, with_condition_values
 from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
 from testbench import rig as rigs
@@ -16,7 +17,8 @@ from testbench.cli.trim import _verdict
 from testbench.errors import AnalysisError
 from testbench.trimming import trim_runs
 from testbench.trimming.estimators import FIXED_WITHIN
-from testbench.trimming.result import trim_document
+from testbench.trimming.problem import TrimProblem
+from testbench.trimming.result import Share, Trim, trim_document
 
 from ..coverage import assert_holds
 from . import linkages
@@ -276,6 +278,27 @@ def test_what_the_file_tells_has_a_width():
     assert certain.predicted_residual_interval == pytest.approx((0.0, 1.96 * deviation), rel=1e-3, abs=1e-6)
     assert certain.residual_share > 0.01
     assert certain.verdict != "balanced"
+
+
+def test_masses_alone_are_in_no_first_moment():
+    """A quill that rises: its 0.7 kg are a condition of their own, in kg, and no part of what is left in kg m."""
+    arm = load_mechanism("scara-quill")
+    conditions = balance_conditions(arm)
+    values, every = conditions.values(arm), np.eye(conditions.rank)
+    known = Imbalance(conditions, values, 1e-8 * every, Subspace.all_values(conditions), every, 0.0)
+    missing = tuple(known.missing(arm, arm.counter_sites))
+    shares = (Share("torque", missing, 0.0),)
+    whole = conditions.residual("kg m") + 0.25 * 0.7  # arm_1 carries the quill too, though its row is without m[quill]
+    found = Trim(conditions, arm, ("r1",), "simulated", shares, missing, known, (), (), unbalanced=whole)
+    assert conditions.units[-1] == "kg"
+    assert values[-1] == pytest.approx(0.7)
+    assert found.predicted_residual == pytest.approx(0.0, abs=1e-9)
+    assert found.predicted_residual_interval[1] == pytest.approx(1.96e-4 * np.hypot(1.0, 0.25), rel=1e-3)
+    assert found.residual_share == pytest.approx(1.0, rel=1e-3)
+    *_, last = trim_document(found)["conditions"]
+    assert last["value_kg"] == pytest.approx(0.7)
+    one = SimpleNamespace(unloaded=arm, mechanism=arm)
+    assert TrimProblem([one], conditions, [], None).largest == pytest.approx([*[whole - 0.25 * 0.7] * 6, 0.7])
 
 
 @pytest.mark.parametrize("mounted", [{}, {"counter_link_1": 5.0, "counter_link_2": 0.9}])
