@@ -50,6 +50,8 @@ BASE_SHARE = 20.0
 _TURN_DEG, _SLIDE_MM, _HALVINGS = 15.0, 20.0, 6
 _PEAK = {True: "10 m/s^2", False: "60 rad/s^2"}
 """Peak acceleration of a joint that slides, and of one that turns."""
+_SINGLY = 3
+"""Rows or logs without the other up to which each is a problem of its own."""
 _RATE_HZ = 1000.0
 
 
@@ -292,10 +294,14 @@ def _missing_logs(
     named = {PurePath(row.file).name for row in rows}
     missing = [row for row in rows if row.file not in there and PurePath(row.file).name not in there]
     if logs:
-        for row in missing:
+        for row in missing[: None if len(missing) <= _SINGLY else 1]:
             hint = suggestion(row.file, there - named) or ": add the log, or remove the row"
-            yield Problem(runs, f"line {row.line}: names {row.file}, which is not among the logs{hint}")
-        for name in sorted({path.name for path in logs if path.name != runs} - named) if whole else ():
+            more = f" (as lines {', '.join(str(one.line) for one in missing[1:])})" * (len(missing) > _SINGLY)
+            yield Problem(runs, f"line {row.line}: names {row.file}, which is not among the logs{more}{hint}")
+        unnamed = sorted({path.name for path in logs if path.name != runs} - named) if whole else []
+        if len(unnamed) > _SINGLY:
+            yield Problem(runs, f"no line names {', '.join(unnamed)}: add a line for each, or leave those logs out")
+        for name in unnamed if len(unnamed) <= _SINGLY else ():
             yield Problem(runs, f"no line names {name}: add one, or leave that log out")
     elif missing and len(missing) < len(rows):
         files = ", ".join(row.file for row in missing)
@@ -342,14 +348,18 @@ def _log_problems(rig: Rig | None, rows: Sequence[RunTableRow], logs: Sequence[P
             findings = told.with_normal_as_notes(reading.checked(told, recordings[name].findings))
             yield from (Problem(name, one.message) for one in findings if one.code == "channel_not_found")
     named = [(PurePath(row.file).name, row.run or PurePath(row.file).stem) for row in rows]
-    for name, run in named or [(path.name, "the logs") for path in logs]:
+    incomplete = {run for name, run in named if name not in recordings}
+    if recordings and (incomplete or recordings.keys() - {name for name, _ in named}):
+        every = reversed(recordings.values())  # of each kind one log shows what the rig lacks
+        kinds = {frozenset((c.label, c.unit) for g in one.groups for c in g.channels): one for one in every}
+        runs["the logs"] = [*kinds.values()]
+    for name, run in named:
         if name in recordings:
             runs.setdefault(run, []).append(recordings[name])
-    incomplete = {run for name, run in named if name not in recordings}
     said: dict[tuple[str, str | None, str], tuple[str, list[str]]] = {}
     for run, held in runs.items():
         for one in () if rig is None else [*rig_findings(rig, held), *unclocked(rig, held)]:
-            unsure = "sensor_not_recorded" if run in incomplete else None if named else "logger_twice"
+            unsure = "sensor_not_recorded" if run in incomplete else "logger_twice" if run == "the logs" else None
             if one.severity > Severity.NOTE and one.code != unsure:
                 message = f"{one.channel}: {one.message}" if one.channel else one.message
                 key = (one.code, one.channel, one.message.partition(":")[0])

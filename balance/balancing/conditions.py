@@ -210,7 +210,7 @@ class Conditions:
 
     @cached_property
     def on_first_moments(self) -> Floats:
-        """T: ``T @ values`` are the conditions but those on masses alone, which no first moment meets, (k, rank) [-, m].
+        """T: ``T @ values`` are the conditions but those on masses alone that no first moment meets, (k, rank) [-, m].
 
         Of these that part counts whose momentum over the workspace is like that of first moments: all along x and y of
         an arm that carries a lift along z. None of it where the momentum has no measure.

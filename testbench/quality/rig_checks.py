@@ -103,6 +103,8 @@ def rig_findings(
     recordings = list(recordings)
     channels = by_name(c for r in recordings for g in r.groups for c in g.channels)
     labels = list(dict.fromkeys(c.label for c in channels.values()))
+    known = {column.channel for column in rig.columns()}
+    strange = [one for one in recordings if known.isdisjoint(by_name(c for g in one.groups for c in g.channels))]
     found: list[Finding] = []
     absent: list[Finding] = []
     for logger in rig.loggers:
@@ -112,15 +114,16 @@ def rig_findings(
             found += [_missing(column, labels) for column in columns if column.channel not in channels]
         elif columns:
             other = sibling_log({column.channel for column in columns})
-            logs = [recording.path.name for recording in recordings]
-            absent.append(_absent(logger, columns, logs, labels) if other is None else _apart(logger, columns, other))
+            absent.append(
+                _absent(logger, columns, recordings, strange) if other is None else _apart(logger, columns, other)
+            )
         found += _units(present, channels)
     found += _logged_twice({column.channel: column.logger for column in rig.columns()}, recordings)
     found += _taken_twice([column for column in rig.columns() if column.channel in channels], channels)
     if len(absent) == sum(any(rig.columns(logger)) for logger in rig.loggers):
         message = (
-            f"none of the rig's channels ({first_of((c.channel for c in rig.columns()), 4)}) is in the log, "
-            f"which holds {first_of(labels, 12)}; name them in the rig"
+            f"none of the rig's channels ({first_of((c.channel for c in rig.columns()), 4)}) is in the log: "
+            f"{_names(strange)}; name them in the rig (sensors.NAME.channel)"
         )
         return [*found, Finding(_CODE, None, None, message)]
     return found + absent
@@ -167,15 +170,29 @@ def _missing(column: "Column", labels: Sequence[str]) -> Finding:
     return Finding(_CODE, column.channel, None, message)
 
 
-def _absent(logger: str, columns: "Sequence[Column]", logs: Sequence[str], labels: Sequence[str]) -> Finding:
+def _absent(
+    logger: str, columns: "Sequence[Column]", logs: Sequence[Recording], strange: Sequence[Recording]
+) -> Finding:
+    """Of a logger that no log of the run holds; ``strange`` logs hold no channel of the rig, and so perhaps its own."""
     names = ", ".join(dict.fromkeys(column.sensor for column in columns))
-    own = logs[0] if len(logs) == 1 else f"any of {first_of(logs, 12)}"
-    message = (
-        f"nothing is recorded of sensors {names} (logger {logger}): no channel of theirs is in {own}, of which the run "
-        "is made; a log that holds them is joined to the run by a run table (--runs)"
-        f"{next(filter(None, (suggestion(column.channel, labels) for column in columns)), '')}"
-    )
+    own = logs[0].path.name if len(logs) == 1 else f"any of {first_of((one.path.name for one in logs), 12)}"
+    labels = dict.fromkeys(c.label for one in strange or logs for g in one.groups for c in g.channels)
+    text = f"is in {own}, of which the run is made; a log that holds them is joined to the run by a run table (--runs)"
+    if strange:
+        called = first_of((repr(column.channel) for column in columns), 12)
+        text = f"({called}) is in a log; {_names(strange)}: write these names into the rig, sensors.NAME.channel"
+    near = next(filter(None, (suggestion(column.channel, labels) for column in columns)), "")
+    message = f"nothing is recorded of sensors {names} (logger {logger}): no channel of theirs {text}{near}"
     return Finding("sensor_not_recorded", None, None, message)
+
+
+def _names(recordings: Iterable[Recording]) -> str:
+    """What is in logs, those of the same channels together."""
+    logs: dict[str, list[str]] = {}
+    for one in recordings:
+        labels = dict.fromkeys(c.label for g in one.groups for c in g.channels)
+        logs.setdefault(first_of(map(repr, labels), 12), []).append(one.path.name)
+    return "; ".join(f"{first_of(names, 1)} holds {labels}" for labels, names in [*logs.items()][:4])
 
 
 def _apart(logger: str, columns: "Iterable[Column]", other: str) -> Finding:

@@ -254,6 +254,27 @@ def test_logs_and_run_table_against_each_other(tmp_path):
     assert found == ["unknown column 'orijin'; did you mean 'origin'?"]
 
 
+def test_names_of_an_own_logger_are_said_before_the_run_table_is_whole(tmp_path):
+    """Logs of a logger that the rig knows by none of its names, and that no row names: one round, three problems."""
+    folder = tmp_path / "test"
+    new_project(folder, "four-bar")
+    lines = (folder / "runs.csv").read_text().splitlines()
+    logs = [tmp_path / line.split(",")[1] for line in lines[1:]]
+    for log in logs:
+        _log_of_rig(log, load_rig(folder / "rig.toml"))
+    for log in logs:
+        if "controller" in log.name:
+            log.write_text(log.read_text().replace("q_", "angle ").replace("tau_", "load "))
+            log.rename(tmp_path / log.name.replace("controller", "plc"))
+    logs = sorted(tmp_path.glob("r*.csv"))
+    rows, unnamed, names = [problem for problem in project_problems(folder, logs) if not problem.is_note]
+    assert re.match(r"line 3: names r001_controller.csv, .* \(as lines 5, 7, 9\)", rows.message)
+    assert re.match(r"no line names r001_plc.csv, .*r004_plc.csv: add a line for each", unnamed.message)
+    assert names.file == "rig.toml"
+    for said in ("(logger controller)", "'q_A0', 'tau_A0'", "r001_plc.csv holds", "'angle A0'", "sensors.NAME.channel"):
+        assert said in names.message
+
+
 @pytest.mark.parametrize("file", BROKEN)
 def test_what_is_wrong_is_said(tmp_path, file):
     """Each file by name, with what is wrong in it; nothing stops at the first."""
