@@ -33,7 +33,7 @@ ADVICE = {
     "level_drift": "check the sensor's zero and its supply; amplitudes leave it out unless --band starts at 0",
     "copied_run": "take out the run whose log it is not (testbench remove), and ingest the log that was meant",
     "short_record": "repeat the run, or leave it out (testbench remove): a part of the motion has other numbers",
-    "payload_contradiction": "weigh what the platform carried, correct the run table and ingest again",
+    "payload_contradiction": "weigh the payload, correct the run table and ingest again",
     "acceleration_contradiction": "correct {column} in the run table and ingest again",
     "motion_contradiction": "correct the motion in the run table and ingest again",
     "encoder_contradiction": "check in rig and log which channel is which encoder, their signs, zeros and units",
