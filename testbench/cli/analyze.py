@@ -92,7 +92,7 @@ def print_reductions(campaign: Path, analysis: "Analysis") -> None:
     """Print reductions with their origin, notes and findings."""
     from ..vibration.reduction import Reduction, verdict
 
-    say(verdict(analysis.reductions))
+    say(verdict(analysis.reductions, analysis.examination))
     doubts = ("doubts",) if any(r.doubts for r in analysis.reductions) else ()
     place = _place(analysis.reductions)
     columns = (*place, "text", *doubts, "amplitudes", "noise_floor", "n", "method", "origin", "runs")
@@ -154,7 +154,7 @@ def _print_comparison(campaign: Path, comparison: "Comparison") -> None:
     from ..vibration.comparison import Row
     from ..vibration.reduction import verdict
 
-    say(verdict([row.analyzed for row in comparison.rows]))
+    say(verdict([row.analyzed for row in comparison.rows], comparison.examination))
     source, place = comparison.published, _place([row.analyzed for row in comparison.rows])
     columns = (*place, "analyzed_text", "simulated", *(["published"] if source else []), "shaking_force", "origin")
     title = f"Reduction of the base's vibration, {campaign.name}{f', and of {source.name}' if source else ''}"

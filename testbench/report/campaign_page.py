@@ -250,7 +250,7 @@ def verdict(found: Comparison | str) -> str:
     """The answer in one sentence, or why there is none."""
     if isinstance(found, str):
         return f"No reduction: {found.splitlines()[0].rstrip(':')}."
-    return reduction_verdict([row.analyzed for row in found.rows])
+    return reduction_verdict([row.analyzed for row in found.rows], found.examination)
 
 
 def _comparison(found: Comparison) -> dict[str, Any]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from balance.errors import CounterpoiseError
 from balance.estimation.estimate import LEVEL
-from balance.results import INLINE, Key, Shown
+from balance.results import INLINE, Key, Shown, first_of
 from balance.task_pool import HERE, TaskPool
 
 from ..cross_examination import Examination, Observation
@@ -255,10 +255,10 @@ def analyze(
     known_of = [iter(pool.in_memory.map(one.calibrated, some)) for one, some in zip(judges, apart, strict=True)]
     reductions: list[Reduction] = []
     for condition, wrong in zip(conditions, unlike, strict=True):
-        judged, some = judges[wrong], next(known_of[wrong])
+        judged, some = judges[wrong], _doubted(condition.pair, next(known_of[wrong]), examination)
         findings += [*condition.findings, *reduction_findings(condition, some)]
         findings += [*judged.scatter_findings(condition), *condition.doubts]
-        reductions += _doubted(condition.pair, some, examination)
+        reductions += some
     found_pairs = tuple(condition.pair for condition in conditions)
     return Analysis(found_pairs, tuple(reductions), tuple(dict.fromkeys(findings)), measure, examination)
 
@@ -522,12 +522,12 @@ def reduction_findings(condition: Condition, found: Sequence[Reduction]) -> list
         ),
         (
             "below_noise",
-            [r for r in found if r.below_noise and r.limit == "at_least"],
+            [r for r in found if r.below_noise and r.kind == "at_least"],
             "the residual vibration with counter-masses is not above the noise: the reductions are lower bounds",
         ),
         (
             "below_noise",
-            [r for r in found if r.below_noise and r.limit == "at_most"],
+            [r for r in found if r.below_noise and r.kind == "at_most"],
             "the vibration without counter-masses is hardly above the noise: the reductions are upper bounds; name a "
             "--band without the noise, or repeat the runs",
         ),
@@ -588,8 +588,10 @@ def upper_bound(percent: float) -> str:
     return f"reduced by at most {percent:.1f} %" if percent >= 0.0 else f"raised by at least {-percent:.1f} %"
 
 
-def verdict(reductions: Sequence[Reduction]) -> str:
-    """By how much each axis is reduced or raised, and how many reductions are bounds, withheld, or none."""
+def verdict(reductions: Sequence[Reduction], examination: Examination | None = None) -> str:
+    """By how much each axis is reduced or raised, how many reductions are bounds, withheld, or none, and which runs of
+    the others something contradicts by the ``examination`` that nobody accepted.
+    """
     kinds = {kind: [r for r in reductions if r.kind == kind] for kind in ("number", "at_least", "at_most", "withheld")}
     sound, bounds, upper, withheld = kinds.values()
     upper = [r for r in upper if r.percent is not None]
@@ -615,6 +617,15 @@ def verdict(reductions: Sequence[Reduction]) -> str:
         counts.append(f"{len(withheld)} {of_all} are withheld for {codes}: see the findings")
     others = len(reductions) - len(sound) - len(bounds) - len(upper) - len(withheld)
     counts += [f"{others} {of_all} have no interval"] if others else []
+    if examination:
+        numbers = [r for r in reductions if r.kind != "withheld"]
+        marked = dict.fromkeys(
+            (s.code, s.run)
+            for s in examination.contradictions
+            if s.code not in examination.accepted and any(s.code in r.doubts and s.run in r.runs for r in numbers)
+        )
+        for code in dict.fromkeys(code for code, _ in marked):
+            counts.append(f"{first_of((run for one, run in marked if one == code), 4)} doubtful: {code}")
     return "; ".join([*parts, *counts] or ["no reduction"]) + "."
 
 

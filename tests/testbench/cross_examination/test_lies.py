@@ -26,7 +26,7 @@ from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign
 from testbench.store.ledger import read_ledger
 from testbench.vibration.metrics import Measure
-from testbench.vibration.reduction import analyze
+from testbench.vibration.reduction import analyze, verdict
 
 
 @pytest.fixture(scope="module")
@@ -530,8 +530,13 @@ def test_numbers_obey(campaign):
     copied = analyze(lies.copied(pair, 0, rng)[0], Measure())
     assert {r.n for r in copied.reductions} == {honest}
     assert "copied_run" in {f.code for f in copied.findings}
-    marked = analyze([lies.about(run, payload_kg=3.4) for run in pair], Measure()).reductions
-    assert all(r.doubts == ("payload_contradiction",) and r.interval for r in marked)
+    found = analyze([lies.about(run, payload_kg=3.4) for run in pair], Measure())
+    assert all(r.doubts == ("payload_contradiction",) and r.interval for r in found.reductions)
+    names = ", ".join(sorted(run.name for run in pair))
+    assert verdict(found.reductions, found.examination).endswith(f"; {names} doubtful: payload_contradiction.")
+    assert found.examination is not None
+    accepted = replace(found.examination, accepted=frozenset({"payload_contradiction"}))
+    assert "doubtful" not in verdict(found.reductions, accepted)
     halved = [runs[0], lies.scaled(runs[1], 0.5), *runs[2:]]
 
     def of_x(accept):

@@ -1,6 +1,7 @@
 """Reductions: closed forms, intervals that hold what they promise, and the known truth of a simulated campaign."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import polars
@@ -11,7 +12,7 @@ from testbench.errors import AnalysisError
 from testbench.signal.filters import Band
 from testbench.store import open_campaign
 from testbench.vibration.metrics import Measure
-from testbench.vibration.reduction import analyze, reduction_percent, verdict
+from testbench.vibration.reduction import analyze, reduction_findings, reduction_percent, verdict
 
 
 def test_percent():
@@ -83,6 +84,9 @@ def test_the_verdict_counts_what_is_no_number(brief_analysis):
     withheld = replace(bound, interval=None, doubts=("counter_mass_contradiction", "gain"))
     high = replace(sound, limit="at_most", interval=None)
     each = [sound, bound, high, withheld, replace(sound, interval=None), replace(withheld, limit="at_most")]
+    condition = SimpleNamespace(places=(), pair=brief_analysis("peak_to_peak").pairs[0])
+    for one, codes in ((bound, ["below_noise"]), (replace(bound, interval=None, doubts=("gain_contradiction",)), [])):
+        assert [f.code for f in reduction_findings(condition, [one])] == codes, "no bound of what is withheld"
     kinds = ["number", "at_least", "at_most", "withheld", "no_interval", "withheld"]
     assert [document(one)["kind"] for one in each] == kinds
     assert verdict([withheld]) == ("1 of 1 reductions are withheld for counter_mass_contradiction: see the findings.")
