@@ -17,7 +17,7 @@ from balance.arrays import Floats
 from balance.units import si
 
 from ..errors import AnalysisError
-from ..rig.sensors import Trigger
+from ..rig import Column
 from ..store.run import Run, StoredGroup
 from ..synchronization.known_clocks import KnownClocks, related_clocks
 from ..synchronization.run_alignment import stored_clock_maps
@@ -82,7 +82,8 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
     units: dict[str, str | None] = {}
     lines: list[str] = []
     codes: list[str] = []
-    triggers = {column.channel for column in SIRun.of(run).rig.columns_of(Trigger)} if run.rig else set()
+    of_rig = {column.channel: column for column in SIRun.of(run).rig.columns()} if run.rig else {}
+    triggers = {name for name, column in of_rig.items() if not column.level}
     for group, index in places:
         if group.name not in times:
             continue
@@ -97,7 +98,9 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
             found[label] = _resampled(run, group, index, times[group.name], values, grid, hertz)
             if _may_be_codes(values) and not np.isin(found[label][~np.isnan(found[label])], values).all():
                 codes.append(label)
-        units[label] = group.channels[index].unit
+        units[label] = group.channels[index].unit or next(
+            (_raw_unit(of_rig[name]) for name in group.channels[index].names if name in of_rig), None
+        )
     frame = pandas.DataFrame(found, index=pandas.Index(grid, name="time (s)"))
     unaligned = [name for name in times if name not in clocks] if len(times) > 1 else []
     how, doubts = "as recorded" if len(times) == 1 else "recorded alignments", []
@@ -106,6 +109,10 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
         how = (
             f"{recorded}the trigger that the rig names ({'; '.join(one.content for one in known.by_trigger.values())})"
         )
+    ends = [(name, one.to_own(grid[[0, -1]]), one) for name, one in clocks.items() if name in times and len(times) > 1]
+    within = {name: max(map(one.half_width, map(float, own))) for name, own, one in ends if one.covariance.any()}
+    if within:
+        how += f"; 95 %: {', '.join(f'{name} within {1e3 * half:.2g} ms' for name, half in within.items())}"
     if unaligned:
         how = f"as recorded, not aligned: {', '.join(unaligned)}"
         doubts.append(
@@ -127,6 +134,12 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
     if (g0 := run.provenance.get("g0_m_per_s2")) is not None:
         frame.attrs["g0_m_per_s2"] = g0
     return frame, "; ".join(doubts)
+
+
+def _raw_unit(column: Column) -> str | None:
+    """Of a channel's log, which writes none, as the rig states it; of a trigger none counts."""
+    known = column.unit or (column.calibration.unit if column.calibration else None)
+    return known or None if column.level else None
 
 
 def _known_clocks(run: Run) -> KnownClocks:

@@ -16,6 +16,7 @@ from testbench.ingestion import Ingest
 from testbench.ingestion.planned_runs import PlannedRun
 from testbench.loads.shaking_wrench import shaking_wrench
 from testbench.readers import open_recording
+from testbench.runs.joined_channels import joined_table
 from testbench.runs.recalibrate import calibrate
 from testbench.runs.si_run import SIRun, physical
 from testbench.store import append_only_records, open_campaign, open_run
@@ -42,6 +43,7 @@ def test_the_unit_that_the_log_does_not_write(tmp_path):
     rig = volts.HEAD + volts.SENSITIVITY
     run = volts.stored(tmp_path, rig.replace("[sensors.acc]", '[sensors.acc]\nunit = "V"'), unit=None)
     np.testing.assert_allclose(SIRun.of(run).values(column(run)), volts.ACCELERATION, atol=1e-9)
+    assert joined_table(run, "500 Hz")[0].attrs["units"]["ch0"] == "V"
     (outcome,) = Ingest(tmp_path / "c2", rigs.load_rig(rig)).run(PlannedRun("r1", (tmp_path / "r1.csv",)))
     assert [f.code for f in outcome.findings if f.severity == 2] == ["calibration_contradiction"]
     assert "neither in its log nor in the rig" in outcome.message or "no unit" in outcome.findings[-1].message
