@@ -238,12 +238,18 @@ def _refusal(frequency: float, damping: float, f: float, z: float, seconds: floa
     if frequency * seconds < LEAST_PERIODS:
         return f"the decay of {seconds:.3g} s holds {frequency * seconds:.1f} periods: expected {LEAST_PERIODS:g}"
     if f > LARGEST_FREQUENCY_ERROR * frequency:
-        return (
-            f"its frequency is known to {100.0 * f / frequency:.0f} %: expected {100.0 * LARGEST_FREQUENCY_ERROR:g} %"
-        )
+        return _wide("frequency", f / frequency, LARGEST_FREQUENCY_ERROR)
     if z > LARGEST_DAMPING_ERROR * damping:
-        return f"its damping is known to {100.0 * z / damping:.0f} %: expected {100.0 * LARGEST_DAMPING_ERROR:g} %"
+        return _wide("damping", z / damping, LARGEST_DAMPING_ERROR)
     return None
+
+
+def _wide(what: str, share: float, most: float) -> str:
+    """``its damping is known to 50.1 % only: expected 50 %``, in digits that show which is more."""
+    if share > 2.0:
+        return f"its {what} is not known: expected within {100.0 * most:g} %"
+    digits = next(n for n in range(17) if n == 16 or float(f"{100.0 * share:.{n}f}") > 100.0 * most)
+    return f"its {what} is known to {100.0 * share:.{digits}f} % only: expected {100.0 * most:g} %"
 
 
 def _correlation_widening(residual: Floats) -> float:

@@ -8,7 +8,7 @@ from studies import simulated_runs as memory
 from testbench.errors import AnalysisError
 from testbench.runs.si_run import SIRun
 from testbench.signal.filters import Band
-from testbench.signal.free_decay_modes import free_decay_modes
+from testbench.signal.free_decay_modes import _wide, free_decay_modes
 
 from ..coverage import assert_holds
 
@@ -109,6 +109,19 @@ def test_noise_holds_no_mode():
         except AnalysisError:
             continue
     assert len(told) <= 1
+
+
+@pytest.mark.parametrize(
+    ("half", "said"),
+    [
+        (0.05014, "known to 5.01 % only: expected 5 %"),
+        (0.3, "to 30 % only"),
+        (123.24, "not known: expected within 5 %"),
+    ],
+)
+def test_a_refusal_shows_why(half, said):
+    """As many digits as tell what was reached from what was expected; no per cent of what is not known at all."""
+    assert said in _wide("frequency", half, 0.05)
 
 
 def test_records_that_cannot_tell_are_refused():
