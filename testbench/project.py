@@ -324,7 +324,7 @@ def _condition_problems(
             if found not in said:
                 said.add(found)
                 message = problem.message if problem.file else f"{where}{problem.message}"
-                yield Problem(found[0], message, problem.is_note and file != PLAN)
+                yield Problem(found[0], message, problem.is_note and (file != PLAN or problem.file in missing))
 
 
 def _log_problems(rig: Rig | None, rows: Sequence[RunTableRow], logs: Sequence[Path], table: str) -> Iterator[Problem]:
