@@ -91,7 +91,7 @@ def _print(result: "Trim", stock: str | None) -> None:
     from ..trimming.missing_masses import COMPROMISE
 
     say(_verdict(result, stock))
-    level = f"{LEVEL_TEXT} interval" if result.interval_level else f"interval, not of {LEVEL_TEXT}"
+    level = f"{LEVEL_TEXT} interval" if result.interval_level else "interval, level not known"
     (site, missing, _, *others), rows = table(MissingMass, result.missing, *COLUMNS)
     title = f"Missing on {result.mechanism.name}, {result.origin}, {first_of(result.runs, 4)}, by {result.source}"
     emit_table(title, [site, missing, level, *others], rows)
@@ -111,7 +111,9 @@ def _print(result: "Trim", stock: str | None) -> None:
 
 
 def _verdict(result: "Trim", stock: str | None) -> str:
-    """What to add or remove, and the first-moment residual that is predicted then."""
+    """What to add or remove, and the first-moment residual that is predicted then; why it is doubtful comes first."""
+    from ..trimming.problem import SOURCES
+
     if result.verdict == "balanced":
         simulated = ", of simulated runs" if result.origin == "simulated" else ""
         return (
@@ -134,7 +136,7 @@ def _verdict(result: "Trim", stock: str | None) -> str:
         masses = ", ".join(f"{m.mass.value:.3f} kg at {m.site}" for m in lacking)
         parts.append(f"No plates of {stock} bring it nearer: what is missing stays: {masses}.")
     elif not added and not result.removal:
-        parts.append("Add nothing: every interval holds zero.")
+        parts.append("Nothing to add: every interval holds zero.")
     residual = _residual_text(result, result.addition) + simulated
     if result.removal:
         more = [f"at {c.site} {c.mass:.3f} kg more{_plates(c)}{why(c.site, c.mass, c.plates)}" for c in added]
@@ -145,15 +147,17 @@ def _verdict(result: "Trim", stock: str | None) -> str:
             masses = ", ".join(f"{c.mass:.3f} kg at {c.site}{_plates(c)}" for c in only.counter_masses if c.mass > 0.0)
             parts.append(f"If only adding is possible: {masses}, residual {_residual_text(result, only)}.")
     else:
-        parts += [f"Add {c.mass:.3f} kg at {c.site}{_plates(c)}{why(c.site, c.mass, c.plates)}." for c in added]
+        word = "Missing" if result.verdict == "doubtful" else "Add"
+        parts += [f"{word} {c.mass:.3f} kg at {c.site}{_plates(c)}{why(c.site, c.mass, c.plates)}." for c in added]
         parts.append(f"First-moment residual predicted{' with that' * bool(added)}: {residual}.")
+    if result.verdict == "doubtful":
+        doubtful = [one for one in result.shares if one.doubtful]
+        reasons = [f"{one.unexplained:.0%} of the {SOURCES[one.source].measured} unexplained" for one in doubtful]
+        contradicted = any(finding.code != GAP for finding in result.findings)
+        reasons += ["testbench doctor CAMPAIGN RUN names a contradiction"] * contradicted
+        return f"Doubtful ({'; '.join(reasons) or 'see below'}): mount nothing yet. Estimate: {' '.join(parts)}"
     verdict = result.verdict if added or result.verdict != "add" else f"add, but not from {stock}"
-    parts.append(f"Verdict: {verdict}.")
-    if verdict == "doubtful":
-        doctor = " (testbench doctor CAMPAIGN RUN)" * bool(result.findings)
-        first = f"Doubtful: before anything is mounted, mend what is named below{doctor}, and trim again."
-        parts = [first, "As it stands:", *parts]
-    return " ".join(parts)
+    return " ".join([*parts, f"Verdict: {verdict}."])
 
 
 def _plates(added: "CounterMass") -> str:

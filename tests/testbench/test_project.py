@@ -301,7 +301,7 @@ REFUSED = {
                                 ("plan.toml", r"r001: motion 'motion': 2e\+12 Hz .*: expected fewer than")),
     "a motion that is not there": ("runs.csv", ",motion,1", ",swing,1",
                                    ("swing.toml", "not there: its runs are analysed, and not .* write sw", "a note")),
-    "a motion that plan.toml names": ("motion.toml", None, None, ("motion.toml", "not there: its runs are an", "a note")),
+    "a motion that plan.toml names": ("motion.toml", None, None, ("motion.toml", "not there: its runs", "a note")),
     "a peak in the run table": ("runs.csv", ",repeat", ",peak_acceleration_g",
                                 ("runs.csv", "line 2: motion 'motion': moves joints that turn: expected", "a note")),
     "a joint with a motor": ("rig.toml", "[bench] ",

@@ -53,7 +53,7 @@ def test_the_finding_stands_in_the_text(gapped):
     """For people too."""
     said = invoke(trim, "parallelogram-6bar", gapped, "--from", "torque", code=3).out
     assert "time_gap: r002: 1 gap in the record of r002_controller, 0.151 s in all" in said
-    assert said.startswith("Add nothing: every interval holds zero.")
+    assert said.startswith("Nothing to add: every interval holds zero.")
 
 
 def test_a_run_of_which_nothing_is_left(pair_built, tmp_path):

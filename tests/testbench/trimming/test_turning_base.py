@@ -93,7 +93,7 @@ def test_an_axis_that_no_accelerometer_shows_is_named():
     rig = rigs.rig_from_text(run.rig.replace('x = "aax", ', "").replace('x = "abx", ', ""))
     found = trim_runs(memory.aligned([run], mechanism, rig), source="wrench")
     assert found.doubts()[0].startswith("the accelerometers on the base leave out x, along which")
-    assert _verdict(found, None).startswith("Doubtful: before anything is mounted, mend what is named below, and trim")
+    assert _verdict(found, None).startswith("Doubtful (see below): mount nothing yet. Estimate: ")
 
 
 @pytest.mark.parametrize(
