@@ -18,8 +18,8 @@ from .inverse_dynamics import along_axis, body_force, body_momentum, body_weight
 Load = Callable[[Floats, Pose, Motion, int], Symbols]
 """Of a body of parameters (10,), on a joint: its entries, (rows,) in SI."""
 
-COULOMB_SPEED = 0.05
-"""Speed at which dry friction has reached 76 % of its value [rad/s, m/s]: noise about zero has no sign."""
+COULOMB_SPEED = 0.005
+"""Speed at which dry friction has reached 76 % of its value [rad/s, m/s]: as good as its sign."""
 JOINT_TERMS = ("coulomb", "viscous", "offset", "armature")
 """Dry friction [N m], viscous friction [N m s], offset [N m], inertia of the drive [kg m2]; for slides in [N] ..."""
 

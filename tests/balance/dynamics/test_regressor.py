@@ -114,3 +114,4 @@ def test_friction_takes_energy():
     columns, _ = joint_friction_regressor(("J",), v, np.zeros_like(v))
     assert (columns[:, 0, 0] * v[:, 0] >= 0.0).all()
     assert columns[20, 0, 0] == 0.0
+    assert (np.abs(columns[np.arange(41) != 20, 0, 0]) > 0.999).all()  # a sign, not a slope
