@@ -22,6 +22,13 @@ COULOMB_SPEED = 0.005
 """Speed at which dry friction has reached 76 % of its value [rad/s, m/s]: as good as its sign."""
 JOINT_TERMS = ("coulomb", "viscous", "offset", "armature")
 """Dry friction [N m], viscous friction [N m s], offset [N m], inertia of the drive [kg m2]; for slides in [N] ..."""
+FRICTION_LAWS: dict[str, tuple[float, ...]] = {
+    "low_speed": (0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5, 0.8),
+    "hysteresis": (0.003, 0.01, 0.03, 0.1),
+    "quadratic": (1.0,),
+    "directional": (1.0,),
+}
+"""Friction beyond Coulomb + viscous, and the speeds [rad/s, m/s] or ways [rad, m] over which it fades."""
 
 
 def momentum_regressor(mechanism: Mechanism, q: Floats, v: Floats) -> Floats:
@@ -142,3 +149,20 @@ def joint_friction_regressor(joints: Sequence[str], v: Floats, a: Floats) -> tup
     columns[:, diagonal, diagonal] = terms
     names = tuple(f"{term}[{joint}]" for joint in joints for term in JOINT_TERMS)
     return columns.reshape(count, size, -1), names
+
+
+def friction_law(law: str, size: float, v: Floats, step: float) -> Floats:
+    """What one of the FRICTION_LAWS makes at one N m of it, (n,), of a joint's speed ``v`` (n,) every ``step`` [s].
+
+    ``low_speed``: sign(v) exp(-(v / size)^2); ``hysteresis``: what dry friction lacks until the joint has gone some
+    ``size`` after it turned (Dahl); ``quadratic``: v |v|, ``directional``: |v| [N m s2, N m s].
+    """
+    sign, speed = np.tanh(v / COULOMB_SPEED), np.abs(v)
+    if law == "low_speed":
+        return np.asarray(sign * np.exp(-((v / size) ** 2)))
+    if law == "hysteresis":
+        lacks, fades = sign.copy(), np.exp(-speed * step / size)
+        for i in range(1, len(v)):
+            lacks[i] = (sign[i] - sign[i - 1] + lacks[i - 1]) * fades[i]
+        return lacks
+    return np.asarray(v * speed if law == "quadratic" else speed)

@@ -29,7 +29,7 @@ FURTHER = (
 
 def print_result(result: "Identification") -> None:
     """The verdict, the base parameters, what separate runs leave unexplained, the reasons against the verdict."""
-    from ..identification.result import Value
+    from ..identification.result import FRICTION_FINDING, Value
 
     moments = [value for value in result.first_moments() if value.in_file] or result.first_moments()
     values = [f"{m.name} = {m.value:.4g} [{m.interval[0]:.4g}, {m.interval[1]:.4g}] {m.unit}" for m in moments]
@@ -57,6 +57,7 @@ def print_result(result: "Identification") -> None:
                 f"cut-off, by {raw:.1%} as recorded"
             )
     emit_findings((doubt.code, doubt.text) for doubt in result.all_doubts)
+    emit_findings((FRICTION_FINDING, text) for text in result.other_friction)
     emit_findings(("time_gap", text) for text in result.lost)
 
 
@@ -69,6 +70,12 @@ def scale_texts(result: "Identification") -> list[str]:
     one = scales.common is not None
     listed = [shown[scales.names[0]]] if one else [f"{name} {text}" for name, text in shown.items()]
     texts = [f"Torques read {', '.join(listed)} times what they should, by masses that differ between the runs."]
+    values = [value for value in result.values if value.is_of_scale]
+    if values:
+        texts.append(
+            f"That this is not known better makes most of the intervals of {first_of([v.name for v in values], 4)}: "
+            "a larger known mass, or a calibration of the torque sensors, narrows them."
+        )
     if scales.by_statement:
         texts.append("That takes what is mounted to have the radius of gyration that MECH states; no weight tells it.")
     for body, (low, high) in scales.radii_of_gyration.items():
@@ -90,7 +97,7 @@ Examples:
   testbench identify two-joint-arm-a0 campaign/first.h5 --validate campaign/second.h5 --json
   testbench identify campaign/r0*.h5 --by both
 \b
-Exit codes: 0 done, 3 done with findings (gaps left out) or doubts, which are listed, 1 refused."""
+Exit codes: 0 done, 3 done with findings (gaps, other friction) or doubts, which are listed, 1 refused."""
 )
 def identify(
     words: tuple[str, ...] = options.MECHANISM_AND_RUNS,
@@ -150,4 +157,4 @@ def identify(
         options.print_calibrations(applied)
 
     found = told | ({"budget": budgets} if budget else {}) | {"calibrations": applied}
-    return Answer(found, show, bool(result.lost or result.all_doubts), further=FURTHER)
+    return Answer(found, show, bool(result.lost or result.other_friction or result.all_doubts), further=FURTHER)

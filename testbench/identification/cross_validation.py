@@ -318,6 +318,10 @@ def _windows(
     full[:, :, : len(part.record.mounted)] += part.record.mounted
     used = full.reshape(-1, len(part.names))[:, : len(mechanism.pi) + len(JOINT_TERMS) * len(mechanism.driven)]
 
+    laws = [part.names.index(law.name) for law in part.record.laws]
+    known = np.einsum("wnjl,swl->swnj", part.inside(part.whole)[place][:, :, :joints, laws], full[:, :, laws])
+    torque = (torque - known).reshape(-1, *torque.shape[1:])
+
     def inverse(q: Floats, v: Floats, a: Floats) -> Floats:
         """Torques (k n, nv) of k n states, each of n with its own parameters."""
         terms, _ = joint_friction_regressor(mechanism.driven, v, a)
@@ -326,7 +330,7 @@ def _windows(
 
     q, v = (np.tile(part.inside(x)[firsts], (len(parameters), 1)) for x in (part.motion.q, part.motion.v))
     with np.errstate(over="ignore", invalid="ignore"):
-        found = simulate_forward(inverse, q, v, np.tile(torque, (len(parameters), 1, 1)), part.record.grid.step)
+        found = simulate_forward(inverse, q, v, torque, part.record.grid.step)
     away = found.reshape(len(parameters), len(labels), -1, joints) - part.inside(part.record.q)[place[:, ::2]]
     bounded = np.minimum(np.abs(np.nan_to_num(away, nan=np.pi)), np.pi)
     return np.asarray(np.sqrt(np.mean(bounded**2, axis=2)))

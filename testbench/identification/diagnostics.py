@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from balance.arrays import Floats
+from balance.dynamics.regressor import FRICTION_LAWS
 from balance.errors import DataError
 from balance.estimation.base_parameters import BaseParameters
 from balance.estimation.estimate import LEVEL, Estimate
@@ -30,7 +31,7 @@ from .cross_validation import RULE, unexplained
 from .estimators import NAMES
 from .model_tests import FALSE_ALARM, FREE_ALARM
 from .regression_equations import RegressionEquations, regression_equations
-from .result import Identification, Validation
+from .result import FRICTION_FINDING, Identification, Validation
 
 SCALE_UNKNOWN = (
     "a scale common to all torques and heavier bodies look alike: it takes runs that differ by a mass that is known "
@@ -42,7 +43,7 @@ _FRICTION = {
     "no friction": ("coulomb[", "viscous["),
     "dry friction": ("viscous[",),
     "viscous friction": ("coulomb[",),
-    "dry and viscous friction": ("none",),
+    "dry and viscous friction": (),
 }
 """Models of friction, with the terms that each lacks."""
 
@@ -64,14 +65,14 @@ def evidence(result: Identification) -> dict[str, Any]:
     friction, file_friction, without_delay = [], None, []
     if joints:
         for name, lacking in _FRICTION.items():
-            kept = [k for k in places if not names[k].startswith(lacking)]
+            kept = [k for k in places if not names[k].startswith((*lacking, *FRICTION_LAWS))]
             own = [names[k] for k in kept]
             friction.append(_fit(result, name, equations, columns[:, :, kept], own, rows, everything))
         dry = [names.index(f"coulomb[{joint}]") for joint in joints]
         squares = equations.joined(lambda part: part.low_passed(part.whole[:, :, dry] ** 2))  # of the direction
         both = np.concatenate([columns, squares], axis=2), [*names, *(f"uneven[{joint}]" for joint in joints)]
         friction.append(_fit(result, "dry and viscous friction, dry by direction", equations, *both, rows, everything))
-        kept = [k for k in places if not names[k].startswith(("coulomb[", "viscous["))]
+        kept = [k for k in places if not names[k].startswith(("coulomb[", "viscous[", *FRICTION_LAWS))]
         fixed = np.setdiff1d(places, kept)
         known = columns[:, :, fixed] @ result.in_file[fixed]
         others = columns[:, :, kept], [names[k] for k in kept]
@@ -187,6 +188,7 @@ def identification_document(result: Identification) -> dict[str, Any]:
             "false_alarm_rate_free": FREE_ALARM,
             "laws": result.tests.laws,
             "free": result.tests.free,
+            "friction": result.friction,
             "motion": result.tests.motion,
         },
         "validation": _validation(result, result.validation),
@@ -194,6 +196,7 @@ def identification_document(result: Identification) -> dict[str, Any]:
         "findings": [
             *(Finding(GAP_FINDING, None, text.partition(":")[0], text).as_dict() for text in result.lost),
             *(finding.as_dict() for finding in result.contradictions),
+            *(Finding(FRICTION_FINDING, None, None, text).as_dict() for text in result.other_friction),
         ],
         "doubts": [doubt.text for doubt in result.all_doubts],
         "doubt_codes": [doubt.code for doubt in result.all_doubts],

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 
 from balance.estimation.base_parameters import BaseParameters, base_parameters
 from balance.estimation.identifiability import Identifiability, identifiability
@@ -34,7 +35,8 @@ def identify(
     What is observable is found first, then the cut-off and the delay by held-out torque error, then the parameters by
     ``method``; at half and at double that cut-off, without delay, and by the other methods, once more. The method is
     ``iv`` unless named, and ``ls`` where there are forces alone; without ``others`` no interval is
-    widened by the other methods, which take long through loops. ``done`` is told of STEPS in all, as they are done.
+    widened by the other methods, which take long through loops. Friction of another form than Coulomb + viscous is
+    identified with the rest, unless all stays doubtful with it. ``done`` is told of STEPS in all, as they are done.
     Raises NotIdentifiable where nothing is observable.
     """
     method = method or ("iv" if records[0].torque.shape[1] else "ls")
@@ -61,7 +63,7 @@ def identify(
                 variants[label] = one
         done(1)
     failed = [label for label in tried if label not in variants]
-    return Identification(
+    found = Identification(
         mechanism,
         tuple(record.name for record in records),
         common_origin(record.origin for record in records),
@@ -71,6 +73,12 @@ def identify(
         (*([method] if choice.method != method else []), *failed),
         _one_sided(records, mechanism, identifiable, choice),
     )
+    if records[0].laws or not found.tests.friction:
+        return found
+    laws = tuple(test.law for test in found.tests.friction if test.law is not None)
+    again = identify([replace(record, laws=laws) for record in records], mechanism, method, others=others)
+    again = replace(again, friction=tuple(found.tests.friction))
+    return found if again.doubts and found.doubts else again
 
 
 def _one_sided(

@@ -13,6 +13,8 @@ varies freely is sought in FREE_ALARM:
 * **An encoder or a load that slips**: a deviation of each joint's angle that varies freely in time likewise; **an
   encoder of another scale**: one that is a share of the angle. All by Fisher's F, with 2 f T independent readings in T
   seconds below f.
+* **The form of the friction**: at low speed, after the joint turned, with the square of the speed, by direction: of the
+  ``FRICTION_LAWS`` the one that explains most, its chance multiplied by their number, then the next; as above.
 * **The simulated motion.** What the torque lacks, driven through the joints' dynamics, makes the angles deviate. The
   intervals take what it lacks for independent from block to block; then the deviation has the mean square of the
   blocks' own deviations. Where what lacks adds up instead, the deviation is larger: by random signs of the blocks
@@ -20,14 +22,15 @@ varies freely is sought in FREE_ALARM:
 * **The scale of each torque** where runs differ by masses that are known (``torque_scales.py``).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
 from balance.arrays import Floats
+from balance.dynamics.regressor import FRICTION_LAWS
 from balance.estimation.base_parameters import BaseParameters
 from balance.estimation.estimate import LEVEL_TEXT, Estimate, f_tail, student_quantile
 from balance.estimation.regression import RegressionRecord, fit
@@ -36,12 +39,13 @@ from balance.results import Key
 
 from ..kinematics.smoothing_and_derivatives import ALMOST
 from .estimators import Deviation, NotSimulated
+from .records import Law
 from .regression_equations import RecordEquations, RegressionEquations
 
 if TYPE_CHECKING:
     from .torque_scales import TorqueScales
 
-Cause = Literal["outside_torque", "brief_torque", "slip", "angle_scale"]
+Cause = Literal["outside_torque", "brief_torque", "slip", "angle_scale", "friction"]
 """What a :class:`FreeTest` looks for."""
 FALSE_ALARM = 1e-3
 """Probability with which a test doubts a record of white noise that has nothing of what the test looks for."""
@@ -63,6 +67,8 @@ CAUSES: dict[Cause, tuple[float, str]] = {
 }
 """What is sought; and the part of the torques that smoothed positions may distort, along what varies freely, the one of
 its columns that explains most, or the one of a scale: what explains less says nothing."""
+MOST_LAWS = 2
+"""Of friction of a joint."""
 OVERSAMPLING = 8.0
 """Samples of low-passed equations kept for each period of the cut-off."""
 WINDOW_S, WINDOW_BLOCKS = 1.0, 6
@@ -125,6 +131,9 @@ class FreeTest:
     probability: Annotated[float, Key()]
     """Of so much by noise alone."""
 
+    law: Law | None = None
+    """Of friction, which it found."""
+
     @property
     def doubts(self) -> list[Doubt]:
         """One where neither noise nor what smoothed positions leave of the torques may be it."""
@@ -185,6 +194,21 @@ class ModelTests:
         """Four of each joint."""
         causes: tuple[Cause, ...] = ("outside_torque", "brief_torque", "slip", "angle_scale")
         return [self._free(joint, code) for joint in range(len(self.joints)) for code in causes]
+
+    @cached_property
+    def friction(self) -> list[FreeTest]:
+        """Laws of friction beyond those of the equations, MOST_LAWS a joint at most; by chance FALSE_ALARM each."""
+        found: list[FreeTest] = []
+        for place, joint in enumerate(self.joints):
+            laws = [Law(joint, kind, size) for kind, sizes in FRICTION_LAWS.items() for size in sizes]
+            columns = np.stack([self.equations.joined(partial(_low_passed_friction, law)) for law in laws], axis=2)
+            for _ in range(MOST_LAWS):
+                known = columns[:, :, [laws.index(one.law) for one in found if one.law in laws]]
+                test = self._explained(place, "friction", known, columns, laws)
+                if test.probability >= FALSE_ALARM:
+                    break
+                found.append(test)
+        return found
 
     @cached_property
     def motion(self) -> MotionTest | None:
@@ -382,10 +406,13 @@ class ModelTests:
             return self._explained(joint, code, np.concatenate(nuisances), np.concatenate(added))
         return self._explained(joint, code, self._base[:, :joints, :0], np.concatenate(added, axis=2))
 
-    def _explained(self, joint: int, code: Cause, nuisance: Floats, added: Floats) -> FreeTest:
+    def _explained(
+        self, joint: int, code: Cause, nuisance: Floats, added: Floats, laws: Sequence[Law | None] = (None,)
+    ) -> FreeTest:
         """By the squares that ``added`` columns take off what bodies and ``nuisance`` columns leave, (n, joints, k).
 
-        A brief torque is the one column that takes off most: its chance is that of any of them.
+        A brief torque, and one of the ``laws`` of friction, is the one column that takes off most: its chance is that
+        of any of them.
         """
         joints, cutoff = len(self.joints), self.equations.cutoff
         used = self.equations.moving[:, :joints]
@@ -399,17 +426,19 @@ class ModelTests:
         columns = stacked(np.concatenate([self._base[:, :joints], scaled, nuisance], axis=2))
         rows = stacked(self._rows[:, :, None])[:, 0]
         before, terms = _left(columns, rows)
-        tried, free = 1, stacked(added)
-        if code == "brief_torque":
-            tried, free = free.shape[1], free[:, [_best(columns, rows, free)]]
+        tried, best, free = 1, 0, stacked(added)
+        if code in ("brief_torque", "friction"):
+            tried, best = free.shape[1], _best(columns, rows, free)
+            free = free[:, [best]]
         after, more = _left(np.hstack([columns, free]), rows)
-        freedom = 2.0 * cutoff * float(used.sum()) * self._models[0].step - more
+        freedom = 2.0 * cutoff * float(used.sum()) * self.equations.records[0].grid.step - more
         own = float(np.sum((self._rows[:, joint] * weights[:, joint])[::keep] ** 2))
         share = float(np.sqrt(max(before - after, 0.0) / max(own, np.finfo(float).tiny)))
         by_chance = 1.0
         if freedom >= 1.0 and more > terms:
             by_chance = f_tail((before - after) / (more - terms) / (after / freedom), more - terms, freedom)
-        return FreeTest(self.joints[joint], code, share, min(tried * by_chance, 1.0))
+        law = laws[best] if code == "friction" else None
+        return FreeTest(self.joints[joint], code, share, min(tried * by_chance, 1.0), law)
 
     def _squares(self, part: RecordEquations, model: Deviation) -> list[tuple[Floats, int]]:
         """Of each segment of a record, products of the blocks' deviations (blocks, blocks), and samples."""
@@ -460,6 +489,10 @@ class ModelTests:
     @cached_property
     def _residual(self) -> Floats:
         return np.asarray((self._rows - self._base @ self.identified.values) * self.equations.moving)
+
+
+def _low_passed_friction(law: Law, part: RecordEquations) -> Floats:
+    return part.low_passed(part.friction(law, part.motion)[:, : part.record.torque.shape[1]])
 
 
 def law_terms(q: Floats, v: Floats, joint: int) -> Floats:

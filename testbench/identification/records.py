@@ -7,12 +7,12 @@ counter-masses of their conditions, is known and taken off.
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from balance.arrays import Floats
-from balance.dynamics.regressor import wrench_regressor
+from balance.dynamics.regressor import FRICTION_LAWS, wrench_regressor
 from balance.mechanism.mechanism import Mechanism
 from balance.results import instant_text
 
@@ -41,6 +41,20 @@ DIFFERS = "mechanism_differs"
 """The finding that a person may accept: the rig is of another mechanism."""
 
 
+class Law(NamedTuple):
+    """Friction of a driven joint by one of the ``FRICTION_LAWS`` that fades over ``size`` [rad/s, rad, m/s, m]."""
+
+    joint: str
+    kind: str
+    size: float
+
+    @property
+    def name(self) -> str:
+        """Of its parameter."""
+        fades = "" if len(FRICTION_LAWS[self.kind]) == 1 else f", {self.size:g}"
+        return f"{self.kind}[{self.joint}{fades}]"
+
+
 @dataclass(frozen=True)
 class JointRecord:
     """What a run recorded of the driven joints."""
@@ -60,6 +74,8 @@ class JointRecord:
     """Where records that count hold no samples, on the grid's clock."""
     sensors: tuple[str, ...] = ()
     """Of the torques, by name in the rig, in the order of the joints."""
+    laws: tuple[Law, ...] = ()
+    """Of friction beyond Coulomb + viscous, which it is taken to have."""
 
     @property
     def measured(self) -> Floats:

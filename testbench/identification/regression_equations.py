@@ -16,7 +16,13 @@ import numpy as np
 
 from balance.arrays import Floats, Indices
 from balance.closure import Closure, Trajectory
-from balance.dynamics.regressor import JOINT_TERMS, driven_torque_regressor, joint_friction_regressor, wrench_regressor
+from balance.dynamics.regressor import (
+    JOINT_TERMS,
+    driven_torque_regressor,
+    friction_law,
+    joint_friction_regressor,
+    wrench_regressor,
+)
 from balance.estimation.regression import RegressionFit, RegressionRecord, equal_blocks, fit
 from balance.mechanism.mechanism import Mechanism
 from balance.motion import Samples
@@ -24,7 +30,7 @@ from balance.motion import Samples
 from ..errors import AnalysisError
 from ..kinematics.gaps import gap_reach
 from ..kinematics.smoothing_and_derivatives import ALMOST, Rates, low_pass
-from .records import JointRecord
+from .records import JointRecord, Law
 
 POSITION_BANDWIDTH = 2.0
 """Cut-off for the positions, in cut-offs of the comparison."""
@@ -49,8 +55,8 @@ class RecordEquations:
     cutoff: float
     """Of the comparison [Hz]."""
     names: tuple[str, ...]
-    """Of the parameters, (p): inertial ones of the bodies, terms of the joints, offsets of forces, all offsets of the
-    first run; then those of each further run, such as ``offset[J1, run_2]``."""
+    """Of the parameters, (p): inertial ones of the bodies, terms of the joints, offsets of forces, laws of friction,
+    all of the first run; then those of each further run, such as ``offset[J1, run_2]``."""
     offsets: tuple[int, ...]
     """Places of this run's own offsets among the parameters, (rows)."""
     first_offsets: tuple[int, ...]
@@ -69,7 +75,7 @@ class RecordEquations:
         path, rows = path_of(record, mechanism, motion), record.rows(mechanism)
         terms = [f"{term}[{joint}]" for joint in mechanism.driven if joint in rows for term in JOINT_TERMS]
         forces = [f"offset[{row}]" for row in rows if row not in mechanism.driven]
-        names = [*mechanism.parameter_names, *terms, *forces]
+        names = [*mechanism.parameter_names, *terms, *forces, *(law.name for law in record.laws)]
         first = tuple(names.index(f"offset[{row}]") for row in rows)
         own = tuple(len(names) + (run - 1) * len(rows) + k for k in range(len(rows))) if run else first
         names += [f"offset[{row}, {further.name}]" for further in records[1:] for row in rows]
@@ -92,9 +98,17 @@ class RecordEquations:
         if loads is not None:
             wrench = wrench_regressor(mechanism, path.q, path.v, path.a)
             columns[:, joints:, :bodies] = loads.projected_regressor(wrench)
+        for law in self.record.laws:
+            columns[:, :, self.names.index(law.name)] = self.friction(law, motion)
         columns[:, :, self.first_offsets] = 0.0
         columns[:, range(rows), self.offsets] = 1.0
         return columns
+
+    def friction(self, law: Law, motion: Rates) -> Floats:
+        """What a law of friction makes of the rows at one [N m, N, per speed or its square], (samples, rows)."""
+        made, joint = np.zeros((len(motion.v), len(self.offsets))), self.mechanism.driven.index(law.joint)
+        made[:, joint] = friction_law(law.kind, law.size, motion.v[:, joint], self.record.grid.step)
+        return made
 
     def with_own_offsets(self, parameters: Floats) -> Floats:
         """Parameters (..., p) [SI] with this run's offsets in the places of the first run's."""

@@ -44,7 +44,7 @@ from .cross_validation import (
     unexplained,
 )
 from .estimators import Method
-from .model_tests import FALSE_ALARM, Doubt, ModelTests
+from .model_tests import FALSE_ALARM, Doubt, FreeTest, ModelTests
 from .records import LONGEST_DELAY_S, JointRecord
 from .regression_equations import RegressionEquations, regression_equations
 
@@ -53,9 +53,18 @@ if TYPE_CHECKING:
 
 _TERM_UNITS = {
     "coulomb": ("N", "N m"), "viscous": ("N s/m", "N m s"), "offset": ("N", "N m"), "armature": ("kg", "kg m^2"),
+    "low_speed": ("N", "N m"), "hysteresis": ("N", "N m"), "quadratic": ("N s^2/m^2", "N m s^2"),
+    "directional": ("N s/m", "N m s"),
 }  # fmt: skip
 """Of the terms of a joint that slides, and of one that turns."""
-
+_FRICTION = {
+    "low_speed": "at low speed, up to some {}/s (Stribeck)",
+    "hysteresis": "after the joint turned, for some {} (hysteresis; at the turn twice that)",
+    "quadratic": "with the square of the speed",
+    "directional": "with the speed, in its positive direction, and as much the other way in the negative one",
+}
+"""Where the laws of friction add to it."""
+FRICTION_FINDING = "other_friction"
 SCALE = "torque scale"
 """How the variants begin that the interval of the torques' scale makes."""
 _INTERVAL = (f"{LEVEL_TEXT} interval", lambda ends: "{:z.4f} .. {:z.4f}".format(*ends))
@@ -85,6 +94,12 @@ class Value:
     def interval(self) -> Annotated[tuple[float, float], Key("", *_INTERVAL)]:
         """The range of all variants, widened on both sides by half of the statistical interval."""
         return self.estimate.containing([*self.variants.values()]).interval()
+
+    @property
+    def is_of_scale(self) -> bool:
+        """Whether the torques' scale makes most of the interval."""
+        others = [value for name, value in self.variants.items() if not name.startswith(SCALE)]
+        return bool(np.ptp(self.interval) > 2.0 * np.ptp(self.estimate.containing(others).interval()))
 
     @property
     def budget(self) -> "Budget":
@@ -141,7 +156,7 @@ def unit_of(mechanism: Mechanism, parameter: str) -> str:
     kind, _, of = parameter.rstrip("]").partition(",")[0].partition("[")
     if kind in JOINT_TERMS and of in COMPONENTS:
         return "N" if of.startswith("F") else "N m"
-    if kind in JOINT_TERMS:
+    if kind in _TERM_UNITS:
         place = mechanism.coordinate_index(of)
         return _TERM_UNITS[kind][mechanism.tree.joints[place].revolute]
     return "kg" if kind == "m" else "kg m" if kind.startswith("mc") else "kg m^2"
@@ -190,6 +205,8 @@ class Identification(Shown, rows="values", figure="testbench.figures.estimates:d
     """What was left out of the runs, and why."""
     validation: "Validation | None" = None
     """How well it predicts separate runs."""
+    friction: tuple[FreeTest, ...] = ()
+    """The tests by which friction is more than Coulomb + viscous: laws that are among the parameters."""
 
     @property
     def values(self) -> "list[Value]":
@@ -269,6 +286,28 @@ class Identification(Shown, rows="values", figure="testbench.figures.estimates:d
         """Friction, offset and drive inertia of each joint that the record determines by itself."""
         rows = self.identified.identifiability.combinations
         return [self.value(row) for row in rows if not np.any(row[: len(self.mechanism.pi)])]
+
+    @cached_property
+    def other_friction(self) -> list[str]:
+        """What friction is beyond Coulomb + viscous, where the interval excludes zero."""
+        texts, laws = [], [test.law for test in self.friction if test.law is not None]
+        for joint, kind in dict.fromkeys((law.joint, law.kind) for law in laws):
+            own = [law for law in laws if (law.joint, law.kind) == (joint, kind)]
+            try:
+                one = self.value(dict.fromkeys((law.name for law in own), 1.0))
+            except NotIdentifiable:
+                continue
+            low, high = sorted(map(abs, one.interval))
+            if one.interval[0] * one.interval[1] > 0.0:
+                way = "rad" if self.mechanism.tree.joints[self.mechanism.coordinate_index(joint)].revolute else "m"
+                where = _FRICTION[kind].format(f"{max(law.size for law in own):g} {way}")
+                texts.append(
+                    f"friction of {joint} is not Coulomb + viscous: {abs(one.value):.2g} [{low:.2g}, "
+                    f"{high:.2g}] {one.unit} {'more' if one.value > 0.0 else 'less'} {where}; it is found together "
+                    f"with the bodies, as {', '.join(law.name for law in own)}: first moments and inertias are not "
+                    "affected, coulomb and viscous are the rest of the friction"
+                )
+        return texts
 
     def parameters(self) -> list[tuple[str, Value | None]]:
         """Every single parameter by name; None where the record does not determine it."""
@@ -511,4 +550,6 @@ def validate(result: Identification, records: Sequence[JointRecord]) -> Validati
             raise AnalysisError(
                 f"{record.name}: measured {', '.join(record.rows(result.mechanism))}, expected {', '.join(result.rows)}"
             )
+    laws = result.choice.equations.records[0].laws
+    records = [replace(record, laws=laws) for record in records]
     return Validation(result, names, regression_equations(records, result.mechanism, result.chosen.cutoff))

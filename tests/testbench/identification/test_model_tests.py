@@ -8,8 +8,9 @@ import pytest
 from balance.mechanism.mjcf_parser import load_mechanism
 from studies.joint_records import Maker
 from testbench.cli.identify import print_result
-from testbench.identification import identify
+from testbench.identification import JointRecord, identify
 from testbench.identification.model_tests import law_terms
+from testbench.kinematics.smoothing_and_derivatives import Grid
 
 from . import arms
 
@@ -61,6 +62,48 @@ def test_honest_records_pass(seed, verdict, capsys):
     for names, value in case.truth.values():
         low, high = result.value(names).interval
         assert low <= value <= high
+
+
+def dahl(speed: np.ndarray, step: float, way: float) -> np.ndarray:
+    """Dahl's presliding at one N m: z' = (v - |v| z) / way, by many small steps of Euler's."""
+    z, found = 0.0, []
+    for v in np.repeat(speed, 10):
+        z += 0.1 * step * (v - abs(v) * z) / way
+        found.append(z)
+    return np.array(found[9::10])
+
+
+@pytest.mark.parametrize(
+    ("extra", "kinds"),
+    [
+        (lambda v: 0.0 * v, set()),
+        (lambda v: 0.3 * np.exp(-((v / 0.15) ** 2)) * np.sign(v), {"low_speed"}),
+        (lambda v: 0.4 * (dahl(v, 0.005, 0.03) - np.sign(v)), {"hysteresis"}),
+        (lambda v: 0.03 * v * np.abs(v), {"quadratic"}),
+        (lambda v: 0.08 * np.abs(v), {"directional"}),
+    ],
+)
+def test_the_form_of_friction(extra, kinds):
+    """Dry and viscous friction is found without bias; what is more is named, and leaves both and the body right."""
+    time, rng = np.arange(0.0, 15.0, 0.005), np.random.default_rng(2)
+    sizes, omegas, phases = np.array([[0.9, 2.1, 0.3], [0.4, 5.3, 1.0], [0.15, 11.0, 2.0]]).T[:, :, None]
+    angle = omegas * time + phases
+    q, v, a = (
+        np.sum(one, 0)
+        for one in (sizes * np.sin(angle), sizes * omegas * np.cos(angle), -sizes * omegas**2 * np.sin(angle))
+    )
+    torque = 0.3 * a + 9.81 * 0.6 * np.sin(q) + 0.4 * np.sign(v) + 0.3 * v + extra(v) + rng.normal(0.0, 0.03, len(v))
+    record = JointRecord(
+        "arm", "simulated", Grid(0.0, 0.005, len(time)), np.rint(q[:, None] / 2e-5) * 2e-5, torque[:, None]
+    )
+    result = identify([record], MAKER.mechanisms[0], others=False)
+    assert {test.law.kind for test in result.friction} == kinds
+    assert len(result.other_friction) == len(kinds)
+    assert all(text.startswith("friction of J1 is not Coulomb + viscous: ") for text in result.other_friction)
+    for name, value in (("mcx[link_1]", 0.6), ("coulomb[J1]", 0.4), ("viscous[J1]", 0.3)):
+        one = result.value({name: 1.0})
+        assert one.interval[0] <= value <= one.interval[1], name
+        assert one.value == pytest.approx(value, rel=0.015)
 
 
 def test_a_brake_is_a_stall():
