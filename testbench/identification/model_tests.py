@@ -67,6 +67,8 @@ CAUSES: dict[Cause, tuple[float, str]] = {
 }
 """What is sought; and the part of the torques that smoothed positions may distort, along what varies freely, the one of
 its columns that explains most, or the one of a scale: what explains less says nothing."""
+ROUNDING = 1e-12
+"""Part of the squares of the rows that is rounding: what is left of records without noise proves nothing."""
 MOST_LAWS = 2
 """Of friction of a joint."""
 OVERSAMPLING = 8.0
@@ -528,7 +530,8 @@ def _directions(columns: Floats) -> Floats:
 def _left(columns: Floats, rows: Floats) -> tuple[float, int]:
     """Sum of squares that columns (n, k) leave of rows (n,), and how many of them count."""
     kept = _directions(columns)
-    return max(float(rows @ rows - np.sum((kept.T @ rows) ** 2)), np.finfo(float).tiny), kept.shape[1]
+    whole = float(rows @ rows)
+    return max(whole - float(np.sum((kept.T @ rows) ** 2)), ROUNDING * whole, np.finfo(float).tiny), kept.shape[1]
 
 
 def _best(columns: Floats, rows: Floats, added: Floats) -> int:
