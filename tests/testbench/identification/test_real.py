@@ -50,15 +50,17 @@ def test_first_moments(result):
 
 
 def test_beside_the_published(result):
-    """Link 1 with elbow is within 10 % of the published (C.1, doubtful, 12 %), link 2 within 15 %, A.0's near by."""
+    """The published lies in the interval of link 1 with elbow; A.0's is within 10 % of it, link 2 within 15 %.
+
+    C.1 is doubtful: two cut-offs predict equally well (0.3011 and 0.3013), by the one it is 8 % off, by the other 11 %.
+    """
     first, _, second, _ = result.first_moments()
-    share = 0.10 if result.mechanism.name == "two-joint-arm-a0" else 0.12
-    assert first.value == pytest.approx(first.in_file, rel=share)
+    assert first.interval[0] < first.in_file < first.interval[1]
     assert second.value == pytest.approx(second.in_file, rel=0.15)
     if result.mechanism.name == "two-joint-arm-a0":
+        assert first.value == pytest.approx(first.in_file, rel=0.10)
         assert first.in_file == pytest.approx(0.3491, abs=5e-5)
         assert second.in_file == pytest.approx(0.1111, abs=5e-5)
-        assert first.interval[0] < first.in_file < first.interval[1]
         assert second.interval[0] < 1.02 * second.in_file < second.interval[1]
 
 
