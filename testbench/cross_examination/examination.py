@@ -191,8 +191,7 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = (), pool: TaskPo
     found = examined_sensors(seen, unsure)
     statements += [s for s in found if s.code != "flat_channel" or (s.run, s.channel) not in flat]
     known = {(s.run, s.channel) for s in statements if s.code in {"axis_contradiction", "sign_contradiction"}}
-    repeated = repeated_vibration([one for one in seen if one.name not in unsure])
-    statements += [s for s in repeated if not any((run, s.channel) in known for run in (s.run, *s.others))]
+    statements += repeated_vibration([one for one in seen if one.name not in unsure], known)
     said = _whose(recordings, statements)
     copied = {s.run for one, whose in zip(recordings, said, strict=True) if len(whose) < len(one.runs) for s in whose}
     statements = [replace(s, because="copied_run") if s.run in copied and s.code else s for s in statements]

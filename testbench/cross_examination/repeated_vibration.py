@@ -1,6 +1,6 @@
 """Axes and signs of accelerometers against those of a run's repeats, which needs no model of the base."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import combinations, permutations
 
@@ -80,11 +80,14 @@ class _Likeness:
         return order, tuple(self.signs[n] for n in order)
 
 
-def repeated_vibration(observations: Sequence[Observation]) -> list[Statement]:
+def repeated_vibration(
+    observations: Sequence[Observation], wrong: Collection[tuple[str, str | None]] = ()
+) -> list[Statement]:
     """Axes of an accelerometer that in one run show, each, what another shows in a repeat, or its opposite, as those of
     a sensor do that was turned; and single axes that show the opposite.
 
-    Which of the two is wrong other runs of the motion tell, that show the same; else both are named.
+    Which of the two is wrong other runs of the motion tell, that show the same; else both are named. A run and channel
+    that is known to be ``wrong`` is no witness.
     """
     from scipy.fft import next_fast_len
 
@@ -96,8 +99,10 @@ def repeated_vibration(observations: Sequence[Observation]) -> list[Statement]:
         told = dict[int, list[Statement]]()
         for count in range(min(len(channels), 3), 0, -1):
             known = {(one.run, one.channel) for of_more in told.values() for one in of_more if one.code}
-            sets = combinations(range(len(channels)), count)
-            about = [one for chosen in sets for one in _statements(channels, list(chosen), having)]
+            about = list[Statement]()
+            for chosen in combinations(range(len(channels)), count):
+                sure = [one for one in having if not any((one.seen.name, channels[i]) in wrong for i in chosen)]
+                about += _statements(channels, list(chosen), sure)
             told[count] = [one for one in about if (one.code or count == 2) and (one.run, one.channel) not in known]
         found += [one for of_as_many in told.values() for one in of_as_many]
     return found

@@ -246,6 +246,16 @@ def test_a_turned_accelerometer(campaign, repeats, axes, signs, shown):
     assert any(shown.format("shows", "shows") in s.witnessed for s in found)
 
 
+def test_a_run_that_the_model_shows_to_be_wrong_is_no_witness(repeats):
+    """One axis reversed from the first of two repeats on: none before is named, as most repeats would have it."""
+    runs, witnesses = repeats
+    first = lies.shaking(runs)[1]
+    told = [with_values(run, "AccX", -run.channel("AccX")) if n >= first else run for n, run in enumerate(runs)]
+    found = witnesses.hear(told).contradictions
+    assert {(s.run, s.channel) for s in found} >= {(told[first].name, "AccX")}
+    assert {s.run for s in found} <= {run.name for run in told[first:]}
+
+
 def _axes_of(readings, expected):
     """A run and its response: an accelerometer of as many axes that reads so, against what the model expects (n, k)."""
     columns = tuple(
