@@ -19,13 +19,15 @@ OTHER_PATH = 0.7
 """Correlation below which an encoder shows another motion than the stored one."""
 UNIT_SHARE = 0.1
 """Share by which the factor between two paths may differ from one, or from that of two units."""
-UNITS = {"deg": 180.0 / np.pi, "rad": np.pi / 180.0}
-"""Times as far that an encoder shows whose log is in this unit and whose rig states the other."""
+_UNITS = {("deg", "rad"): 180.0 / np.pi, ("mm", "m"): 1000.0, ("mm", "in"): 25.4}
+UNITS = {pair: far for (log, rig), up in _UNITS.items() for pair, far in (((log, rig), up), ((rig, log), 1.0 / up))}
+"""Times as far that an encoder shows whose log is in the first unit and whose rig states the second."""
 SAYS = {
+    **{
+        f"{log} for {rig}": f"{{:.3g}} times as far: the log is in {log} where the rig says {rig}" for log, rig in UNITS
+    },
     "same": "they agree",
-    "deg": "{:.3g} times as far: the log is in deg where the rig says rad",
-    "rad": "{:.3g} times as far: the log is in rad where the rig says deg",
-    "scaled": "{:.3g} times as far, unlike other encoders",
+    "scaled": "{0:.3g} times as far, and {1} as far as that: another scale or unit of this encoder",
     "exchanged": "the path of another joint: that of {1}, exchanged in the rig or the log",
     "farther": "the path of another motion: {:.3g} times as far",
     "unlike": "the path of another motion or joint: correlation of the speeds {:.2f} at best",
@@ -35,8 +37,8 @@ OF_THE_MOTION = ("farther", "unlike")
 """Kinds that contradict a stored motion; of the other runs nothing is known that states it."""
 LEAST_SHARE = 0.05
 """Of the fastest joint's speed, below which a joint is not compared, nor an encoder where it is slower than its own."""
-LEAST_POWER = 1e-6
-"""Of the wanted path's power, below which an encoder shows nothing of it: one in radians for degrees shows 3e-4."""
+LEAST_POWER = 5e-7
+"""Of the wanted path's power, below which an encoder shows nothing of it: one in m for mm shows 1e-6."""
 FOLLOWS = {"motion": 0.95, "vibration": 0.9}
 """Correlation with a part of the other record from which a record is that part: of speeds, of vibrations."""
 MOVES = {"motion": 0.05, "vibration": 0.15}
@@ -84,7 +86,7 @@ class PathShown(NamedTuple):
     kind: str
     """A key of SAYS."""
     joint: str
-    """Whose path it shows instead; empty where no other's."""
+    """Whose path it shows instead; of one that is ``scaled``, those that are not; else empty."""
     value: float
     """How many times as far it goes, below zero if reversed; where it is unlike, the size of the correlation [-]."""
 
@@ -96,7 +98,7 @@ class PathShown(NamedTuple):
 def _most(votes: Sequence[PathShown]) -> PathShown | None:
     """What most runs say, the own being one that agrees; None where that is nothing, or says nothing of encoders."""
     votes = [*votes, PathShown("same", "", 1.0)]
-    alike = [(one.kind, one.joint, one.value > 0.0) for one in votes]
+    alike = [(one.kind, one.joint * (one.kind == "exchanged"), one.value > 0.0) for one in votes]
     most = max(alike, key=alike.count)
     sure = 2 * alike.count(most) > len(votes) and most[0] not in OF_THE_MOTION
     return votes[alike.index(most)] if sure else None
@@ -124,7 +126,8 @@ def _compared(seen: Observation, wanted: dict[str, Floats]) -> dict[str, PathSho
     found = dict[str, PathShown]()
     for i, (name, likeness) in enumerate(zip(names, correlation[best], strict=True)):
         times, joint = products[best, i] / max(own[i], 1e-300), ""
-        kind = next((unit for unit, one in UNITS.items() if abs(abs(times) / one - 1.0) < UNIT_SHARE), "same")
+        units = (" for ".join(pair) for pair, one in UNITS.items() if abs(abs(times) / one - 1.0) < UNIT_SHARE)
+        kind = next(units, "same")
         if abs(likeness) < SAME_PATH:
             kind, times = "unlike", abs(likeness)
         elif kind == "same" and abs(far[i] - 1.0) > UNIT_SHARE and not part:
@@ -134,8 +137,8 @@ def _compared(seen: Observation, wanted: dict[str, Floats]) -> dict[str, PathSho
         if kind in OF_THE_MOTION and (joint := _followed(shown[:, i], path, names)) not in {"", name}:
             kind, times = "exchanged", abs(times)
         found[name] = PathShown(kind, joint, float(times))
-    if any(one.kind == "same" for one in found.values()):
-        found |= {name: one._replace(kind="scaled") for name, one in found.items() if one.kind == "farther"}
+    if same := " and ".join(name for name, one in found.items() if one.kind == "same"):
+        found |= {n: one._replace(kind="scaled", joint=same) for n, one in found.items() if one.kind == "farther"}
     return found
 
 

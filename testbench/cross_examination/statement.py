@@ -36,7 +36,7 @@ ADVICE = {
     "payload_contradiction": "weigh the payload, correct the run table and ingest again",
     "acceleration_contradiction": "correct {column} in the run table and ingest again",
     "motion_contradiction": "correct the motion in the run table and ingest again",
-    "encoder_contradiction": "check in rig and log which channel is which encoder, their signs, zeros and units",
+    "encoder_contradiction": "check in rig and log which channel is which encoder, its sign, zero, scale and unit",
     "sign_contradiction": "check the direction in which the sensor is mounted and the sign of its sensitivity",
     "force_sign": "check its sign in the rig and the wiring, and whether it is exchanged with another channel",
     "unread_mechanism": "correct the mechanism's file and ingest into a new campaign, or give one by --mechanism FILE",

@@ -330,6 +330,17 @@ def test_an_encoder_is_compared_with_other_runs(repeats):
     assert {(s.run, s.code) for s in found.contradictions} == {(*liars, "encoder_contradiction")}
 
 
+@pytest.mark.parametrize("liars", [slice(0, 1), slice(None)])
+def test_one_encoder_of_another_scale(repeats, liars):
+    """It is named beside the other, in one run or all; torques along it tell no masses."""
+    runs = repeats[0]
+    name, other = (column.channel for column in SIRun.of(runs[0]).rig.columns_of(Encoder))
+    told = [with_values(run, name, 2.0 * run.channel(name)) for run in runs[liars]]
+    found = Witnesses().hear([*told, *runs[len(told) :]]).contradictions
+    assert {(s.run, s.code) for s in found} == {(run.name, "encoder_contradiction") for run in told}
+    assert all(name in s.stated and f"2 times as far, and {other} as far" in s.witnessed for s in found)
+
+
 @pytest.mark.parametrize("change", ["slower", "farther", "exchanged"])
 def test_encoders_beside_the_stored_motion(repeats, change):
     """A motion that was another than the stored one, farther than that, or of the other joint."""
