@@ -21,7 +21,7 @@ from balance.units import G0
 
 from ..rig.sensors import Torque
 from .observation import BLOCKS, DRIVE_TERMS, Observation, TorqueEquations, jackknife
-from .statement import Statement
+from .statement import Statement, misread
 from .torque_comparison import Unlike, comparable_torques, unlike_others
 
 ROUNDS = 12
@@ -387,6 +387,8 @@ def _gross_torques(seen: Observation, alone: TorqueBalance) -> list[Statement]:
             apart = not 1.0 / TORQUE_FACTOR <= abs(_plain_gain(seen, alone.joints.index(joint))) <= TORQUE_FACTOR
         if apart and abs(abs(scale) - 1.0) > REJECTED * error and alone.payload[0] > 0.0:
             witnessed = f"{scale:.2g} times the model's, expected {1.0 / TORQUE_FACTOR:g} to {TORQUE_FACTOR:g}"
+            column = next(c for c in seen.rig.columns_of(Torque) if c.component == joint)
+            witnessed += misread(column, abs(float(scale)))
             stated = f"torque of {joint} by the model"
             found.append(Statement(seen.name, "gain", None, stated, witnessed, "its readings", "torque_contradiction"))
     return found

@@ -11,14 +11,12 @@ import numpy as np
 from balance.arrays import Floats, Mask
 
 from .observation import SPEED_RATE_HZ, VIBRATION_RATE_HZ, VIBRATION_S, Observation
-from .statement import Statement
+from .statement import UNIT_SHARE, Statement
 
 SAME_PATH = 0.95
 """Correlation, of either sign, from which an encoder shows the same path as what it is compared with."""
 OTHER_PATH = 0.7
 """Correlation below which an encoder shows another motion than the stored one."""
-UNIT_SHARE = 0.1
-"""Share by which the factor between two paths may differ from one, or from that of two units."""
 _UNITS = {("deg", "rad"): 180.0 / np.pi, ("mm", "m"): 1000.0, ("mm", "in"): 25.4}
 UNITS = {pair: far for (log, rig), up in _UNITS.items() for pair, far in (((log, rig), up), ((rig, log), 1.0 / up))}
 """Times as far that an encoder shows whose log is in the first unit and whose rig states the second."""
@@ -27,7 +25,7 @@ SAYS = {
         f"{log} for {rig}": f"{{:.3g}} times as far: the log is in {log} where the rig says {rig}" for log, rig in UNITS
     },
     "same": "they agree",
-    "scaled": "{0:.3g} times as far, and {1} as far as that: another scale or unit of this encoder",
+    "scaled": "{0:.3g} times as far, unlike {1}: another scale or unit of this encoder",
     "exchanged": "the path of another joint: that of {1}, exchanged in the rig or the log",
     "farther": "the path of another motion: {:.3g} times as far",
     "unlike": "the path of another motion or joint: correlation of the speeds {:.2f} at best",

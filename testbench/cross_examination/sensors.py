@@ -12,7 +12,7 @@ from ..rig import Column
 from ..rig.sensors import Torque
 from .mounting import Signs, exchanged_axes, exchanges, signs_of
 from .observation import ABOVE_NOISE, Observation, Response
-from .statement import Statement
+from .statement import Statement, misread
 
 FOLLOWS = 0.95
 """Correlation with the expected reading from which a channel's gain is known: what counter-masses leave is as small as
@@ -149,8 +149,9 @@ def examined_sensors(observations: Sequence[Observation], unsure: frozenset[str]
         known = {s.channel for s in statements if s.run == seen.name and s.code == "force_sign"}
         statements += [s for s in ([] if seen.name in unsure else _forces(seen)) if s.channel not in known]
     statements += _exchanged_runs([(seen, one) for seen, one in heard if _is_accelerometer(one.columns[0])])
+    columns = {column.channel: column for _, one in heard for column in one.columns}
     for channel, by_run in gains.items():
-        statements += _gain_statements(channel, by_run)
+        statements += _gain_statements(columns[channel], by_run)
     found = {(s.run, s.channel) for s in statements if s.code in {"gain_contradiction", "flat_channel"}}
     return statements + [s for s in _noises(observations, gains, found) if (s.run, s.channel) not in found]
 
@@ -421,7 +422,7 @@ def _forces(seen: Observation) -> list[Statement]:
     return found
 
 
-def _gain_statements(channel: str, by_run: dict[str, tuple[float, float]]) -> list[Statement]:
+def _gain_statements(column: Column, by_run: dict[str, tuple[float, float]]) -> list[Statement]:
     """Gain of a channel in each run against the median of the other runs; of a lone run against the model."""
     logs = {run: float(np.log(value)) for run, (value, _) in by_run.items()}
     found = []
@@ -437,10 +438,10 @@ def _gain_statements(channel: str, by_run: dict[str, tuple[float, float]]) -> li
         wrong = abs(own - centre) > max(np.log(GAIN_FACTOR), GAIN_DEVIATIONS * max(scatter, error))
         wrong = wrong and bool((np.abs(own - others) > np.log(GAIN_FACTOR)).sum() > others.size / 2)
         stated = f"{np.exp(centre):.3g} times the model in the other runs" if others.size > 1 else "as the model"
-        found.append(
-            Statement(run, "gain", channel, stated, f"{by_run[run][0]:.3g} times the model, standard uncertainty "
-                      f"{by_run[run][1]:.2g}", "its readings", "gain_contradiction" if wrong else None)
-        )  # fmt: skip
+        witnessed = f"{by_run[run][0]:.3g} times the model, standard uncertainty {by_run[run][1]:.2g}"
+        witnessed += misread(column, float(np.exp(own - centre))) if wrong else ""
+        code = "gain_contradiction" if wrong else None
+        found.append(Statement(run, "gain", column.channel, stated, witnessed, "its readings", code))
     return found
 
 
@@ -453,11 +454,12 @@ def _noises(
     gain the model shows to be off, the noise is divided by that.
     """
     by_channel: dict[str, dict[str, float]] = defaultdict(dict)
+    columns: dict[str, Column] = {}
     unsure: dict[str, set[str]] = defaultdict(set)
     for seen in observations:
         for channel, record in seen.records.items():
             if record.column.dimensions[0] == "acceleration" and not (record.dead or record.clipped):
-                by_channel[channel][seen.name] = record.noise
+                by_channel[channel][seen.name], columns[channel] = record.noise, record.column
                 if any((seen.name, sibling.channel) in wrong for sibling in record.column.siblings):
                     unsure[channel].add(seen.name)
     found = []
@@ -479,6 +481,7 @@ def _noises(
                 code = "flat_channel"
             subject = "dead" if code == "flat_channel" else "gain"
             stated, witnessed = f"noise of {centre:.3g} m/s2 in the other runs", f"{own:.3g} m/s2"
+            witnessed += misread(columns[channel], ratio) if code else ""
             found.append(Statement(run, subject, channel, stated, witnessed, "its noise at rest", code))
     return found
 

@@ -12,7 +12,10 @@ from pathlib import Path
 from typing import Annotated
 
 from balance.results import Key
+from balance.units import dimension_of, factor_to_si
 
+from ..calibration.definition import is_electrical
+from ..calibration.evaluation import Column
 from ..errors import StoreError
 from ..recording import Finding
 from ..runs.si_run import SIRun
@@ -28,7 +31,7 @@ of a sensor to look at."""
 ADVICE = {
     "counter_mass_contradiction": "check which runs had counter-masses, correct the run table and ingest again",
     "axis_contradiction": "check which channel is which axis in the rig and the log, and whether the sensor was turned",
-    "gain_contradiction": "check the sensor's sensitivity and the amplifier's range; testbench calibrate corrects them",
+    "gain_contradiction": "check the sensor's unit, sensitivity and amplifier range; testbench calibrate corrects them",
     "flat_channel": "check the sensor, its cable and its supply; repeat the run",
     "level_drift": "check the sensor's zero and its supply; amplitudes leave it out unless --band starts at 0",
     "copied_run": "take out the run whose log it is not (testbench remove), and ingest the log that was meant",
@@ -43,6 +46,24 @@ ADVICE = {
     "torque_contradiction": "check units in rig and log, payload and counter-masses in the run table",
 }
 """All contradictions, and what to do about each."""
+
+UNIT_SHARE = 0.1
+"""Share by which a factor may differ from one, or from that of two units."""
+LOG_UNITS = {
+    "acceleration": ("m/s^2", "g", "mm/s^2"), "force": ("N", "kN", "lbf", "kgf"), "moment": ("N m", "N mm", "N cm"),
+}  # fmt: skip
+"""By quantity, units in which logs are."""
+
+
+def misread(column: Column, factor: float) -> str:
+    """Of which unit, read as another, readings are that are ``factor`` times too large [-]; empty where of none."""
+    if not column.unit or is_electrical(column.unit):
+        return ""
+    dimension = dimension_of(f"1 {column.unit}", *column.dimensions)
+    own = factor_to_si(column.unit, dimension)
+    ratios = {log: own / factor_to_si(log, dimension) for log in LOG_UNITS.get(dimension, ())}
+    near = (log for log, one in ratios.items() if abs(factor / one - 1.0) < UNIT_SHARE < abs(one - 1.0))
+    return next((f", as of {log} read as {column.unit}" for log in near), "")
 
 
 @dataclass(frozen=True)

@@ -81,6 +81,20 @@ def test_a_motion_that_command_and_encoders_contradict_is_said_once(campaign):
     assert [(s.run, s.witness) for s in said] == [(runs[2].name, "the command and the encoders")]
 
 
+@pytest.mark.parametrize("factor", [9.81, 1.0 / 9.81, 3.0])
+def test_a_run_in_another_unit(campaign, factor):
+    """A factor that is near that of two units says which, by the model or by the noise."""
+    runs, witnesses = campaign
+    for i in lies.shaking(runs)[0], next(i for i in range(len(runs)) if i not in lies.shaking(runs)):
+        told = [lies.scaled(run, factor) if n == i else run for n, run in enumerate(runs)]
+        found = witnesses.hear(told).contradictions
+        assert {(s.run, s.code) for s in found} <= {
+            (runs[i].name, "gain_contradiction"),
+            (runs[i].name, "flat_channel"),
+        }
+        assert any("as of m/s^2 read as g" in s.witnessed for s in found) is (factor == 9.81)
+
+
 def test_a_torque_that_is_reversed_in_all_runs(campaign):
     """No run has it right: the model alone is the witness, as of forces."""
     runs, witnesses = campaign
@@ -338,7 +352,7 @@ def test_one_encoder_of_another_scale(repeats, liars):
     told = [with_values(run, name, 2.0 * run.channel(name)) for run in runs[liars]]
     found = Witnesses().hear([*told, *runs[len(told) :]]).contradictions
     assert {(s.run, s.code) for s in found} == {(run.name, "encoder_contradiction") for run in told}
-    assert all(name in s.stated and f"2 times as far, and {other} as far" in s.witnessed for s in found)
+    assert all(name in s.stated and f"2 times as far, unlike {other}:" in s.witnessed for s in found)
 
 
 @pytest.mark.parametrize("change", ["slower", "farther", "exchanged"])
