@@ -160,7 +160,7 @@ class ModelledRun:
                 still = np.zeros((self.grid.count, 6))
                 mounted = self.unloaded.anchor(sensor.attached_to, point)
                 values = acceleration_in_body(self.unloaded, self.path, still, mounted)
-            elif "bench" in rig.model_fields_set:
+            elif rig.bench.is_stated:
                 values = self.base.acceleration_at(point)
             else:
                 continue

@@ -327,3 +327,8 @@ class Bench(MountedBase):
     """Elastic modes of the frame."""
     errors: dict[str, SensorErrors] = Field(default_factory=dict)
     """Errors of the sensors, by name."""
+
+    @property
+    def is_stated(self) -> bool:
+        """Whether the rig itself states mass and mounts of the base; else they are assumed, for a simulation alone."""
+        return {"mass", "mounts"} <= self.model_fields_set

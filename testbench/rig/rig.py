@@ -116,7 +116,8 @@ class Rig(Table):
     sensors: dict[str, kinds.Sensor] = Field(min_length=1)
     """Sensors by name."""
     bench: Bench = Bench()
-    """The bench on its mounts, for a simulation."""
+    """The bench on its mounts, for a simulation. Measured vibration is held against it only where it states `mass` and
+    `mounts`: leave them out for a base that is bolted to a stiff floor."""
     text: SkipJsonSchema[str] = Field(default="", exclude=True)
     """The file as written."""
     source: SkipJsonSchema[str] = Field(default="rig", exclude=True)

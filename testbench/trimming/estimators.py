@@ -43,7 +43,6 @@ from .trial_mass_runs import trial_mass_runs_imbalance, without_gaps
 from .vibration_regression import (
     ShakenBase,
     shaken_base,
-    states_base,
     step_covariance,
     step_readings,
     vibration_regression,
@@ -345,7 +344,7 @@ def further_sources(problem: TrimProblem, tried: Sequence[Source]) -> list[Sourc
     Forces show what shakes the base, as vibration does: where they cannot tell, a motion lacks.
     """
     rig = problem.runs[0].run.rig
-    shown = bool(rig.base_accelerometers) and states_base(rig)
+    shown = bool(rig.base_accelerometers) and rig.bench.is_stated
     return ["vibration"] if shown and set(tried) <= {"torque"} else []
 
 

@@ -42,7 +42,7 @@ from ..kinematics import base_motion
 from ..kinematics.gaps import ValidSamples
 from ..kinematics.smoothing_and_derivatives import Grid, smoothed_derivatives
 from ..loads.shaking_wrench import refuse_clipped_base
-from ..rig import Column, Rig
+from ..rig import Column
 from ..runs.aligned_run import AlignedRun
 from .problem import (
     RunEquations,
@@ -53,8 +53,6 @@ from .problem import (
     refuse_no_motion,
 )
 
-NEEDED = ("mass", "mounts")
-"""What a rig must state of its bench, besides centre and inertia, for its base to be taken for a model."""
 POSITION_BANDWIDTH = 4.0
 """Cut-off of the positions, in cut-offs of the readings: the moment, far larger, must be known to a thousandth."""
 RINGING_S = 0.25
@@ -140,11 +138,6 @@ class ShakenBase:
         return found
 
 
-def states_base(rig: Rig) -> bool:
-    """Whether a rig itself states the base's mass and mounts."""
-    return set(NEEDED) <= rig.bench.model_fields_set
-
-
 def vibration_regression(run: ShakenBase, conditions: Conditions) -> RunEquations:
     """The equations of a run."""
     columns = run.wrench_regressor(run.path) @ parameter_basis(conditions)
@@ -170,9 +163,9 @@ def vibration_regression(run: ShakenBase, conditions: Conditions) -> RunEquation
 def shaken_base(run: AlignedRun, cutoff: float) -> ShakenBase:
     """A run and its base. Raises AnalysisError where no base is stated, no sensor is on it, or gaps leave nothing."""
     rig, name = run.rig, run.name
-    if not states_base(rig):
+    if not rig.bench.is_stated:
         raise AnalysisError(
-            f"{name}: its rig does not state the base (bench: {', '.join(NEEDED)}): state it, or make runs with "
+            f"{name}: its rig does not state the base (bench: mass, mounts): state it, or make runs with "
             "trial masses, by which the base's response is measured (--from trials)"
         )
     sensors = run.base

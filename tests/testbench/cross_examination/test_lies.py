@@ -104,6 +104,14 @@ def test_a_torque_that_is_reversed_in_all_runs(campaign):
     assert {run for run, _ in named} >= {runs[i].name for i in lies.shaking(runs)}
 
 
+def test_a_base_that_is_not_stated_accuses_no_sensor(campaign):
+    """A stiff base of a rig that states its weight alone: a frame on four feet is assumed, and is no witness."""
+    head, _, _ = campaign[0][0].rig.partition("[bench]")
+    runs = [lies.scaled(replace(run, rig=f"{head}[bench]\nweight = true\n"), 1e-3) for run in campaign[0]]
+    about = [s for s in Witnesses().hear(runs).statements if (s.channel or "").startswith("Acc")]
+    assert not any(s.code or s.witness == "the model of the motion" for s in about)
+
+
 def test_a_reversed_sensor_is_found_where_no_other_run_shakes():
     """The balanced run of the pair shows noise alone: the model, right in all but the sign, is the only witness.
 
