@@ -251,8 +251,8 @@ def _print_examination(examination: "Examination", shown: list[str]) -> None:
             reason = examination.unexamined[run].removeprefix(f"{run}: ")
             sharing.setdefault(f"not examined: {reason}", []).append(run)
         elif missing := examination.unwitnessed(run):
-            reasons = "; ".join(dict.fromkeys(examination.reasons[run].values()))
-            text = f"not confirmed by another signal: {', '.join(missing)}{f' ({reasons})' if reasons else ''}"
+            why = examination.why_unwitnessed(run)
+            text = f"not confirmed by another signal: {', '.join(missing)}{f' ({why})' if why else ''}"
             sharing.setdefault(text, []).append(run)
     for text, runs in sharing.items():
         say(f"{', '.join(runs)}: {text}")

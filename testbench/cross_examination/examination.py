@@ -37,6 +37,9 @@ OF_CHANNELS = frozenset({
 WITNESSED = ("payload", "counter-masses", "acceleration", "axis", "gain", "sign", "rest", "copy")
 """Subjects of which a run should have a witness."""
 
+DOUBTED = "contradicted"
+"""Key of the reason that comes before those of single witnesses."""
+
 
 @dataclass(frozen=True)
 class Examination(Shown, rows="statements"):
@@ -107,6 +110,11 @@ class Examination(Shown, rows="statements"):
             ]
         return found
 
+    def why_unwitnessed(self, run: str) -> str:
+        """Why no signal confirms them: what is contradicted of the run itself, else all witnesses that are silent."""
+        reasons = self.reasons[run]
+        return reasons.get(DOUBTED) or "; ".join(dict.fromkeys(reasons.values()))
+
     def decided(self, runs: Iterable[Run | SIRun]) -> "Examination":
         """The same with the codes accepted that are recorded as such for all of ``runs`` that contradict by them."""
         recorded = {(run, one.code) for one in decisions(runs) for run in one.runs}
@@ -176,7 +184,8 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = (), pool: TaskPo
     statements += (short := record_ends(seen))
     cut = {s.run for s in short}  # of which a part of the motion is another than the whole
     statements = [s for s in statements if s.code != "motion_contradiction" or s.run not in cut]
-    reasons |= {s.run: reasons[s.run] | {"record": "nothing else is examined of a part of the motion"} for s in short}
+    doubted = {run: "its encoders are contradicted, and with them what the model makes of its motion" for run in wrong}
+    doubted |= {s.run: "nothing else is examined of a part of the motion" for s in short}
     seen = [one.without_encoders() if one.name in wrong else one for one in seen if one.name not in cut]
     statements += [*mechanisms(seen), *(repeats := unlike_repeats(seen))]
     for one in seen:
@@ -187,6 +196,8 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = (), pool: TaskPo
         reasons |= {name: reasons[name] | {"payload": UNDETERMINED} for name in masses}
     statements += [*about_masses, *about_payload]
     unsure = frozenset(s.run for s in statements if s.code in CONDITIONS)
+    doubted = {run: "its masses are contradicted, and the model has those of the run table" for run in unsure} | doubted
+    reasons |= {run: {DOUBTED: why, **reasons[run]} for run, why in doubted.items()}
     flat = {(s.run, s.channel) for s in statements if s.code == "flat_channel"}
     found = examined_sensors(seen, unsure)
     statements += [s for s in found if s.code != "flat_channel" or (s.run, s.channel) not in flat]

@@ -358,8 +358,10 @@ def test_one_encoder_of_another_scale(repeats, liars):
     runs = repeats[0]
     name, other = (column.channel for column in SIRun.of(runs[0]).rig.columns_of(Encoder))
     told = [with_values(run, name, 2.0 * run.channel(name)) for run in runs[liars]]
-    found = Witnesses().hear([*told, *runs[len(told) :]]).contradictions
+    heard = Witnesses().hear([*told, *runs[len(told) :]])
+    found = heard.contradictions
     assert {(s.run, s.code) for s in found} == {(run.name, "encoder_contradiction") for run in told}
+    assert all(heard.why_unwitnessed(run.name).startswith("its encoders are contradicted") for run in told)
     assert all(name in s.stated and f"2 times as far, unlike {other}:" in s.witnessed for s in found)
 
 

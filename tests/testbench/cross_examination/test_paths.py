@@ -100,6 +100,7 @@ def test_exchanged_masses_of_repeats(campaign):
     found = witnesses.hear(told)
     assert {(s.run, s.code) for s in found.contradictions} == {(r, "counter_mass_contradiction") for r in liars}
     assert len(liars) == 2
+    assert all(found.why_unwitnessed(r).startswith("its masses are contradicted") for r in liars)
 
 
 @pytest.mark.parametrize("lie", ["with and without exchanged", "axes exchanged in one run", "gain halved in one run"])
