@@ -19,6 +19,7 @@ from balance.arrays import Floats
 from balance.estimation.estimate import coverage_factor
 from balance.units import G0
 
+from ..recording import mounted_masses
 from ..rig.sensors import Torque
 from .observation import BLOCKS, DRIVE_TERMS, Observation, TorqueEquations, jackknife
 from .statement import Statement, misread
@@ -174,6 +175,40 @@ ABOVE_NOISE = 30.0
 NAMED_MOTIONS = frozenset({"x", "y", "z", "triangle"})
 TORQUE_FACTOR = 2.0
 """Largest factor between a torque and its model without a finding, where the payload does not explain it."""
+
+
+THOUSANDFOLD = 500.0
+"""Factor, either way, between a stated mass and the median of the other runs' from which it is in another unit: gaps
+between honest ones are smaller, and a thousand is g for kg."""
+HEAVIER = 100.0
+"""Times the mechanism's own mass from which a stated mass is in another unit, whatever other runs state."""
+
+
+def in_grams(observations: Sequence[Observation]) -> list[Statement]:
+    """Payloads and counter-masses of the run table that are in another unit than those of most runs, or too heavy."""
+    stated: dict[tuple[str, str], dict[str, float]] = {}
+    for seen in observations:
+        loads = {"": seen.conditions.get("payload_kg", 0.0)} | mounted_masses(seen.conditions, "payloads")
+        for about, masses in ("payload", loads), ("counter-masses", seen.counter_masses):
+            for name, mass in masses.items():
+                stated.setdefault((about, name), {}).update({seen.name: mass} if mass > 0.0 else {})
+    mechanism, found = {seen.name: seen.mechanism_kg for seen in observations}, list[Statement]()
+    for (about, name), by_run in stated.items():
+        votes = sorted(by_run.values())
+        for run, mass in by_run.items():
+            near = mechanism[run] or float(np.sqrt(votes[0] * votes[-1]))  # of two in the middle, the likelier
+            middle = min(votes[(len(votes) - 1) // 2 : len(votes) // 2 + 1], key=lambda m: abs(np.log(m / near)))
+            if max(mass / middle, middle / mass) > THOUSANDFOLD:
+                witness, witnessed = "the run table of the other runs", f"{middle:.3g} kg"
+            elif mass > HEAVIER * mechanism[run] > 0.0:
+                witness, witnessed = "the mechanism", f"all that moves has {mechanism[run]:.3g} kg"
+            else:
+                continue
+            said = f"{mass:g} kg{f' at {name}' if name else ''} by the run table"
+            witnessed += ": grams for kilograms, or another slip of a thousand"
+            code = "payload_contradiction" if about == "payload" else "counter_mass_contradiction"
+            found.append(Statement(run, about, None, said, witnessed, witness, code))
+    return found
 
 
 def accelerations(seen: Observation) -> list[Statement]:

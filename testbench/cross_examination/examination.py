@@ -16,7 +16,7 @@ from ..recording import Finding
 from ..rig.rig import NONE
 from ..runs.si_run import SIRun
 from ..store import Run
-from .conditions import UNDETERMINED, TorqueBalance, accelerations, motions, mounted, payloads, unlike_repeats
+from .conditions import UNDETERMINED, TorqueBalance, accelerations, in_grams, motions, mounted, payloads, unlike_repeats
 from .copies import OneRecording, copies
 from .observation import Observation, observe
 from .paths import encoder_paths, record_ends
@@ -187,11 +187,13 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = (), pool: TaskPo
     doubted = {run: "its encoders are contradicted, and with them what the model makes of its motion" for run in wrong}
     doubted |= {s.run: "nothing else is examined of a part of the motion" for s in short}
     seen = [one.without_encoders() if one.name in wrong else one for one in seen if one.name not in cut]
-    statements += [*mechanisms(seen), *(repeats := unlike_repeats(seen))]
+    misstated = in_grams(seen)
+    weighed = [one for one in seen if one.name not in {s.run for s in misstated}]
+    statements += [*mechanisms(seen), *misstated, *(repeats := unlike_repeats(weighed))]
     for one in seen:
         statements += [*accelerations(one), *motions(one)]
-    about_masses, masses = mounted(seen, {s.run for s in repeats if s.code})
-    about_payload, torque = payloads(seen, masses)
+    about_masses, masses = mounted(weighed, {s.run for s in repeats if s.code})
+    about_payload, torque = payloads(weighed, masses)
     if torque is None:
         reasons |= {name: reasons[name] | {"payload": UNDETERMINED} for name in masses}
     statements += [*about_masses, *about_payload]

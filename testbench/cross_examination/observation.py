@@ -170,6 +170,8 @@ class Observation:
     """Whether the encoders or the command move."""
     unclosed: str | None = None
     """Why the mechanism's loops do not follow the encoders; None where they do, or there are none."""
+    mechanism_kg: float = 0.0
+    """Mass of all that moves, without payload and counter-masses; 0 where that is not known [kg]."""
     unread: str | None = None
     """Why the stored mechanism cannot be read; None where it can, or there are no encoders."""
 
@@ -252,6 +254,7 @@ def observe(run: SIRun, mechanism: Callable[[], Mechanism]) -> Observation:
         except ModelError as error:
             seen.unread = str(error)
             raise
+        seen.mechanism_kg = unloaded.total_mass
         _by_model(seen, ModelledRun.of(run, unloaded))
     return seen
 

@@ -344,6 +344,25 @@ def test_a_stored_mechanism_that_cannot_be_read(repeats):
     assert all("invalid keyword: 'hinj'" in s.finding.message and "--mechanism" in s.advice for s in found)
 
 
+@pytest.mark.parametrize(
+    ("key", "factor", "liars"),
+    [("counter_masses", 1e3, 1), ("counter_masses", 1e-3, 1), ("payload_kg", 1e3, 1), ("payload_kg", 1e-3, 1),
+     ("counter_masses", 1e3, 9), ("payload_kg", 2e3, 9)],
+)  # fmt: skip
+def test_grams_for_kilograms(campaign, key, factor, liars):
+    """Told of the run table, against the other runs or, of all runs, against the mechanism; no sensor is dead."""
+    told, names = [], set[str]()
+    for run in campaign[0]:
+        stated = run.conditions[key]
+        masses = {site: factor * mass for site, mass in stated.items()} if isinstance(stated, dict) else factor * stated
+        names |= {run.name} if masses and len(names) < liars else set()
+        told.append(lies.about(run, **{key: masses}) if run.name in names else run)
+    found = Witnesses().hear(told).contradictions
+    code = "payload_contradiction" if key == "payload_kg" else "counter_mass_contradiction"
+    assert {(s.run, s.code) for s in found} == {(run, code) for run in names}
+    assert all("grams for kilograms" in s.witnessed for s in found)
+
+
 def test_an_encoder_is_compared_with_other_runs(repeats):
     """Where no motion is stored, by most of the other runs."""
     runs = [replace(run, inputs={"mechanism": run.inputs["mechanism"]}) for run in repeats[0]]
