@@ -39,7 +39,13 @@ DEFINITIONS = {
 
 @dataclass(frozen=True)
 class SteadyRotation(Brief):
-    """A periodic rotation of a machine."""
+    """A periodic rotation of a machine.
+
+    >>> import balance
+    >>> rotation = balance.drive("four-bar-dc")[0]
+    >>> rotation.is_converged()
+    True
+    """
 
     machine: Machine
     energy: Periodic

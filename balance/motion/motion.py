@@ -34,6 +34,8 @@ _OF_NOISE = 940.0
 Jumps of a true acceleration are in fewer of them, and about one their sum is up to 330 squared peaks; about one wrong
 value that makes the peak it is 1100 or more.
 """
+_ROUNDED = 256.0 * float(np.finfo(float).eps)
+"""Share of a position by which it may change from sample to sample: rounding of a curve through it."""
 _LEAST_ROUGH = 1e-6
 """Share of a step's speed by which it may change: rounding of numbers."""
 _AROUND = 12
@@ -113,7 +115,8 @@ class Samples:
         if len(a) < _FEWEST:
             return
         dt, size, peak = float(np.median(between)), float(np.sqrt(np.mean(a**2))), float(np.abs(a).max())
-        least = max(_FALSE * size, _LEAST_ROUGH * float(np.abs(self.velocity[:, i]).max()) / dt)
+        fastest, farthest = (float(np.abs(x[:, i]).max()) for x in (self.velocity, self.position))
+        least = max(_FALSE * size, _LEAST_ROUGH * fastest / dt, _ROUNDED * farthest / dt**2)
         if (made := self._made_by_clock(i, dt)) > least:
             away = float(np.sqrt(np.mean(np.diff(between) ** 2) / 6.0))
             yield "clock", {"away": away, "made": made, "size": size}

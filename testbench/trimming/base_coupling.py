@@ -59,10 +59,10 @@ class BaseCoupling:
         return cls(run, rig.bench, points, inertia, aligned.run.origin != "simulated")
 
     def readings(self, pi: Floats) -> tuple[Floats, Floats]:
-        """What the coupling adds to the readings, and which part is of second order, (samples that count, channels).
+        """What the coupling adds to the readings, and which part is of second order.
 
-        In m/s2 each. ``pi`` (10 nb,) are the mechanism's parameters. Simulated benches move to first order: of their
-        runs no second order is added.
+        (n, channels) [m/s2] each, of the samples that count. ``pi`` (10 nb,) [kg, kg m, kg m2] are the mechanism's
+        parameters. Simulated benches move to first order: of their runs no second order is added.
         """
         run = self.run
         push = run.wrench_regressor(run.path) @ pi

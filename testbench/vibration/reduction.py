@@ -517,7 +517,7 @@ def reduction_findings(condition: Condition, found: Sequence[Reduction]) -> list
         ),
         (
             "vibrates_more",
-            [r for r in alive if (r.percent or 0.0) < 0.0 and (r.interval[1] < 0.0 if r.interval else r.limit)],
+            [r for r in alive if (r.percent or 0.0) < 0.0 and _is_rise(r)],
             "it vibrates more with counter-masses than without: check that the run table does not exchange the runs",
         ),
         (
@@ -563,6 +563,11 @@ def reduction_findings(condition: Condition, found: Sequence[Reduction]) -> list
         for sensor in dict.fromkeys(r.sensor for r in some)
         if (axes := [r.axis for r in some if r.sensor == sensor])
     ]
+
+
+def _is_rise(one: Reduction) -> bool:
+    """Whether all of an interval is below zero; of a bound, or of a reduction that is withheld, its value tells."""
+    return one.interval[1] < 0.0 if one.interval else one.limit is not None or one.kind == "withheld"
 
 
 def sets_differ(reductions: Sequence[Reduction]) -> bool:

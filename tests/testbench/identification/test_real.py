@@ -50,18 +50,21 @@ def test_first_moments(result):
 
 
 def test_beside_the_published(result):
-    """The published lies in the interval of link 1 with elbow; A.0's is within 10 % of it, link 2 within 15 %.
+    """A.0: link 1 with elbow is within 10 % of the published, which its interval holds. C.1 misses that aim, doubtful.
 
-    C.1 is doubtful: two cut-offs predict equally well (0.3011 and 0.3013), by the one it is 8 % off, by the other 11 %.
+    Two cut-offs predict C.1 equally well (0.3011 and 0.3013 of its torque); it is 8 % off by one, 11 % by the other.
     """
     first, _, second, _ = result.first_moments()
-    assert first.interval[0] < first.in_file < first.interval[1]
     assert second.value == pytest.approx(second.in_file, rel=0.15)
     if result.mechanism.name == "two-joint-arm-a0":
-        assert first.value == pytest.approx(first.in_file, rel=0.10)
         assert first.in_file == pytest.approx(0.3491, abs=5e-5)
         assert second.in_file == pytest.approx(0.1111, abs=5e-5)
+        assert first.value == pytest.approx(first.in_file, rel=0.10)
+        assert first.interval[0] < first.in_file < first.interval[1]
         assert second.interval[0] < 1.02 * second.in_file < second.interval[1]
+    else:
+        assert result.verdict == "doubtful"
+        assert first.value == pytest.approx(first.in_file, rel=0.15)
 
 
 def test_unexplained_torque(result):
