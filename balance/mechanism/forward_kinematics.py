@@ -69,7 +69,7 @@ class Tree:
         return found[::-1]
 
     def normal(self, joint: int, frame: Floats) -> Floats:
-        """Normal of a disc on a body that ``joint`` carries, the axis that it turns about, in that joint's frame, (3,) [-].
+        """Normal of a disc on a body that ``joint`` carries, the axis that it turns about, in its frame, (3,) [-].
 
         That is the axis of the nearest hinge on its way to the base, of a ball the body's z axis; of what only slides
         the z axis of its own ``frame`` (3, 3) in the joint's. It points to the side of that z axis, if to any.
