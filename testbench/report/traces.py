@@ -39,6 +39,8 @@ TAPS = 16
 """Samples to either side of an instant that a value there is interpolated from: a sine of 0.4 of the rate to 1e-3."""
 _KAISER = 8.0
 """Of their window."""
+SMOOTH = 0.25
+"""Radians of a signal, the standard deviation of the window in which the slope is found that its lag is told by."""
 STEPS = 12
 """In which a lag is refined, at most."""
 LEAST_STEP = 1e-5
@@ -260,8 +262,7 @@ def _on_clock_of(shown: Trace, given: Trace, at: float) -> tuple[float, float] |
 def _correlated(first: Trace, second: Trace) -> Lag | None:
     """By the correlation of one channel; None where both do not show the same, or not at one rate.
 
-    The peak of the correlation of whole records is refined by least squares over what both show at that lag, for their
-    means and ends differ, with its deviation: see :func:`_refined`.
+    The peak of the correlation is refined by least squares, with its deviation: see :func:`_refined`.
     Deviation None where another peak is as likely: one that is periodic matches itself a period later; or where none
     is, since the slope is constant. Likelihoods count as many independent values as the signal has zeros, and no more
     than what differs has, by the deviation.
@@ -270,45 +271,59 @@ def _correlated(first: Trace, second: Trace) -> Lag | None:
     if abs(rate - other_rate) > SAME_RATE * rate or not (np.isfinite(values).all() and np.isfinite(others).all()):
         return None
     found = correlation_peaks(others, values, RIVALS)
-    if not found or (best := found[0]).correlation < FOLLOWS:
+    if not found:
         return None
+    best = found[0]
     resolutions = [max(one.resolution, observed_resolution(v)) for one, v in ((first, values), (second, others))]
     rounding = sum(step**2 for step in resolutions) / 12.0
-    exact, deviation = _refined(values, others, best, rounding) or (None, 0.0)
-    shown = f"the correlation of {first.name} ({(exact or best).correlation:.4f})"
-    late = (exact or best).lag / rate + other_start - start
-    apart, free = 1.0 - best.correlation**2 + rounding / float(np.var(values)), best.turn * best.common / np.pi
+    exact, deviation = _refined(values, others, best, resolutions) or (None, 0.0)
+    same = exact or best
+    if same.correlation < FOLLOWS:
+        return None
+    shown = f"the correlation of {first.name} ({same.correlation:.4f})"
+    late = same.lag / rate + other_start - start
+    apart, free = 1.0 - best.correlation**2 + rounding / float(np.var(values)), same.turn * same.common / np.pi
     if deviation > 0.0:
-        free = min(free, apart / (best.turn * deviation) ** 2)
+        free = min(free, apart / (same.turn * deviation) ** 2)
     for other in found[1:]:
-        if free * np.log1p((best.correlation**2 - other.correlation**2) / apart) < 2.0 * DOUBTFUL:
+        if (
+            abs(other.lag - same.lag) * same.turn > 1.0
+            and free * np.log1p((best.correlation**2 - other.correlation**2) / apart) < 2.0 * DOUBTFUL
+        ):
             away = 1e3 * abs(other.lag - best.lag) / rate
             return Lag(late, None, f"{shown}, {PERIODIC} ({other.correlation:.4f} a further {away:.3g} ms away)")
     return Lag(late, None if exact is None else deviation / rate, shown)
 
 
 def _refined(
-    early: Floats, late: Floats, peak: CorrelationPeak, rounding: float
+    early: Floats, late: Floats, peak: CorrelationPeak, resolutions: Sequence[float]
 ) -> tuple[CorrelationPeak, float] | None:
     """The lag by which ``late`` (n,) differs least from ``early`` (m,) [any unit], offset and size being free, and its
     standard deviation [samples].
 
     Newton's steps from a ``peak``, over the samples that both show then; ``turn`` is of what is neither offset nor
-    size. None where they lead nowhere, further away than the signal turns by a radian, or a few blocks tell it all.
-    What differs is no white noise, and is most where it moves: the deviation is by leaving out one block after the
-    other (jackknife), each three times as long as the signal is between two zeros, or once where so few would tell too
-    little; for Student's t, as wide as 95 % of a normal distribution are to be; and by a ``rounding`` [unit squared]
-    between two zeros.
+    size. None where they lead nowhere, further away than the signal turns by a radian, or a few samples tell it all.
+    The slope is smoothed: that of an encoder is of single steps. What differs is no white noise, and is most where it
+    moves: the deviation is by leaving out one block after the other (jackknife), each three times as long as the signal
+    is between two zeros, and half as long while so few tell too little: what goes from rest to rest has one zero. It is
+    for Student's t, as wide as 95 % of a normal distribution are to be. Rounding to ``resolutions`` [unit] adds to it:
+    it is the same while a value is held, so that of a rest is in the offset and size of what moves.
     """
+    from scipy.signal import oaconvolve
+
     taps = np.arange(1.0 - TAPS, TAPS)
     order = np.where(taps, taps, 1.0)
     slope = np.where(taps, (-1.0) ** taps / order, 0.0) * _window(taps) / np.i0(_KAISER)
-    slopes = np.convolve(early, slope, "same")
-    lag, reach = peak.lag, 1.0 / peak.turn
+    edge = max(TAPS, min(int(4.0 * SMOOTH / peak.turn), len(early) // 4))
+    smooth = np.exp(-0.5 * (np.arange(-edge, edge + 1.0) * peak.turn / SMOOTH) ** 2)
+    slopes = oaconvolve(
+        np.pad(early, edge, "reflect", reflect_type="odd"), np.convolve(smooth / smooth.sum(), slope, "same"), "valid"
+    )
+    lag = peak.lag
     for _ in range(STEPS):
         whole = int(np.floor(lag))
         first, last = max(TAPS, TAPS - whole), min(len(early), len(late) - whole) - TAPS
-        if last - first < 2 * TAPS or abs(lag - peak.lag) > reach:
+        if last - first < 2 * TAPS:
             return None
         away = lag - whole - np.arange(1 - TAPS, TAPS + 1)
         weights = np.sinc(away) * _window(away)
@@ -316,29 +331,32 @@ def _refined(
         one, other = without_mean(early[first:last]), without_mean(shown)
         turned = slopes[first:last] - slopes[first:last].mean()
         turned -= (turned @ one) / max(float(one @ one), 1e-300) * one
-        power = float(turned @ np.convolve(other, slope, "same"))
+        power = float(turned[TAPS - 1 : 1 - TAPS] @ np.convolve(other, slope, "valid"))
         like = float(one @ other)
         if not (power > 0.0 and like > 0.0):
             return None
-        step = -float(turned @ other) / power
+        turn, step = float(np.sqrt(power / like)), -float(turned @ other) / power
         lag += step
+        if abs(lag - peak.lag) * turn > 1.0:
+            return None
         if abs(step) < LEAST_STEP:
-            break
-    same = min(like / float(np.sqrt((one @ one) * (other @ other))), 1.0)
-    turn = float(np.sqrt(power / like))
-    residual = other - like / float(one @ one) * one
-    for half_waves in (3.0, 1.0):
-        block = max(round(half_waves * np.pi / turn), 1)
-        begins = np.arange(0, last - first, block)
-        scores, shares = (np.add.reduceat(v, begins) for v in (turned * residual, turned**2 / float(turned @ turned)))
-        if (freedom := 1.0 / float(shares @ shares) - 1.0) >= LEAST_FREEDOM:
             break
     else:
         return None
+    same = min(like / float(np.sqrt((one @ one) * (other @ other))), 1.0)
+    residual = other - like / float(one @ one) * one
+    block, freedom = 6.0 * np.pi / turn, 0.0
+    while freedom < LEAST_FREEDOM:
+        if (block := 0.5 * block) < 1.0:
+            return None
+        begins = np.arange(0, last - first, round(block))
+        scores, shares = (np.add.reduceat(v, begins) for v in (turned * residual, turned**2 / float(turned @ turned)))
+        freedom = 1.0 / float(shares @ shares) - 1.0
     wide = coverage_factor(freedom) / coverage_factor(np.inf)
-    variance = wide**2 * float(np.sum((scores / (1.0 - shares)) ** 2)) + np.pi / turn * rounding * float(
-        turned @ turned
-    )
+    variance = wide**2 * float(np.sum((scores / (1.0 - shares)) ** 2))
+    for shown, step in zip((early[first:last], late[first + whole : last + whole]), resolutions, strict=True):
+        held = np.flatnonzero(np.diff(shown, prepend=np.nan))
+        variance += step**2 / 12.0 * float(np.sum(np.add.reduceat(turned, held) ** 2))
     deviation = float(np.sqrt(variance)) / power
     return CorrelationPeak(round(lag, 6), same, turn, last - first), deviation
 

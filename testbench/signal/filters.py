@@ -145,32 +145,42 @@ class CorrelationPeak:
 
 _FINE = 4
 """Points a sample at which a correlation is looked at: between samples it is band-limited as the records are."""
+_SAME = 1.0 - 5e-7
+"""Correlation from which two records show the same: it is not interpolated better."""
 
 
 def correlation_peaks(late: Floats, early: Floats, most: int) -> list[CorrelationPeak]:
-    """Of ``late`` (n,) with ``early`` (m,) [any unit]: the ``most`` largest correlations, largest first."""
+    """Of ``late`` (n,) with ``early`` (m,) [any unit]: the ``most`` likely lags, likeliest first.
+
+    Each is of what both show at that lag, less its own means: those of whole records count how long each rests.
+    """
     from scipy.fft import irfft, next_fast_len, rfft
 
+    if min(len(late), len(early)) < 8:
+        return []
+    least = max(1e-24 * float(late @ late) * float(early @ early), 1e-300)  # of what is constant but for its rounding
     late, early = without_mean(late), without_mean(early)
     size = next_fast_len(len(late) + len(early), real=True)
     both = _FINE * irfft(rfft(late, size) * np.conj(rfft(early, size)), _FINE * size)
-    before, after = np.roll(both, 1), np.roll(both, -1)
-    peaks = np.flatnonzero((both >= before) & (both > after) & (both > 0.5 * max(float(both.max()), 1e-300)))
-    lags = (peaks + _FINE * len(early)) % (_FINE * size) / _FINE - len(early)
-    firsts, lasts = np.ceil(np.maximum(-lags, 0.0)), np.floor(np.minimum(len(early), len(late) - lags))
-    energies = [np.r_[0.0, np.cumsum(one**2)] for one in (early, late)]
-    found = []
-    for k, lag, first, last in zip(peaks, lags, firsts.astype(int), lasts.astype(int), strict=True):
-        move, height = parabola_peak(both, int(k), periodic=True)
-        there = np.clip(np.rint([first + lag, last + lag]).astype(int), 0, len(late))
-        power = (energies[0][last] - energies[0][first]) * (energies[1][there[1]] - energies[1][there[0]])
-        bend = 2.0 * both[k] - before[k] - after[k]
-        if last - first < 8 or not (power > 0.0 and bend > 0.0):
-            continue
-        turn = _FINE * float(np.sqrt(bend / both[k]))
-        same = min(float(height / np.sqrt(power)), 1.0)
-        found.append(CorrelationPeak(round(float(lag + move / _FINE), 6), same, turn, int(last - first)))
-    return sorted(found, key=lambda one: -one.correlation)[:most]
+    whole = np.arange(8 - len(early), len(late) - 7)
+    first, last = np.maximum(-whole, 0), np.minimum(len(early), len(late) - whole)
+    sums = [
+        (total := np.r_[0.0, np.cumsum(values)])[last + moved] - total[first + moved]
+        for values, moved in ((early, 0 * whole), (late, whole), (early**2, 0 * whole), (late**2, whole))
+    ]
+    common = last - first
+    power = (sums[2] - sums[0] ** 2 / common) * (sums[3] - sums[1] ** 2 / common)
+    steps = np.arange(_FINE * whole[0], _FINE * whole[-1] + 1)
+    both = both[steps]
+    shared = both - np.interp(steps, _FINE * whole, sums[0] * sums[1] / common)
+    like = shared / np.sqrt(np.maximum(np.interp(steps, _FINE * whole, power), least))
+    found, clear = [], (shared > 0.5 * max(float(shared.max()), 1e-300))[1:-1]
+    for k in np.flatnonzero(clear & (like[1:-1] >= like[:-2]) & (like[1:-1] > like[2:])) + 1:
+        move, height = parabola_peak(like, int(k))
+        if (bend := 2.0 * both[k] - both[k - 1] - both[k + 1]) > 0.0:
+            lag, turn = round(float(steps[k] + move) / _FINE, 6), _FINE * float(np.sqrt(bend / shared[k]))
+            found.append(CorrelationPeak(lag, min(height, _SAME), turn, int(common[k // _FINE])))
+    return sorted(found, key=lambda one: one.common * np.log1p(-(one.correlation**2)))[:most]
 
 
 def loaded_loops() -> ModuleType | None:
