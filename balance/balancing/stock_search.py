@@ -159,7 +159,7 @@ def with_more(
     """The best plates with ``more`` of one kind, by kind, the best first, where they leave less than ``counts``.
 
     ``counts`` (sites, kinds) [-] are the best without them; the rest is as for ``best_plates``. The second list has
-    kinds of which that is open, since in TIME_LIMIT_S, for all of them, nothing better was found and not all was looked at.
+    kinds of which that is open, since in TIME_LIMIT_S, for all of them, nothing better was found and not all was seen.
     """
     made = columns @ (counts @ masses) - target
     if turning is not None:

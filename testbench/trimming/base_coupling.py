@@ -27,6 +27,7 @@ from balance.dynamics.moving_base import (
     locked_inertia,
 )
 from balance.dynamics.regressor import momentum_regressor, wrench_regressor
+from balance.mechanism.mechanism import Mechanism
 
 from ..runs.aligned_run import AlignedRun
 from .vibration_regression import ShakenBase
@@ -39,58 +40,60 @@ _ROUNDS, _SETTLED = 12, 1e-3
 
 @dataclass(frozen=True)
 class BaseCoupling:
-    """One run, its base and its mechanism."""
+    """One run, its base and a mechanism."""
 
     run: ShakenBase
     bench: MountedBase
     points: Floats
     """Of the accelerometers' channels, in the base's frame, (channels, 3) [m]."""
-    inertia: Floats
-    """I(q), of base and mechanism, (n, 6, 6) [kg, kg m, kg m2]."""
+    mechanism: Mechanism
+    """As it was found to be, with the names and joints of the run's."""
     exact: bool
     """Whether the base moves as bodies do, and not to first order, as simulated benches move."""
+    heavier: float = 0.0
+    """By how much of it the mechanism's inertia on the base is larger than stated [-]."""
 
     @classmethod
-    def of(cls, run: ShakenBase, aligned: AlignedRun) -> "BaseCoupling":
-        """Of a run, and what its rig states."""
-        rig = aligned.rig
-        points = np.array([rig.base_accelerometers[c.sensor].position for c in run.sensors.columns])
-        inertia = run.base.mass - locked_inertia(run.model, run.path.q[0]) + inertia_along(run.model, run.path.q)
-        return cls(run, rig.bench, points, inertia, aligned.run.origin != "simulated")
+    def of(cls, run: ShakenBase, aligned: AlignedRun, mechanism: Mechanism) -> "BaseCoupling":
+        """Of a run, what its rig states, and the mechanism as it was found to be."""
+        places = aligned.rig.base_accelerometers
+        points = np.array([places[column.sensor].position for column in run.sensors.columns])
+        return cls(run, aligned.rig.bench, points, mechanism, aligned.run.origin != "simulated")
 
-    def readings(self, pi: Floats) -> tuple[Floats, Floats]:
+    def readings(self) -> tuple[Floats, Floats]:
         """What the coupling adds to the readings, and which part is of second order.
 
-        (n, channels) [m/s2] each, of the samples that count. ``pi`` (10 nb,) [kg, kg m, kg m2] are the mechanism's
-        parameters. Simulated benches move to first order: of their runs no second order is added.
+        (n, channels) [m/s2] each, of the samples that count. Simulated benches move to first order: of their runs no
+        second order is added.
         """
         run = self.run
-        push = run.wrench_regressor(run.path) @ pi
+        still = np.zeros((run.grid.count, 6))
+        push = self.unbalanced(BaseMotion(still, still, still))
         first = np.zeros_like(push)
         for _ in range(_ROUNDS):
             moved = run.moved((push + first)[:, None])
             motion = BaseMotion(moved.displacement[:, 0], moved.velocity[:, 0], moved.acceleration[:, 0])
-            ahead, behind = (self.unbalanced(pi, _scaled(motion, part)) for part in (_SMALL, -_SMALL))
+            ahead, behind = (self.unbalanced(_scaled(motion, part)) for part in (_SMALL, -_SMALL))
             before, first = first, (ahead - behind) / (2.0 * _SMALL) + self._linear(motion)
             if np.linalg.norm(first - before) <= _SETTLED * np.linalg.norm(push + first):
                 break
-        second = self.unbalanced(pi, motion) - push + self._linear(motion) - first
+        second = self.unbalanced(motion) - push + self._linear(motion) - first
         shown = run.answers(np.stack([first, second], axis=2))
         shown[:, :, 1] += self._shown_exactly(motion) - self._shown_linearly(motion)
         smooth = run.smooth(shown)
         return smooth[:, :, 0] + self.exact * smooth[:, :, 1], smooth[:, :, 1]
 
-    def unbalanced(self, pi: Floats, motion: BaseMotion) -> Floats:
+    def unbalanced(self, motion: BaseMotion) -> Floats:
         """Mounts and weight less h' and what turns with it, in axes of the base about its origin, (n, 6) [N, N m]."""
-        run, first = self.run, first_moment(self.inertia)
+        run, first = self.run, first_moment(self._inertia)
         to_base, speed, rate = _in_base_axes(motion)
-        momentum = self._momentum @ pi + _times(self.inertia, speed)
-        found = self._wrench @ pi - _times(self.inertia, rate) - _times(self._inertia_rate, speed)
+        momentum = self._momentum + _times(self._inertia, speed)
+        found = self._wrench - _times(self._inertia, rate) - _times(self._inertia_rate, speed)
         found[:, :3] -= np.cross(speed[:, 3:], momentum[:, :3])
         found[:, 3:] -= np.cross(speed[:, 3:], momentum[:, 3:]) + np.cross(speed[:, :3], momentum[:, :3])
         weight = to_base @ run.gravity
-        found += np.hstack([self.inertia[0, 0, 0] * weight, np.cross(first, weight)])
-        at_rest = np.concatenate([self.inertia[0, 0, 0] * run.gravity, np.cross(first[0], run.gravity)])
+        found += np.hstack([self._inertia[0, 0, 0] * weight, np.cross(first, weight)])
+        at_rest = np.concatenate([self._inertia[0, 0, 0] * run.gravity, np.cross(first[0], run.gravity)])
         sag = np.linalg.solve(self.bench.elastic().stiffness, at_rest)
         for mount in self.bench.mounts:
             point = np.array(mount.position)
@@ -102,16 +105,24 @@ class BaseCoupling:
         return found
 
     @cached_property
+    def _inertia(self) -> Floats:
+        """I(q), of base and mechanism, (n, 6, 6) [kg, kg m, kg m2]."""
+        run = self.run
+        carried = (1.0 + self.heavier) * inertia_along(self.mechanism, run.path.q)
+        return run.base.mass - locked_inertia(run.model, run.path.q[0]) + carried
+
+    @cached_property
     def _momentum(self) -> Floats:
-        return momentum_regressor(self.run.model, self.run.path.q, self.run.path.v)
+        return momentum_regressor(self.mechanism, self.run.path.q, self.run.path.v) @ self.mechanism.pi
 
     @cached_property
     def _wrench(self) -> Floats:
-        return wrench_regressor(self.run.model, self.run.path.q, self.run.path.v, self.run.path.a)
+        path = self.run.path
+        return wrench_regressor(self.mechanism, path.q, path.v, path.a) @ self.mechanism.pi
 
     @cached_property
     def _inertia_rate(self) -> Floats:
-        return np.gradient(self.inertia, self.run.grid.step, axis=0)
+        return np.gradient(self._inertia, self.run.grid.step, axis=0)
 
     def _linear(self, motion: BaseMotion) -> Floats:
         """M x'' + C x' + K x, (n, 6) [N, N m]."""

@@ -14,6 +14,7 @@ from balance.estimation.first_moment_imbalance import (
     ImbalanceFit,
     Subspace,
     imbalance_fit,
+    with_condition_values,
 )
 from balance.estimation.identifiability import NotIdentifiable
 
@@ -108,7 +109,7 @@ class _Equations:
         if any(deviations):
             explained = imbalance_fit(records, problem.conditions).regression.explained()
             effects = map(sensor_errors.reading_effects, explained, columns, deviations)
-            runs = [replace(run, effects=own) for run, own in zip(runs, effects, strict=True)]
+            runs = [replace(run, effects={**run.effects, **own}) for run, own in zip(runs, effects, strict=True)]
         return cls(problem, runs)
 
     @classmethod
@@ -242,34 +243,31 @@ def by_vibration(problem: TrimProblem) -> SourceEstimate:
     columns = [list(one.sensors.columns) for one in bases]
     equations = _Equations.channel_by_channel(problem, parts, columns, combinations)
     found, fixed = equations.fit_all_or_at_sites()
-    rank, basis = problem.conditions.rank, parameter_basis(problem.conditions)
-
-    def parameters(fit: ImbalanceFit) -> Floats:
-        shared = combinations @ fit.shared[: combinations.shape[1]]
-        return np.asarray(basis[:, :rank] @ fit.imbalance.values + basis[:, rank:] @ shared)
-
-    couplings = [BaseCoupling.of(base, run) for base, run in zip(bases, problem.runs, strict=True) if _moves(run)]
-    second: list[Floats] = []
-    for _ in range(_ROUNDS if couplings else 0):
-        before = found.imbalance
-        added, second = map(list, zip(*(one.readings(parameters(found)) for one in couplings), strict=True))
-        corrected = [
-            replace(part, record=replace(part.record, readings=part.record.readings - own))
-            for part, own in zip(parts, added, strict=True)
-        ]
+    second = [np.zeros_like(part.record.readings) for part in parts]
+    moving = [(i, bases[i], run) for i, run in enumerate(problem.runs) if _moves(run)]
+    for _ in range(_ROUNDS if moving else 0):
+        before, corrected = found.imbalance, list(parts)
+        for i, base, run in moving:
+            mechanism = with_condition_values(problem.conditions, run.mechanism, before.values)
+            coupling = BaseCoupling.of(base, run, mechanism)
+            added, second[i] = coupling.readings()
+            per_mass = (replace(coupling, heavier=FILE_MASS).readings()[0] - added) / FILE_MASS
+            record = replace(parts[i].record, readings=parts[i].record.readings - added)
+            corrected[i] = replace(parts[i], record=record, effects={MASS: per_mass})
         equations = _Equations.channel_by_channel(problem, corrected, columns, combinations)
         found = equations.fit(before.subspace if fixed else None)
         changed = np.abs(found.imbalance.values - before.values)
         if (changed <= _SETTLED * np.sqrt(np.diag(found.imbalance.covariance))).all():
             break
     measured, within = equations.widened(found)
+    shared = combinations @ found.shared[: combinations.shape[1]]
+    pi, gains = parameter_basis(problem.conditions) @ np.concatenate([measured.values, shared]), found.gains()
     # Wider by what the encoders' steps do to the columns, and by what is of second order in the base's motion.
-    pi, gains = parameters(found), found.gains()
     each = zip(bases, problem.runs, gains, strict=True)
     steps = np.sum([step_covariance(base, run.encoders, gain, pi) for base, run, gain in each], axis=0)
-    shift = sum((np.einsum("nrk,nr->k", gain, own) for gain, own in zip(gains, second, strict=False)), np.zeros(rank))
+    shift = np.sum([np.einsum("nrk,nr->k", *pair) for pair in zip(gains, second, strict=True)], axis=0)
     measured = replace(measured, covariance=measured.covariance + steps + np.outer(shift, shift) / 3.0)
-    within += [SECOND_ORDER] if couplings else []
+    within += [SECOND_ORDER] * bool(moving)
     about = (
         "The base's mass, centre, inertia and mounts are those that the rig states: a model that is assumed, whose "
         "errors the intervals do not contain.",

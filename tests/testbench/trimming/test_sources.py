@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from balance.arrays import frozen
 from studies import simulated_runs as memory
 from studies.laboratories import FAMILIES
 from studies.trim import BENCHES
@@ -98,9 +99,13 @@ def test_what_was_measured_was_measured_in_gravity(manipulator, runs):
     assert "weight = true" in found.doubts()[0]
 
 
+@pytest.mark.parametrize("in_file", [1.0, 1.05], ids=["true file", "heavy file"])
 @pytest.mark.parametrize("mounted", [{"masses": {}}, {}], ids=["bare", "as built"])
-def test_inertia_that_moves_is_counted(manipulator, mounted):
-    """On a base of 30 kg, of whose inertia much moves: with nothing mounted as with all, what is missing is right."""
+def test_inertia_that_moves_is_counted(manipulator, mounted, in_file):
+    """On a base of 30 kg, of whose inertia much moves: with nothing mounted as with all, what is missing is right.
+
+    So it is where the file's bodies are 5 % too heavy.
+    """
     light = {
         "[bench]": '[bench]\ncoupling = "moving"',
         '"90 kg"': '"30 kg"',
@@ -113,7 +118,8 @@ def test_inertia_that_moves_is_counted(manipulator, mounted):
         text = text.replace(old, new)
     rig = rigs.rig_from_text(text)
     seen = [memory.scene(motion, rig=rig, **mounted).run(k) for k, motion in enumerate(MOTIONS)]
-    found = trim_runs(memory.aligned(seen, manipulator), source="vibration")
+    file = replace(manipulator, parameters=frozen(in_file * manipulator.parameters))
+    found = trim_runs(memory.aligned(seen, file), source="vibration")
     assert not found.doubts()
     for one, kilograms in zip(found.missing, memory.BUILT.values(), strict=True):
         true = MISSING + 0.03755 * kilograms * bool(mounted)
