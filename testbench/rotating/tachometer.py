@@ -6,7 +6,7 @@ late by the same time. That common error and its interval are estimated by the p
 with normal scatter, observed in steps.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -140,6 +140,8 @@ _ROUNDED = 0.31
 """Scatter of instants about a smooth motion [steps] that steps alone explain: 12^-0.5, and a little."""
 _EXACT = 1e-3
 """The same where pulses are interpolated between samples."""
+_ODD = 3
+"""Increments of an encoder at either end that may be of lost samples."""
 _STEEP = 0.3
 """Share of the swing within one sample above which the crossing cannot be interpolated."""
 
@@ -282,18 +284,18 @@ class Mark:
     """Level of a pulse [unit of the signal]; None for half its swing."""
     falling: bool = False
     doubt: float = 0.0
-    """Standard deviation of the level [unit of the signal]; of half the swing it is found in the record."""
+    """Standard deviation of the angle of the rotor at the mark [rad], beside what the record shows."""
 
 
 def encoder_mark(angle: Floats) -> tuple[Floats, Mark]:
     """An encoder's ``angle`` (n,) [rad], counting on or back at zero, as signal (n,) of a tachometer: its sine.
 
-    A count is where the angle enters it, so the angle is half a count more in the mean; that half is in doubt.
+    A count reads its lower end in either sense, so the angle is half a count more in the mean; that half is in doubt.
     """
     turned = np.unwrap(angle)
-    turned = turned if turned[-1] > turned[0] else -turned
-    count = float(np.diff(np.sort(np.diff(turned))).max(initial=0.0))  # increments differ by whole counts
-    return np.sin(turned + 0.5 * count), Mark(0.0, doubt=count / 12.0**0.5)
+    sense = 1.0 if turned[-1] > turned[0] else -1.0
+    count = float(np.diff(np.sort(np.diff(turned))[_ODD:-_ODD]).max(initial=0.0))  # increments differ by whole counts
+    return np.sin(sense * (turned + 0.5 * count)), Mark(0.0, doubt=count / 12.0**0.5)
 
 
 def tacho_pulses(time: Floats, signal: Floats, level: float | None = None, falling: bool = False) -> Floats:
@@ -336,7 +338,7 @@ def steady_turns(
 ) -> Turns:
     """Turns of a record at steady speed: ``signal`` (n,) [unit of ``level``] at ``time`` (n,) [s].
 
-    ``doubt`` is the standard deviation of ``level``.
+    ``doubt`` is the standard deviation of the angle at the mark [rad].
 
     Raises AnalysisError for a signal without pulses, too few turns, lost or spurious pulses, a speed that changes by
     more than ``within`` of its mean.
@@ -361,7 +363,10 @@ def steady_turns(
             f"{name}: {len(extra)} pulse{'s' * (len(extra) > 1)} too many, at {places}: expected one a turn; check "
             "--level"
         )
-    turns = _timed(time, signal, found, half_swing(time, signal, falling)[1] if guessed else doubt)
+    turns = _timed(time, signal, found, half_swing(time, signal, falling)[1] if guessed else 0.0)
+    turns = replace(
+        turns, timing=float(np.hypot(turns.timing, coverage_factor() * doubt / (2.0 * np.pi * turns.speed)))
+    )
     if turns.change > within:
         raise AnalysisError(
             f"{name}: the speed changes by {100 * turns.change:.2g} % of its mean {60 * turns.speed:.5g} rpm; expected "

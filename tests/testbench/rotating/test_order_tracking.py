@@ -332,13 +332,20 @@ def test_a_speed_that_the_run_never_had_widens_and_says_so() -> None:
 @pytest.mark.parametrize("counts", [0, 72, 1024])
 @pytest.mark.parametrize("wrapped", [False, True])
 @pytest.mark.parametrize("sense", [1.0, -1.0])
-def test_an_encoder_is_a_tachometer(counts: int, wrapped: bool, sense: float) -> None:
-    """Its zero is the mark, in either sense, counting on or wrapped, in counts or in none."""
+@pytest.mark.parametrize("reads", [np.floor, np.round])
+def test_an_encoder_is_a_tachometer(counts: int, wrapped: bool, sense: float, reads: np.ufunc) -> None:
+    """Its zero is the mark, in either sense, counting on or wrapped, in counts (at their end or middle) or in none."""
     time, angle, signal = resonant(1, 0.004, 0.001)
-    read = np.floor(angle / (2 * np.pi) * counts) * 2 * np.pi / counts if counts else angle
-    read = sense * read % (2 * np.pi) if wrapped else sense * read
-    pulse, mark = encoder_mark(read)
+    read = reads(sense * angle / (2 * np.pi) * counts) * 2 * np.pi / counts if counts else sense * angle
+    pulse, mark = encoder_mark(read % (2 * np.pi) if wrapped else read)
     turns = steady_turns("run", time, pulse, mark.level, mark.falling, 0.01, mark.doubt)
     vector = order_vector("A", "acceleration", signal, turns, time, 1, 8)
     assert abs(np.angle(vector.value / complex(response(turns.speed)))) < vector.phase_within
     assert vector.phase_within < np.radians(0.1 + (1.2 * 180.0 / counts if counts else 0.0))
+
+
+def test_lost_samples_of_an_encoder_are_no_count() -> None:
+    """The doubt is that of one count, of 2048 a turn, where 40 samples are lost in one place."""
+    count, kept = 2 * np.pi / 2048, np.r_[0:30_000, 30_040:60_000]
+    read = np.floor(2 * np.pi * 41.3 * kept / 20_000.0 / count) * count
+    assert encoder_mark(read)[1].doubt == pytest.approx(count / 12**0.5)
