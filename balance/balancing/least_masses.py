@@ -148,21 +148,20 @@ def _lightest(columns: Floats, made: Floats, least: Floats, most: Floats) -> Flo
     """
     if not columns.any():
         return np.zeros(len(least))
-    count = len(least)
-    size = max(float(np.abs(made).max(initial=0.0)) / float(np.abs(columns).max()), 1e-12)
-    ends = np.concatenate([np.minimum(most, 1e9 * size), np.minimum(-least, 1e9 * size)]) / size
-    unit = np.eye(2 * count)
-    both = np.hstack([columns, -columns]) / np.abs(columns).max()
+    unit = np.eye(len(least))
+    signs = np.hstack([unit, -unit[:, least < 0.0]])  # a part that is zero leaves no interior
+    largest = float(np.abs(columns).max())
+    size = max(float(np.abs(made).max(initial=0.0)) / largest, 1e-12)
+    ends = np.minimum(np.append(most, -least[least < 0.0]) / size, 1e9)
     bounded = ends < 1e9
-    sides = np.vstack([both, unit[bounded], -unit])
-    right = np.concatenate([made / np.abs(columns).max() / size, ends[bounded], np.zeros(2 * count)])
-    cones = [("Zero", len(made)), ("Nonnegative", int(bounded.sum()) + 2 * count)]
-    squares = _TIES * np.kron([[1.0, -1.0], [-1.0, 1.0]], np.eye(count))
-    solution = conic_optimum(np.ones(2 * count), sides, right, cones, 1e-11, squares)
+    above = np.eye(len(ends))
+    sides = np.vstack([columns @ signs / largest, above[bounded], -above])
+    right = np.concatenate([made / largest / size, ends[bounded], np.zeros(len(ends))])
+    cones = [("Zero", len(made)), ("Nonnegative", int(bounded.sum()) + len(ends))]
+    solution = conic_optimum(np.ones(len(ends)), sides, right, cones, 1e-11, _TIES * signs.T @ signs)
     if str(solution.status) not in {"Solved", "AlmostSolved"}:
         raise SizingError(f"counter-masses did not converge: the conic solver stopped at {solution.status}")
-    parts = np.asarray(solution.x)
-    masses = size * (parts[:count] - parts[count:])
+    masses = size * (signs @ np.asarray(solution.x))
     near = 1e-6 * max(float(np.abs(masses).max(initial=0.0)), size)
     masses = np.where(masses > most - near, most, np.where(masses < least + near, least, masses))
     return np.where(np.abs(masses) < near, 0.0, masses)

@@ -1,6 +1,7 @@
 """Counter-masses with all there is to say of them: how good they are, what remains and why, a motion with them."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from pathlib import PurePath
@@ -90,12 +91,15 @@ def needed_sites(sizing: Sizing, restrictions: Restrictions) -> tuple[tuple[Sizi
     found, chosen = list[tuple[Sizing, ...]](), list[str]()
     while left > COMPLETE * before and len(chosen) < len(sizing.before.bodies):
         rest = sorted(set(sizing.before.bodies) - set(chosen))
-        trials = {body: _with_sites_on([*chosen, body], sizing, restrictions) for body in rest}
+        trials = dict[str, Sizing]()
+        for body in rest:
+            with suppress(SizingError):  # a trial whose solver does not converge gives no advice
+                trials[body] = _with_sites_on([*chosen, body], sizing, restrictions)
         remain = {body: one.root_mean_squares()[1] for body, one in trials.items()}
-        if not min(remain.values()) < (1.0 - _LESS) * left:
+        if not min(remain.values(), default=left) < (1.0 - _LESS) * left:
             break
         left = min(remain.values())
-        best = [body for body in rest if remain[body] <= left + COMPLETE * before]
+        best = [body for body in remain if remain[body] <= left + COMPLETE * before]
         found.append(tuple(trials[body] for body in best))
         chosen.append(best[0])
     return tuple(found)

@@ -32,6 +32,17 @@ def test_the_lightest_and_among_equals_even(removable):
     assert found.masses == pytest.approx([0.0, 1.5, 2.0, 2.0], abs=1e-9)
 
 
+@pytest.mark.parametrize("seed", [279, 0])
+def test_the_lightest_of_small_masses(seed):
+    """Two sites act alike but for their lever, the others by themselves: the one with the longer lever is chosen."""
+    rng, mass = np.random.default_rng(seed), 2.36117e-3
+    columns = rng.standard_normal((3, 4))
+    columns[:, 2] = (lever := rng.uniform(0.2, 3.0)) * columns[:, 3]
+    alike = [mass / lever, 0.0] if lever > 1.0 else [0.0, mass]
+    found = distribute_masses(columns, mass * (columns[:, 1] + columns[:, 3]))
+    assert found.masses == pytest.approx([0.0, mass, *alike], abs=1e-12)
+
+
 def test_limits():
     """What a limited site cannot carry goes to the next."""
     found = distribute_masses(TWO_ARMS, np.array([0.3, 0.4]), np.array([9.0, 1.0, 1.0, 9.0]))

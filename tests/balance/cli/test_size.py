@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from balance import datasets, follow, load, simulate, size
+from balance.balancing import sizing_study
+from balance.errors import SizingError
 
 KEYS = {
     "counter_masses", "residual_first_moment_kgm", "residual_percent", "balanced_payload_kg", "added_mass_kg",
@@ -227,6 +229,24 @@ def test_further_sites_heed_equal_masses(balance):
     assert first == pytest.approx(third)
     assert free["counter_masses_kg"][sites[0]] > 2.0 * first
     assert max(free["remaining_percent"], equal["remaining_percent"]) < 1e-4
+
+
+def test_advice_on_further_sites_is_found_with_a_total_or_left_out(balance, monkeypatch):
+    """A limit that holds nothing leaves the advice as it is; trials that do not converge leave it out alone."""
+    given = ("size", "forbal-2", "--json")
+    free, within = (json.loads(balance(*given, *more).out) for more in ((), ("--added", "0.1kg")))
+    assert [one["remaining_percent"] for one in within["sites_needed"]] == pytest.approx(
+        [one["remaining_percent"] for one in free["sites_needed"]], abs=1e-3
+    )
+    assert {one["new_sites"][-1]["body"] for one in within["sites_needed"]} == {"link11", "link12", "link21", "link22"}
+    monkeypatch.setattr(sizing_study, "_with_sites_on", refuse)
+    without = json.loads(balance(*given).out)
+    assert without == free | {"sites_needed": []}
+
+
+def refuse(*_):
+    """A trial that does not converge."""
+    raise SizingError("counter-masses did not converge")
 
 
 def test_the_verdict_comes_first_and_names_the_body_that_lacks_a_site(balance):
