@@ -189,7 +189,7 @@ def reference(kind: str, schema: Mapping[str, Any]) -> Iterable[str]:
     yield f"## {kind}"
     for title, part in {"": schema, **schema.get("$defs", {})}.items():
         yield from ([f"### {kind}: {_title(title)}"] if title else [])
-        yield from (part["description"].partition("\n")[0], "")
+        yield from (part["description"].partition("\n\n>>>")[0].replace("``", "`"), "")
         yield from ("| key | meaning | written as | default |", "|---|---|---|---|")
         for key, one in part.get("properties", {}).items():
             default = "required" if key in part.get("required", ()) else _default(one.get("default"))

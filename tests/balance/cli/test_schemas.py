@@ -53,6 +53,9 @@ def test_the_reference_page_is_that_of_the_models():
     page = (Path(__file__).parents[3] / "docs" / "files.md").read_text("utf-8")
     assert page == reference_page(MODELS, testbench.cli.files.MODELS)
     assert page == CliRunner().invoke(testbench.cli.files.schema, ["--text"]).output
+    assert "A positive value pushes the joint towards smaller coordinates" in page
+    assert "M = (stall torque / no-load speed) (nominal - n)" in page
+    assert ">>>" not in page
     assert "list of (`Fx` or `Fy` or `Fz` or `Mx` or `My` or `Mz`) or `rest`" in page  # the word is no item of it
 
 
