@@ -33,7 +33,7 @@ from balance.units import G0
 
 from .errors import AnalysisError
 from .kinematics.encoder_motion import mechanism_of
-from .recording import mounted_masses
+from .recording import mounted_masses, payload_body
 from .runs.aligned_run import AlignedRun, recorded_clocks, trigger_notes
 from .runs.si_run import SIRun
 from .simulator.loggers import record_log
@@ -48,7 +48,7 @@ from .trimming.missing_masses import lacking, trim_problem
 from .trimming.problem import SOURCES, Source, TrimProblem
 from .vibration.metrics import Measure
 from .vibration.reduction import Reduction, analyze
-from .vibration.run_pairs import ConditionKey
+from .vibration.run_pairs import ConditionKey, stated_of
 
 Question = Literal["reduction", "first-moment", "counter-mass"]
 _SEED = 0
@@ -162,7 +162,7 @@ def next_for_reduction(
     wanted = [
         one
         for one in analysis.reductions
-        if _carries(one.key.payload_kg, one.key.payloads_kg, payloads, _named(runs))
+        if _carries(one.key.payload_kg, one.key.payloads_kg, _asked(payloads, runs), _named(runs))
         and (not motions or one.key.motion in motions)
         and (not peaks or any(_has_peak(one.key, peak) for peak in peaks))
         and (not axes or one.axis in axes)
@@ -192,6 +192,12 @@ def next_for_reduction(
 def _named(runs: Iterable[Run]) -> set[str]:
     """Bodies and sites whose payload the run table states, of some run."""
     return {name for run in runs for name in run.conditions.get("payloads", {})}
+
+
+def _asked(payloads: Iterable[tuple[str, float]], runs: Iterable[Run]) -> list[tuple[str, float]]:
+    """The same with an empty name for the one body that carries the payload."""
+    bodies = {payload_body(run.inputs) for run in runs}
+    return [("" if name in bodies else name, mass) for name, mass in payloads]
 
 
 def _carries(
@@ -314,8 +320,13 @@ def _of_one_mounting(runs: Sequence[Run], payloads: Sequence[tuple[str, float]])
     """The runs of the mounting with the most, bound to their rigs, and what is left out."""
     groups: dict[tuple[object, ...], list[Run]] = {}
     for run in runs:
-        payload, named = run.conditions.get("payload_kg"), mounted_masses(run.conditions, "payloads")
-        if _carries(payload, named, payloads, _named(runs)) and run.rig is not None and "motion" in run.conditions:
+        stated = stated_of(run)
+        payload, named = stated.get("payload_kg"), mounted_masses(stated, "payloads")
+        if (
+            _carries(payload, named, _asked(payloads, runs), _named(runs))
+            and run.rig is not None
+            and "motion" in run.conditions
+        ):
             masses = mounted_masses(run.conditions, "counter_masses")
             groups.setdefault((payload, tuple(sorted(named.items())), *sorted(masses.items())), []).append(run)
     if not groups:

@@ -214,6 +214,27 @@ class Conditions(TypedDict, total=False):
     repeat: int
 
 
+_PAYLOAD = re.compile(r'<text name="payload" data="([^" ]+)" */>')
+"""How a mechanism's text names one body as its payload."""
+
+
+def payload_body(inputs: Mapping[str, Sequence[str]]) -> str | None:
+    """The one body that the mechanism stored with a run, of ``Run.inputs``, names as its payload; None without one."""
+    found = _PAYLOAD.search(inputs["mechanism"][1]) if "mechanism" in inputs else None
+    return found[1] if found else None
+
+
+def with_one_payload(stated: Conditions, body: str | None) -> Conditions:
+    """The same with a payload above zero that is stated of ``body``, which carries the payload, as ``payload_kg``."""
+    rest = dict(stated.get("payloads", {}))
+    if body is None or "payload_kg" in stated or not rest.get(body, 0.0) > 0.0:
+        return stated
+    found: Conditions = {**stated, "payload_kg": rest.pop(body), "payloads": rest}
+    if not rest:
+        del found["payloads"]
+    return found
+
+
 def mounted_masses(stated: Conditions, key: Literal["payloads", "counter_masses"]) -> dict[str, float]:
     """Those above zero, by body or site [kg]: zero is none, as where the run table names none."""
     return {name: mass for name, mass in stated.get(key, {}).items() if mass > 0.0}

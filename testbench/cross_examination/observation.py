@@ -26,7 +26,7 @@ from ..kinematics.motion_recognition import (
 )
 from ..kinematics.smoothing_and_derivatives import ALMOST, HIGHEST_CUTOFF, block_means, bridge_gaps, grid_of, low_pass
 from ..quality.clipping import is_dead, stuck_value
-from ..recording import Conditions, mounted_masses
+from ..recording import Conditions, mounted_masses, payload_body, with_one_payload
 from ..rig import Column, Rig
 from ..rig.sensors import Accelerometer, Encoder, Target, Torque
 from ..runs.si_run import SIRun
@@ -141,6 +141,7 @@ class Observation:
 
     name: str
     conditions: Conditions
+    """By the run table; of the one body that carries the payload it is ``payload_kg``."""
     rig: Rig
     logs: dict[str, str] = field(default_factory=dict)
     """By channel, the file of its log; its group where that is not known."""
@@ -216,7 +217,8 @@ class Observation:
 
 def observe(run: SIRun, mechanism: Callable[[], Mechanism]) -> Observation:
     """Read a run once; ``mechanism`` is that of its rig, unloaded. A witness that fails leaves its reason."""
-    seen = Observation(run.name, run.conditions, run.rig)
+    stated = with_one_payload(run.conditions, payload_body(run.recorded.inputs))
+    seen = Observation(run.name, stated, run.rig)
     run = run.preloaded(columns := observed_columns(run))
     files = {
         group: one["name"] for one in run.recorded.provenance.get("sources", ()) for group in one.get("groups", ())
@@ -255,6 +257,8 @@ def observe(run: SIRun, mechanism: Callable[[], Mechanism]) -> Observation:
             seen.unread = str(error)
             raise
         seen.mechanism_kg = unloaded.total_mass
+        if len(unloaded.payload_bodies) == 1:
+            seen.conditions = with_one_payload(run.conditions, unloaded.payload_body)
         _by_model(seen, ModelledRun.of(run, unloaded))
     return seen
 

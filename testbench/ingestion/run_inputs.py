@@ -4,7 +4,6 @@ A mechanism that is made of several files (includes, meshes, the loops of a robo
 same. What cannot be found or read is a finding: the logs are stored nevertheless.
 """
 
-import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,14 +12,12 @@ from balance import datasets
 from balance.errors import CounterpoiseError
 from balance.input_files import read_text
 
-from ..recording import Conditions, Finding
+from ..recording import Conditions, Finding, payload_body
 from ..rig.rig import NONE, mechanism_file
 
 if TYPE_CHECKING:
     from ..rig import Rig
 
-_ONE_PAYLOAD = re.compile(r'<text name="payload" data="[^" ]+" */>')
-"""How a mechanism's text names one body as its payload."""
 Inputs = dict[str, tuple[str, ...]]
 """Name and texts of a file by ``mechanism`` and ``motion``."""
 
@@ -56,7 +53,7 @@ def run_inputs(rig: "Rig | None", conditions: Conditions, folders: Iterable[Path
 
 def _payload_findings(mechanism: tuple[str, ...], conditions: Conditions) -> list[Finding]:
     """A finding where a payload is stated and the mechanism does not name the one body that carries it."""
-    if "payload_kg" not in conditions or _ONE_PAYLOAD.search(mechanism[1]):
+    if "payload_kg" not in conditions or payload_body({"mechanism": mechanism}):
         return []
     from balance.mechanism.mjcf_parser import mechanism_from_text  # late: most files say it in one line
 

@@ -9,7 +9,7 @@ from balance.results import Key
 from balance.units import G0
 
 from ..campaign_plan import PlannedRun
-from ..recording import Finding, mounted_masses
+from ..recording import Conditions, Finding, mounted_masses, payload_body, with_one_payload
 from ..store.ledger import read_ledger
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ class ConditionKey:
     @classmethod
     def of(cls, run: "Run") -> "ConditionKey":
         """The key of a run; its motion is empty where none is stated."""
-        c = run.conditions
+        c = stated_of(run)
         peaks = (c.get("peak_acceleration_g"), c.get("peak_acceleration_rad_s2"))
         linear, turning = (None if peak is None else round(peak, 9) for peak in peaks)
         return cls(
@@ -56,7 +56,7 @@ class ConditionKey:
             linear,
             run.origin,
             turning,
-            _in_order(run, "payloads"),
+            _in_order(c, "payloads"),
         )
 
     def planned(self, name: str, counter_masses: Mapping[str, float]) -> PlannedRun:
@@ -106,11 +106,11 @@ def pairs(runs: Iterable["Run"]) -> tuple[list[Pair], list[Finding]]:
         if (whole := _fuller_run(runs, run)) is not None:
             twice = f"left out: recovered from a stopped ingest, and {whole.name} holds more of the same logs"
             findings.append(_finding(run, "held_twice", twice))
-        elif missing := [name for name in needed if name not in run.conditions]:
+        elif missing := [name for name in needed if name not in stated_of(run)]:
             lack = f"its conditions lack {', '.join(missing)}: add them to the run table and ingest with --runs"
             findings.append(_finding(run, "conditions_missing", lack))
         else:
-            groups[ConditionKey.of(run)][_in_order(run, "counter_masses")].append(run)
+            groups[ConditionKey.of(run)][_in_order(run.conditions, "counter_masses")].append(run)
     found: list[Pair] = []
     for key, sets in groups.items():
         without = tuple(sets.pop((), ()))
@@ -123,9 +123,14 @@ def pairs(runs: Iterable["Run"]) -> tuple[list[Pair], list[Finding]]:
     return found, findings
 
 
-def _in_order(run: "Run", key: Literal["payloads", "counter_masses"]) -> tuple[tuple[str, float], ...]:
+def stated_of(run: "Run") -> Conditions:
+    """The conditions of a run, of the one body that its stored mechanism names as its payload as ``payload_kg``."""
+    return with_one_payload(run.conditions, payload_body(run.inputs))
+
+
+def _in_order(stated: Conditions, key: Literal["payloads", "counter_masses"]) -> tuple[tuple[str, float], ...]:
     """Masses above zero in the order of their names [kg]."""
-    return tuple(sorted(mounted_masses(run.conditions, key).items()))
+    return tuple(sorted(mounted_masses(stated, key).items()))
 
 
 def _fuller_run(runs: Sequence["Run"], part: "Run") -> "Run | None":

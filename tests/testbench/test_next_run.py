@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -415,6 +416,12 @@ def test_no_reduction_to_narrow():
         held = [replace(one, conditions={**one.conditions, "payloads": stated}) for one in runs]
         with pytest.raises(AnalysisError, match=r"no reduction is of what is asked; there are those of 3\.4116 kg"):
             next_for_reduction(held, MEASURE, asked)
+
+
+def test_the_payload_body_needs_no_name():
+    """Its name, or none, asks for the same."""
+    runs = [SimpleNamespace(inputs={"mechanism": ("m.xml", '<text name="payload" data="platform"/>')})]
+    assert next_run._asked([("platform", 5.0), ("tip", 0.1)], runs) == [("", 5.0), ("tip", 0.1)]
 
 
 def test_a_payload_is_asked_by_its_name_or_as_the_only_one():

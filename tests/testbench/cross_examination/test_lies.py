@@ -62,6 +62,19 @@ def test_a_lie_is_found(campaign, name, motion):
     assert {s.run for s in found.contradictions} <= liars
 
 
+@pytest.mark.parametrize("name", ["payload of one run", "payload of all runs"])
+def test_a_payload_stated_of_its_body(campaign, name):
+    """A column ``payload_platform_kg`` says the same as ``payload_kg``, in some runs or in all, honest or not."""
+    runs, witnesses = campaign
+    changed, _ = LIES[name].tell(runs, lies.shaking(runs)[0], np.random.default_rng(2))
+    for stated in (runs, changed):
+        for some in (1, len(runs)):
+            conditions = [dict(run.conditions) for run in stated[:some]]
+            moved = [{"payloads": {"platform": one.pop("payload_kg")}, **one} for one in conditions]
+            other = [replace(run, conditions=one) for run, one in zip(stated, moved, strict=False)]
+            assert witnesses.hear([*other, *stated[some:]]).statements == witnesses.hear(stated).statements
+
+
 @pytest.mark.parametrize("name", ["payload of one run", "with and without exchanged", "axes exchanged in one run"])
 def test_a_lie_is_found_on_the_deep_bench(deep, name):
     """Among all that the model does not have."""

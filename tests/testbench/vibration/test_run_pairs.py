@@ -36,6 +36,7 @@ class FakeRun:
     groups: tuple[Group, ...] = field(default=(Group("daq", (Channel("AccX (g)", "g", "AccX"),)),))
     provenance: dict = field(default_factory=lambda: {"sources": []})
     path: Path = Path("nowhere", "run.h5")
+    inputs: dict = field(default_factory=lambda: {"mechanism": ("m.xml", '<text name="payload" data="platform"/>')})
 
 
 @dataclass
@@ -69,6 +70,16 @@ def test_payloads_by_name_are_conditions():
     assert [one.name for one in pair.runs] == ["a", "b"]
     assert document(pair.key)["payloads_kg"] == {"tip": 0.1, "tool": 1.0}
     assert "tool 1 kg, motion x, 3 g0" in findings[0].message
+
+
+@pytest.mark.parametrize("stated", [{"payload_kg": 5.0}, {"payloads": {"platform": 5.0}}])
+def test_a_payload_of_the_one_payload_body(stated):
+    """It is one condition by either column; of another body it is not."""
+    moved = {"motion": "x", "peak_acceleration_g": 3.0}
+    runs = [run("a", BUILT), FakeRun("b", moved | stated), FakeRun("c", moved | {"payloads": {"platform": 5.0}})]
+    (pair,), findings = pairs(runs)
+    assert ([one.name for one in pair.runs], pair.key.payload_kg, findings) == (["a", "b", "c"], 5.0, [])
+    assert not pairs([runs[0], FakeRun("d", moved | {"payload_kg": 5.0, "payloads": {"tip": 5.0}})])[0]
 
 
 @pytest.mark.parametrize("none", [{}, {"payloads": {}}, {"payloads": {"tip": 0.0}}])
