@@ -177,15 +177,18 @@ TORQUE_FACTOR = 2.0
 """Largest factor between a torque and its model without a finding, where the payload does not explain it."""
 
 
-THOUSANDFOLD = 500.0
-"""Factor, either way, between a stated mass and the median of the other runs' from which it is in another unit: gaps
-between honest ones are smaller, and a thousand is g for kg."""
-HEAVIER = 100.0
-"""Times the mechanism's own mass from which a stated mass is in another unit, whatever other runs state."""
+HEAVIER, PLAUSIBLE = 100.0, (0.01, 10.0)
+"""Times the mechanism's own mass from which a stated mass may be in grams, and what it is then in kg."""
+LEAST_GRAMS = 10.0
+"""Stated mass below which it is not taken for grams: few bodies are so light."""
+ROUNDED = 0.01
+"""Share by which a mass in another unit may be beyond those of the other runs: it was rounded."""
 
 
 def in_grams(observations: Sequence[Observation]) -> list[Statement]:
-    """Payloads and counter-masses of the run table that are in another unit than those of most runs, or too heavy."""
+    """Payloads and counter-masses of the run table that a thousandth, or a thousandfold, would make like those of most
+    other runs; and those too heavy for the mechanism, if a thousandth is not.
+    """
     stated: dict[tuple[str, str], dict[str, float]] = {}
     for seen in observations:
         loads = {"": seen.conditions.get("payload_kg", 0.0)} | mounted_masses(seen.conditions, "payloads")
@@ -194,21 +197,33 @@ def in_grams(observations: Sequence[Observation]) -> list[Statement]:
                 stated.setdefault((about, name), {}).update({seen.name: mass} if mass > 0.0 else {})
     mechanism, found = {seen.name: seen.mechanism_kg for seen in observations}, list[Statement]()
     for (about, name), by_run in stated.items():
-        votes = sorted(by_run.values())
         for run, mass in by_run.items():
-            near = mechanism[run] or float(np.sqrt(votes[0] * votes[-1]))  # of two in the middle, the likelier
-            middle = min(votes[(len(votes) - 1) // 2 : len(votes) // 2 + 1], key=lambda m: abs(np.log(m / near)))
-            if max(mass / middle, middle / mass) > THOUSANDFOLD:
-                witness, witnessed = "the run table of the other runs", f"{middle:.3g} kg"
-            elif mass > HEAVIER * mechanism[run] > 0.0:
-                witness, witnessed = "the mechanism", f"all that moves has {mechanism[run]:.3g} kg"
-            else:
-                continue
-            said = f"{mass:g} kg{f' at {name}' if name else ''} by the run table"
-            witnessed += ": grams for kilograms, or another slip of a thousand"
-            code = "payload_contradiction" if about == "payload" else "counter_mass_contradiction"
-            found.append(Statement(run, about, None, said, witnessed, witness, code))
+            others = [other for key, other in by_run.items() if key != run]
+            if (why := _another_unit(mass, others, mechanism[run])) is not None:
+                said = f"{mass:g} kg{f' at {name}' if name else ''} by the run table"
+                witnessed = f"{why[1]}: may be grams for kilograms, or another slip of a thousand"
+                code = "payload_contradiction" if about == "payload" else "counter_mass_contradiction"
+                found.append(Statement(run, about, None, said, witnessed, why[0], code))
     return found
+
+
+def _another_unit(mass: float, others: Sequence[float], mechanism: float) -> tuple[str, str] | None:
+    """The witness by which a mass may be in another unit, and what it says; None where it is as the others."""
+    thousandth = mass / 1000.0 if mass >= LEAST_GRAMS else 0.0
+    least, most = (share * mechanism for share in PLAUSIBLE)
+    if max(mass, *others, 0.0) > HEAVIER * mechanism > 0.0:
+        if mass > most >= thousandth >= least:
+            return "the mechanism", f"all that moves has {mechanism:.3g} kg"
+        others = [other for other in others if other <= most]
+    for meant in (1000.0 * mass, thousandth):
+        alike = [other for other in others if 1.0 / 30.0 < meant / other < 30.0]
+        # Of as many in either unit those are meant that are nearer to the mechanism's mass.
+        nearer = abs(np.log(max(meant, 1e-9) / (mechanism or 1.0))) < abs(np.log(mass / (mechanism or 1.0)))
+        if 2 * len(alike) <= len(others) + (not nearer):
+            continue
+        if (1.0 - ROUNDED) * min(alike) <= meant <= (1.0 + ROUNDED) * max(alike):
+            return "the run table of the other runs", f"{min(alike):.3g} to {max(alike):.3g} kg"
+    return None
 
 
 def accelerations(seen: Observation) -> list[Statement]:

@@ -13,7 +13,7 @@ from studies import lies
 from studies.lies import LIES, LIES_BESIDE_REPEATS, Witnesses
 from studies.simulated_runs import with_values
 from testbench.cross_examination import sensors
-from testbench.cross_examination.conditions import accelerations
+from testbench.cross_examination.conditions import accelerations, in_grams
 from testbench.cross_examination.copies import OneRecording
 from testbench.cross_examination.examination import Examination, _whose
 from testbench.cross_examination.observation import DRIVE_TERMS, Observation, Response, TorqueEquations
@@ -374,6 +374,26 @@ def test_grams_for_kilograms(campaign, key, factor, liars):
     code = "payload_contradiction" if key == "payload_kg" else "counter_mass_contradiction"
     assert {(s.run, s.code) for s in found} == {(run, code) for run in names}
     assert all("grams for kilograms" in s.witnessed for s in found)
+
+
+@pytest.mark.parametrize(
+    ("masses", "mechanism", "marked"),
+    [
+        ([1451.0, 3412.0, 5000.0], 30.0, [1451.0, 3412.0, 5000.0]),
+        ([1.451, 1451.0, 3412.0], 30.0, [1451.0, 3412.0]),
+        ([1451.0, 2.0, 1.0], 30.0, [1451.0]),
+        ([1.451, 1451.0], 0.0, [1451.0]),
+        ([0.005, 5.0, 5.0], 10.0, [0.005]),
+        ([0.004, 5.0, 5.0], 10.0, []),
+        ([0.004, 0.005, 4.5], 10.0, []),
+        ([3.0, 3.0], 0.02, []),
+        ([250.0, 250.0], 5.0, []),
+    ],
+)
+def test_which_masses_may_be_in_grams(masses, mechanism, marked):
+    """A thousandth, or a thousandfold, is like the others or like the mechanism; light payloads and arms are honest."""
+    runs = [Observation(f"r{i}", {"payload_kg": m}, None, mechanism_kg=mechanism) for i, m in enumerate(masses)]
+    assert [runs[int(s.run[1:])].conditions["payload_kg"] for s in in_grams(runs)] == marked
 
 
 def test_an_encoder_is_compared_with_other_runs(repeats):
