@@ -75,7 +75,7 @@ def identify(
     )
     if records[0].laws or not found.tests.friction:
         return found
-    laws = tuple(test.law for test in found.tests.friction if test.law is not None)
+    laws = tuple(term for test in found.tests.friction if test.law is not None for term in test.law.terms)
     again = identify([replace(record, laws=laws) for record in records], mechanism, method, others=others)
     again = replace(again, friction=tuple(found.tests.friction))
     return found if again.doubts and found.doubts else again

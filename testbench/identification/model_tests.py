@@ -23,8 +23,8 @@ varies freely is sought in FREE_ALARM:
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property, partial
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
@@ -33,7 +33,7 @@ from balance.arrays import Floats
 from balance.dynamics.regressor import FRICTION_LAWS
 from balance.estimation.base_parameters import BaseParameters
 from balance.estimation.estimate import LEVEL_TEXT, Estimate, f_tail, student_quantile
-from balance.estimation.regression import RegressionRecord, fit
+from balance.estimation.regression import RegressionRecord, fit, least_squares
 from balance.mechanism.mechanism import Mechanism
 from balance.results import Key
 
@@ -71,6 +71,8 @@ ROUNDING = 1e-12
 """Part of the squares of the rows that is rounding: what is left of records without noise proves nothing."""
 MOST_LAWS = 2
 """Of friction of a joint."""
+SIZE_STEPS, LARGEST_STEP = 5, 0.4
+"""Of the logarithm of a law's size: how many, and the largest."""
 OVERSAMPLING = 8.0
 """Samples of low-passed equations kept for each period of the cut-off."""
 WINDOW_S, WINDOW_BLOCKS = 1.0, 6
@@ -199,18 +201,45 @@ class ModelTests:
 
     @cached_property
     def friction(self) -> list[FreeTest]:
-        """Laws of friction beyond those of the equations, MOST_LAWS a joint at most; by chance FALSE_ALARM each."""
+        """Laws of friction beyond the equations', one of a kind, MOST_LAWS a joint; by chance FALSE_ALARM each."""
         found: list[FreeTest] = []
         for place, joint in enumerate(self.joints):
             laws = [Law(joint, kind, size) for kind, sizes in FRICTION_LAWS.items() for size in sizes]
-            columns = np.stack([self.equations.joined(partial(_low_passed_friction, law)) for law in laws], axis=2)
+            columns, known = self._friction(laws), self._friction([])
             for _ in range(MOST_LAWS):
-                known = columns[:, :, [laws.index(one.law) for one in found if one.law in laws]]
                 test = self._explained(place, "friction", known, columns, laws)
-                if test.probability >= FALSE_ALARM:
+                if test.probability >= FALSE_ALARM or test.law is None:
                     break
-                found.append(test)
+                law = self._sized(test.law, known)
+                found.append(replace(test, law=law))
+                known = np.concatenate([known, self._friction(law.terms)], axis=2)
+                other = [k for k, one in enumerate(laws) if one.kind != law.kind]
+                columns, laws = columns[:, :, other], [laws[k] for k in other]
         return found
+
+    def _friction(self, laws: Sequence[Law]) -> Floats:
+        """Low-passed columns of laws of friction, (n, joints, laws)."""
+
+        def of(part: RecordEquations) -> Floats:
+            joints = part.record.torque.shape[1]
+            made = [part.friction(law, part.motion)[:, :joints] for law in laws]
+            return part.low_passed(np.stack(made, axis=2)) if made else np.zeros((len(part.whole), joints, 0))
+
+        return self.equations.joined(of)
+
+    def _sized(self, law: Law, known: Floats) -> Law:
+        """With the size of least squares, by Gauss-Newton steps within the tried ones, beside ``known`` columns."""
+        joints, sizes = len(self.joints), FRICTION_LAWS[law.kind]
+        used = self.equations.moving[:, :joints]
+        for _ in range(SIZE_STEPS if law.terms[1:] else 0):
+            columns = np.concatenate([self._base[:, :joints], known, self._friction(law.terms)], axis=2)
+            record = RegressionRecord.of(
+                columns, self._rows[:, :joints], np.zeros(len(columns), dtype=np.intp), used=used
+            )
+            amount, slope = least_squares(record)[-2:]
+            step = float(np.clip(slope / amount, -LARGEST_STEP, LARGEST_STEP))
+            law = law._replace(size=float(np.clip(law.size * np.exp(step), min(sizes), max(sizes))))
+        return law._replace(size=float(f"{law.size:.3g}"))
 
     @cached_property
     def motion(self) -> MotionTest | None:
@@ -491,10 +520,6 @@ class ModelTests:
     @cached_property
     def _residual(self) -> Floats:
         return np.asarray((self._rows - self._base @ self.identified.values) * self.equations.moving)
-
-
-def _low_passed_friction(law: Law, part: RecordEquations) -> Floats:
-    return part.low_passed(part.friction(law, part.motion)[:, : part.record.torque.shape[1]])
 
 
 def law_terms(q: Floats, v: Floats, joint: int) -> Floats:

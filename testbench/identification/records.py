@@ -42,17 +42,26 @@ DIFFERS = "mechanism_differs"
 
 
 class Law(NamedTuple):
-    """Friction of a driven joint by one of the ``FRICTION_LAWS`` that fades over ``size`` [rad/s, rad, m/s, m]."""
+    """Friction of a driven joint by one of the ``FRICTION_LAWS`` that fades over ``size`` [rad/s, rad, m/s, m].
+
+    Or its derivative by the logarithm of the size: with both among the parameters all intervals hold for any size.
+    """
 
     joint: str
     kind: str
     size: float
+    by_size: bool = False
 
     @property
     def name(self) -> str:
         """Of its parameter."""
-        fades = "" if len(FRICTION_LAWS[self.kind]) == 1 else f", {self.size:g}"
-        return f"{self.kind}[{self.joint}{fades}]"
+        fades = f", {self.size:g}" if self.terms[1:] else ""
+        return f"{self.kind}{'_size' * self.by_size}[{self.joint}{fades}]"
+
+    @property
+    def terms(self) -> tuple["Law", ...]:
+        """Itself and, where it fades over a size, its derivative."""
+        return (self,) if len(FRICTION_LAWS[self.kind]) == 1 else (self, self._replace(by_size=True))
 
 
 @dataclass(frozen=True)

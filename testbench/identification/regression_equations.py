@@ -107,7 +107,9 @@ class RecordEquations:
     def friction(self, law: Law, motion: Rates) -> Floats:
         """What a law of friction makes of the rows at one [N m, N, per speed or its square], (samples, rows)."""
         made, joint = np.zeros((len(motion.v), len(self.offsets))), self.mechanism.driven.index(law.joint)
-        made[:, joint] = friction_law(law.kind, law.size, motion.v[:, joint], self.record.grid.step)
+        sizes = law.size * np.exp([NEARBY, -NEARBY]) if law.by_size else [law.size]
+        at = [friction_law(law.kind, size, motion.v[:, joint], self.record.grid.step) for size in sizes]
+        made[:, joint] = (at[0] - at[1]) / (2.0 * NEARBY) if law.by_size else at[0]
         return made
 
     def with_own_offsets(self, parameters: Floats) -> Floats:

@@ -54,12 +54,12 @@ if TYPE_CHECKING:
 _TERM_UNITS = {
     "coulomb": ("N", "N m"), "viscous": ("N s/m", "N m s"), "offset": ("N", "N m"), "armature": ("kg", "kg m^2"),
     "low_speed": ("N", "N m"), "hysteresis": ("N", "N m"), "quadratic": ("N s^2/m^2", "N m s^2"),
-    "directional": ("N s/m", "N m s"),
+    "low_speed_size": ("N", "N m"), "hysteresis_size": ("N", "N m"), "directional": ("N s/m", "N m s"),
 }  # fmt: skip
 """Of the terms of a joint that slides, and of one that turns."""
 _FRICTION = {
-    "low_speed": "at low speed, up to some {}/s (Stribeck)",
-    "hysteresis": "after the joint turned, for some {} (hysteresis; at the turn twice that)",
+    "low_speed": "at low speed, below {}/s (Stribeck)",
+    "hysteresis": "after the joint turned, for {} (hysteresis; at the turn twice that)",
     "quadratic": "with the square of the speed",
     "directional": "with the speed, in its positive direction, and as much the other way in the negative one",
 }
@@ -290,22 +290,22 @@ class Identification(Shown, rows="values", figure="testbench.figures.estimates:d
     @cached_property
     def other_friction(self) -> list[str]:
         """What friction is beyond Coulomb + viscous, where the interval excludes zero."""
-        texts, laws = [], [test.law for test in self.friction if test.law is not None]
-        for joint, kind in dict.fromkeys((law.joint, law.kind) for law in laws):
-            own = [law for law in laws if (law.joint, law.kind) == (joint, kind)]
+        texts = []
+        for law in (test.law for test in self.friction if test.law is not None):
             try:
-                one = self.value(dict.fromkeys((law.name for law in own), 1.0))
+                one, *slope = (self.value({term.name: 1.0}) for term in law.terms)
             except NotIdentifiable:
                 continue
             low, high = sorted(map(abs, one.interval))
             if one.interval[0] * one.interval[1] > 0.0:
-                way = "rad" if self.mechanism.tree.joints[self.mechanism.coordinate_index(joint)].revolute else "m"
-                where = _FRICTION[kind].format(f"{max(law.size for law in own):g} {way}")
+                way = "rad" if self.mechanism.tree.joints[self.mechanism.coordinate_index(law.joint)].revolute else "m"
+                ends = [law.size * np.exp(end / one.value) for change in slope for end in change.interval]
+                size = " to ".join(f"{end:.2g}" for end in sorted(ends)) + f" {way}"
                 texts.append(
-                    f"friction of {joint} is not Coulomb + viscous: {abs(one.value):.2g} [{low:.2g}, "
-                    f"{high:.2g}] {one.unit} {'more' if one.value > 0.0 else 'less'} {where}; it is found together "
-                    f"with the bodies, as {', '.join(law.name for law in own)}: first moments and inertias are not "
-                    "affected, coulomb and viscous are the rest of the friction"
+                    f"friction of {law.joint} is not Coulomb + viscous: {abs(one.value):.2g} [{low:.2g}, {high:.2g}] "
+                    f"{one.unit} {'more' if one.value > 0.0 else 'less'} {_FRICTION[law.kind].format(size)}; it is "
+                    f"found together with the bodies, as {', '.join(term.name for term in law.terms)}: first moments "
+                    "and inertias are not affected, coulomb and viscous are the rest of the friction"
                 )
         return texts
 

@@ -74,17 +74,17 @@ def dahl(speed: np.ndarray, step: float, way: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("extra", "kinds"),
+    ("extra", "law", "amount", "size"),
     [
-        (lambda v: 0.0 * v, set()),
-        (lambda v: 0.3 * np.exp(-((v / 0.15) ** 2)) * np.sign(v), {"low_speed"}),
-        (lambda v: 0.4 * (dahl(v, 0.005, 0.03) - np.sign(v)), {"hysteresis"}),
-        (lambda v: 0.03 * v * np.abs(v), {"quadratic"}),
-        (lambda v: 0.08 * np.abs(v), {"directional"}),
+        (lambda v: 0.0 * v, None, 0.0, 1.0),
+        (lambda v: 0.3 * np.exp(-((v / 0.25) ** 2)) * np.sign(v), "low_speed", 0.3, 0.25),
+        (lambda v: 0.4 * (dahl(v, 0.005, 0.02) - np.sign(v)), "hysteresis", -0.4, 0.02),
+        (lambda v: 0.03 * v * np.abs(v), "quadratic", 0.03, 1.0),
+        (lambda v: 0.08 * np.abs(v), "directional", 0.08, 1.0),
     ],
 )
-def test_the_form_of_friction(extra, kinds):
-    """Dry and viscous friction is found without bias; what is more is named, and leaves both and the body right."""
+def test_the_form_of_friction(extra, law, amount, size):
+    """Dry and viscous friction is found without bias; what is more is named, with its size between those tried."""
     time, rng = np.arange(0.0, 15.0, 0.005), np.random.default_rng(2)
     sizes, omegas, phases = np.array([[0.9, 2.1, 0.3], [0.4, 5.3, 1.0], [0.15, 11.0, 2.0]]).T[:, :, None]
     angle = omegas * time + phases
@@ -97,13 +97,16 @@ def test_the_form_of_friction(extra, kinds):
         "arm", "simulated", Grid(0.0, 0.005, len(time)), np.rint(q[:, None] / 2e-5) * 2e-5, torque[:, None]
     )
     result = identify([record], MAKER.mechanisms[0], others=False)
-    assert {test.law.kind for test in result.friction} == kinds
-    assert len(result.other_friction) == len(kinds)
+    laws = [test.law for test in result.friction]
+    assert [one.kind for one in laws] == [law] * (law is not None)
+    assert len(result.other_friction) == len(laws)
     assert all(text.startswith("friction of J1 is not Coulomb + viscous: ") for text in result.other_friction)
-    for name, value in (("mcx[link_1]", 0.6), ("coulomb[J1]", 0.4), ("viscous[J1]", 0.3)):
+    assert all(one.size == pytest.approx(size, rel=0.1) for one in laws)
+    known = [("mcx[link_1]", 0.6), ("coulomb[J1]", 0.4), ("viscous[J1]", 0.3), *((one.name, amount) for one in laws)]
+    for name, value in known:
         one = result.value({name: 1.0})
         assert one.interval[0] <= value <= one.interval[1], name
-        assert one.value == pytest.approx(value, rel=0.015)
+        assert one.value == pytest.approx(value, rel=0.015 if name in dict(known[:3]) else 0.1)
 
 
 def test_a_brake_is_a_stall():
