@@ -33,7 +33,7 @@ from balance.arrays import Floats
 from balance.dynamics.regressor import FRICTION_LAWS
 from balance.estimation.base_parameters import BaseParameters
 from balance.estimation.estimate import LEVEL_TEXT, Estimate, f_tail, student_quantile
-from balance.estimation.regression import RegressionRecord, fit, least_squares
+from balance.estimation.regression import RegressionRecord, fit
 from balance.mechanism.mechanism import Mechanism
 from balance.results import Key
 
@@ -205,7 +205,8 @@ class ModelTests:
         found: list[FreeTest] = []
         for place, joint in enumerate(self.joints):
             laws = [Law(joint, kind, size) for kind, sizes in FRICTION_LAWS.items() for size in sizes]
-            columns, known = self._friction(laws), self._friction([])
+            columns = self._friction(laws)
+            known = columns[:, :, :0]
             for _ in range(MOST_LAWS):
                 test = self._explained(place, "friction", known, columns, laws)
                 if test.probability >= FALSE_ALARM or test.law is None:
@@ -221,11 +222,9 @@ class ModelTests:
         """Low-passed columns of laws of friction, (n, joints, laws)."""
 
         def of(part: RecordEquations) -> Floats:
-            joints = part.record.torque.shape[1]
-            made = [part.friction(law, part.motion)[:, :joints] for law in laws]
-            return part.low_passed(np.stack(made, axis=2)) if made else np.zeros((len(part.whole), joints, 0))
+            return part.low_passed(np.stack([part.friction(law, part.motion) for law in laws], axis=2))
 
-        return self.equations.joined(of)
+        return self.equations.joined(of)[:, : len(self.joints)]
 
     def _sized(self, law: Law, known: Floats) -> Law:
         """With the size of least squares, by Gauss-Newton steps within the tried ones, beside ``known`` columns."""
@@ -233,10 +232,7 @@ class ModelTests:
         used = self.equations.moving[:, :joints]
         for _ in range(SIZE_STEPS if law.terms[1:] else 0):
             columns = np.concatenate([self._base[:, :joints], known, self._friction(law.terms)], axis=2)
-            record = RegressionRecord.of(
-                columns, self._rows[:, :joints], np.zeros(len(columns), dtype=np.intp), used=used
-            )
-            amount, slope = least_squares(record)[-2:]
+            amount, slope = self.equations.fitted(columns, self._rows[:, :joints], used).values[-2:]
             step = float(np.clip(slope / amount, -LARGEST_STEP, LARGEST_STEP))
             law = law._replace(size=float(np.clip(law.size * np.exp(step), min(sizes), max(sizes))))
         return law._replace(size=float(f"{law.size:.3g}"))
