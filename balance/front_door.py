@@ -438,7 +438,8 @@ def drive(name: str | Path, *, flywheel_for: float | None = None, side: str = "c
 
     ``flywheel_for``: a coefficient of speed fluctuation, such as 0.05. Each machine then has the smallest flywheel on
     the shaft of this ``side``, crank or motor, with which its fastest rotation fluctuates by no more: the last of the
-    rotation's ``machine.inertias``, zero where none is needed. Raises CounterpoiseError where it stalls at all of them.
+    rotation's ``machine.inertias``, zero where none is needed. That a start from standstill does not end there is a
+    warning. Raises CounterpoiseError where it stalls at all of them.
 
     >>> import balance
     >>> rotation = balance.drive("four-bar-dc")[0]
@@ -449,17 +450,26 @@ def drive(name: str | Path, *, flywheel_for: float | None = None, side: str = "c
     from .drives.drive_files import load_drive
     from .drives.harmonic_balance import flywheel_for as sized_flywheel
     from .drives.harmonic_balance import steady_rotations
+    from .drives.results import reach_findings
+    from .drives.time_integration import rotations_from_rest
 
-    described, found, refused = load_drive(name), [], []
+    described = load_drive(name)
+    found: list[SteadyRotation] = []
+    refused: list[str] = []
     for machine in described.machines(described.load_mechanism()):
         try:
-            if flywheel_for is not None:
-                machine = machine.with_flywheel(sized_flywheel(machine, flywheel_for, side=side).inertia, side)
-            found += steady_rotations(machine)
+            if flywheel_for is None:
+                found += steady_rotations(machine)
+                continue
+            machine = machine.with_flywheel(sized_flywheel(machine, flywheel_for, side=side).inertia, side)
+            begin = machine.reduced.direction * described.table.start_angle
+            solutions, reached, why = rotations_from_rest(machine, begin)
+            found += solutions
+            refused += reach_findings(solutions, reached, why, ", with the flywheel") if solutions else [str(why)]
         except DriveError as error:
-            refused.append(error)
+            refused.append(str(error))
     if refused and not found:
-        raise refused[0]
+        raise DriveError(refused[0])
     for one in refused:
-        warnings.warn(str(one), stacklevel=2)
+        warnings.warn(one, stacklevel=2)
     return found

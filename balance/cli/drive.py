@@ -1,5 +1,7 @@
 """``balance drive``: steady rotation, start-up, flywheels of a machine that a motor turns."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import click
@@ -59,8 +61,7 @@ def drive(
     from ..drives import results as documents
     from ..drives.drive_files import load_drive
     from ..drives.harmonic_balance import flywheel_for as sized_flywheel
-    from ..drives.harmonic_balance import steady_rotations
-    from ..drives.time_integration import reached_from_rest
+    from ..drives.time_integration import rotations_from_rest
     from ..drives.time_integration import start_up as started
 
     study = load_drive(drive)
@@ -77,17 +78,8 @@ def drive(
     refused: list[str] = []
     for machine, has_masses in machines:
         begin = machine.reduced.direction * study.table.start_angle
-        solutions, reached, refusal, where = (
-            [],
-            None,
-            None,
-            f"{machine.nominal / documents.RPM:g} rpm, {machine.reading}",
-        )
-        try:
-            solutions = steady_rotations(machine)
-            reached = reached_from_rest(solutions, begin)
-        except DriveError as error:
-            refusal = str(error)
+        where = f"{machine.nominal / documents.RPM:g} rpm, {machine.reading}"
+        solutions, reached, refusal = rotations_from_rest(machine, begin)
         refused += [] if solutions else [f"{where}: {refusal}"]
         result["findings"] += documents.reach_findings(solutions, reached, refusal) if solutions else refused[-1:]
         published = study.published_at(machine.nominal)
@@ -98,19 +90,29 @@ def drive(
                 result["findings"] += documents.drive_findings(each, row)
         solution = reached or next(iter(solutions), None)
         near = None if solution is None else solution.mean_speed
-        try:
-            for share in flywheel_for:
-                wheel = sized_flywheel(machine, share, side=flywheel_side, near=near)
-                result["flywheel"].append(documents.flywheel_document(machine, wheel, has_masses))
-            if start_up and refusal is None:
+        with _noted(result["findings"], where):
+            if start_up and (refusal is None or not solutions):
                 run = started(machine, start_up, begin)
                 result["start_up"].append(documents.start_up_document(machine, run, reached, has_masses))
+        for share in flywheel_for:
+            with _noted(result["findings"], where):
+                wheel = sized_flywheel(machine, share, side=flywheel_side, near=near)
+                heavier, from_rest = machine.with_flywheel(wheel.inertia, flywheel_side), reached
+                if wheel.inertia:
+                    kept, from_rest, why = rotations_from_rest(heavier, begin)
+                    named = f", flywheel of {wheel.inertia:.5g} kg m2"
+                    result["findings"] += documents.reach_findings(kept, from_rest, why, named) if kept else []
+                    if start_up and from_rest:
+                        run = started(heavier, start_up, begin)
+                        result["start_up"].append(
+                            documents.start_up_document(heavier, run, from_rest, has_masses, wheel.inertia)
+                        )
+                result["flywheel"].append(documents.flywheel_document(machine, wheel, has_masses, from_rest))
+        with _noted(result["findings"], where):
             if convergence and solution:
                 needed = int(min(60, max(4, -(-solution.turns_to(1e-4) // 1) + 2)))
                 result["convergence"].append(documents.solvers_document(solution, needed, has_masses))
-        except DriveError as error:
-            result["findings"].append(f"{where}: {error}")
-    if refused and not (result["steady"] or result["flywheel"]):
+    if refused and not (result["steady"] or result["flywheel"] or result["start_up"]):
         raise DriveError(refused[0])
     for machine, has_masses in machines:
         result["findings"] += [] if has_masses else documents.beyond_file(machine, study.table.speeds)
@@ -119,11 +121,26 @@ def drive(
     return Answer(result, lambda: _print(result), findings=result["findings"], further=further)
 
 
+@contextmanager
+def _noted(findings: list[str], where: str) -> Iterator[None]:
+    """What cannot be computed is a finding."""
+    from ..drives import DriveError
+
+    try:
+        yield
+    except DriveError as error:
+        findings.append(f"{where}: {error}")
+
+
 _SETTING = ["nominal [rpm]", "torque", "counter-masses"]
 
 
 def _setting(row: dict[str, Any]) -> list[str]:
     return [f"{row['nominal_rpm']:.4g}", row["reading"], "with" if row["counter_masses"] else "without"]
+
+
+def _kept(row: dict[str, Any]) -> str:
+    return "from rest" if row["reached_from_rest"] else "once there" if row.get("stable", True) else "unstable"
 
 
 def _print(result: dict[str, Any]) -> None:
@@ -134,25 +151,38 @@ def _print(result: dict[str, Any]) -> None:
     parts = [f"{row['fluctuation']['nominal']:.4f} at {', '.join(_setting(row)[:2])}" for row in steady[:3]]
     more = f" and {len(steady) - 3} more" if len(steady) > 3 else ""
     meaning = "speed fluctuates over a turn, (n_max - n_min) / n_nominal, by"
-    say(f"{result['mechanism']}: {meaning} {'; '.join(parts) or 'any share, for it stalls'}{more}.")
+    none = "no steady rotation as it is, as the findings say"
+    say(f"{result['mechanism']}: {f'{meaning} ' + '; '.join(parts) + more if parts else none}.")
     rows = []
     for row in result["steady"]:
-        kept = "from rest" if row["reached_from_rest"] else "once there" if row["stable"] else "unstable"
         published = str((row["printed"] or {}).get("fluctuation") or NO_VALUE)
-        rows.append([*_setting(row), f"{row['fluctuation']['nominal']:.4f}", published, kept])
+        rows.append([*_setting(row), f"{row['fluctuation']['nominal']:.4f}", published, _kept(row)])
     header = [*_SETTING, "fluctuation", "published", "kept"]
-    emit_table("Steady rotation of the crank", header, rows, "From rest: where a start from standstill ends.")
+    if rows:
+        emit_table("Steady rotation of the crank", header, rows, "From rest: where a start from standstill ends.")
     rows = [
         [*_setting(row), f"{row['wanted_fluctuation']:g}", row["side"], f"{row['inertia_kgm2']:.5f}",
+         f"{row['fluctuation']:.4f}", f"{row['mean_rpm']:.4g}", _kept(row),
          f"{row['estimate_of_whole_inertia_kgm2']:.4f}"]
         for row in result["flywheel"]
     ]  # fmt: skip
     if rows:
-        header = [*_SETTING, "wanted", "shaft", "flywheel [kg m2]", "estimate, whole [kg m2]"]
-        remark = "The estimate dE / (omega^2 delta) is of the whole inertia, from weight alone, without the motor."
+        header = [
+            *_SETTING,
+            "at most",
+            "shaft",
+            "flywheel [kg m2]",
+            "fluctuation",
+            "crank [rpm]",
+            "kept",
+            "estimate, whole [kg m2]",
+        ]
+        remark = "The smallest; where it does better than asked for, the machine stalls with a smaller one. "
+        remark += "The estimate dE / (omega^2 delta) is of the whole inertia, from weight alone, without the motor."
         emit_table("Flywheel for a wanted fluctuation", header, rows, remark)
     for run in result["start_up"]:
         settled = run["settled_in_turn"]
         remark = f"Steady within 0.1 rpm from turn {settled}." if settled else "Not yet steady within 0.1 rpm."
         title = f"Start-up, {', '.join(_setting(run)[:2])}, {_setting(run)[2]} counter-masses"
+        title += f", flywheel of {run['flywheel_kgm2']:.5g} kg m2" if run["flywheel_kgm2"] else ""
         emit_table(title, *table(Turn, run["turns"]), remark)

@@ -9,6 +9,7 @@ from functools import cache, cached_property
 from typing import Annotated
 
 import numpy as np
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from ..arrays import Floats
@@ -22,11 +23,15 @@ TAIL = 1e-12
 HARMONICS = (16, 32, 64, 128, 256, 512)
 """Harmonics tried in turn."""
 _ITERATIONS = 50
+_STOPPED = 1e-2
+"""Share of the nominal speed below which a crank that slows down stands, or creeps round as if it did."""
+_TURNS = 50
+"""Within which a machine that has no steady rotation is expected to stall."""
 _HALVINGS = 12
 """Of a Newton step that does not shrink the error; near the solution rounding hides what is gained."""
 _LARGEST_EXPONENT = 700.0
 """Above it a growth has no number; it is shown as exp of this."""
-_SAME = 1e-6
+SAME = 1e-6
 """Relative difference of mean speeds below which two solutions are one."""
 
 DEFINITIONS = {
@@ -170,11 +175,17 @@ def steady_rotations(machine: Machine) -> list[SteadyRotation]:
             except DriveError as error:
                 refusal = refusal or error
                 continue
-            known = (abs(solution.mean_speed / other.mean_speed - 1.0) < _SAME for other in found)
+            known = (abs(solution.mean_speed / other.mean_speed - 1.0) < SAME for other in found)
             if not any(known) and (solution.is_converged() or not found):
                 found.append(solution)
     if refusal and not found:
-        raise refusal
+        if (angle := _stall(machine)) is None:
+            raise refusal
+        raise DriveError(
+            f"{machine.reduced.mechanism.name}: at {rpm(machine.nominal):.6g} rpm it stalls or all but stands: the "
+            f"load uses up what motor and stored energy give, at {np.degrees(angle):.0f} deg; a flywheel may carry it on "
+            "(--flywheel-for, in Python flywheel_for)"
+        )
     return sorted(found, key=lambda solution: -solution.mean_speed)
 
 
@@ -238,11 +249,25 @@ def _balance(machine: Machine, guess: Periodic, harmonics: int) -> tuple[Periodi
         small = np.abs(step).max() / energy.max()
         if whole and (small < 1e-13 or (iteration > 8 and small < 1e-10)):  # 1e-10 remains where the torque is steep
             return Periodic.through(energy[None]), iteration
-    raise DriveError(
-        f"{machine.reduced.mechanism.name}: no steady rotation with {harmonics} harmonics at nominal "
-        f"{rpm(machine.nominal):.6g} rpm of the motor: the crank stalls on the way round, its kinetic energy falls to "
-        f"{energy.min():.3g} J; a flywheel may carry it on: --flywheel-for 0.1, in Python flywheel_for=0.1"
-    )
+    raise DriveError(f"{machine.reduced.mechanism.name}: no steady rotation was found with {harmonics} harmonics")
+
+
+def _stall(machine: Machine) -> float | None:
+    """Angle at which a crank of nominal speed at travel 0 comes to stand or creep [rad]; None where it goes on."""
+
+    def slope(u: float, energy: Floats) -> Floats:
+        rate = np.sqrt(2.0 * np.maximum(energy, 0.0) / machine.inertia(u))
+        return np.array([float(machine.torque(u, float(rate[0])) - machine.reduced.potential_slope(u))])
+
+    def used_up(_u: float, energy: Floats) -> float:
+        return float(energy[0]) - _STOPPED**2 * start
+
+    used_up.terminal = True  # type: ignore[attr-defined]
+    start = 0.5 * float(machine.inertia(0.0)) * machine.nominal_crank**2
+    course = solve_ivp(slope, (0.0, _TURNS * 2.0 * np.pi), [start], events=used_up, rtol=1e-6, atol=1e-9 * start)
+    if course.status == 0:
+        return None
+    return float(np.mod(machine.reduced.direction * course.t[-1], 2.0 * np.pi))
 
 
 def _balanced_speeds(machine: Machine) -> list[float]:
@@ -277,34 +302,37 @@ class Flywheel:
     fluctuation: Annotated[float, Key()]
     """Coefficient of speed fluctuation with it."""
     wanted: Annotated[float, Key("wanted_fluctuation")]
-    """Coefficient of speed fluctuation that was asked for."""
+    """What was asked for at most; more than ``fluctuation`` where the machine stalls with a smaller flywheel."""
+    mean_speed: Annotated[float, Key("mean_rpm", to=rpm)]
+    """Of the crank with it, over time [rad/s]."""
 
 
 def flywheel_for(
     machine: Machine, wanted: float, definition: str = "nominal", side: str = "crank", near: float | None = None
 ) -> Flywheel:
-    """The smallest flywheel that brings the fluctuation down to ``wanted``, the motor's own answer included.
+    """The smallest flywheel with which the fluctuation is at most ``wanted``, the motor's own answer included.
 
     Of the fastest steady rotation, or of that next to a speed of the crank ``near`` [rad/s]; the machine may stall
     without a flywheel. Raises DriveError where even 1e6 times the machine's own inertia does not.
     """
     if not 0.0 < wanted < 2.0:
         raise DriveError(f"wanted coefficient of fluctuation is {wanted:g}: expected a number between 0 and 2")
-    enough: dict[float, float] = {}
+    enough: dict[float, Flywheel] = {}
     _balanced_speeds(machine)  # which inertia does not change: where there is none, no flywheel helps
 
     @cache
     def excess(inertia: float) -> float:
         try:
-            found = steady_rotation(machine.with_flywheel(inertia, side), near=near).fluctuation(definition)
+            rotation = steady_rotation(machine.with_flywheel(inertia, side), near=near)
         except DriveError:
             return 2.0  # it stalls
+        found = rotation.fluctuation(definition)
         if found <= wanted:
-            enough[inertia] = found
+            enough[inertia] = Flywheel(inertia, side, found, wanted, rotation.mean_speed)
         return found - wanted
 
     if excess(0.0) <= 0.0:
-        return Flywheel(0.0, side, enough[0.0], wanted)
+        return enough[0.0]
     own = float(np.mean(machine.inertia(np.linspace(0.0, 2.0 * np.pi, 64)))) / (
         machine.ratio**2 if side == "motor" else 1
     )
@@ -314,8 +342,7 @@ def flywheel_for(
         if high > 1e6 * own:
             raise DriveError(f"no flywheel up to {high:.3g} kg m2 brings the fluctuation down to {wanted:g}")
     brentq(excess, low, high, xtol=1e-12 * own, rtol=1e-12)
-    inertia = min(enough)
-    return Flywheel(inertia, side, enough[inertia], wanted)
+    return enough[min(enough)]
 
 
 def flywheel_estimate(machine: Machine, wanted: float) -> float:

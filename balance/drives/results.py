@@ -9,7 +9,7 @@ import numpy as np
 from ..results import document
 from .drive_files import Drive, PublishedSpeeds
 from .equivalent_inertia import inertia_extremes
-from .harmonic_balance import DEFINITIONS, Flywheel, SteadyRotation, flywheel_estimate
+from .harmonic_balance import DEFINITIONS, SAME, Flywheel, SteadyRotation, flywheel_estimate
 from .machine import READINGS, DirectCurrent, Machine, MeasuredMotor
 from .time_integration import StartUp, by_harmonics, by_tolerance, periodicity, solver_scatter
 
@@ -81,11 +81,11 @@ def steady_document(
 
 
 def reach_findings(
-    solutions: Sequence[SteadyRotation], reached: SteadyRotation | None, refusal: str | None
+    solutions: Sequence[SteadyRotation], reached: SteadyRotation | None, refusal: str | None, wheel: str = ""
 ) -> list[str]:
     """Steady rotations that the motor does not bring the crank to from standstill, or does not keep."""
     machine, stable = solutions[0].machine, [each for each in solutions if each.is_stable]
-    where = f"{machine.nominal / RPM:g} rpm, {machine.reading}"
+    where = f"{machine.nominal / RPM:g} rpm, {machine.reading}{wheel}"
     missed = " and ".join(f"{machine.ratio * each.mean_speed / RPM:.5g}" for each in stable if each is not reached)
     if not stable:
         return [f"{where}: unstable, a disturbance grows by {solutions[0].floquet:.3g} a turn"]
@@ -143,12 +143,13 @@ def beyond_file(machine: Machine, speeds: Sequence[float]) -> list[str]:
 
 
 def start_up_document(
-    machine: Machine, run: StartUp, solution: SteadyRotation | None, balanced: bool
+    machine: Machine, run: StartUp, solution: SteadyRotation | None, balanced: bool, flywheel: float = 0.0
 ) -> dict[str, Any]:
     """A start from standstill, turn by turn, and every twelfth sample of its course."""
     settled = solution and run.settled(solution.fastest[1], solution.slowest[1], 0.1 * RPM)
     thin = slice(None, None, 12)
     return _setting(machine, balanced) | {
+        "flywheel_kgm2": flywheel,
         "turns": run.turns,
         "settled_in_turn": settled,
         "course": {
@@ -159,10 +160,16 @@ def start_up_document(
     }
 
 
-def flywheel_document(machine: Machine, wheel: Flywheel, balanced: bool) -> dict[str, Any]:
-    """A flywheel for a wanted fluctuation, and the textbook's estimate of the whole inertia."""
+def flywheel_document(
+    machine: Machine, wheel: Flywheel, balanced: bool, reached: SteadyRotation | None
+) -> dict[str, Any]:
+    """A flywheel for a wanted fluctuation, and the textbook's estimate of the whole inertia.
+
+    ``reached`` is where a start from standstill with it ends.
+    """
     return _setting(machine, balanced) | {
         **document(wheel),
+        "reached_from_rest": reached is not None and abs(reached.mean_speed / wheel.mean_speed - 1.0) < SAME,
         "estimate_of_whole_inertia_kgm2": flywheel_estimate(machine, wheel.wanted),
     }
 

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from ..arrays import Floats, parabola_peak
 from ..results import Key, rpm
 from . import DriveError
-from .harmonic_balance import SteadyRotation, steady_rotation
+from .harmonic_balance import SteadyRotation, steady_rotation, steady_rotations
 from .machine import Machine
 
 if TYPE_CHECKING:
@@ -153,6 +153,18 @@ def reached_from_rest(solutions: Sequence[SteadyRotation], start: float = 0.0) -
     """
     start_up(solutions[0].machine, 1, start, _COARSE)
     return solutions[-1] if solutions[-1].is_stable else None
+
+
+def rotations_from_rest(
+    machine: Machine, start: float
+) -> tuple[list[SteadyRotation], SteadyRotation | None, str | None]:
+    """All steady rotations, that in which a start at travel ``start`` [rad] ends, and why there is none of either."""
+    solutions: list[SteadyRotation] = []
+    try:
+        solutions = steady_rotations(machine)
+        return solutions, reached_from_rest(solutions, start), None
+    except DriveError as error:
+        return solutions, None, str(error)
 
 
 @dataclass(frozen=True)

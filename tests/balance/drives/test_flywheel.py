@@ -8,6 +8,7 @@ import pytest
 import balance
 from balance.datasets import find_dataset
 from balance.drives import DriveError
+from balance.drives.drive_files import load_drive
 from balance.drives.harmonic_balance import flywheel_estimate, flywheel_for, steady_rotation
 from balance.drives.time_integration import run_to
 
@@ -39,14 +40,23 @@ def test_the_textbook_s_estimate():
     assert np.ptp(machine(276).reduced.potential(np.linspace(0, 7, 20001))) == pytest.approx(row["dE_pot"], rel=1e-6)
 
 
+def first_machine(path):
+    """The machine of a drive file at the first of its speeds."""
+    return load_drive(path).machines(load_drive(path).load_mechanism())[0]
+
+
 def test_one_that_stalls_without_a_flywheel(tmp_path):
     """It runs with the one that is found, as an integrated turn shows; the other speed is computed without, too."""
     path = tmp_path / "drive.toml"
     path.write_text(
         find_dataset("four-bar-dc", "drives", ".toml").read_text("utf-8").replace('["900', '["300 rpm", "900')
     )
-    with pytest.warns(UserWarning, match="four-bar: no steady rotation .* 300 rpm .* stalls on the way round"):
+    with pytest.warns(UserWarning, match="four-bar: at 300 rpm it stalls or all but stands: .* give, at 322 deg"):
         (kept,) = balance.drive(path)
+    stalling = first_machine(path)
+    _, turn = run_to(stalling, 0.0, np.array([0.0, stalling.nominal_crank]), 2.0 * np.pi)
+    travel, speed = turn.sol(np.linspace(0.0, turn.t[-1], 100_001))
+    assert np.degrees(travel[np.argmax(speed < 0.01 * stalling.nominal_crank)]) == pytest.approx(322.0, abs=0.5)
     assert kept.machine.nominal == pytest.approx(30.0 * np.pi)
     slow, fast = balance.drive(path, flywheel_for=0.4)
     for found in (slow, fast):
@@ -62,6 +72,10 @@ def test_one_that_stalls_without_a_flywheel(tmp_path):
     assert [row["nominal_rpm"] for row in document["steady"]] == pytest.approx([900.0])
     found = [row["inertia_kgm2"] for row in document["flywheel"]]
     assert found == pytest.approx([one.machine.inertias[-1].value for one in (slow, fast)], rel=1e-9)
+    assert [row["fluctuation"] for row in document["flywheel"]] == pytest.approx([0.4, 0.4], rel=1e-9)
+    assert [row["mean_rpm"] for row in document["flywheel"]] == pytest.approx(
+        [one.mean_speed * 30.0 / np.pi for one in (slow, fast)], rel=1e-9
+    )
     assert "stalls" in document["findings"][0]
 
 
