@@ -15,7 +15,7 @@ import numpy as np
 from ..arrays import Floats
 from ..closure import Closure
 from ..dynamics.inverse_dynamics import simulate
-from ..errors import ModelError
+from ..errors import ClosureError, ModelError
 from ..results import Key, Shown, per_cent
 from ..task_pool import HERE, TaskPool
 from ..units import si
@@ -176,5 +176,13 @@ def _with_error(problem: Problem, tolerance: Tolerance, error: float) -> Problem
 def _force(problem: Problem, end: tuple[Tolerance, float] | None = None) -> Floats:
     """Shaking force along the motion, (3 n,) [N]; at an ``end`` of a tolerance, with its error."""
     made = problem if end is None else _with_error(problem, *end)
-    mounted = made.mechanism.with_counter_mass(made.counter_masses)
-    return simulate(mounted, Closure(mounted).follow(made.samples)).force.ravel()
+    try:
+        mounted = made.mechanism.with_counter_mass(made.counter_masses)
+        return simulate(mounted, Closure(mounted).follow(made.samples)).force.ravel()
+    except ClosureError as error:
+        if end is None:
+            raise
+        raise ClosureError(
+            f"the tolerance {end[0].text}: with it the mechanism does not close; leave out what is out of a planar "
+            f"mechanism's plane, or take less: {error}"
+        ) from error

@@ -183,8 +183,8 @@ def steady_rotations(machine: Machine) -> list[SteadyRotation]:
             raise refusal
         raise DriveError(
             f"{machine.reduced.mechanism.name}: at {rpm(machine.nominal):.6g} rpm it stalls or all but stands: the "
-            f"load uses up what motor and stored energy give, at {np.degrees(angle):.0f} deg; a flywheel may carry it on "
-            "(--flywheel-for, in Python flywheel_for)"
+            f"load uses up what motor and stored energy give, at {np.degrees(angle):.0f} deg; a flywheel may carry it "
+            "on (--flywheel-for, in Python flywheel_for)"
         )
     return sorted(found, key=lambda solution: -solution.mean_speed)
 

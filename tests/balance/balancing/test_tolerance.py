@@ -7,7 +7,7 @@ from balance.balancing.sweep import Problem
 from balance.balancing.tolerance import Tolerance, analyze_tolerances
 from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import simulate
-from balance.errors import ModelError
+from balance.errors import ClosureError, ModelError
 from balance.mechanism.mjcf_parser import mechanism_from_text
 from balance.motion.motion_files import load_motion
 from balance.task_pool import HERE
@@ -115,6 +115,13 @@ def test_what_has_no_effect_is_not_doubtful():
     assert found.effects[1].tolerance == wide
     assert found.effects[1].curvature > 0.05
     assert not found.doubtful
+
+
+def test_one_out_of_the_plane_is_named():
+    """A planar loop does not close with it."""
+    problem = Problem(load("four-bar"), load_motion("four-bar").sample(300.0))
+    with pytest.raises(ClosureError, match=r"the tolerance AB\.z ± 0\.2 mm: .* out of a planar mechanism's plane"):
+        analyze_tolerances(problem, [Tolerance("AB", "z", 2e-4)], 1000, 1)
 
 
 def test_a_table_has_the_unit_of_each_tolerance():
