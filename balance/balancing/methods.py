@@ -129,6 +129,11 @@ def compare_methods(
             f"{mechanism.name} shakes out of the plane {names[0]}-{names[1]}, to which its first hinge is normal "
             f"({out:.3g} N or N m): the methods are for planar mechanisms"
         )
+    if np.abs(plane[2]).max() < 1.0 - _OBLIQUE:
+        raise ModelError(
+            f"{mechanism.name}: its plane has the normal {np.round(plane[2], 4).tolist()}, along no axis of the base: "
+            "describe the mechanism in x-y, x-z or y-z, after whose axes images and masses are named"
+        )
     return [
         plain,
         _with_springs(mechanism, trajectory, plain, settings),
@@ -284,6 +289,8 @@ def _wheels_note(found: Wheels, bodies: Sequence[str]) -> str:
     )
 
 
+_OBLIQUE = 1e-9
+"""By how much a component of a unit normal may be below one."""
 IMAGES = {
     "mirror image, left-right": ((-1.0, 1.0),),
     "mirror image, up-down": ((1.0, -1.0),),

@@ -325,6 +325,11 @@ def test_what_shakes_out_of_the_plane_is_refused():
     arm = models.model(models.skew_arm())
     with pytest.raises(ModelError, match="out of the plane"):
         methods.compare_methods(arm, waving(arm, 30))
+    plain, (c, s) = models.load("serial-2r"), (0.8, 0.6)
+    turned = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+    oblique = models.model(models.reframed(plain.text, turned), plain.name)
+    with pytest.raises(ModelError, match=r"its plane has the normal \[-?0\.0, -?0\.6, 0\.8\], along no axis"):
+        methods.compare_methods(oblique, waving(oblique, 30))
 
 
 def test_a_table_has_what_all_methods_have():
