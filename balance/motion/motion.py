@@ -40,8 +40,15 @@ _LEAST_ROUGH = 1e-6
 """Share of a step's speed by which it may change: rounding of numbers."""
 _AROUND = 12
 """Samples to either side that one wrong value reaches."""
-_FEWEST = 12
-"""Samples from which faults are told."""
+_MOSTLY = 0.9
+"""Share of all roughness that is around one wrong value."""
+_FEWEST, _PART = 12, 60
+"""Samples from which faults are told, and noise of a part of them: a fast move is not as long."""
+_JUMPS, _OF_CHANGES = 0.45, 1.8
+"""Quantile of changes of second differences, and RMS acceleration over it, both of white noise of positions.
+
+A jump of a true acceleration is in three of these changes at most: six samples apart, they leave half of them zero.
+"""
 _ROUGH = 0.5
 """Correlation of what changes from sample to sample, above which a clock that errs makes it."""
 _SAID = {
@@ -53,11 +60,13 @@ _SAID = {
     "rounding; write more digits, or the motion as [[moves]]",
     "gap": "{name}: no sample between {begin:.6g} s and {end:.6g} s: a smooth curve is laid through, and forces there "
     "are those of the curve; record the motion without a gap",
-    "noise": "{name}: the samples are rough: {made:.3g} {unit}/s2 of the acceleration's {size:.3g} {unit}/s2 RMS, and "
-    "some four times as much of its peak, change from sample to sample as noise does: what follows from it, torques "
-    "and moments above all, is that of noise; smooth the samples, or write the motion as [[moves]]",
+    "noise": "{name}: the samples are rough{where}: {made:.3g} {unit}/s2 of the acceleration's {size:.3g} {unit}/s2 "
+    "RMS, and some four times as much of its peak, change from sample to sample as noise does: what follows from it, "
+    "torques and moments above all, is that of noise; smooth the samples, or write the motion as [[moves]]",
     "value": "{name}: one value does not fit, about {instant:.6g} s: it makes an acceleration of {peak:.3g} {unit}/s2, "
     "and forces and torques there are its own; correct it, or leave its row out",
+    "values": "{name}: several values do not fit{where}: they make an acceleration of {peak:.3g} {unit}/s2, and forces "
+    "and torques there are their own; correct them, or leave their rows out",
 }
 """What is said of each fault of samples."""
 DEFAULT_RATE_HZ = 10_000.0
@@ -109,7 +118,7 @@ class Samples:
             said += [_SAID[kind].format(name=name, unit=unit, **of) for kind, of in islice(self._faults(i), 1)]
         return said
 
-    def _faults(self, i: int) -> Iterator[tuple[str, dict[str, float]]]:
+    def _faults(self, i: int) -> Iterator[tuple[str, dict[str, float | str]]]:
         """Faults of one coordinate's samples, in the order of ``_SAID``, each with the numbers of what is said."""
         a, between = self.acceleration[:, i], np.diff(self.time)
         if len(a) < _FEWEST:
@@ -127,12 +136,21 @@ class Samples:
         at = int(np.argmax(between))
         if between[at] > _GAP * dt:
             yield "gap", {"begin": self.time[at], "end": self.time[at + 1]}
-        rough = np.diff(a, _BY) ** 2
-        if (made := float(np.sqrt(np.quantile(rough, 0.75) / _OF_NOISE))) > least:
-            yield "noise", {"made": made, "size": size}
-        at = int(np.argmax(rough))
-        if float(np.sum(rough[max(at - _AROUND, 0) : at + _AROUND])) > _OF_NOISE * max(peak, least) ** 2:
+        rough, pace = np.diff(a, _BY) ** 2, np.diff(self.position[:, i]) / between
+        changes = np.abs(np.diff(np.diff(pace) / (0.5 * (between[1:] + between[:-1]))))[1:-1]
+        if (made := _by_noise(rough, changes)) > least:
+            yield "noise", {"made": made, "size": size, "where": ""}
+        at, whole = int(np.argmax(rough)), np.cumsum(rough)
+        near = float(np.sum(rough[max(at - _AROUND, 0) : at + _AROUND]))
+        begin, end = np.searchsorted(whole, (0.01 * whole[-1], 0.99 * whole[-1]))
+        where = f" between {self.time[begin + _BY // 2]:.6g} s and {self.time[end + _BY // 2]:.6g} s"
+        unlike = near > _OF_NOISE * max(peak, least) ** 2
+        if unlike and near > _MOSTLY * whole[-1]:
             yield "value", {"instant": self.time[at + _BY // 2], "peak": peak}
+        elif end - begin >= _PART and (made := _by_noise(rough[begin:end], changes[begin:end])) > least:
+            yield "noise", {"made": made, "size": size, "where": where}
+        elif unlike:
+            yield "values", {"peak": peak, "where": where}
 
     def _made_by_clock(self, i: int, dt: float) -> float:
         """RMS acceleration that errors of the instants make [m/s2 or rad/s2]; zero where they make none.
@@ -153,6 +171,11 @@ class Samples:
             return Drive.of_joints(mechanism, self.joints, self.sliding)
         place = self.point or next(iter(mechanism.payload_bodies), "platform")
         return Drive.of_point(mechanism, place, self.axes)
+
+
+def _by_noise(rough: Floats, changes: Floats) -> float:
+    """RMS acceleration that noise of positions makes, by squares of differences and changes (n,); 0 of jumps alone."""
+    return min(float(np.sqrt(np.quantile(rough, 0.75) / _OF_NOISE)), _OF_CHANGES * float(np.quantile(changes, _JUMPS)))
 
 
 def _common_step(values: Floats) -> float:

@@ -242,7 +242,24 @@ ROUGH = {
     "single precision": (
         lambda t, rng: np.float32(100.0 + 0.3 * np.sin(19.0 * t)) - 0.3 * np.sin(19.0 * t), "the samples are rough: "
     ),
+    "noise of a quarter": (
+        lambda t, rng: 2e-5 * rng.standard_normal(len(t)) * (t < 0.25), r"samples are rough between 0\.0\d+ s and 0\.2",
+    ),
+    "four values": (
+        lambda t, rng: 1e-2 * np.isin(np.arange(len(t)), (200, 301, 500, 800)),
+        r"several values do not fit between 0\.\d+ s and 0\.80",
+    ),
+    "a value in 100": (lambda t, rng: 1e-3 * (np.arange(len(t)) % 100 == 50), "several values do not fit between 0.0"),
+    **{
+        f"jumps after {k} samples": (
+            lambda t, rng, p=1e-3 * k: np.where(t % (2 * p) < p, 1e3, -1e3) * (t % p) * (p - t % p), None
+        )
+        for k in (6, 8, 10, 12, 20)
+    },
     "little noise": (lambda t, rng: 3e-7 * rng.standard_normal(len(t)), None),
+    "a move of 20 samples": (
+        lambda t, rng: (lambda u: u**3 * (10.0 - 15.0 * u + 6.0 * u**2))(np.clip((t - 0.5) / 0.02, 0.0, 1.0)), None
+    ),
     "100 Hz": (lambda t, rng: 1e-3 * np.sin(628.0 * t), None),
     "jumps": (lambda t, rng: 50.0 * np.where(t % 0.2 < 0.1, 1.0, -1.0) * (t % 0.1) * (0.1 - t % 0.1), None),
 }  # fmt: skip
