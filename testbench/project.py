@@ -31,7 +31,7 @@ from balance.units import G0
 from .campaign_plan import Plan, PlannedRun, load_plan
 from .errors import RecordingError, RigError
 from .ingestion.log_sources import LogReading
-from .ingestion.planned_runs import plan_rows
+from .ingestion.planned_runs import is_run_table, plan_rows
 from .ingestion.run_table import RunTableRow, run_table_rows, write_run_table
 from .quality.rig_checks import rig_findings, unclocked
 from .readers import ReadOptions
@@ -226,7 +226,7 @@ def project_problems(folder: Path, logs: Sequence[Path] = ()) -> list[Problem]:
     """
     if not folder.is_dir():
         raise RigError(f"{folder}: no such folder; `testbench new {folder}` writes one")
-    return list(_problems(folder, logs))
+    return list(_problems(folder, [path for path in logs if not is_run_table(path)]))
 
 
 def _problems(folder: Path, logs: Sequence[Path]) -> Iterator[Problem]:

@@ -85,9 +85,22 @@ def plan_rows(rows: "Sequence[RunTableRow]", files: Sequence[Path], run_table: P
     if wrong := [*wrong, *_problems(runs).values()]:
         raise RigError("\n".join(dict.fromkeys(wrong)))
     unnamed = f"{run_table.name} does not name it: add a row for it, or do not give it"
+    table = "it is a run table, not a log, and is left alone"
     return runs + [
-        PlannedRun(path.stem, (path,), problem=f"{path.name}: {unnamed}") for path in files if path not in named
+        PlannedRun(path.stem, (path,), problem=f"{path.name}: {table if is_run_table(path) else unnamed}")
+        for path in files
+        if path not in named
     ]
+
+
+def is_run_table(path: Path) -> bool:
+    """Whether a file's first line has the columns ``run``, and ``file`` or some ``file_NAME``, as a run table has."""
+    try:
+        with path.open(encoding="utf-8-sig", errors="replace") as stream:
+            columns = {cell.strip(' "') for cell in re.split("[,;\t]", stream.readline(10_000).strip())}
+    except OSError:
+        return False
+    return "run" in columns and any(name == "file" or name.startswith("file_") for name in columns)
 
 
 def _problems(runs: Sequence[PlannedRun]) -> dict[str, str]:

@@ -105,6 +105,10 @@ def test_rows_without_logs_and_logs_without_rows(run_table):
     assert planned["r2"].problem == "waits for c.csv, of the same run 'r2'"
     assert (planned["r3"].files, planned["r3"].missing) == ((), ("d.csv",))
     assert "runs.csv does not name it: add a row" in planned["e"].problem
+    for head in ("run,file,motion\n", '"run";"file_daq";"motion"\n', "\ufeffrun,origin,file_a,file_b\n"):
+        logs[0].with_name("copy.csv").write_text(head, encoding="utf-8")
+        (copy,) = (run for run in plan_runs([*logs, logs[0].with_name("copy.csv")], path) if run.name == "copy")
+        assert copy.problem == "copy.csv: it is a run table, not a log, and is left alone"
 
 
 @pytest.mark.parametrize(
