@@ -134,7 +134,7 @@ _IN_STEP = 0.1
 """Common timing error of steep pulses [samples] above which the sampling counts as synchronous."""
 _OFFSETS, _A_TURN = 16, 20
 """Places of the samples within a step, for which pulses are rounded anew, and samples that suffice of a turn."""
-_TURNS_A_PIECE = 8
+_TURNS_A_PIECE = 2
 """Least turns of a piece of the smooth motion."""
 _ROUNDED = 0.31
 """Scatter of instants about a smooth motion [steps] that steps alone explain: 12^-0.5, and a little."""
@@ -226,24 +226,28 @@ class Turns:
 
     @cached_property
     def _motion(self) -> "tuple[BSpline, float]":
-        """Instants of the pulses of a smooth motion [s] over their number, and what is left [steps]: a steady one, or
-        in as few pieces as leave what steps explain, else the best by Schwarz's criterion.
+        """Instants of the pulses of a smooth motion [s] over their number, and what is left [steps]: a steady one if
+        steps explain what that leaves, else in as many pieces as predict pulses best (generalised cross-validation).
         """
         from scipy.interpolate import make_lsq_spline
 
-        number, found = np.arange(len(self.pulses), dtype=float), []
-        for degree, pieces in [(1, 1), *((_DEGREE, 2**k) for k in range(self.count // _TURNS_A_PIECE))]:
-            if pieces > max(1, self.count // _TURNS_A_PIECE):
-                break
+        number, found, most = np.arange(len(self.pulses), dtype=float), [], max(1, self.count // _TURNS_A_PIECE)
+        for degree, pieces in [(1, 1), *((_DEGREE, most >> k) for k in reversed(range(most.bit_length())))]:
             inner = np.linspace(0.0, self.count, pieces + 1)
             spline = make_lsq_spline(number, self.pulses, np.r_[[0.0] * degree, inner, [self.count] * degree], degree)
             scatter = float(np.std(self.pulses - spline(number))) / self.resolution
-            cost = 2.0 * len(number) * np.log(scatter) + (degree + pieces) * np.log(len(number)) if scatter else -np.inf
-            found.append((cost, scatter, spline))
-            if scatter < (_ROUNDED if self.steep else _EXACT):
+            found.append((scatter / (1.0 - (degree + pieces) / len(number)), scatter, spline))
+            if scatter < (_ROUNDED if self.steep and degree == 1 else _EXACT):
                 return spline, scatter
         _, scatter, spline = min(found, key=lambda one: one[0])
         return spline, scatter
+
+    @property
+    def unfollowed(self) -> float:
+        """Change of speed from turn to turn, of its mean [-], that neither the smooth motion nor steps explain."""
+        _, scatter = self._motion
+        left = max(0.0, scatter**2 - (_ROUNDED**2 if self.steep else 0.0)) ** 0.5
+        return 2.0 * 2.0**0.5 * left * self.resolution * self.speed  # a sine's range, by instants that are independent
 
     def speeds(self, time: Floats) -> Floats | None:
         """Speed at ``time`` (n,) [s] of the smooth motion, (n,) [turns/s]; None where it is steady."""
