@@ -427,8 +427,8 @@ class Vectors(Shown, rows="rows", figure="testbench.figures.rotating:draw_vector
     def findings(self) -> tuple[str, ...]:
         """Findings about the run and each vector."""
         each = (f"{v.sensor}: {text}" for v in self.vectors for text in self._of(v))
-        run = (*self._synchronous_sampling(), *self._coarse_pulses(), *self._on_the_mains(), *self._off_the_speed())
-        return (*run, *each)
+        pulses = (*self._synchronous_sampling(), *self._coarse_pulses(), *self._unfollowed_speed())
+        return (*pulses, *self._on_the_mains(), *self._off_the_speed(), *each)
 
     def course(self, vector: OrderVector) -> str:
         """How a vector goes over the speeds of the record, in words; empty where it shows no difference."""
@@ -485,6 +485,15 @@ class Vectors(Shown, rows="rows", figure="testbench.figures.rotating:draw_vector
             f"the sampling is synchronous with the speed ({samples:.6g} samples a turn): timing errors of the pulses "
             f"do not average out, and shift all phases by up to {np.degrees(self.common_phase_within):.2g} deg; their "
             "intervals contain it; sample faster, or at a rate that is no multiple of the speed",
+        )
+
+    def _unfollowed_speed(self) -> tuple[str, ...]:
+        if self.turns.unfollowed < STEADY_WITHIN:
+            return ()
+        return (
+            f"from turn to turn the speed seems to change by {100.0 * self.turns.unfollowed:.2g} %: the vectors are "
+            "not fitted over that, and what it does to them is in no interval; look for play of the mark or noise on "
+            "it, or record while the speed holds",
         )
 
     def _coarse_pulses(self) -> tuple[str, ...]:

@@ -326,6 +326,14 @@ def test_a_speed_that_hunts_is_followed(seconds: float, hunting: float, change: 
     assert abs(abs(vector.value) - truth) < min(1.5 * vector.amplitude_within, 1.5e-3 * truth)
 
 
+@pytest.mark.parametrize(("period", "named"), [(3.3, True), (20.0, False)])
+def test_a_speed_that_changes_from_turn_to_turn_is_named(period: float, named: bool) -> None:
+    """A change of 3 % by turns; over 20 turns the smooth motion follows it."""
+    number = np.arange(301)
+    pulses = (number + 0.015 * period / (2 * np.pi) * np.sin(2 * np.pi * number / period)) / 30.0
+    assert any("from turn to turn" in text for text in Vectors(1, Turns(pulses, 1e-4), ()).findings()) == named
+
+
 def test_a_speed_that_the_run_never_had_widens_and_says_so() -> None:
     """A steady run 0.5 % below: its vector is 2.6 times 0.5 % short of the truth there, and the interval has it."""
     time = np.arange(12_000) / 2500.0
