@@ -234,7 +234,9 @@ class Turns:
         number, found, most = np.arange(len(self.pulses), dtype=float), [], max(1, self.count // _TURNS_A_PIECE)
         for degree, pieces in [(1, 1), *((_DEGREE, most >> k) for k in reversed(range(most.bit_length())))]:
             inner = np.linspace(0.0, self.count, pieces + 1)
-            spline = make_lsq_spline(number, self.pulses, np.r_[[0.0] * degree, inner, [self.count] * degree], degree)
+            knots = np.r_[[0.0] * degree, inner, [self.count] * degree]
+            # the default, "qr", takes time by turns times pieces
+            spline = make_lsq_spline(number, self.pulses, knots, degree, method="norm-eq")
             scatter = float(np.std(self.pulses - spline(number))) / self.resolution
             found.append((scatter / (1.0 - (degree + pieces) / len(number)), scatter, spline))
             if scatter < (_ROUNDED if self.steep and degree == 1 else _EXACT):
