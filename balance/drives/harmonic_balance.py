@@ -179,13 +179,7 @@ def steady_rotations(machine: Machine) -> list[SteadyRotation]:
             if not any(known) and (solution.is_converged() or not found):
                 found.append(solution)
     if refusal and not found:
-        if (angle := _stall(machine)) is None:
-            raise refusal
-        raise DriveError(
-            f"{machine.reduced.mechanism.name}: at {rpm(machine.nominal):.6g} rpm it stalls or all but stands: the "
-            f"load uses up what motor and stored energy give, at {np.degrees(angle):.0f} deg; a flywheel may carry it "
-            "on (--flywheel-for, in Python flywheel_for)"
-        )
+        raise _stalled(machine) or refusal
     return sorted(found, key=lambda solution: -solution.mean_speed)
 
 
@@ -201,7 +195,21 @@ def steady_rotation(
     try:
         return _solved(machine, speed, harmonics, 0.0)
     except DriveError:
-        return _solved(machine, speed, harmonics, 1.0)
+        try:
+            return _solved(machine, speed, harmonics, 1.0)
+        except DriveError as refusal:
+            raise _stalled(machine) or refusal from None
+
+
+def _stalled(machine: Machine) -> DriveError | None:
+    """Where it stalls, for a machine without a steady rotation; None where the energy does not tell."""
+    if (angle := _stall(machine)) is None:
+        return None
+    return DriveError(
+        f"{machine.reduced.mechanism.name}: at {rpm(machine.nominal):.6g} rpm it stalls or all but stands: the "
+        f"load uses up what motor and stored energy give, at {np.degrees(angle):.0f} deg; a flywheel may carry it "
+        "on (--flywheel-for, in Python flywheel_for)"
+    )
 
 
 def _solved(machine: Machine, speed: float, harmonics: tuple[int, ...], power: float) -> SteadyRotation:

@@ -223,7 +223,7 @@ def test_machines_without_a_steady_rotation_are_named():
     with pytest.raises(DriveError, match="never drives"):
         steady_rotation(replace(machine(828), motor=constant(1.0), loads=(Load("brake", "dry", 0, 5.0),)))
     crawling = (Load("drag", "viscous", 0, 0.3),)
-    with pytest.raises(DriveError, match="on the way round"):
+    with pytest.raises(DriveError, match="it stalls or all but stands"):
         steady_rotation(replace(machine(276), motor=constant(0.3), inertias=(), loads=crawling))
 
 
