@@ -43,7 +43,7 @@ REACHES = (1.0, 2.0, 4.0)
 _FARTHER = 0.1
 """Part of what is left by which a site farther out must lessen it."""
 _LIGHT, _ROUNDING = 1e-5, 1e-9
-"""Weight of mass beside what is left, both near one, and such a mass that is none."""
+"""Weight of mass against the residual, both near one; and such a mass that is none."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ def _extent(model: Mechanism, body: str) -> float:
 
 
 def _best_places(bodies: Sequence[str], times: float, sizing: Sizing, restrictions: Restrictions) -> dict[str, Floats]:
-    """Where on each of ``bodies`` a counter-mass leaves the least, of equals that of least mass in all, (3,) [m].
+    """Where on each of ``bodies`` a counter-mass has the least residual, of equals the least mass in all, (3,) [m].
 
     At most ``times`` as far from the joint as the body's own points. A mass m at p counts by m and m p: what is left is
     the length of a vector linear in them and in the other masses, |m p| <= m times that distance, a conic programme.

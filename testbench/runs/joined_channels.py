@@ -8,7 +8,7 @@ values.
 
 import json
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -103,16 +103,7 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
         )
     frame = pandas.DataFrame(found, index=pandas.Index(grid, name="time (s)"))
     unaligned = [name for name in times if name not in clocks] if len(times) > 1 else []
-    how, doubts = "as recorded" if len(times) == 1 else "recorded alignments", []
-    if len(times) > 1 and known.by_trigger:
-        recorded = f"{how}, " * (len(clocks) > 1 + len(known.by_trigger))
-        how = (
-            f"{recorded}the trigger that the rig names ({'; '.join(one.content for one in known.by_trigger.values())})"
-        )
-    ends = [(name, one.to_own(grid[[0, -1]]), one) for name, one in clocks.items() if name in times and len(times) > 1]
-    within = {name: max(map(one.half_width, map(float, own))) for name, own, one in ends if one.covariance.any()}
-    if within:
-        how += f"; 95 %: {', '.join(f'{name} within {1e3 * half:.2g} ms' for name, half in within.items())}"
+    how, doubts = _how_related(known, times, grid), list[str]()
     if unaligned:
         how = f"as recorded, not aligned: {', '.join(unaligned)}"
         doubts.append(
@@ -134,6 +125,22 @@ def joined_table(run: Run, rate: float | str, channels: Sequence[str] | None = N
     if (g0 := run.provenance.get("g0_m_per_s2")) is not None:
         frame.attrs["g0_m_per_s2"] = g0
     return frame, "; ".join(doubts)
+
+
+def _how_related(known: KnownClocks, times: Mapping[str, Floats], grid: Floats) -> str:
+    """What relates the clocks of groups with ``times``, and how well over the ``grid`` (n,) [s]."""
+    if len(times) == 1:
+        return "as recorded"
+    how = "recorded alignments"
+    if known.by_trigger:
+        recorded = f"{how}, " * (len(known.maps) > 1 + len(known.by_trigger))
+        edges = "; ".join(one.content for one in known.by_trigger.values())
+        how = f"{recorded}the trigger that the rig names ({edges})"
+    clocks = [(name, clock) for name, clock in known.maps.items() if name in times and clock.covariance.any()]
+    within = [(name, max(clock.half_width(float(at)) for at in clock.to_own(grid[[0, -1]]))) for name, clock in clocks]
+    if not within:
+        return how
+    return f"{how}; 95 %: {', '.join(f'{name} within {1e3 * half:.2g} ms' for name, half in within)}"
 
 
 def _raw_unit(column: Column) -> str | None:
