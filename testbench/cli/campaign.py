@@ -182,14 +182,17 @@ def list_runs(campaign: Path = argument()) -> Answer:
     from ..store.ledger import read_ledger
 
     runs, refused = options.openable_runs(open_campaign(campaign).run_paths)
+    ledger = read_ledger(campaign)
+    lacking = [f"{file.removesuffix('.h5')}: not stored: {why}" for file, why in ledger.not_stored.items()]
     # Of each run whether its log has grown since: ``incomplete``, or ``superseded by`` its next version.
-    found = {run.path.name: "" for run in runs} | dict.fromkeys(read_ledger(campaign).grown, "incomplete")
+    found = {run.path.name: "" for run in runs} | dict.fromkeys(ledger.grown, "incomplete")
     later = {run.provenance[CONTINUES]: run.name for run in runs if CONTINUES in run.provenance}
     states = found | {file: f"superseded by {name}" for file, name in later.items()}
     described = [document(run) | ({"log": states[run.path.name]} if states[run.path.name] else {}) for run in runs]
     return Answer(
-        {"campaign": campaign.resolve().name, "runs": [*described, *refused]},
+        {"campaign": campaign.resolve().name, "runs": [*described, *refused], "not_stored": lacking},
         lambda: emit_table(f"{campaign.resolve().name}: {len(runs)} runs", *_run_table(runs, states)),
+        findings=lacking,
         refused=refused,
     )
 

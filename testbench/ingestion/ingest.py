@@ -5,6 +5,7 @@ The outcome of each file says what became of it: stored, stored already, refused
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -19,7 +20,7 @@ from ..quality import rig_checks
 from ..quality.group_checks import RecordingCheck
 from ..readers import ReadOptions
 from ..recording import Finding, Group, Origin, Refusal, findings_by_group, refusing_findings
-from ..store import atomic_files, open_run
+from ..store import atomic_files, ledger, open_run
 from ..store.campaign import CONTINUES, StoredSources
 from ..store.writer import RunWriter
 from .log_sources import LogReading, Source, distinct_groups, refuse_stored_run, refuse_too_many, refuse_twice
@@ -99,7 +100,21 @@ class Ingest:
         object.__setattr__(self, "_stored", StoredSources(self.folder))
 
     def run(self, planned: PlannedRun) -> list[Outcome]:
-        """Ingest one run; one outcome for each of its files. The run is stored whole or not at all."""
+        """Ingest one run; one outcome for each of its files. The run is stored whole or not at all.
+
+        That a run of the run table could not be stored is entered into the ledger of the campaign.
+        """
+        outcomes = self._run(planned)
+        own = (
+            one.file and (one.status == "stored" or self._stored.is_version(one.file, planned.name)) for one in outcomes
+        )
+        if planned.conditions is not None and not any(own):
+            reason = "; ".join(dict.fromkeys(one.message or one.status for one in outcomes if one.status != "missing"))
+            with suppress(OSError, StoreError):  # of a folder that cannot be written the outcomes tell
+                ledger.enter_not_stored(self.folder, f"{planned.name}.h5", reason or "its log was not given")
+        return outcomes
+
+    def _run(self, planned: PlannedRun) -> list[Outcome]:
         absent, sources = self._not_given(planned), list[Source]()
         if lacking := [outcome.source for outcome in absent if outcome.status == "missing"]:
             given = ", ".join(path.name for path in planned.files)

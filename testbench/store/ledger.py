@@ -42,7 +42,8 @@ class Entry:
     written: Annotated[str, Key("", "written")]
     """When, ISO 8601, UTC, by the clock of the machine."""
     kind: Annotated[str, Key("", "kind")]
-    """``run``, ``record``, ``removed``, or ``grown``: the log of the run has more than was stored."""
+    """``run``, ``record``, ``removed``; ``grown``: the log of the run has more than was stored; or ``not_stored``: a
+    run of the run table that could not be stored, without bytes, so without ``sha256``."""
     file: Annotated[str, Key("", "file")]
     """In the campaign, such as ``r001.h5``."""
     sha256: Annotated[str, Key()]
@@ -67,9 +68,11 @@ class Ledger:
     """Bytes of the file up to the last whole line: what an append that was stopped left lies behind."""
     torn: bool = False
     newest: dict[str, Entry] = field(default_factory=dict)
-    """The newest entry of each file, ``grown`` apart."""
+    """The newest entry of each file that was there."""
     grown: frozenset[str] = frozenset()
     """Runs whose logs have more than was stored."""
+    not_stored: dict[str, str] = field(default_factory=dict)
+    """Why, of each run of a run table that could not be stored and has neither been since nor been given up."""
 
     @property
     def head(self) -> str | None:
@@ -92,10 +95,16 @@ def read_ledger(campaign: Path) -> Ledger:
         raise StoreError(f"{path}: cannot be read ({error.strerror or error})") from error
     whole = content.rfind(b"\n") + 1
     entries = tuple(_entries(content[:whole]))
-    newest = {entry.file: entry for entry in entries if entry.kind != "grown"}
+    newest = {entry.file: entry for entry in entries if entry.kind not in {"grown", "not_stored"}}
     continued = {entry.details.get("continues") for entry in entries}
     grown = frozenset(e.file for e in entries if e.kind == "grown" and e.file not in continued and e.file in newest)
-    return Ledger(entries, whole, whole < len(content), newest, grown)
+    not_stored: dict[str, str] = {}
+    for entry in entries:
+        if entry.kind == "not_stored":
+            not_stored[entry.file] = str(entry.details.get("reason", ""))
+        elif entry.kind != "grown":
+            not_stored.pop(entry.file, None)
+    return Ledger(entries, whole, whole < len(content), newest, grown, not_stored)
 
 
 def ledger_heads(folders: Iterable[Path]) -> list[dict[str, Any]]:
@@ -144,11 +153,20 @@ def enter_growth(campaign: Path, file: str) -> None:
             enter(campaign, "grown", file, ledger.newest[file].sha256)
 
 
+def enter_not_stored(campaign: Path, file: str, reason: str) -> None:
+    """Enter that a run of the run table could not be stored, and why, if that is not known yet."""
+    campaign.mkdir(parents=True, exist_ok=True)
+    with one_at_a_time(campaign):
+        ledger = read_ledger(campaign)
+        if not ledger.holds(file) and ledger.not_stored.get(file) != reason:
+            enter(campaign, "not_stored", file, "", {"reason": reason})
+
+
 def remove(campaign: Path, file: str, by: str, reason: str) -> Entry:
     """Take a run or record out of a campaign: entered first, by whom and why, then the file goes.
 
     Also where the file is gone already, and only nobody said so; done again it ends what was stopped. Raises StoreError
-    for a file that is neither there nor in the ledger.
+    for a file that is neither there nor in the ledger. A run that was not stored is given up so.
     """
     path = campaign / file
     if path.suffix != (".json" if "/" in file else ".h5"):
@@ -158,11 +176,11 @@ def remove(campaign: Path, file: str, by: str, reason: str) -> Entry:
         with one_at_a_time(campaign):
             ledger = read_ledger(campaign)
             there = [one for one in files if one.is_file() or one.is_symlink()]
-            if not there and not ledger.holds(file):
+            if not there and not ledger.holds(file) and file not in ledger.not_stored:
                 raise StoreError(f"{file}: neither in {campaign} nor in its ledger; `testbench ledger` lists what is")
             entry = ledger.newest.get(file)
-            if entry is None or entry.kind != "removed":
-                known = entry.sha256 if entry else atomic_files.sha256_of(there[0])
+            if entry is None or entry.kind != "removed" or file in ledger.not_stored:
+                known = entry.sha256 if entry else atomic_files.sha256_of(there[0]) if there else ""
                 entry = enter(campaign, "removed", file, known, {"by": by, "reason": reason})
             for one in there:
                 one.unlink()

@@ -90,7 +90,7 @@ class Pair:
 
 
 def pairs(runs: Iterable["Run"]) -> tuple[list[Pair], list[Finding]]:
-    """The pairs of a campaign, and a finding for each run that is in none of them.
+    """The pairs of a campaign, and a finding for each run that is in none of them, or could not be stored.
 
     A run recovered from a stopped ingest is left out where another run holds more of the same logs: none counts twice.
     """
@@ -98,9 +98,12 @@ def pairs(runs: Iterable["Run"]) -> tuple[list[Pair], list[Finding]]:
     groups: dict[ConditionKey, dict[tuple[tuple[str, float], ...], list[Run]]] = defaultdict(lambda: defaultdict(list))
     findings: list[Finding] = []
     needed = [name for name in _COMPARED if name == "motion" or any(name in run.conditions for run in runs)]
-    grown = {folder: read_ledger(folder).grown for folder in {run.path.parent for run in runs}}
+    ledgers = {folder: read_ledger(folder) for folder in sorted({run.path.parent for run in runs})}
+    for file, why in ((file, why) for one in ledgers.values() for file, why in one.not_stored.items()):
+        name = file.removesuffix(".h5")
+        findings.append(Finding("not_stored", None, name, f"{name}: is in the run table and not stored: {why}"))
     for run in runs:
-        if run.path.name in grown[run.path.parent]:
+        if run.path.name in ledgers[run.path.parent].grown:
             more = "its log has grown since it was stored: ingest it again, which stores its next version"
             findings.append(_finding(run, "incomplete", more))
         if (whole := _fuller_run(runs, run)) is not None:

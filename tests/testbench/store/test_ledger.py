@@ -13,7 +13,7 @@ from testbench.cli.campaign import remove
 from testbench.errors import NotConfirmedError, StoreError
 from testbench.ingestion.recovered_runs import recover
 from testbench.store import append_only_records, atomic_files, open_campaign
-from testbench.store.ledger import FILE, read_ledger
+from testbench.store.ledger import FILE, enter_not_stored, read_ledger
 from testbench.store.writer import RunWriter
 
 from .stored import ACC, fill, names_in, store
@@ -43,6 +43,23 @@ def test_everything_is_an_entry(campaign, verified, capsys):
     assert command.main([str(campaign), "--json"], standalone_mode=False) == 0
     document = json.loads(capsys.readouterr().out)
     assert (document["head"], len(document["entries"])) == (found.head, 3)
+
+
+def test_what_was_not_stored_stays_open_until_it_is_stored_or_given_up(campaign, capsys):
+    """Said once for a reason; no damage to verify; a removed run of that name may lack anew."""
+    for reason in ("torn", "torn", "its log was not given"):
+        enter_not_stored(campaign, "c.h5", reason)
+    enter_not_stored(campaign, "a.h5", "is stored")
+    enter_not_stored(campaign, "d.h5", "torn")
+    assert read_ledger(campaign).not_stored == {"c.h5": "its log was not given", "d.h5": "torn"}
+    assert [entry.kind for entry in read_ledger(campaign).entries].count("not_stored") == 3
+    store(campaign, ACC, [np.full(3, 9.0)], name="c")
+    why = ["--by", "A. Kaya", "--reason", "the log is lost"]
+    assert remove.main([str(campaign / "d.h5"), *why], standalone_mode=False) == 0
+    assert read_ledger(campaign).not_stored == {}
+    assert remove.main([str(campaign / "c.h5"), *why], standalone_mode=False) == 0
+    enter_not_stored(campaign, "c.h5", "torn")
+    assert read_ledger(campaign).not_stored == {"c.h5": "torn"}
 
 
 def gone(*names):

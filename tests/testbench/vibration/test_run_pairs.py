@@ -10,6 +10,7 @@ from balance.results import document
 from testbench.errors import AnalysisError
 from testbench.recording import Channel, Finding, Group
 from testbench.runs.si_run import SIRun
+from testbench.store.ledger import enter_not_stored
 from testbench.vibration.run_pairs import pairs
 
 BUILT = {"counter_A0A": 24.2626, "counter_B0B": 24.2626}
@@ -50,6 +51,14 @@ def run(name: str, masses: dict | None, acceleration: float = 3.0, **more) -> Fa
     """A run at 5 kg along x."""
     conditions = {"payload_kg": 5.0, "motion": "x", "peak_acceleration_g": acceleration}
     return FakeRun(name, conditions | ({} if masses is None else {"counter_masses": masses}), **more)
+
+
+def test_a_run_that_could_not_be_stored_is_named(tmp_path):
+    """Of the folder of any run that is compared; with the reason."""
+    enter_not_stored(tmp_path, "c.h5", "its log was not given")
+    _, findings = pairs([run("a", BUILT, path=tmp_path / "a.h5"), run("b", {}, path=tmp_path / "b.h5")])
+    assert [(one.code, one.where) for one in findings] == [("not_stored", "c")]
+    assert findings[0].message == "c: is in the run table and not stored: its log was not given"
 
 
 def test_pairs():
