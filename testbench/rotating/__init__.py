@@ -2,7 +2,8 @@
 
 Speed: ``encoder_edges`` numbers the edges of a log (pulses are timed, never counted in a window), ``speed_fit``
 estimates the steady turn, ``speed_results`` the errors of the disc, the speed edge by edge and the
-comparison with a drive's equation of motion. Vibration: ``tachometer`` gives the turns, ``order_tracking`` the vectors.
+comparison with a drive's equation of motion. Vibration: ``tachometer`` gives the turns, ``order_fit`` the
+vectors of one record, ``order_tracking`` those of a run.
 """
 
 from .encoder_edges import Disc, Edges, LostEdges, log_origin, number_edges, read_edge_times
