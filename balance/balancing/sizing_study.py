@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
 from pathlib import PurePath
 from typing import Any
@@ -261,6 +261,10 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
     """What all counter-masses together may weigh [kg]; None without such a limit."""
     any_total: Sizing | None = None
     """The best ones of any mass without that limit."""
+    limits: Mapping[str, float] = field(default_factory=dict)
+    """Largest mass by site [kg], of sites that have one."""
+    equal: tuple[tuple[str, ...], ...] = ()
+    """Groups of sites of equal masses."""
 
     @property
     def best(self) -> Sizing:
@@ -293,6 +297,21 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
         coarse = self.trajectory.coarse if self.trajectory else ()
         return self.verdict.has_finding or bool(self.left_out) or bool(coarse)
 
+    @property
+    def made_small(self) -> str:
+        """What is made small, in words."""
+        what = "momentum" if self.motion is None else " and ".join(objective.MADE_SMALL[name] for name in self.weights)
+        uneven = len(set(self.weights.values())) > 1
+        return f"{what} ({', '.join(f'{name} {w:g}' for name, w in self.weights.items())})" if uneven else what
+
+    @property
+    def allowed(self) -> str:
+        """Where masses may be mounted, and the limits, in words."""
+        sites = (one.site for one in self.counter_masses)
+        limited = [f"{name}, at most {self.limits[name]:.4g} kg" if name in self.limits else name for name in sites]
+        parts = ["; ".join(limited), *(f"equal at {' and '.join(group)}" for group in self.equal)]
+        return "; ".join([*parts, *([] if self.added is None else [f"at most {self.added:.4g} kg in all"])])
+
     @cached_property
     def responses(self) -> dict[str, Response]:
         """The motion ``before`` and ``after`` balancing; none without a motion."""
@@ -308,6 +327,8 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
         found: dict[str, Any] = {
             "balanced": verdict.balanced,
             "attainable_with_any_mass": verdict.attainable,
+            "limits_kg": dict(self.limits),
+            "equal": [list(group) for group in self.equal],
             "objective": {"weights": dict(self.weights), "over": over, "motion": self.motion},
             f"rms_before{unit}": verdict.before,
             f"rms{unit}": verdict.after,
@@ -360,11 +381,9 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
             yield f"Balanced completely {where}, {added}."
             return
         unit = {"N": "N", "Nm": "N m", "m_per_s2": "m/s2"}.get(self.best.objective.unit if self.best.objective else "")
-        what = "momentum" if self.motion is None else " and ".join(objective.MADE_SMALL[name] for name in self.weights)
         sizes = f" ({verdict.after:.4g} {unit} of {verdict.before:.4g} {unit})" if unit else ""
-        yield (
-            f"Not balanced completely: {self._share(verdict.after)} of the RMS {what} remains {where}{sizes}, {added}."
-        )
+        remains = f"{self._share(verdict.after)} of the RMS {self.made_small} remains"
+        yield f"Not balanced completely: {remains} {where}{sizes}, {added}."
         yield self._proof()
         for one in verdict.directions:
             if one.after > 1e-6 * verdict.before:
@@ -496,8 +515,9 @@ def study_sizing(
     samples = _samples(trajectory, model) if set(weights) == {"force"} else None
     verdict = verdict_of(first, any_mass, samples, limits, equal, added)
     return SizingStudy(
-        (first, *sets[1:]), any_mass, verdict, weights, motion, stock, use, trajectory, rig, left_out, added, any_total
-    )
+        (first, *sets[1:]), any_mass, verdict, weights, motion, stock, use, trajectory, rig, left_out, added, any_total,
+        dict(limits or {}), tuple(map(tuple, equal)),
+    )  # fmt: skip
 
 
 def _refuse_unlike(weights: Mapping[str, float], trajectory: Trajectory | None, rig: str | None, best: int) -> None:

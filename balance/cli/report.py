@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from . import options
+from . import options, size
 from .framework import Answer, command, option
 from .printing import say
 
@@ -32,6 +32,7 @@ def _output(*endings: str) -> Any:  # noqa: ANN401
 Examples:
   balance report four-bar --motion four-bar -o report.html
   balance report parallelogram-6bar -p platform=5kg --motion x --stock kiper2019 -o report.html
+  balance report four-bar --motion four-bar --limit counter_A0A=1kg --added 2kg -o report.html
 \b
 Exit code 3: no masses at these sites balance it completely, or plates leave more than 5 % where others would."""
 )
@@ -39,20 +40,25 @@ def report(
     mechanism: str = options.MECHANISM,
     payload: options.Masses = options.PAYLOADS,
     site: tuple[str, ...] = options.SITES,
-    stock: str | None = option("Counter-masses of these plates: a CSV file, or kiper2019.", metavar="CSV"),
+    without: tuple[str, ...] = size.WITHOUT,
+    stock: str | None = size.STOCK,
+    limit: options.Masses = options.LIMITS,
+    added: float | None = options.ADDED,
+    equal: tuple[str, ...] = size.EQUAL,
+    objective: tuple[str, ...] = size.OBJECTIVE,
+    rig: str | None = size.RIG,
     motion: str = options.MOTION,
     output: Path = _output(".html"),
 ) -> Answer:
     """The counter-masses of MECH on one page to sign and mail: verdict, sizing, conditions, a motion with and without.
 
     The page reads without network and without script, and shows the mechanism moving to scale. Counter-masses are those
-    of balance size; --json prints every number of the page.
+    of balance size with the same options; --json prints every number of the page.
     """
-    from ..front_door import size
     from ..report.design_page import design_page
 
     model = options.load_mechanism_option(mechanism, payload)
-    found = size(model, motion, stock, sites=site, payload_bodies=options.payload_bodies(model, payload))
+    found = size.sized(model, payload, motion, stock, site, without, limit, added, equal, objective, rig)
     page = design_page(found)
     path = page.write(output)
     text = f"{model.name}: {page.document['verdict']}\nWrote {path}."

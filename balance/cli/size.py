@@ -18,6 +18,16 @@ if TYPE_CHECKING:
     from ..balancing.sizing_study import SizingStudy
     from ..mechanism.mechanism import Mechanism
 
+STOCK = option("Make them from these plates: a CSV file, or kiper2019.", metavar="CSV")
+WITHOUT = option("A site that gets no counter-mass.", metavar="SITE")
+EQUAL = option("Sites that get equal masses.", metavar="SITE,SITE")
+OBJECTIVE = option(
+    "What is made small: force, moment or torque (of the drives that turn) of the motion; of several the sum of "
+    "weight times (RMS / RMS without)^2; vibration too, with --rig [default: force].",
+    metavar="NAME=WEIGHT",
+)
+RIG = option("A rig's file, or a shipped one: the base whose vibration is made small.", metavar="RIG")
+
 
 @command(
     epilog="""\b
@@ -47,19 +57,15 @@ def size(
     mechanism: str = options.MECHANISM,
     payload: options.Pairs = options.PAYLOADS_OF_ONE_BODY,
     site: tuple[str, ...] = options.SITES,
-    without: tuple[str, ...] = option("A site that gets no counter-mass.", metavar="SITE"),
-    stock: str | None = option("Make them from these plates: a CSV file as below, or kiper2019.", metavar="CSV"),
+    without: tuple[str, ...] = WITHOUT,
+    stock: str | None = STOCK,
     limit: options.Masses = options.LIMITS,
     added: float | None = options.ADDED,
-    equal: tuple[str, ...] = option("Sites that get equal masses.", metavar="SITE,SITE"),
+    equal: tuple[str, ...] = EQUAL,
     best: int = option("Sets from stock to list.", click.IntRange(1, 100), default=1),
     motion: str | None = option("The motion whose force is made small, and compared before and after.", metavar="TOML"),
-    objective: tuple[str, ...] = option(
-        "What is made small: force, moment or torque (of the drives that turn) of the motion; of several the sum of "
-        "weight times (RMS / RMS without)^2; vibration too, with --rig [default: force].",
-        metavar="NAME=WEIGHT",
-    ),
-    rig: str | None = option("A rig's file, or a shipped one: the base whose vibration is made small.", metavar="RIG"),
+    objective: tuple[str, ...] = OBJECTIVE,
+    rig: str | None = RIG,
     closed_form: bool = option("parallelogram-6bar by its published formula, without Pinocchio."),
     figure: str | None = options.FIGURE,
 ) -> Answer:
@@ -74,27 +80,44 @@ def size(
         if site or without or stock or limit or equal or motion or objective or rig or figure or added is not None:
             raise click.UsageError("--closed-form reads no model: give only --payload and --json with it")
         return _closed_form(mechanism, payload)
-    weights = _weights(objective, motion, rig)
     payloads = _growing(payload)
     if len(payloads) > 1:
         if limit or equal or without or best > 1 or rig or figure or added is not None:
             raise click.UsageError(
                 "--limit, --added, --equal, --without, --best, --rig and --figure are for one payload of a body"
             )
-        return _size_growing(mechanism, payloads, site, stock, motion, weights)
-    from ..front_door import size as sized
-
+        return _size_growing(mechanism, payloads, site, stock, motion, _weights(objective, motion, rig))
     model = options.load_mechanism_option(mechanism, payloads[0])
-    found = sized(
-        model, motion, stock, sites=_sites(model, site, without), limits=limit,
-        equal=[[name.strip() for name in group.split(",")] for group in equal], objective=weights, rig=rig, best=best,
-        payload_bodies=options.payload_bodies(model, payloads[0]), added=added,
-    )  # fmt: skip
+    found = sized(model, payloads[0], motion, stock, site, without, limit, added, equal, objective, rig, best)
     options.draw(figure, found.plot)
     document = found.document() | {n: response_summary(r) for n, r in found.responses.items()}
     at_sites = [f"{name} = {mass(value)} kg" for name, value in payloads[0].items() if name not in model.own_mass]
     beside = f", with {', '.join(at_sites)}" if at_sites else ""
     return Answer(document, lambda: _print(found, best, beside), found.has_finding, further=("", "objective"))
+
+
+def sized(
+    model: "Mechanism",
+    payload: options.Masses,
+    motion: str | None,
+    stock: str | None,
+    site: tuple[str, ...],
+    without: tuple[str, ...],
+    limit: options.Masses,
+    added: float | None,
+    equal: tuple[str, ...],
+    objective: tuple[str, ...],
+    rig: str | None,
+    best: int = 1,
+) -> "SizingStudy":
+    """Counter-masses of a mechanism with its payload, by the options of the command."""
+    from ..front_door import size
+
+    return size(
+        model, motion, stock, sites=_sites(model, site, without), limits=limit, added=added, best=best, rig=rig,
+        equal=[[name.strip() for name in group.split(",")] for group in equal],
+        objective=_weights(objective, motion, rig), payload_bodies=options.payload_bodies(model, payload),
+    )  # fmt: skip
 
 
 def _print(found: "SizingStudy", best: int, beside: str) -> None:

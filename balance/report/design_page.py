@@ -44,6 +44,7 @@ def design_page(study: SizingStudy) -> Page:
     }
     figure = inline_svg(draw_responses(responses, shown), "Forces, moments and torques with and without counter-masses")
     about = {"sections": SECTIONS, "motion": motion, "figure": figure, "coarse": trajectory.coarse}
+    about |= {"made_small": study.made_small, "allowed": study.allowed}
     return Page(Path(__file__).with_name("design.html"), document, data, about)
 
 

@@ -60,20 +60,26 @@ def test_a_motion_is_named_once_without_its_folder(tmp_path):
         assert str(own) not in text
 
 
+PLATES = ["parallelogram-6bar", "-p", "platform=5kg", "--motion", "x", "--stock", "kiper2019"]
+LIMITED = ["four-bar", "--motion", "four-bar", "--limit", "counter_A0A=1kg", "--added", "2kg", "--objective", "moment"]
+
+
 @pytest.mark.parametrize(
-    ("words", "code", "verdict"),
+    ("words", "code", "small", "allowed"),
     [
-        (["four-bar", "--motion", "four-bar", "--site", "counter_A0A"], 3, "of the RMS shaking force"),
-        (
-            ["parallelogram-6bar", "-p", "platform=5kg", "--motion", "x", "--stock", "kiper2019"],
-            0,
-            "of the RMS shaking force",
-        ),
+        (["four-bar", "--motion", "four-bar", "--site", "counter_A0A"], 3, "shaking force", "counter_A0A"),
+        (["four-bar", "--motion", "four-bar", "--without", "counter_A0A"], 3, "shaking force", "counter_B0B"),
+        (PLATES, 0, "shaking force", "counter_A0A; counter_B0B"),
+        (LIMITED, 3, "shaking moment", "counter_A0A, at most 1 kg; counter_B0B; at most 2 kg in all"),
     ],
 )
-def test_what_remains_comes_first(words, code, verdict, tmp_path):
-    """The verdict is the first line, with its number; the exit code is that of size."""
+def test_what_remains_comes_first(words, code, small, allowed, tmp_path):
+    """The verdict is the first line, with its number, that of size with the same options, as its exit code is."""
     done = call(main, "balance", "report", *words, "-o", tmp_path / "page.html")
-    assert done.code == code
-    assert verdict in done.out.splitlines()[0]
-    assert done.code == call(main, "balance", "size", *words).code
+    sized = call(main, "balance", "size", *words)
+    assert done.code == sized.code == code
+    assert done.out.splitlines()[0] == f"{words[0]}: {sized.out.splitlines()[0]}"
+    assert f"of the RMS {small} remains" in done.out
+    text = (tmp_path / "page.html").read_text("utf-8")
+    assert f"<dt>Made small</dt><dd>{small} of the motion</dd>" in text
+    assert f"<dt>Masses allowed at</dt><dd><bdi>{allowed}</bdi></dd>" in text
