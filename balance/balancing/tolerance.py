@@ -24,6 +24,8 @@ from .sweep import Problem, Variable
 PERCENTILES = (50.0, 90.0, 95.0, 99.0)
 NOT_LINEAR = 0.05
 """Curvature relative to slope over half a tolerance, above which the answer is doubtful."""
+_ROUNDING = 1e-12
+"""Part of the force that counts as rounding."""
 _COUNTS, _CHANGES = 1e-3, 1e-6
 """Share of what all errors add, and change of the RMS force by one alone, from which its effect counts."""
 
@@ -87,10 +89,10 @@ class ToleranceEffect:
     """What one tolerance does alone."""
 
     tolerance: Annotated[Tolerance, Key(label="tolerance", form=lambda t: t.text)]
-    variance_share: Annotated[float, Key("variance_share_percent", "share [%]", ".1f", to=per_cent)]
-    """Of the mean square force that all errors together add to the nominal one, 0 to 1."""
     rms_95: Annotated[float, Key("rms_95_N", "95 % keep at most, RMS [N]", ".4g")]
     """RMS force that 95 % of the mechanisms with this error alone do not exceed [N]."""
+    variance_share: Annotated[float, Key("variance_share_percent", "share [%]", ".1f", to=per_cent)]
+    """Of the mean square force that all errors together add to the nominal one, 0 to 1."""
     curvature: Annotated[float, Key("curvature", "curvature", ".2g")]
     """Departure from a straight line within the tolerance, relative to the slope [-]."""
 
@@ -133,7 +135,8 @@ def analyze_tolerances(
         upper, lower = forces[2 * k], forces[2 * k + 1]
         slopes.append((upper - lower) / 2.0)
         size = float(np.linalg.norm(slopes[-1]))
-        curvatures.append(float(np.linalg.norm(upper + lower - 2.0 * nominal)) / 2.0 / size if size > 0.0 else 0.0)
+        bend = float(np.linalg.norm(upper + lower - 2.0 * nominal)) / 2.0
+        curvatures.append(bend / size if bend > _ROUNDING * np.linalg.norm(nominal) else 0.0)
     factor: Floats = np.linalg.qr(np.stack([nominal, *slopes], axis=1)).R / np.sqrt(nominal.size / 3)
     errors = np.random.default_rng(seed).uniform(-1.0, 1.0, (draws, len(tolerances)))
     whole = _rms(factor, errors)
@@ -141,7 +144,7 @@ def analyze_tolerances(
     shares = (added / max(added.sum(), 1e-300)).tolist()
     effects = []
     for alone, one, share, bend in zip(np.eye(len(tolerances)), tolerances, shares, curvatures, strict=True):
-        effects.append(ToleranceEffect(one, share, float(np.percentile(_rms(factor, errors * alone), 95.0)), bend))
+        effects.append(ToleranceEffect(one, float(np.percentile(_rms(factor, errors * alone), 95.0)), share, bend))
     levels = [f"{level:g}" for level in PERCENTILES]
     percentiles = dict(zip(levels, np.percentile(whole, PERCENTILES).tolist(), strict=True))
     costliest = sorted(effects, key=lambda effect: (-effect.rms_95, -effect.variance_share))

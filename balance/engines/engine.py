@@ -128,8 +128,8 @@ class Firing:
 
 
 def dead_centres(engine: Engine) -> list[float]:
-    """Crank angle of each cylinder's top dead centre, 0 up to 360 [deg]: theta = beta - phi."""
-    angles = [np.degrees(cylinder.bank - cylinder.throw) % _TURN for cylinder in engine.cylinders]
+    """Crank angle of each cylinder's top dead centre, 0 up to 360 [deg]: theta = beta - phi + asin(e / (r + l))."""
+    angles = [np.degrees(one.bank - one.throw + one.crank.dead_centre) % _TURN for one in engine.cylinders]
     return [0.0 if _TURN - angle < 1e-9 else float(angle) for angle in angles]
 
 

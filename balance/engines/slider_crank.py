@@ -76,6 +76,11 @@ class SliderCrank:
         return self.radius / self.rod_length
 
     @property
+    def dead_centre(self) -> float:
+        """Its top dead centre: crank and rod in one line, asin(e / (r + l)) [rad]."""
+        return float(np.arcsin(self.offset / (self.radius + self.rod_length)))
+
+    @property
     def rotating_unbalance(self) -> float:
         """Crank, and the rod's mass at the pin m l_C / l, times their radii [kg m]."""
         at_pin = self.rod_mass * (self.rod_length - self.rod_centre) / self.rod_length

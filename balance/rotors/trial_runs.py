@@ -124,7 +124,7 @@ class SensorTable(Table):
     weight: Positive | None = None
     """Weight of the squares of its readings."""
     within: Scale | None = None
-    """Half the 95 % interval of its readings as vectors, the same in every direction."""
+    """Half the 95 % interval of each component of its readings, the same in every direction: 1.96 sigma."""
 
 
 class RunTable(Table):

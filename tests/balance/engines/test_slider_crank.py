@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from balance.engines.engine import Cylinder, Engine
+from balance.engines.engine import Cylinder, Engine, dead_centres
 from balance.engines.engine_files import mjcf
 from balance.engines.slider_crank import SliderCrank, replacements
 from balance.errors import DataError
@@ -38,7 +38,9 @@ def test_a_positive_offset_is_where_the_pin_goes_from_dead_centre():
     crank = SliderCrank(0.05, 0.2, piston_mass=0.8, offset=0.01)
     at = np.arcsin(0.01 / 0.25)
     place, rate, _ = crank._slide(np.array([at]))
-    assert at > 0.0
+    assert at == pytest.approx(crank.dead_centre)
+    engine = Engine("inclined", (Cylinder(0.0, 0.2, 0.5, crank),))
+    assert dead_centres(engine) == pytest.approx([np.degrees(0.3 + at)])
     assert (place[0], rate[0]) == (pytest.approx(0.25 * np.cos(at)), pytest.approx(0.0, abs=1e-15))
 
 
