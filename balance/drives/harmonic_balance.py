@@ -190,15 +190,11 @@ def steady_rotation(
 
     Raises DriveError where there is none.
     """
-    speeds = _balanced_speeds(machine)
-    speed = speeds[0] if near is None else min(speeds, key=lambda n: abs(n - near))
+    speed = _balanced_speed(machine, near)
     try:
-        return _solved(machine, speed, harmonics, 0.0)
-    except DriveError:
-        try:
-            return _solved(machine, speed, harmonics, 1.0)
-        except DriveError as refusal:
-            raise _stalled(machine) or refusal from None
+        return _solved_from_either(machine, speed, harmonics)
+    except DriveError as refusal:
+        raise _stalled(machine) or refusal from None
 
 
 def _stalled(machine: Machine) -> DriveError | None:
@@ -210,6 +206,14 @@ def _stalled(machine: Machine) -> DriveError | None:
         f"load uses up what motor and stored energy give, at {np.degrees(angle):.0f} deg; a flywheel may carry it "
         "on (--flywheel-for, in Python flywheel_for)"
     )
+
+
+def _solved_from_either(machine: Machine, speed: float, harmonics: tuple[int, ...] = HARMONICS) -> SteadyRotation:
+    """From constant energy, else from constant speed. Raises DriveError where neither leads to a solution."""
+    try:
+        return _solved(machine, speed, harmonics, 0.0)
+    except DriveError:
+        return _solved(machine, speed, harmonics, 1.0)
 
 
 def _solved(machine: Machine, speed: float, harmonics: tuple[int, ...], power: float) -> SteadyRotation:
@@ -299,6 +303,12 @@ def _balanced_speeds(machine: Machine) -> list[float]:
     return [float(speed) for speed in speeds[changes] + steps]
 
 
+def _balanced_speed(machine: Machine, near: float | None) -> float:
+    """The fastest of them, or that next to a speed of the crank ``near`` [rad/s]."""
+    speeds = _balanced_speeds(machine)
+    return speeds[0] if near is None else min(speeds, key=lambda n: abs(n - near))
+
+
 @dataclass(frozen=True)
 class Flywheel:
     """A flywheel on the crank's or the motor's shaft."""
@@ -310,7 +320,7 @@ class Flywheel:
     fluctuation: Annotated[float, Key()]
     """Coefficient of speed fluctuation with it."""
     wanted: Annotated[float, Key("wanted_fluctuation")]
-    """What was asked for at most; more than ``fluctuation`` where the machine stalls with a smaller flywheel."""
+    """What was asked for at most; more than ``fluctuation`` where a smaller one leaves no steady rotation."""
     mean_speed: Annotated[float, Key("mean_rpm", to=rpm)]
     """Of the crank with it, over time [rad/s]."""
 
@@ -326,14 +336,14 @@ def flywheel_for(
     if not 0.0 < wanted < 2.0:
         raise DriveError(f"wanted coefficient of fluctuation is {wanted:g}: expected a number between 0 and 2")
     enough: dict[float, Flywheel] = {}
-    _balanced_speeds(machine)  # which inertia does not change: where there is none, no flywheel helps
+    speed = _balanced_speed(machine, near)  # which inertia does not change: where there is none, no flywheel helps
 
     @cache
     def excess(inertia: float) -> float:
         try:
-            rotation = steady_rotation(machine.with_flywheel(inertia, side), near=near)
+            rotation = _solved_from_either(machine.with_flywheel(inertia, side), speed)
         except DriveError:
-            return 2.0  # it stalls
+            return 2.0  # as where it stalls
         found = rotation.fluctuation(definition)
         if found <= wanted:
             enough[inertia] = Flywheel(inertia, side, found, wanted, rotation.mean_speed)

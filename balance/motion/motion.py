@@ -43,7 +43,7 @@ _AROUND = 12
 _MOSTLY = 0.9
 """Share of all roughness that is around one wrong value."""
 _FEWEST, _PART = 12, 60
-"""Samples from which faults are told, and noise of a part of them: a fast move is not as long."""
+"""Samples from which faults are told, and of a part in which noise is told: a fast move is not as long."""
 _JUMPS, _OF_CHANGES = 0.45, 1.8
 """Quantile of changes of second differences, and RMS acceleration over it, both of white noise of positions.
 
@@ -138,19 +138,24 @@ class Samples:
             yield "gap", {"begin": self.time[at], "end": self.time[at + 1]}
         rough, pace = np.diff(a, _BY) ** 2, np.diff(self.position[:, i]) / between
         changes = np.abs(np.diff(np.diff(pace) / (0.5 * (between[1:] + between[:-1]))))[1:-1]
-        if (made := _by_noise(rough, changes)) > least:
+        noise = _by_noise(rough, changes)
+        noisy = np.flatnonzero(noise > least)
+        made = float(np.sqrt(np.mean(noise[noisy] ** 2))) if len(noisy) else 0.0
+        if len(noisy) == len(noise):
             yield "noise", {"made": made, "size": size, "where": ""}
         at, whole = int(np.argmax(rough)), np.cumsum(rough)
         near = float(np.sum(rough[max(at - _AROUND, 0) : at + _AROUND]))
-        begin, end = np.searchsorted(whole, (0.01 * whole[-1], 0.99 * whole[-1]))
-        where = f" between {self.time[begin + _BY // 2]:.6g} s and {self.time[end + _BY // 2]:.6g} s"
         unlike = near > _OF_NOISE * max(peak, least) ** 2
         if unlike and near > _MOSTLY * whole[-1]:
             yield "value", {"instant": self.time[at + _BY // 2], "peak": peak}
-        elif end - begin >= _PART and (made := _by_noise(rough[begin:end], changes[begin:end])) > least:
+        elif len(noisy):
+            begin, end = (k * len(rough) // len(noise) + _BY // 2 for k in (noisy[0], noisy[-1] + 1))
+            parts = f" in {len(noisy)} of {len(noise)} parts," if np.ptp(noisy) >= len(noisy) else ""
+            where = f"{parts} between {self.time[begin]:.6g} s and {self.time[end]:.6g} s"
             yield "noise", {"made": made, "size": size, "where": where}
         elif unlike:
-            yield "values", {"peak": peak, "where": where}
+            begin, end = np.searchsorted(whole, (0.01 * whole[-1], 0.99 * whole[-1])) + _BY // 2
+            yield "values", {"peak": peak, "where": f" between {self.time[begin]:.6g} s and {self.time[end]:.6g} s"}
 
     def _made_by_clock(self, i: int, dt: float) -> float:
         """RMS acceleration that errors of the instants make [m/s2 or rad/s2]; zero where they make none.
@@ -173,9 +178,15 @@ class Samples:
         return Drive.of_point(mechanism, place, self.axes)
 
 
-def _by_noise(rough: Floats, changes: Floats) -> float:
-    """RMS acceleration that noise of positions makes, by squares of differences and changes (n,); 0 of jumps alone."""
-    return min(float(np.sqrt(np.quantile(rough, 0.75) / _OF_NOISE)), _OF_CHANGES * float(np.quantile(changes, _JUMPS)))
+def _by_noise(rough: Floats, changes: Floats) -> Floats:
+    """RMS acceleration that noise of positions makes in each of equal parts, (parts,); 0 of jumps alone.
+
+    By squares of differences and changes, (n,); each part has ``_PART`` of them at least, or all.
+    """
+    count = max(len(rough) // _PART, 1)
+    squares, sizes = (x[: len(rough) // count * count].reshape(count, -1) for x in (rough, changes[: len(rough)]))
+    by_squares = np.sqrt(np.quantile(squares, 0.75, axis=1) / _OF_NOISE)
+    return np.asarray(np.minimum(by_squares, _OF_CHANGES * np.quantile(sizes, _JUMPS, axis=1)))
 
 
 def _common_step(values: Floats) -> float:

@@ -245,6 +245,13 @@ ROUGH = {
     "noise of a quarter": (
         lambda t, rng: 2e-5 * rng.standard_normal(len(t)) * (t < 0.25), r"samples are rough between 0\.0\d+ s and 0\.2",
     ),
+    "noise of both ends": (
+        lambda t, rng: 2e-6 * rng.standard_normal(len(t)) * (abs(t - 0.5) > 0.35),
+        r"rough in 6 of 16 parts, between 0\.0\d+ s and 0\.99",
+    ),
+    "noise of every other 100 ms": (
+        lambda t, rng: 2e-5 * rng.standard_normal(len(t)) * (t % 0.2 < 0.1), r"rough in \d+ of 16 parts, ",
+    ),
     "four values": (
         lambda t, rng: 1e-2 * np.isin(np.arange(len(t)), (200, 301, 500, 800)),
         r"several values do not fit between 0\.\d+ s and 0\.80",
