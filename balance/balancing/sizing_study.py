@@ -389,7 +389,7 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
             if one.after > 1e-6 * verdict.before:
                 along = ", ".join(f"{x:.3g}" for x in one.direction)
                 after, before = (f"{x:.4g} {unit}" if unit else self._share(x) for x in (one.after, one.before))
-                yield f"  along ({along}): {after}, without counter-masses {before}"
+                yield f"  in direction ({along}) of the base: {after} of {before}"
         if self.stock:
             remain = per_cent_text(self.any_mass.remaining_percent())
             yield "Masses of other sizes at these sites would " + (

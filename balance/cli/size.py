@@ -338,8 +338,8 @@ def _print_nested(name: str, sets: list[dict[str, Any]], stock: str | None, publ
         if found["attainable_with_any_mass"]:
             residual = f"{found['residual_first_moment_kgm']:.4g} kg m"
             say(f"First-moment residual at {payload}  {residual}  ({per_cent_text(found['residual_percent'])})")
-        else:
-            say(f"At {payload}  no masses at these sites balance completely")
+    if not any(found["attainable_with_any_mass"] for found in sets):
+        say("No masses at these sites balance it completely with any of these payloads.")
     if stock:
         proof = "proven" if all(one["proven"] for one in sets) else "the best found in the time, not proven"
         say(f"Least in the sum over the payloads of all sets that only grow: {proof}.")
