@@ -105,7 +105,8 @@ class Closure:
             )
             per_drive = np.broadcast_to(np.eye(drive.size)[:, list(drive.indices)], (len(q), drive.size, drive.size))
             return Trajectory(self.mechanism.name, samples.time, q, v, a, per_drive, 0.0, 1.0, self.mechanism.branch)
-        return follow(LoopSystem(self.mechanism, self.engine, self.rows, self.length, drive), self.home, samples, near)
+        system = LoopSystem(self.mechanism, self.engine, self.home, self.length, self.scales, drive)
+        return follow(system, samples, near)
 
     def states(self, count: int, seed: int = 0, step: float = 0.15) -> Floats:
         """Closed configurations of the home branch, well apart from singular ones, (count, nv) [rad, m].

@@ -7,14 +7,16 @@ nothing then. Rows beyond the number of columns depend on the others: they are n
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Floats, Indices
+from ..arrays import Floats
 from ..errors import ClosureError
 from ..mechanism.forward_kinematics import Pose, Tree, motion, pose
 from ..mechanism.loop_constraints import (
     Constraint,
+    Coupling,
     constraint_bias,
     constraint_jacobian,
     constraint_residual,
@@ -31,6 +33,15 @@ ITERATIONS = 30
 """Newton steps after which an iteration counts as lost."""
 _CONVERGED = 1e-9
 """Newton step after which the next one is below rounding [rad, m]."""
+SINGULAR_LIMIT = 1e6
+"""Condition number of loops and driven coordinates, scaled, above which a state counts as singular: rates lose as many
+of their 16 digits as it has, accelerations twice as many."""
+_ITERATIONS_OF_A_STEP = 8
+"""Newton steps after which a step of continuation counts as too long; one of those that are kept needs five."""
+_LONGEST_STEP = 0.5
+"""Of a coordinate in a step of continuation [rad, lengths of the mechanism]."""
+_SHORTEST_STEP = 1e-12
+"""Of continuation, as a share of the way, below which it is stuck."""
 Order = tuple[tuple[int, int], ...]
 """Pivots in turn: row and column."""
 
@@ -41,11 +52,20 @@ class LoopSystem:
 
     mechanism: Mechanism
     engine: PinocchioEngine
-    rows: Indices
-    """Independent rows of the loop constraints."""
+    home: Floats
+    """The closed configuration whose branch is followed, (nv,) [rad, m]."""
     length: float
     """A length of the mechanism, to which residuals are compared [m]."""
+    scales: Floats
+    """Of the coordinates, (nv,): 1 rad of what turns, ``length`` [m] of a slide."""
     drive: Drive
+
+    @cached_property
+    def row_scales(self) -> Floats:
+        """Of all rows, (rows + dof,) [rad, m]: those of the loops, then of the driven coordinates."""
+        loops = [[self.length] * 3 + [1.0] * (loop.size - 3) for loop in self.mechanism.closed_loops]
+        ties = [self.scales[[loop.first]] for loop in self.mechanism.loops if isinstance(loop, Coupling)]
+        return np.concatenate([*loops, *ties, self.drive.scales(self.scales, self.length)])
 
     def gaps(self, q: Floats, target: Floats) -> Floats:
         """Residuals of all loop rows, then of the driven coordinates to ``target`` (dof,), at ``q`` (nv,) [m, rad]."""
@@ -55,30 +75,17 @@ class LoopSystem:
         """Jacobian of all loop rows and of the driven coordinates at ``q`` (nv,), (rows + dof, nv) [-, m]."""
         return np.concatenate([self.engine.constraint_jacobian(q), self.drive.rates(self.engine, q)])
 
-    def matrix(self, q: Floats) -> Floats:
-        """Jacobian of independent loop rows and driven coordinates at ``q`` (nv,) [rad, m], (nv, nv) [-, m]."""
-        return np.concatenate([self.engine.constraint_jacobian(q)[self.rows], self.drive.rates(self.engine, q)])
+    def scaled_rows(self, q: Floats) -> Floats:
+        """``all_rows`` in units of the scales of rows and coordinates: the same in metres and in millimetres."""
+        return self.all_rows(q) * self.scales / self.row_scales[:, None]
 
-    def determinant_sign(self, q: Floats) -> float:
-        """Sign of the determinant at ``q`` (nv,) [rad, m]; it changes where a singular position is passed."""
-        return float(np.linalg.slogdet(self.matrix(q))[0])
-
-    def rates_per_drive(self, q: Floats, time: float) -> Floats:
-        """Rates of all coordinates per rate of the driven ones, (nv, dof) [-, 1/m, m], at ``q`` (nv,) [rad, m].
-
-        Raises ClosureError, naming ``time`` [s], at a singular configuration.
-        """
-        try:
-            return np.linalg.inv(self.matrix(q))[:, -self.drive.size :]
-        except np.linalg.LinAlgError as error:
-            raise ClosureError(
-                f"{self.mechanism.name} is singular at t = {time:.6g} s of this motion: {', '.join(self.drive.names)} "
-                "do not determine it there"
-            ) from error
+    def rates_per_drive(self, q: Floats) -> Floats:
+        """Rates of all coordinates per rate of the driven ones, (nv, dof) [-, 1/m, m], at ``q`` (nv,) [rad, m]."""
+        return np.linalg.pinv(self.all_rows(q))[:, -self.drive.size :]
 
     def newton(self, q: Floats, target: Floats) -> Floats:
         """Iterate from ``q`` (nv,) to ``target`` (dof,), (nv,) [rad, m]; unchecked."""
-        for _ in range(ITERATIONS):
+        for _ in range(_ITERATIONS_OF_A_STEP):
             gap = self.gaps(q, target)
             if not np.abs(gap).max() > 1e-14 * self.length:
                 break
@@ -88,32 +95,72 @@ class LoopSystem:
                 break  # quadratic convergence: the next change is below rounding
         return q
 
-    def continue_to(self, q: Floats, start: Floats, target: Floats, time: float) -> Floats:
-        """Continuation of ``q`` (nv,) from driven position ``start`` (dof,) to ``target``, (nv,) [rad, m].
+    def step(self, q: Floats, target: Floats) -> Floats | None:
+        """The closed configuration at driven position ``target`` (dof,), one step from ``q`` (nv,), (nv,) [rad, m].
+
+        None where it is too long: where an eigenvalue of J0^-1 J differs from 1 by half, with J0 the Jacobian at ``q``
+        and J that at its end, or an average of the way (the tangent then misses by half of the step). One of them is
+        zero where J is singular: steps shorten towards a singular position, and do not pass it.
+        """
+        left, sizes, right = np.linalg.svd(self.scaled_rows(q), full_matrices=False)
+        if sizes[-1] * SINGULAR_LIMIT < sizes[0]:
+            return None
+        inverse = (right.T / sizes) @ left.T
+        ahead = (target - self.drive.value(self.engine, q)) / self.row_scales[-self.drive.size :]
+        along = inverse[:, -self.drive.size :] @ ahead
+        if not np.abs(along).max() < _LONGEST_STEP:
+            return None
+        try:
+            end = self.newton(q + along * self.scales, target)
+            moved, turned = (end - q) / self.scales, np.linalg.eigvals(inverse @ self.scaled_rows(end)) - 1.0
+        except np.linalg.LinAlgError:
+            return None
+        closed = np.abs(self.gaps(end, target)).max() < RESIDUAL_LIMIT * self.length
+        bent = np.linalg.norm(moved - along) - _CONVERGED
+        return end if closed and np.abs(turned).max() < 0.5 and bent < 0.5 * np.linalg.norm(moved) else None
+
+    def continue_to(self, q: Floats, target: Floats, time: float) -> Floats:
+        """Continuation of ``q`` (nv,) to driven position ``target`` (dof,), straight, (nv,) [rad, m].
 
         Steps are halved as needed. Raises ClosureError, naming ``time`` [s] and how far it got, where it is stuck.
         """
-        done, step, limit = 0.0, 1.0, RESIDUAL_LIMIT * self.length
+        start, done, step = self.drive.value(self.engine, q), 0.0, 1.0
         while done < 1.0:
             step = min(step, 1.0 - done)
-            ahead = start + (done + step) * (target - start)
-            try:
-                trial = self.newton(q, ahead)
-                open_by, far = np.abs(self.gaps(trial, ahead)).max(), np.abs(trial - q).max()
-            except np.linalg.LinAlgError:
-                open_by = far = np.inf
-            if open_by < limit and far <= 0.5 * max(1.0, self.length):
-                q, done, step = trial, done + step, step * 2.0
+            end = self.step(q, start + (done + step) * (target - start))
+            if end is not None:
+                q, done, step = end, done + step, step * 2.0
                 continue
             step /= 2.0
-            if step < 1e-4:
-                at = ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.drive.names, target, strict=True))
-                got = ", ".join(f"{value:.6g}" for value in start + done * (target - start))
+            if step < _SHORTEST_STEP:
+                at, got = (
+                    ", ".join(f"{name} = {value:.8g}" for name, value in zip(self.drive.names, values, strict=True))
+                    for values in (target, self.drive.value(self.engine, q))
+                )
+                why = f"it is singular there: {self.singularity(q)}"
+                if self.condition(q) < 1e-2 * SINGULAR_LIMIT:
+                    why = "no singular position is near: write the places of its loops with more digits"
                 raise ClosureError(
                     f"{self.mechanism.name} cannot be closed at {at} (t = {time:.6g} s): it gets as far as {got} on "
-                    f"the branch of {self.mechanism.branch!r}; the position is out of reach or singular"
+                    f"the branch of {self.mechanism.branch!r}; {why}"
                 )
         return q
+
+    def condition(self, q: Floats) -> float:
+        """Condition number of ``scaled_rows`` at ``q`` (nv,) [rad, m]."""
+        sizes = np.linalg.svd(self.scaled_rows(q), compute_uv=False)
+        return float(sizes[0] / max(float(sizes[-1]), 1e-300))
+
+    def singularity(self, q: Floats) -> str:
+        """What is said of ``q`` (nv,) [rad, m], near which the driven coordinates do not determine the others."""
+        loose = np.abs(np.linalg.svd(self.scaled_rows(q))[2][-1])
+        free = [self.mechanism.coordinates[k] for k in np.argsort(-loose)[:3] if loose[k] > 0.3 * loose.max()]
+        held = ", ".join(self.drive.names)
+        return (
+            f"with {held} held, {', '.join(free)} can move (condition number {self.condition(q):.3g}, at "
+            f"{self.mechanism.branch!r} {self.condition(self.home):.3g}). Keep the motion away from there, drive "
+            f"{free[0]} instead, or begin elsewhere (a keyframe 'home'; of a URDF home in its YAML file)"
+        )
 
 
 @dataclass(frozen=True)

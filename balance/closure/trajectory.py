@@ -5,6 +5,7 @@ of third order between the coarse ones, which keeps each on the branch; rates an
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -13,13 +14,10 @@ from ..errors import ClosureError, ModelError
 from ..mechanism.pinocchio_engine import AGREEMENT
 from ..motion import Samples
 from ..results import Brief
-from .newton import RESIDUAL_LIMIT, LoopProgram, LoopSystem, Order
+from .newton import RESIDUAL_LIMIT, SINGULAR_LIMIT, LoopProgram, LoopSystem, Order
 
 COARSE_STEP = 0.1
 """Travel of the driven coordinates between two steps of continuation [rad, or lengths of the mechanism]."""
-_BISECTIONS = 25
-_SINGULAR_CROSSING = 1e-6
-"""Smallest singular value, relative to the largest, that counts as zero after so many bisections."""
 
 
 @dataclass(frozen=True)
@@ -36,25 +34,31 @@ class Continuation:
     """Rates of all coordinates per rate of the driven ones, (k, nv, dof)."""
 
     @classmethod
-    def closed(cls, system: LoopSystem, home: Floats, samples: Samples) -> "Continuation":
-        """Close coarse samples one after the other, the first from the closed configuration ``home`` (nv,) [rad, m].
+    def closed(cls, system: LoopSystem, samples: Samples) -> "Continuation":
+        """Close coarse samples one after the other, the first from home.
 
-        Raises ClosureError, naming the time, where that is not possible or a singular position is passed.
+        Between two of them that have others in between one step of continuation suffices, which keeps all of these on
+        the branch. Raises ClosureError, naming the time, where that is not possible or a singular position is met.
         """
-        step, last = COARSE_STEP * system.drive.scale(system.length), len(samples.time) - 1
-        travel = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(samples.position, axis=0), axis=1))]
-        marks = np.searchsorted(travel, np.arange(0.0, travel[-1] + step, step)).clip(max=last)
-        nodes = np.unique([*marks, 0, last])
-        targets = np.concatenate([system.drive.value(system.engine, home)[None], samples.position[nodes]])
-        q, side, solved, rates = home, system.determinant_sign(home), [], []
-        for previous, target, node in zip(targets, targets[1:], nodes, strict=False):
-            before, q = q, system.continue_to(q, previous, target, float(samples.time[node]))
-            if system.determinant_sign(q) != side:
-                _refuse_singular_between(system, before, previous, target, float(samples.time[node]))
-                side = system.determinant_sign(q)
-            solved.append(q)
-            rates.append(system.rates_per_drive(q, float(samples.time[node])))
-        return cls(nodes, samples.position[nodes], np.array(solved), np.array(rates))
+        u, last = samples.position / system.row_scales[-system.drive.size :], len(samples.time) - 1
+        travel = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(u, axis=0), axis=1))]
+        marks = np.searchsorted(travel, np.arange(0.0, travel[-1] + COARSE_STEP, COARSE_STEP)).clip(max=last)
+        marks = np.unique([*marks, 0, last])
+        between = [(i, u[i : j + 1]) for i, j in pairwise(marks)]  # where it may turn back: farthest from either end
+        turns = [i + np.linalg.norm(at - at[k], axis=1).argmax() for i, at in between for k in (0, -1)]
+        ahead, q = np.unique([*marks, *turns])[::-1].tolist(), system.home
+        nodes, found = list[int](), list[Floats]()
+        while ahead:
+            end, target = ahead[-1], samples.position[ahead[-1]]
+            near = system.step(q, target)
+            if near is None and nodes and end - nodes[-1] > 1:
+                ahead.append((nodes[-1] + end) // 2)
+                continue
+            q = system.continue_to(q, target, float(samples.time[end])) if near is None else near
+            nodes.append(ahead.pop())
+            found.append(q)
+        rates = np.array([system.rates_per_drive(q) for q in found])
+        return cls(np.array(nodes), samples.position[nodes], np.array(found), rates)
 
     def guess(self, u: Floats, part: slice) -> Floats:
         """Configurations (nv, n) [rad, m] at samples ``part`` with driven coordinates ``u`` (n, dof), to third order.
@@ -76,37 +80,10 @@ class Continuation:
         return np.ascontiguousarray((0.5 * straight + 0.5 * ((1 - t) * from_left + t * from_right)).T)
 
 
-def _refuse_singular_between(system: LoopSystem, q: Floats, start: Floats, end: Floats, time: float) -> None:
-    """Raise ClosureError if the mechanism is singular between two driven positions: branches may meet there.
-
-    The determinant changed its sign. Among redundant rows it may be only the chosen ones that depend on each other, so
-    bisection finds the place, and all rows decide.
-    """
-    side = system.determinant_sign(q)
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (start + end)
-        trial = system.continue_to(q, start, middle, time)
-        if system.determinant_sign(trial) == side:
-            q, start = trial, middle
-        else:
-            end = middle
-    sizes = np.linalg.svd(system.all_rows(q), compute_uv=False)
-    if sizes[-1] < _SINGULAR_CROSSING * sizes[0]:
-        at = ", ".join(f"{name} = {value:.6g}" for name, value in zip(system.drive.names, start, strict=True))
-        raise ClosureError(
-            f"{system.mechanism.name} passes a singular position at {at}, shortly before t = {time:.6g} s: the driven "
-            "coordinates do not determine on which branch it continues; begin elsewhere (a keyframe "
-            "'home'; of a URDF home in its YAML file), or drive the joints"
-        )
-
-
-SINGULAR_LIMIT = 1e6
-"""Condition number of loops and driven coordinates above which a state counts as singular: rates lose as many of their
-16 digits as it has, accelerations twice as many."""
 POOR_LIMIT = 1e4
 """Growth of elimination above which a block of samples is halved: its order of pivots is poor for some of it."""
 BRANCH_LIMIT = 0.1
-"""How far a configuration may lie from its guess between coarse samples [rad, m]."""
+"""How far a configuration may lie from its guess [rad, lengths of the mechanism]."""
 
 
 @dataclass(frozen=True)
@@ -146,14 +123,14 @@ class Trajectory(Brief):
         return self.residual <= tol
 
 
-def follow(system: LoopSystem, home: Floats, samples: Samples, near: Trajectory | None = None) -> Trajectory:
-    """Close the mechanism at every sample, on the branch of the configuration ``home`` (nv,) [rad, m] or of ``near``.
+def follow(system: LoopSystem, samples: Samples, near: Trajectory | None = None) -> Trajectory:
+    """Close the mechanism at every sample, on the branch of home or of ``near``.
 
     Raises ClosureError, naming the time, where it cannot be closed, is singular, or changes its branch.
     """
     found = _Following(system, samples)
     if near is None:
-        coarse = Continuation.closed(system, home, samples)
+        coarse = Continuation.closed(system, samples)
         order = found.program.order(coarse.q.T)
 
         def close(part: slice) -> float:
@@ -209,21 +186,21 @@ class _Following:
             return max(
                 self.close(half, its, self.program.order(its), True) for half, its in zip(parts, halves, strict=True)
             )
-        gap, far, worst = self.gap[0, part], np.abs(q - guess).max(axis=0), int(np.argmax(growth))
+        gap, worst = self.gap[0, part], int(np.argmax(growth))
+        far = np.abs((q - guess) / self.system.scales[:, None]).max(axis=0)
         if not gap.max() < RESIDUAL_LIMIT * length:  # of the redundant rows too
             k = int(np.argmax(~(gap < RESIDUAL_LIMIT * length)))
             raise ClosureError(f"{name} cannot be closed at t = {time[k]:.6g} s: {gap[k]:.3g} m stays open")
-        if not far.max() < BRANCH_LIMIT * max(1.0, length):
+        if not far.max() < BRANCH_LIMIT:
+            k = int(np.argmax(far))
             raise ClosureError(
-                f"{name} leaves the branch of {self.system.mechanism.branch!r} at t = {time[int(np.argmax(far))]:.6g} "
-                "s: a singular position is near"
+                f"{name} leaves the branch of {self.system.mechanism.branch!r} at t = {time[k]:.6g} s: it lies "
+                f"{far[k]:.2g} rad or lengths off its neighbours; {self.system.singularity(q[:, k])}"
             )
-        size = np.linalg.svd(self.system.all_rows(q[:, worst]), compute_uv=False)
-        condition = float(size[0] / max(float(size[-1]), 1e-300))
+        condition = self.system.condition(q[:, worst])
         if not condition < SINGULAR_LIMIT:
             raise ClosureError(
-                f"{name} is singular at t = {time[worst]:.6g} s of this motion (condition number {condition:.3g}): the "
-                "driven coordinates do not determine it there"
+                f"{name} is singular at t = {time[worst]:.6g} s of this motion: {self.system.singularity(q[:, worst])}"
             )
         return condition
 

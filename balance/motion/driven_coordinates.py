@@ -81,9 +81,9 @@ class Drive:
         """Their second rates where ``moving`` has zero joint accelerations, (size,) [rad/s2, m/s2]."""
         return self._chosen(point_acceleration(at, moving, *self.point) if self.point else 0.0 * at.q)
 
-    def scale(self, length: float) -> float:
-        """What a step of one radian amounts to in these coordinates, for a mechanism of ``length`` [rad, m]."""
-        return length if self.point else 1.0
+    def scales(self, of_all: Floats, length: float) -> Floats:
+        """Scales of the driven coordinates, (size,) [rad, m]: their own ``of_all`` (nv,), of a point ``length`` [m]."""
+        return np.full(self.size, length) if self.point else self._chosen(of_all)
 
     def value(self, engine: "PinocchioEngine", q: Floats) -> Floats:
         """Driven coordinates (size,) [rad, m] of one configuration ``q`` (nv,)."""

@@ -98,6 +98,19 @@ def skew_arm() -> str:
     return mjcf(link(fore, "upper", turn, 'pos="0.2 0.1 0" euler="0.1 0.4 -0.6"'), motors("turn", "reach", "w1", "w2"))
 
 
+def slider_crank(crank: float, rod: float, sign: float = 1.0, slider_first: bool = False) -> str:
+    """A crank in the origin at ``sign`` rad, a rod and a slider along x, before or after them in the file [m]."""
+    lean = -np.arcsin(crank * np.sin(sign) / rod)
+    slide = '<joint name="slide" type="slide" axis="1 0 0"/>'
+    slider = link('<site name="end" pos="0 0 0"/>', "slider", slide)
+    turning, x = link(_coupler(crank, rod), "crank"), crank * np.cos(sign) + rod * np.cos(lean)
+    return mjcf(
+        slider + turning if slider_first else turning + slider,
+        '<equality><connect name="loop" site1="tip" site2="end"/></equality>' + motors("slide")
+        + key(np.roll([sign, lean - sign, x], int(slider_first))),
+    )  # fmt: skip
+
+
 def spatial_four_bar() -> str:
     """A crank, a universal joint, a ball and a rocker, their axes in no common plane: one degree of freedom."""
     cross = '<joint name="u1" axis="0 0 1"/><joint name="u2" axis="0 1 0"/>'
