@@ -147,6 +147,19 @@ def slider_crank(crank: float, rod: float, driven: str, sign: float = 1.0, slide
     )
 
 
+def cubic(m: float) -> Swept:
+    """A joint that follows another's t as t^3 - 3 m^2 t: back between -m and m, so that outer branches look alike."""
+    tie = f'<equality><joint name="tie" joint1="first" joint2="second" polycoef="0 {-3 * m**2} 0 1 0"/></equality>'
+    home = models.key([-0.008 + 0.6 * m**2, -0.2])
+    text = models.mjcf(models.link("", "first") + models.link("", "second"), tie + models.motors("first") + home)
+
+    def lowest(u: Floats) -> Floats:
+        x = -u / (2 * m**3)
+        return np.where(x < -1.0, np.nan, -2 * m * np.cosh(np.arccosh(x + 0j) / 3).real)
+
+    return Closure(models.model(text)), ("first",), [1.0], "second", lowest
+
+
 def five_bar(left: float, right: float) -> Swept:
     """The shipped five-bar, its cranks driven at these rates: C is the one of two points at 0.32 m of both elbows."""
 
@@ -187,6 +200,7 @@ DEAD_CENTRES: dict[str, Callable[[], Swept]] = {
     "crank longer than its rod": lambda: slider_crank(0.05, 0.045, "crank"),
     "five-bar, one crank": lambda: five_bar(1.0, 0.0),
     "five-bar, both cranks": lambda: five_bar(-0.6, 0.8),
+    "cubic": lambda: cubic(0.0577),
     "spatial four-bar, crank": lambda: spatial("crank"),
     "spatial four-bar, rocker": lambda: spatial("rocker"),
 }  # fmt: skip
