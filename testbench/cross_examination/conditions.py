@@ -213,16 +213,18 @@ def _another_unit(mass: float, others: Sequence[float], mechanism: float) -> tup
     least, most = (share * mechanism for share in PLAUSIBLE)
     if max(mass, *others, 0.0) > HEAVIER * mechanism > 0.0:
         if mass > most >= thousandth >= least:
-            return "the mechanism", f"all that moves has {mechanism:.3g} kg"
+            return "the mechanism", f"all that moves has {mechanism:g} kg"
         others = [other for other in others if other <= most]
+    # Most others may be the ones in grams: where a thousandth is nearer to the mechanism's mass they are taken as such.
+    read = [kg / 1000.0 if kg >= LEAST_GRAMS and kg * kg / 1000.0 > mechanism**2 > 0.0 else kg for kg in others]
     for meant in (1000.0 * mass, thousandth):
-        alike = [other for other in others if 1.0 / 30.0 < meant / other < 30.0]
-        # Of as many in either unit those are meant that are nearer to the mechanism's mass.
-        nearer = abs(np.log(max(meant, 1e-9) / (mechanism or 1.0))) < abs(np.log(mass / (mechanism or 1.0)))
-        if 2 * len(alike) <= len(others) + (not nearer):
+        stated, alike = ([kg for kg in some if 1.0 / 30.0 < meant / kg < 30.0] for some in (others, read))
+        # Of as many in either unit those are meant that are nearer to it.
+        nearer = (meant < mass) == (meant * mass > (mechanism or 1.0) ** 2)
+        if not stated or 2 * len(alike) <= len(others) + (not nearer):
             continue
         if (1.0 - ROUNDED) * min(alike) <= meant <= (1.0 + ROUNDED) * max(alike):
-            return "the run table of the other runs", f"{min(alike):.3g} to {max(alike):.3g} kg"
+            return "the run table of the other runs", f"{min(stated):g} to {max(stated):g} kg"
     return None
 
 

@@ -388,12 +388,17 @@ def test_grams_for_kilograms(campaign, key, factor, liars):
         ([0.004, 0.005, 4.5], 10.0, []),
         ([3.0, 3.0], 0.02, []),
         ([250.0, 250.0], 5.0, []),
+        ([1.5, 1500.0, 1500.0, 1500.0], 20.0, [1500.0, 1500.0, 1500.0]),
+        ([2.0, 2000.0, 2000.0], 5000.0, [2.0]),
+        ([0.02, 0.02, 20.0, 20.0, 20.0], 30.0, [0.02, 0.02]),
     ],
 )
 def test_which_masses_may_be_in_grams(masses, mechanism, marked):
     """A thousandth, or a thousandfold, is like the others or like the mechanism; light payloads and arms are honest."""
     runs = [Observation(f"r{i}", {"payload_kg": m}, None, mechanism_kg=mechanism) for i, m in enumerate(masses)]
-    assert [runs[int(s.run[1:])].conditions["payload_kg"] for s in in_grams(runs)] == marked
+    found = in_grams(runs)
+    assert [runs[int(s.run[1:])].conditions["payload_kg"] for s in found] == marked
+    assert not [s.witnessed for s in found if "e+" in s.witnessed]
 
 
 def test_an_encoder_is_compared_with_other_runs(repeats):
