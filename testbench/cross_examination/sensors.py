@@ -90,7 +90,8 @@ def levels(observations: Sequence[Observation]) -> list[Statement]:
             found.append(Statement(seen.name, "dead", channel, stated, witnessed, "its readings", code))
         if not record.dead and record.column.dimensions == ACCELERATION:
             drifts = abs(record.drift) > max(DRIFT_SHARE * record.span, LEAST_DRIFT)
-            witnessed = f"it drifts by {record.drift:.3g} m/s2, beneath a vibration of {record.span:.3g} m/s2"
+            moves = "drifts by" if drifts else "stays within"
+            witnessed = f"it {moves} {abs(record.drift):.3g} m/s2, beneath a vibration of {record.span:.3g} m/s2"
             code = "level_drift" if drifts else None
             found.append(Statement(seen.name, "rest", channel, "its level is at rest", witnessed, "its readings", code))
     return found
