@@ -283,7 +283,7 @@ def motions(seen: Observation) -> list[Statement]:
         agreeing.setdefault(tuple(dict.fromkeys(some)), []).append(f"the {name}")
     return [
         Statement(
-            seen.name, "axis", None, f"motion {stated} by the run table", f"motion {', '.join(some)}",
+            seen.name, "motion", None, f"motion {stated} by the run table", f"motion {', '.join(some)}",
             " and ".join(filter(None, (", ".join(names[:-1]), names[-1]))),
             None if some == (stated,) else "motion_contradiction",
         )

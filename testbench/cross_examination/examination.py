@@ -84,7 +84,7 @@ class Examination(Shown, rows="statements"):
 
     def doubts(self, runs: Collection[str], channel: str | None = None) -> tuple[str, ...]:
         """Codes that make a number doubtful which was made of ``runs``, and of a ``channel`` where it is of one."""
-        codes = (s.code for s in self.contradictions if s.run in runs and s.channel in {None, channel})
+        codes = (s.code for s in self.contradictions if s.run in runs and s.concerns({channel}))
         return tuple(sorted({code for code in codes if code is not None}))
 
     def withheld(self, doubts: Iterable[str]) -> bool:
@@ -184,7 +184,7 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = (), pool: TaskPo
     statements += (short := record_ends(seen))
     cut = {s.run for s in short}  # of which a part of the motion is another than the whole
     statements = [s for s in statements if s.code != "motion_contradiction" or s.run not in cut]
-    doubted = {run: "its encoders are contradicted, and with them what the model makes of its motion" for run in wrong}
+    doubted = {run: "its encoders are contradicted, and nothing is examined along them" for run in wrong}
     doubted |= {s.run: "nothing else is examined of a part of the motion" for s in short}
     seen = [one.without_encoders() if one.name in wrong else one for one in seen if one.name not in cut]
     misstated = in_grams(seen)

@@ -17,20 +17,20 @@ SAME_PATH = 0.95
 """Correlation, of either sign, from which an encoder shows the same path as what it is compared with."""
 OTHER_PATH = 0.7
 """Correlation below which an encoder shows another motion than the stored one."""
-_UNITS = {("deg", "rad"): 180.0 / np.pi, ("mm", "m"): 1000.0, ("mm", "in"): 25.4}
-UNITS = {pair: far for (log, rig), up in _UNITS.items() for pair, far in (((log, rig), up), ((rig, log), 1.0 / up))}
+_UP = {("deg", "rad"): 180.0 / np.pi, ("mm", "m"): 1000.0, ("mm", "in"): 25.4}
+UNITS = _UP | {pair[::-1]: 1.0 / far for pair, far in _UP.items()}
 """Times as far that an encoder shows whose log is in the first unit and whose rig states the second."""
+_SCALED = "{0:.3g} times as far, unlike {1}: another scale or unit of this encoder"
 SAYS = {
-    **{
-        f"{log} for {rig}": f"{{:.3g}} times as far: the log is in {log} where the rig says {rig}" for log, rig in UNITS
-    },
-    "same": "they agree",
-    "scaled": "{0:.3g} times as far, unlike {1}: another scale or unit of this encoder",
-    "exchanged": "the path of another joint: that of {1}, exchanged in the rig or the log",
-    "farther": "the path of another motion: {:.3g} times as far",
-    "unlike": "the path of another motion or joint: correlation of the speeds {:.2f} at best",
+    "same": ("", "they agree"),
+    "unit": ("unit", "{0:.3g} times as far: the log is in {1}"),
+    "scaled": ("scale", _SCALED),
+    "either": ("scale", f"{_SCALED}, or the motion of the run table is another: no run of it agrees"),
+    "exchanged": ("joint", "the path of another joint: that of {1}, exchanged in the rig or the log"),
+    "farther": ("motion", "the path of another motion: {:.3g} times as far"),
+    "unlike": ("motion", "the path of another motion or joint: correlation of the speeds {:.2f} at best"),
 }
-"""By kind, what an encoder says beside what it is compared with."""
+"""By kind, what an encoder contradicts, and what it says beside what it is compared with."""
 OF_THE_MOTION = ("farther", "unlike")
 """Kinds that contradict a stored motion; of the other runs nothing is known that states it."""
 LEAST_SHARE = 0.05
@@ -53,28 +53,34 @@ period of it, or more, begins or ends does not matter."""
 def encoder_paths(observations: Sequence[Observation]) -> list[Statement]:
     """Encoders that are reversed, or in another unit than the rig's, by the stored motion, else by most other runs.
 
-    What is made of the encoders is the whole run's, and so is the statement.
+    One of another scale in all runs of a stored motion may be right, and the motion another.
     """
     found = []
-    for seen in observations:
-        if not seen.encoder_speeds.size:
-            continue
-        others = [o for o in observations if o is not seen and o.encoder_speeds.size and o.commanded == seen.commanded]
-        by_motion = _compared(seen, seen.commanded_speeds)
+    moving = [o for o in observations if o.encoder_speeds.size]
+    by_motion = {o.name: _compared(o, o.commanded_speeds) for o in moving}
+    for seen in moving:
+        others = [o for o in moving if o is not seen and o.commanded == seen.commanded]
         by_runs = [_compared(seen, dict(zip(o.encoders, o.encoder_speeds.T, strict=True))) for o in others]
         for channel in seen.encoders:
             votes = [one[channel] for one in by_runs if channel in one]
-            said = by_motion.get(channel) or (_most(votes) if len(votes) > 1 else None)
+            stored = by_motion[seen.name].get(channel)
+            said = stored or (_most(votes) if len(votes) > 1 else None)
             if said is None:
                 continue
-            code = None if said.kind == "same" and said.value > 0.0 else "encoder_contradiction"
-            witness = (
-                f"the {'motion that is stored with the run' if channel in by_motion else 'other runs of this motion'}"
-            )
+            if (
+                stored
+                and stored.kind == "scaled"
+                and all(stored.is_like(by_motion[o.name].get(channel)) for o in others)
+            ):
+                said = stored._replace(kind="either")
+            what = SAYS[said.kind][0] if said.value > 0.0 else "sign"
+            code = {"": None, "motion": "motion_contradiction"}.get(what, "encoder_contradiction")
             stated = f"path, sign and unit of {channel} as in the rig"
-            if said.kind in OF_THE_MOTION and said.value > 0.0:
-                code, stated = "motion_contradiction", f"{channel} follows the motion of the run table"
-            found.append(Statement(seen.name, "axis", None, stated, str(said), witness, code))
+            if what == "motion":
+                stated = f"{channel} follows the motion of the run table"
+            witness = f"the {'motion that is stored with the run' if stored else 'other runs of this motion'}"
+            subject = what if what == "motion" else f"encoder {what}".strip()
+            found.append(Statement(seen.name, subject, channel, stated, str(said), witness, code))
     return found
 
 
@@ -84,22 +90,29 @@ class PathShown(NamedTuple):
     kind: str
     """A key of SAYS."""
     joint: str
-    """Whose path it shows instead; of one that is ``scaled``, those that are not; else empty."""
+    """Whose path it shows instead; of one that is scaled, those that are not; of a unit, both; else empty."""
     value: float
     """How many times as far it goes, below zero if reversed; where it is unlike, the size of the correlation [-]."""
 
+    def is_like(self, other: "PathShown | None") -> bool:
+        """Whether another run's says the same, by the same factor."""
+        return other is not None and other.kind == self.kind and abs(other.value / self.value - 1.0) < UNIT_SHARE
+
     def __str__(self) -> str:
-        text = SAYS[self.kind].format(abs(self.value), self.joint)
+        text = SAYS[self.kind][1].format(abs(self.value), self.joint)
         return text if self.value > 0.0 else "reversed" if self.kind == "same" else f"reversed; {text}"
 
 
 def _most(votes: Sequence[PathShown]) -> PathShown | None:
-    """What most runs say, the own being one that agrees; None where that is nothing, or says nothing of encoders."""
-    votes = [*votes, PathShown("same", "", 1.0)]
-    alike = [(one.kind, one.joint * (one.kind == "exchanged"), one.value > 0.0) for one in votes]
+    """What most runs say, by the median factor, the own being one that agrees; None where that is nothing, or says
+    nothing of encoders.
+    """
+    votes = sorted([*votes, PathShown("same", "", 1.0)], key=lambda one: one.value)
+    alike = [(one.kind, one.joint * (one.kind != "scaled"), one.value > 0.0) for one in votes]
     most = max(alike, key=alike.count)
-    sure = 2 * alike.count(most) > len(votes) and most[0] not in OF_THE_MOTION
-    return votes[alike.index(most)] if sure else None
+    saying = [one for one, what in zip(votes, alike, strict=True) if what == most]
+    sure = 2 * len(saying) > len(votes) and most[0] not in OF_THE_MOTION
+    return saying[0]._replace(value=float(np.median([one.value for one in saying]))) if sure else None
 
 
 def _compared(seen: Observation, wanted: dict[str, Floats]) -> dict[str, PathShown]:
@@ -123,9 +136,9 @@ def _compared(seen: Observation, wanted: dict[str, Floats]) -> dict[str, PathSho
     part = len(seen.encoder_speeds) < len(path) and np.isfinite(_period(path))  # of a motion that repeats
     found = dict[str, PathShown]()
     for i, (name, likeness) in enumerate(zip(names, correlation[best], strict=True)):
-        times, joint = products[best, i] / max(own[i], 1e-300), ""
-        units = (" for ".join(pair) for pair, one in UNITS.items() if abs(abs(times) / one - 1.0) < UNIT_SHARE)
-        kind = next(units, "same")
+        times = products[best, i] / max(own[i], 1e-300)
+        units = (" where the rig says ".join(u) for u, one in UNITS.items() if abs(abs(times) / one - 1.0) < UNIT_SHARE)
+        kind = "unit" if (joint := next(units, "")) else "same"
         if abs(likeness) < SAME_PATH:
             kind, times = "unlike", abs(likeness)
         elif kind == "same" and abs(far[i] - 1.0) > UNIT_SHARE and not part:

@@ -109,7 +109,7 @@ def mechanisms(observations: Sequence[Observation]) -> list[Statement]:
         return unread
     stated = "the mechanism's loops follow the encoders, as in other runs"
     return unread + [
-        Statement(seen.name, "axis", None, stated, seen.unclosed, "the encoders", "encoder_contradiction")
+        Statement(seen.name, "encoder", None, stated, seen.unclosed, "the encoders", "encoder_contradiction")
         for seen in observations
         if seen.unclosed is not None
     ]

@@ -6,7 +6,7 @@ A decision is about a code in the runs that had it then, by their SHA-256; it ho
 is taken back as any record is, with name and reason: `testbench remove`.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -46,6 +46,8 @@ ADVICE = {
     "torque_contradiction": "check units in rig and log, payload and counter-masses in the run table",
 }
 """All contradictions, and what to do about each."""
+OF_THE_MOTION = frozenset({"encoder_contradiction", "motion_contradiction"})
+"""Contradictions of an encoder that are of the whole run."""
 
 UNIT_SHARE = 0.1
 """Share by which a factor may differ from one, or from that of two units."""
@@ -72,8 +74,8 @@ class Statement:
 
     run: Annotated[str, Key("", "run")]
     subject: Annotated[str, Key("", "about")]
-    """``payload``, ``acceleration``, ``axis``, ``sign``, ``gain``, ``copy``, ``rest``, ``dead``, ``counter-masses``,
-    ``record``, ``mechanism``."""
+    """``payload``, ``acceleration``, ``motion``, ``encoder`` (with what is wrong: its scale, unit, sign or joint),
+    ``axis``, ``sign``, ``gain``, ``copy``, ``rest``, ``dead``, ``counter-masses``, ``record``, ``mechanism``."""
     channel: Annotated[str | None, Key("", "channel", lambda channel: channel or "-")]
     """The channel that it is about; None: the whole run."""
     stated: Annotated[str, Key("", "stated")]
@@ -89,6 +91,12 @@ class Statement:
     """Column of the run table to correct, where the code has several."""
     because: Annotated[str, Key(None, "")] = ""
     """Code of the contradiction from which this one may follow, and whose advice comes first."""
+    changed: Annotated[str, Key(None, "")] = ""
+    """The last run that agrees and the first that contradicts, where no run agrees after it; else empty."""
+
+    def concerns(self, channels: Collection[str | None]) -> bool:
+        """Whether it is about one of ``channels``, or the whole run as what is made of encoders is."""
+        return self.channel is None or self.channel in channels or self.code in OF_THE_MOTION
 
     @property
     def advice(self) -> Annotated[str | None, Key("", "what to do", lambda advice: advice or "-")]:

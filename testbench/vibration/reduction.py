@@ -245,8 +245,8 @@ def analyze(
         raise AnalysisError("no two runs can be compared:\n" + "\n".join(f"  {f.message}" for f in findings))
     conditions = _conditions(found, measure, findings, known or {})
     rigs = [SIRun.of(condition.pair.runs[0]).rig for condition in conditions]
-    about = {None, *(column.channel for rig in rigs for column in rig.base_columns)}
-    spoilt = [s for s in examination.contradictions if s.channel in about]
+    about = {column.channel for rig in rigs for column in rig.base_columns}
+    spoilt = [s for s in examination.contradictions if s.concerns(about)]
     mixed = {s.run for s in spoilt if s.code and examination.withheld([s.code])}
     unlike = [not mixed.isdisjoint(run.name for run in condition.pair.runs) for condition in conditions]
     # What differs between repeats of which one is not what it is taken for is no noise of the other conditions.

@@ -419,7 +419,9 @@ def test_one_encoder_of_another_scale(repeats, liars):
     found = heard.contradictions
     assert {(s.run, s.code) for s in found} == {(run.name, "encoder_contradiction") for run in told}
     assert all(heard.why_unwitnessed(run.name).startswith("its encoders are contradicted") for run in told)
-    assert all(name in s.stated and f"2 times as far, unlike {other}:" in s.witnessed for s in found)
+    assert all(f"2 times as far, unlike {other}:" in s.witnessed for s in found)
+    assert {(s.subject, s.channel) for s in found} == {("encoder scale", name)}
+    assert {"or the motion of the run table" in s.witnessed for s in found} == {told == [*told, *runs[len(told) :]]}
 
 
 @pytest.mark.parametrize("change", ["slower", "farther", "exchanged"])

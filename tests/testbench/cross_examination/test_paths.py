@@ -234,15 +234,18 @@ SHOWN = {
     "a loop that lags": (_lagging(MOVE, 0.067), MOVE, {}),
     "moved by hand before": (BY_HAND, MOVE, {}),
     "another motion": (np.column_stack([_move(1.0, 1.6), _move(0.5, 1.6)]), MOVE,
-                       {"q0": "path of another motion", "q1": "path of another motion"}),
+                       {"q0": "motion: the path of another motion", "q1": "path of another motion"}),
     "farther": (1.3 * MOVE, MOVE, {"q0": "1.3 times as far", "q1": "1.3 times as far"}),
-    "one farther": (MOVE * [1.0, 1.3], MOVE, {"q1": "1.3 times as far, unlike q0"}),
-    "one in mm": (MOVE * [1.0, 1000.0], MOVE, {"q1": "the log is in mm where the rig says m"}),
+    "one farther": (MOVE * [1.0, 1.3], MOVE, {"q1": "encoder scale: 1.3 times as far, unlike q0: another scale or unit "
+                                                     "of this encoder, or the motion of the run table is another"}),
+    "one in mm": (MOVE * [1.0, 1000.0], MOVE, {"q1": "encoder unit: 1e+03 times as far: the log is in mm where the rig "
+                                                     "says m"}),
     "one in m": (MOVE * [1.0, 1e-3], MOVE, {"q1": "the log is in m where the rig says mm"}),
-    "one reversed, one farther": (MOVE * [-1.0, 1.5], MOVE, {"q0": "reversed", "q1": "1.5 times as far"}),
+    "one reversed, one farther": (MOVE * [-1.0, 1.5], MOVE, {"q0": "encoder sign: reversed", "q1": "1.5 times as far"}),
     "one in degrees, one unlike": (PART * [np.rad2deg(1.0), 1.0], MOVE,
                                    {"q0": "the log is in deg", "q1": "path of another motion or joint"}),
-    "the other joint": (MOVE[:, ::-1], MOVE, {"q0": "that of q1, exchanged in the rig or the log", "q1": "that of q0"}),
+    "the other joint": (MOVE[:, ::-1], MOVE,
+                        {"q0": "that of q1, exchanged in the rig or the log", "q1": "encoder joint: "}),
 }  # fmt: skip
 
 
@@ -261,7 +264,7 @@ def test_encoders_beside_the_stored_path(case):
     found = [s for s in encoder_paths([_moved("r1", shown, wanted)]) if s.code]
     assert len(found) == len(messages)
     for channel, message in messages.items():
-        assert [message in s.witnessed for s in found if f"{channel} " in s.stated] == [True]
+        assert [message in f"{s.subject}: {s.witnessed}" for s in found if s.channel == channel] == [True]
 
 
 @pytest.mark.parametrize(
@@ -281,7 +284,7 @@ def test_encoders_beside_other_runs(liar, messages):
     """Of repeats that differ by 0.3 %: what contradicts is told, nothing is said of another motion or without most."""
     phase, envelope = np.linspace(0.0, 20.0, 800), np.sin(np.linspace(0.0, np.pi, 800)) ** 2
     speeds = np.column_stack([envelope * np.sin(phase), envelope * np.sin(1.6 * phase + 1.0)])
-    honest = [_moved(f"r{i}", (1.0 + 0.003 * i) * speeds) for i in range(3)]
+    honest, texts = [_moved(f"r{i}", (1.0 + 0.003 * i) * speeds) for i in range(3)], []
     for runs in ([*honest, _moved("odd", liar(speeds))], [_moved("odd", liar(speeds)), *honest[::-1]]):
         said = encoder_paths(runs)
         assert {s.run for s in said if s.code} <= {"odd"}
@@ -289,6 +292,8 @@ def test_encoders_beside_other_runs(liar, messages):
         about = [s for s in said if s.run == "odd"]
         assert len(about) == len(messages)
         for channel, message in messages.items():
-            assert [message in s.witnessed for s in about if f" {channel} " in s.stated] == [True]
+            assert [message in s.witnessed for s in about if s.channel == channel] == [True]
+        texts.append([s.witnessed for s in about])
+    assert texts[0] == texts[1], "in whatever order"
     two = [_moved("r1", speeds), _moved("r2", speeds), _moved("r3", liar(speeds)), _moved("r4", liar(speeds))]
     assert not [s for s in encoder_paths(two) if s.code], "two against two"
