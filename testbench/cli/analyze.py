@@ -237,14 +237,18 @@ def doctor(
 def _print_examination(examination: "Examination", shown: list[str]) -> None:
     from ..cross_examination import Statement
 
+    each = [[run] for run in shown] if Detail.everything else [shown]
+    found = (one for runs in each for one in examination.by_contradiction(runs).items())
+    if rows := [[first_of(runs, 6), subject, channels or "-", code] for (subject, channels, code), runs in found]:
+        emit_table("Contradictions", ["run", "about", "channel", "finding"], rows)
     causes: dict[tuple[str | None, ...], list[Statement]] = {}
     for one in (s for run in shown for s in examination.about(run)):
         cause = (one.subject, one.channel, one.witness, one.code, one.run if Detail.everything else None)
         causes.setdefault(cause, []).append(one)
-    rows = [replace(some[0], run=first_of([one.run for one in some], 2)) for some in causes.values()]
-    if rows:
-        note = "" if len(rows) == sum(map(len, causes.values())) else "Values are of the first run; --all: of each."
-        emit_table("Contradictions", *table(Statement, rows), note)
+    named = {cause: first_of(dict.fromkeys(one.run for one in some), 6) for cause, some in causes.items()}
+    options.print_findings(replace(some[0], run=named[cause]).finding for cause, some in causes.items())
+    if len(causes) < sum(map(len, causes.values())):
+        say("Values are of the first run; --all: of each.")
     sharing: dict[str, list[str]] = {}
     for run in shown:
         if run in examination.unexamined:

@@ -1,5 +1,6 @@
 """All witnesses of a campaign heard: what contradicts the run table, the rig or the other runs, and what nobody saw."""
 
+from collections import defaultdict
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -7,7 +8,7 @@ from typing import Any
 
 from balance.errors import CounterpoiseError
 from balance.mechanism.mechanism import Mechanism
-from balance.results import Shown, document
+from balance.results import Shown, document, first_of
 from balance.task_pool import HERE, TaskPool
 
 from ..errors import AnalysisError
@@ -82,6 +83,17 @@ class Examination(Shown, rows="statements"):
         """The contradictions of a run."""
         return [s for s in self.contradictions if s.run == run]
 
+    def by_contradiction(self, runs: Iterable[str]) -> dict[tuple[str, str, str], list[str]]:
+        """Those of ``runs`` that contradict, by subject, channels and code."""
+        found: dict[tuple[str, str, str], list[str]] = {}
+        for run in runs:
+            channels: dict[tuple[str, str], dict[str, None]] = {}
+            for s in self.about(run):
+                channels.setdefault((s.subject, s.code or ""), {}).update({s.channel: None} if s.channel else {})
+            for (subject, code), own in channels.items():
+                found.setdefault((subject, first_of(own, 3), code), []).append(run)
+        return found
+
     def doubts(self, runs: Collection[str], channel: str | None = None) -> tuple[str, ...]:
         """Codes that make a number doubtful which was made of ``runs``, and of a ``channel`` where it is of one."""
         codes = (s.code for s in self.contradictions if s.run in runs and s.concerns({channel}))
@@ -129,8 +141,13 @@ class Examination(Shown, rows="statements"):
         if not doubtful:
             rest = f"; {len(unheard)} more cannot be examined" if unheard else ""
             return f"No contradiction in {len(shown) - len(unheard)} runs{rest}."
-        subjects = ", ".join(sorted({s.subject for run in doubtful for s in self.about(run)}))
-        return f"{len(doubtful)} of {len(shown)} runs contradict the run table, the rig or other runs: {subjects}."
+        each = [
+            f"{first_of(runs, 3)} ({' of '.join(filter(None, (subject, channels)))})"
+            for (subject, channels, _), runs in self.by_contradiction(doubtful).items()
+        ]
+        verb = "contradicts" if len(doubtful) == 1 else "contradict"
+        which = "; ".join(each[:3]) + ("; and others" if len(each) > 3 else "")
+        return f"{len(doubtful)} of {len(shown)} runs {verb} the run table, the rig or other runs: {which}."
 
     def document(self, shown: Sequence[str]) -> dict[str, Any]:
         """The runs ``shown`` as they stand in JSON."""
@@ -205,6 +222,7 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = (), pool: TaskPo
     statements += [s for s in found if s.code != "flat_channel" or (s.run, s.channel) not in flat]
     known = {(s.run, s.channel) for s in statements if s.code in {"axis_contradiction", "sign_contradiction"}}
     statements += repeated_vibration([one for one in seen if one.name not in unsure], known)
+    statements = _since(statements, list(reasons))
     said = _whose(recordings, statements)
     copied = {s.run for one, whose in zip(recordings, said, strict=True) if len(whose) < len(one.runs) for s in whose}
     statements = [replace(s, because="copied_run") if s.run in copied and s.code else s for s in statements]
@@ -213,6 +231,21 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = (), pool: TaskPo
         one.name: {one.records[c[0]].column.sensor: c for c in one.vibrations if c[0] in one.records} for one in seen
     }
     return Examination(tuple(reasons), tuple(statements), reasons, torque, frozenset(accepted), sensors=sensors)
+
+
+def _since(statements: Sequence[Statement], runs: Sequence[str]) -> list[Statement]:
+    """The same; a sensor that contradicts in the last two runs or more that show it, and not before, changed there."""
+    at, by_channel = {run: i for i, run in enumerate(runs)}, defaultdict[str | None, list[Statement]](list)
+    for s in statements:
+        by_channel[s.channel].append(s)
+    found = []
+    for s in statements:
+        about = by_channel[s.channel] if s.channel and s.code else []
+        wrong = {at[o.run] for o in about if (o.subject, o.code) == (s.subject, s.code)}
+        right = {at[o.run] for o in about if o.code is None and s.subject.startswith(o.subject)} - wrong
+        changed = len(wrong) > 1 and bool(right) and max(right) < min(wrong)
+        found.append(replace(s, changed=f"{runs[max(right)]} and {runs[min(wrong)]}") if changed else s)
+    return found
 
 
 def _whose(recordings: Sequence[OneRecording], statements: Sequence[Statement]) -> list[list[Statement]]:

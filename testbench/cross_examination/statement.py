@@ -101,7 +101,10 @@ class Statement:
     @property
     def advice(self) -> Annotated[str | None, Key("", "what to do", lambda advice: advice or "-")]:
         """What to do about a contradiction."""
-        return None if self.code is None else ADVICE[self.because or self.code].format(column=self.column)
+        if self.code is None:
+            return None
+        first = f"find what changed between {self.changed} (later runs show it too); " if self.changed else ""
+        return first + ADVICE[self.because or self.code].format(column=self.column)
 
     @property
     def finding(self) -> Finding:

@@ -15,7 +15,7 @@ from studies.simulated_runs import with_values
 from testbench.cross_examination import sensors
 from testbench.cross_examination.conditions import accelerations, in_grams
 from testbench.cross_examination.copies import OneRecording
-from testbench.cross_examination.examination import Examination, _whose
+from testbench.cross_examination.examination import Examination, _since, _whose
 from testbench.cross_examination.observation import DRIVE_TERMS, Observation, Response, TorqueEquations
 from testbench.cross_examination.repeated_vibration import repeated_vibration
 from testbench.cross_examination.statement import Statement
@@ -709,6 +709,46 @@ def test_doctor_enters_what_a_person_accepts(pair_built, command, monkeypatch, t
     for hostile in ("a\x1b[31mb", "\udcff", "x" * 3000, "\u202eb"):
         assert command(*words, "--reason", hostile)[0] == 2
     assert read_ledger(tmp_path / "c").entries[-1] == entry, "an acceptance that is refused leaves nothing"
+
+
+def _on_sign(wrong):
+    """Of each run whether its sensor is reversed; . agrees, x is, a space says nothing."""
+    return [
+        Statement(f"r{i:03}", "sign", "AccX", "as in the rig", "reversed" if is_wrong == "x" else "as in the rig",
+                  "the model", "sign_contradiction" if is_wrong == "x" else None)
+        for i, is_wrong in enumerate(wrong, 1) if is_wrong != " "
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("wrong", "between"),
+    [("...xxxxx", "r003 and r004"), (". .x x x", "r003 and r004"), ("...xx.xx", ""), (".......x", ""), ("xxxxxxxx", ""),
+     ("   xxxxx", "")],
+)  # fmt: skip
+def test_what_changed_from_a_run_on(wrong, between):
+    """Of a sensor that is reversed in two runs or more, and right in none after them, both runs are named."""
+    found = [s for s in _since(_on_sign(wrong), [f"r{i:03}" for i in range(1, 9)]) if s.code]
+    assert {s.changed for s in found} == {between}
+    assert {f"between {between} " in s.advice for s in found} == {bool(between)}
+
+
+def test_doctor_names_runs_and_channels(brief, command, monkeypatch):
+    """In the first line and in a row for each contradiction, however many witnesses; the table stays narrow."""
+    names = [f"r{i:03}" for i in range(1, 9)]
+    masses = ("r002", "counter-masses", None, "none by the run table")
+    said = [
+        Statement(*masses, "9 kg", by, "counter_mass_contradiction") for by in ("the torques, " * 20, "its repeats")
+    ]
+    found = Examination(tuple(names), (*said, *_since(_on_sign("...xxxxx"), names)), {name: {} for name in names})
+    monkeypatch.setattr("testbench.cross_examination.examine", lambda *arguments: found)
+    first, *lines = command("doctor", brief.campaign)[1].splitlines()
+    assert "6 of 8 runs contradict" in first
+    assert first.endswith("other runs: r002 (counter-masses); r004, r005, r006 and 2 more (sign of AccX).")
+    rows = [line for line in lines if line.startswith("r00") and "_" in line]
+    assert [row.split()[0] for row in rows] == ["r002", "r004,"]
+    assert max(map(len, rows)) < 90
+    assert "r004, r005, r006, r007, r008" in rows[1]
+    assert sum("find what changed between r003 and r004" in line for line in lines) == 1
 
 
 def test_doctor_says_once_what_nothing_witnesses(brief, command, monkeypatch):
