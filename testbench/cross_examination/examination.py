@@ -145,7 +145,7 @@ class Examination(Shown, rows="statements"):
             f"{first_of(runs, 3)} ({' of '.join(filter(None, (subject, channels)))})"
             for (subject, channels, _), runs in self.by_contradiction(doubtful).items()
         ]
-        verb = "contradicts" if len(doubtful) == 1 else "contradict"
+        verb = f"contradict{'s' * (len(doubtful) == 1)}"
         which = "; ".join(each[:3]) + ("; and others" if len(each) > 3 else "")
         return f"{len(doubtful)} of {len(shown)} runs {verb} the run table, the rig or other runs: {which}."
 

@@ -22,15 +22,15 @@ UNITS = _UP | {pair[::-1]: 1.0 / far for pair, far in _UP.items()}
 """Times as far that an encoder shows whose log is in the first unit and whose rig states the second."""
 _SCALED = "{0:.3g} times as far, unlike {1}: another scale or unit of this encoder"
 SAYS = {
-    "same": ("", "they agree"),
-    "unit": ("unit", "{0:.3g} times as far: the log is in {1}"),
-    "scaled": ("scale", _SCALED),
-    "either": ("scale", f"{_SCALED}, or the motion of the run table is another: no run of it agrees"),
-    "exchanged": ("joint", "the path of another joint: that of {1}, exchanged in the rig or the log"),
+    "same": ("encoder", "they agree"),
+    "unit": ("encoder unit", "{0:.3g} times as far: the log is in {1}"),
+    "scaled": ("encoder scale", _SCALED),
+    "either": ("encoder scale", f"{_SCALED}, or the motion of the run table is another: no run of it agrees"),
+    "exchanged": ("encoder joint", "the path of another joint: that of {1}, exchanged in the rig or the log"),
     "farther": ("motion", "the path of another motion: {:.3g} times as far"),
     "unlike": ("motion", "the path of another motion or joint: correlation of the speeds {:.2f} at best"),
 }
-"""By kind, what an encoder contradicts, and what it says beside what it is compared with."""
+"""By kind, the subject, and what an encoder says beside what it is compared with."""
 OF_THE_MOTION = ("farther", "unlike")
 """Kinds that contradict a stored motion; of the other runs nothing is known that states it."""
 LEAST_SHARE = 0.05
@@ -67,19 +67,15 @@ def encoder_paths(observations: Sequence[Observation]) -> list[Statement]:
             said = stored or (_most(votes) if len(votes) > 1 else None)
             if said is None:
                 continue
-            if (
-                stored
-                and stored.kind == "scaled"
-                and all(stored.is_like(by_motion[o.name].get(channel)) for o in others)
-            ):
-                said = stored._replace(kind="either")
-            what = SAYS[said.kind][0] if said.value > 0.0 else "sign"
-            code = {"": None, "motion": "motion_contradiction"}.get(what, "encoder_contradiction")
+            kinds = {by_motion[o.name][channel].kind for o in (seen, *others) if channel in by_motion[o.name]}
+            if said is stored and kinds == {"scaled"}:
+                said = said._replace(kind="either")
+            subject = SAYS[said.kind][0] if said.value > 0.0 else "encoder sign"
+            code = {"encoder": None, "motion": "motion_contradiction"}.get(subject, "encoder_contradiction")
             stated = f"path, sign and unit of {channel} as in the rig"
-            if what == "motion":
+            if subject == "motion":
                 stated = f"{channel} follows the motion of the run table"
             witness = f"the {'motion that is stored with the run' if stored else 'other runs of this motion'}"
-            subject = what if what == "motion" else f"encoder {what}".strip()
             found.append(Statement(seen.name, subject, channel, stated, str(said), witness, code))
     return found
 
@@ -93,10 +89,6 @@ class PathShown(NamedTuple):
     """Whose path it shows instead; of one that is scaled, those that are not; of a unit, both; else empty."""
     value: float
     """How many times as far it goes, below zero if reversed; where it is unlike, the size of the correlation [-]."""
-
-    def is_like(self, other: "PathShown | None") -> bool:
-        """Whether another run's says the same, by the same factor."""
-        return other is not None and other.kind == self.kind and abs(other.value / self.value - 1.0) < UNIT_SHARE
 
     def __str__(self) -> str:
         text = SAYS[self.kind][1].format(abs(self.value), self.joint)

@@ -46,8 +46,6 @@ ADVICE = {
     "torque_contradiction": "check units in rig and log, payload and counter-masses in the run table",
 }
 """All contradictions, and what to do about each."""
-OF_THE_MOTION = frozenset({"encoder_contradiction", "motion_contradiction"})
-"""Contradictions of an encoder that are of the whole run."""
 
 UNIT_SHARE = 0.1
 """Share by which a factor may differ from one, or from that of two units."""
@@ -96,7 +94,8 @@ class Statement:
 
     def concerns(self, channels: Collection[str | None]) -> bool:
         """Whether it is about one of ``channels``, or the whole run as what is made of encoders is."""
-        return self.channel is None or self.channel in channels or self.code in OF_THE_MOTION
+        of_the_run = self.channel is None or self.code in {"encoder_contradiction", "motion_contradiction"}
+        return of_the_run or self.channel in channels
 
     @property
     def advice(self) -> Annotated[str | None, Key("", "what to do", lambda advice: advice or "-")]:
