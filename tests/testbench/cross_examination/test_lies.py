@@ -48,6 +48,7 @@ def test_an_honest_campaign_has_no_finding(bench, request):
     runs, witnesses = request.getfixturevalue(bench)
     found = witnesses.hear(runs)
     assert not found.findings
+    assert all(s.witnessed.startswith("it stays within") for s in found.statements if s.subject == "rest")
     for i in lies.shaking(runs):
         assert found.unwitnessed(runs[i].name) == []
 
