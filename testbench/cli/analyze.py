@@ -243,7 +243,8 @@ def _print_examination(examination: "Examination", shown: list[str]) -> None:
         emit_table("Contradictions", ["run", "about", "channel", "finding"], rows)
     causes: dict[tuple[str | None, ...], list[Statement]] = {}
     for one in (s for run in shown for s in examination.about(run)):
-        cause = (one.subject, one.channel, one.witness, one.code, one.run if Detail.everything else None)
+        alone = one.run if Detail.everything else one.stated if one.channel is None else None
+        cause = (one.subject, one.channel, one.witness, one.code, alone)
         causes.setdefault(cause, []).append(one)
     named = {cause: first_of(dict.fromkeys(one.run for one in some), 6) for cause, some in causes.items()}
     options.print_findings(replace(some[0], run=named[cause]).finding for cause, some in causes.items())
