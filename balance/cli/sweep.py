@@ -137,8 +137,6 @@ def sweep(
         raise click.UsageError(
             f"{size} designs: expected at most {limit}" + ("; with -o FOLDER more" if output is None else "")
         )
-    if figure and len(variables) > 2:
-        raise click.UsageError("--figure draws one or two variables")
     model = options.load_mechanism_option(mechanism, payload)
     samples = load_motion(motion).sample_as_asked(rate)
     problem = Problem(model, samples, counter, not rms_only, frozenset(quantities or QUANTITIES))

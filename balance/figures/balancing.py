@@ -1,6 +1,7 @@
 """Figures of balancing: a linkage before and after, methods as bars, potential energy with springs, sweeps."""
 
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -90,18 +91,28 @@ def draw_energy(document: dict[str, Any]) -> "Figure":
 
 
 def draw_sweep(designs: "Designs") -> "Figure":
-    """What the designs of a sweep are ranked by [N, N m], over one variable or as contours over two."""
-    columns, variables, shown = designs.columns, designs.varied, designs.ranked_by
-    figure, ((axes,),) = panels(7.0, 4.5, grid=len(variables) == 1)
-    axes.set(xlabel=variables[0], ylabel=shown if len(variables) == 1 else variables[1])
-    x = columns[variables[0]]
-    if len(variables) == 1:
-        order = np.argsort(x)
-        axes.plot(x[order], columns[shown][order], color="#3b6ea5")
+    """What the designs of a sweep are ranked by [N, N m], over one variable or as contours over two; the best marked.
+
+    Of further variables each place shows its best values, which the title says.
+    """
+    ranked, shown = designs.table(), designs.ranked_by
+    varying = [name for name in designs.varied if ranked[name].nunique() > 1] or list(designs.varied[:1])
+    drawn, hidden = varying[:2], varying[2:]
+    cells = ranked.drop_duplicates(drawn).sort_values(drawn[0])
+    x, values, best = cells[drawn[0]], cells[shown], ranked.iloc[0]
+    figure, ((axes,),) = panels(7.0, 4.5, grid=len(drawn) == 1)
+    axes.set(xlabel=drawn[0], ylabel=shown if len(drawn) == 1 else drawn[1])
+    if len(drawn) == 1:
+        axes.plot(x, values, color="#3b6ea5")
         axes.set_ylim(bottom=0.0)
     else:
-        figure.colorbar(axes.tricontourf(x, columns[variables[1]], columns[shown], levels=20), label=shown)
-    axes.set_title("simulated", fontsize=10)
+        figure.colorbar(axes.tricontourf(x, cells[drawn[1]], values, levels=20), label=shown)
+    label = "best: " + ", ".join(f"{name} = {best[name]:.4g}" for name in [shown, *designs.varied])
+    at = best[drawn[0]], best[shown if len(drawn) == 1 else drawn[1]]
+    axes.plot(*at, "*", ms=13, mfc="white", mec="black", ls="none", clip_on=False, label=fill(label, 90))
+    figure.legend(loc="outside lower center", fontsize=8)
+    over = "; at each place the least over " + ", ".join(hidden) if hidden else ""
+    axes.set_title(fill(f"simulated{over}", 90), fontsize=10)
     return figure
 
 

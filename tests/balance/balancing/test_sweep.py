@@ -3,13 +3,14 @@
 import contextlib
 import tempfile
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pandas
 import pytest
 
-from balance.balancing.sweep import Problem, Sweep, Variable
+from balance.balancing.sweep import Designs, Problem, Sweep, Variable
 from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import simulate
 from balance.errors import DataError, ModelError
@@ -177,3 +178,33 @@ def test_places_in_a_urdf_are_refused():
     given.check((Variable("b", "mass", np.ones(1)),))
     with pytest.raises(ModelError, match=r"b\.x: arm is a URDF or SDF file; places are varied in MJCF files only"):
         given.check((Variable("b", "x", np.ones(1)),))
+
+
+@pytest.mark.parametrize(
+    ("varied", "drawn", "hidden"),
+    [
+        ({"a": [0, 1, 2]}, "a", ""),
+        ({"c": [5], "a": [0, 1, 2]}, "a", ""),
+        ({"a": [0, 1, 2], "b": [0, 3]}, "ab", ""),
+        ({"c": [5], "a": [0, 1, 2], "b": [0, 3], "d": [-1, 4], "e": [7, 2, 1]}, "ab", "d, e"),
+    ],
+)
+def test_a_picture_hides_no_design(varied, drawn, hidden):
+    """At each place the least over the variables that it does not show, which the title names; the best marked."""
+    grid = np.array(list(product(*varied.values())), float)
+    value = np.random.default_rng(3).uniform(1.0, 9.0, len(grid))
+    columns = dict(zip(varied, grid.T, strict=True))
+    axes, *bar = Designs(columns | {"rms_F_N": value}, tuple(varied)).plot().axes
+    places = np.column_stack([columns[name] for name in drawn])
+    least = [value[(places == place).all(axis=1)].min() for place in np.unique(places, axis=0)]
+    *line, star = axes.lines
+    best = columns[drawn[0]][value.argmin()], (columns | {"": value})[drawn[1:]][value.argmin()]
+    assert star.get_xydata()[0] == pytest.approx(best, abs=0)
+    assert all(f"{name} = {columns[name][value.argmin()]:.4g}" in star.get_label() for name in varied)
+    assert axes.get_title() == "simulated" + (f"; at each place the least over {hidden}" if hidden else "")
+    if bar:
+        levels = axes.collections[0].levels
+        assert levels[0] <= min(least) < levels[1]
+        assert levels[-2] < max(least) <= levels[-1]
+    else:
+        np.testing.assert_array_equal(line[0].get_ydata(), least)
