@@ -1,6 +1,7 @@
 """What ``import balance`` offers: each function takes names, files or objects, and quantities as texts with units.
 
-The commands call the same functions. A mechanism is a ``Mechanism``, a shipped name or a file; a motion likewise.
+The commands call the same functions. A mechanism is a ``Mechanism``, a shipped name or a file; a motion likewise, a
+``Motion`` that :func:`load_motion` gives.
 """
 
 from __future__ import annotations
@@ -82,6 +83,19 @@ def _mechanism(mechanism: Mechanism | str | Path) -> Mechanism:
     return mechanism if isinstance(mechanism, Mechanism) else load_mechanism(mechanism)
 
 
+def _motion(motion: object) -> Motion:
+    """The motion that is meant. Raises DataError for what is none."""
+    if not isinstance(motion, Motion | str | Path):
+        such = "a shipped name, a file, or what balance.load_motion gives"
+        where = "; balance.simulate takes a Trajectory" if isinstance(motion, Trajectory) else ""
+        raise DataError(f"motion: of type {type(motion).__name__}: expected {such}{where}")
+    return motion if isinstance(motion, Motion) else load_motion(motion)
+
+
+def _name(motion: Motion | str | Path) -> str:
+    return motion.source if isinstance(motion, Motion) else str(motion)
+
+
 def _masses(masses: Mapping[str, float | str] | None) -> dict[str, float]:
     return {name: si(value, "mass") for name, value in (masses or {}).items()}
 
@@ -98,7 +112,7 @@ def follow(
     >>> balance.follow("four-bar", "four-bar", rate="1 kHz").residual < 1e-9
     True
     """
-    described = motion if isinstance(motion, Motion) else load_motion(motion)
+    described = _motion(motion)
     samples = described.sample_as_asked(None if rate is None else si(rate, "frequency"))
     coarse = tuple(samples.coarse) if described.recorded else ()
     return replace(Closure(_mechanism(mechanism)).follow(samples), coarse=coarse)
@@ -132,7 +146,7 @@ def conditions(mechanism: Mechanism | str | Path, momentum: str = "linear") -> C
 
 def size(
     mechanism: Mechanism | str | Path,
-    motion: str | None = None,
+    motion: Motion | str | Path | None = None,
     stock: str | None = None,
     *,
     sites: Sequence[str] = (),
@@ -146,11 +160,12 @@ def size(
 ) -> SizingStudy:
     """Counter-masses that balance a mechanism, or leave the least shaking force: of any mass, or from stock plates.
 
-    ``motion``: a shipped name or file, over which the force is made small; without one, over the workspace. ``stock``:
-    plates, a shipped name or a CSV file. ``sites``: where masses may be mounted [default: those named counter...].
-    ``limits``: largest mass by site, ``{"counter_A0A": "5 kg"}``. ``equal``: groups of sites of equal masses.
-    ``added``: what may be added in all, 2.5 or ``"2.5 kg"``. ``objective``: weights of force, moment, torque, and
-    vibration with a ``rig``. ``best``: sets from stock to give.
+    ``motion``: over which the force is made small; without one, over the workspace. ``stock``: plates, a shipped name
+    or a CSV file. ``sites``: where masses may be mounted [default: those named counter...]. ``limits``: largest mass by
+    site, ``{"counter_A0A": "5 kg"}``. ``equal``: groups of sites of equal masses. ``added``: what may be added in all,
+    2.5 or ``"2.5 kg"``. ``best``: sets from stock to give. ``objective``: weights of force, moment, torque, and
+    vibration with a ``rig``: least is the sum of weight times (RMS / RMS without counter-masses)^2, so that newtons and
+    newton metres compare.
     ``payload_bodies``: of which the payload is stated that the counter-masses would balance.
     Least squares within bounds, from plates by mixed-integer search with a proven bound.
 
@@ -163,9 +178,9 @@ def size(
     from .balancing.sizing_study import study_sizing
 
     model = _mechanism(mechanism)
-    trajectory = follow(model, motion) if motion else None
+    trajectory, name = (None, None) if motion is None else (follow(model, motion), _name(motion))
     return study_sizing(
-        model, trajectory, motion=motion, sites=sites, stock=stock, limits=_masses(limits), equal=equal, best=best,
+        model, trajectory, motion=name, sites=sites, stock=stock, limits=_masses(limits), equal=equal, best=best,
         weights=objective, rig=rig, payload_bodies=payload_bodies, added=None if added is None else si(added, "mass"),
     )  # fmt: skip
 
@@ -191,7 +206,7 @@ def write_report(sizing: SizingStudy, path: str | Path) -> Path:
 
 def animate(
     mechanism: Mechanism | str | Path,
-    motion: str,
+    motion: Motion | str | Path,
     path: str | Path,
     counter_masses: Mapping[str, float | str] | None = None,
 ) -> Path:
@@ -208,7 +223,7 @@ def animate(
 
     model = _mechanism(mechanism)
     path = video.writable_animation(path)
-    video.write_animation(path, model, motion, follow(model, motion), _masses(counter_masses))
+    video.write_animation(path, model, _name(motion), follow(model, motion), _masses(counter_masses))
     return path
 
 
@@ -257,7 +272,7 @@ def simulate(
 
 def tradeoff(
     mechanism: Mechanism | str | Path,
-    motion: str,
+    motion: Motion | str | Path,
     sites: Sequence[str] = (),
     limits: Mapping[str, float | str] | None = None,
     points: int = 300,
@@ -277,7 +292,8 @@ def tradeoff(
 
     model = _mechanism(mechanism)
     most = None if added is None else si(added, "mass")
-    return Front(model.name, motion, tradeoff_front(model, follow(model, motion), sites, _masses(limits), points, most))
+    front = tradeoff_front(model, follow(model, motion), sites, _masses(limits), points, most)
+    return Front(model.name, _name(motion), front)
 
 
 def _part(name: str) -> tuple[str, str, str]:
@@ -290,7 +306,7 @@ def _part(name: str) -> tuple[str, str, str]:
 
 def tolerance(
     mechanism: Mechanism | str | Path,
-    motion: str,
+    motion: Motion | str | Path,
     tolerances: Mapping[str, float | str] | Sequence[Tolerance],
     counter_masses: Mapping[str, float | str] | None = None,
     draws: int = 20_000,
@@ -314,16 +330,16 @@ def tolerance(
 
 
 def _problem(
-    mechanism: Mechanism | str | Path, motion: str, counter_masses: Mapping[str, float | str] | None
+    mechanism: Mechanism | str | Path, motion: Motion | str | Path, counter_masses: Mapping[str, float | str] | None
 ) -> Problem:
     from .balancing.sweep import Problem
 
-    return Problem(_mechanism(mechanism), load_motion(motion).sample_as_asked(None), _masses(counter_masses))
+    return Problem(_mechanism(mechanism), _motion(motion).sample_as_asked(None), _masses(counter_masses))
 
 
 def sweep(
     mechanism: Mechanism | str | Path,
-    motion: str,
+    motion: Motion | str | Path,
     vary: Mapping[str, Sequence[float | str]],
     counter_masses: Mapping[str, float | str] | None = None,
 ) -> Designs:
@@ -348,7 +364,9 @@ def sweep(
     return Designs(joined(parts), tuple(variable.column for variable in variables))
 
 
-def methods(mechanism: Mechanism | str | Path, motion: str, settings: MethodSettings | None = None) -> Methods:
+def methods(
+    mechanism: Mechanism | str | Path, motion: Motion | str | Path, settings: MethodSettings | None = None
+) -> Methods:
     """The named methods of balancing a mechanism side by side: residual, cost and needs of each.
 
     Springs, counter-masses, counter-inertias, mirror images, active masses; published conditions beside derived ones.
@@ -362,7 +380,7 @@ def methods(mechanism: Mechanism | str | Path, motion: str, settings: MethodSett
 
     model = _mechanism(mechanism)
     outcomes = compare_methods(model, follow(model, motion), settings)
-    return Methods(model, motion, tuple(outcomes), tuple(compare_conditions(conditions(model))))
+    return Methods(model, _name(motion), tuple(outcomes), tuple(compare_conditions(conditions(model))))
 
 
 def linkage(name: str | Path) -> LinkageBalance:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import balance
+from balance.datasets import find_dataset
 from balance.errors import CounterpoiseError
 from balance.mechanism.mjcf_parser import mechanism_from_text
 
@@ -48,6 +49,11 @@ ASKED = [
     (lambda: balance.animate("four-bar", "four-bar", "no/a.svg"), "no/a.svg: there is no folder no"),
     (lambda: balance.engine("in-line-4", orders=0), "one order at least"),
     (lambda: balance.influence("two-plane-maker", "least"), "method: 'least': expected least-squares, robust, min-max"),
+    (
+        lambda: balance.size("four-bar", 3),
+        "motion: of type int: expected a shipped name, a file, or what balance.load_mot",
+    ),
+    (lambda: balance.sweep("four-bar", balance.follow("four-bar", "four-bar"), {"AB.mass": [1]}), "takes a Trajectory"),
     (lambda: balance.load("a" * 5000), "a{60}...: File name too long"),
 ]
 
@@ -58,6 +64,24 @@ def test_what_cannot_be_meant_is_refused(ask, message) -> None:
     with pytest.raises(CounterpoiseError, match=message) as refused:
         ask()
     assert len(str(refused.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("ask", [
+    lambda motion: balance.simulate("four-bar", motion).table(),
+    lambda motion: balance.size("four-bar", motion).table(),
+    lambda motion: balance.sweep("four-bar", motion, {"AB.mass": [1.0, 2.0]}).table(),
+    lambda motion: balance.tradeoff("four-bar", motion, points=4).table(),
+    lambda motion: balance.tolerance("four-bar", motion, {"AB.mass": 0.1}, draws=10).table(),
+    lambda motion: balance.methods("four-bar", motion).table(),
+    lambda motion: balance.animate("four-bar", motion, "a.svg").name,
+])  # fmt: skip
+def test_a_motion_is_a_name_a_file_or_what_was_loaded(ask, tmp_path, monkeypatch) -> None:
+    """The same answer of all three."""
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "own.toml"
+    file.write_text((find_dataset("four-bar", "motions", ".toml")).read_text("utf-8"), encoding="utf-8")
+    expected, *found = (ask(motion) for motion in ("four-bar", file, balance.load_motion("four-bar")))
+    assert all(np.array_equal(one, expected) or one.equals(expected) for one in found)
 
 
 def test_what_python_writes_is_what_the_commands_write(tmp_path) -> None:
