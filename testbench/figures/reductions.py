@@ -1,6 +1,6 @@
 """Figure of reductions: analysed from logs, simulated, published."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,9 +32,9 @@ _MARGIN = 0.8
 
 
 def reductions(compared: Comparison | Analysis) -> "Figure":
-    """A panel for each motion, sensor and axis, by payload and acceleration; triangles are bounds.
+    """A panel for each motion, sensor and axis, by payload, counter-masses and acceleration; triangles are bounds.
 
-    A comparison also shows what was simulated and published.
+    A comparison also shows what was simulated and published. Several sets of counter-masses are numbered.
     """
     if isinstance(compared, Analysis):
         rows = tuple(Row(r, None, None, None) for r in compared.reductions)
@@ -42,11 +42,13 @@ def reductions(compared: Comparison | Analysis) -> "Figure":
         rows = compared.rows
     motions = list(dict.fromkeys(row.analyzed.key.motion for row in rows))
     places = list(dict.fromkeys(_place(row) for row in rows))
+    mounted = list(dict.fromkeys(map(_masses, rows)))
+    sets = {masses: f"set {i}" if len(mounted) > 1 else "" for i, masses in enumerate(mounted, 1)}
     with style.styled():
         figure, panels = style.light_grid(len(motions), len(places), 2.7, sharey=True)
         for line, motion in zip(panels, motions, strict=True):
             for panel, place in zip(line, places, strict=True):
-                _panel(panel, [r for r in rows if r.analyzed.key.motion == motion and _place(r) == place])
+                _panel(panel, [r for r in rows if r.analyzed.key.motion == motion and _place(r) == place], sets)
                 name = "base" if len({sensor for sensor, _ in places}) == 1 else place[0]
                 panel.set_title(f"motion {motion}, {name} along {place[1]}")
             line[0].set_ylabel("reduction of the amplitude [%]")
@@ -58,6 +60,7 @@ def reductions(compared: Comparison | Analysis) -> "Figure":
         notes = compared.published.notes if isinstance(compared, Comparison) and compared.published else ()
         about = [
             f"{measure.metric.replace('_', '-')}, {band}; lines: intervals of {LEVEL_TEXT}",
+            *(f"{name or 'counter-masses'}: {masses}" for masses, name in sets.items()),
             *(note for note in notes if note == ORIGINAL_LOGS),
         ]
         style.headline(figure, "\n".join([f"{origin} of base acceleration", *about]))
@@ -68,12 +71,19 @@ def _place(row: Row) -> tuple[str, str]:
     return row.analyzed.sensor, row.analyzed.axis
 
 
-def _panel(panel: "Axes", rows: Sequence[Row]) -> None:
-    """Conditions of one motion and axis, payload after payload, a gap between two."""
-    rows = sorted(rows, key=lambda r: (r.analyzed.key.payload_kg or 0.0, r.analyzed.key.payloads, _peak(r)[0]))
-    carried = [(row.analyzed.key.payload_kg, row.analyzed.key.payloads) for row in rows]
-    payloads = {key: _payload(row) for key, row in zip(carried, rows, strict=True)}
-    at = np.array([i + list(payloads).index(key) for i, key in enumerate(carried)], dtype=float)
+def _masses(row: Row) -> str:
+    return masses_text(row.analyzed.counter_masses)
+
+
+def _panel(panel: "Axes", rows: Sequence[Row], sets: Mapping[str, str]) -> None:
+    """Conditions of one motion and axis, payload after payload and set after set, a gap between two."""
+
+    def group(row: Row) -> tuple[float, tuple[tuple[str, float], ...], int]:
+        return row.analyzed.key.payload_kg or 0.0, row.analyzed.key.payloads, list(sets).index(_masses(row))
+
+    rows = sorted(rows, key=lambda row: (group(row), _peak(row)))
+    groups = {group(row): "\n".join(filter(None, (_payload(row), sets[_masses(row)]))) for row in rows}
+    at = np.array([i + list(groups).index(group(row)) for i, row in enumerate(rows)], dtype=float)
     for name, _, look in _LOOKS:
         panel.plot(at, np.array([_value(row, name) for row in rows], dtype=float), ls="none", **look)
     for x, row in zip(at, rows, strict=True):
@@ -82,14 +92,14 @@ def _panel(panel: "Axes", rows: Sequence[Row]) -> None:
     panel.axhline(0.0, color="k", lw=0.8)
     peaks = [_peak(row) for row in rows]
     panel.set_xticks(at, [f"{value:g}" if unit else "" for value, unit in peaks], fontsize=8)
-    middles = [float(np.mean([x for x, key in zip(at, carried, strict=True) if key == one])) for one in payloads]
+    middles = [float(np.mean([x for x, row in zip(at, rows, strict=True) if group(row) == one])) for one in groups]
     below = panel.secondary_xaxis(0.0)  # a second line of labels
     units = " or ".join(dict.fromkeys(unit for _, unit in peaks if unit))
-    below.set_xticks(middles, [f"\n{payload}" if units else payload for payload in payloads.values()], fontsize=8)
+    below.set_xticks(middles, [f"\n{text}" if units else text for text in groups.values()], fontsize=8)
     below.tick_params(length=0)
-    below.set_xlabel(
-        ", ".join(filter(None, (f"peak acceleration [{units}]" * bool(units), "payload" * any(payloads.values()))))
-    )
+    told = {f"peak acceleration [{units}]": units, "payload": any(map(_payload, rows))}
+    told["counter-masses"] = any(sets.values())
+    below.set_xlabel(", ".join(name for name, shown in told.items() if shown))
     panel.set_xlim(at[0] - _MARGIN, at[-1] + _MARGIN)
     panel.grid(axis="x", visible=False)
 

@@ -126,6 +126,23 @@ def test_what_is_no_number_is_drawn_as_such(runs):
     assert [label.get_text() for label in below.get_xticklabels()] == ["\ntip 0.1 kg\ntool 5 kg"]
 
 
+@pytest.mark.parametrize(("peak", "before"), [(None, ""), (3.0, "\n")])
+def test_sets_of_counter_masses_are_told_apart(runs, peak, before):
+    """Without payload and peak acceleration too: each point stands above the number of its set, which the title has."""
+    analysis = analyze(runs, Measure())
+    sound = analysis.reductions[0]
+    key = replace(sound.key, payload_kg=None, peak_acceleration_g=peak)
+    sets = [{"counter_A0A": 4.3}, {"counter_A0A": 1.2, "counter_B0B": 2.4}]
+    rows = [replace(sound, key=key, counter_masses=masses, percent=50.0 + i) for i, masses in enumerate(sets)]
+    figure = figures.reductions(replace(analysis, reductions=tuple(rows)))
+    drawn(figure)
+    (axes,), ((below,),) = figure.axes, [axes.child_axes for axes in figure.axes]
+    assert [label.get_text() for label in below.get_xticklabels()] == [f"{before}set 1", f"{before}set 2"]
+    assert below.get_xlabel() == "peak acceleration [g0], " * bool(peak) + "counter-masses"
+    np.testing.assert_array_equal(axes.lines[2].get_xydata(), np.column_stack([below.get_xticks(), [50.0, 51.0]]))
+    assert "\nset 1: counter_A0A 4.3 kg\nset 2: counter_A0A 1.2 kg, counter_B0B 2.4 kg" in figure.get_suptitle()
+
+
 def test_payloads_with_a_name_and_without_are_told_apart(runs):
     """Two payloads of the mechanism with one on a body besides: two groups, each with both masses below it."""
     analysis = analyze(runs, Measure())
