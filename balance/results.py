@@ -136,7 +136,7 @@ class Brief:
         return f"{type(self).__name__}({', '.join(short + ['...'] * (len(short) < len(shown)))})"
 
 
-_SHORT, _LINE, _CELL = 60, 80, 26
+_SHORT, _LINE, _CELL = 60, 100, 22
 """Characters of a value, and of a line and a cell of a table, at the prompt."""
 
 
@@ -179,8 +179,14 @@ class Shown:
         rows = list(getattr(self, self._rows)) if self._rows else []
         header, cells = table(type(rows[0]), rows) if rows else ([], [])
         shown = DataFrame(cells, columns=header) if header else self.table().map(_names)
-        width = None if header else _LINE
-        return f"{type(self).__name__}\n{shown.to_string(index=bool(shown.index.name), max_rows=20, line_width=width)}"
+        lines = [type(self).__name__]
+        if header:  # what is alike in all rows is said once above, and what no row has is left out
+            shown = shown.loc[:, ~shown.isin(["", NO_VALUE]).all()]
+            alike = shown.nunique() == (1 if len(shown) > 1 else 0)
+            lines += filter(None, [", ".join(f"{name}: {shown[name].iloc[0]}" for name in shown.columns[alike])])
+            wide = shown.map(len).max() > _CELL  # such as lists of runs: last, where lines are broken
+            shown = shown[[*shown.columns[~alike & ~wide], *shown.columns[~alike & wide]]]
+        return "\n".join([*lines, shown.to_string(index=bool(shown.index.name), max_rows=20, line_width=_LINE)])
 
     def _repr_html_(self) -> str:
         return str(self.table().to_html(border=0, na_rep=NO_VALUE))

@@ -90,6 +90,38 @@ class Rounded:
     value: Annotated[float, Key("", "value", ".4f")]
 
 
+@dataclass(frozen=True)
+class Listed:
+    """A row of a result that is printed."""
+
+    motion: Annotated[str, Key("", "motion")]
+    names: Annotated[str, Key("", "names")]
+    size: Annotated[float | None, Key("", "size", "g")]
+    doubts: Annotated[str, Key("", "doubts")] = ""
+
+
+@pytest.mark.parametrize(
+    ("rows", "printed"),
+    [
+        ([Listed("x", "a", 1.5)], ["motion names size", "     x     a  1.5"]),
+        ([Listed("x", "a", 1.5), Listed("x", "b", None)], ["motion: x", "names size", "    a  1.5", "    b    -"]),
+        ([Listed("x", "a", None), Listed("y", "b" * 23, 2.0)],
+         ["motion size                   names", "     x    -                       a", f"     y    2 {'b' * 23}"]),
+        ([Listed(str(i), c * 60, None) for i, c in enumerate("ab")],
+         ["motion                                                        names", f"     0 {'a' * 60}",
+          f"     1 {'b' * 60}"]),
+    ],
+)  # fmt: skip
+def test_a_print_is_no_wider_than_what_it_says(rows, printed):
+    """Without columns that no row has, what all rows share once, long cells last."""
+
+    class Printed(Shown, rows="rows"):
+        def __init__(self):
+            self.rows = rows
+
+    assert repr(Printed()).splitlines() == ["Printed", *printed]
+
+
 def test_a_result_without_a_picture_says_so():
     """In a sentence that names what it has."""
 
