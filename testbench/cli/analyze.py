@@ -156,7 +156,7 @@ def _print_comparison(campaign: Path, comparison: "Comparison") -> None:
 
     say(verdict([row.analyzed for row in comparison.rows], comparison.examination))
     source, place = comparison.published, _place([row.analyzed for row in comparison.rows])
-    columns = (*place, "analyzed_text", "simulated", *(["published"] if source else []), "shaking_force", "origin")
+    columns = (*place, "text", "simulated", "bench", *(["published"] if source else []), "shaking_force", "origin")
     title = f"Reduction of the base's vibration, {campaign.name}{f', and of {source.name}' if source else ''}"
     emit_table(title, *table(Row, comparison.rows, *columns), comparison.definition)
     say(_origins_text(comparison.origins))

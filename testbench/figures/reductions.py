@@ -138,8 +138,9 @@ def _lowest(row: Row) -> float:
 
 def _legend(figure: "Figure", panel: "Axes", rows: Sequence[Row], kinds: str) -> None:
     """A legend of the sources that the rows have."""
+    bench = " (bench assumed)" if any(row.bench == "assumed" for row in rows) else ""
     handles = [
-        panel.plot([], [], ls="none", label=label.format(kinds), **look)[0]
+        panel.plot([], [], ls="none", label=label.format(kinds) + bench * (name == "simulated"), **look)[0]
         for name, label, look in _LOOKS
         if any(_value(row, name) is not None for row in rows)
     ]

@@ -5,7 +5,7 @@ The simulation knows the rig and the conditions stored with a run, and nothing t
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
@@ -108,6 +108,8 @@ class Row:
     simulated: Annotated[float | None, _percent("simulated")]
     published: Annotated[float | None, _percent("published")]
     shaking_force: Annotated[float | None, _percent("simulated shaking force", "simulated_shaking_force")]
+    bench: Annotated[Literal["stated", "assumed"] | None, Key("", "bench simulated")] = None
+    """Whether the rig of the runs states the bench that was simulated; None where none was."""
 
     @property
     def percent(self) -> Annotated[float | None, Key("analyzed_percent")]:
@@ -115,7 +117,7 @@ class Row:
         return self.analyzed.percent
 
     @property
-    def analyzed_text(self) -> Annotated[str, Key(None, "analysed % [95 %]")]:
+    def text(self) -> Annotated[str, Key(None, "analysed % [95 %]")]:
         """By the logs, with the interval."""
         return self.analyzed.text
 
@@ -241,11 +243,12 @@ def compare_campaign(
     rows: list[Row] = []
     for pair in analysis.pairs:
         simulated, force = _simulated(pair, predictions, measure, mechanism, findings)
-        rows += [
-            Row(r, simulated.get((r.sensor, r.axis)), _published(published, r), force.get(r.axis))
-            for r in analysis.reductions
-            if r.key == pair.key and r.counter_masses == pair.counter_masses
-        ]
+        stated: Literal["stated", "assumed"] = "stated" if _states_bench(SIRun.of(pair.runs[0])) else "assumed"
+        for r in analysis.reductions:
+            if r.key == pair.key and r.counter_masses == pair.counter_masses:
+                value = simulated.get((r.sensor, r.axis))
+                bench = None if value is None else stated
+                rows.append(Row(r, value, _published(published, r), force.get(r.axis), bench))
     findings = list(dict.fromkeys(findings))
     return Comparison(tuple(rows), analysis.origins, tuple(findings), published, measure, analysis.examination)
 
@@ -264,7 +267,7 @@ def _simulated(
         if key not in predictions:
             predictions[key] = Prediction(rig, mechanism_of(run, mechanism), measure)
         simulated, force = predictions[key].reductions(pair)
-        if "bench" not in rig.model_fields_set and any(value is not None for value in simulated.values()):
+        if not _states_bench(run) and any(value is not None for value in simulated.values()):
             findings.append(
                 Finding(
                     "bench_assumed", None, None, "the rig stored with the runs has no [bench]: an assumed one was "
@@ -275,6 +278,10 @@ def _simulated(
     except CounterpoiseError as error:
         findings.append(Finding("not_simulated", None, None, str(error)))
         return {}, {}
+
+
+def _states_bench(run: SIRun) -> bool:
+    return "bench" in run.rig.model_fields_set
 
 
 def _published(published: Published | None, reduction: Reduction) -> float | None:

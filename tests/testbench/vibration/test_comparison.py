@@ -154,6 +154,19 @@ def test_the_stored_mechanism_and_motion_are_simulated(brief, comparison, monkey
     assert [row.simulated for row in found.rows] == expected
     assert None not in expected
     assert document(found)["published"] is None
+    assert found.table()["bench"].tolist() == ["stated"] * 3
+
+
+def test_a_bench_that_is_assumed_is_said_beside_its_numbers(brief):
+    """Of runs whose rig has none: in the table, the print, and the legend of the figure."""
+    runs = open_campaign(brief.campaign).runs[:2]
+    found = compare_campaign(
+        [dataclasses.replace(run, rig=run.rig.partition("[bench]")[0]) for run in runs], None, Measure()
+    )
+    assert found.table()[["bench", "simulated_percent"]].notna().all().all()
+    assert "bench simulated: assumed" in repr(found)
+    assert any("(bench assumed)" in text.get_text() for text in found.plot().legends[0].get_texts())
+    assert [finding.code for finding in found.findings] == ["bench_assumed"]
 
 
 def test_what_cannot_be_simulated(brief):
@@ -162,7 +175,7 @@ def test_what_cannot_be_simulated(brief):
     runs[0].conditions["counter_masses"] = {"counter_Z": 1.0}
     found = compare_campaign(runs, load_published("kiper2019"), Measure())
     assert [row.simulated for row in found.rows] == [None] * 3
-    assert all(row.analyzed.percent > 0.0 for row in found.rows)
+    assert all(row.analyzed.percent > 0.0 and row.bench is None for row in found.rows)
     assert [finding.code for finding in found.findings] == ["not_simulated"]
     assert "counter_Z" in found.findings[0].message
 
