@@ -17,6 +17,7 @@ annotation is shown by the names of its fields.
 import dataclasses
 import inspect
 import math
+import re
 import textwrap
 import unicodedata
 from collections import Counter
@@ -193,10 +194,36 @@ class Shown:
 
 
 def frame(results: Iterable[Any]) -> "pandas.DataFrame":
-    """Results as rows of a DataFrame, a column a key of their JSON objects, such as ``counter_masses_kg.A``."""
+    """Results as rows of a DataFrame, a column a key of their JSON objects, such as ``counter_masses_kg.A``.
+
+    ``.attrs["units"]`` has the units of the columns that name one.
+    """
     from pandas import json_normalize
 
-    return json_normalize([plain(one) for one in results])
+    return with_units(json_normalize([plain(one) for one in results]))
+
+
+def with_units(of: "pandas.DataFrame") -> "pandas.DataFrame":
+    """The same DataFrame with the units that its columns name in ``.attrs["units"]``."""
+    units = {name: next(filter(None, (name_and_unit(part)[1] for part in str(name).split("."))), "") for name in of}
+    of.attrs["units"] = {name: unit for name, unit in units.items() if unit}
+    return of
+
+
+_UNITS = {"percent": "%", "kgm": "kg m", "kgm2": "kg m2", "kgmm": "kg mm", "kgmm2": "kg mm2", "gmm": "g mm",
+          "m_s2": "m/s2", "rad_s2": "rad/s2", "hz": "Hz", "Hz": "Hz", "mr": "m r", "mrw2": "m r omega^2",
+          "mrw2a": "m r omega^2 a", "mrw2r": "m r omega^2 r"}  # fmt: skip
+_UNIT = re.compile(rf"(.+?)_((?:{'|'.join(_UNITS)}|rad|deg|mm|um|m|Nm|N|kg|g|W|J|s|rpm|a|SI)(?:_per_(?:rad|s2?|m|g))?)")
+"""Units at the end of keys."""
+
+
+def name_and_unit(key: str) -> tuple[str, str]:
+    """A key without its unit, and that: ``Fx`` and ``N`` of ``Fx_N``; of one without a unit the key, and none."""
+    found = _UNIT.fullmatch(key)
+    if not found:
+        return key, ""
+    unit = "g0" if key.endswith("acceleration_g") else found[2]
+    return found[1], _UNITS.get(unit, unit.replace("_per_", "/").replace("Nm", "N m"))
 
 
 def document(result: Any) -> dict[str, Any]:  # noqa: ANN401

@@ -26,7 +26,7 @@ from ..mechanism.mechanism import Mechanism, mass_at
 from ..mechanism.mjcf_compiler import tags
 from ..mechanism.mjcf_parser import mechanism_from_text
 from ..motion import Samples
-from ..results import Shown
+from ..results import Shown, with_units
 from ..table_files import read_parquet, write_parquet
 from ..task_pool import TaskPool
 
@@ -424,4 +424,4 @@ class Designs(Shown, figure="balance.figures.balancing:draw_sweep"):
         """The designs, the best first."""
         import pandas
 
-        return pandas.DataFrame(dict(self.columns)).sort_values(self.ranked_by, ignore_index=True)
+        return with_units(pandas.DataFrame(dict(self.columns)).sort_values(self.ranked_by, ignore_index=True))

@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from ..errors import CounterpoiseError
-from ..results import LARGE_INSTANT_S, NO_VALUE, instant_text, plain
+from ..results import LARGE_INSTANT_S, NO_VALUE, instant_text, name_and_unit, plain
 from ..results import plain_text as plain_text
 
 VERSION = {"schema_version": 1}
@@ -232,11 +232,6 @@ def _wrapped(cell: str, size: int) -> list[str]:
     return lines
 
 
-_UNITS = {"percent": "%", "kgm": "kg m", "kgm2": "kg m2", "kgmm": "kg mm", "kgmm2": "kg mm2", "gmm": "g mm",
-          "m_s2": "m/s2", "hz": "Hz", "Hz": "Hz", "mr": "m r", "mrw2": "m r omega^2", "mrw2a": "m r omega^2 a",
-          "mrw2r": "m r omega^2 r"}  # fmt: skip
-_UNIT = re.compile(rf"(.+?)_((?:{'|'.join(_UNITS)}|rad|deg|mm|um|m|Nm|N|kg|g|W|J|s|rpm|a|SI)(?:_per_(?:rad|s2?|m|g))?)")
-"""Units at the end of keys."""
 _READ = {"is": "", "rms": "RMS", "dof": "degrees of freedom", "mr": "m r"}
 """Parts of keys that are read as other words."""
 _TITLES = {
@@ -254,12 +249,9 @@ _LONG_TEXT = 40
 
 def label(key: str) -> str:
     """A key as the heading of a column, its unit in brackets: ``Fx [N]`` of ``Fx_N``; names of joints stay."""
-    found = _UNIT.fullmatch(key)
-    if not found:
-        return key
-    kind = next((kind for kind in ("torque_", "drive_force_") if found[1].startswith(kind)), "")
-    unit = _UNITS.get(found[2], found[2].replace("_per_", "/").replace("Nm", "N m"))
-    return f"{kind.replace('_', ' ')}{found[1].removeprefix(kind)} [{unit}]"
+    name, unit = name_and_unit(key)
+    kind = next((kind for kind in ("torque_", "drive_force_") if name.startswith(kind)), "")
+    return f"{kind.replace('_', ' ')}{name.removeprefix(kind)} [{unit}]" if unit else key
 
 
 def words(key: str) -> str:

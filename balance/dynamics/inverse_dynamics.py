@@ -20,7 +20,7 @@ from ..mechanism.pinocchio_engine import PinocchioEngine, refuse_other_than_pino
 from ..mechanism.tape import Operand, Program, Symbols, Tape, cross, numbers
 from ..motion import Samples
 from ..motion.driven_coordinates import Drive
-from ..results import Shown
+from ..results import Shown, with_units
 
 if TYPE_CHECKING:
     import pandas
@@ -138,7 +138,7 @@ class Response(Shown, figure="balance.figures.balancing:draw_response"):
         """The components over time [s]."""
         import pandas
 
-        return pandas.DataFrame(self.columns(), index=pandas.Index(self.time, name="time_s"))
+        return with_units(pandas.DataFrame(self.columns(), index=pandas.Index(self.time, name="time_s")))
 
 
 def compared(responses: Mapping[str, Response]) -> list[dict[str, Any]]:

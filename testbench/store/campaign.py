@@ -88,8 +88,12 @@ class Campaign(Mapping[str, Run], Shown):
         return len(self.run_paths)
 
     def table(self) -> "pandas.DataFrame":
-        """The runs with their conditions, a row each."""
-        return frame({"run": run.name, "origin": run.origin, **run.conditions} for run in self.runs)
+        """The runs with their conditions, a row each; counter-masses and payloads by site or body [kg]."""
+        found = frame({"run": run.name, "origin": run.origin, **run.conditions} for run in self.runs)
+        found.attrs["units"] |= {
+            name: "kg" for name in map(str, found) if name.startswith(("counter_masses.", "payloads."))
+        }
+        return found
 
     @property
     def run_paths(self) -> list[Path]:

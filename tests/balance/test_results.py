@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from balance.errors import CounterpoiseError, suggestion
-from balance.results import INLINE, Key, Shown, document, instant_text, per_cent, rpm, table
+from balance.results import INLINE, Key, Shown, document, frame, instant_text, per_cent, rpm, table
 
 
 @dataclass(frozen=True)
@@ -88,6 +88,21 @@ class Rounded:
     """A number in few digits."""
 
     value: Annotated[float, Key("", "value", ".4f")]
+
+
+@pytest.mark.parametrize(
+    ("key", "unit"),
+    [
+        ("rms_F_N", "N"), ("torque_A_Nm", "N m"), ("counter_masses_kg.A0A", "kg"), ("amplitude_m_s2.with", "m/s2"),
+        ("added_inertia_kgm2", "kg m2"), ("reduction_percent", "%"), ("peak_acceleration_g", "g0"),
+        ("peak_acceleration_rad_s2", "rad/s2"), ("band_hz", "Hz"), ("stiffness_N_per_m", "N/m"), ("axis", None),
+    ],
+)  # fmt: skip
+def test_units_of_columns_are_beside_the_table(key, unit):
+    """Of a key with its unit at the end, also where names of sites or joints follow; of another none."""
+    whole, *part = key.split(".")
+    found = frame([{whole: {part[0]: 1.0} if part else 1.0}])
+    assert found.attrs["units"] == ({} if unit is None else {key: unit})
 
 
 @dataclass(frozen=True)
