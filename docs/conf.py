@@ -61,6 +61,10 @@ def plain_annotations(found: Any) -> None:  # noqa: ANN401
         found.__signature__ = inspect.Signature()
 
 
+DEEPER = {"testbench": ["rotating.vectors", "rotating.Vectors"]}
+"""What people call that a module of a package offers."""
+
+
 def write_api(_app: object) -> None:
     """A page of what each package offers by its own name, for autodoc."""
     import importlib
@@ -70,8 +74,8 @@ def write_api(_app: object) -> None:
     for name in ("balance", "testbench"):
         package = importlib.import_module(name)
         lines += [f"``import {name}``", "-" * 40, ""]
-        for public in getattr(package, "__all__", ()):
-            found = getattr(package, public)
+        for public in [*package.__all__, *DEEPER.get(name, ())]:
+            found = operator.attrgetter(public)(package)
             if any(found is one for one in seen):
                 continue
             seen.append(found)

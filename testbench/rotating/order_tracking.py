@@ -278,6 +278,8 @@ _BATCHES = 10
 _ORDERS = 8
 """Orders that are fitted together, so that strong ones do not disturb the requested one."""
 _SAMPLES_AN_ORDER = 2.5
+_MOST_UNSTEADY = 0.5
+"""Change of speed, as a share, that may count as steady."""
 
 
 def turns_a_second(speed: float | str) -> float:
@@ -286,6 +288,17 @@ def turns_a_second(speed: float | str) -> float:
     if not 0.0 < found < np.inf:
         raise AnalysisError(f"speed: {speed}: expected more than zero")
     return found
+
+
+def _share(steady_within: float | str) -> float:
+    text = str(steady_within).strip()
+    with suppress(ValueError):
+        found = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+        if 0.0 < found <= _MOST_UNSTEADY:
+            return found
+    raise AnalysisError(
+        f"steady_within: {text}: expected a share above zero, at most {_MOST_UNSTEADY:g}, such as 0.05 or '5 %'"
+    )
 
 
 def vectors(
@@ -297,7 +310,7 @@ def vectors(
     *,
     level: float | None = None,
     falling: bool = False,
-    steady_within: float = STEADY_WITHIN,
+    steady_within: float | str = STEADY_WITHIN,
     amplitude: Metric = "peak",
     phase: str = "lead",
 ) -> Vectors:
@@ -307,9 +320,9 @@ def vectors(
     unit; half the swing], or an encoder's angle, whose zero is the mark. ``sensors``: by default all of length,
     velocity or acceleration timed with it; those of the rig are read in SI by the calibration in force. ``speed`` at
     which the vectors are given (``"3000rpm"`` or [rad/s]), by default the mean; ``steady_within``: largest change
-    of speed, and distance of the mean from ``speed``, as a share. ``amplitude``: ``peak``, ``peak_to_peak`` or ``rms``;
-    ``phase``: ``lead`` or ``lag`` of the pulse. Raises AnalysisError for lost or spurious pulses, too few turns, an
-    unsteady speed, an order that the samples do not resolve.
+    of speed, and distance of the mean from ``speed``: a share, at most 0.5, or per cent (``"5 %"``). ``amplitude``:
+    ``peak``, ``peak_to_peak`` or ``rms``; ``phase``: ``lead`` or ``lag`` of the pulse. Raises AnalysisError for lost or
+    spurious pulses, too few turns, an unsteady speed, an order that the samples do not resolve.
 
     >>> import testbench
     >>> found = testbench.rotating.vectors("rotor/run.h5", tacho="tacho", speed="2400rpm")
@@ -321,6 +334,7 @@ def vectors(
     for given, known in ((amplitude, tuple(METRICS)), (phase, ("lead", "lag"))):
         if given not in known:
             raise AnalysisError(f"{given!r}: expected {' or '.join(known)}")
+    within = _share(steady_within)
     run = run if isinstance(run, Run) else open_run(run)
     group, index = run.find(tacho)
     read = run if run.rig is None else physical(run)
@@ -329,11 +343,11 @@ def vectors(
     unit = in_si.channels[index].unit
     if unit and _dimension(unit, ["angle"]):
         pulse, mark = encoder_mark(factor_to_si(unit, "angle") * _finite(read, in_si, index))
-    turns = steady_turns(where, time, pulse, mark.level, mark.falling, steady_within, mark.doubt)
+    turns = steady_turns(where, time, pulse, mark.level, mark.falling, within, mark.doubt)
     asked = speed if isinstance(speed, str) else "" if speed is None else f"{rpm(speed):.10g} rpm"
-    if asked and abs(turns.speed / turns_a_second(asked) - 1.0) > steady_within:
+    if asked and abs(turns.speed / turns_a_second(asked) - 1.0) > within:
         raise AnalysisError(
-            f"{run.name}: turns at {60 * turns.speed:.5g} rpm, not at {asked} within {100 * steady_within:g} %"
+            f"{run.name}: turns at {60 * turns.speed:.5g} rpm, not at {asked} within {100 * within:g} %"
         )
     samples = 1.0 / (turns.resolution * turns.speed)
     if samples < _SAMPLES_AN_ORDER * order:

@@ -127,7 +127,7 @@ def steady_turns(edges: Edges, within: float) -> tuple[int, int, int]:
         spread = 100.0 * np.ptp(duration[whole // 2 :]) / usual
         raise AnalysisError(
             f"{edges.name}: no two turns in a row are steady: the later ones differ by {spread:.2g} % in duration; "
-            f"allow more with --steady-within, or use the speed edge by edge (--csv, --figure)"
+            f"allow more with steady_within (--steady-within), or use the speed edge by edge (--csv, --figure)"
         )
     return first, last, whole
 

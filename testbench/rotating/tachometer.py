@@ -376,8 +376,8 @@ def steady_turns(
     if turns.change > within:
         raise AnalysisError(
             f"{name}: the speed changes by {100 * turns.change:.2g} % of its mean {60 * turns.speed:.5g} rpm; expected "
-            f"at most {100 * within:g} %: cut out a steady part, or give --steady-within: vectors are then fitted over "
-            "the speed and given at one (--speed), with how far they move over its range"
+            f"at most {100 * within:g} %: cut out a steady part, or give steady_within (--steady-within): vectors are "
+            "then fitted over the speed and given at one, speed (--speed), with how far they move over its range"
         )
     return turns
 

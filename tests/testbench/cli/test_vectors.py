@@ -68,6 +68,20 @@ def test_json_holds_the_truth_with_intervals(found: str) -> None:
         assert other["amplitude_m_s2"] == pytest.approx(2 * one["amplitude_m_s2"])
 
 
+@pytest.mark.parametrize(
+    ("within", "answer"),
+    [
+        (0.05, "not at 3000rpm within 5 %"), ("5 %", "not at 3000rpm within 5 %"), ("0.05", "within 5 %"),
+        (5, "steady_within: 5: expected a share"), ("60%", "or '5 %'"), (0, "or '5 %'"), ("much", "or '5 %'"),
+        (np.nan, "or '5 %'"),
+    ],
+)  # fmt: skip
+def test_a_share_is_no_per_cent(found: str, within: float | str, answer: str) -> None:
+    """In Python a number is a share, and per cent have their sign; the command's are per cent."""
+    with pytest.raises(AnalysisError, match=answer):
+        order_tracking.vectors(found, speed="3000rpm", steady_within=within)
+
+
 def test_table(found: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Sensor, amplitude with interval, phase and its sense, speed."""
     titles = held_to_widths(monkeypatch)
