@@ -269,6 +269,27 @@ class Run(Shown, rows="groups", figure="testbench.figures.runs:draw_run"):
         together.attrs.update({**self._about(None), "units": units})
         return together
 
+    def spectra(self, channels: Sequence[str] = (), segment: int = 4096) -> "pandas.DataFrame":
+        """Power spectral densities of channels that the run's rig names, in SI by the calibration in force.
+
+        A row a frequency [Hz], a column a channel, named by sensor and component (``"base_acc x"``); in ``channels``
+        also as the rig names it (``"AccX"``). One-sided, by Welch over the whole record: Hann window, half overlap,
+        the mean of each segment removed. ``segment`` [samples, even]: shorter where the record has no two of it.
+        ``.attrs`` has ``units``, ``resolution_hz`` and number of ``segments`` by channel. Channels of another rate have
+        lines of their own: NaN between them, and throughout where the record is too short. Raises AnalysisError without
+        a rig.
+
+        >>> import testbench
+        >>> found = testbench.open_run("campaign/r001.h5").spectra(["base_acc x"])
+        >>> found.attrs["units"], found.attrs["resolution_hz"]
+        ({'base_acc x': '(m/s^2)^2/Hz'}, {'base_acc x': 2.44140625})
+        >>> round((found["base_acc x"].sum() * found.index[1]) ** 0.5, 2)  # RMS [m/s2]
+        np.float64(0.39)
+        """
+        higher = import_module("testbench.runs.si_run"), import_module("testbench.vibration.channel_levels")
+        found: pandas.DataFrame = higher[1].spectra(higher[0].SIRun.of(self), channels, segment)
+        return found
+
     def to_xarray(
         self, group: str | None = None, channels: Sequence[str] | None = None, resample: float | str | None = None
     ) -> "xarray.Dataset":

@@ -11,7 +11,9 @@ import numpy as np
 from balance.arrays import Floats
 from balance.estimation.estimate import coverage_factor
 from balance.results import INLINE, Key, per_cent
+from balance.units import SI_UNITS
 
+from ..errors import AnalysisError
 from ..rig import Column
 from ..runs.si_run import SIRun
 from ..signal.filters import LANES, Band
@@ -19,6 +21,8 @@ from ..signal.welch import SEGMENT, Spectra, welch
 from .metrics import DEFAULT_BAND, METRICS
 
 if TYPE_CHECKING:
+    import pandas
+
     from ..store import Run
 
 BLOCK_CHANNELS = LANES
@@ -125,6 +129,40 @@ def channel_levels(
         if waiting:
             found += _levels_of_block(waiting, rate, band, segment)
     return [replace(one, calibration=_calibration(run, one.column)) for one in found]
+
+
+def spectra(run: SIRun, channels: "Sequence[str]" = (), segment: int = SEGMENT) -> "pandas.DataFrame":
+    """Power spectral densities of channels of a run, as :meth:`testbench.Run.spectra` gives them.
+
+    Raises AnalysisError for a channel that the rig does not have, or that is not in SI.
+    """
+    import pandas
+
+    known = {f"{column.sensor} {column.component}": column for column in run.rig.columns()}
+    known_as = {column.channel: name for name, column in known.items()}
+    wanted = [known_as.get(name, name) for name in channels] or list(known)
+    if unknown := [name for name in wanted if name not in known]:
+        raise AnalysisError(f"{run.name}: {unknown[0]!r} is no channel of its rig: there are {', '.join(known)}")
+    levels = dict(zip(wanted, channel_levels(run, [known[name] for name in wanted], None, segment), strict=True))
+    found = pandas.DataFrame(
+        {
+            name: pandas.Series(
+                *(() if one.spectrum is None else (one.spectrum.power(), one.spectrum.frequency)), dtype=float
+            )
+            for name, one in levels.items()
+        }
+    )
+    found.index.name = "frequency (Hz)"
+    found.attrs.update(
+        {
+            "run": run.name,
+            "origin": str(run.origin),
+            "units": {name: f"({SI_UNITS[run.dimension(known[name])]})^2/Hz" for name in wanted},
+            "resolution_hz": {name: one.resolution for name, one in levels.items()},
+            "segments": {name: one.spectrum.segments if one.spectrum else 0 for name, one in levels.items()},
+        }
+    )
+    return found
 
 
 def _calibration(run: SIRun, column: Column) -> float | None:

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.signal import welch as scipy_welch
 
 from balance.results import plain
 from studies import simulated_runs as memory
+from testbench.errors import AnalysisError
 from testbench.rig import rig_from_text
-from testbench.runs.si_run import SIRun
+from testbench.runs.si_run import SIRun, physical
 from testbench.store import open_campaign
 from testbench.vibration.channel_levels import channel_levels, level_definitions, levels_of_runs
 from testbench.vibration.metrics import DEFAULT_BAND, METRICS, Measure
@@ -51,3 +53,21 @@ def test_a_line_in_the_noise_is_found():
     assert [peak["frequency_hz"] for peak in level.peaks] == [pytest.approx(63.0, abs=5000.0 / 4096.0)]
     (nothing,) = channel_levels(SIRun.of(memory.with_values(run, "AccX", quiet)), [column])
     assert (nothing.peaks, nothing.calibration) == ([], None)
+
+
+def test_a_table_of_spectra_is_that_of_scipy(runs):
+    """In SI, of loggers of two rates: each channel at its own lines alone; also by the name that the log has."""
+    run = runs[0]
+    found = run.spectra(["base_acc x", "Fz1", "tau1"], 256)
+    assert found.attrs["units"] == {"base_acc x": "(m/s^2)^2/Hz", "k6d40 Fz": "(N)^2/Hz", "motor_A0 A0": "(N m)^2/Hz"}
+    tables = [physical(run).to_pandas(group.name) for group in run.groups]
+    for name, label in zip(found, ("AccX", "Fz1", "tau1"), strict=True):
+        (table,) = [table for table in tables if any(column.startswith(f"{label} (") for column in table)]
+        values = next(table[column].to_numpy() for column in table if column.startswith(f"{label} ("))
+        frequency, density = scipy_welch(values, 1.0 / np.diff(table.index).mean(), nperseg=256)
+        shown = found[name].dropna()
+        np.testing.assert_allclose(shown.index, frequency, rtol=1e-6)
+        np.testing.assert_allclose(shown, density, rtol=1e-5, atol=1e-9 * density.max())
+        assert found.attrs["resolution_hz"][name] == pytest.approx(frequency[1], rel=1e-6)
+    with pytest.raises(AnalysisError, match="'AccW' is no channel of its rig: there are base_acc x, base_acc y"):
+        run.spectra(["AccW"])
