@@ -3,6 +3,7 @@
 import doctest
 import os
 import pkgutil
+import re
 import shutil
 import subprocess
 import sys
@@ -68,7 +69,7 @@ def laboratory(folder, monkeypatch):
 
 def examples(package):
     """The docstrings of a package and of all its public names."""
-    deeper = ["testbench.rotating.vectors"] if package == "testbench" else []
+    deeper = ["testbench.rotating.vectors", "testbench.Run.spectra"] if package == "testbench" else []
     return [package, *(f"{package}.{name}" for name in import_module(package).__all__), *deeper]
 
 
@@ -94,6 +95,26 @@ def test_examples_of_testbench_run(name, laboratory):
     found = run_example(name)
     assert found.attempted > 0
     assert found.failed == 0
+
+
+CODE = re.findall(
+    r"^```python\n(.*?)^```",
+    (ROOT / "docs" / "how-to" / "testbench.md").read_text("utf-8"),
+    re.DOTALL | re.MULTILINE,
+)
+SHOWN = [
+    "base_acc x: r002 less r001",
+    r"'base_acc y': '\(m/s\^2\)\^2/Hz'",
+    r"(?s)'stored', 'stored'.* (80|79\.[89])\.?\d* \[",
+    "RMS of the difference: ",
+]
+
+
+@pytest.mark.parametrize(("code", "shown"), list(zip(CODE, SHOWN, strict=True)), ids=SHOWN)
+def test_examples_of_the_how_to_run(code, shown, laboratory, capsys):
+    """As they stand there, with what their reader is after."""
+    exec(compile(code, "testbench.md", "exec"), {})
+    assert re.search(shown, capsys.readouterr().out)
 
 
 @pytest.mark.parametrize("name", ["export.sep005", "report.html_report"])
