@@ -181,12 +181,13 @@ class Shown:
         header, cells = table(type(rows[0]), rows) if rows else ([], [])
         shown = DataFrame(cells, columns=header) if header else self.table().map(_names)
         lines = [type(self).__name__]
-        if header:  # what is alike in all rows is said once above, and what no row has is left out
+        if header:
             shown = shown.loc[:, ~shown.isin(["", NO_VALUE]).all()]
-            alike = shown.nunique() == (1 if len(shown) > 1 else 0)
-            lines += filter(None, [", ".join(f"{name}: {shown[name].iloc[0]}" for name in shown.columns[alike])])
-            wide = shown.map(len).max() > _CELL  # such as lists of runs: last, where lines are broken
-            shown = shown[[*shown.columns[~alike & ~wide], *shown.columns[~alike & wide]]]
+            sizes = shown.map(len).max()
+            if len(shown) > 1 and sum(max(size, len(str(name))) + 1 for name, size in sizes.items()) > _LINE:
+                alike, wide = shown.nunique() == 1, sizes > _CELL  # such as lists of runs: last, where lines are broken
+                lines += filter(None, [", ".join(f"{name}: {shown[name].iloc[0]}" for name in shown.columns[alike])])
+                shown = shown[[*shown.columns[~alike & ~wide], *shown.columns[~alike & wide]]]
         return "\n".join([*lines, shown.to_string(index=bool(shown.index.name), max_rows=20, line_width=_LINE)])
 
     def _repr_html_(self) -> str:

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from ..rig import Rig
     from ..store import Run
 
+Bench = Literal["stated", "assumed"]
 NOTHING = 1e-9
 """Amplitude below which a computed signal counts as zero [m/s2, N]."""
 
@@ -108,7 +109,7 @@ class Row:
     simulated: Annotated[float | None, _percent("simulated")]
     published: Annotated[float | None, _percent("published")]
     shaking_force: Annotated[float | None, _percent("simulated shaking force", "simulated_shaking_force")]
-    bench: Annotated[Literal["stated", "assumed"] | None, Key("", "bench simulated")] = None
+    bench: Annotated[Bench | None, Key("", "bench simulated")] = None
     """Whether the rig of the runs states the bench that was simulated; None where none was."""
 
     @property
@@ -243,12 +244,19 @@ def compare_campaign(
     rows: list[Row] = []
     for pair in analysis.pairs:
         simulated, force = _simulated(pair, predictions, measure, mechanism, findings)
-        stated: Literal["stated", "assumed"] = "stated" if _states_bench(SIRun.of(pair.runs[0])) else "assumed"
+        described = "bench" in SIRun.of(pair.runs[0]).rig.model_fields_set
         for r in analysis.reductions:
             if r.key == pair.key and r.counter_masses == pair.counter_masses:
                 value = simulated.get((r.sensor, r.axis))
-                bench = None if value is None else stated
+                bench: Bench | None = None if value is None else "stated" if described else "assumed"
                 rows.append(Row(r, value, _published(published, r), force.get(r.axis), bench))
+    if any(row.bench == "assumed" for row in rows):
+        findings.append(
+            Finding(
+                "bench_assumed", None, None, "the rig stored with the runs has no [bench]: an assumed one was "
+                "simulated; describe its mass and mounts in the rig's file, and ingest into another folder with it",
+            )
+        )  # fmt: skip
     findings = list(dict.fromkeys(findings))
     return Comparison(tuple(rows), analysis.origins, tuple(findings), published, measure, analysis.examination)
 
@@ -266,22 +274,10 @@ def _simulated(
     try:
         if key not in predictions:
             predictions[key] = Prediction(rig, mechanism_of(run, mechanism), measure)
-        simulated, force = predictions[key].reductions(pair)
-        if not _states_bench(run) and any(value is not None for value in simulated.values()):
-            findings.append(
-                Finding(
-                    "bench_assumed", None, None, "the rig stored with the runs has no [bench]: an assumed one was "
-                    "simulated; describe its mass and mounts in the rig's file, and ingest into another folder with it",
-                )
-            )  # fmt: skip
-        return simulated, force
+        return predictions[key].reductions(pair)
     except CounterpoiseError as error:
         findings.append(Finding("not_simulated", None, None, str(error)))
         return {}, {}
-
-
-def _states_bench(run: SIRun) -> bool:
-    return "bench" in run.rig.model_fields_set
 
 
 def _published(published: Published | None, reduction: Reduction) -> float | None:
