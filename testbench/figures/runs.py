@@ -7,7 +7,7 @@ import numpy as np
 
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism
-from balance.units import G0, SI_UNITS
+from balance.units import SI_UNITS
 
 from ..errors import AnalysisError
 from ..kinematics.encoder_motion import moving_interval
@@ -137,12 +137,12 @@ def command_performance(run: Run, mechanism: Mechanism | None = None, bandwidth_
             )
             for label, every, colour in lines:
                 values = np.where(shown.valid, every, np.nan)
-                above.plot(shown.time, values / G0, color=colour, label=label)
-                below.plot(shown.time, (values - shown.target[axis]) / G0, color=colour)
+                above.plot(shown.time, values, color=colour, label=label)
+                below.plot(shown.time, values - shown.target[axis], color=colour)
             target = np.where(shown.valid, shown.target[axis], np.nan)
-            above.plot(shown.time, target / G0, color=style.TARGET, lw=0.9, ls="--", label="target")
-            above.set_ylabel(f"{axis} [g0]")
-            below.set_ylabel(f"{axis} less target [g0]")
+            above.plot(shown.time, target, color=style.TARGET, lw=0.9, ls="--", label="target")
+            above.set_ylabel(f"{axis} [m/s2]")
+            below.set_ylabel(f"{axis} less target [m/s2]")
         span = moving_interval(shown.target[axes_moved[0]], 1.0 / float(shown.time[1] - shown.time[0]))
         panels[-1, 0].set_xlim(shown.time[span][0], shown.time[span][-1])
         panels[-1, 0].set_xlabel(
@@ -195,12 +195,12 @@ def base_acceleration(
     with style.styled():
         figure, panels = style.light_grid(len(columns), 1, 1.7, sharex=True)
         for axes, (place, column) in zip(panels[:, 0], columns.items(), strict=True):
-            shapes = [measure.shape(*signals[place]) / G0 for signals in found]
+            shapes = [measure.shape(*signals[place]) for signals in found]
             times = [run.even_instants(column) for run in runs]
             style.two_runs(axes, (times[0], shapes[0]), (times[1], shapes[1]))
-            axes.set_ylabel(f"{column.component} [g0]")
+            axes.set_ylabel(f"{column.component} [m/s2]")
             axes.set_title(f"{place[0]}, {column.component} axis: {_text(reductions[place])}")
-            noise = max((floor for floor in reductions[place].noise_floor if floor is not None), default=0.0) / G0
+            noise = max((floor for floor in reductions[place].noise_floor if floor is not None), default=0.0)
             half = noise / 2.0 if reductions[place].measure.metric == "peak_to_peak" else noise
             axes.axhspan(-half, half, color="#999999", alpha=0.35, lw=0.0)
         first, column = next(iter(columns.items()))

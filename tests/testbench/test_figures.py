@@ -33,7 +33,7 @@ def drawn(figure) -> None:
 
 @pytest.mark.parametrize(
     ("name", "panels", "unit"),
-    [("base_acceleration", 3, "[g0]"), ("motor_torques", 2, "[N m]"), ("force_sensors", 11, "[N")],
+    [("base_acceleration", 3, "[m/s2]"), ("motor_torques", 2, "[N m]"), ("force_sensors", 11, "[N")],
 )
 def test_two_runs(runs, name, panels, unit):
     """A panel for each channel, two lines in each, unit and condition stated, marked as simulated."""
