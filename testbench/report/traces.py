@@ -408,17 +408,16 @@ def _advice(late: Lag, shown: Trace) -> str:
 
 
 def difference(first: Trace, second: Trace, late: Lag, moves: Sequence[float | None]) -> Difference:
-    """The second less the first at the first's instants, shifted by the lag; its interval by noise at rest, and by half
-    of what the second changes by from a standard uncertainty of the lag before to one after, a sample at least.
+    """The second less the first at the first's instants, shifted by the lag; its interval by noise at rest, and by the
+    most that the second changes by within the 95 % interval of the lag.
 
     ``moves``: when the logger of each ceases to be at rest [s].
     """
-    deviation = (late.deviation or 0.0) * second.beginning[1]
-    reach = max(round(deviation), 1)
+    reach = coverage_factor(np.inf) * (late.deviation or 0.0) * second.beginning[1]
 
     def near(at: Floats) -> tuple[Floats, Floats]:
         step = float(second.blocks[0][-1] - second.blocks[0][0]) / max(second.samples, 1)
-        margin = (2.0 * TAPS + reach) * step
+        margin = (2.0 * TAPS + np.ceil(reach)) * step
         return second.within(float(at[0]) - margin, float(at[-1]) + margin)
 
     def read(begin: int, end: int) -> tuple[Floats, Floats]:
@@ -426,14 +425,13 @@ def difference(first: Trace, second: Trace, late: Lag, moves: Sequence[float | N
         return time, between_samples(*near(time + late.seconds), time + late.seconds) - values
 
     def shifted(values: Floats) -> Floats:
-        at = np.arange(len(values))
-        after, before = np.minimum(at + reach, len(at) - 1), np.maximum(at - reach, 0)
-        return deviation * np.abs(values[after] - values[before]) / (after - before)
+        at, moved = np.arange(len(values)), reach * np.linspace(-1.0, 1.0, 9)
+        return np.asarray(np.max([np.abs(np.interp(at + by, at, values) - values) for by in moved], axis=0))
 
     def half_widths(begin: int, end: int) -> tuple[Floats, Floats]:
         time, _ = first.read(begin, end)
         there, values = near(time + late.seconds)
-        return time, np.hypot(rest, factor * interpolated(there, shifted(values), time + late.seconds))
+        return time, np.hypot(rest, interpolated(there, shifted(values), time + late.seconds))
 
     trace = Trace(first.kind, first.name, first.unit, first.samples, read)
     noises = first.noise(moves[0]), second.noise(moves[1])
@@ -443,7 +441,7 @@ def difference(first: Trace, second: Trace, late: Lag, moves: Sequence[float | N
         return Difference(trace, None, "no interval: no rest before the motion shows the noise")
     variances, freedoms = np.array(noises).T
     rest = coverage_factor(effective_degrees_of_freedom(variances, freedoms)) * float(np.sqrt(variances.sum()))
-    factor = coverage_factor(np.inf)
-    most = float(np.hypot(rest, factor * np.nanmax(shifted(second.beginning[2]))))
-    what = "interval of 95 % of each value by the noise of both runs at rest and by their alignment"
+    most = float(np.hypot(rest, np.nanmax(shifted(second.beginning[2]))))
+    what = "interval of 95 % of each value by the noise of both runs at rest and by their alignment; offsets of the "
+    what += "sensors are in the difference"
     return Difference(trace, replace(trace, read=half_widths), f"± {rest:.3g} to {most:.3g} {first.unit}, {what}")

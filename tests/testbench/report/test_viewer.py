@@ -111,19 +111,26 @@ def test_clocks_half_a_sample_apart(hertz):
     assert held(apart, 1200, 2800).mean() == pytest.approx(0.95, abs=0.03)
 
 
-@pytest.mark.parametrize("rest", [0, 8000])
-def test_a_lag_counts_where_it_is_steep(rest):
+@pytest.mark.parametrize(
+    ("rest", "hertz", "deviation", "most"), [(0, 25.0, 1e-4, 0.98), (8000, 25.0, 1e-4, 0.98), (0, 50.0, 2e-3, 1.0)]
+)
+def test_a_lag_counts_where_it_is_steep(rest, hertz, deviation, most):
     """Of one wave on clocks whose lag is wrong by each quantile of its error, 95 % of the intervals hold zero at rest,
-    and in the steepest fifth of the motion, however many samples rest after it.
+    in the steepest fifth of the motion and in the flattest, however many samples rest after it; no fewer where the lag
+    is known to 0.6 rad of the wave, more by the noise in what it changes by.
     """
-    steep = np.abs(np.gradient(burst(0.0, 0.0, 0, 25.0)))
-    places = steep[:3000] > np.quantile(steep[1000:3000], 0.8), np.arange(3000) < 900
+    slope = np.abs(np.gradient(burst(0.0, 0.0, 0, hertz)))[:3000]
+    steep, flat = np.quantile(slope[1200:2800], [0.8, 0.2])
+    inside = (np.arange(3000) >= 1200) & (np.arange(3000) < 2800)
+    places = slope > steep, inside & (slope < flat), np.arange(3000) < 900
     hits = []
     for seed, share in enumerate(np.linspace(0.025, 0.975, 20)):
-        pair = [trace(np.r_[burst(0.0, 0.005, 2 * seed + i, 25.0), np.zeros(rest)]) for i in (0, 1)]
-        apart = difference(*pair, Lag(1e-4 * NormalDist().inv_cdf(share), 1e-4, "the encoder"), [1.0, 1.0])
+        pair = [trace(np.r_[burst(0.0, 0.005, 2 * seed + i, hertz), np.zeros(rest)]) for i in (0, 1)]
+        apart = difference(*pair, Lag(deviation * NormalDist().inv_cdf(share), deviation, "the encoder"), [1.0, 1.0])
         hits.append([held(apart, 0, 3000)[place].mean() for place in places])
-    assert np.mean(hits, axis=0) == pytest.approx([0.95, 0.95], abs=0.02)
+    found = np.mean(hits, axis=0)
+    assert (found > 0.92).all()
+    assert (found < most).all()
 
 
 @pytest.mark.parametrize(("unlike", "rest"), [(0.0, 0), (0.03, 0), (0.03, 8000)])
