@@ -44,8 +44,9 @@ def related_clocks(
 ) -> KnownClocks:
     """The clocks of a run's groups onto that of ``reference``, or of the reference of the newest record.
 
-    By records and triggers, in the surest way (of least 95 % interval over the group's record, Dijkstra). ``recorded``
-    are maps onto the reference to take for those of the newest record.
+    By records and triggers, in the order of the half widths over their groups' records: each by the surest way through
+    those before it. Half widths over other records need not grow along a way: one through a later clock is not looked
+    for. ``recorded`` are maps onto the reference to take for those of the newest record.
     """
     hub = reference or reference_group(run)
     if recorded is None:
