@@ -463,9 +463,9 @@ def align(
 ) -> RunClocks | list[RunClocks]:
     """The clocks of a run's loggers: offset [s] and drift against that of the encoders or ``reference``.
 
-    Of a campaign, or its folder, a list of those of each run. ``by``: ``correlation`` of common signals, a ``tap``, or
-    the edges of a ``trigger`` that the rig names. What is not aligned has the reason in ``refused``. With ``record``
-    the result is added to the campaign, as by ``testbench align``: tables of several loggers are joined by it.
+    Of a campaign, or its folder, a list of those of each run. ``by``: ``correlation`` of common signals (else the
+    trigger that the rig names), a ``tap``, or the edges of that ``trigger``. What is not aligned has the reason in
+    ``refused``. With ``record`` the result is added to the campaign: tables of several loggers are joined by it.
 
     >>> import testbench
     >>> sorted(testbench.align("campaign/r002.h5").aligned)
@@ -476,6 +476,7 @@ def align(
     from .runs.si_run import SIRun
     from .synchronization.common_signals import signal_pairs, trigger_pairs
     from .synchronization.event_alignment import METHODS
+    from .synchronization.known_clocks import with_triggers
     from .synchronization.run_alignment import align_run, write_alignments
 
     if by not in METHODS:
@@ -489,7 +490,8 @@ def align(
         def mounted(run: SIRun = bound) -> Mechanism:
             return loaded_mechanism(run, mechanism_of(run, None))
 
-        found.append(align_run(bound, mounted, reference, drift, method=METHODS[by], pairs=pairs))
+        clocks = align_run(bound, mounted, reference, drift, method=METHODS[by], pairs=pairs)
+        found.append(with_triggers(bound, clocks, drift) if by == "correlation" else clocks)
     done = [(one.path, clocks) for one, clocks in zip(opened, found, strict=True) if clocks.aligned]
     for folder in dict.fromkeys(path.parent for path, _ in done) if record else ():
         write_alignments(folder, [one for one in done if one[0].parent == folder])

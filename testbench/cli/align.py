@@ -37,7 +37,8 @@ determined, or some run cannot be opened (the others are aligned)."""
 def align(
     runs: tuple[Path, ...] = argument("RUN...", required=True),
     by: str = option(
-        "By common signals, by taps on what both are fixed to, or by the edges of a trigger that both recorded.",
+        "By common signals (else by the trigger that the rig names), by taps on what both are fixed to, or by the "
+        "edges of a trigger that both recorded.",
         Word(["correlation", "tap", "trigger"]),
         default="correlation",
     ),
@@ -64,6 +65,7 @@ def align(
     from ..synchronization import common_signals
     from ..synchronization import run_alignment as clocks
     from ..synchronization.event_alignment import METHODS
+    from ..synchronization.known_clocks import with_triggers
 
     described = rigs.load_rig(rig) if rig else None
     opened, unopened = options.openable_runs(runs)
@@ -77,10 +79,11 @@ def align(
                 raise click.UsageError(f"--pair {pair!r}: expected REFERENCE=OWN, a channel of each logger")
             return clocks.align_named(run, one.strip(), other.strip(), not no_drift, cutoff, METHODS[by])
         si = SIRun.of(run, described)
-        return clocks.align_run(
+        found = clocks.align_run(
             si, lambda: loaded_mechanism(si, mechanism_of(si, mechanism)), reference, not no_drift, cutoff, METHODS[by],
             pairs=common_signals.trigger_pairs if by == "trigger" else common_signals.signal_pairs,
         )  # fmt: skip
+        return with_triggers(si, found, not no_drift) if by == "correlation" else found
 
     done, refused = _aligned_runs(opened, aligned)
     bound = [SIRun.of(run, described) for run in opened if described or run.rig]
@@ -90,7 +93,8 @@ def align(
     def show() -> None:
         _print_clocks([found for _, found in done], refused, records)
         options.print_calibrations(applied)
-        triggers = [] if by == "trigger" or pair else common_signals.trigger_groups(bound)
+        otherwise = any(one.aligned.method != "trigger" for _, found in done for one in found.rows)
+        triggers = common_signals.trigger_groups(bound) if otherwise and not pair else []
         if len(triggers) > 1:
             say(f"The rig has a trigger in {first_of(triggers, 4)}: --by trigger aligns the clocks by its edges.")
 

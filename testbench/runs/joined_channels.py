@@ -131,16 +131,11 @@ def _how_related(known: KnownClocks, times: Mapping[str, Floats], grid: Floats) 
     """What relates the clocks of groups with ``times``, and how well over the ``grid`` (n,) [s]."""
     if len(times) == 1:
         return "as recorded"
-    how = "recorded alignments"
-    if known.by_trigger:
-        recorded = f"{how}, " * (len(known.maps) > 1 + len(known.by_trigger))
-        edges = "; ".join(one.content for one in known.by_trigger.values())
-        how = f"{recorded}the trigger that the rig names ({edges})"
     clocks = [(name, clock) for name, clock in known.maps.items() if name in times and clock.covariance.any()]
     within = [(name, max(clock.half_width(float(at)) for at in clock.to_own(grid[[0, -1]]))) for name, clock in clocks]
     if not within:
-        return how
-    return f"{how}; 95 %: {', '.join(f'{name} within {1e3 * half:.2g} ms' for name, half in within)}"
+        return known.how
+    return f"{known.how}; 95 %: {', '.join(f'{name} within {1e3 * half:.2g} ms' for name, half in within)}"
 
 
 def _raw_unit(column: Column) -> str | None:

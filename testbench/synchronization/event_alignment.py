@@ -81,8 +81,8 @@ def match_events(name: str, reference: Events, own: Events, noun: str) -> tuple[
         offsets = first_of([f"{one.offset:.4g} s" for one in (best, *(rivals or others))], 4)
         raise AnalysisError(
             f"{name}: ambiguous: {len(reference.time)} {noun}s on the one clock and {len(own.time)} on the other fit "
-            f"at offsets of {offsets}, if a logger missed the first or the last; give three or more at uneven "
-            f"intervals, or one alone with --no-drift; {_OTHER_SIGNALS}"
+            f"at offsets of {offsets}, if a logger missed the first or the last; record one alone, or three or "
+            f"more at uneven intervals; {_OTHER_SIGNALS}"
         )
     there, here = np.array(best.pairs).T
     return there, here
@@ -193,7 +193,7 @@ LEAST_COMMON = 0.5
 """Share of the shorter record that both recorded at any shift that counts: loggers of a run record together."""
 NEAR_SHARE = 0.25
 """Of the shortest interval, within which two events are meant to be one."""
-_OTHER_SIGNALS = "else align by other common signals, without --by"
+_OTHER_SIGNALS = "else align by other common signals"
 
 
 def _matches_through(reference: Events, own: Events, i: int, j: int, error: float) -> _Match:

@@ -3,6 +3,7 @@ or by a trigger that both recorded, whichever is surer, through the clocks of fu
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 from balance.arrays import Floats
@@ -13,19 +14,20 @@ from .clock_map import ClockMap, same_clock
 from .common_signals import common_triggers, named_channels, trigger_groups
 from .event_alignment import by_trigger
 from .offset_and_drift import AlignedClock
-from .run_alignment import reference_group, stored_clock_maps
+from .run_alignment import RunClocks, reference_group, stored_clock_maps
 
 
 def on_clock_of(run: SIRun, instants: Floats, source: str, group: str) -> tuple[tuple[Floats, float] | None, str]:
     """Instants (n,) [s] of the clock of the group ``source`` on that of another, (n,) [s], and the largest half of
-    their 95 % intervals [s]; where nothing relates the two, None, and why a trigger that the rig names does not.
+    their 95 % intervals [s], with what relates the two; where nothing does, None, and why a trigger that the rig names
+    does not.
     """
     if source == group:
         return (instants, 0.0), ""
     known = related_clocks(run, group)
     if (clock := known.maps.get(source)) is None:
         return None, "; ".join(known.refused)
-    return (clock.to_reference(instants), _half_width(clock, instants)), ""
+    return (clock.to_reference(instants), _half_width(clock, instants)), known.how
 
 
 class KnownClocks(NamedTuple):
@@ -37,6 +39,13 @@ class KnownClocks(NamedTuple):
     """Those that a trigger told, onto that clock or onto one that is related to it, by group."""
     refused: tuple[str, ...]
     """Why a trigger that the rig names told no more."""
+
+    @property
+    def how(self) -> str:
+        """What relates them, in words."""
+        recorded = ["recorded alignments"] * (not self.by_trigger or len(self.maps) > 1 + len(self.by_trigger))
+        edges = "; ".join(dict.fromkeys(one.content for one in self.by_trigger.values()))
+        return ", ".join([*recorded, *[f"the trigger that the rig names ({edges})"] * bool(edges)])
 
 
 def related_clocks(
@@ -78,9 +87,23 @@ def related_clocks(
     return KnownClocks(maps if len(maps) > 1 else {}, told, tuple(dict.fromkeys(refused)))
 
 
-def clock_by_trigger(run: SIRun, reference: str, own: str) -> tuple[AlignedClock | None, str]:
-    """The clock of the group ``own`` onto ``reference`` by a trigger, of any line, with a drift or without, whichever
-    is surer over the record of ``own``; where there is none, why a trigger that the rig names tells nothing, if any.
+def with_triggers(run: SIRun, found: RunClocks, drift: bool = True) -> RunClocks:
+    """The clocks of a run, with those that nothing else aligned by a trigger that its rig names, or why not by it."""
+    aligned, refused = dict(found.aligned), dict(found.refused)
+    for group in found.refused:
+        edges, why = clock_by_trigger(run, found.reference, group, drift)
+        if edges is not None:
+            aligned[group] = edges
+            del refused[group]
+        elif why:
+            refused[group] += f"; nor by the trigger that the rig names: {why}"
+    return replace(found, aligned=aligned, refused=refused)
+
+
+def clock_by_trigger(run: SIRun, reference: str, own: str, drift: bool = True) -> tuple[AlignedClock | None, str]:
+    """The clock of the group ``own`` onto ``reference`` by a trigger, of any line, with a ``drift`` or without,
+    whichever is surer over the record of ``own``; where there is none, why a trigger that the rig names tells nothing,
+    if any.
     """
     if {reference, own}.isdisjoint(trigger_groups([run])):
         return None, ""
@@ -88,8 +111,8 @@ def clock_by_trigger(run: SIRun, reference: str, own: str) -> tuple[AlignedClock
     try:
         for there, here in common_triggers(run, reference, own):
             shared = named_channels(run.recorded, there, here)
-            for drift in (False, True):  # one edge tells no drift
-                one = by_trigger(shared, drift)
+            for sloping in (False, True)[: 1 + drift]:  # one edge tells no drift
+                one = by_trigger(shared, sloping)
                 why = "; ".join([f"{shared.name}: {text}" for text in one.findings])
                 found += [] if one.findings else [one]
     except CounterpoiseError as error:
