@@ -104,6 +104,17 @@ def first_of(names: Iterable[str], most: int) -> str:
     return ", ".join(every[:most]) + (f" and {len(every) - most} more" if len(every) > most else "")
 
 
+def grouped_texts(texts: Mapping[str, str]) -> dict[str, list[str]]:
+    """Texts by name that differ in that name and in numbers alone, each once: the first, less the name that it begins
+    with, and all names.
+    """
+    found: dict[str, tuple[str, list[str]]] = {}
+    for name, text in texts.items():
+        same = re.sub(r"-?\d[\d.]*", "", text.replace(name, ""))
+        found.setdefault(same, (text.removeprefix(f"{name}: "), []))[1].append(name)
+    return dict(found.values())
+
+
 def counted(names: Iterable[str]) -> str:
     """Names in the order in which they come, with how many there are of each: ``2 large + tiny``; - if none."""
     return " + ".join(f"{n} {name}" if n > 1 else name for name, n in Counter(names).items()) or "-"

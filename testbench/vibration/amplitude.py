@@ -248,6 +248,8 @@ class Amplitude:
     """Whether the channel shows one value only."""
     timed: bool = False
     """Whether command or encoders tell on its own clock when anything moves."""
+    clocks: str = ""
+    """What relates another clock on which they tell it, or why nothing does; empty where it needs none, or has none."""
     stated: Noise | None = None
     """The channel's noise by the rig."""
     faults: tuple[tuple[str, str], ...] = ()

@@ -140,6 +140,8 @@ class Comparison(Shown, rows="rows", figure="testbench.figures.reductions:reduct
     measure: Measure
     examination: "Examination | None" = field(default=None, repr=False, compare=False)
     """What the campaign's sensors and runs state of each other."""
+    clocks: tuple[str, ...] = ()
+    """As of an analysis."""
 
     @property
     def definition(self) -> Annotated[str, Key()]:
@@ -150,6 +152,7 @@ class Comparison(Shown, rows="rows", figure="testbench.figures.reductions:reduct
     def notes(self) -> Annotated[list[str], Key()]:
         """Notes for who reads the rows."""
         return [
+            *self.clocks,
             *(self.published.notes if self.published else ()),
             *self._unmatched_note(),
             *published_difference_note(self.rows),
@@ -257,8 +260,8 @@ def compare_campaign(
                 "simulated; describe its mass and mounts in the rig's file, and ingest into another folder with it",
             )
         )  # fmt: skip
-    findings = list(dict.fromkeys(findings))
-    return Comparison(tuple(rows), analysis.origins, tuple(findings), published, measure, analysis.examination)
+    told, examination = tuple(dict.fromkeys(findings)), analysis.examination
+    return Comparison(tuple(rows), analysis.origins, told, published, measure, examination, analysis.clocks)
 
 
 def _simulated(

@@ -158,6 +158,11 @@ class Condition:
     doubts: tuple[Finding, ...] = ()
     """Findings of ingest about the accelerometers on the base."""
 
+    @property
+    def timed(self) -> bool:
+        """Whether command or encoders tell on the accelerometers' clock when any run without counter-masses moves."""
+        return all(one.timed for run in self.unbalanced for one in run.values())
+
     @classmethod
     def of(
         cls, pair: Pair, measure: Measure, known: Mapping[int, AmplitudesOfRun | str] = MappingProxyType({})

@@ -9,7 +9,7 @@ power that is commanded. The former alone tells the rest where neither command n
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -65,6 +65,8 @@ class MotionTiming:
     """The whole record, where a motion was commanded of which no accelerometer feels anything begin."""
     timed: bool = False
     """Whether command or encoders tell it on the same clock, or on one that is related to it."""
+    clocks: str = ""
+    """What relates another clock on which they tell it, or why nothing does; empty where it needs none, or has none."""
 
     @classmethod
     def of(cls, run: SIRun, group: str) -> "MotionTiming":
@@ -80,16 +82,28 @@ class MotionTiming:
         if stated is None:
             begin = beginning(signals, rate)
             return cls(_rest(begin), None if begin is None else (begin, seconds))
-        source, time, power, span = stated
+        source, time, _, span = stated
         if source == group:
             first, last = (at - run.time(group)[0] for at in span)
             return cls(_rest(first), (max(first, 0.0), min(last, seconds)), timed=True)
-        related, _ = on_clock_of(run, np.array(span), source, group)
+        related, how = on_clock_of(run, np.array(span), source, group)
         if related is not None and related[1] <= RELATED_S:
             first, last = (float(at - run.instants(columns[0])[0]) for at in related[0])
             if first < seconds and last > 0.0:
                 rest = None if span[0] <= time[0] else _rest(first)
-                return cls(rest, (max(first, 0.0), min(last, seconds)), timed=True)
+                return cls(rest, (max(first, 0.0), min(last, seconds)), timed=True, clocks=how)
+            how += ", by which nothing moves while the accelerometers record"
+        elif related is not None:
+            how += f", within {1e3 * related[1]:.2g} ms, where {1e3 * RELATED_S:g} ms are needed"
+        return replace(cls._felt(signals, rate, stated), clocks=how)
+
+    @classmethod
+    def _felt(
+        cls, signals: Sequence[Floats], rate: float, stated: tuple[str, Floats, Floats, tuple[float, float]]
+    ) -> "MotionTiming":
+        """By signals (n,) [any unit] at a rate [Hz] of another clock than that on which the motion is stated."""
+        _, time, power, span = stated
+        seconds = len(signals[0]) / rate if signals else 0.0
         if span[0] <= time[0]:  # quiet accelerometers are no rest then, but a slow beginning
             return cls(None, (0.0, seconds))
         first, lag = beginning(signals, rate), coarse_lag(signals, rate, time, power)

@@ -17,7 +17,7 @@ import numpy as np
 
 from balance.errors import CounterpoiseError
 from balance.estimation.estimate import LEVEL
-from balance.results import INLINE, Key, Shown, first_of
+from balance.results import INLINE, Key, Shown, first_of, grouped_texts
 from balance.task_pool import HERE, TaskPool
 
 from ..cross_examination import Examination, Observation
@@ -181,6 +181,8 @@ class Analysis(Shown, rows="reductions", figure="testbench.figures.reductions:re
     measure: Measure
     examination: Examination | None = field(default=None, repr=False, compare=False)
     """What its sensors and runs state of each other."""
+    clocks: tuple[str, ...] = ()
+    """What relates the clocks of command or encoders to those of the accelerometers, for people."""
 
     def report(self, path: "str | Path") -> Path:
         """Write the report of the campaign, one HTML page, with this measure; gives its path."""
@@ -212,7 +214,7 @@ class Analysis(Shown, rows="reductions", figure="testbench.figures.reductions:re
         simulated = [run for pair in self.pairs for run in pair.runs if run.origin == "simulated"]
         shown = any(SIRun.of(run).rig.mechanism.startswith(MANIPULATOR) for run in simulated)
         lone = any(one.method == "propagation" for one in self.reductions)
-        return [note for note, applies in ((NO_ORIGINALS, shown), (ONE_RUN, lone)) if applies]
+        return [*self.clocks, *(note for note, applies in ((NO_ORIGINALS, shown), (ONE_RUN, lone)) if applies)]
 
 
 def analyze(
@@ -259,8 +261,37 @@ def analyze(
         findings += [*condition.findings, *reduction_findings(condition, some)]
         findings += [*judged.scatter_findings(condition), *condition.doubts]
         reductions += some
-    found_pairs = tuple(condition.pair for condition in conditions)
-    return Analysis(found_pairs, tuple(reductions), tuple(dict.fromkeys(findings)), measure, examination)
+    unrelated, clocks = _clocks(conditions)
+    found_pairs, findings = tuple(condition.pair for condition in conditions), [*unrelated, *findings]
+    return Analysis(found_pairs, tuple(reductions), tuple(dict.fromkeys(findings)), measure, examination, clocks)
+
+
+def _clocks(conditions: Sequence[Condition]) -> tuple[list[Finding], tuple[str, ...]]:
+    """Of runs whose motion another clock tells than that of the accelerometers: a finding where nothing relates the two
+    though the rig names what might, and a note by what they are related.
+    """
+    told: dict[bool, dict[str, str]] = {True: {}, False: {}}
+    for side in (side for condition in conditions for side in condition.sides):
+        for run, one in (
+            (run, one) for run, some in zip(side.names, side.records, strict=True) for one in some.values()
+        ):
+            if one.clocks:
+                told[one.timed][run] = one.clocks
+    findings = [
+        Finding(
+            "clocks_not_related",
+            None,
+            " ".join(runs),
+            f"{first_of(runs, 4)}: command or encoders tell when they move on a clock that nothing relates closely "
+            f"to that of the accelerometers ({runs[0]}: {why}): what these show tells it, less surely; see testbench "
+            "align",
+        )
+        for why, runs in grouped_texts(dict(sorted(told[False].items()))).items()
+    ]
+    return findings, tuple(
+        f"Clocks of {first_of(runs, 4)} are related by {how}: command or encoders tell when they move."
+        for how, runs in grouped_texts(dict(sorted(told[True].items()))).items()
+    )
 
 
 def _observed_and_read(
@@ -508,7 +539,16 @@ def reduction_findings(condition: Condition, found: Sequence[Reduction]) -> list
     where = " ".join(run.name for run in pair.runs)
     alive = [r for r in found if (r.sensor, r.axis) not in dead]
     without = [r for r in alive if r.percent is None]
-    differ = [r for r in without if r.n[1] > 1 and r.amplitudes[1] > (r.noise_floor[1] or np.inf)]
+    repeated = [r for r in without if r.n[1] > 1 and r.amplitudes[1] > (r.noise_floor[1] or np.inf)]
+    differ = [r for r in repeated if REPEATS_DIFFER in r.doubts]
+    unsure = [r for r in repeated if r not in differ]
+    remedy = "repeat the runs, or name a --band without the noise"
+    if unsure and not condition.timed:
+        remedy = (
+            "nothing tells on the accelerometers' clock when they move (no command or encoder, and no trigger or "
+            "alignment that relates one), so that they are aligned by what they show alone, if at all: record a "
+            "trigger on both loggers, or see testbench align"
+        )
     kinds = [
         (
             "dead_channel",
@@ -533,9 +573,14 @@ def reduction_findings(condition: Condition, found: Sequence[Reduction]) -> list
         ),
         (
             "no_reduction",
-            [r for r in without if r not in differ],
+            [r for r in without if r not in repeated],
             "nothing vibrates above the noise (rests, and what repeats do not share) without counter-masses: there is "
             "no reduction",
+        ),
+        (
+            "no_reduction",
+            unsure,
+            "what the repeats without counter-masses do not share hides what they do: there is no reduction; " + remedy,
         ),
         (
             "no_reduction",

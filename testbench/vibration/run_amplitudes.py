@@ -56,9 +56,8 @@ def amplitudes_of_run(run: SIRun, measure: Measure, mains: Container[Place] = ()
             faults = _faults(row, rate, clipping_found)
             saturated = clipping_found or any(code in _CLIPPED for code, _ in faults)
             stated = Noise.stated(columns[place].noise, rate)
-            found[place] = replace(
-                one, timed=timing.timed, saturated=saturated, dead=is_dead(row), stated=stated, faults=faults
-            )
+            one = replace(one, timed=timing.timed, clocks=timing.clocks, stated=stated, faults=faults)
+            found[place] = replace(one, saturated=saturated, dead=is_dead(row))
     return {place: found[place] for place in columns}
 
 

@@ -8,7 +8,18 @@ import numpy as np
 import pytest
 
 from balance.errors import CounterpoiseError, suggestion
-from balance.results import INLINE, Key, Shown, document, frame, instant_text, per_cent, rpm, table
+from balance.results import (
+    INLINE,
+    Key,
+    Shown,
+    document,
+    frame,
+    grouped_texts,
+    instant_text,
+    per_cent,
+    rpm,
+    table,
+)
 
 
 @dataclass(frozen=True)
@@ -148,6 +159,13 @@ def test_a_result_without_a_picture_says_so():
 def test_what_rounds_to_zero_has_no_sign():
     """Negative numbers below the last digit are printed as zero; others keep their sign."""
     assert table(Rounded, [Rounded(-1e-6), Rounded(-0.0), Rounded(-0.25)])[1] == [["0.0000"], ["0.0000"], ["-0.2500"]]
+
+
+def test_what_differs_by_names_and_numbers_is_said_once():
+    """With the numbers and in the order of the first; other words are another text."""
+    texts = {"r1": "r1: lost 3 of 4 at -0.5 s", "r2": "r2: lost 1 of 9 at 12.25 s", "r3": "r3: lost all", "r4": "whole"}
+    said = {"lost 3 of 4 at -0.5 s": ["r1", "r2"], "lost all": ["r3"], "whole": ["r4"]}
+    assert list(grouped_texts(texts).items()) == list(said.items())
 
 
 @pytest.mark.parametrize(

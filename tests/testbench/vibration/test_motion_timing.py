@@ -1,5 +1,6 @@
 """When a run rests and moves, by accelerometers in a floor louder than what they feel, on a clock of their own."""
 
+import re
 from functools import cache
 
 import numpy as np
@@ -35,8 +36,17 @@ def in_a_floor(seed: int, triggers: bool) -> SIRun:
     return SIRun.of(run, rigs.rig_from_text(text if triggers else text.replace("_sync", "_unplugged")))
 
 
-@pytest.mark.parametrize("by", ["trigger", "record", "nothing", "rough record", "trigger and rough record"])
-def test_command_of_another_logger(by, monkeypatch):
+@pytest.mark.parametrize(
+    ("by", "clocks"),
+    [
+        ("trigger", r"the trigger that the rig names \(1 edge, controller_sync with daq_sync\)"),
+        ("record", "recorded alignments"),
+        ("nothing", ""),
+        ("rough record", r"recorded alignments, within \d+ ms, where 3 ms are needed"),
+        ("trigger and rough record", r"the trigger that the rig names \(1 edge, controller_sync with daq_sync\)"),
+    ],
+)
+def test_command_of_another_logger(by, clocks, monkeypatch):
     """Where a trigger or a recorded alignment relates the clocks, the command tells it; what is felt does not."""
     starts = scene().starts(3)
     moves = scene().bench.time[np.argmax(scene().seen["daq_sync"] > 0.0)]
@@ -46,6 +56,7 @@ def test_command_of_another_logger(by, monkeypatch):
     maps = {"controller": same_clock((0.0, 0.0)), "daq": clock} if "record" in by else {}
     monkeypatch.setattr(known_clocks, "stored_clock_maps", lambda path: maps)
     timing = MotionTiming.of(in_a_floor(3, "trigger" in by), "daq")
+    assert re.fullmatch(clocks, timing.clocks)
     assert timing.timed == (by not in ("nothing", "rough record"))
     if timing.timed:
         assert timing.moving[0] == pytest.approx(begin, abs=0.004)

@@ -12,6 +12,7 @@ from testbench.errors import AnalysisError
 from testbench.signal.filters import Band
 from testbench.store import open_campaign
 from testbench.vibration.metrics import Measure
+from testbench.vibration.motion_timing import MotionTiming
 from testbench.vibration.reduction import analyze, reduction_findings, reduction_percent, verdict
 
 
