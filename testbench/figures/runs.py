@@ -219,6 +219,8 @@ def _text(found: Reduction) -> str:
     name = found.measure.metric.replace("_", "-")
     if found.percent is None:
         return "nothing moves above the noise"
+    if found.hidden:
+        return f"{name}: noise hides whether it fell or rose"
     if found.kind == "at_least":
         return f"{name} reduced by at least {found.at_least:.1f} %"
     if found.kind == "at_most":

@@ -137,6 +137,11 @@ class Reduction:
         return self.interval[0] if self.limit == "at_least" and self.interval else None
 
     @property
+    def hidden(self) -> Annotated[bool, Key("hidden_by_noise")]:
+        """Whether it is a lower bound that says nothing: noise hides whether the vibration fell or rose."""
+        return self.below_noise and self.at_least is not None and self.at_least < -_TELLS
+
+    @property
     def kind(self) -> Annotated[Kind, Key()]:
         """What is known: a ``number`` with its interval, a bound of it, or why there is neither."""
         if self.interval is None and not WITHHELD.isdisjoint(self.doubts):
@@ -154,7 +159,9 @@ class Reduction:
 
     @property
     def text(self) -> Annotated[str, Key(None, "reduction % [95 %]")]:
-        """``94.2 [93.1, 95.0]``; a lower bound as ``>= 97.2`` with its reason."""
+        """``94.2 [93.1, 95.0]``; a lower bound as ``>= 97.2`` with its reason, or ``noise hides it`` of one hidden."""
+        if self.hidden:
+            return "noise hides it"
         if self.at_least is not None:
             return f">= {self.at_least:.1f} {'< noise' if self.below_noise else 'clipped'}"
         value = "-" if self.percent is None else f"{self.percent:.1f}"

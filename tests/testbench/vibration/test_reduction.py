@@ -129,7 +129,42 @@ def test_the_verdict_says_what_is_raised(brief_analysis):
         f"{bound.axis}: reduced by at least {bound.at_least:.1f} % (residual below noise), the noise hides whether "
         "it fell or rose in 1 condition;"
     )
+    assert (lost.text, document(lost)["at_least_percent"]) == ("noise hides it", -1600.0)
+    assert bound.text == f">= {bound.at_least:.1f} < noise"
     assert "not raised by more than 150.0 % (clipped" in verdict([replace(clipped, interval=(-150.0, 100.0))])
+
+
+@pytest.mark.parametrize(
+    ("doubts", "timed", "advice"),
+    [
+        ((), True, "repeat the runs, or name a --band without the noise"),
+        ((), False, "record a trigger on both loggers, or see testbench align"),
+        (("repeats_differ",), False, "leave out the one that is not like the others"),
+    ],
+)
+def test_why_repeats_tell_no_reduction(brief_analysis, doubts, timed, advice):
+    """A run is to be left out where one is unlike the others alone; where nothing aligned them, that is the reason."""
+    analysis = brief_analysis("peak_to_peak")
+    sound = next(r for r in analysis.reductions if r.limit is None)
+    lost = replace(sound, percent=None, interval=None, n=(3, 3), doubts=doubts)
+    condition = SimpleNamespace(places=(), pair=analysis.pairs[0], timed=timed)
+    (found,) = reduction_findings(condition, [lost])
+    assert (found.code, advice in found.message) == ("no_reduction", True)
+
+
+@pytest.mark.parametrize("timed", [True, False])
+def test_what_relates_clocks_is_said_once(timed, brief, monkeypatch):
+    """A note by what, or a finding why not, of all runs of which it is the same but for numbers."""
+    of = MotionTiming.of
+    monkeypatch.setattr(
+        MotionTiming, "of", lambda run, at: replace(of(run, at), timed=timed, clocks=f"edge at {run.name[1:]}.5 s")
+    )
+    found = analyze(open_campaign(brief.campaign).runs[:4], Measure())
+    said = [one.message for one in found.findings if one.code == "clocks_not_related"]
+    (text,) = found.clocks if timed else said
+    assert text.startswith("Clocks of r001, r002, r003, r004 are " if timed else "r001, r002, r003, r004: ")
+    assert "edge at 001.5 s" in text
+    assert (len(said), text in found.notes) == (not timed, timed)
 
 
 def _true_amplitude(logs, run: str, axis: str, measure: Measure) -> float:
