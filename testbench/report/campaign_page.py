@@ -17,7 +17,7 @@ from balance.errors import CounterpoiseError
 from balance.mechanism.mechanism import Mechanism
 from balance.mechanism.mjcf_parser import load_mechanism
 from balance.report.page import Page, document_of
-from balance.results import first_of, plain
+from balance.results import first_of, grouped_texts, plain
 from balance.task_pool import HERE, TaskPool, cores
 
 from ..cross_examination import ADVICE, Examination
@@ -142,6 +142,7 @@ class CampaignReport:
         }
         about = {
             "sections": SECTIONS,
+            "lacking": lacking(document["runs"]),
             "labels": {run.name: run_label(run)[0] for run in self.runs},
             "figure": figure,
             "pictures": pictures,
@@ -163,6 +164,11 @@ class CampaignReport:
         return [picture for picture in pictures if picture is not None], figure, document
 
 
+PARTS = {
+    "vibration": "vibration", "modes": "modes", "wrench": "force", "response": "response", "torque": "torque",
+    "command": "command",
+}  # fmt: skip
+"""Of the report of a run, and what each is called where it is missing."""
 SECTIONS = (
     ("reductions", "Reductions"),
     ("balance", "What would balance it"),
@@ -235,6 +241,16 @@ def campaign_report(
         [_trim(key[0], dict(key[1]), dict(key[3]), some, given, examination) for key, some in mountings.items()]
     )
     return CampaignReport(name, runs, comparison, examination, accept, reports, unread, trims, mechanism)
+
+
+def lacking(runs: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, str]]:
+    """The parts that reports of runs lack: each with why, once, and with the runs; numbers are those of the first."""
+    found = []
+    for part, name in PARTS.items():
+        reasons = {run["run"]: run[part]["reason"] for run in runs if "reason" in run[part]}
+        for why, names in grouped_texts(reasons).items():
+            found.append((name, why, "all runs" if len(names) == len(runs) > 1 else ", ".join(names)))
+    return found
 
 
 def recorded_decisions(runs: "Sequence[Run]", examination: Examination) -> dict[str, str]:

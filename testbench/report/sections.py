@@ -122,7 +122,7 @@ def motion_on_base_clock(
         told = f" (that which it names does not relate them: {why})" if why else ""
         raise AnalysisError(
             f"{unknown}: the encoders are on that of {encoders.reference}, which nothing relates to it: testbench "
-            f"align {run.path}, or a trigger of both in the rig{told}"
+            f"align {run.path.parent}, or a trigger of both in the rig{told}"
         )
     (start, end), half = related
     return float(start) - half, float(end) + half
@@ -184,7 +184,8 @@ def _at_force_instants(run: "SIRun", wrench: "MeasuredWrench", column: "Column")
     if related is None:
         told = f" (the trigger that the rig names does not relate them: {why})" if why else ""
         raise AnalysisError(
-            f"{run.name}: the clocks of {group} and {wrench.group} are not aligned: testbench align {run.path} first"
+            f"{run.name}: the clocks of {group} and {wrench.group} are not aligned: testbench align "
+            f"{run.path.parent} first"
             f"{told}"
         )
     return np.interp(related[0], time, run.signal(column)[0])

@@ -101,6 +101,7 @@ def hostile(made):
 
     labels = {renamed(run["run"]): renamed(run["run"]) for run in document["runs"]}
     about = {"sections": module.SECTIONS, "figure": "", "pictures": [], "calibrations": [HOSTILE], "labels": labels}
+    about["lacking"] = [(HOSTILE, HOSTILE, HOSTILE)]
     template = Path(module.__file__).with_name("campaign.html")
     changed = renamed(document) | {"campaign": HOSTILE}
     changed["trim"][0]["payloads_kg"] = {HOSTILE: 3.0}
