@@ -474,14 +474,12 @@ def align(
     from .errors import AnalysisError
     from .kinematics.encoder_motion import loaded_mechanism, mechanism_of
     from .runs.si_run import SIRun
-    from .synchronization.common_signals import signal_pairs, trigger_pairs
     from .synchronization.event_alignment import METHODS
-    from .synchronization.known_clocks import with_triggers
-    from .synchronization.run_alignment import align_run, write_alignments
+    from .synchronization.known_clocks import align_by
+    from .synchronization.run_alignment import write_alignments
 
     if by not in METHODS:
         raise AnalysisError(f"by: {by!r}: expected {', '.join(METHODS)}")
-    pairs = trigger_pairs if by == "trigger" else signal_pairs
     opened = runs_of(runs)
     found: list[RunClocks] = []
     for one in opened:
@@ -490,8 +488,7 @@ def align(
         def mounted(run: SIRun = bound) -> Mechanism:
             return loaded_mechanism(run, mechanism_of(run, None))
 
-        clocks = align_run(bound, mounted, reference, drift, method=METHODS[by], pairs=pairs)
-        found.append(with_triggers(bound, clocks, drift) if by == "correlation" else clocks)
+        found.append(align_by(by, bound, mounted, reference, drift))
     done = [(one.path, clocks) for one, clocks in zip(opened, found, strict=True) if clocks.aligned]
     for folder in dict.fromkeys(path.parent for path, _ in done) if record else ():
         write_alignments(folder, [one for one in done if one[0].parent == folder])

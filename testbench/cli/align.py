@@ -65,7 +65,7 @@ def align(
     from ..synchronization import common_signals
     from ..synchronization import run_alignment as clocks
     from ..synchronization.event_alignment import METHODS
-    from ..synchronization.known_clocks import with_triggers
+    from ..synchronization.known_clocks import align_by
 
     described = rigs.load_rig(rig) if rig else None
     opened, unopened = options.openable_runs(runs)
@@ -79,11 +79,8 @@ def align(
                 raise click.UsageError(f"--pair {pair!r}: expected REFERENCE=OWN, a channel of each logger")
             return clocks.align_named(run, one.strip(), other.strip(), not no_drift, cutoff, METHODS[by])
         si = SIRun.of(run, described)
-        found = clocks.align_run(
-            si, lambda: loaded_mechanism(si, mechanism_of(si, mechanism)), reference, not no_drift, cutoff, METHODS[by],
-            pairs=common_signals.trigger_pairs if by == "trigger" else common_signals.signal_pairs,
-        )  # fmt: skip
-        return with_triggers(si, found, not no_drift) if by == "correlation" else found
+        mounted = lambda: loaded_mechanism(si, mechanism_of(si, mechanism))  # noqa: E731
+        return align_by(by, si, mounted, reference, not no_drift, cutoff)
 
     done, refused = _aligned_runs(opened, aligned)
     bound = [SIRun.of(run, described) for run in opened if described or run.rig]

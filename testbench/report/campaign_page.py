@@ -164,11 +164,6 @@ class CampaignReport:
         return [picture for picture in pictures if picture is not None], figure, document
 
 
-PARTS = {
-    "vibration": "vibration", "modes": "modes", "wrench": "force", "response": "response", "torque": "torque",
-    "command": "command",
-}  # fmt: skip
-"""Of the report of a run, and what each is called where it is missing."""
 SECTIONS = (
     ("reductions", "Reductions"),
     ("balance", "What would balance it"),
@@ -246,10 +241,16 @@ def campaign_report(
 def lacking(runs: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, str]]:
     """The parts that reports of runs lack: each with why, once, and with the runs; numbers are those of the first."""
     found = []
-    for part, name in PARTS.items():
+    for part in ("vibration", "modes", "wrench", "response", "torque", "command"):
         reasons = {run["run"]: run[part]["reason"] for run in runs if "reason" in run[part]}
         for why, names in grouped_texts(reasons).items():
-            found.append((name, why, "all runs" if len(names) == len(runs) > 1 else ", ".join(names)))
+            found.append(
+                (
+                    "force" if part == "wrench" else part,
+                    why,
+                    "all runs" if len(names) == len(runs) > 1 else ", ".join(names),
+                )
+            )
     return found
 
 

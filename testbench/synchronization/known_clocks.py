@@ -2,19 +2,20 @@
 or by a trigger that both recorded, whichever is surer, through the clocks of further loggers too.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
 from balance.arrays import Floats
 from balance.errors import CounterpoiseError
+from balance.mechanism.mechanism import Mechanism
 
 from ..runs.si_run import SIRun
 from .clock_map import ClockMap, same_clock
-from .common_signals import common_triggers, named_channels, trigger_groups
-from .event_alignment import by_trigger
+from .common_signals import common_triggers, named_channels, signal_pairs, trigger_groups, trigger_pairs
+from .event_alignment import METHODS, by_trigger
 from .offset_and_drift import AlignedClock
-from .run_alignment import RunClocks, reference_group, stored_clock_maps
+from .run_alignment import RunClocks, align_run, reference_group, stored_clock_maps
 
 
 def on_clock_of(run: SIRun, instants: Floats, source: str, group: str) -> tuple[tuple[Floats, float] | None, str]:
@@ -87,10 +88,21 @@ def related_clocks(
     return KnownClocks(maps if len(maps) > 1 else {}, told, tuple(dict.fromkeys(refused)))
 
 
-def with_triggers(run: SIRun, found: RunClocks, drift: bool = True) -> RunClocks:
-    """The clocks of a run, with those that nothing else aligned by a trigger that its rig names, or why not by it."""
+def align_by(
+    by: str,
+    run: SIRun,
+    mechanism: Callable[[], Mechanism],
+    reference: str | None = None,
+    drift: bool = True,
+    cutoff: float | None = None,
+) -> RunClocks:
+    """All clocks of a run by one of METHODS (see :func:`align_run`); those that no correlation tells by a trigger that
+    its rig names, or why not by it.
+    """
+    pairs = trigger_pairs if by == "trigger" else signal_pairs
+    found = align_run(run, mechanism, reference, drift, cutoff, METHODS[by], pairs=pairs)
     aligned, refused = dict(found.aligned), dict(found.refused)
-    for group in found.refused:
+    for group in found.refused if by == "correlation" else ():
         edges, why = clock_by_trigger(run, found.reference, group, drift)
         if edges is not None:
             aligned[group] = edges

@@ -9,7 +9,7 @@ power that is commanded. The former alone tells the rest where neither command n
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -82,7 +82,7 @@ class MotionTiming:
         if stated is None:
             begin = beginning(signals, rate)
             return cls(_rest(begin), None if begin is None else (begin, seconds))
-        source, time, _, span = stated
+        source, time, power, span = stated
         if source == group:
             first, last = (at - run.time(group)[0] for at in span)
             return cls(_rest(first), (max(first, 0.0), min(last, seconds)), timed=True)
@@ -95,25 +95,16 @@ class MotionTiming:
             how += ", by which nothing moves while the accelerometers record"
         elif related is not None:
             how += f", within {1e3 * related[1]:.2g} ms, where {1e3 * RELATED_S:g} ms are needed"
-        return replace(cls._felt(signals, rate, stated), clocks=how)
-
-    @classmethod
-    def _felt(
-        cls, signals: Sequence[Floats], rate: float, stated: tuple[str, Floats, Floats, tuple[float, float]]
-    ) -> "MotionTiming":
-        """By signals (n,) [any unit] at a rate [Hz] of another clock than that on which the motion is stated."""
-        _, time, power, span = stated
-        seconds = len(signals[0]) / rate if signals else 0.0
         if span[0] <= time[0]:  # quiet accelerometers are no rest then, but a slow beginning
-            return cls(None, (0.0, seconds))
+            return cls(None, (0.0, seconds), clocks=how)
         first, lag = beginning(signals, rate), coarse_lag(signals, rate, time, power)
         if lag is not None and (first is None or first > span[0] + lag + COARSE_S):
             coarse = span[0] + lag
             found = beginning(signals, rate, (coarse - COARSE_S, coarse + COARSE_S))
             first = coarse - COARSE_S if found is None else found
         if first is None:
-            return cls(None, None, (0.0, seconds) if rate >= LEAST_RATE_HZ else None)
-        return cls(_rest(first), (max(first, 0.0), min(first + span[1] - span[0], seconds)))
+            return cls(None, None, (0.0, seconds) if rate >= LEAST_RATE_HZ else None, clocks=how)
+        return cls(_rest(first), (max(first, 0.0), min(first + span[1] - span[0], seconds)), clocks=how)
 
 
 def _rest(begin: float | None) -> tuple[float, float] | None:

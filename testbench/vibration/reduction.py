@@ -277,27 +277,26 @@ def _clocks(conditions: Sequence[Condition]) -> tuple[list[Finding], tuple[str, 
     """Of runs whose motion another clock tells than that of the accelerometers: a finding where nothing relates the two
     though the rig names what might, and a note by what they are related.
     """
-    told: dict[bool, dict[str, str]] = {True: {}, False: {}}
-    for side in (side for condition in conditions for side in condition.sides):
-        for run, one in (
-            (run, one) for run, some in zip(side.names, side.records, strict=True) for one in some.values()
-        ):
-            if one.clocks:
-                told[one.timed][run] = one.clocks
+    sides = [side for condition in conditions for side in condition.sides]
+    runs = [one for side in sides for one in zip(side.names, side.records, strict=True)]
+    every = [(name, one.timed, one.clocks) for name, places in runs for one in places.values() if one.clocks]
+    unrelated, related = (
+        dict(sorted((name, how) for name, told, how in every if told is timed)) for timed in (False, True)
+    )
     findings = [
         Finding(
             "clocks_not_related",
             None,
-            " ".join(runs),
-            f"{first_of(runs, 4)}: command or encoders tell when they move on a clock that nothing relates closely "
-            f"to that of the accelerometers ({runs[0]}: {why}): what these show tells it, less surely; see testbench "
+            " ".join(names),
+            f"{first_of(names, 4)}: command or encoders tell when they move on a clock that nothing relates closely "
+            f"to that of the accelerometers ({names[0]}: {why}): what these show tells it, less surely; see testbench "
             "align",
         )
-        for why, runs in grouped_texts(dict(sorted(told[False].items()))).items()
+        for why, names in grouped_texts(unrelated).items()
     ]
     return findings, tuple(
-        f"Clocks of {first_of(runs, 4)} are related by {how}: command or encoders tell when they move."
-        for how, runs in grouped_texts(dict(sorted(told[True].items()))).items()
+        f"Clocks of {first_of(names, 4)} are related by {how}: command or encoders tell when they move."
+        for how, names in grouped_texts(related).items()
     )
 
 
@@ -545,10 +544,8 @@ def reduction_findings(condition: Condition, found: Sequence[Reduction]) -> list
     pair, dead = condition.pair, {place for place in condition.places if condition.dead(place)}
     where = " ".join(run.name for run in pair.runs)
     alive = [r for r in found if (r.sensor, r.axis) not in dead]
-    without = [r for r in alive if r.percent is None]
-    repeated = [r for r in without if r.n[1] > 1 and r.amplitudes[1] > (r.noise_floor[1] or np.inf)]
-    differ = [r for r in repeated if REPEATS_DIFFER in r.doubts]
-    unsure = [r for r in repeated if r not in differ]
+    without = [r for r in alive if r.percent is None and REPEATS_DIFFER not in r.doubts]  # which says why
+    unsure = [r for r in without if r.n[1] > 1 and r.amplitudes[1] > (r.noise_floor[1] or np.inf)]
     remedy = "repeat the runs, or name a --band without the noise"
     if unsure and not condition.timed:
         remedy = (
@@ -580,7 +577,7 @@ def reduction_findings(condition: Condition, found: Sequence[Reduction]) -> list
         ),
         (
             "no_reduction",
-            [r for r in without if r not in repeated],
+            [r for r in without if r not in unsure],
             "nothing vibrates above the noise (rests, and what repeats do not share) without counter-masses: there is "
             "no reduction",
         ),
@@ -588,12 +585,6 @@ def reduction_findings(condition: Condition, found: Sequence[Reduction]) -> list
             "no_reduction",
             unsure,
             "what the repeats without counter-masses do not share hides what they do: there is no reduction; " + remedy,
-        ),
-        (
-            "no_reduction",
-            differ,
-            "the repeats without counter-masses differ by as much as they vibrate: there is no reduction; leave out "
-            "the one that is not like the others",
         ),
         (
             "noise_stated",

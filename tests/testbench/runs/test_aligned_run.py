@@ -16,8 +16,7 @@ from testbench.runs.aligned_run import AlignedRun, recorded_clocks, trigger_note
 from testbench.runs.joined_channels import joined_table
 from testbench.runs.si_run import SIRun
 from testbench.synchronization.clock_map import ClockMap, same_clock
-from testbench.synchronization.known_clocks import with_triggers
-from testbench.synchronization.run_alignment import align_run
+from testbench.synchronization.known_clocks import align_by
 
 MECHANISM = load_mechanism("parallelogram-6bar")
 LATE = 0.0123
@@ -109,7 +108,7 @@ def test_a_trigger_that_the_rig_names_is_used_unasked():
     aligned = AlignedRun(SIRun.of(run), MECHANISM)
     assert aligned.related_clock("daq") is aligned.clock("daq")
     assert abs(aligned.clock("daq").offset - late) < aligned.clock("daq").half_width(0.0) < 3e-3
-    found = with_triggers(aligned.run, align_run(aligned.run, lambda: MECHANISM))
+    found = align_by("correlation", aligned.run, lambda: MECHANISM)
     assert found.aligned["daq"].clock.offset == pytest.approx(aligned.clock("daq").offset, abs=1e-12)
     (said,) = trigger_notes([aligned])
     assert re.match(r"Clocks of daq by the trigger that the rig names \(1 edge, daq_sync with controller_sync\)", said)
@@ -138,6 +137,6 @@ def test_why_a_trigger_relates_nothing(quiet, channel, why):
     with pytest.raises(AnalysisError, match=f"daq is not aligned: .*; nor by the trigger that the rig names: {why}"):
         aligned.clock("daq")
     assert aligned.related_clock("daq") is None
-    assert why in with_triggers(aligned.run, align_run(aligned.run, lambda: MECHANISM)).refused["daq"]
+    assert why in align_by("correlation", aligned.run, lambda: MECHANISM).refused["daq"]
     assert trigger_notes([aligned]) == []
     assert why in joined_table(run, "1 kHz")[1]
