@@ -197,37 +197,31 @@ class Conditions:
         return self.matrix @ (mechanism or self.mechanism).pi
 
     def residual(self, unit: str, mechanism: Mechanism | None = None) -> float:
-        """Largest absolute value of the conditions of one ``unit``, as they are listed."""
+        """The first-moment residual, in kg m; of other units the largest absolute value of the conditions of it."""
+        if unit == "kg m":
+            return self.first_moment_residual(mechanism)
         return float(np.abs(self.values(mechanism)[[one == unit for one in self.units]]).max(initial=0.0))
 
     def first_moment_residual(self, mechanism: Mechanism | None = None) -> float:
-        """Largest first moment that a body lacks [kg m]; the same in any order of bodies and in any axes of theirs.
-
-        Of all conditions on a body's first moment, with weight 1, the one is taken whose weights of the other bodies'
-        first moments are least in squares. Conditions on masses alone count by ``on_first_moments``.
-        """
-        return float(np.linalg.norm(self._lacking @ (mechanism or self.mechanism).pi, axis=1).max(initial=0.0))
+        """Largest first moment that a body lacks [kg m]; the same in any order of bodies and in any axes of theirs."""
+        return float(np.linalg.norm(self.lacking @ self.values(mechanism), axis=1).max(initial=0.0))
 
     @cached_property
-    def on_first_moments(self) -> Floats:
-        """T: ``T @ values`` are the conditions but those on masses alone that no first moment meets, (k, rank) [-, m].
+    def lacking(self) -> Floats:
+        """L: ``L @ values`` is the first moment that each body lacks, in its frame [kg m], (nb, 3, rank) [-, m].
 
-        Of these that part counts whose momentum over the workspace is like that of first moments: all along x and y of
-        an arm that carries a lift along z. None of it where the momentum has no measure.
+        Of all combinations of the conditions in which the body's own first moment has weight 1, the left-hand side of
+        the one whose weights of the other bodies' first moments are least in squares. Of conditions on masses alone,
+        which no first moment meets, that part counts whose momentum over the workspace is like that of first moments:
+        all along x and y of an arm that carries a lift along z; none where the momentum has no measure.
         """
         masses = np.array([unit == "kg" for unit in self.units], dtype=bool)
         rows = np.eye(self.rank)[~masses]
         if masses.any():
             with suppress(ModelError):
                 rows[:, masses] = np.linalg.pinv(self.weights[:, ~masses]) @ self.weights[:, masses]
-        return rows
-
-    @cached_property
-    def _lacking(self) -> Floats:
-        """L with ``L @ pi`` the first moment that each body lacks, (nb, 3, 10 nb) [-, m]."""
-        rows = self.on_first_moments @ self.matrix
         bodies = len(self.mechanism.bodies)
-        weights = rows.reshape(len(rows), bodies, len(PARAMETERS))[:, :, 1:4].reshape(len(rows), 3 * bodies)
+        weights = (rows @ self.matrix).reshape(len(rows), bodies, -1)[:, :, 1:4].reshape(len(rows), 3 * bodies)
         least = np.linalg.pinv(weights, rcond=_ZERO)
         blocks = zip(least.reshape(bodies, 3, len(rows)), weights.T.reshape(bodies, 3, len(rows)), strict=True)
         return np.array([np.linalg.pinv(own @ weight.T, rcond=_ZERO) @ own @ rows for own, weight in blocks])
@@ -259,8 +253,8 @@ class Conditions:
         return np.where(np.abs(found) > _ZERO * np.abs(model.parameters[:, 1:4]).max(initial=_ZERO), found, 0.0)
 
     def is_balanced(self, tol: float, mechanism: Mechanism | None = None) -> bool:
-        """Whether no condition is off by more than ``tol`` [kg m, kg, kg m2]."""
-        return float(np.abs(self.values(mechanism)).max(initial=0.0)) <= tol
+        """Whether the ``residual`` in every unit is at most ``tol`` [kg m, kg, kg m2]."""
+        return all(self.residual(unit, mechanism) <= tol for unit in self.units)
 
     @cached_property
     def objective(self) -> "Objective":

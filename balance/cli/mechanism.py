@@ -246,7 +246,7 @@ def _print_configurations(closure: "Closure", found: "list[Configuration]", tole
 
 
 BALANCED_KGM = 1e-6
-"""Left-hand side of a condition up to which a mechanism is called balanced [kg m]."""
+"""First-moment residual up to which a mechanism is called balanced [kg m]."""
 
 
 @command(
@@ -330,9 +330,9 @@ def conditions(
 def _print_conditions(found: "Conditions", momentum: str) -> None:
     """Whether it is balanced, the conditions with their values."""
     model = found.mechanism
-    largest = ", ".join(f"{found.residual(unit):.4g} {unit}" for unit in sorted({"kg m", *found.units}))
+    left = ", ".join(f"{found.residual(unit):.4g} {unit}" for unit in ("kg m", *sorted({*found.units} - {"kg m"})))
     say(
-        f"{'Balanced' if found.is_balanced(BALANCED_KGM) else 'Not balanced'}: largest left-hand side {largest}, of "
+        f"{'Balanced' if found.is_balanced(BALANCED_KGM) else 'Not balanced'}: first-moment residual {left}, of "
         f"{found.rank} condition{'s' * (found.rank != 1)} on {momentum} momentum."
     )
     rows = _condition_rows(found, model)

@@ -55,9 +55,9 @@ def write_run_truth(folder: Path, rig: "Rig", run: "SimulatedRun", balance: Cond
         "run": run.planned.name,
         **run.planned.conditions,
         "base_frequencies_hz": run.bench.base.frequencies_hz.tolist(),
-        "first_moment_residual_kg_m": (
-            balance.on_first_moments @ balance.values(parameters_on_links(run.bench.mechanism, balance.mechanism))
-        ).tolist(),
+        "first_moment_residual_kg_m": balance.first_moment_residual(
+            parameters_on_links(run.bench.mechanism, balance.mechanism)
+        ),
         "clocks": {
             name: {
                 "start_s": logger.start,

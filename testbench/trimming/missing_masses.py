@@ -56,14 +56,14 @@ def trim_runs(
     found, failed = _estimated(problem, _sources(problem, named), bool(named))
     both = combine([one.imbalance for one in found]) if len(found) > 1 else None
     measured = both.imbalance if both else found[0].imbalance
-    unbalanced = problem.conditions.values(_unbalanced(problem))
+    bare = _unbalanced(problem)
     shares = [
         Share(
             source=one.source,
             missing=tuple(one.imbalance.missing(mounted, names)),
             unexplained=one.imbalance.unexplained,
             by_steps=one.by_steps,
-            of_unbalanced=one.imbalance.unexplained_of(unbalanced),
+            of_unbalanced=one.imbalance.unexplained_of(problem.conditions.values(bare)),
             over_rest=one.over_rest,
         )
         for one in found
@@ -82,7 +82,7 @@ def trim_runs(
         plates=tuple(plates),
         findings=tuple(finding for one in found for finding in one.findings),
         estimates=tuple(one.imbalance for one in found),
-        unbalanced=float(np.abs(problem.conditions.on_first_moments @ unbalanced).max(initial=0.0)),
+        unbalanced=problem.conditions.first_moment_residual(bare),
     )
 
 

@@ -201,42 +201,46 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
         return sizing_of_given(self.conditions, rest, more)
 
     def residual_with(self, mounting: Sizing) -> tuple[float, tuple[float, float]]:
-        """Largest of the conditions on first moments in a mounting, and from the least to the most that their intervals
-        leave of it [kg m]; undetermined ones by the file.
+        """First-moment residual of a mounting, and from the least to the most that the intervals leave of it [kg m];
+        what the runs do not tell by the file.
         """
-        residual = np.abs(self.conditions.on_first_moments @ self.conditions.values(mounting.after))
-        half = np.array([one.half_width() if one else 0.0 for one in self._of_first_moments])
-        low, high = np.maximum(residual - half, 0.0), residual + half
-        return float(residual.max(initial=0.0)), (float(low.max(initial=0.0)), float(high.max(initial=0.0)))
+        sizes, half = self._lacking(self.conditions.values(mounting.after))
+        half = np.where(np.isfinite(half), half, 0.0)
+        low = np.maximum(sizes - half, 0.0).max(initial=0.0)
+        return float(sizes.max(initial=0.0)), (float(low), float((sizes + half).max(initial=0.0)))
 
     @property
     def predicted_residual(self) -> float:
-        """Largest of the conditions with the addition and the removal [kg m]."""
+        """First-moment residual with the addition and the removal [kg m]."""
         return self.residual_with(self.addition)[0]
 
     @property
     def predicted_residual_interval(self) -> tuple[float, float]:
-        """From the least to the most that the conditions' intervals leave of it [kg m]."""
+        """From the least to the most that the intervals leave of it [kg m]."""
         return self.residual_with(self.addition)[1]
 
     @property
     def residual_share(self) -> float:
-        """Largest of the conditions on first moments as measured, with half its interval and what a doubtful source
-        leaves unexplained, as a part of that without counter-masses.
+        """First-moment residual as measured, with half its interval and what a doubtful source leaves unexplained, as a
+        part of that without counter-masses; infinite where the runs do not tell it.
 
-        Of one that no mass at the sites can change: by the file, with what that may be wrong by. Infinite where the
-        runs do not tell one.
+        What no mass at the sites can change: by the file, with what that may be wrong by.
         """
-        each = [abs(one.value) + one.half_width() if one else np.inf for one in self._of_first_moments]
         if not self.unbalanced > 0.0:
             return np.inf
         hidden = max((share.of_unbalanced for share in self.shares if share.doubtful), default=0.0)
-        return float(max(each, default=np.inf) / self.unbalanced) + hidden
+        most = np.sum(self._lacking(self.imbalance.values), axis=0).max(initial=0.0)
+        return float(most / self.unbalanced) + hidden
 
-    @property
-    def _of_first_moments(self) -> list[Estimate | None]:
-        """The conditions ``on_first_moments``: of one taken from the file, with what that may be wrong by."""
-        return [self._estimate(row) for row in self.conditions.on_first_moments]
+    def _lacking(self, values: Floats) -> tuple[Floats, Floats]:
+        """Size of the first moment that each body lacks by ``values`` (rank,), and half of its interval in the
+        direction in which that is widest, infinite where the runs do not tell it, (nb,) [kg m] each.
+        """
+        half = np.zeros(len(self.conditions.lacking))
+        for body, rows in enumerate(self.conditions.lacking):
+            axes = np.linalg.svd(rows @ self.imbalance.covariance @ rows.T)[0].T
+            half[body] = max(one.half_width() if (one := self._estimate(axis @ rows)) else np.inf for axis in axes)
+        return np.linalg.norm(self.conditions.lacking @ values, axis=1), half
 
     def _estimate(self, combination: Floats, unit: str = "kg m") -> Estimate | None:
         """A combination (rank,) of the conditions' values [kg m, or ``unit``]; None where the runs do not tell it."""

@@ -8,9 +8,10 @@ import pytest
 
 from balance.balancing import stock_plates
 from balance.balancing.conditions import balance_conditions
+from balance.balancing.sizing import sizing_of_given
 from balance.errors import CounterpoiseError
 from balance.estimation.first_moment_imbalance import Imbalance, Subspace, with_condition_values
-from balance.mechanism.mjcf_parser import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
 from studies import simulated_runs as memory
 from testbench import rig as rigs
 from testbench.cli.trim import _verdict
@@ -288,7 +289,7 @@ def test_masses_alone_are_in_no_first_moment():
     known = Imbalance(conditions, values, 1e-8 * every, Subspace.all_values(conditions), every, 0.0)
     missing = tuple(known.missing(arm, arm.counter_sites))
     shares = (Share("torque", missing, 0.0),)
-    whole = conditions.residual("kg m") + 0.25 * 0.7  # arm_1 carries the quill too, though its row is without m[quill]
+    whole = conditions.residual("kg m")
     found = Trim(conditions, arm, ("r1",), "simulated", shares, missing, known, (), (), unbalanced=whole)
     assert conditions.units[-1] == "kg"
     assert values[-1] == pytest.approx(0.7)
@@ -298,7 +299,50 @@ def test_masses_alone_are_in_no_first_moment():
     *_, last = trim_document(found)["conditions"]
     assert last["value_kg"] == pytest.approx(0.7)
     one = SimpleNamespace(unloaded=arm, mechanism=arm)
-    assert TrimProblem([one], conditions, [], None).largest == pytest.approx([*[whole - 0.25 * 0.7] * 6, 0.7])
+    assert TrimProblem([one], conditions, [], None).largest == pytest.approx([*[whole] * 6, 0.7])
+
+
+TURNTABLE = """
+<mujoco model="turntable"><compiler angle="radian"/><worldbody>
+<body name="table"><inertial mass="5.2" pos="0.04 0 0" diaginertia="0.04 0.1 0.1"/>
+<joint name="J" axis="0 0 1"/>{}</body>
+</worldbody><equality><connect site1="end" site2="tip"/></equality>
+<actuator><motor joint="J"/><motor joint="J1"/></actuator><keyframe><key name="home" qpos="0 {}"/></keyframe></mujoco>
+"""
+CRANK = """<body name="crank" pos="0.06 0 0.15"><inertial mass="0.8" pos="0.06 0 0" diaginertia="1e-4 1e-3 1e-3"/>
+<joint name="J1" axis="0 -1 0"/><body name="coupler" pos="0.12 0 0"><inertial mass="0.8" pos="0.15 0 0"
+diaginertia="1e-4 1e-2 1e-2"/><joint name="J2" axis="0 -1 0"/><site name="end" pos="0.3 0 0"/></body></body>"""
+ROCKER = """<body name="rocker" pos="0.38 0 0.15"><inertial mass="0.9" pos="0.1 0 0" diaginertia="1e-4 4e-3 4e-3"/>
+<joint name="J3" axis="0 -1 0"/><site name="tip" pos="0.2 0 0"/></body>"""
+
+
+@pytest.mark.parametrize(
+    ("parts", "qpos"), [(CRANK + ROCKER, "0.6 -0.168428 1.310191"), (ROCKER + CRANK, "1.310191 0.6 -0.168428")]
+)
+def test_residuals_are_those_of_the_definition_in_any_order_of_bodies(parts, qpos):
+    """A four-bar on a turntable: conditions by hand, and by Lagrange the combination least elsewhere."""
+    model = mechanism_from_text(TURNTABLE.format(parts, qpos), "turntable")
+    conditions = balance_conditions(model)
+    mass, moment = ({b: x[k] for b, x in zip(model.bodies, model.parameters, strict=True)} for k in (0, 1))
+    by_hand = np.array([[1.0, 0.0, 0.0, -1.6], [0.0, 1.0, 0.0, 0.6], [0.0, 0.0, 1.0, 1.5]])
+    carried = [0.06 * (mass["crank"] + mass["coupler"]) + 0.38 * mass["rocker"], 0.12 * mass["coupler"], 0.0]
+    left = by_hand @ [moment[b] for b in ("table", "crank", "coupler", "rocker")] + carried
+    lacking, error = [], []
+    for body in range(4):
+        own, others = by_hand[:, [body]], np.delete(by_hand, body, axis=1)
+        system = np.block([[others @ others.T, own], [own.T, np.zeros((1, 1))]])
+        weights = np.linalg.solve(system, [0.0, 0.0, 0.0, 1.0])[:3]
+        lacking.append(abs(weights @ left))
+        error.append(np.linalg.norm(weights @ by_hand))  # of first moments known alike, each to 1e-4 kg m
+    of_moments = np.diag(np.tile([0.0, 1e-8, 0.0, 0.0, *[0.0] * 6], 4))
+    covariance, every = conditions.matrix @ of_moments @ conditions.matrix.T, np.eye(conditions.rank)
+    values = conditions.values()
+    known = Imbalance(conditions, values, covariance, Subspace.all_values(conditions), every, 0.0)
+    found = Trim(conditions, model, ("r",), "simulated", (), (), known, (), (), unbalanced=conditions.residual("kg m"))
+    most = max(a + 1.96e-4 * e for a, e in zip(lacking, error, strict=True))
+    assert found.unbalanced == pytest.approx(max(lacking), rel=1e-6)
+    assert found.residual_with(sizing_of_given(conditions, model, {}))[0] == pytest.approx(max(lacking), rel=1e-6)
+    assert found.residual_share == pytest.approx(most / max(lacking), rel=1e-5)
 
 
 @pytest.mark.parametrize("mounted", [{}, {"counter_link_1": 5.0, "counter_link_2": 0.9}])
