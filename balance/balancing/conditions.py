@@ -221,7 +221,8 @@ class Conditions:
             with suppress(ModelError):
                 rows[:, masses] = np.linalg.pinv(self.weights[:, ~masses]) @ self.weights[:, masses]
         bodies = len(self.mechanism.bodies)
-        weights = (rows @ self.matrix).reshape(len(rows), bodies, -1)[:, :, 1:4].reshape(len(rows), 3 * bodies)
+        whole = (rows @ self.matrix).reshape(len(rows), bodies, len(PARAMETERS))
+        weights = whole[:, :, 1:4].reshape(len(rows), 3 * bodies)
         least = np.linalg.pinv(weights, rcond=_ZERO)
         blocks = zip(least.reshape(bodies, 3, len(rows)), weights.T.reshape(bodies, 3, len(rows)), strict=True)
         return np.array([np.linalg.pinv(own @ weight.T, rcond=_ZERO) @ own @ rows for own, weight in blocks])

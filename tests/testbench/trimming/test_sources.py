@@ -215,7 +215,8 @@ def test_nothing_is_added_to_a_balanced_mechanism(balanced):
     added."""
     found = trim_runs(balanced, source="wrench")
     for sign in (-1.0, 1.0):
-        moved = sign * 0.003 * found.unbalanced * found.imbalance.values / np.abs(found.imbalance.values).max()
+        sizes = np.linalg.norm(found.conditions.lacking @ found.imbalance.values, axis=1)
+        moved = sign * 0.003 * found.unbalanced * found.imbalance.values / sizes.max()
         sure = replace(found.imbalance, values=moved, covariance=1e-12 * found.imbalance.covariance)
         certain = replace(found, imbalance=sure, missing=tuple(sure.missing(found.mechanism, ("counter_A0A",))))
         shown = trim_document(certain)
