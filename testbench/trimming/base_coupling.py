@@ -10,13 +10,15 @@ moved on a base that tilts; of second order springs whose points turn, and centr
 the axes of the base at rest.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.sparse.linalg import LinearOperator, gmres
 from scipy.spatial.transform import Rotation
 
 from balance.arrays import Floats
+from balance.balancing.conditions import Conditions
 from balance.dynamics.moving_base import (
     BaseMotion,
     MountedBase,
@@ -27,15 +29,17 @@ from balance.dynamics.moving_base import (
     locked_inertia,
 )
 from balance.dynamics.regressor import momentum_regressor, wrench_regressor
+from balance.estimation.first_moment_imbalance import with_condition_values
 from balance.mechanism.mechanism import Mechanism
 
+from ..errors import AnalysisError
 from ..runs.aligned_run import AlignedRun
 from .vibration_regression import ShakenBase
 
 _SMALL = 1e-3
 """Part of the base's motion by which terms of first order are told from those of second."""
-_ROUNDS, _SETTLED = 12, 1e-3
-"""Rounds to the base's motion at most, and the change of what moves it, as a part, below which it is found."""
+_ROUNDS, _SETTLED = 60, 1e-4
+"""Rounds to the base's motion at most, and what these leave of its equation, as a part, below which it is found."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +54,8 @@ class BaseCoupling:
     """As it was found to be, with the names and joints of the run's."""
     exact: bool
     """Whether the base moves as bodies do, and not to first order, as simulated benches move."""
-    heavier: float = 0.0
-    """By how much of it the mechanism's inertia on the base is larger than stated [-]."""
+    held: Mechanism | None = None
+    """That whose inertia the base carries, where it is another."""
 
     @classmethod
     def of(cls, run: ShakenBase, aligned: AlignedRun, mechanism: Mechanism) -> "BaseCoupling":
@@ -60,28 +64,51 @@ class BaseCoupling:
         points = np.array([places[column.sensor].position for column in run.sensors.columns])
         return cls(run, aligned.rig.bench, points, mechanism, aligned.run.origin != "simulated")
 
+    def with_heavier_joints(self, conditions: Conditions, share: float) -> "BaseCoupling":
+        """Whose base carries a ``share`` more [-] of each body's mass, at its joint as far as no condition shows it."""
+        heavy = replace(self.mechanism, parameters=self.mechanism.parameters * np.r_[1.0 + share, np.ones(9)])
+        held = with_condition_values(conditions, heavy, conditions.values(self.mechanism))
+        return replace(self, held=held)
+
     def readings(self) -> tuple[Floats, Floats]:
         """What the coupling adds to the readings, and which part is of second order.
 
         (n, channels) [m/s2] each, of the samples that count. Simulated benches move to first order: of their runs no
-        second order is added.
+        second order is added. Raises AnalysisError where the base's motion is not found.
         """
         run = self.run
         still = np.zeros((run.grid.count, 6))
         push = self.unbalanced(BaseMotion(still, still, still))
-        first = np.zeros_like(push)
-        for _ in range(_ROUNDS):
-            moved = run.moved((push + first)[:, None])
-            motion = BaseMotion(moved.displacement[:, 0], moved.velocity[:, 0], moved.acceleration[:, 0])
-            ahead, behind = (self.unbalanced(_scaled(motion, part)) for part in (_SMALL, -_SMALL))
-            before, first = first, (ahead - behind) / (2.0 * _SMALL) + self._linear(motion)
-            if np.linalg.norm(first - before) <= _SETTLED * np.linalg.norm(push + first):
-                break
+
+        def without_first(pushed: Floats) -> Floats:
+            return pushed - self._first(self._motion(pushed)).ravel()
+
+        size = (push.size, push.size)
+        whole, left = gmres(
+            LinearOperator(size, without_first, dtype=float), push.ravel(), rtol=_SETTLED, restart=_ROUNDS, maxiter=1
+        )
+        if left:
+            raise AnalysisError(
+                f"{run.valid.run}: the mechanism is too heavy for its base: how the base moves under it is not found "
+                f"in {_ROUNDS} rounds; check mass and damping in the rig's [bench], or use trial masses (--from trials)"
+            )
+        motion = self._motion(whole)
+        first = self._first(motion)
         second = self.unbalanced(motion) - push + self._linear(motion) - first
         shown = run.answers(np.stack([first, second], axis=2))
         shown[:, :, 1] += self._shown_exactly(motion) - self._shown_linearly(motion)
         smooth = run.smooth(shown)
         return smooth[:, :, 0] + self.exact * smooth[:, :, 1], smooth[:, :, 1]
+
+    def _motion(self, pushed: Floats) -> BaseMotion:
+        """Of the base, its inertia as at the start, under wrenches (6 n,) [N, N m]."""
+        moved = self.run.moved(pushed.reshape(-1, 1, 6))
+        return BaseMotion(moved.displacement[:, 0], moved.velocity[:, 0], moved.acceleration[:, 0])
+
+    def _first(self, motion: BaseMotion) -> Floats:
+        """What the coupling adds to a motion's wrenches, of first order in it, (n, 6) [N, N m]."""
+        ahead, behind = (self.unbalanced(_scaled(motion, part)) for part in (_SMALL, -_SMALL))
+        return (ahead - behind) / (2.0 * _SMALL) + self._linear(motion)
 
     def unbalanced(self, motion: BaseMotion) -> Floats:
         """Mounts and weight less h' and what turns with it, in axes of the base about its origin, (n, 6) [N, N m]."""
@@ -108,8 +135,11 @@ class BaseCoupling:
     def _inertia(self) -> Floats:
         """I(q), of base and mechanism, (n, 6, 6) [kg, kg m, kg m2]."""
         run = self.run
-        carried = (1.0 + self.heavier) * inertia_along(self.mechanism, run.path.q)
-        return run.base.mass - locked_inertia(run.model, run.path.q[0]) + carried
+        return (
+            run.base.mass
+            - locked_inertia(run.model, run.path.q[0])
+            + inertia_along(self.held or self.mechanism, run.path.q)
+        )
 
     @cached_property
     def _momentum(self) -> Floats:

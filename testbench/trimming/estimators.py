@@ -81,6 +81,8 @@ STEPS = "what the encoders' resolution leaves open"
 SECOND_ORDER = "all that is of second order in the base's motion (rectangular)"
 _ROUNDS, _SETTLED = 6, 0.05
 """Rounds at most about the values found, and by how much of a standard deviation these still change when settled."""
+_Round = tuple[list[RunEquations], "_Equations", ImbalanceFit]
+"""Equations run by run, those of all, and their fit."""
 _LEAST_FREEDOM = 12.0
 """Of the rests of all runs, from which they tell the noise: to a fifth."""
 
@@ -176,28 +178,41 @@ def by_wrench(problem: TrimProblem) -> SourceEstimate:
         problem, AnalysisError, lambda run: force_regression(run, problem.conditions, cutoff)
     )
     findings += [f for one in every for f in one.findings]
-    equations = _Equations.of_forces(problem, every)
-    found = equations.fit()
-    for _ in range(_ROUNDS if any(one.about_values for one in every) else 0):
-        last = found.imbalance
-        every = [force_regression(run, problem.conditions, cutoff, last.values) for run in problem.runs]
+
+    def fitted(every: list[RunEquations]) -> _Round:
         equations = _Equations.of_forces(problem, every)
-        found = equations.fit()
-        changed = np.abs(found.imbalance.values - last.values)
-        if (changed <= _SETTLED * np.sqrt(np.diag(found.imbalance.covariance))).all():
-            break
+        return every, equations, equations.fit()
+
+    def about(values: Floats) -> _Round:
+        return fitted([force_regression(run, problem.conditions, cutoff, values) for run in problem.runs])
+
+    last = fitted(every)
+    every, equations, found = _settled(last, about) if any(one.about_values for one in every) else last
     measured, within = equations.widened(found)
     base = "the base's motion taken out." if problem.runs[0].base is not None else "the base taken for still."
-    about = f"Forces and model low-passed alike at {cutoff:g} Hz, clocks of the loggers aligned, {base}"
+    how = f"Forces and model low-passed alike at {cutoff:g} Hz, clocks of the loggers aligned, {base}"
     doubts = [] if all(run.base is not None for run in problem.runs) else [BASE_UNKNOWN]
     shaken = {str(row)[1] for one in every for row in one.record.rows}
     shown = [{column.component for column in run.base.columns} for run in problem.runs if run.base is not None]
     if left_out := " and ".join(sorted(axis for axis in shaken if any(axis not in one for one in shown))):
         doubts.append(AXIS_UNKNOWN.format(left_out, left_out))
     return SourceEstimate(
-        "wrench", measured, (about, _jackknife(measured, within)), tuple(doubts), tuple(findings), problem.runs,
+        "wrench", measured, (how, _jackknife(measured, within)), tuple(doubts), tuple(findings), problem.runs,
         over_rest=_over_rest(measured, every),
     )  # fmt: skip
+
+
+def _settled(last: _Round, about: Callable[[Floats], _Round]) -> _Round:
+    """Equations ``about`` the values that they give. Raises AnalysisError where these do not settle."""
+    for _ in range(_ROUNDS):
+        before, last = last[2].imbalance.values, about(last[2].imbalance.values)
+        found = last[2].imbalance
+        if (np.abs(found.values - before) <= _SETTLED * np.sqrt(np.diag(found.covariance))).all():
+            return last
+    raise AnalysisError(
+        f"what is missing does not settle in {_ROUNDS} rounds about the values found: the base moves too much with the "
+        "mechanism; give more or gentler runs, or a second accelerometer on the base, or trial masses (--from trials)"
+    )
 
 
 def _over_rest(measured: Imbalance, every: Sequence[RunEquations]) -> float:
@@ -245,20 +260,21 @@ def by_vibration(problem: TrimProblem) -> SourceEstimate:
     found, fixed = equations.fit_all_or_at_sites()
     second = [np.zeros_like(part.record.readings) for part in parts]
     moving = [(i, bases[i], run) for i, run in enumerate(problem.runs) if _moves(run)]
-    for _ in range(_ROUNDS if moving else 0):
-        before, corrected = found.imbalance, list(parts)
+    free = found.imbalance.subspace if fixed else None
+
+    def about(values: Floats) -> _Round:
+        corrected = list(parts)
         for i, base, run in moving:
-            mechanism = with_condition_values(problem.conditions, run.mechanism, before.values)
-            coupling = BaseCoupling.of(base, run, mechanism)
+            coupling = BaseCoupling.of(base, run, with_condition_values(problem.conditions, run.mechanism, values))
             added, second[i] = coupling.readings()
-            per_mass = (replace(coupling, heavier=FILE_MASS).readings()[0] - added) / FILE_MASS
+            per_mass = (coupling.with_heavier_joints(problem.conditions, FILE_MASS).readings()[0] - added) / FILE_MASS
             record = replace(parts[i].record, readings=parts[i].record.readings - added)
             corrected[i] = replace(parts[i], record=record, effects={MASS: per_mass})
-        equations = _Equations.channel_by_channel(problem, corrected, columns, combinations)
-        found = equations.fit(before.subspace if fixed else None)
-        changed = np.abs(found.imbalance.values - before.values)
-        if (changed <= _SETTLED * np.sqrt(np.diag(found.imbalance.covariance))).all():
-            break
+        own = _Equations.channel_by_channel(problem, corrected, columns, combinations)
+        return corrected, own, own.fit(free)
+
+    if moving:
+        _, equations, found = _settled((parts, equations, found), about)
     measured, within = equations.widened(found)
     shared = combinations @ found.shared[: combinations.shape[1]]
     pi, gains = parameter_basis(problem.conditions) @ np.concatenate([measured.values, shared]), found.gains()
@@ -268,7 +284,7 @@ def by_vibration(problem: TrimProblem) -> SourceEstimate:
     shift = np.sum([np.einsum("nrk,nr->k", *pair) for pair in zip(gains, second, strict=True)], axis=0)
     measured = replace(measured, covariance=measured.covariance + steps + np.outer(shift, shift) / 3.0)
     within += [SECOND_ORDER] * bool(moving)
-    about = (
+    how = (
         "The base's mass, centre, inertia and mounts are those that the rig states: a model that is assumed, whose "
         "errors the intervals do not contain.",
         f"Readings and the base's response low-passed alike at {cutoff:g} Hz; inertias of the mechanism estimated with "
@@ -281,7 +297,7 @@ def by_vibration(problem: TrimProblem) -> SourceEstimate:
         doubts += [UNSTATED.format(names)] * (not any(column.total_noise for column in problem.runs[0].encoders))
     if any(run.run.origin != "simulated" and not run.rig.bench.weight for run in problem.runs):
         doubts.append(WEIGHTLESS)
-    text = (*about, *fixed, _jackknife(measured, [*within, STEPS]))
+    text = (*how, *fixed, _jackknife(measured, [*within, STEPS]))
     runs = problem.runs
     return SourceEstimate("vibration", measured, text, tuple(doubts), tuple(findings), runs, by_steps, of_steps=steps)
 

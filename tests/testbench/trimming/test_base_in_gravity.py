@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from balance.balancing.conditions import balance_conditions
 from balance.closure import Closure
 from balance.dynamics.moving_base import displacement_at, locked_inertia
 from balance.mechanism.mjcf_parser import mechanism_from_text
@@ -148,17 +149,39 @@ def test_the_base_answers_to_weight_as_it_rocks():
     assert np.abs(expected[1] - expected[0]).max() > 0.05 * size
 
 
-@pytest.mark.parametrize("gravity", [0.0, 9.81])
-def test_what_a_heavy_mechanism_does_to_its_base(gravity):
+@pytest.mark.parametrize(
+    ("gravity", "bob", "bounds"),
+    [
+        (0.0, 4.0, [[0.3, 5e-3, 0.0], [0.4, 2e-2, 1e-3]]),
+        (9.81, 4.0, [[0.3, 5e-3, 0.0], [0.4, 2e-2, 1e-3]]),
+        (9.81, 45.0, [[1.5, 5e-2, 0.0], [2.0, 0.2, 2e-2]]),
+    ],
+)
+def test_what_a_heavy_mechanism_does_to_its_base(gravity, bob, bounds):
     """A bob of 4 kg on 60 kg: readings are off by a third without the coupling, by a hundredth with first order alone.
 
-    With second order by less than a thousandth: the base turns by 20 mrad.
+    With second order by less than a thousandth: the base turns by 20 mrad. A bob of 45 kg turns it ten times as far.
     """
-    run, bench = shaken_base(np.array([0.0, -gravity, 0.0]), 4.0)
+    run, bench = shaken_base(np.array([0.0, -gravity, 0.0]), bob)
     linear = run.smooth(run.answers(run.wrench_regressor(run.path)) @ run.model.pi)
     whole, second = BaseCoupling(run, bench, np.tile([*PLACE, 0.0], (2, 1)), run.model, exact=True).readings()
-    expected = by_hand(gravity, 4.0)
+    expected = by_hand(gravity, bob)
     off = [np.abs((linear + added)[::5] - expected).max() for added in (0.0, whole - second, whole)]
-    least, most = np.abs(expected).max() * np.array([[0.3, 5e-3, 0.0], [0.4, 2e-2, 1e-3]])
+    least, most = np.abs(expected).max() * np.array(bounds)
     assert (off > least).all()
     assert (off < most).all()
+
+
+def test_mass_at_a_joint_is_held_by_the_base_alone(monkeypatch):
+    """A twentieth more of a bob's mass at its pivot, which is part of the base by hand: 2 % of the readings."""
+    run, bench = shaken_base(np.array([0.0, -9.81, 0.0]), 4.0)
+    linear = run.smooth(run.answers(run.wrench_regressor(run.path)) @ run.model.pi)
+    coupling = BaseCoupling(run, bench, np.tile([*PLACE, 0.0], (2, 1)), run.model, exact=True)
+    more = coupling.with_heavier_joints(balance_conditions(run.model), 0.05)
+    mass, at = MASS + 0.2, (MASS * CENTRE + 0.2 * PIVOT) / (MASS + 0.2)
+    own = MASS * (CENTRE - at) @ (CENTRE - at) + 0.2 * (PIVOT - at) @ (PIVOT - at)
+    for name, value in {"MASS": mass, "CENTRE": at, "INERTIA": INERTIA + own}.items():
+        monkeypatch.setattr(f"{__name__}.{name}", value)
+    expected = by_hand(9.81, 4.0)
+    off = [np.abs((linear + one.readings()[0])[::5] - expected).max() for one in (coupling, more)]
+    assert off[1] < 1e-3 * np.abs(expected).max() < 0.02 * np.abs(expected).max() < off[0]
