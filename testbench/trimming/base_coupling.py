@@ -54,7 +54,7 @@ class BaseCoupling:
     """As it was found to be, with the names and joints of the run's."""
     exact: bool
     """Whether the base moves as bodies do, and not to first order, as simulated benches move."""
-    held: Mechanism | None = None
+    carried: Mechanism | None = None
     """That whose inertia the base carries, where it is another."""
 
     @classmethod
@@ -67,8 +67,8 @@ class BaseCoupling:
     def with_heavier_joints(self, conditions: Conditions, share: float) -> "BaseCoupling":
         """Whose base carries a ``share`` more [-] of each body's mass, at its joint as far as no condition shows it."""
         heavy = replace(self.mechanism, parameters=self.mechanism.parameters * np.r_[1.0 + share, np.ones(9)])
-        held = with_condition_values(conditions, heavy, conditions.values(self.mechanism))
-        return replace(self, held=held)
+        carried = with_condition_values(conditions, heavy, conditions.values(self.mechanism))
+        return replace(self, carried=carried)
 
     def readings(self) -> tuple[Floats, Floats]:
         """What the coupling adds to the readings, and which part is of second order.
@@ -138,7 +138,7 @@ class BaseCoupling:
         return (
             run.base.mass
             - locked_inertia(run.model, run.path.q[0])
-            + inertia_along(self.held or self.mechanism, run.path.q)
+            + inertia_along(self.carried or self.mechanism, run.path.q)
         )
 
     @cached_property
