@@ -205,11 +205,18 @@ def _rig_text(file: str, model: Mechanism, loggers: int) -> str:
             logger="controller" if loggers > 1 else "daq", unit=unit, resolution=fine, load=load,
             angle=repr_text(f"q_{joint}"), torque=repr_text(f"tau_{joint}"),
         )  # fmt: skip
-    places = [(x, z) for x in ("-0.4 m", "0.4 m") for z in ("-0.3 m", "0.3 m")]
-    mounts = "".join(_template("mount.toml", x=x, z=z, stiffness=stiffness, damping=damping) for x, z in places)
+    down = max(range(3), key=lambda i: abs(model.gravity[i])) if model.gravity.any() else 1
+
+    def below(depth: float, *place: float) -> str:
+        values = list(place)
+        values.insert(down, depth if model.gravity[down] > 0.0 else -depth)
+        return ", ".join(f'"{value:g} m"' for value in values)
+
+    places = [below(0.5, a, b) for a in (-0.4, 0.4) for b in (-0.3, 0.3)]
+    mounts = "".join(_template("mount.toml", place=p, stiffness=stiffness, damping=damping) for p in places)
     return _template(
         RIG, name=model.name, mechanism=repr_text(file), controller=_template("controller.toml") * (loggers > 1),
-        joints=joints, mass=f"{base:.4g}", inertia=f"{base * 0.1:.4g}", mounts=mounts,
+        joints=joints, mass=f"{base:.4g}", centre=below(0.2, 0.0, 0.0), inertia=f"{base * 0.1:.4g}", mounts=mounts,
     )  # fmt: skip
 
 

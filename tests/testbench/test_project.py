@@ -8,11 +8,13 @@ import tomllib
 from pathlib import Path
 from zlib import crc32
 
+import numpy as np
 import pytest
 
 import balance.cli
 import testbench.cli
 from balance import datasets
+from balance.mechanism.mjcf_parser import load_mechanism
 from testbench.campaign_plan import load_plan
 from testbench.errors import RigError
 from testbench.ingestion.run_table import read_run_table
@@ -33,6 +35,8 @@ def test_what_is_written_is_valid(tmp_path, mechanism, loggers):
     plan, rig = load_plan(folder / "plan.toml"), load_rig(folder / "rig.toml")
     assert {row.run for row in read_run_table(folder / "runs.csv")} == {run.name for run in plan.runs()}
     assert len(rig.loggers) == loggers
+    down = load_mechanism(mechanism).gravity
+    assert all(np.dot(place, down) > 0.0 for place in (rig.bench.centre, *(m.position for m in rig.bench.mounts)))
     assert {sensor.joint for sensor in rig.of_kind(Encoder).values()}
 
 
