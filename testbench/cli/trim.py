@@ -100,8 +100,8 @@ def _print(result: "Trim", stock: str | None) -> None:
             f"The sources {'agree' if found.agrees else 'contradict each other'}: chi-square {found.chi_square:.2f} "
             f"with {found.degrees_of_freedom} degrees of freedom, probability {found.probability:.2g}."
         )
-    little = ": of a balanced mechanism little but noise is measured" * (result.verdict == "balanced")
-    say(f"{result.unexplained:.1%} of what was measured stays unexplained{little}.")
+    left = "is noise: hardly anything else is measured" if result.verdict == "balanced" else "stays unexplained"
+    say(f"{result.unexplained:.1%} of what was measured {left}.")
     for text in result.about:  # of one source among several it begins with "By ..."
         if text == COMPROMISE or FIXED[1:] in text:
             say(text)
@@ -128,7 +128,7 @@ def _verdict(result: "Trim", stock: str | None) -> str:
 
     def why(site: str, mass: float, plates: object) -> str:
         apart = untouched and not plates and f"{mass:.3f}" != f"{together[site]:.3f}"
-        text = f": best with nothing changed at {untouched}, {together[site]:.3f} kg with all that the table has"
+        text = f" (the table's {together[site]:.3f} kg only together with its change at {untouched})"
         return text if apart else ""
 
     parts = []

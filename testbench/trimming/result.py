@@ -31,9 +31,9 @@ from .problem import SOURCES, Source
 
 _STEPS_MATTER = 0.5
 """Part of what stays unexplained that the encoders' steps may leave, from which they are named for it."""
-_LITTLE, _LIKE_REST = 0.02, 1.5
+_LITTLE, _LIKE_REST, _AS_REST = 0.02, 1.5, 1.1
 """Part of what the mechanism without counter-masses would show, and multiple of what is read at rest, up to which what
-stays unexplained is noise."""
+stays unexplained is noise; multiple up to which it is noise, whatever part it is."""
 _BALANCED = 0.01
 """First-moment residual at most, as a part of that without counter-masses, of a mechanism that counts as balanced."""
 
@@ -56,7 +56,7 @@ class Share:
     @property
     def doubtful(self) -> bool:
         """Whether too much stays unexplained, and more than noise: of a balanced mechanism hardly more is measured."""
-        noise = self.of_unbalanced <= _LITTLE and self.over_rest <= _LIKE_REST
+        noise = self.over_rest <= (_LIKE_REST if self.of_unbalanced <= _LITTLE else _AS_REST)
         return self.unexplained > SOURCES[self.source].doubtful_share and not noise
 
     @property

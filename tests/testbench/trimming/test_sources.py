@@ -208,6 +208,8 @@ def test_a_balanced_mechanism_of_which_no_rest_tells(balanced):
     assert short.residual_share == pytest.approx(whole.residual_share + share.of_unbalanced)
     much = replace(whole, shares=(replace(share, over_rest=np.inf, of_unbalanced=0.01),))
     assert much.verdict == "doubtful"
+    as_rest = replace(whole, shares=(replace(share, unexplained=0.4, over_rest=1.0, of_unbalanced=0.5),))
+    assert as_rest.doubts() == []  # noise, and all of it in the intervals
 
 
 def test_nothing_is_added_to_a_balanced_mechanism(balanced):
