@@ -295,8 +295,11 @@ class Conditions:
 
     def text(self, row: int) -> str:
         """One condition as an equation in the lengths that the file names, such as ``mcx[A0A] + r m[AC] = 0``."""
-        lengths = self.mechanism.lengths if self.units[row] == "kg m" else {}
-        return f"{text_of(self.coefficients(row), lengths)} = 0"
+        return f"{self.left(row)} = 0"
+
+    def left(self, row: int) -> str:
+        """Its left-hand side."""
+        return text_of(self.coefficients(row), self.mechanism.lengths if self.units[row] == "kg m" else {})
 
 
 def balance_conditions(mechanism: Mechanism, momentum: str = "linear") -> Conditions:

@@ -22,7 +22,7 @@ import numpy as np
 from ..arrays import Floats
 from ..balancing.conditions import Conditions
 from ..mechanism.mechanism import Mechanism
-from ..results import Key
+from ..results import Key, first_of
 from .estimate import Estimate, effective_degrees_of_freedom, f_tail
 from .identifiability import NotIdentifiable
 from .regression import LEAST_BLOCKS, RegressionFit, RegressionRecord, fit
@@ -137,16 +137,21 @@ class Imbalance:
 
         Raises NotIdentifiable if it is not determined.
         """
-        own = self.coordinates(combination, self.excited.shape[1])
-        outside = own - self.excited.T @ (self.excited @ own)
-        if np.abs(outside).max() > _OUTSIDE * np.abs(combination).max(initial=0.0):
+        if not self._determines(combination):
+            rows = [k for k, row in enumerate(np.eye(len(self.values))) if not self._determines(row)]
             raise NotIdentifiable(
-                "this record does not determine what balances: the motion does not excite it; move all drives at once"
+                f"this record does not determine {first_of([self.conditions.left(k) for k in rows], 2)}: its motion "
+                "does not excite it; record another motion, all drives at once"
             )
         deviation = float(np.sqrt(max(float(combination @ self.covariance @ combination), 0.0)))
         return Estimate.single(
             float(combination @ self.values), deviation, self.degrees_of_freedom_of(combination), unit=unit
         )
+
+    def _determines(self, combination: Floats) -> bool:
+        own = self.coordinates(combination, self.excited.shape[1])
+        outside = np.abs(own - self.excited.T @ (self.excited @ own)).max()
+        return bool(outside <= _OUTSIDE * np.abs(combination).max(initial=0.0))
 
     @property
     def degrees_of_freedom(self) -> float:

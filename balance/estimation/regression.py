@@ -241,7 +241,7 @@ class RegressionFit:
         """A combination (p,) [-] of the unknowns. Raises NotIdentifiable where the records do not determine it."""
         if not self.determines(combination):
             raise NotIdentifiable(
-                "this record does not determine it: the motion does not excite it; move all drives at once"
+                "these records do not determine it: their motions do not excite it; record others, all drives at once"
             )
         variance = max(float(combination @ self.covariance @ combination), 0.0)
         value = float(combination @ self.values)

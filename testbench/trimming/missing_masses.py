@@ -1,17 +1,21 @@
 """What first moment is missing on which arm, and which mass to add, from the runs of a mechanism."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Literal
 
 import numpy as np
 
 from balance.balancing import conditions
+from balance.balancing.conditions import UndecidedRank, row_space
 from balance.balancing.stock_plates import Plate
+from balance.closure import Closure
 from balance.dynamics.regressor import driven_torque_regressor
-from balance.errors import CounterpoiseError
+from balance.errors import ClosureError, CounterpoiseError
 from balance.estimation.first_moment_imbalance import CombinedImbalance, can_be_met, combine, masses_per_value
 from balance.estimation.identifiability import NotIdentifiable
 from balance.mechanism.mechanism import Mechanism
+from balance.motion import Samples
 from balance.results import first_of
 
 from ..errors import AnalysisError
@@ -24,9 +28,9 @@ from .result import Share, Trim
 
 _Mounted = Literal["payload_kg", "payloads", "counter_masses"]
 _STATES = 40
-"""Random states of a chain for each of its joints."""
-_ROUNDING, _NO_PART = 1e-9, 1e-6
-"""Singular values over the largest that are rounding; parts of conditions that are."""
+"""States of a motion for each of the mechanism's coordinates."""
+_AMPLITUDES, _NO_PART = (1.2, 0.6, 0.3, 0.1), 1e-6
+"""Of motions of the drives, the largest that can be followed counts [rad, m]; parts of conditions that are rounding."""
 COMPROMISE = (
     "No masses at these sites meet all conditions: of an open chain what is missing along the sites is told, of loops "
     "what leaves the least momentum over the workspace, by the inertias of its file; `balance size --motion` finds the "
@@ -193,18 +197,24 @@ def _with_gaps(problem: TrimProblem, error: CounterpoiseError) -> CounterpoiseEr
     )
 
 
-def _shown_by_torques(problem: TrimProblem) -> bool:
-    """Whether some motion of an open chain makes its drives' torques show all that balances it; True of others."""
-    mechanism = problem.mechanism
-    if mechanism.loops:
-        return True
-    joints = len(mechanism.coordinates)
-    q, v, a = np.random.default_rng(0).normal(size=(3, _STATES * joints, joints))
-    drives = np.eye(joints)[:, [mechanism.coordinate_index(joint) for joint in mechanism.driven]]
-    rows = driven_torque_regressor(mechanism, q, v, a, np.broadcast_to(drives, (len(q), *drives.shape)))
-    shown = np.linalg.svd(rows.reshape(-1, rows.shape[-1]), full_matrices=True)
-    unseen = shown.Vh[int((_ROUNDING * shown.S[0] < shown.S).sum()) :]
-    return bool(np.abs(problem.conditions.matrix @ unseen.T).max(initial=0.0) < _NO_PART)
+def _unseen_by_torques(problem: TrimProblem) -> list[str]:
+    """The conditions of whose left-hand sides the drives' torques hold nothing, or not all, in a motion about home as
+    large as the mechanism can follow; none where that is not decided.
+    """
+    mechanism, rng = problem.mechanism, np.random.default_rng(0)
+    time = np.linspace(0.0, 6.0, _STATES * len(mechanism.coordinates))
+    home = [float(mechanism.home[mechanism.coordinate_index(joint)]) for joint in mechanism.driven]
+    speed = 1j * rng.uniform(1.0, 6.0, (2, 1, len(home)))
+    wave = np.exp(speed * time[:, None]) / 2.0
+    for amplitude in _AMPLITUDES:
+        q, v, a = (amplitude * (speed**k * wave).imag.sum(axis=0) for k in range(3))
+        with suppress(ClosureError, UndecidedRank):
+            path = Closure(mechanism).follow(Samples(time, home + q, v, a, mechanism.driven))
+            rows = driven_torque_regressor(mechanism, path.q, path.v, path.a, path.per_drive)
+            seen, _ = row_space(rows.reshape(-1, rows.shape[-1]), mechanism.name)
+            unseen = problem.conditions.matrix - problem.conditions.matrix @ seen.T @ seen
+            return [problem.conditions.left(int(k)) for k in np.flatnonzero(np.abs(unseen).max(axis=1) > _NO_PART)]
+    return []
 
 
 def _refuse_wide(estimate: SourceEstimate, problem: TrimProblem) -> None:
@@ -213,10 +223,10 @@ def _refuse_wide(estimate: SourceEstimate, problem: TrimProblem) -> None:
     try:
         missing = estimate.imbalance.missing(problem.mounted, problem.sites)
     except NotIdentifiable as error:
-        if estimate.source == "torque" and not _shown_by_torques(problem):
+        if estimate.source == "torque" and (unseen := _unseen_by_torques(problem)):
             raise AnalysisError(
-                f"{problem.names}: torques of the drives do not show what balances, whatever the motion: part of it "
-                "needs no torque (as of a body that turns about an axis along gravity); what does are force sensors "
+                f"{problem.names}: torques of the drives do not show {first_of(unseen, 2)}, whatever the motion: part "
+                "of it needs no torque (as of a body that turns about an axis along gravity); what does are force sensors "
                 "under the base, the vibration of a base that the rig states (--from vibration), or trial masses "
                 "(--from trials)"
             ) from error

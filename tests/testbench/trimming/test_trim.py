@@ -18,6 +18,7 @@ from testbench.cli.trim import _verdict
 from testbench.errors import AnalysisError
 from testbench.trimming import trim_runs
 from testbench.trimming.estimators import FIXED_WITHIN
+from testbench.trimming.missing_masses import _unseen_by_torques
 from testbench.trimming.problem import TrimProblem
 from testbench.trimming.result import Share, Trim, trim_document
 
@@ -57,12 +58,15 @@ def test_an_addition_that_is_not_the_tables_mass_says_why(repeats):
     """Where a site's interval holds zero, nothing is added there, and the others' masses change with it."""
     found = trim_runs(repeats[:3])
     first, *others = found.missing
-    assert "best with nothing changed" not in _verdict(found, None)
+    table = {one.site: one.mass.value for one in found.missing}
+    assert "only together with" not in _verdict(found, None)
     unknown = replace(first.first_moment, covariance=np.eye(1))
     alone = replace(found, missing=(replace(first, first_moment=unknown), *others))
     for added in alone.addition.counter_masses:
-        text = f"Add {added.mass:.3f} kg at {added.site}: best with nothing changed at {first.site}, "
-        assert added.mass == 0.0 or text in _verdict(alone, None)
+        text = (
+            f"Add {added.mass:.3f} kg at {added.site} (the table's {table[added.site]:.3f} kg only together with its "
+        )
+        assert added.mass == 0.0 or f"{text}change at {first.site})" in _verdict(alone, None)
     assert found.predicted_residual < 0.1 * MISSING
 
 
@@ -369,5 +373,16 @@ def test_what_no_motion_shows_by_torque():
     """An arm lying flat: the first joint's torque holds no first moment of the first link, however it moves."""
     flat = replace(load_mechanism("serial-2r"), gravity=np.array([0.0, 0.0, -9.81]))
     run = linkages.run(flat, plate=False, seconds=10.0, rate=250.0)
-    with pytest.raises(AnalysisError, match=r"do not show what balances, whatever the motion.*--from vibration"):
+    with pytest.raises(AnalysisError, match=r"do not show mcx\[link_1\].* whatever the motion.*--from vibration"):
         trim_runs(memory.aligned([run], flat))
+
+
+@pytest.mark.parametrize(
+    ("gravity", "unseen"), [([0.0, 0.0, -9.81], ["mcx[table]", "mcy[table]"]), ([0.0, -9.81, 0.0], [])]
+)
+def test_what_no_motion_of_a_turntable_shows_by_torque(gravity, unseen):
+    """Of loops too: nothing of what balances about the table's axis, where that lies along gravity."""
+    model = mechanism_from_text(TURNTABLE.format(CRANK + ROCKER, "0.6 -0.168428 1.310191"), "turntable")
+    model = replace(model, gravity=np.array(gravity))
+    found = _unseen_by_torques(SimpleNamespace(mechanism=model, conditions=balance_conditions(model)))
+    assert [text.partition(" ")[0] for text in found] == unseen
