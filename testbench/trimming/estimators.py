@@ -79,7 +79,7 @@ UNSTATED = (
 )
 STEPS = "what the encoders' resolution leaves open"
 SECOND_ORDER = "all that is of second order in the base's motion (rectangular)"
-_ROUNDS, _SETTLED = 6, 0.05
+_ROUNDS, _SETTLED = 30, 0.05
 """Rounds at most about the values found, and by how much of a standard deviation these still change when settled."""
 _Round = tuple[list[RunEquations], "_Equations", ImbalanceFit]
 """Equations run by run, those of all, and their fit."""

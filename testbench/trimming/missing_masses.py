@@ -225,10 +225,10 @@ def _refuse_wide(estimate: SourceEstimate, problem: TrimProblem) -> None:
     except NotIdentifiable as error:
         if estimate.source == "torque" and (unseen := _unseen_by_torques(problem)):
             raise AnalysisError(
-                f"{problem.names}: torques of the drives do not show {first_of(unseen, 2)}, whatever the motion: part "
-                "of it needs no torque (as of a body that turns about an axis along gravity); what does are force sensors "
-                "under the base, the vibration of a base that the rig states (--from vibration), or trial masses "
-                "(--from trials)"
+                f"{problem.names}: torques of the drives do not show {first_of(unseen, 2)}, whatever the motion: "
+                "part of it needs no torque (as of a body turning about an axis along gravity); force sensors "
+                "under the mechanism, the vibration of a base that the rig states (--from vibration) or trial masses "
+                "(--from trials) show it"
             ) from error
         raise AnalysisError(f"{problem.names}: {error}; {hint}") from error
     largest = max((abs(value) for value in lacking(problem)), default=0.0)
