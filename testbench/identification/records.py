@@ -32,7 +32,7 @@ LONGEST_DELAY_S = 0.02
 """Of torques after or before positions: a few turns of a control loop [s]."""
 CUTOFF_HZ = 40.0
 """Of the motion that gives the direction in which forces do not show the base's rotation [Hz]."""
-BASE_STILL = "No accelerometer on the base: it is taken for still."
+BASE_STILL = "The base is taken for still: the rig says fixed, or has no accelerometer on it."
 BASE_MOVES = (
     "The base's motion is taken out of the forces with the mass that MECH has as mounted; moments are left out."
 )

@@ -288,6 +288,9 @@ class Logger(Table):
 class Bench(MountedBase):
     """The base as a rigid body on mounts, without the mechanism; the defaults are a steel frame on four feet."""
 
+    fixed: bool = False
+    """Whether the base does not move, as one bolted to a stiff floor: then its accelerometers are not used, forces have
+    nothing of its motion, and no doubt is raised where none was recorded. Such a base has no mass and mounts."""
     settling: key_types.Time = 0.5
     """How long the loggers go on after the motion [s]."""
     coupling: Literal["locked", "moving"] = "locked"
@@ -327,6 +330,12 @@ class Bench(MountedBase):
     """Elastic modes of the frame."""
     errors: dict[str, SensorErrors] = Field(default_factory=dict)
     """Errors of the sensors, by name."""
+
+    def _check(self) -> None:
+        if self.fixed and (stated := sorted({"mass", "mounts"} & self.model_fields_set)):
+            raise DataError(
+                f"fixed: expected a base without {' and '.join(stated)}, for it does not move; leave one out"
+            )
 
     @property
     def is_stated(self) -> bool:

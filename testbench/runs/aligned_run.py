@@ -107,8 +107,8 @@ class AlignedRun:
 
     @cached_property
     def base(self) -> base_motion.BaseAcceleration | None:
-        """Readings of the accelerometers on the base, on their own clock; None where there is none."""
-        return base_motion.base_acceleration(self.run)
+        """Readings of the accelerometers on the base, on their own clock; None where there is none, or it is fixed."""
+        return None if self.rig.bench.fixed else base_motion.base_acceleration(self.run)
 
     def clock(self, group: str) -> ClockMap:
         """The map of a group's clock onto the encoders': the one that is known, else found in the records.

@@ -48,6 +48,8 @@ from .moving_base_coupling import Coupling, base_motion_loads, base_motion_torqu
 RATE_HZ = 10_000.0
 """Least rate of the simulation; twice that of the fastest logger where that is more: loggers interpolate [Hz]."""
 Point = tuple[float, float, float]
+_IMMOVABLE = 1e9
+"""By how much a fixed base is heavier and stiffer than one that moves: its motion is so much smaller."""
 _SAMPLED = ("time", "position", "velocity", "acceleration")
 
 
@@ -253,6 +255,8 @@ def _dynamics(bench: Bench, loaded: Mechanism, rigid: Trajectory, level: Floats)
     command = drives.command if drives else rigid
     carried = locked_inertia(loaded, command.q[0])
     base = bench.elastic(carried, gravity)
+    if bench.fixed:  # what moves it is nothing to it
+        base = ElasticBase(_IMMOVABLE * base.mass, _IMMOVABLE * base.damping, _IMMOVABLE * base.stiffness)
     coupling = Coupling.of(loaded, command, rotors) if bench.coupling == "moving" else None
     contact = None if bench.contact is None else Contact.of(bench.mounts, base, level, bench.contact.friction)
     return BenchDynamics(loaded, command, rotors, base, carried, gravity, drives, coupling, contact)

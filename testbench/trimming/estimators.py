@@ -54,7 +54,7 @@ T = TypeVar("T")
 BASE_UNKNOWN = (
     "no accelerometer on the base: if the base moves, the forces hold the mechanism's inertia against that motion, "
     "which is taken for shaking force, and the intervals do not hold; record one (in the rig an accelerometer "
-    'attached_to = "base")'
+    'attached_to = "base"), or state that it does not move ([bench] fixed = true)'
 )
 AXIS_UNKNOWN = (
     "the accelerometers on the base leave out {}, along which the mechanism shakes: how the base moves along it is not "
@@ -79,7 +79,7 @@ UNSTATED = (
 )
 STEPS = "what the encoders' resolution leaves open"
 SECOND_ORDER = "all that is of second order in the base's motion (rectangular)"
-_ROUNDS, _SETTLED = 30, 0.05
+_ROUNDS, _SETTLED = 10, 0.05
 """Rounds at most about the values found, and by how much of a standard deviation these still change when settled."""
 _Round = tuple[list[RunEquations], "_Equations", ImbalanceFit]
 """Equations run by run, those of all, and their fit."""
@@ -191,7 +191,7 @@ def by_wrench(problem: TrimProblem) -> SourceEstimate:
     measured, within = equations.widened(found)
     base = "the base's motion taken out." if problem.runs[0].base is not None else "the base taken for still."
     how = f"Forces and model low-passed alike at {cutoff:g} Hz, clocks of the loggers aligned, {base}"
-    doubts = [] if all(run.base is not None for run in problem.runs) else [BASE_UNKNOWN]
+    doubts = [] if all(run.base is not None or run.rig.bench.fixed for run in problem.runs) else [BASE_UNKNOWN]
     shaken = {str(row)[1] for one in every for row in one.record.rows}
     shown = [{column.component for column in run.base.columns} for run in problem.runs if run.base is not None]
     if left_out := " and ".join(sorted(axis for axis in shaken if any(axis not in one for one in shown))):
@@ -203,16 +203,15 @@ def by_wrench(problem: TrimProblem) -> SourceEstimate:
 
 
 def _settled(last: _Round, about: Callable[[Floats], _Round]) -> _Round:
-    """Equations ``about`` the values that they give. Raises AnalysisError where these do not settle."""
+    """Equations ``about`` the values that they give; what the last round changed is in the covariance."""
     for _ in range(_ROUNDS):
         before, last = last[2].imbalance.values, about(last[2].imbalance.values)
         found = last[2].imbalance
-        if (np.abs(found.values - before) <= _SETTLED * np.sqrt(np.diag(found.covariance))).all():
-            return last
-    raise AnalysisError(
-        f"what is missing does not settle in {_ROUNDS} rounds about the values found: the base moves too much with the "
-        "mechanism; give more or gentler runs, or a second accelerometer on the base, or trial masses (--from trials)"
-    )
+        change = found.values - before
+        if (np.abs(change) <= _SETTLED * np.sqrt(np.diag(found.covariance))).all():
+            break
+    whole = replace(found, covariance=found.covariance + np.outer(change, change))
+    return last[0], last[1], replace(last[2], imbalance=whole)
 
 
 def _over_rest(measured: Imbalance, every: Sequence[RunEquations]) -> float:

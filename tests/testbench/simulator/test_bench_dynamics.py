@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
@@ -541,6 +542,15 @@ def test_contact_without_lift_or_slide_is_none():
     heavy = run(benched(mass="1500 kg"), {})
     np.testing.assert_allclose(standing.motion.acceleration, heavy.motion.acceleration, atol=1e-9)
     assert np.abs(fixed.motion.acceleration).max() > np.abs(heavy.motion.acceleration).max()
+
+
+def test_a_fixed_base_does_not_move():
+    """Nor with a mechanism that moves on it; what it is stated to weigh contradicts that."""
+    for bench in (Bench(fixed=True), Bench(fixed=True, coupling="moving", weight=True)):
+        still = run(RIG.model_copy(update={"bench": bench}), {})
+        assert np.abs(still.motion.acceleration).max() < 1e-7
+    with pytest.raises(ValidationError, match=r"fixed: expected a base without mass"):
+        Bench(fixed=True, mass="150 kg")
 
 
 def test_all_of_the_base_rides():

@@ -10,14 +10,15 @@ from balance.balancing import stock_plates
 from balance.balancing.conditions import balance_conditions
 from balance.balancing.sizing import sizing_of_given
 from balance.errors import CounterpoiseError
-from balance.estimation.first_moment_imbalance import Imbalance, Subspace, with_condition_values
+from balance.estimation.first_moment_imbalance import Imbalance, ImbalanceFit, Subspace, with_condition_values
 from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
 from studies import simulated_runs as memory
 from testbench import rig as rigs
 from testbench.cli.trim import _verdict
 from testbench.errors import AnalysisError
+from testbench.rig.bench import Bench
 from testbench.trimming import trim_runs
-from testbench.trimming.estimators import FIXED_WITHIN
+from testbench.trimming.estimators import FIXED_WITHIN, _settled
 from testbench.trimming.missing_masses import _unseen_by_torques
 from testbench.trimming.problem import TrimProblem
 from testbench.trimming.result import Share, Trim, trim_document
@@ -150,6 +151,12 @@ def test_without_the_base_accelerometer(manipulator, triangle):
     found = trim_runs(memory.aligned([linkages.run(arm)], arm, rig), source="wrench")
     assert found.verdict == "doubtful"
     assert "no accelerometer on the base" in found.doubts()[0]
+    with_one = rigs.rig_from_text(linkages.rig_text(arm))
+    for one in (rig, with_one):
+        fixed = one.model_copy(update={"bench": Bench(fixed=True)})
+        known = trim_runs(memory.aligned([linkages.run(arm)], arm, fixed), source="wrench")
+        assert (known.doubts(), known.verdict) == ([], "add")
+        assert known.imbalance.values == pytest.approx(found.imbalance.values, abs=1e-6)  # clocks
 
 
 def without_base_accelerometer(rig):
@@ -386,3 +393,17 @@ def test_what_no_motion_of_a_turntable_shows_by_torque(gravity, unseen):
     model = replace(model, gravity=np.array(gravity))
     found = _unseen_by_torques(SimpleNamespace(mechanism=model, conditions=balance_conditions(model)))
     assert [text.partition(" ")[0] for text in found] == unseen
+
+
+@pytest.mark.parametrize(("away", "widened"), [(3.0, 36.0), (0.0, 0.0)])
+def test_values_that_do_not_settle_widen_the_interval(away, widened):
+    """Rounds that jump to and fro by six: its square is in the covariance, or nothing where they settle."""
+    conditions = balance_conditions(load_mechanism("serial-1r"))
+    every = np.eye(conditions.rank)
+    known = Imbalance(conditions, every[0] * away, every, Subspace.all_values(conditions), every, 0.0)
+
+    def about(values):
+        return [], None, ImbalanceFit(replace(known, values=-values), np.zeros(0), None)
+
+    *_, found = _settled(([], None, ImbalanceFit(known, np.zeros(0), None)), about)
+    assert found.imbalance.covariance == pytest.approx(np.diag([1.0 + widened, 1.0]))
