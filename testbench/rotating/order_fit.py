@@ -4,8 +4,12 @@ The record is weighted by a Hann window, whose side lobes fall off fast, so that
 record) leak little into the order. Tones that do not turn with the rotor are found near the order and fitted with it.
 The residual on the lines near the order, away from order and tones, is the noise of the vector.
 
-Where the speed changes the vector is a polynomial of it, fitted with the orders, and given at one speed. A resonance
-makes a geometric series of its terms: so the next one is known before it is fitted, and taken where it matters.
+Where the speed changes the vector is a polynomial of it, fitted with the orders, and given at one speed. What the
+sensor reads of the rotor is e(t) = exp(i n theta) through a linear system, so the powers are those of the operator
+D = -i d/dt - n w on e, w the speed at which the vector is given: D e = n (speed - w) e, and D^2 e has the change of
+speed too, which a resonance does not follow at once. A resonance makes
+a geometric series of the terms: so the next ones are known before they are fitted, and one is taken where what they do
+to the vector matters.
 """
 
 from collections.abc import Iterator
@@ -26,10 +30,16 @@ MAIN_LOBE = 2.0
 """Half width of the main lobe of an order or a tone [lines]."""
 _LEAST_LINES, _MOST_LINES = 4, 24
 """Limits of the lines used for noise on each side; else half the way to the next order."""
+_APART = 1.25
+"""Least distance of a tone from the order, at which a fit still tells them apart [lines]."""
 _REFINED = 2
 """Gauss-Newton iterations on the frequency of a tone."""
 MOST_TERMS = 4
 """Highest power of the speed."""
+_AHEAD = 2
+"""Powers looked at beyond the fitted ones: of even or odd ones one may do nothing."""
+_FAST = 0.05
+"""Changes of speed a radian of turning above which a resonance may not follow: a period of 20 turns."""
 _NEGLIGIBLE = 0.3
 """Size of a term over the standard deviation of the vector below which it is left out."""
 SEEN = 3.7
@@ -54,11 +64,11 @@ class OrderFit:
     tones: tuple[float, ...]
     """Periods per record of the tones that were fitted."""
     powers: NDArray[np.complex128]
-    """Coefficients of the first and higher powers of the shift of speed, (terms,) [unit]."""
+    """Coefficients of the first and higher powers of the shift, (terms,) [unit]."""
     spread: Floats
     """Covariance of the real, as of the imaginary parts of ``powers``, (terms, terms) [unit^2]."""
     left: float
-    """Size of the first power that is left out, where it matters [unit]."""
+    """What the powers that are left out do to the vector, where it matters [unit]."""
 
 
 @dataclass
@@ -83,29 +93,29 @@ def fit_orders(
     Orders up to ``orders`` are fitted together. ``stepped`` [rad] is the jump of the order's phase where pulses move by
     one sample: it causes lines near the order of up to half its size, so weaker tones are left to the noise.
     ``jitter`` [rad] is the standard deviation of its phase at single pulses by that: few lines, or lines between which
-    such errors repeat, may show less of it. ``shift`` (n,) [-] is the speed less that at which the vector is given, at
-    most 1; None where it is steady.
+    such errors repeat, may show less of it. ``shift`` (m,) [-] is the speed over that at which the vector is given,
+    less one, on even steps of the angle over the turns; None where it is steady.
     """
-    record = _Record(values, angle, order, orders, shift)
+    record = _Record(values, angle, turns, order, orders, shift)
     lines = int(np.clip(turns // 2, _LEAST_LINES, _MOST_LINES))
     near = int(np.clip(turns // 4, _LEAST_LINES, _MOST_LINES))
     tones: list[_Tone] = []
     while True:
-        solved, normal, spread = record.solve(tones)
+        solved, normal, spread, ahead = record.solve(tones)
         nearby = record.neighbourhood(solved, tones)
         size = float(np.hypot(solved[order], solved[orders + order]))
         least = 0.5 * record.window.sum() * 0.5 * stepped * size
         found = _tone(nearby, lines, order * turns, tones, least) if len(tones) < _MOST_TONES else None
-        if found is not None:
-            tones.append(_Tone(found))
-            record.refine(tones)
+        if found is not None and (refined := record.refined([*tones, _Tone(found)], order * turns)):
+            tones = refined
             continue
         value, powers = complex(solved[order], solved[orders + order]), record.powers(solved)
         noise, spare = _noise(nearby * np.exp(-1j * np.angle(value)), near, order * turns, tones, record.terms)
-        inverse, real = np.linalg.inv(normal), 1 + 2 * orders + 2 * np.arange(record.terms)
+        inverse, real = np.linalg.inv(normal), len(solved) - 2 * record.terms + 2 * np.arange(record.terms)
         shape = inverse @ spread @ inverse * 2.0 / record.power
-        scatter = float(noise.max()) * shape[np.ix_(real, real)]
-        left = _next_power(size, np.abs(powers), np.sqrt(np.diag(scatter)))
+        scale = record.scale[: record.terms]
+        scatter = float(noise.max()) * shape[np.ix_(real, real)] / np.outer(scale, scale)
+        left = float(np.abs(ahead) @ _next_powers(size, np.abs(powers), np.sqrt(np.diag(scatter))))
         left *= left > _NEGLIGIBLE * float(noise.max() * shape[order, order]) ** 0.5
         if not left or record.terms == MOST_TERMS:
             break
@@ -130,64 +140,87 @@ def _turned_phase(noise: Floats, angle: float, shape: Floats) -> Floats:
 class _Record:
     """A record with its window and the regressor of the fit, in chunks."""
 
-    def __init__(self, values: Floats, angle: Floats, order: int, orders: int, shift: Floats | None) -> None:
+    def __init__(
+        self, values: Floats, angle: Floats, turns: int, order: int, orders: int, shift: Floats | None
+    ) -> None:
         self.values, self.angle, self.order, self.orders = values, angle, order, orders
-        self.shift, self.terms = shift, 0 if shift is None else 1
         self.share = (np.arange(len(values)) + 0.5) / len(values)
         self.window = np.sin(np.pi * self.share) ** 2
         self.power = float((self.window**2).sum())
+        self.terms, self.scale = 0, np.ones(0)
+        if shift is not None:
+            self.grid = np.linspace(0.0, turns, len(shift))
+            by = [np.ones(len(shift), dtype=complex)]
+            for _ in range(MOST_TERMS + _AHEAD):  # D (m e) = (shift m - i (1 + shift) dm/dtheta / n) e
+                by.append(shift * by[-1] - 1j * (1.0 + shift) * np.gradient(by[-1], self.grid) / (2 * np.pi * order))
+            self.scale = np.array([np.sqrt(np.mean(np.abs(m) ** 2)) for m in by[1:]])
+            self.by = [m / scale for m, scale in zip(by[1:], self.scale, strict=True)]
+            self.terms = 2 if self.scale[1] > _FAST * self.scale[0] else 1
 
     def _chunks(self, tones: list[_Tone]) -> Iterator[tuple[slice, Floats]]:
-        """Columns: 1; cos, then -sin of the orders; both by each power of the shift; cos, sin of each tone and its
-        derivative by frequency.
+        """Columns: 1; cos, then -sin of the orders; cos, sin of each tone and its derivative by frequency; cos, -sin of
+        the order by each power of the shift that is fitted, and of those ahead.
         """
         for begin in range(0, len(self.values), _CHUNK):
             part = slice(begin, begin + _CHUNK)
             turned = np.exp(2j * np.pi * self.angle[part, None])
             powers = np.cumprod(np.broadcast_to(turned, (len(turned), self.orders)), axis=1)
             columns = [np.ones((len(turned), 1)), powers.real, -powers.imag]
-            if self.shift is not None:
-                by = self.shift[part, None] ** np.arange(1, self.terms + 1) * powers[:, [self.order - 1]]
-                columns.append(np.stack([by.real, -by.imag], axis=2).reshape(len(by), -1))
             for tone in tones:
                 phi = 2.0 * np.pi * tone.line * self.share[part]
                 c, s = np.cos(phi), np.sin(phi)
                 change = 2.0 * np.pi * (self.share[part] - 0.5) * (tone.sin * c - tone.cos * s)
                 columns.append(np.stack([c, s, change], axis=1))
+            for m in self.by[: self.terms + _AHEAD] if self.terms else ():
+                by = np.interp(self.angle[part], self.grid, m) * powers[:, self.order - 1]
+                columns.append(np.stack([by.real, -by.imag], axis=1))
             yield part, np.hstack(columns)
 
-    def solve(self, tones: list[_Tone]) -> tuple[Floats, Floats, Floats]:
-        """Coefficients (p,), and the products of the columns weighted by the window and by its square, (p, p)."""
-        first = 1 + 2 * self.orders + 2 * self.terms
-        count = first + 3 * len(tones)
-        normal, spread, target = np.zeros((count, count)), np.zeros((count, count)), np.zeros(count)
+    def solve(self, tones: list[_Tone]) -> tuple[Floats, Floats, Floats, NDArray[np.complex128]]:
+        """Coefficients (p,), the products of the columns weighted by the window and by its square, (p, p), and what one
+        unit of each of the powers ahead does to the vector, (ahead,) [-].
+        """
+        first, ahead = 1 + 2 * self.orders, 2 * _AHEAD * (self.terms > 0)
+        kept = first + 3 * len(tones) + 2 * self.terms
+        normal, spread, target = (np.zeros((kept + ahead, n)) for n in (kept + ahead, kept + ahead, 1))
         for part, columns in self._chunks(tones):
             weighted = columns * self.window[part, None]
             normal += columns.T @ weighted
             spread += weighted.T @ weighted
-            target += weighted.T @ self.values[part]
+            target += weighted.T @ self.values[part, None]
         for k, tone in enumerate(tones):
             if not tone.cos and not tone.sin:  # the derivative of a tone of amplitude zero is zero
                 last = first + 3 * k + 2
                 normal[last, last] = 1.0
-        return np.linalg.solve(normal, target), normal, spread
+        found = np.linalg.solve(normal[:kept, :kept], np.hstack([target, normal[:, kept:]])[:kept])
+        moved = (found[self.order] + 1j * found[self.orders + self.order])[1::2] * self.scale[self.terms :][
+            : ahead // 2
+        ]
+        return found[:, 0], normal[:kept, :kept], spread[:kept, :kept], moved
 
-    def refine(self, tones: list[_Tone]) -> None:
-        """Frequency and amplitude of the tones by Gauss-Newton iterations."""
+    def refined(self, tones: list[_Tone], order: float) -> list[_Tone] | None:
+        """The tones, their frequency and amplitude by Gauss-Newton iterations; None where one ends so near to the
+        ``order`` [lines] or to another tone that a fit does not tell them apart.
+        """
         for _ in range(_REFINED + 1):
             solved, *_ = self.solve(tones)
-            for tone, (c, s, moved) in zip(tones, solved[-3 * len(tones) :].reshape(-1, 3), strict=True):
-                tone.line += float(np.clip(moved, -0.5, 0.5))
-                tone.cos, tone.sin = float(c), float(s)
+            each = solved[1 + 2 * self.orders :][: 3 * len(tones)].reshape(-1, 3)
+            lines = [tone.line + float(np.clip(m, -0.5, 0.5)) for tone, m in zip(tones, each[:, 2], strict=True)]
+            near = np.diff(sorted(lines)).min(initial=np.inf) < 1.0
+            if near or min(abs(line - order) for line in lines) < _APART:
+                return None
+            tones = [_Tone(line, float(c), float(s)) for line, (c, s, _) in zip(lines, each, strict=True)]
+        return tones
 
     def powers(self, solved: Floats) -> NDArray[np.complex128]:
         """Coefficients of the powers of the shift, (terms,) [unit]."""
-        pairs = solved[1 + 2 * self.orders :][: 2 * self.terms].reshape(-1, 2)
-        return np.asarray(pairs @ [1.0, 1.0j])
+        return (
+            np.asarray(solved[len(solved) - 2 * self.terms :].reshape(-1, 2) @ [1.0, 1.0j]) / self.scale[: self.terms]
+        )
 
     def _explained(self, solved: Floats, tones: list[_Tone]) -> Floats:
         """What the coefficients (p,) make of the record, (n,) [unit]."""
-        return np.concatenate([columns @ solved for _, columns in self._chunks(tones)])
+        return np.concatenate([columns[:, : len(solved)] @ solved for _, columns in self._chunks(tones)])
 
     def rounding(self, solved: Floats, tones: list[_Tone]) -> float:
         """Variance of each part of the vector by the steps of the readings [unit^2]; zero where noise is their dither.
@@ -214,13 +247,18 @@ class _Record:
         return np.asarray(np.add.reduceat(turned, edges))
 
 
-def _next_power(size: float, powers: Floats, deviation: Floats) -> float:
-    """Size of the power after ``powers`` (terms,) of the geometric series of ``size`` and the first, or of the last."""
-    if not len(powers) or not size:
-        return 0.0
+def _next_powers(size: float, powers: Floats, deviation: Floats) -> Floats:
+    """Sizes of the powers after ``powers`` (terms,), (ahead,): of a geometric series with the last that is seen, else
+    with the first, which a resonance that does not follow the speed makes small.
+    """
+    count = len(powers)
+    if not count or not size:
+        return np.zeros(_AHEAD * min(1, count))
     ratio = float(powers[0]) / size
-    surely = max(0.0, float(powers[-1] - SEEN * deviation[-1])) if len(powers) > 1 else 0.0
-    return float(max(size * ratio ** (len(powers) + 1), surely * ratio))
+    last, sure = size * ratio**count, float(powers[-1] - SEEN * deviation[-1])
+    if count > 1 and sure > 0.0:
+        last, ratio = sure, max((sure / size) ** (1.0 / count), sure / float(powers[-2] + SEEN * deviation[-2]))
+    return np.asarray(last * ratio ** np.arange(1, _AHEAD + 1))
 
 
 def _tone(nearby: NDArray[np.complex128], lines: int, order: int, tones: list[_Tone], least: float) -> float | None:
@@ -231,7 +269,7 @@ def _tone(nearby: NDArray[np.complex128], lines: int, order: int, tones: list[_T
     fine = 4
     power = np.abs(np.fft.fft(nearby, fine * len(nearby))) ** 2
     at = np.arange(-fine * lines, fine * lines + 1)
-    at = at[(np.abs(at) >= fine * 1.25) & (order + at / fine > 0.5)]
+    at = at[(np.abs(at) >= fine * _APART) & (order + at / fine > 0.5)]
     at = at[[all(abs(order + k / fine - tone.line) > 1.0 for tone in tones) for k in at]]
     if not len(at):
         return None

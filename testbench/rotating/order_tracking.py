@@ -35,7 +35,7 @@ NO_SENSOR = "no vibration in a unit of length, velocity or acceleration; if it i
 _ROUNDING = 1e-9
 """Angle that counts as rounding [deg]."""
 _COARSE = 0.01
-"""Share of an order's amplitude that rounding of the pulses takes, from which a finding says so."""
+"""Share of an order's amplitude that rounding of the pulses, or powers left out, take, from which a finding says so."""
 _BY_SPEED = 4.0
 """Relative change of a vector by that of the speed, where the record does not show it: 2 by the force of unbalance,
 twice that below a resonance at 1.4 times the speed.
@@ -210,7 +210,8 @@ class Vectors(Shown, rows="rows", figure="testbench.figures.rotating:draw_vector
         if not vector.is_described:
             yield (
                 f"it changes so much with the speed that powers up to {MOST_TERMS} do not describe it, as near a "
-                "resonance: its interval is widened; cut out a part of less change"
+                "resonance, or by a speed that hunts faster than a resonance follows: its interval is widened; give it "
+                "at the mean speed, or cut out a part of less change"
             )
 
     def _off_the_speed(self) -> tuple[str, ...]:
@@ -447,16 +448,14 @@ def order_vector(
     stepped = 2.0 * np.pi * order * turns.speed * turns.resolution if turns.steep else 0.0
     jitter = 2.0 * np.pi * order * turns.speed * turns.rounding
     shrunk, shrunk_within = turns.shrinking(order)
-    given_at, speeds, shift = speed or turns.speed, turns.speeds(time[inside]), None
-    at, off = turns.off_range(given_at)
-    if speeds is not None:
-        lowest, highest = turns.speed_range
-        shift = (speeds - at) / max(at - lowest, highest - at)
+    at, off = turns.off_range(speed or turns.speed)
+    shift = None if turns.speeds is None else turns.speeds / at - 1.0
     angle = turns.angle(time[inside])
     found = fit_orders(values[inside], angle, turns.count, order, orders, stepped, jitter, shift)
     value, reach = found.value / shrunk, coverage_factor(found.degrees_of_freedom)
     u = np.array([value.real, value.imag]) / abs(value) if value else np.array([1.0, 0.0])
     along, across = (reach * float(np.sqrt(x @ found.covariance @ x)) for x in (u, np.array([-u[1], u[0]])))
+    is_described = found.left < max(along, _COARSE * abs(value))
     elsewhere = float(np.hypot(found.left, _BY_SPEED * off * abs(value)))
     along, across = (float(np.hypot(one, elsewhere)) for one in (along, across))
     along = float(np.hypot(along, coverage_factor() * abs(value) * shrunk_within))
@@ -484,7 +483,7 @@ def order_vector(
         abs(value) ** 2 / 2.0 / power if power else 0.0,
         tuple(tone / turns.count * turns.speed for tone in found.tones),
         ends,
-        found.left < along,
+        is_described,
     )
 
 

@@ -134,8 +134,12 @@ _IN_STEP = 0.1
 """Common timing error of steep pulses [samples] above which the sampling counts as synchronous."""
 _OFFSETS, _A_TURN = 16, 20
 """Places of the samples within a step, for which pulses are rounded anew, and samples that suffice of a turn."""
+_SMOOTH = 5
+"""Degree of the pieces of the smooth motion: its speed has as many derivatives as powers of it are fitted."""
 _TURNS_A_PIECE = 2
 """Least turns of a piece of the smooth motion."""
+_STEPS_A_TURN = 16
+"""At which the speed of the smooth motion is given."""
 _ROUNDED = 0.31
 """Scatter of instants about a smooth motion [steps] that steps alone explain: 12^-0.5, and a little."""
 _EXACT = 1e-3
@@ -232,7 +236,7 @@ class Turns:
         from scipy.interpolate import make_lsq_spline
 
         number, found, most = np.arange(len(self.pulses), dtype=float), [], max(1, self.count // _TURNS_A_PIECE)
-        for degree, pieces in [(1, 1), *((_DEGREE, most >> k) for k in reversed(range(most.bit_length())))]:
+        for degree, pieces in [(1, 1), *((_SMOOTH, most >> k) for k in reversed(range(most.bit_length())))]:
             inner = np.linspace(0.0, self.count, pieces + 1)
             knots = np.r_[[0.0] * degree, inner, [self.count] * degree]
             # the default, "qr", takes time by turns times pieces
@@ -251,18 +255,19 @@ class Turns:
         left = max(0.0, scatter**2 - (_ROUNDED**2 if self.steep else 0.0)) ** 0.5
         return 2.0 * 2.0**0.5 * left * self.resolution * self.speed  # a sine's range, by instants that are independent
 
-    def speeds(self, time: Floats) -> Floats | None:
-        """Speed at ``time`` (n,) [s] of the smooth motion, (n,) [turns/s]; None where it is steady."""
+    @cached_property
+    def speeds(self) -> Floats | None:
+        """Speed of the smooth motion on even steps of the angle, (n,) [turns/s]; None where it is steady."""
         motion, _ = self._motion
         if motion.k == 1:
             return None
-        found: Floats = 1.0 / motion.derivative()(self.angle(time))
+        found: Floats = 1.0 / motion.derivative()(np.linspace(0.0, self.count, _STEPS_A_TURN * self.count + 1))
         return found
 
-    @cached_property
+    @property
     def speed_range(self) -> tuple[float, float]:
         """Lowest and highest speed of the smooth motion [turns/s]."""
-        found = self.speeds(np.linspace(self.pulses[0], self.pulses[-1], 16 * self.count + 1))
+        found = self.speeds
         return (self.speed, self.speed) if found is None else (float(found.min()), float(found.max()))
 
     def off_range(self, speed: float) -> tuple[float, float]:
