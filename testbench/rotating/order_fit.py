@@ -214,9 +214,8 @@ class _Record:
 
     def powers(self, solved: Floats) -> NDArray[np.complex128]:
         """Coefficients of the powers of the shift, (terms,) [unit]."""
-        return (
-            np.asarray(solved[len(solved) - 2 * self.terms :].reshape(-1, 2) @ [1.0, 1.0j]) / self.scale[: self.terms]
-        )
+        pairs = solved[len(solved) - 2 * self.terms :].reshape(-1, 2)
+        return np.asarray(pairs @ [1.0, 1.0j] / self.scale[: self.terms], dtype=np.complex128)
 
     def _explained(self, solved: Floats, tones: list[_Tone]) -> Floats:
         """What the coefficients (p,) make of the record, (n,) [unit]."""
