@@ -344,7 +344,7 @@ def vectors(
     unit = in_si.channels[index].unit
     if unit and _dimension(unit, ["angle"]):
         pulse, mark = encoder_mark(factor_to_si(unit, "angle") * _finite(read, in_si, index))
-    turns = steady_turns(where, time, pulse, mark.level, mark.falling, within, mark.doubt)
+    turns = steady_turns(where, time, pulse, mark.level, mark.falling, within, mark.doubt, mark.in_step)
     asked = speed if isinstance(speed, str) else "" if speed is None else f"{rpm(speed):.10g} rpm"
     if asked and abs(turns.speed / turns_a_second(asked) - 1.0) > within:
         raise AnalysisError(

@@ -146,6 +146,8 @@ _EXACT = 1e-3
 """The same where pulses are interpolated between samples."""
 _ODD = 3
 """Increments of an encoder at either end that may be of lost samples."""
+_ALIKE = 1e-6
+"""Share by which increments of one value may differ, by rounding."""
 _STEEP = 0.3
 """Share of the swing within one sample above which the crossing cannot be interpolated."""
 
@@ -162,16 +164,13 @@ class Turns:
     """Half the 95 % interval of a timing error common to all pulses [s]."""
     steep: bool = False
     """Whether pulses rise within a sample, so that their instants between two samples are unknown."""
+    is_synchronous: bool = False
+    """Whether the sampling is synchronous with the rotor, so that timing errors do not average out."""
 
     @property
     def timing_normal_within(self) -> float:
         """Half the 95 % interval of a normal error of the same standard deviation, for sums of errors [s]."""
         return self.timing * (_UNIFORM if self.steep else 1.0)
-
-    @property
-    def is_synchronous(self) -> bool:
-        """Whether the sampling is synchronous with the rotor, so that timing errors do not average out."""
-        return self.steep and self.timing > _IN_STEP * self.resolution
 
     @property
     def count(self) -> int:
@@ -296,17 +295,26 @@ class Mark:
     falling: bool = False
     doubt: float = 0.0
     """Standard deviation of the angle of the rotor at the mark [rad], beside what the record shows."""
+    in_step: bool = False
+    """Whether an encoder is sampled in step with the rotor, so that its counts are not seen."""
 
 
 def encoder_mark(angle: Floats) -> tuple[Floats, Mark]:
     """An encoder's ``angle`` (n,) [rad], counting on or back at zero, as signal (n,) of a tachometer: its sine.
 
     A count reads its lower end in either sense, so the angle is half a count more in the mean; that half is in doubt.
+    Increments of one value are those of sampling in step: a count is at most the increment, and all of it is in doubt,
+    for readings may be off alike by any part of it.
     """
     turned = np.unwrap(angle)
     sense = 1.0 if turned[-1] > turned[0] else -1.0
-    count = float(np.diff(np.sort(np.diff(turned))[_ODD:-_ODD]).max(initial=0.0))  # increments differ by whole counts
-    return np.sin(sense * (turned + 0.5 * count)), Mark(0.0, doubt=count / 12.0**0.5)
+    steps = np.sort(np.diff(turned))[_ODD:-_ODD]
+    in_step = len(steps) > 0 and float(np.ptp(steps)) < _ALIKE * abs(float(steps[0]))
+    # increments differ by whole counts
+    count = abs(float(steps[0])) if in_step else float(np.diff(steps).max(initial=0.0))
+    return np.sin(sense * (turned + 0.5 * count)), Mark(
+        0.0, doubt=count / (3.0 if in_step else 12.0) ** 0.5, in_step=in_step
+    )
 
 
 def tacho_pulses(time: Floats, signal: Floats, level: float | None = None, falling: bool = False) -> Floats:
@@ -345,11 +353,18 @@ def _crossings(time: Floats, signal: Floats, level: float, falling: bool) -> Flo
 
 
 def steady_turns(
-    name: str, time: Floats, signal: Floats, level: float | None, falling: bool, within: float, doubt: float = 0.0
+    name: str,
+    time: Floats,
+    signal: Floats,
+    level: float | None,
+    falling: bool,
+    within: float,
+    doubt: float = 0.0,
+    in_step: bool = False,
 ) -> Turns:
     """Turns of a record at steady speed: ``signal`` (n,) [unit of ``level``] at ``time`` (n,) [s].
 
-    ``doubt`` is the standard deviation of the angle at the mark [rad].
+    ``doubt`` is the standard deviation of the angle at the mark [rad], ``in_step`` whether an encoder is sampled so.
 
     Raises AnalysisError for a signal without pulses, too few turns, lost or spurious pulses, a speed that changes by
     more than ``within`` of its mean.
@@ -376,7 +391,9 @@ def steady_turns(
         )
     turns = _timed(time, signal, found, half_swing(time, signal, falling)[1] if guessed else 0.0)
     turns = replace(
-        turns, timing=float(np.hypot(turns.timing, coverage_factor() * doubt / (2.0 * np.pi * turns.speed)))
+        turns,
+        timing=float(np.hypot(turns.timing, coverage_factor() * doubt / (2.0 * np.pi * turns.speed))),
+        is_synchronous=turns.is_synchronous or in_step,
     )
     if turns.change > within:
         raise AnalysisError(
@@ -395,7 +412,7 @@ def _timed(time: Floats, signal: Floats, found: Floats, level_error: float) -> T
     if rise <= _STEEP * float(np.ptp(signal)):
         return Turns(found, step, coverage_factor() * level_error / rise * step)
     later, within = common_timing_error(time[after - 1], time[after], found)
-    return Turns(found + later, step, within, steep=True)
+    return Turns(found + later, step, within, steep=True, is_synchronous=within > _IN_STEP * step)
 
 
 def _count(gaps: list[Gap]) -> str:

@@ -356,7 +356,8 @@ def test_a_speed_that_changes_from_turn_to_turn_is_named(period: float, named: b
     """A change of 3 % by turns; over 20 turns the smooth motion follows it."""
     number = np.arange(301)
     pulses = (number + 0.015 * period / (2 * np.pi) * np.sin(2 * np.pi * number / period)) / 30.0
-    assert any("from turn to turn" in text for text in Vectors(1, Turns(pulses, 1e-4), ()).findings()) == named
+    turns = Turns(pulses, 1e-4)
+    assert any("from turn to turn" in text for text in Vectors(1, turns, ()).findings()) == named
 
 
 def test_a_speed_that_the_run_never_had_widens_and_says_so() -> None:
@@ -387,6 +388,19 @@ def test_an_encoder_is_a_tachometer(counts: int, wrapped: bool, sense: float, re
     vector = order_vector("A", "acceleration", signal, turns, time, 1, 8)
     assert abs(np.angle(vector.value / complex(response(turns.speed)))) < vector.phase_within
     assert vector.phase_within < np.radians(0.1 + (1.2 * 180.0 / counts if counts else 0.0))
+
+
+@pytest.mark.parametrize(
+    ("counts", "samples", "named"), [(64, 16, True), (64, 32, True), (64, 64, True), (16, 8.3, False)]
+)
+@pytest.mark.parametrize("reads", [np.floor, np.round])
+def test_an_encoder_sampled_in_step(counts: int, samples: float, named: bool, reads: np.ufunc) -> None:
+    """Its counts are not seen: the mark, 0.37 turns off the first sample, is off by up to an increment, and named."""
+    time = np.arange(int(60 * samples)) / samples
+    pulse, mark = encoder_mark(reads((time + 0.37) * counts) / counts * 2 * np.pi)
+    turns = steady_turns("run", time, pulse, mark.level, mark.falling, 0.05, mark.doubt, mark.in_step)
+    assert abs(np.mean((turns.pulses + 0.37 + 0.5) % 1.0) - 0.5) < turns.timing < 1.2 / min(counts, samples)
+    assert any("the sampling is synchronous" in text for text in Vectors(1, turns, ()).findings()) == named
 
 
 def test_lost_samples_of_an_encoder_are_no_count() -> None:
