@@ -240,8 +240,9 @@ class Turns:
             knots = np.r_[[0.0] * degree, inner, [self.count] * degree]
             # the default, "qr", takes time by turns times pieces
             spline = make_lsq_spline(number, self.pulses, knots, degree, method="norm-eq")
-            scatter = float(np.std(self.pulses - spline(number))) / self.resolution
-            found.append((scatter / (1.0 - (degree + pieces) / len(number)), scatter, spline))
+            free = 1.0 - (degree + pieces) / len(number)
+            scatter = float(np.std(self.pulses - spline(number))) / self.resolution / free**0.5
+            found.append((scatter / free**0.5, scatter, spline))
             if scatter < (_ROUNDED if self.steep and degree == 1 else _EXACT):
                 return spline, scatter
         _, scatter, spline = min(found, key=lambda one: one[0])
@@ -252,7 +253,7 @@ class Turns:
         """Change of speed from turn to turn, of its mean [-], that neither the smooth motion nor steps explain."""
         _, scatter = self._motion
         left = max(0.0, scatter**2 - (_ROUNDED**2 if self.steep else 0.0)) ** 0.5
-        return 2.0 * 2.0**0.5 * left * self.resolution * self.speed  # a sine's range, by instants that are independent
+        return 4.0 * left * self.resolution * self.speed  # a sine's range, of turns between independent instants
 
     @cached_property
     def speeds(self) -> Floats | None:

@@ -358,6 +358,7 @@ def test_a_speed_that_changes_from_turn_to_turn_is_named(period: float, named: b
     pulses = (number + 0.015 * period / (2 * np.pi) * np.sin(2 * np.pi * number / period)) / 30.0
     turns = Turns(pulses, 1e-4)
     assert any("from turn to turn" in text for text in Vectors(1, turns, ()).findings()) == named
+    assert not named or turns.unfollowed == pytest.approx(np.ptp(1.0 / np.diff(pulses)) / turns.speed, rel=0.2)
 
 
 def test_a_speed_that_the_run_never_had_widens_and_says_so() -> None:
