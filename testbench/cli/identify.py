@@ -44,7 +44,7 @@ def print_result(result: "Identification") -> None:
             "wrong by as much as the torques read wrong; it takes runs that differ by a mass that is known."
         )
     say(verdict)
-    for text in scale_texts(result):
+    for text in (*scale_texts(result), *result.inseparable.values()):
         say(text)
     about = f"{result.mechanism.name} from {', '.join(result.runs)} (origin {result.origin})"
     if len(result.runs) > 1:

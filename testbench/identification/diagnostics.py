@@ -202,6 +202,7 @@ def identification_document(result: Identification) -> dict[str, Any]:
         "doubt_codes": [doubt.code for doubt in result.all_doubts],
         "by": result.by,
         "left_out": list(result.notes),
+        "inseparable": list(result.inseparable.values()),
     }
     return dict(plain(found))
 

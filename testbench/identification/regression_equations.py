@@ -23,6 +23,7 @@ from balance.dynamics.regressor import (
     joint_friction_regressor,
     wrench_regressor,
 )
+from balance.estimation.identifiability import Identifiability, identifiability
 from balance.estimation.regression import RegressionFit, RegressionRecord, equal_blocks, fit
 from balance.mechanism.mechanism import Mechanism
 from balance.motion import Samples
@@ -103,6 +104,15 @@ class RecordEquations:
         columns[:, :, self.first_offsets] = 0.0
         columns[:, range(rows), self.offsets] = 1.0
         return columns
+
+    @cached_property
+    def by_any_motion(self) -> Identifiability:
+        """What these drives and sensors determine at random states; of loops at the record's, by random rates."""
+        rng, shape = np.random.default_rng(0), self.motion.q.shape
+        q = self.motion.q if self.mechanism.loops else rng.uniform(-np.pi, np.pi, shape)
+        motion = Rates(q, *rng.normal(0.0, 3.0, (2, *shape)))
+        path = path_of(self.record, self.mechanism, motion, self.path)
+        return identifiability(self.regressor(motion, path), self.names)
 
     def friction(self, law: Law, motion: Rates) -> Floats:
         """What a law of friction makes of the rows at one [N m, N, per speed or its square], (samples, rows)."""

@@ -328,6 +328,18 @@ class Identification(Shown, rows="values", figure="testbench.figures.estimates:d
         """The balance conditions whose left-hand sides the record does not determine."""
         return [text for text, row in self._conditions if not self._observable(row)]
 
+    @cached_property
+    def inseparable(self) -> dict[str, str]:
+        """Those of them that no motion with these drives and sensors determines, and what is to say of each."""
+        found, seen = {}, self.choice.equations.parts[0].by_any_motion
+        for text, row in self._conditions:
+            if not self._observable(row) and not seen.is_identifiable(row):
+                with_it = [k for k in range(seen.rank) if np.any(seen.combinations[k] * row)]
+                beside = [name for k in with_it for name in seen.coefficients(k) if not row[seen.names.index(name)]]
+                told = f"separates {text} from {', '.join(dict.fromkeys(beside))}" if beside else f"shows {text}"
+                found[text] = f"No motion with these drives and sensors {told}: use the combinations that are listed."
+        return found
+
     def counter_masses(self) -> list[CounterMassValue]:
         """Counter-masses at the sites named counter... that would balance the mechanism.
 
@@ -413,8 +425,8 @@ class Identification(Shown, rows="values", figure="testbench.figures.estimates:d
         if abs(chosen.delay) > LONGEST_DELAY_S - 0.5 * self.choice.equations.records[0].grid.step:
             text = f"the delay of the torques, {chosen.delay * 1e3:.3g} ms, is at the end of what is tried"
             found.append(Doubt("delay", text))
-        undetermined = self.undetermined_moments()
-        found += [Doubt("not_determined", f"{text} is not determined by this record") for text in undetermined]
+        lacking = [text for text in self.undetermined_moments() if text not in self.inseparable]
+        found += [Doubt("not_determined", f"{text} is not determined by this record") for text in lacking]
         moments = self.first_moments()
         largest = max((abs(value.value) for value in moments), default=0.0)
         widths = [(value.name, float(np.ptp(value.interval)) / 2.0) for value in moments]

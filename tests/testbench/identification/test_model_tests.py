@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from balance.mechanism.mjcf_parser import load_mechanism
+from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
 from studies.joint_records import Maker
 from testbench.cli.identify import print_result
 from testbench.identification import JointRecord, identify
@@ -107,6 +107,47 @@ def test_the_form_of_friction(extra, law, amount, size):
         one = result.value({name: 1.0})
         assert one.interval[0] <= value <= one.interval[1], name
         assert one.value == pytest.approx(value, rel=0.015 if name in dict(known[:3]) else 0.1)
+
+
+SLIDE = """<mujoco model="slide"><compiler angle="radian"/><worldbody><body name="carriage">
+<joint name="S" type="slide" axis="0.8 0 0.6"/><inertial pos="0 0 0" mass="3" diaginertia="0.01 0.01 0.01"/>
+<body name="arm"><joint name="R" type="hinge" axis="0 -1 0"/><inertial pos="0.1 0 0" mass="2" diaginertia="0.1 0.1 0.1"/>
+</body></body></worldbody><actuator><motor name="MS" joint="S"/><motor name="MR" joint="R"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize("more", [0.0, 0.8])
+def test_what_no_motion_separates_is_no_doubt(more, capsys):
+    """An arm on an inclined slide: its mass and the armature are one; torques of Lagrange by hand, `more` Stribeck."""
+    time, rng = np.arange(0.0, 8.0, 0.005), np.random.default_rng(3)
+    sizes = np.array([[0.05, 0.03, 0.015], [0.5, 0.25, 0.1]])
+    omegas = np.array([[2.2, 5.1, 9.7], [1.7, 4.3, 8.1]])
+    angle = omegas * time[:, None, None] + rng.uniform(0.0, 6.0, (2, 3))
+    waves = (sizes * np.sin(angle), sizes * omegas * np.cos(angle), -sizes * omegas**2 * np.sin(angle))
+    q, v, a = (np.sum(one, 2) for one in waves)
+    mass, moment, inertia, weight = 5.2, 0.3, 0.065, 9.81
+    along, across = (moment * (0.6 * np.cos(q[:, 1]) - 0.8 * np.sin(q[:, 1])), moment * np.cos(q[:, 1]))
+    centrifugal = moment * (0.6 * np.sin(q[:, 1]) + 0.8 * np.cos(q[:, 1])) * v[:, 1] ** 2
+    slide = mass * (a[:, 0] + 0.6 * weight) + along * a[:, 1] - centrifugal
+    torque = np.column_stack([slide, inertia * a[:, 1] + along * a[:, 0] + weight * across])
+    dry, sizes = np.array([6.0, 0.28]), np.array([0.06, 0.35])
+    torque += dry * np.sign(v) * (1.0 + more * np.exp(-((v / sizes) ** 2))) + [9.0, 0.1] * v
+    torque += rng.normal(0.0, [0.25, 0.012], torque.shape)
+    step = np.array([5e-6, 1.5e-4])
+    record = JointRecord("run", "simulated", Grid(0.0, 0.005, len(time)), np.rint(q / step) * step, torque)
+    result = identify([record], mechanism_from_text(SLIDE, "slide"), others=False)
+    print_result(result)
+    assert result.verdict == "usable up to a torque scale"
+    assert "separates m[carriage] + m[arm] from offset[S], armature[S]" in capsys.readouterr().out
+    assert [test.law.kind for test in result.friction] == ["low_speed"] * (2 if more else 0)
+    assert len(result.other_friction) == len(result.friction)
+    for names, value in [
+        ({"m[carriage]": 1.0, "m[arm]": 1.0, "armature[S]": 1.0}, mass),
+        ({"mcx[arm]": 1.0}, moment),
+        ({"Iyy[arm]": 1.0, "armature[R]": 1.0}, inertia),
+        ({"coulomb[S]": 1.0}, 6.0),
+        ({"coulomb[R]": 1.0}, 0.28),
+    ]:
+        assert result.value(names).value == pytest.approx(value, rel=0.02), names
 
 
 def test_a_brake_is_a_stall():

@@ -74,6 +74,17 @@ def test_rest_is_left_out():
     assert REST_SPEED == 0.1
 
 
+def test_what_any_motion_determines():
+    """Of an arm as much as a rich record; more than one whose joints make up for each other's turn."""
+    record = arms.record(ARM)
+    q = record.q[:, :1] * [1.0, -1.0]
+    ranks = []
+    for one in (record, replace(record, q=q)):
+        (part,) = regression_equations([one], ARM, 5.0).parts
+        ranks += [identifiability(part.whole, part.names).rank, part.by_any_motion.rank]
+    assert ranks[0] == ranks[1] == ranks[3] > ranks[2]
+
+
 def test_stretches_are_long_enough_and_within_a_record():
     """Stretches last at least as asked, and none holds samples of two records."""
     evidence = regression_equations([arms.record(ARM, seed=s) for s in (0, 1)], ARM, 5.0)
