@@ -136,28 +136,31 @@ def potential(mechanism: Mechanism, q: Floats) -> Floats:
     return -first_moment(mechanism, q) @ mechanism.gravity
 
 
-def joint_friction_regressor(joints: Sequence[str], v: Floats, a: Floats) -> tuple[Floats, tuple[str, ...]]:
+def joint_friction_regressor(
+    joints: Sequence[str], v: Floats, a: Floats, turns: Floats | float = COULOMB_SPEED
+) -> tuple[Floats, tuple[str, ...]]:
     """W (n, joints, 4 joints) of the JOINT_TERMS of each joint, and their names, such as ``coulomb[J1]``.
 
     tau = ... + coulomb sign(v) + viscous v + offset + armature a, with the joints' rates ``v`` and ``a`` (n, joints)
-    [rad/s, m/s; rad/s2, m/s2]. ``W @ terms`` is in [N m, N].
+    [rad/s, m/s; rad/s2, m/s2]. ``W @ terms`` is in [N m, N]. Dry friction turns over the speeds ``turns`` (joints,).
     """
     count, size = v.shape
     columns = np.zeros((count, size, size, len(JOINT_TERMS)))
     diagonal = np.arange(size)
-    terms = np.stack([np.tanh(v / COULOMB_SPEED), v, np.ones_like(v), a], axis=2)
+    terms = np.stack([np.tanh(v / turns), v, np.ones_like(v), a], axis=2)
     columns[:, diagonal, diagonal] = terms
     names = tuple(f"{term}[{joint}]" for joint in joints for term in JOINT_TERMS)
     return columns.reshape(count, size, -1), names
 
 
-def friction_law(law: str, size: float, v: Floats, step: float) -> Floats:
+def friction_law(law: str, size: float, v: Floats, step: float, turns: float = COULOMB_SPEED) -> Floats:
     """What one of the FRICTION_LAWS makes at one N m of it, (n,), of a joint's speed ``v`` (n,) every ``step`` [s].
 
     ``low_speed``: sign(v) exp(-(v / size)^2); ``hysteresis``: what dry friction lacks until the joint has gone some
-    ``size`` after it turned (Dahl); ``quadratic``: v |v|, ``directional``: |v| [N m s2, N m s].
+    ``size`` after it turned (Dahl); ``quadratic``: v |v|, ``directional``: |v| [N m s2, N m s]. The sign
+    turns over the speed ``turns`` [rad/s, m/s].
     """
-    sign, speed = np.tanh(v / COULOMB_SPEED), np.abs(v)
+    sign, speed = np.tanh(v / turns), np.abs(v)
     if law == "low_speed":
         return np.asarray(sign * np.exp(-((v / size) ** 2)))
     if law == "hysteresis":

@@ -29,7 +29,7 @@ from balance.results import Key
 
 from ..errors import AnalysisError
 from ..kinematics.gaps import gap_reach
-from ..kinematics.smoothing_and_derivatives import ALMOST, HIGHEST_CUTOFF
+from ..kinematics.smoothing_and_derivatives import ALMOST, DRY_PART, HIGHEST_CUTOFF
 from .estimators import NAMES, Method, Methods, NotSimulated, allowed
 from .records import LONGEST_DELAY_S, JointRecord
 from .regression_equations import POSITION_BANDWIDTH, RecordEquations, RegressionEquations, regression_equations
@@ -324,7 +324,7 @@ def _windows(
 
     def inverse(q: Floats, v: Floats, a: Floats) -> Floats:
         """Torques (k n, nv) of k n states, each of n with its own parameters."""
-        terms, _ = joint_friction_regressor(mechanism.driven, v, a)
+        terms, _ = joint_friction_regressor(mechanism.driven, v, a, DRY_PART * part.rest)
         columns = np.concatenate([torque_regressor(mechanism, q, v, a), terms], axis=2)
         return np.einsum("njp,np->nj", columns, np.tile(used, (len(q) // len(used), 1)))
 

@@ -91,7 +91,7 @@ def evidence(result: Identification) -> dict[str, Any]:
         "friction_of_file": file_friction,
         "without_delay": without_delay,
         "file_rms_ratio_below_cutoff": dict(zip(result.rows, left.tolist(), strict=True)),
-        "torque_scale_between_joints": {f"{joints[k]} / {joints[0]}": _shown(one) for k, one in scales.items()},
+        "torque_scale_between_joints": {f"{joints[k]} / {joints[0]}": one and _shown(one) for k, one in scales.items()},
         "scale_of_all": _scale_of_all(result),
         "torque_scales": {name: _shown(one) for name, one in result.tests.scales.each.items()},
         "radii_of_gyration_squared_m2": {
@@ -137,8 +137,8 @@ def _fit(
     return {"fit": name, "first_moments_kgm": moments, "rms_ratio_below_cutoff": shares}
 
 
-def _scale_between(equations: RegressionEquations, base: Floats, rows: Floats, joint: int) -> Estimate:
-    """Scale of a joint's torque against the first joint's, for those that share a body.
+def _scale_between(equations: RegressionEquations, base: Floats, rows: Floats, joint: int) -> Estimate | None:
+    """Scale of a joint's torque against the first joint's; None where no body makes both, as a lift's along gravity.
 
     Gauss-Newton on tau_k = s W_k pi: columns s W_k, and W_k pi for the change of s.
     """
@@ -153,7 +153,8 @@ def _scale_between(equations: RegressionEquations, base: Floats, rows: Floats, j
         scale += step
         if abs(step) < _SETTLED:
             break
-    return replace(found.estimate(np.eye(len(found.values))[-1]), values=np.array([scale]))
+    last = np.eye(len(found.values))[-1]
+    return replace(found.estimate(last), values=np.array([scale])) if found.determines(last) else None
 
 
 def identification_document(result: Identification) -> dict[str, Any]:

@@ -30,15 +30,13 @@ from balance.motion import Samples
 
 from ..errors import AnalysisError
 from ..kinematics.gaps import gap_reach
-from ..kinematics.smoothing_and_derivatives import ALMOST, Rates, low_pass
+from ..kinematics.smoothing_and_derivatives import ALMOST, DRY_PART, Rates, low_pass, rest_speeds
 from .records import JointRecord, Law
 
 POSITION_BANDWIDTH = 2.0
 """Cut-off for the positions, in cut-offs of the comparison."""
 NEARBY = 1e-5
 """Of differences [rad, m, and their rates]."""
-REST_SPEED = 0.1
-"""A joint slower than this is at rest, where dry friction may balance any torque: it says nothing [rad/s, m/s]."""
 
 
 def path_of(record: JointRecord, mechanism: Mechanism, motion: Rates, near: Trajectory | None = None) -> Trajectory:
@@ -66,10 +64,12 @@ class RecordEquations:
     """Of the driven joints, positions smoothed, over the whole record."""
     path: Trajectory
     """Of all joints along it."""
+    rest: Floats
+    """Speeds of the driven joints below which they rest in any of the records, (joints) [rad/s, m/s]."""
 
     @classmethod
     def of(
-        cls, records: Sequence[JointRecord], run: int, mechanism: Mechanism, cutoff: float, motion: Rates
+        cls, records: Sequence[JointRecord], run: int, mechanism: Mechanism, cutoff: float, motion: Rates, rest: Floats
     ) -> "RecordEquations":
         """Of the motion of one of the ``records``' driven joints. Raises ClosureError where loops cannot be closed."""
         record = records[run]
@@ -80,7 +80,7 @@ class RecordEquations:
         first = tuple(names.index(f"offset[{row}]") for row in rows)
         own = tuple(len(names) + (run - 1) * len(rows) + k for k in range(len(rows))) if run else first
         names += [f"offset[{row}, {further.name}]" for further in records[1:] for row in rows]
-        return cls(record, mechanism, cutoff, tuple(names), own, first, motion, path)
+        return cls(record, mechanism, cutoff, tuple(names), own, first, motion, path, rest)
 
     @cached_property
     def whole(self) -> Floats:
@@ -93,7 +93,7 @@ class RecordEquations:
         bodies, rows = len(mechanism.pi), len(self.offsets)
         columns = np.zeros((len(path.q), rows, len(self.names)))
         if joints:
-            terms = joint_friction_regressor(mechanism.driven, motion.v, motion.a)[0]
+            terms = joint_friction_regressor(mechanism.driven, motion.v, motion.a, DRY_PART * self.rest)[0]
             columns[:, :joints, :bodies] = driven_torque_regressor(mechanism, path.q, path.v, path.a, path.per_drive)
             columns[:, :joints, bodies : bodies + terms.shape[2]] = terms
         if loads is not None:
@@ -118,7 +118,8 @@ class RecordEquations:
         """What a law of friction makes of the rows at one [N m, N, per speed or its square], (samples, rows)."""
         made, joint = np.zeros((len(motion.v), len(self.offsets))), self.mechanism.driven.index(law.joint)
         sizes = law.size * np.exp([NEARBY, -NEARBY]) if law.by_size else [law.size]
-        at = [friction_law(law.kind, size, motion.v[:, joint], self.record.grid.step) for size in sizes]
+        v, step, turns = motion.v[:, joint], self.record.grid.step, DRY_PART * float(self.rest[joint])
+        at = [friction_law(law.kind, size, v, step, turns) for size in sizes]
         made[:, joint] = (at[0] - at[1]) / (2.0 * NEARBY) if law.by_size else at[0]
         return made
 
@@ -137,7 +138,7 @@ class RecordEquations:
         from scipy.ndimage import maximum_filter1d
 
         reach = 2 * int(self.record.grid.rate / ALMOST / self.cutoff / 2) + 1
-        moves = (maximum_filter1d(np.abs(self.motion.v), reach, axis=0) > REST_SPEED).astype(float)
+        moves = (maximum_filter1d(np.abs(self.motion.v), reach, axis=0) > self.rest).astype(float)
         joints = self.record.torque.shape[1]
         forces = np.repeat(moves.max(axis=1, keepdims=True), self.whole.shape[1] - joints, axis=1)
         return np.concatenate([moves[:, :joints], forces], axis=1) * self.valid
@@ -297,18 +298,25 @@ def regression_equations(records: Sequence[JointRecord], mechanism: Mechanism, c
     Raises ClosureError where its loops cannot be closed at the recorded positions, AnalysisError if a joint rests.
     """
     bandwidth = POSITION_BANDWIDTH * cutoff
-    each = enumerate(records)
-    parts = (RecordEquations.of(records, k, mechanism, cutoff, r.rates(bandwidth)) for k, r in each)
-    found = RegressionEquations(tuple(parts))
+    found = _equations(records, mechanism, cutoff, bandwidth, [record.rates(bandwidth) for record in records])
     for joint, moving in zip(mechanism.driven, found.moving.T, strict=False):
         if not moving.any():
             lost = "".join(f"; {text}" for text in found.left_out)
-            unit = "m/s" if mechanism.drive_unit(joint) == "N" else "rad/s"
             raise AnalysisError(
-                f"{', '.join(r.name for r in records)}: joint {joint!r} never moves faster than {REST_SPEED} {unit}: "
+                f"{', '.join(r.name for r in records)}: joint {joint!r} never moves but for noise of its readings: "
                 f"expected a record in which every driven joint moves{lost}"
             )
     return found
+
+
+def _equations(
+    records: Sequence[JointRecord], mechanism: Mechanism, cutoff: float, bandwidth: float, motions: Sequence[Rates]
+) -> RegressionEquations:
+    turning = [mechanism.drive_unit(joint) != "N" for joint in mechanism.driven]
+    pairs = [(record.q, motion.v) for record, motion in zip(records, motions, strict=True)]
+    rest = rest_speeds(pairs, bandwidth, turning)
+    each = enumerate(motions)
+    return RegressionEquations(tuple(RecordEquations.of(records, k, mechanism, cutoff, m, rest) for k, m in each))
 
 
 def one_sided(records: Sequence[JointRecord], mechanism: Mechanism, cutoff: float) -> RegressionEquations:
@@ -316,6 +324,5 @@ def one_sided(records: Sequence[JointRecord], mechanism: Mechanism, cutoff: floa
 
     The weight then moves with the whole motion and the torque with what the low-pass leaves of it. For comparison.
     """
-    rates = (replace(record.rates(cutoff), q=record.q) for record in records)
-    parts = (RecordEquations.of(records, k, mechanism, cutoff, motion) for k, motion in enumerate(rates))
-    return RegressionEquations(tuple(parts))
+    rates = [replace(record.rates(cutoff), q=record.q) for record in records]
+    return _equations(records, mechanism, cutoff, cutoff, rates)

@@ -28,7 +28,7 @@ from balance.estimation.estimate import (
 from balance.estimation.first_moment_imbalance import masses_per_value
 from balance.estimation.identifiability import NotIdentifiable
 from balance.mechanism.mechanism import Mechanism
-from balance.results import Key, Shown
+from balance.results import Key, Shown, first_of
 
 from ..errors import AnalysisError
 from ..loads.shaking_wrench import COMPONENTS
@@ -336,7 +336,7 @@ class Identification(Shown, rows="values", figure="testbench.figures.estimates:d
             if not self._observable(row) and not seen.is_identifiable(row):
                 with_it = [k for k in range(seen.rank) if np.any(seen.combinations[k] * row)]
                 beside = [name for k in with_it for name in seen.coefficients(k) if not row[seen.names.index(name)]]
-                told = f"separates {text} from {', '.join(dict.fromkeys(beside))}" if beside else f"shows {text}"
+                told = f"separates {text} from {first_of(dict.fromkeys(beside), 4)}" if beside else f"shows {text}"
                 found[text] = f"No motion with these drives and sensors {told}: use the combinations that are listed."
         return found
 

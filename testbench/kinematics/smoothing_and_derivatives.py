@@ -6,6 +6,7 @@ Derivatives are those of a spline of fifth degree through the smoothed samples; 
 small at a tenth of the sampling rate.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -23,6 +24,12 @@ _EVEN = 1e-6
 """Share of the longest step by which steps of an even clock may differ: its step is then their mean."""
 HIGHEST_CUTOFF = 0.4
 """Of a low-pass, as a part of the sampling rate."""
+REST_PART, REST_SPEED = 0.05, 0.1
+"""Of a joint's top speed, below which it rests; the largest for what turns [rad/s]."""
+DRY_PART = 0.05
+"""Of the speed below which a joint rests, over which dry friction turns: as good as its sign."""
+READING_SIGMA, STEP_SPEED = 6.0, 2.5
+"""Deviations of a reading's noise that count as a step; what a low-passed step is slower than, in cut-offs (2.04)."""
 ALMOST = 1.0 - 1e-9
 """Factor on what is compared with a rate, so that the rounding of a clock's steps does not decide."""
 
@@ -133,6 +140,24 @@ def smoothed_derivatives(position: Floats, cutoff: float, rate: float) -> Rates:
     smooth, instants = low_pass(position, cutoff, rate), np.arange(len(position)) / rate
     spline = make_interp_spline(instants, smooth, 5)
     return Rates(smooth, np.asarray(spline.derivative(1)(instants)), np.asarray(spline.derivative(2)(instants)))
+
+
+def rest_speeds(records: Sequence[tuple[Floats, Floats]], bandwidth: float, turning: Sequence[bool]) -> Floats:
+    """Speeds below which joints rest, where dry friction may balance any torque, (joints,) [rad/s, m/s].
+
+    A part of a joint's top speed, at least what steps and noise of its readings make; of what turns REST_SPEED at most.
+    ``records`` are readings and speeds (n, joints) each, the positions smoothed below a ``bandwidth`` [Hz].
+    """
+    found = np.full(len(turning), 1e-12)
+    for readings, speeds in records:
+        noise = READING_SIGMA * np.sqrt(np.mean(np.diff(readings, 3, axis=0) ** 2, axis=0) / 20.0)
+        for k, values in enumerate(readings.T):
+            steps = np.diff(np.unique(values))
+            step = steps[steps > 1e-9 * np.ptp(values)].min(initial=np.inf) if len(steps) else 0.0
+            found[k] = max(
+                found[k], REST_PART * np.abs(speeds[:, k]).max(), STEP_SPEED * bandwidth * max(step, noise[k])
+            )
+    return np.minimum(found, np.where(turning, REST_SPEED, np.inf))
 
 
 def noise_gain(cutoff: float, rate: float) -> float:

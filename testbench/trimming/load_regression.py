@@ -30,6 +30,7 @@ from balance.estimation.first_moment_imbalance import condition_columns, with_co
 from ..errors import AnalysisError
 from ..kinematics.base_motion import BaseRates, coriolis_force
 from ..kinematics.gaps import ValidSamples, true_segments
+from ..kinematics.smoothing_and_derivatives import DRY_PART, rest_speeds
 from ..loads.shaking_wrench import COMPONENTS, NOTHING, MeasuredLoads, measured_loads
 from ..rig import Column
 from ..rig.sensors import Torque
@@ -169,8 +170,6 @@ TORQUE_CUTOFF_HZ = 20.0
 """Of torques and columns alike: gravity speaks below, and above the encoders' steps are taken for inertia."""
 TORQUE_POSITION_BANDWIDTH = 4.0
 """Cut-off of the positions, in cut-offs of the torques: inertia of many N m must be known to a thousandth."""
-REST_SPEED = 0.1
-"""A joint slower than this is at rest, where dry friction may hold any torque: it says nothing [rad/s, m/s]."""
 
 
 def torque_regression(run: AlignedRun, conditions: Conditions, cutoff: float) -> RunEquations:
@@ -185,35 +184,39 @@ def torque_regression(run: AlignedRun, conditions: Conditions, cutoff: float) ->
     refuse_no_motion(valid, path)
     torque = run.channels(channels)
     places = [model.coordinate_index(joint) for joint in model.driven]
-    speed = path.v[:, places]
-    if not (np.abs(speed) > REST_SPEED).any():
-        raise AnalysisError(
-            f"{run.name}: no motion: no driven joint is faster than {REST_SPEED:g} rad/s or m/s, so that its torque is "
-            "friction alone"
-        )
-    terms, _ = joint_friction_regressor(model.driven, speed, path.a[:, places])
-    joints = len(places)
-    friction = terms.reshape(len(terms), joints, joints, 4)[..., [0, 1, 3]].reshape(len(terms), joints, -1)
     seen = [column.component for column in run.encoders]
     if sorted(seen) != sorted(model.driven):
         raise AnalysisError(
             f"{run.name}: encoders on {', '.join(seen)}, motors on {', '.join(model.driven)}: expected the same joints"
         )
+    speed = path.v[:, places]
+    readings = run.channels([run.encoders[seen.index(joint)] for joint in model.driven])
+    turning = [model.drive_unit(joint) != "N" for joint in model.driven]
+    rest = rest_speeds([(readings, speed)], bandwidth, turning)
+    moving = np.abs(speed) > rest
+    if not moving.any():
+        raise AnalysisError(
+            f"{run.name}: no motion: every driven joint rests, but for steps and noise of its readings, so that its "
+            "torque is friction alone"
+        )
+    terms, _ = joint_friction_regressor(model.driven, speed, path.a[:, places], DRY_PART * rest)
+    joints = len(places)
+    friction = terms.reshape(len(terms), joints, joints, 4)[..., [0, 1, 3]].reshape(len(terms), joints, -1)
     rates = path.per_drive[:, :, [seen.index(joint) for joint in model.driven]]
     bodies = driven_torque_regressor(model, path.q, path.v, path.a, rates)
     whole = np.concatenate(
         [bodies @ parameter_basis(conditions), friction, torque[:, :, None], valid.rates(torque)[:, :, None]], axis=2
     )
     used = run.motion_span(bandwidth, MARGIN_PERIODS / cutoff)
-    moving = (np.abs(speed) > REST_SPEED)[:, :, None]
-    smooth = (valid.low_pass(whole, cutoff) * moving)[used]
-    counts = (moving * valid.kept[:, None, None])[used]
+    moves = moving[:, :, None]
+    smooth = (valid.low_pass(whole, cutoff) * moves)[used]
+    counts = (moves * valid.kept[:, None, None])[used]
     return RunEquations.of(
         valid,
         cutoff,
         smooth[:, :, :-2],
         smooth[:, :, -2],
-        np.concatenate([offset_and_drift(valid.kept[used], joints) * moving[used], smooth[:, :, -1:]], axis=2),
+        np.concatenate([offset_and_drift(valid.kept[used], joints) * moves[used], smooth[:, :, -1:]], axis=2),
         counts[:, :, 0].astype(float),
         motion_name(run),
         model.driven,

@@ -9,7 +9,8 @@ from balance.estimation.base_parameters import base_parameters
 from balance.estimation.identifiability import identifiability
 from balance.estimation.regression import RegressionRecord
 from balance.mechanism.mjcf_parser import load_mechanism
-from testbench.identification.regression_equations import REST_SPEED, one_sided, regression_equations
+from testbench.identification.regression_equations import one_sided, regression_equations
+from testbench.kinematics.smoothing_and_derivatives import rest_speeds, smoothed_derivatives
 
 from . import arms
 
@@ -71,7 +72,30 @@ def test_rest_is_left_out():
     at_rest = evidence.time > 3.0 + 0.5
     assert not evidence.moving[at_rest].any()
     assert evidence.moving[evidence.time < 2.5].mean() > 0.9
-    assert REST_SPEED == 0.1
+
+
+@pytest.mark.parametrize(
+    ("scale", "slower", "turning", "rest"),
+    [
+        (1.0, 1.0, True, 0.1),
+        (1.0, 1.0, False, 0.2),
+        (0.01, 1.0, False, 0.002),
+        (10.0, 7.0, False, 2.0 / 7.0),
+        (0.0, 1.0, False, 0.0),
+    ],
+)
+def test_rest_scales(scale, slower, turning, rest):
+    """With lengths and time, up to 0.1 rad/s; a joint that toggles between two readings rests, whatever its size."""
+    time = np.arange(0.0, 10.0, 0.005) * slower
+    speed = 4.0 * scale / slower * np.cos(2.0 * time / slower)
+    readings = np.rint(2.0 * scale * np.sin(2.0 * time / slower) / (1e-4 * scale or 1.0)) * (1e-4 * scale)
+    still = 1e-4 * (time // (0.5 * slower) % 2)
+    sway = smoothed_derivatives(still[:, None], 10.0 / slower, 200.0 / slower).v
+    found = rest_speeds(
+        [(np.column_stack([readings, still]), np.column_stack([speed, sway]))], 10.0 / slower, [turning, False]
+    )
+    assert found[0] == pytest.approx(rest, rel=1e-6, abs=1e-9)
+    assert np.abs(sway).max() < found[1]
 
 
 def test_what_any_motion_determines():
