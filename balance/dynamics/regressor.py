@@ -23,12 +23,12 @@ COULOMB_SPEED = 0.005
 JOINT_TERMS = ("coulomb", "viscous", "offset", "armature")
 """Dry friction [N m], viscous friction [N m s], offset [N m], inertia of the drive [kg m2]; for slides in [N] ..."""
 FRICTION_LAWS: dict[str, tuple[float, ...]] = {
-    "low_speed": (0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5, 0.8),
-    "hysteresis": (0.003, 0.01, 0.03, 0.1),
-    "quadratic": (1.0,),
-    "directional": (1.0,),
+    "low_speed": (0.01, 0.017, 0.025, 0.035, 0.05, 0.07, 0.1, 0.17, 0.3),
+    "hysteresis": (0.0015, 0.005, 0.015, 0.05),
+    "quadratic": (),
+    "directional": (),
 }
-"""Friction beyond Coulomb + viscous, and the speeds [rad/s, m/s] or ways [rad, m] over which it fades."""
+"""Friction beyond Coulomb + viscous, and the parts of a joint's top speed, or of its travel, over which it fades."""
 
 
 def momentum_regressor(mechanism: Mechanism, q: Floats, v: Floats) -> Floats:

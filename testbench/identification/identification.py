@@ -77,8 +77,7 @@ def identify(
         return found
     laws = tuple(term for test in found.tests.friction if test.law is not None for term in test.law.terms)
     again = identify([replace(record, laws=laws) for record in records], mechanism, method, others=others)
-    again = replace(again, friction=tuple(found.tests.friction))
-    return found if again.doubts and found.doubts else again
+    return replace(found if again.doubts and found.doubts else again, friction=tuple(found.tests.friction))
 
 
 def _one_sided(

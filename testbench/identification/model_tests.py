@@ -69,10 +69,10 @@ CAUSES: dict[Cause, tuple[float, str]] = {
 its columns that explains most, or the one of a scale: what explains less says nothing."""
 ROUNDING = 1e-12
 """Part of the squares of the rows that is rounding: what is left of records without noise proves nothing."""
-MOST_LAWS = 2
-"""Of friction of a joint."""
-SIZE_STEPS, LARGEST_STEP = 5, 0.4
-"""Of the logarithm of a law's size: how many, and the largest."""
+MOST_LAWS, LEAST_FRICTION = 2, 0.001
+"""Of friction of a joint; part of its torque that smoothed speeds may distort where dry friction turns."""
+SIZE_STEPS, LARGEST_STEP, BELOW_SIZES, LARGEST_SIZE = 8, 0.4, 0.3, 1.0
+"""Of the logarithm of a law's size: how many, and the largest; its ends: in the least of FRICTION_LAWS; as a part."""
 OVERSAMPLING = 8.0
 """Samples of low-passed equations kept for each period of the cut-off."""
 WINDOW_S, WINDOW_BLOCKS = 1.0, 6
@@ -137,6 +137,8 @@ class FreeTest:
 
     law: Law | None = None
     """Of friction, which it found."""
+    at_end: bool = False
+    """Whether the size of the law is at an end of what is tried."""
 
     @property
     def doubts(self) -> list[Doubt]:
@@ -203,20 +205,26 @@ class ModelTests:
     def friction(self) -> list[FreeTest]:
         """Laws of friction beyond the equations', one of a kind, MOST_LAWS a joint; by chance FALSE_ALARM each."""
         found: list[FreeTest] = []
+        laws: list[Law] = []
         for place, joint in enumerate(self.joints):
-            laws = [Law(joint, kind, size) for kind, sizes in FRICTION_LAWS.items() for size in sizes]
-            columns = self._friction(laws)
-            known = columns[:, :, :0]
+            sizes = {
+                kind: [part * self._extent(joint, kind) for part in parts] for kind, parts in FRICTION_LAWS.items()
+            }
+            tried = [Law(joint, kind, size) for kind, own in sizes.items() for size in own or (1.0,)]
+            columns = self._friction(tried)
             for _ in range(MOST_LAWS):
-                test = self._explained(place, "friction", known, columns, laws)
-                if test.probability >= FALSE_ALARM or test.law is None:
+                test = self._explained(place, "friction", self._friction(_terms(laws)), columns, tried)
+                if test.probability >= FALSE_ALARM or test.share < LEAST_FRICTION or test.law is None:
                     break
-                law = self._sized(test.law, known)
-                found.append(replace(test, law=law))
-                known = np.concatenate([known, self._friction(law.terms)], axis=2)
-                other = [k for k, one in enumerate(laws) if one.kind != law.kind]
-                columns, laws = columns[:, :, other], [laws[k] for k in other]
-        return found
+                found.append(test)
+                laws = self._sized([*laws, test.law])
+                other = [k for k, one in enumerate(tried) if one.kind != test.law.kind]
+                columns, tried = columns[:, :, other], [tried[k] for k in other]
+        ends = [law.has_size and law.size in self._ends(law) for law in laws]
+        return [
+            replace(test, law=law._replace(size=float(f"{law.size:.3g}")), at_end=end)
+            for test, law, end in zip(found, laws, ends, strict=True)
+        ]
 
     def _friction(self, laws: Sequence[Law]) -> Floats:
         """Low-passed columns of laws of friction, (n, joints, laws)."""
@@ -224,18 +232,35 @@ class ModelTests:
         def of(part: RecordEquations) -> Floats:
             return part.low_passed(np.stack([part.friction(law, part.motion) for law in laws], axis=2))
 
-        return self.equations.joined(of)[:, : len(self.joints)]
+        joints = len(self.joints)
+        return self.equations.joined(of)[:, :joints] if laws else self._base[:, :joints, :0]
 
-    def _sized(self, law: Law, known: Floats) -> Law:
-        """With the size of least squares, by Gauss-Newton steps within the tried ones, beside ``known`` columns."""
-        joints, sizes = len(self.joints), FRICTION_LAWS[law.kind]
+    def _extent(self, joint: str, kind: str) -> float:
+        """Top speed of a joint [rad/s, m/s], for hysteresis its travel [rad, m]."""
+        k = self.mechanism.driven.index(joint)
+        if kind == "hysteresis":
+            return max(float(np.ptp(part.motion.q[:, k])) for part in self.equations.parts)
+        return max(float(np.abs(part.motion.v[:, k]).max()) for part in self.equations.parts)
+
+    def _ends(self, law: Law) -> tuple[float, float]:
+        """Least and largest size of a law that is tried [rad/s, rad, m/s, m]."""
+        extent = self._extent(law.joint, law.kind)
+        return BELOW_SIZES * min(FRICTION_LAWS[law.kind]) * extent, LARGEST_SIZE * extent
+
+    def _sized(self, laws: list[Law]) -> list[Law]:
+        """With the sizes of least squares, by Gauss-Newton steps of all at once up to the ends of what is tried."""
+        joints = len(self.joints)
         used = self.equations.moving[:, :joints]
-        for _ in range(SIZE_STEPS if law.terms[1:] else 0):
-            columns = np.concatenate([self._base[:, :joints], known, self._friction(law.terms)], axis=2)
-            amount, slope = self.equations.fitted(columns, self._rows[:, :joints], used).values[-2:]
-            step = float(np.clip(slope / amount, -LARGEST_STEP, LARGEST_STEP))
-            law = law._replace(size=float(np.clip(law.size * np.exp(step), min(sizes), max(sizes))))
-        return law._replace(size=float(f"{law.size:.3g}"))
+        for _ in range(SIZE_STEPS if any(law.has_size for law in laws) else 0):
+            terms = _terms(laws)
+            columns = np.concatenate([self._base[:, :joints], self._friction(terms)], axis=2)
+            values = self.equations.fitted(columns, self._rows[:, :joints], used).values[-len(terms) :]
+            found = dict(zip(terms, values, strict=True))
+            for k, law in enumerate(laws):
+                if law.has_size:
+                    step = float(np.clip(found[law.terms[1]] / found[law], -LARGEST_STEP, LARGEST_STEP))
+                    laws[k] = law._replace(size=float(np.clip(law.size * np.exp(step), *self._ends(law))))
+        return laws
 
     @cached_property
     def motion(self) -> MotionTest | None:
@@ -537,6 +562,10 @@ def law_terms(q: Floats, v: Floats, joint: int) -> Floats:
         terms += [(2.4, np.sin(q[:, other])), (2.4, np.cos(q[:, other])), (2.4, angle**2), (2.4, rate**2)]
         terms += [(2.4, one * two) for one in (angle, rate) for two in (own, speed)]
     return np.stack([values for _, values in sorted(terms, key=lambda term: term[0])], axis=1)
+
+
+def _terms(laws: Sequence[Law]) -> list[Law]:
+    return [term for law in laws for term in law.terms]
 
 
 def _directions(columns: Floats) -> Floats:

@@ -55,13 +55,18 @@ class Law(NamedTuple):
     @property
     def name(self) -> str:
         """Of its parameter."""
-        fades = f", {self.size:g}" if self.terms[1:] else ""
-        return f"{self.kind}{'_size' * self.by_size}[{self.joint}{fades}]"
+        fades = f", {self.size:g}" if self.has_size else ""
+        return f"{self.kind}{'_slope' * self.by_size}[{self.joint}{fades}]"
+
+    @property
+    def has_size(self) -> bool:
+        """Whether it fades over a size."""
+        return bool(FRICTION_LAWS[self.kind])
 
     @property
     def terms(self) -> tuple["Law", ...]:
         """Itself and, where it fades over a size, its derivative."""
-        return (self,) if len(FRICTION_LAWS[self.kind]) == 1 else (self, self._replace(by_size=True))
+        return (self, self._replace(by_size=True)) if self.has_size else (self,)
 
 
 @dataclass(frozen=True)

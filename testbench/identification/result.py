@@ -54,16 +54,16 @@ if TYPE_CHECKING:
 _TERM_UNITS = {
     "coulomb": ("N", "N m"), "viscous": ("N s/m", "N m s"), "offset": ("N", "N m"), "armature": ("kg", "kg m^2"),
     "low_speed": ("N", "N m"), "hysteresis": ("N", "N m"), "quadratic": ("N s^2/m^2", "N m s^2"),
-    "low_speed_size": ("N", "N m"), "hysteresis_size": ("N", "N m"), "directional": ("N s/m", "N m s"),
+    "low_speed_slope": ("N", "N m"), "hysteresis_slope": ("N", "N m"), "directional": ("N s/m", "N m s"),
 }  # fmt: skip
 """Of the terms of a joint that slides, and of one that turns."""
 _FRICTION = {
-    "low_speed": "at low speed, below {}/s (Stribeck)",
-    "hysteresis": "after the joint turned, for {} (hysteresis; at the turn twice that)",
-    "quadratic": "with the square of the speed",
-    "directional": "with the speed, in its positive direction, and as much the other way in the negative one",
+    "low_speed": ("at low speed (Stribeck)", ", below {}/s"),
+    "hysteresis": ("after the joint turned (hysteresis; at the turn twice that)", ", for {}"),
+    "quadratic": ("with the square of the speed", ""),
+    "directional": ("with the speed, in its positive direction, and as much the other way in the negative one", ""),
 }
-"""Where the laws of friction add to it."""
+"""Where the laws of friction add to it, and their size."""
 FRICTION_FINDING = "other_friction"
 SCALE = "torque scale"
 """How the variants begin that the interval of the torques' scale makes."""
@@ -206,7 +206,7 @@ class Identification(Shown, rows="values", figure="testbench.figures.estimates:d
     validation: "Validation | None" = None
     """How well it predicts separate runs."""
     friction: tuple[FreeTest, ...] = ()
-    """The tests by which friction is more than Coulomb + viscous: laws that are among the parameters."""
+    """The tests by which friction is more than Coulomb + viscous; their laws are parameters unless all is doubtful."""
 
     @property
     def values(self) -> "list[Value]":
@@ -289,24 +289,37 @@ class Identification(Shown, rows="values", figure="testbench.figures.estimates:d
 
     @cached_property
     def other_friction(self) -> list[str]:
-        """What friction is beyond Coulomb + viscous, where the interval excludes zero."""
+        """What friction is beyond Coulomb + viscous, and what of it is determined."""
         texts = []
-        for law in (test.law for test in self.friction if test.law is not None):
+        for test in self.friction:
+            if (law := test.law) is None:
+                continue
+            joint, (where, fades) = law.joint, _FRICTION[law.kind]
+            lacking = f"coulomb[{joint}] and viscous[{joint}] are not determined"
             try:
                 one, *slope = (self.value({term.name: 1.0}) for term in law.terms)
-            except NotIdentifiable:
-                continue
-            low, high = sorted(map(abs, one.interval))
-            if one.interval[0] * one.interval[1] > 0.0:
-                way = "rad" if self.mechanism.tree.joints[self.mechanism.coordinate_index(law.joint)].revolute else "m"
-                ends = [law.size * np.exp(end / one.value) for change in slope for end in change.interval]
-                size = " to ".join(f"{end:.2g}" for end in sorted(ends)) + f" {way}"
-                texts.append(
-                    f"friction of {law.joint} is not Coulomb + viscous: {abs(one.value):.2g} [{low:.2g}, {high:.2g}] "
-                    f"{one.unit} {'more' if one.value > 0.0 else 'less'} {_FRICTION[law.kind].format(size)}; it is "
-                    f"found together with the bodies, as {', '.join(term.name for term in law.terms)}: first moments "
-                    "and inertias are not affected, coulomb and viscous are the rest of the friction"
+            except DataError:  # no parameter, or not told from others
+                text = (
+                    f"it may be other {where}, which explains {test.share:.1%} of the torque (by chance "
+                    f"{test.probability:.1g}); left out, as the record is doubtful with it too, so {lacking}; what is "
+                    f"found about {joint} may be this friction, or the other way round"
                 )
+            else:
+                apart, (low, high) = "first moments and inertias are not affected", sorted(map(abs, one.interval))
+                way = "rad" if self.mechanism.tree.joints[self.mechanism.coordinate_index(joint)].revolute else "m"
+                ends = [law.size * np.exp(end / one.value) for change in slope for end in change.interval]
+                size = fades.format(" to ".join(f"{end:.2g}" for end in sorted(ends)) + f" {way}")
+                text = (
+                    f"{abs(one.value):.3g} [{low:.3g}, {high:.3g}] {one.unit} {'more' if one.value > 0.0 else 'less'} "
+                    f"{where}{size}; it is found together with the bodies, as "
+                    f"{', '.join(term.name for term in law.terms)}: {apart}, coulomb and viscous are the rest of the "
+                    "friction"
+                )
+                if test.at_end:
+                    text = f"it is other {where}, its size is at the end of what is tried: {lacking}, {apart}"
+                elif one.interval[0] * one.interval[1] <= 0.0:
+                    text = f"it may be other {where}, its size is not determined by this record: {apart}"
+            texts.append(f"friction of {joint} is not Coulomb + viscous: {text}")
         return texts
 
     def parameters(self) -> list[tuple[str, Value | None]]:

@@ -78,6 +78,7 @@ def dahl(speed: np.ndarray, step: float, way: float) -> np.ndarray:
     [
         (lambda v: 0.0 * v, None, 0.0, 1.0),
         (lambda v: 0.3 * np.exp(-((v / 0.25) ** 2)) * np.sign(v), "low_speed", 0.3, 0.25),
+        (lambda v: 0.3 * np.exp(-((v / 1.2) ** 2)) * np.sign(v), "low_speed", 0.3, 1.2),
         (lambda v: 0.4 * (dahl(v, 0.005, 0.02) - np.sign(v)), "hysteresis", -0.4, 0.02),
         (lambda v: 0.03 * v * np.abs(v), "quadratic", 0.03, 1.0),
         (lambda v: 0.08 * np.abs(v), "directional", 0.08, 1.0),
@@ -107,6 +108,12 @@ def test_the_form_of_friction(extra, law, amount, size):
         one = result.value({name: 1.0})
         assert one.interval[0] <= value <= one.interval[1], name
         assert one.value == pytest.approx(value, rel=0.015 if name in dict(known[:3]) else 0.1)
+    for test in result.friction:
+        undecided = (replace(test, at_end=True), replace(test, law=test.law._replace(size=9.9)))
+        at_end, left_out = replace(result, friction=undecided).other_friction
+        assert "size is at the end of what is tried: coulomb[J1] and viscous[J1] are not determined" in at_end
+        if test.law.has_size:
+            assert "left out, as the record is doubtful with it too" in left_out
 
 
 SLIDE = """<mujoco model="slide"><compiler angle="radian"/><worldbody><body name="carriage">
