@@ -23,7 +23,7 @@ COULOMB_SPEED = 0.005
 JOINT_TERMS = ("coulomb", "viscous", "offset", "armature")
 """Dry friction [N m], viscous friction [N m s], offset [N m], inertia of the drive [kg m2]; for slides in [N] ..."""
 FRICTION_LAWS: dict[str, tuple[float, ...]] = {
-    "low_speed": (0.01, 0.017, 0.025, 0.035, 0.05, 0.07, 0.1, 0.17, 0.3),
+    "low_speed": (0.017, 0.025, 0.035, 0.05, 0.07, 0.1, 0.17, 0.3),
     "hysteresis": (0.0015, 0.005, 0.015, 0.05),
     "quadratic": (),
     "directional": (),

@@ -71,7 +71,7 @@ ROUNDING = 1e-12
 """Part of the squares of the rows that is rounding: what is left of records without noise proves nothing."""
 MOST_LAWS, LEAST_FRICTION = 2, 0.001
 """Of friction of a joint; part of its torque that smoothed speeds may distort where dry friction turns."""
-SIZE_STEPS, LARGEST_STEP, BELOW_SIZES, LARGEST_SIZE = 8, 0.4, 0.3, 1.0
+SIZE_STEPS, LARGEST_STEP, BELOW_SIZES, LARGEST_SIZE = 8, 0.4, 0.6, 1.0
 """Of the logarithm of a law's size: how many, and the largest; its ends: in the least of FRICTION_LAWS; as a part."""
 OVERSAMPLING = 8.0
 """Samples of low-passed equations kept for each period of the cut-off."""
@@ -216,8 +216,10 @@ class ModelTests:
                 test = self._explained(place, "friction", self._friction(_terms(laws)), columns, tried)
                 if test.probability >= FALSE_ALARM or test.share < LEAST_FRICTION or test.law is None:
                     break
-                found.append(test)
-                laws = self._sized([*laws, test.law])
+                sized = self._sized([*laws, test.law])
+                if sized[-1].has_size and sized[-1].size == self._ends(sized[-1])[0]:
+                    break  # so narrow is the turn of the sign, of which smoothed speeds tell nothing
+                found, laws = [*found, test], sized
                 other = [k for k, one in enumerate(tried) if one.kind != test.law.kind]
                 columns, tried = columns[:, :, other], [tried[k] for k in other]
         ends = [law.has_size and law.size in self._ends(law) for law in laws]
