@@ -23,6 +23,7 @@ Examples:
 
 \b
 What a rig may state of the bench, in [bench], and of its loggers:
+  fixed                                     a base that does not move; or one that does:
   coupling, planes, rotors, weight, tilt    mechanics of a base that moves
   unstated_mass                             what moves beyond the mechanism's file
   drives, joints, links, contact            drives, joints and links that yield, with play; feet that lift
@@ -30,7 +31,7 @@ What a rig may state of the bench, in [bench], and of its loggers:
   floor, floor_modes, roughness, modes      other vibration
   errors                                    sensors that are not what their data sheet says
   start_scatter, drift_scatter_ppm, jitter, lost, dropouts_per_minute, low_pass    [loggers.NAME]
-parallelogram-6bar states none of these, parallelogram-6bar-deep all, with reasons; docs/bench.md explains each."""
+parallelogram-6bar states none of these, parallelogram-6bar-deep all but the first, with reasons; docs/bench.md explains each."""
 )
 def simulate(
     plan: str = option(
