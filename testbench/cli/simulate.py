@@ -31,7 +31,7 @@ What a rig may state of the bench, in [bench], and of its loggers:
   floor, floor_modes, roughness, modes      other vibration
   errors                                    sensors that are not what their data sheet says
   start_scatter, drift_scatter_ppm, jitter, lost, dropouts_per_minute, low_pass    [loggers.NAME]
-parallelogram-6bar states none of these, parallelogram-6bar-deep all but the first, with reasons; docs/bench.md explains each."""
+parallelogram-6bar states none of these, parallelogram-6bar-deep all but the first; docs/bench.md explains each."""
 )
 def simulate(
     plan: str = option(
