@@ -178,7 +178,7 @@ def _print(result: dict[str, Any]) -> None:
             "estimate, whole [kg m2]",
         ]
         remark = "The smallest; where it does better than asked for, a smaller one leaves no steady rotation. "
-        remark += "The estimate dE / (omega^2 delta) is of the whole inertia, from weight alone, without the motor."
+        remark += "The estimate dE / (omega^2 delta) is of the whole inertia, under a constant torque."
         emit_table("Flywheel for a wanted fluctuation", header, rows, remark)
     for run in result["start_up"]:
         settled = run["settled_in_turn"]

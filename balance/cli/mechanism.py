@@ -91,7 +91,7 @@ def simulate(
 
 _ROTORS = "the file does not say how they turn; where it matters give a rotor a body of its own, coupled to the joint"
 _CLOSURE = {"residual_m": "residual", "condition": "condition", "branch": "branch"}
-_DRIVES = ["joint", "peak torque", "RMS torque", "peak speed", "power [W]", "braking [W]"]
+_DRIVES = ["joint", "peak", "RMS", "peak speed", "power [W]", "braking [W]"]
 _DRIVEN = "RMS over the whole motion, rests included; speed and power at the joint, without gear and motor losses."
 
 

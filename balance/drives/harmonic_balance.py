@@ -9,7 +9,7 @@ from functools import cache, cached_property
 from typing import Annotated
 
 import numpy as np
-from scipy.integrate import solve_ivp
+from scipy.integrate import cumulative_trapezoid, solve_ivp
 from scipy.optimize import brentq
 
 from ..arrays import Floats
@@ -364,9 +364,13 @@ def flywheel_for(
 
 
 def flywheel_estimate(machine: Machine, wanted: float) -> float:
-    """The textbook's whole inertia dE / (omega^2 delta), dE the swing of weight's potential energy alone [kg m2].
+    """The textbook's whole inertia dE / (omega^2 delta) [kg m2], dE the swing of energy that loads and weight make.
 
-    Motor and variable inertia are left out: an estimate to compare the solution with.
+    At nominal speed, under the constant torque that keeps it up. The motor's answer and what the inertia's variation
+    makes are left out: an estimate to compare the solution with.
     """
-    energy = machine.reduced.potential(np.linspace(0.0, 2.0 * np.pi, 100_000))
+    u = np.linspace(0.0, 2.0 * np.pi, 20_001)
+    rate = np.full(len(u), machine.nominal_crank)
+    work = cumulative_trapezoid(machine.torque(u, rate) - machine.motor_torque(rate), u, initial=0.0)
+    energy = work - work[-1] * u / u[-1] - machine.reduced.potential(u)
     return float(np.ptp(energy)) / (machine.nominal_crank**2 * wanted)

@@ -137,7 +137,7 @@ class RunTable(Table):
     stayed_on: Flag | None = None
     """Whether the trial weights stayed on after this run."""
     readings: Readings
-    """Readings by speed and sensor [m, m/s or m/s2]."""
+    """Readings by speed (``"2940 rpm"``, or ``unstated``) and sensor [m, m/s or m/s2]."""
     phases_alike: dict[str, Annotated[float, Quantity("angle", above=0.0)]] = Field(default_factory=dict)
     """Half the 95 % interval of the common-mode error of all phases at a speed, by speed [rad]."""
 
