@@ -1,15 +1,18 @@
 """The flywheel for a wanted fluctuation."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 import balance
 from balance.datasets import find_dataset
 from balance.drives import DriveError
 from balance.drives.drive_files import load_drive
 from balance.drives.harmonic_balance import flywheel_estimate, flywheel_for, steady_rotation
+from balance.drives.machine import Load
 from balance.drives.time_integration import run_to
 
 from ..cli.conftest import call
@@ -38,6 +41,17 @@ def test_the_textbook_s_estimate():
     row = REFERENCE["flywheel_estimate"]
     assert flywheel_estimate(machine(276), 0.1) == pytest.approx(row["I_needed_delta_0_1"], rel=1e-6)
     assert np.ptp(machine(276).reduced.potential(np.linspace(0, 7, 20001))) == pytest.approx(row["dE_pot"], rel=1e-6)
+
+
+def test_the_estimate_is_of_loads_too():
+    """A torque M = a + b cos 2 phi against the crank: dE = b beside weight that is left out, whatever a."""
+    own = machine(276)
+    phi = np.linspace(0.0, 2.0 * np.pi, 2001)
+    curve = CubicSpline(phi, 30.0 + 5e4 * np.cos(2.0 * phi), bc_type="periodic")
+    place = own.reduced.mechanism.coordinate_index(own.reduced.mechanism.driven[0])
+    loaded = replace(own, loads=(Load("gas", "table", place, 0.0, curve),))
+    energy = flywheel_estimate(loaded, 0.1) * own.nominal_crank**2 * 0.1
+    assert energy == pytest.approx(5e4, abs=12.0)  # within the swing of weight's energy, 11.055 J
 
 
 def first_machine(path):
