@@ -15,8 +15,8 @@ import numpy as np
 
 from ..arrays import Floats
 from ..closure import Closure
+from ..dynamics import regressor
 from ..dynamics.inverse_dynamics import body_momentum
-from ..dynamics.regressor import regressor_program
 from ..errors import ModelError
 from ..mechanism.loop_constraints import constraints_at
 from ..mechanism.mechanism import PARAMETERS, Mechanism
@@ -211,21 +211,33 @@ class Conditions:
         """L: ``L @ values`` is the first moment that each body lacks, in its frame [kg m], (nb, 3, rank) [-, m].
 
         Of all combinations of the conditions in which the body's own first moment has weight 1, the left-hand side of
-        the one whose weights of the other bodies' first moments are least in squares. Of conditions on masses alone,
-        which no first moment meets, that part counts whose momentum over the workspace is like that of first moments:
-        all along x and y of an arm that carries a lift along z; none where the momentum has no measure.
+        the one whose weights of the other bodies' first moments are least in squares.
         """
-        masses = np.array([unit == "kg" for unit in self.units], dtype=bool)
-        rows = np.eye(self.rank)[~masses]
-        if masses.any():
-            with suppress(ModelError):
-                rows[:, masses] = np.linalg.pinv(self.weights[:, ~masses]) @ self.weights[:, masses]
+        rows = self.on_first_moments
         bodies = len(self.mechanism.bodies)
         whole = (rows @ self.matrix).reshape(len(rows), bodies, len(PARAMETERS))
         weights = whole[:, :, 1:4].reshape(len(rows), 3 * bodies)
         least = np.linalg.pinv(weights, rcond=_ZERO)
         blocks = zip(least.reshape(bodies, 3, len(rows)), weights.T.reshape(bodies, 3, len(rows)), strict=True)
         return np.array([np.linalg.pinv(own @ weight.T, rcond=_ZERO) @ own @ rows for own, weight in blocks])
+
+    @cached_property
+    def on_first_moments(self) -> Floats:
+        """T: ``T @ values`` are the conditions without those on masses alone, which no first moment meets, (k, rank).
+
+        Of these that part counts whose momentum is like that of first moments, one driven joint moving at a time over
+        the workspace: a ram's mass along the arm that carries it, about its place at home, and nothing of the mass
+        that a slide moves along its own axis, whatever turns on it [-, m].
+        """
+        from .objective import single_motions
+
+        masses = np.array([unit == "kg" for unit in self.units], dtype=bool)
+        rows = np.eye(self.rank)[~masses]
+        if masses.any():
+            momentum = regressor.momentum_regressor(self.mechanism, *single_motions(self.mechanism))[:, :3]
+            each = momentum.reshape(-1, momentum.shape[2]) @ np.linalg.pinv(self.matrix)
+            rows[:, masses] = np.linalg.pinv(each[:, ~masses]) @ each[:, masses]
+        return rows
 
     def required_first_moments(self, mechanism: Mechanism | None = None, bodies: Sequence[str] = ()) -> Floats:
         """First moments that, added to all bodies together, meet the conditions on linear momentum, (nb, 3) [kg m].
@@ -377,7 +389,7 @@ def _extended_momentum_space(
         inverse = np.linalg.pinv(jacobian.astype(float), rcond=_ZERO)
         q = q - np.einsum("nij,nj->ni", inverse, gap)
         v = v - np.einsum("nij,nj->ni", inverse, np.einsum("nij,nj->ni", jacobian, v))
-    program = regressor_program(closure.mechanism, "momentum", body_momentum, 2)
+    program = regressor.regressor_program(closure.mechanism, "momentum", body_momentum, 2)
     columns = program.values(q.T, v.T).reshape(-1, 6, len(q))[:, rows]
     matrix = columns.transpose(2, 1, 0).reshape(-1, len(columns))
     return _eliminated(matrix, closure.mechanism.name, rank)

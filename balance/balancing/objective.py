@@ -211,15 +211,35 @@ def workspace_states(mechanism: Mechanism, closure: Closure, travel: float = _TR
     return states
 
 
+def single_motions(mechanism: Mechanism) -> tuple[Floats, Floats]:
+    """Configurations (n, nv) [rad, m] and rates (n, nv) over the workspace, one driven joint moving at a time.
+
+    All rates are as large, slides in lengths of the mechanism.
+    """
+    closure = Closure(mechanism).without_idle()
+    q = workspace_states(mechanism, closure)
+    single = _one_at_a_time(mechanism, closure, q)
+    single /= np.linalg.norm(single / closure.scales[:, None], axis=1, keepdims=True)
+    count = single.shape[2]
+    return np.repeat(q, count, axis=0), np.ascontiguousarray(single.transpose(0, 2, 1)).reshape(len(q) * count, -1)
+
+
+def _one_at_a_time(mechanism: Mechanism, closure: Closure, q: Floats) -> Floats:
+    """Directions of motion at configurations ``q`` (n, nv), in each of which one driven joint moves, (n, nv, count).
+
+    One of all joints, where those that are driven do not determine the mechanism; it takes others along then.
+    """
+    tangents, scale = closure.tangents(q), closure.scales
+    driven = [mechanism.coordinate_index(joint) for joint in mechanism.driven]
+    rates = tangents[:, driven] / scale[driven, None]
+    if len(driven) == closure.dof and (np.linalg.cond(rates) < _DETERMINED).all():
+        return np.asarray(tangents @ np.linalg.inv(rates))
+    return np.asarray(tangents @ (tangents / scale[:, None]).transpose(0, 2, 1))
+
+
 def _headings(mechanism: Mechanism, closure: Closure) -> Floats:
     """Directions of motion from home, (n, nv): see ``workspace_states``."""
-    tangent, scale = closure.tangents(closure.home[None])[0], closure.scales
-    driven = [mechanism.coordinate_index(joint) for joint in mechanism.driven]
-    rates = tangent[driven] / scale[driven, None]
-    if len(driven) == closure.dof and np.linalg.cond(rates) < _DETERMINED:
-        single = tangent @ np.linalg.inv(rates)
-    else:
-        single = tangent @ (tangent / scale[:, None]).T
+    single = _one_at_a_time(mechanism, closure, closure.home[None])[0]
     count = single.shape[1]
     most = count if count <= _ALL_COMBINATIONS else 2 if count <= _PAIRS else 1
     return np.array(

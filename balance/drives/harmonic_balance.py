@@ -371,6 +371,7 @@ def flywheel_estimate(machine: Machine, wanted: float) -> float:
     """
     u = np.linspace(0.0, 2.0 * np.pi, 20_001)
     rate = np.full(len(u), machine.nominal_crank)
-    work = cumulative_trapezoid(machine.torque(u, rate) - machine.motor_torque(rate), u, initial=0.0)
+    loads: Floats = np.asarray(machine.torque(u, rate) - machine.motor_torque(rate))
+    work = cumulative_trapezoid(loads, u, initial=0)
     energy = work - work[-1] * u / u[-1] - machine.reduced.potential(u)
     return float(np.ptp(energy)) / (machine.nominal_crank**2 * wanted)

@@ -249,24 +249,32 @@ def imbalance_fit(
 def masses_per_value(conditions: Conditions, mechanism: Mechanism, sites: Sequence[str], values: Floats) -> Floats:
     """The mass that each site lacks per unit of each condition's value, about ``values`` (rank,), (sites, rank) [1/m].
 
-    Masses are m = rows @ values, linear in what is estimated, so that its intervals carry over. What no mass can meet
-    is weighed, of an open chain, by the first moments about its joints, whatever is mounted: of sites on a line what is
-    missing along it. Of loops, whose conditions join bodies, by the momentum over the workspace (``exact_sizing``).
+    Masses are m = rows @ values, linear in what is estimated, so that its intervals carry over. What no first moment
+    meets is left out (``Conditions.on_first_moments``). What no mass can meet is weighed, of an open chain, by first
+    moments about its joints, whatever is mounted: of sites on a line what is missing along it. Of loops, whose
+    conditions join bodies, by the momentum over the workspace (``exact_sizing``).
     """
     from ..balancing.least_masses import distribute_masses
     from ..balancing.sizing import site_columns
 
-    own = not mechanism.loops and set(conditions.units) == {"kg m"}
-    weights = np.eye(conditions.rank) if own else conditions.weights
+    weights = conditions.on_first_moments
+    if mechanism.loops:
+        weights = conditions.weights[:, [unit != "kg" for unit in conditions.units]] @ weights
     columns = weights @ site_columns(conditions, mechanism, sites)
     return -distribute_masses(columns, -weights @ values, removable=True).per_target @ weights
 
 
-def can_be_met(conditions: Conditions, mechanism: Mechanism, sites: Sequence[str]) -> bool:
-    """Whether masses at the sites, added or removed, meet all conditions, to 1e-6 of what the mechanism lacks."""
+def can_be_met(
+    conditions: Conditions, mechanism: Mechanism, sites: Sequence[str], combinations: Floats | None = None
+) -> bool:
+    """Whether masses at the sites, added or removed, meet all conditions, to 1e-6 of what the mechanism lacks.
+
+    Or ``combinations`` (k, rank) of their values [-, m].
+    """
     from ..balancing.sizing import site_columns
 
-    columns, values = site_columns(conditions, mechanism, sites), conditions.values(mechanism)
+    of = np.eye(conditions.rank) if combinations is None else combinations
+    columns, values = of @ site_columns(conditions, mechanism, sites), of @ conditions.values(mechanism)
     remaining = columns @ np.linalg.lstsq(columns, values, rcond=None)[0] - values
     scale = float(np.linalg.norm(np.abs(conditions.matrix) @ np.abs(mechanism.pi)))
     return bool(np.linalg.norm(remaining) <= 1e-6 * scale)

@@ -88,7 +88,7 @@ def _print(result: "Trim", stock: str | None) -> None:
     from balance.estimation.first_moment_imbalance import MissingMass
 
     from ..trimming.estimators import FIXED
-    from ..trimming.missing_masses import COMPROMISE
+    from ..trimming.missing_masses import COMPROMISE, SLIDES
 
     say(_verdict(result, stock))
     level = f"{LEVEL_TEXT} interval" if result.interval_level else "interval, level not known"
@@ -103,7 +103,7 @@ def _print(result: "Trim", stock: str | None) -> None:
     left = "is noise: hardly anything else is measured" if result.verdict == "balanced" else "stays unexplained"
     say(f"{result.unexplained:.1%} of what was measured {left}.")
     for text in result.about:  # of one source among several it begins with "By ..."
-        if text == COMPROMISE or FIXED[1:] in text:
+        if text in {COMPROMISE, SLIDES} or FIXED[1:] in text:
             say(text)
     emit_findings(("doubtful", doubt) for doubt in result.doubts())
     emit_findings((GAP, gap) for gap in result.gaps)
@@ -137,7 +137,7 @@ def _verdict(result: "Trim", stock: str | None) -> str:
         parts.append(f"No plates of {stock} bring it nearer: what is missing stays: {masses}.")
     elif not added and not result.removal:
         parts.append("Nothing to add: every interval holds zero.")
-    residual = _residual_text(result, result.addition) + simulated
+    residual = f"{_residual_text(result, result.addition)} (now {result.residual:z.4f}){simulated}"
     if result.removal:
         more = [f"at {c.site} {c.mass:.3f} kg more{_plates(c)}{why(c.site, c.mass, c.plates)}" for c in added]
         less = [f"at {m.site} {-m.mass.value:.3f} kg less{why(m.site, m.mass.value, ())}" for m in result.removal]

@@ -33,8 +33,12 @@ _AMPLITUDES, _NO_PART = (1.2, 0.6, 0.3, 0.1), 1e-6
 """Of motions of the drives, the largest that can be followed counts [rad, m]; parts of conditions that are rounding."""
 COMPROMISE = (
     "No masses at these sites meet all conditions: of an open chain what is missing along the sites is told, of loops "
-    "what leaves the least momentum over the workspace, by the inertias of its file; `balance size --motion` finds the "
-    "least force for one motion; compare both by `balance simulate` before masses are removed."
+    "what leaves the least momentum over the workspace, by the inertias of its file. Before masses are removed compare "
+    "with `balance size --motion`, the least force of one motion."
+)
+SLIDES = (
+    "What slides move along their own axes shakes the base whatever is mounted, and what is mounted adds to it: the "
+    "first moments are made zero. `balance size --motion` finds the least force of one motion."
 )
 RESOLUTION = 0.25
 """Half of an interval, as a part of the first moment that the site lacks without counter-masses, from which a record
@@ -95,8 +99,10 @@ def _about(problem: TrimProblem, found: Sequence[SourceEstimate]) -> list[str]:
     about = [line for one in found for line in one.about]
     if len(found) > 1:
         about = [f"By {SOURCES[o.source].name}: {text[0].lower()}{text[1:]}" for o in found for text in o.about]
-    met = can_be_met(problem.conditions, problem.mounted, problem.sites)
-    return [*about, *trigger_notes(problem.runs), *([] if met else [COMPROMISE])]
+    asked = problem.conditions, problem.mounted, problem.sites
+    without_slides = problem.conditions.on_first_moments
+    unmet = [] if can_be_met(*asked) else [SLIDES if can_be_met(*asked, without_slides) else COMPROMISE]
+    return [*about, *trigger_notes(problem.runs), *unmet]
 
 
 def _contradiction(both: CombinedImbalance | None) -> list[str]:

@@ -210,6 +210,11 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
         return float(sizes.max(initial=0.0)), (float(low), float((sizes + half).max(initial=0.0)))
 
     @property
+    def residual(self) -> float:
+        """First-moment residual as the runs found it; what they do not tell by the file [kg m]."""
+        return float(self._lacking(self.conditions.values(self._measured))[0].max(initial=0.0))
+
+    @property
     def predicted_residual(self) -> float:
         """First-moment residual with the addition and the removal [kg m]."""
         return self.residual_with(self.addition)[0]
@@ -347,6 +352,7 @@ def trim_document(result: Trim) -> dict[str, Any]:
             for m in result.removal
         ],
         "residual_without_counter_masses_kgm": result.unbalanced,
+        "residual_kgm": result.residual,
         "residual_share": finite(result.residual_share),
         "predicted_residual_kgm": result.predicted_residual,
         "predicted_residual_interval_kgm": result.predicted_residual_interval,
