@@ -229,15 +229,19 @@ class Conditions:
         the workspace: a ram's mass along the arm that carries it, about its place at home, and nothing of the mass
         that a slide moves along its own axis, whatever turns on it [-, m].
         """
-        from .objective import single_motions
-
         masses = np.array([unit == "kg" for unit in self.units], dtype=bool)
         rows = np.eye(self.rank)[~masses]
         if masses.any():
-            momentum = regressor.momentum_regressor(self.mechanism, *single_motions(self.mechanism))[:, :3]
-            each = momentum.reshape(-1, momentum.shape[2]) @ np.linalg.pinv(self.matrix)
+            each = self._momentum_of_single_motions @ np.linalg.pinv(self.matrix)
             rows[:, masses] = np.linalg.pinv(each[:, ~masses]) @ each[:, masses]
         return rows
+
+    @cached_property
+    def _momentum_of_single_motions(self) -> Floats:
+        """W (k, 10 nb) with |W pi|^2 the mean square of the momentum, one driven joint moving at a time."""
+        from .objective import single_motions, triangle
+
+        return triangle(iter([regressor.momentum_regressor(self.mechanism, *single_motions(self.mechanism))[:, :3]]))
 
     def required_first_moments(self, mechanism: Mechanism | None = None, bodies: Sequence[str] = ()) -> Floats:
         """First moments that, added to all bodies together, meet the conditions on linear momentum, (nb, 3) [kg m].

@@ -219,7 +219,8 @@ def single_motions(mechanism: Mechanism) -> tuple[Floats, Floats]:
     closure = Closure(mechanism).without_idle()
     q = workspace_states(mechanism, closure)
     single = _one_at_a_time(mechanism, closure, q)
-    single /= np.linalg.norm(single / closure.scales[:, None], axis=1, keepdims=True)
+    sizes = np.linalg.norm(single / closure.scales[:, None], axis=1, keepdims=True)
+    single = np.divide(single, sizes, out=np.zeros_like(single), where=sizes > 0.0)
     count = single.shape[2]
     return np.repeat(q, count, axis=0), np.ascontiguousarray(single.transpose(0, 2, 1)).reshape(len(q) * count, -1)
 

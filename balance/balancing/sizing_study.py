@@ -297,6 +297,22 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
         coarse = self.trajectory.coarse if self.trajectory else ()
         return self.verdict.has_finding or bool(self.left_out) or bool(coarse)
 
+    @cached_property
+    def without_slides(self) -> Sizing | None:
+        """Other masses, with which all first moments are zero: what is left is what slides move along their own axes.
+
+        None where there are none, or on a motion, which weighs both.
+        """
+        found = self.any_mass.conditions
+        if self.motion is not None or "kg" not in found.units:
+            return None
+        rows = found.on_first_moments @ found.matrix
+        target = Objective(np.pad(rows, ((0, 0), (0, 1))), "kg m")
+        sites = [one.site for one in self.counter_masses]
+        other = exact_sizing(found, self.before, sites, self.limits, target, self.equal, self.added)
+        nearer = other.is_complete() and not replace(self.any_mass, objective=target).is_complete()
+        return other if nearer else None
+
     @property
     def made_small(self) -> str:
         """What is made small, in words."""
@@ -365,6 +381,8 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
                     "remaining_percent": self.any_total.remaining_percent(),
                 },
             }
+        if self.without_slides:
+            found["zero_first_moments_kg"] = {one.site: one.mass for one in self.without_slides.counter_masses}
         if self.rig:
             found |= {"rig": self.rig, "left_out": list(self.left_out)}
         return sizing_document(result) | found
@@ -421,7 +439,13 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
             sites = f"further sites, on {' and '.join([*others, bodies])}" if others else f"a further site, on {bodies}"
             left = "nothing" if equals[0].is_complete() else per_cent_text(equals[0].remaining_percent())
             yield f"With {sites}: {left} would remain."
-        if verdict.directions and not verdict.attainable and not verdict.needed and self.added is None:
+        if self.without_slides:
+            masses = ", ".join(f"{one.mass:.4f} kg at {one.site}" for one in self.without_slides.counter_masses)
+            yield (
+                "What slides move along their own axes no mass balances, and masses on them add to it. All first "
+                f"moments are zero with {masses}; a motion tells which of both shakes less."
+            )
+        elif verdict.directions and not verdict.attainable and not verdict.needed and self.added is None:
             yield "No counter-mass on any body would lessen it."
 
     def further(self, one: Sizing) -> list[tuple[str, CounterMass]]:

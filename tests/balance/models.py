@@ -124,6 +124,24 @@ def spatial_four_bar() -> str:
     )  # fmt: skip
 
 
+def on_a_slide(along: str, reach: float, stroke: str = "") -> str:
+    """A carriage along an axis with a pendulum, and on that a second one or a ram; each with a site."""
+    tip = (
+        f'<joint name="S" type="slide" axis="1 0 0" {stroke}/>'
+        if stroke
+        else '<joint name="B" type="hinge" axis="0 0 1"/>'
+    )
+    return f"""<mujoco model="on-a-slide"><compiler angle="radian"/><worldbody>
+<body name="carriage"><joint name="X" type="slide" axis="{along}"/>
+<inertial pos="0 0 0" mass="6" diaginertia="0.05 0.05 0.05"/>
+<body name="upper" pos="0 0 0.08"><joint name="A" type="hinge" axis="0 0 1"/>
+<inertial pos="0.13 0 0" mass="2" diaginertia="0.002 0.018 0.018"/><site name="counter_upper" pos="-0.15 0 0"/>
+<body name="tip" pos="{reach} 0 0">{tip}
+<inertial pos="0.12 0 0" mass="1.2" diaginertia="0.001 0.007 0.007"/><site name="counter_tip" pos="-0.1 0 0"/>
+</body></body></body></worldbody>
+<actuator><motor joint="X"/><motor joint="A"/><motor joint="{"S" if stroke else "B"}"/></actuator></mujoco>"""
+
+
 def bennett(angle: float = 0.8, alpha: float = 0.6, beta: float = 1.1, a: float = 0.3) -> str:
     """Bennett's linkage, cut in its last link and welded: six rows, of which three are independent.
 

@@ -8,6 +8,7 @@ from scipy.stats import binomtest
 
 from balance.balancing import conditions
 from balance.balancing.sizing import exact_sizing
+from balance.balancing.sizing_study import study_sizing
 from balance.closure import Closure
 from balance.dynamics.regressor import wrench_regressor
 from balance.errors import DataError
@@ -243,28 +244,10 @@ def test_whether_masses_at_sites_can_meet_the_conditions(name, sites, met):
     assert can_be_met(found, mechanism, sites or mechanism.counter_sites) is met
 
 
-def on_a_slide(along: str, reach: float, stroke: str = "") -> str:
-    """A carriage along an axis with a pendulum, and on that a second one or a ram; each with a site."""
-    tip = (
-        f'<joint name="S" type="slide" axis="1 0 0" {stroke}/>'
-        if stroke
-        else '<joint name="B" type="hinge" axis="0 0 1"/>'
-    )
-    return f"""<mujoco model="on-a-slide"><compiler angle="radian"/><worldbody>
-<body name="carriage"><joint name="X" type="slide" axis="{along}"/>
-<inertial pos="0 0 0" mass="6" diaginertia="0.05 0.05 0.05"/>
-<body name="upper" pos="0 0 0.08"><joint name="A" type="hinge" axis="0 0 1"/>
-<inertial pos="0.13 0 0" mass="2" diaginertia="0.002 0.018 0.018"/><site name="counter_upper" pos="-0.15 0 0"/>
-<body name="tip" pos="{reach} 0 0">{tip}
-<inertial pos="0.12 0 0" mass="1.2" diaginertia="0.001 0.007 0.007"/><site name="counter_tip" pos="-0.1 0 0"/>
-</body></body></body></worldbody>
-<actuator><motor joint="X"/><motor joint="A"/><motor joint="{"S" if stroke else "B"}"/></actuator></mujoco>"""
-
-
 @pytest.mark.parametrize("along", ["1 0 0", "0 1 0", "0.6 0 0.8", "0 0 1"])
 def test_what_turns_on_a_slide_is_balanced_about_its_own_joints(along):
     """Masses by hand: 1.44 kg zero the outer first moment, then 7.013 kg the inner one, whatever slide carries both."""
-    mechanism = models.model(on_a_slide(along, 0.3))
+    mechanism = models.model(models.on_a_slide(along, 0.3))
     found = conditions.balance_conditions(mechanism)
     sites = ["counter_upper", "counter_tip"]
     tip = 1.2 * 0.12 / 0.1
@@ -276,12 +259,16 @@ def test_what_turns_on_a_slide_is_balanced_about_its_own_joints(along):
     assert found.first_moment_residual(balanced) < 1e-12
     assert not can_be_met(found, mechanism, sites)
     assert can_be_met(found, mechanism, sites, found.on_first_moments)
+    sized = study_sizing(mechanism)
+    other = sized.without_slides
+    assert [one.mass for one in other.counter_masses] == pytest.approx([upper, tip], rel=1e-6)
+    assert f"zero with {upper:.4f} kg at counter_upper, {tip:.4f} kg at counter_tip" in str(sized)
 
 
 @pytest.mark.parametrize("stroke", ["", 'range="-0.04 0.04"', 'range="-0.1 0.1"'])
 def test_a_ram_counts_where_it_begins(stroke):
     """In the middle of its stroke: 0.12 m beyond its guide at 0.3 m, whatever the stroke."""
-    mechanism = models.model(on_a_slide("1 0 0", 0.3, stroke or 'range="-1 1"'))
+    mechanism = models.model(models.on_a_slide("1 0 0", 0.3, stroke or 'range="-1 1"'))
     found = conditions.balance_conditions(mechanism)
     masses = masses_per_value(found, mechanism, ["counter_upper"], found.values()) @ found.values()
     assert masses[0] == pytest.approx((2.0 * 0.13 + 1.2 * (0.3 + 0.12)) / 0.15, rel=1e-6)
