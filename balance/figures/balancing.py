@@ -8,6 +8,7 @@ import numpy as np
 
 from ..dynamics.inverse_dynamics import NOTHING, Response
 from ..linkages.verification import COLUMNS, Verification
+from ..results import name_and_unit
 from . import panels
 
 if TYPE_CHECKING:
@@ -91,29 +92,58 @@ def draw_energy(document: dict[str, Any]) -> "Figure":
 
 
 def draw_sweep(designs: "Designs") -> "Figure":
-    """What the designs of a sweep are ranked by [N, N m], over one variable or as contours over two; the best marked.
+    """What the designs of a sweep are ranked by [N, N m], over one variable or as cells over two; the best marked.
 
-    Of further variables each place shows its best values, which the title says.
+    Of further variables each place shows its best values, which the title says. Nothing is drawn between designs.
     """
     ranked, shown = designs.table(), designs.ranked_by
     varying = [name for name in designs.varied if ranked[name].nunique() > 1] or list(designs.varied[:1])
     drawn, hidden = varying[:2], varying[2:]
-    cells = ranked.drop_duplicates(drawn).sort_values(drawn[0])
-    x, values, best = cells[drawn[0]], cells[shown], ranked.iloc[0]
+    called = {name: _named(name, name in designs.varied) for name in (shown, *designs.varied)}
+    labels = {name: f"{words} [{unit}]" for name, (words, unit) in called.items()}
+    cells, best = ranked.drop_duplicates(drawn).sort_values(drawn[0]), ranked.iloc[0]
+    upwards = shown if len(drawn) == 1 else drawn[1]
+    at = best[drawn[0]], best[upwards]
     figure, ((axes,),) = panels(7.0, 4.5, grid=len(drawn) == 1)
-    axes.set(xlabel=drawn[0], ylabel=shown if len(drawn) == 1 else drawn[1])
+    axes.set(xlabel=labels[drawn[0]], ylabel=labels[upwards])
     if len(drawn) == 1:
-        axes.plot(x, values, color="#3b6ea5")
-        axes.set_ylim(bottom=0.0)
+        axes.plot(cells[drawn[0]], cells[shown], ".-", lw=0.8, color="#3b6ea5")
+        axes.set_ylim(bottom=-0.05 * cells[shown].max())  # so that a star at zero is seen whole
     else:
-        figure.colorbar(axes.tricontourf(x, cells[drawn[1]], values, levels=20), label=shown)
-    label = "best: " + ", ".join(f"{name} = {best[name]:.4g}" for name in [shown, *designs.varied])
-    at = best[drawn[0]], best[shown if len(drawn) == 1 else drawn[1]]
-    axes.plot(*at, "*", ms=13, mfc="white", mec="black", ls="none", clip_on=False, label=fill(label, 90))
+        places = cells.pivot(index=drawn[1], columns=drawn[0], values=shown)
+        x, y = np.array(places.columns), np.array(places.index)
+        mesh = axes.pcolormesh(x, y, places, shading="nearest")
+        figure.colorbar(mesh, label=labels[shown])
+        if all(np.diff(values).min() >= _WRITTEN * np.ptp(values) for values in (x, y)):
+            axes.set_xticks(x, [f"{value:.3g}" for value in x])
+            axes.set_yticks(y, [f"{value:.3g}" for value in y])
+            for (i, k), value in np.ndenumerate(places):
+                text = f"{value:.3g}" if (x[k], y[i]) != at else ""
+                colour = "black" if mesh.norm(value) > 0.5 else "white"
+                axes.text(x[k], y[i], text, color=colour, fontsize=7, ha="center", va="center")
+    label = "; ".join(f"{words} = {best[name]:.4g} {unit}" for name, (words, unit) in called.items())
+    look = {"ms": 13, "mfc": "white", "mec": "black", "ls": "none"}
+    axes.plot(*at, "*", label=fill(f"best: {label}", 90), **look)
     figure.legend(loc="outside lower center", fontsize=8)
-    over = "; at each place the least over " + ", ".join(hidden) if hidden else ""
-    axes.set_title(fill(f"simulated{over}", 90), fontsize=10)
+    over = "; at each place the least over " + "; ".join(called[name][0] for name in hidden) if hidden else ""
+    axes.set_title(fill(f"simulated{over}", 80), fontsize=10)
     return figure
+
+
+_WRITTEN = 0.09
+"""Least step of a variable, of its range, with which the value of each cell is written into it."""
+_VECTORS = {"F": "shaking force", "M": "shaking moment"}
+_KINDS = {"rms": " RMS", "peak": " peak"}
+
+
+def _named(column: str, is_varied: bool) -> tuple[str, str]:
+    """``shaking force RMS`` and ``N`` of ``rms_F_N``; of a variable ``crank, mass`` and ``kg`` of ``crank_mass_kg``."""
+    name, unit = name_and_unit(column)
+    if is_varied:
+        return ", ".join(name.rsplit("_", 1)), unit
+    kind, _, what = name.partition("_")
+    words = _VECTORS.get(what, what) + _KINDS[kind] if kind in _KINDS else name
+    return words.replace("_", " "), unit
 
 
 def draw_front(found: "Front") -> "Figure":

@@ -180,31 +180,52 @@ def test_places_in_a_urdf_are_refused():
         given.check((Variable("b", "x", np.ones(1)),))
 
 
+A, B, C, D, E = "link_a_mass_kg", "b_x_m", "c_mass_kg", "d_z_m", "e_mass_kg"
+
+
 @pytest.mark.parametrize(
-    ("varied", "drawn", "hidden"),
+    ("varied", "drawn", "hidden", "best"),
     [
-        ({"a": [0, 1, 2]}, "a", ""),
-        ({"c": [5], "a": [0, 1, 2]}, "a", ""),
-        ({"a": [0, 1, 2], "b": [0, 3]}, "ab", ""),
-        ({"c": [5], "a": [0, 1, 2], "b": [0, 3], "d": [-1, 4], "e": [7, 2, 1]}, "ab", "d, e"),
+        ({A: [0, 1, 2]}, ["link_a, mass [kg]"], "", None),
+        ({C: [5], A: [0, 1, 2]}, ["link_a, mass [kg]"], "", None),
+        ({A: [0, 1, 2], B: [0, 3]}, ["link_a, mass [kg]", "b, x [m]"], "", None),
+        ({A: [0, 1, 2], B: [0, 3]}, ["link_a, mass [kg]", "b, x [m]"], "", (2, 3)),
+        ({A: [0, 1, 9, 9.1], B: [0, 3]}, ["link_a, mass [kg]", "b, x [m]"], "", None),
+        ({C: [5], A: [0, 1, 2], B: [0, 3], D: [-1, 4], E: [7, 2, 1]}, ["link_a, mass [kg]", "b, x [m]"],
+         "d, z; e, mass", None),
     ],
-)
-def test_a_picture_hides_no_design(varied, drawn, hidden):
-    """At each place the least over the variables that it does not show, which the title names; the best marked."""
+)  # fmt: skip
+def test_a_picture_hides_no_design_and_invents_none(varied, drawn, hidden, best):
+    """A cell a place, of the least over the variables that it does not show, which the title names; the best marked.
+
+    Where there is room, cells are written out.
+    """
     grid = np.array(list(product(*varied.values())), float)
     value = np.random.default_rng(3).uniform(1.0, 9.0, len(grid))
+    value[-1 if best else 0] = 0.5 if best else value[0]
     columns = dict(zip(varied, grid.T, strict=True))
-    axes, *bar = Designs(columns | {"rms_F_N": value}, tuple(varied)).plot().axes
-    places = np.column_stack([columns[name] for name in drawn])
-    least = [value[(places == place).all(axis=1)].min() for place in np.unique(places, axis=0)]
+    figure = Designs(columns | {"rms_F_N": value}, tuple(varied)).plot()
+    axes, *bar = figure.axes
+    names = [name for name in (A, B) if name in varied]
+    places = np.column_stack([columns[name] for name in names])
+    each = np.unique(places, axis=0)
+    least = np.array([value[(places == place).all(axis=1)].min() for place in each])
     *line, star = axes.lines
-    best = columns[drawn[0]][value.argmin()], (columns | {"": value})[drawn[1:]][value.argmin()]
-    assert star.get_xydata()[0] == pytest.approx(best, abs=0)
-    assert all(f"{name} = {columns[name][value.argmin()]:.4g}" in star.get_label() for name in varied)
+    at = columns[names[0]][value.argmin()], columns[B][value.argmin()] if bar else value.min()
+    assert star.get_xydata()[0] == pytest.approx(at, abs=0)
+    assert [axes.get_xlabel(), axes.get_ylabel()] == [*drawn, "shaking force RMS [N]"][:2]
+    assert all(f"= {columns[name][value.argmin()]:.4g} {name.rsplit('_')[-1]}" in
+               star.get_label().replace("\n", " ") for name in varied)  # fmt: skip
     assert axes.get_title() == "simulated" + (f"; at each place the least over {hidden}" if hidden else "")
+    figure.draw_without_rendering()
+    box, radius = axes.get_window_extent(), 0.5 * star.get_markersize() * figure.dpi / 72.0
+    assert np.all(np.abs(axes.transData.transform(at) - box.get_points().mean(axis=0)) + radius <= 0.5 * box.size)
     if bar:
-        levels = axes.collections[0].levels
-        assert levels[0] <= min(least) < levels[1]
-        assert levels[-2] < max(least) <= levels[-1]
+        (mesh,) = axes.collections
+        np.testing.assert_array_equal(mesh.get_array().T.ravel(), least)
+        assert bar[0].get_ylabel() == "shaking force RMS [N]"
+        written = {text.get_position(): text.get_text() for text in axes.texts if text.get_text()}
+        others = {tuple(place): f"{one:.3g}" for place, one in zip(each, least, strict=True) if one > value.min()}
+        assert written == ({} if 9.1 in varied[A] else others)
     else:
         np.testing.assert_array_equal(line[0].get_ydata(), least)
