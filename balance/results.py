@@ -150,6 +150,8 @@ class Brief:
 
 _SHORT, _LINE, _CELL = 60, 100, 22
 """Characters of a value, and of a line and a cell of a table, at the prompt."""
+_COMPONENT, _ROUNDING = "(^|_)[FM][xyz]_Nm?$", 1e-9
+"""Columns of components of force and moment, and the share of the largest that is rounding."""
 
 
 def _names(cell: Any) -> Any:  # noqa: ANN401
@@ -190,7 +192,9 @@ class Shown:
 
         rows = list(getattr(self, self._rows)) if self._rows else []
         header, cells = table(type(rows[0]), rows) if rows else ([], [])
-        shown = DataFrame(cells, columns=header) if header else self.table().map(_names)
+        shown = DataFrame(cells, columns=header) if header else self.table()
+        sizes = shown.filter(regex=_COMPONENT).abs().max()  # of planar mechanisms some are rounding alone
+        shown = shown.drop(columns=sizes.index[sizes < _ROUNDING * sizes.max()]).map(_names)
         lines = [type(self).__name__]
         if header:
             shown = shown.loc[:, ~shown.isin(["", NO_VALUE]).all()]

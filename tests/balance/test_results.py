@@ -6,6 +6,7 @@ from typing import Annotated
 
 import numpy as np
 import pytest
+from pandas import DataFrame
 
 from balance.errors import CounterpoiseError, suggestion
 from balance.results import (
@@ -144,6 +145,19 @@ def test_a_print_is_no_wider_than_what_it_says(rows, printed):
             self.rows = rows
 
     assert repr(Printed()).splitlines() == ["Printed", *printed]
+
+
+@pytest.mark.parametrize(
+    ("least", "printed"), [(1e-16, ["rms_F_N", "rms_Fx_N", "A_mass_kg"]), (1e-6, None), (1.0, None)]
+)
+def test_components_that_are_rounding_alone_are_not_printed(least, printed):
+    """Beside others that are not; whole vectors and variables are, also where they are zero."""
+
+    class Printed(Shown):
+        def table(self):
+            return DataFrame({"rms_F_N": [0.0], "rms_Fx_N": [1.0], "rms_Fy_N": [-least], "A_mass_kg": [0.0]})
+
+    assert repr(Printed()).splitlines()[1].split() == (printed or list(Printed().table()))
 
 
 def test_a_result_without_a_picture_says_so():
