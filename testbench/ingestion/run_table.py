@@ -33,7 +33,7 @@ def _by_site(text: object) -> object:
     masses: dict[str, str] = {}
     for part in filter(None, (part.strip() for part in re.split(r";|,(?=[^;,=]*=)", str(text)))):
         site, equals, mass = (word.strip() for word in part.partition("="))
-        if not site or not equals:
+        if not site or not equals or "=" in mass:
             raise ValueError(f"{part!r}: expected SITE=KG;SITE=KG")
         if site in masses:
             raise ValueError(f"name the site {site!r} twice")

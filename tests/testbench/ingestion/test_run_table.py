@@ -79,6 +79,7 @@ def test_files_of_one_name_are_told_apart_by_their_folder(tmp_path):
         ("a.csv,,,,,,1_4\n", r"repeat: '1_4': expected a number"),
         ("a.csv,,nan,,,,\n", r"payload_kg: 'nan': expected a number"),
         ("a.csv,,,A0A:24,,,\n", r"counter_masses: 'A0A:24': expected SITE=KG;SITE=KG"),
+        ("a.csv,,,A=2 B=0.5,,,\n", r"counter_masses: 'A=2 B=0.5': expected SITE=KG;SITE=KG"),
         ("a.csv,,,A=1;A=2,,,\n", r"name the site 'A' twice"),
         ("a.csv,,,A=1 m,,,\nb.csv,,x,,,,\n", r"line 2: counter_masses: 'A=1 m'.* a number in kg\n.*line 3: payload_kg"),
         ("a.csv,,,,,,1.5\n", r"repeat: '1.5': expected a whole number"),
