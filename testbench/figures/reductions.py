@@ -1,5 +1,6 @@
 """Figure of reductions: analysed from logs, simulated, published."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -29,29 +30,44 @@ _LOOKS: tuple[tuple[str, str, dict[str, Any]], ...] = (
 """Names, labels and looks of the sources, and of what was analysed and is no number, by its kind."""
 _MARGIN = 0.8
 """Space before the first and after the last condition [conditions]."""
+_FEW, _PLACES, _COLUMNS = 2, 12, 3
+"""Points of a sensor and axis that need no panel of their own; sensors and axes of a panel; panels in a row."""
 
 
 def reductions(compared: Comparison | Analysis) -> "Figure":
     """A panel for each motion, sensor and axis, by payload, counter-masses and acceleration; triangles are bounds.
 
-    A comparison also shows what was simulated and published. Several sets of counter-masses are numbered.
+    Where sensors and axes have a point or two each, they share a panel. A comparison also shows what was simulated and
+    published. Several sets of counter-masses are numbered.
     """
     if isinstance(compared, Analysis):
         rows = tuple(Row(r, None, None, None) for r in compared.reductions)
     else:
         rows = compared.rows
     motions = list(dict.fromkeys(row.analyzed.key.motion for row in rows))
-    places = list(dict.fromkeys(_place(row) for row in rows))
+    places = list(dict.fromkeys(map(_place, rows)))
     mounted = list(dict.fromkeys(map(_masses, rows)))
     sets = {masses: f"set {i}" if len(mounted) > 1 else "" for i, masses in enumerate(mounted, 1)}
+    most = max(Counter((row.analyzed.key.motion, _place(row)) for row in rows).values())
+    joint = _PLACES if most <= _FEW else 1
+    drawn: dict[tuple[int, int], list[Row]] = {}
+    for row in rows:
+        at = motions.index(row.analyzed.key.motion), places.index(_place(row)) // joint
+        drawn.setdefault(at, []).append(row)
+    columns = 1 if joint > 1 else min(len(drawn), _COLUMNS)
     with style.styled():
-        figure, panels = style.light_grid(len(motions), len(places), 2.7, sharey=True)
-        for line, motion in zip(panels, motions, strict=True):
-            for panel, place in zip(line, places, strict=True):
-                _panel(panel, [r for r in rows if r.analyzed.key.motion == motion and _place(r) == place], sets)
-                name = "base" if len({sensor for sensor, _ in places}) == 1 else place[0]
-                panel.set_title(f"motion {motion}, {name} along {place[1]}")
-            line[0].set_ylabel("reduction of the amplitude [%]")
+        figure, panels = style.light_grid(-(-len(drawn) // columns), columns, 2.7, sharey=True)
+        for panel in panels.flat[len(drawn) :]:
+            panel.set_visible(False)
+        for panel, ((motion, _), shown) in zip(panels.flat, sorted(drawn.items()), strict=False):
+            here = [place for place in places if place in map(_place, shown)]
+            _panel(panel, shown, sets, here)
+            name = "base" if len({sensor for sensor, _ in places}) == 1 else here[0][0]
+            title = [f"motion {motions[motion]}"] * (len(motions) > 1)
+            title += [f"{name} along {here[0][1]}"] * (len(here) == 1)
+            panel.set_title(", ".join(title))
+        for panel in panels[:, 0]:
+            panel.set_ylabel("reduction of the amplitude [%]")
         panels[0, 0].set_ylim(min(0.0, *(_lowest(row) - 10.0 for row in rows)), 105.0)
         _legend(figure, panels[0, 0], rows, " and ".join(compared.origins))
         measure = rows[0].analyzed.measure
@@ -63,7 +79,8 @@ def reductions(compared: Comparison | Analysis) -> "Figure":
             *(f"{name or 'counter-masses'}: {masses}" for masses, name in sets.items()),
             *(note for note in notes if note == ORIGINAL_LOGS),
         ]
-        style.headline(figure, "\n".join([f"{origin} of base acceleration", *about]))
+        of = f", motion {motions[0]}" if len(motions) == 1 else ""
+        style.headline(figure, "\n".join([f"{origin} of base acceleration{of}", *about]))
     return figure
 
 
@@ -75,14 +92,19 @@ def _masses(row: Row) -> str:
     return masses_text(row.analyzed.counter_masses)
 
 
-def _panel(panel: "Axes", rows: Sequence[Row], sets: Mapping[str, str]) -> None:
-    """Conditions of one motion and axis, payload after payload and set after set, a gap between two."""
+def _panel(panel: "Axes", rows: Sequence[Row], sets: Mapping[str, str], places: Sequence[tuple[str, str]]) -> None:
+    """Conditions of a motion, sensor after sensor, payload after payload and set after set, a gap between two."""
 
-    def group(row: Row) -> tuple[float, tuple[tuple[str, float], ...], int]:
-        return row.analyzed.key.payload_kg or 0.0, row.analyzed.key.payloads, list(sets).index(_masses(row))
+    def group(row: Row) -> tuple[int, float, tuple[tuple[str, float], ...], int]:
+        key = row.analyzed.key
+        return places.index(_place(row)), key.payload_kg or 0.0, key.payloads, list(sets).index(_masses(row))
+
+    def text(row: Row) -> str:
+        place = " ".join(_place(row)) if len(places) > 1 else ""
+        return "\n".join(filter(None, (place, _payload(row), sets[_masses(row)])))
 
     rows = sorted(rows, key=lambda row: (group(row), _peak(row)))
-    groups = {group(row): "\n".join(filter(None, (_payload(row), sets[_masses(row)]))) for row in rows}
+    groups = {group(row): text(row) for row in rows}
     at = np.array([i + list(groups).index(group(row)) for i, row in enumerate(rows)], dtype=float)
     for name, _, look in _LOOKS:
         panel.plot(at, np.array([_value(row, name) for row in rows], dtype=float), ls="none", **look)
@@ -96,9 +118,9 @@ def _panel(panel: "Axes", rows: Sequence[Row], sets: Mapping[str, str]) -> None:
     below = panel.secondary_xaxis(0.0)  # a second line of labels
     units = " or ".join(dict.fromkeys(unit for _, unit in peaks if unit))
     below.set_xticks(middles, [f"\n{text}" if units else text for text in groups.values()], fontsize=8)
-    below.tick_params(length=0)
-    told = {f"peak acceleration [{units}]": units, "payload": any(map(_payload, rows))}
-    told["counter-masses"] = any(sets.values())
+    below.tick_params(length=0, pad=6)
+    told = {f"peak acceleration [{units}]": units, "sensor and axis": len(places) > 1}
+    told |= {"payload": any(map(_payload, rows)), "counter-masses": any(sets.values())}
     below.set_xlabel(", ".join(name for name, shown in told.items() if shown))
     panel.set_xlim(at[0] - _MARGIN, at[-1] + _MARGIN)
     panel.grid(axis="x", visible=False)

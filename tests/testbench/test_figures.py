@@ -74,27 +74,46 @@ def test_command_performance(runs):
 
 
 def test_reductions(brief):
-    """A panel for each motion and axis; the analysed, simulated and published values are those of the rows."""
+    """A panel a motion, a point for each axis; analysed, simulated and published values are those of the rows."""
     comparison = compare_campaign(open_campaign(brief.campaign).runs[:4], load_published("kiper2019"), Measure())
     figure = figures.reductions(comparison)
     drawn(figure)
-    assert len(figure.axes) == 6
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["motion x", "motion y"]
     published, simulated, analyzed = (list(line.get_ydata()) for line in figure.axes[0].lines[:3])
-    rows = [r for r in comparison.rows if (r.analyzed.key.motion, r.analyzed.axis) == ("x", "x")]
+    rows = sorted((r for r in comparison.rows if r.analyzed.key.motion == "x"), key=lambda r: r.analyzed.axis)
     assert published == [r.published for r in rows]
     assert simulated == [r.simulated for r in rows]
     assert analyzed == [r.analyzed.percent for r in rows]
     assert figure.get_suptitle().startswith("Simulated")
 
 
-def test_reductions_of_an_analysis_alone(runs):
-    """What was analysed, its intervals, and nothing else in the legend; each sensor has panels of its own."""
+@pytest.mark.parametrize(
+    ("peaks", "titles"),
+    [((3.0,), [""]), ((1.0, 2.0, 3.0), [f"{s} along {a}" for s in ("base_acc", "2nd") for a in "xyz"])],
+)
+def test_reductions_of_an_analysis_alone(runs, peaks, titles):
+    """What was analysed, its intervals, and nothing else in the legend; no wider than a page, however many sensors.
+
+    Sensors and axes share a panel where each has a point, which is named below it; else each has one, at most three in
+    a row.
+    """
     analysis = analyze(runs, Measure())
-    second = tuple(replace(r, sensor="second") for r in analysis.reductions)
-    figure = figures.reductions(replace(analysis, reductions=(*analysis.reductions, *second)))
+    second = tuple(replace(r, sensor="2nd") for r in analysis.reductions)
+    rows = [
+        replace(r, key=replace(r.key, peak_acceleration_g=peak, payload_kg=None))
+        for r in (*analysis.reductions, *second)
+        for peak in peaks
+    ]
+    figure = figures.reductions(replace(analysis, reductions=tuple(rows)))
     drawn(figure)
-    assert [axes.get_title(loc="left") for axes in figure.axes][3:] == [f"motion x, second along {a}" for a in "xyz"]
-    assert list(figure.axes[0].lines[2].get_ydata()) == [analysis.reductions[0].percent]
+    assert [axes.get_title(loc="left") for axes in figure.axes] == titles
+    assert figure.get_suptitle().startswith("Simulated campaign: reduction of base acceleration, motion x\n")
+    assert figure.get_figwidth() <= 9.0
+    first = [r.percent for r in rows] if len(titles) == 1 else [analysis.reductions[0].percent] * len(peaks)
+    assert list(figure.axes[0].lines[2].get_ydata()) == first
+    (below,) = figure.axes[0].child_axes
+    named = [f"\n{r.sensor} {r.axis}" for r in rows] if len(titles) == 1 else ["\n"]
+    assert [label.get_text() for label in below.get_xticklabels()] == named
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["analysed from simulated logs"]
 
 
