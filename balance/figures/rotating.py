@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 BLUE, ORANGE, GREEN, GREY = "#3b6ea5", "#e07a3f", "#2a9d8f", "#555555"
 """Before, given or forward; after, computed or backward; neither."""
 _ASIDE = 0.3
-"""Cosine of a vector's angle beyond which its name is to the side of its tip, not above or below."""
+"""Cosine of a vector's angle beyond which its name, above or below its tip, reaches from there inwards."""
 
 
 def draw_readings(found: "Influence") -> "Figure":
@@ -74,9 +74,9 @@ def _arrows(axes: Any, vectors: Any, names: Sequence[str], colour: str) -> None:
         angle, length = float(np.angle(vector)), float(abs(vector))
         axes.plot([angle, angle], [0.0, length], "-o", color=colour, ms=4, markevery=[1])
         across, up = float(np.cos(angle)), float(np.sin(angle))
-        side = "left" if across > _ASIDE else "right" if across < -_ASIDE else "center"
-        beyond = (7.0 * across, 11.0 * up)
-        axes.annotate(name, (angle, length), beyond, textcoords="offset points", ha=side, va="center", fontsize=9)
+        side = "right" if across > _ASIDE else "left" if across < -_ASIDE else "center"
+        off = (0.0, 11.0 if up >= 0.0 else -11.0)
+        axes.annotate(name, (angle, length), off, textcoords="offset points", ha=side, va="center", fontsize=9)
 
 
 def _grid(axes: Any, vectors: Any) -> None:  # noqa: ANN401
@@ -84,9 +84,10 @@ def _grid(axes: Any, vectors: Any) -> None:  # noqa: ANN401
     angles = np.sort(np.angle(vectors))
     gaps = np.diff(angles, append=angles[0] + 2.0 * np.pi)
     widest = int(np.argmax(gaps))
-    axes.set_rlim(0.0, 1.1 * axes.get_rmax())
+    axes.set_rlim(0.0, 1.25 * axes.get_rmax())
     axes.set_rlabel_position(np.degrees(angles[widest] + 0.5 * gaps[widest]))
     axes.yaxis.get_major_locator().base.set_params(nbins=5)
+    axes.set_rticks([r for r in axes.get_yticks() if 0.0 < r < 0.9 * axes.get_rmax()])
     axes.grid(alpha=0.4)
     axes.tick_params(labelsize=8)
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from balance.engines import free_forces
 from balance.engines.engine_files import load_layout
@@ -42,11 +43,18 @@ def test_legends_of_order_plots_lie_above_the_bars(name):
         assert "ω²" in axes.get_ylabel()
 
 
-@pytest.mark.parametrize("name", ["feese-2004", "two-plane-maker", "goodman-1964"])
+@pytest.mark.parametrize("name", ["feese-2004", "two-plane-maker", "goodman-1964", "pavelek-2016", "one-plane-maker"])
 def test_tips_of_vectors_lie_within_the_frame(name):
-    """All readings and weights, with room for their names."""
+    """All readings and weights, and their names."""
     runs = load_trial_runs(name)
     solution = runs.solve("least-squares")
-    readings, weights = draw_readings(Influence(runs, solution)).axes
+    figure = draw_readings(Influence(runs, solution))
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        rim = axes.get_window_extent()
+        for text in filter(Text.get_text, axes.texts):
+            from_middle = text.get_window_extent().corners() - rim.get_points().mean(axis=0)
+            assert np.hypot(*from_middle.T).max() < 0.5 * rim.width, text
+    readings, weights = figure.axes
     assert readings.get_rmax() > 1.05 * READING[runs.reading][2] * np.abs(solution.coefficients.initial).max()
     assert weights.get_rmax() > 1.05 * WEIGHT[runs.weight][2] * np.abs(solution.weights).max()
