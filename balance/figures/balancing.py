@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from ..balancing.tolerance import ToleranceAnalysis
     from ..balancing.tradeoff import Front
 
-_LABEL = {
-    "Fx_N": "force FX [N]", "Fy_N": "force FY [N]", "Mz_Nm": "moment M [N m]", "torque_Nm": "drive torque [N m]",
-}  # fmt: skip
 _DRIVES = {
     "torque_rms_Nm": "largest motor torque, RMS [N m]", "drive_force_rms_N": "largest force of slides, RMS [N]",
 }  # fmt: skip
@@ -46,7 +43,7 @@ def draw_stages(check: Verification, title: str = "") -> "Figure":
         drawn[0, column].set_title(label)
         drawn[-1, column].set_xlabel("time [s]")
     for row, quantity in enumerate(COLUMNS):
-        drawn[row, 0].set_ylabel(_LABEL[quantity])
+        drawn[row, 0].set_ylabel("{} [{}]".format(*titled(quantity)))
     drawn[0, 0].legend(fontsize=8)
     figure.suptitle(f"{title} (simulated)".strip())
     return figure
@@ -99,8 +96,9 @@ def draw_sweep(designs: "Designs") -> "Figure":
     ranked, shown = designs.table(), designs.ranked_by
     varying = [name for name in designs.varied if ranked[name].nunique() > 1] or list(designs.varied[:1])
     drawn, hidden = varying[:2], varying[2:]
-    called = {name: _named(name, name in designs.varied) for name in (shown, *designs.varied)}
-    labels = {name: f"{words} [{unit}]" for name, (words, unit) in called.items()}
+    split = {name: name_and_unit(name) for name in designs.varied}
+    called = {shown: titled(shown)} | {name: (", ".join(n.rsplit("_", 1)), unit) for name, (n, unit) in split.items()}
+    labels = {name: "{} [{}]".format(*one) for name, one in called.items()}
     cells, best = ranked.drop_duplicates(drawn).sort_values(drawn[0]), ranked.iloc[0]
     upwards = shown if len(drawn) == 1 else drawn[1]
     at = best[drawn[0]], best[upwards]
@@ -122,8 +120,7 @@ def draw_sweep(designs: "Designs") -> "Figure":
                 colour = "black" if mesh.norm(value) > 0.5 else "white"
                 axes.text(x[k], y[i], text, color=colour, fontsize=7, ha="center", va="center")
     label = "; ".join(f"{words} = {best[name]:.4g} {unit}" for name, (words, unit) in called.items())
-    look = {"ms": 13, "mfc": "white", "mec": "black", "ls": "none"}
-    axes.plot(*at, "*", label=fill(f"best: {label}", 90), **look)
+    axes.plot(*at, "*", ms=13, mfc="white", mec="black", ls="none", label=fill(f"best: {label}", 90))
     figure.legend(loc="outside lower center", fontsize=8)
     over = "; at each place the least over " + "; ".join(called[name][0] for name in hidden) if hidden else ""
     axes.set_title(fill(f"simulated{over}", 80), fontsize=10)
@@ -132,18 +129,6 @@ def draw_sweep(designs: "Designs") -> "Figure":
 
 _WRITTEN = 0.09
 """Least step of a variable, of its range, with which the value of each cell is written into it."""
-_VECTORS = {"F": "shaking force", "M": "shaking moment"}
-_KINDS = {"rms": " RMS", "peak": " peak"}
-
-
-def _named(column: str, is_varied: bool) -> tuple[str, str]:
-    """``shaking force RMS`` and ``N`` of ``rms_F_N``; of a variable ``crank, mass`` and ``kg`` of ``crank_mass_kg``."""
-    name, unit = name_and_unit(column)
-    if is_varied:
-        return ", ".join(name.rsplit("_", 1)), unit
-    kind, _, what = name.partition("_")
-    words = _VECTORS.get(what, what) + _KINDS[kind] if kind in _KINDS else name
-    return words.replace("_", " "), unit
 
 
 def draw_front(found: "Front") -> "Figure":
@@ -201,6 +186,8 @@ def draw_responses(responses: Mapping[str, Response], shown: Sequence[str]) -> "
 
 
 def titled(name: str) -> tuple[str, str]:
-    """``Fx`` and ``N`` of ``Fx_N``."""
-    stem, _, unit = name.rpartition("_")
-    return stem.replace("_", " "), unit.replace("Nm", "N m")
+    """``Fx`` and ``N`` of ``Fx_N``; ``shaking force RMS`` of ``rms_F_N``."""
+    stem, unit = name_and_unit(name)
+    kind, _, of = stem.partition("_")
+    whole = {"F": "shaking force", "M": "shaking moment"}.get(of, of)
+    return {"rms": f"{whole} RMS", "peak": f"{whole} peak"}.get(kind, stem).replace("_", " "), unit

@@ -1,6 +1,6 @@
 """Figure of reductions: analysed from logs, simulated, published."""
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -50,22 +50,16 @@ def reductions(compared: Comparison | Analysis) -> "Figure":
     sets = {masses: f"set {i}" if len(mounted) > 1 else "" for i, masses in enumerate(mounted, 1)}
     most = max(Counter((row.analyzed.key.motion, _place(row)) for row in rows).values())
     joint = _PLACES if most <= _FEW else 1
-    drawn: dict[tuple[int, int], list[Row]] = {}
+    drawn = defaultdict[tuple[int, int], list[Row]](list)
     for row in rows:
-        at = motions.index(row.analyzed.key.motion), places.index(_place(row)) // joint
-        drawn.setdefault(at, []).append(row)
+        drawn[motions.index(row.analyzed.key.motion), places.index(_place(row)) // joint].append(row)
     columns = 1 if joint > 1 else min(len(drawn), _COLUMNS)
     with style.styled():
         figure, panels = style.light_grid(-(-len(drawn) // columns), columns, 2.7, sharey=True)
         for panel in panels.flat[len(drawn) :]:
             panel.set_visible(False)
         for panel, ((motion, _), shown) in zip(panels.flat, sorted(drawn.items()), strict=False):
-            here = [place for place in places if place in map(_place, shown)]
-            _panel(panel, shown, sets, here)
-            name = "base" if len({sensor for sensor, _ in places}) == 1 else here[0][0]
-            title = [f"motion {motions[motion]}"] * (len(motions) > 1)
-            title += [f"{name} along {here[0][1]}"] * (len(here) == 1)
-            panel.set_title(", ".join(title))
+            _panel(panel, shown, sets, f"motion {motions[motion]}" if len(motions) > 1 else "")
         for panel in panels[:, 0]:
             panel.set_ylabel("reduction of the amplitude [%]")
         panels[0, 0].set_ylim(min(0.0, *(_lowest(row) - 10.0 for row in rows)), 105.0)
@@ -92,8 +86,11 @@ def _masses(row: Row) -> str:
     return masses_text(row.analyzed.counter_masses)
 
 
-def _panel(panel: "Axes", rows: Sequence[Row], sets: Mapping[str, str], places: Sequence[tuple[str, str]]) -> None:
+def _panel(panel: "Axes", rows: Sequence[Row], sets: Mapping[str, str], title: str) -> None:
     """Conditions of a motion, sensor after sensor, payload after payload and set after set, a gap between two."""
+
+    places = list(dict.fromkeys(map(_place, rows)))
+    panel.set_title(", ".join(filter(None, (title, " along ".join(places[0]) if len(places) == 1 else ""))))
 
     def group(row: Row) -> tuple[int, float, tuple[tuple[str, float], ...], int]:
         key = row.analyzed.key
