@@ -430,31 +430,40 @@ def _fitting_masses(
 
 
 def _gross_torques(seen: Observation, alone: TorqueBalance) -> list[Statement]:
-    """Torques that are more than TORQUE_FACTOR times the model's, or less, whatever the payload."""
+    """Torques that are more than TORQUE_FACTOR times the model's, or less, whatever the payload and as it is stated.
+
+    In one run payload, drive inertia and the base's motion may take the place of the model: named is the factor of the
+    model with the stated masses.
+    """
     found = []
-    for joint, scale, error in zip(alone.joints, alone.scale, alone.scale_deviation, strict=True):
-        apart = not 1.0 / TORQUE_FACTOR <= abs(scale) <= TORQUE_FACTOR
-        # Where drive inertia takes the place of the model, the torque over the model's has to tell the same.
-        if apart and not alone.determined:
-            apart = not 1.0 / TORQUE_FACTOR <= abs(_plain_gain(seen, alone.joints.index(joint))) <= TORQUE_FACTOR
-        if apart and abs(abs(scale) - 1.0) > REJECTED * error and alone.payload[0] > 0.0:
-            witnessed = f"{scale:.2g} times the model's, expected {1.0 / TORQUE_FACTOR:g} to {TORQUE_FACTOR:g}"
+    for j, (joint, *alike) in enumerate(zip(alone.joints, alone.scale, alone.scale_deviation, strict=True)):
+        factor, error = _factor_beside_friction(seen, j)
+        apart = (
+            not 1.0 / TORQUE_FACTOR <= abs(one) <= TORQUE_FACTOR and abs(abs(one) - 1.0) > REJECTED * uncertainty
+            for one, uncertainty in (alike, (factor, error))
+        )
+        if all(apart) and alone.payload[0] > 0.0:
+            witnessed = f"{factor:.2g} times the model's beside friction, standard uncertainty {error:.1g}, "
+            witnessed += f"expected {1.0 / TORQUE_FACTOR:g} to {TORQUE_FACTOR:g}"
             column = next(c for c in seen.rig.columns_of(Torque) if c.component == joint)
-            witnessed += misread(column, abs(float(scale)))
+            witnessed += misread(column, abs(factor))
             stated = f"torque of {joint} by the model"
             found.append(Statement(seen.name, "gain", None, stated, witnessed, "its readings", "torque_contradiction"))
     return found
 
 
-def _plain_gain(seen: Observation, joint: int) -> float:
-    """Torque of a drive over that of the model with all that the run table states, drive inertia left out [-]."""
+def _factor_beside_friction(seen: Observation, joint: int) -> tuple[float, float]:
+    """Least-squares factor of the model with all that the run table states, beside friction; its uncertainty [-]."""
     assert seen.torque is not None
-    products, names = seen.torque.products[:, joint].sum(axis=0), seen.torque.names
-    constant, torque = names.index("offset"), names.index("torque")
-    products = products - np.outer(products[:, constant], products[constant]) / products[constant, constant]
-    stated = {"model": 1.0, "payload": seen.conditions["payload_kg"], **seen.counter_masses}
-    body = np.array([stated.get(name, 0.0) for name in names])
-    return float(body @ products[:, torque] / max(body @ products @ body, 1e-300))
+    names, each = seen.torque.names, seen.torque.products[:, joint]
+    sums, stated = each.sum(axis=0) - [0.0 * each[0], *each], {"payload": seen.conditions["payload_kg"]}
+    columns = np.zeros((len(names), 4))  # the model's, and what friction makes
+    columns[:, 0] = [({"model": 1.0} | stated | seen.counter_masses).get(name, 0.0) for name in names]
+    columns[[names.index(name) for name in ("offset", "viscous", "coulomb")], [1, 2, 3]] = 1.0
+    columns /= (width := np.sqrt(np.maximum(np.diag(columns.T @ sums[0] @ columns), 1e-300)))
+    inverse = np.linalg.pinv(columns.T @ sums @ columns, rcond=1e-10, hermitian=True)
+    found = (inverse @ (columns.T @ sums)[..., [names.index("torque")]])[:, 0, 0] / width[0]
+    return float(found[0]), float(jackknife(found[1:]))
 
 
 def _alone(seen: Observation, masses: Mapping[str, float]) -> TorqueBalance:

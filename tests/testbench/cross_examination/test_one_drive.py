@@ -13,6 +13,7 @@ from studies.simulated_runs import with_values
 from testbench.campaign_plan import load_plan
 from testbench.cross_examination import conditions
 from testbench.cross_examination.conditions import TorqueBalance, _gross_torques
+from testbench.cross_examination.observation import DRIVE_TERMS, Observation, TorqueEquations
 from testbench.project import new_project
 from testbench.rig import load_rig
 
@@ -109,14 +110,34 @@ def test_friction_of_each_run_is_no_payload(campaign):
     assert not Witnesses().hear(told).findings
 
 
-@pytest.mark.parametrize(("factor", "inflation", "said"), [(1.0, 1e11, 0), (1.0, 10.0, 1), (1e3, 1e11, 1)])
-def test_drive_inertia_in_place_of_the_model_is_no_gross_torque(campaign, factor, inflation, said):
+@pytest.mark.parametrize(("factor", "scale", "said"), [(1.0, 0.069, 0), (1.0, 2.1, 0), (1e3, 0.069, 1), (1e3, 1.0, 0)])
+def test_drive_inertia_in_place_of_the_model_is_no_gross_torque(campaign, factor, scale, said):
     """A scale of 0.07 with 41 kg, as friction alone may ask of one run; a log in N mm is 1000 times the model's."""
     run = campaign[0][2]
     seen = Witnesses()._observed(with_values(run, "tau_A0", factor * run.channel("tau_A0")))
     one, none = np.ones(1), np.zeros(1)
-    alone = TorqueBalance(41.6 * one, 0.069 * one, inflation * one, none, (run.name,), ("A0",), one, 5e-4 * one)
+    alone = TorqueBalance(41.6 * one, scale * one, 10.0 * one, none, (run.name,), ("A0",), one, 5e-4 * one)
     assert len(_gross_torques(seen, alone)) == said
+
+
+@pytest.mark.parametrize("gain", [1.0, 0.4, 2.5])
+def test_friction_is_no_gain_of_a_balanced_joint(gain):
+    """Its torque follows the speed in part, and dry friction is larger: beside friction the factor is the gain."""
+    t, rng = np.linspace(0.0, 8.0, 8000, endpoint=False), np.random.default_rng(0)
+    model, v, one = (
+        0.1 * np.cos(2.0 * np.pi * t - 0.5) + 0.05 * np.sin(14.0 * t),
+        np.cos(2.0 * np.pi * t),
+        np.ones(8000),
+    )
+    dry = np.tanh(v / 0.05)
+    torque = gain * (model + 0.18 * dry + 0.03 * v + 0.02) + rng.normal(0.0, 0.03, 8000)
+    columns = np.column_stack([torque, model, 0.0 * one, 0.0 * one, one, np.gradient(v, t), v, dry])
+    products = np.array([part.T @ part for part in np.split(columns, 8)])[:, None]
+    names = ("torque", "model", "payload", "base", *DRIVE_TERMS)
+    seen = Observation("r1", {"payload_kg": 0.8}, None, torque=TorqueEquations(("J2",), names, products))
+    found, uncertainty = conditions._factor_beside_friction(seen, 0)
+    assert found == pytest.approx(gain, abs=4.0 * uncertainty)
+    assert uncertainty < 0.02
 
 
 def test_too_few_runs_say_nothing(campaign):
