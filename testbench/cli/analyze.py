@@ -189,9 +189,9 @@ def doctor(
 
     Encoders, commands, torques, forces, accelerometers and the model witness payload, counter-masses, peak
     acceleration, motion, and of each sensor the axis, sign and gain; dead channels, levels that drift, and copies of
-    runs are found; what ingest found odd in their logs, such as a clipped sensor, is repeated. All runs of the campaign
-    are heard; those named are shown. With --by and --reason, what is accepted is entered into the ledger for the runs
-    that are shown: other commands then take it as accepted too.
+    runs are found; what ingest found, such as a clipped sensor or a run that it could not store, is repeated. All runs
+    of the campaign are heard; those named are shown. With --by and --reason, what is accepted is entered into the
+    ledger for the runs that are shown: other commands then take it as accepted too.
     """
     from ..cross_examination.statement import accept as enter
     from ..cross_examination.statement import decisions
@@ -199,6 +199,7 @@ def doctor(
     from ..front_door import doctor as examined
     from ..recording import Severity
     from ..store import open_campaign
+    from ..store.ledger import read_ledger
 
     stored = open_campaign(campaign).runs
     names = [run.name for run in stored]
@@ -213,7 +214,8 @@ def doctor(
         for code, some in about.items():
             enter(campaign, code, [run for run in stored if run.name in some], **person)
     recorded = decisions(run for run in stored if run.name in shown)
-    as_read = [
+    as_read = [] if runs else read_ledger(campaign).lacking
+    as_read += [
         replace(finding, message=": ".join(filter(None, (run.name, finding.channel, finding.message))))
         for run in stored
         for finding in (run.findings if run.name in shown else ())
@@ -222,7 +224,7 @@ def doctor(
 
     def show() -> None:
         codes = ", ".join(sorted({finding.code for finding in as_read}))
-        beside = f" In the logs themselves: {codes}." if codes else ""
+        beside = f" Found by ingest: {codes}." if codes else ""
         say(f"{campaign.name}: {examination.verdict(shown)}{beside}")
         _print_examination(examination, shown)
         options.print_findings(as_read)

@@ -183,7 +183,7 @@ def list_runs(campaign: Path = argument()) -> Answer:
 
     runs, refused = options.openable_runs(open_campaign(campaign).run_paths)
     ledger = read_ledger(campaign)
-    lacking = [f"{file.removesuffix('.h5')}: not stored: {why}" for file, why in ledger.not_stored.items()]
+    lacking = [finding.message for finding in ledger.lacking]
     # Of each run whether its log has grown since: ``incomplete``, or ``superseded by`` its next version.
     found = {run.path.name: "" for run in runs} | dict.fromkeys(ledger.grown, "incomplete")
     later = {run.provenance[CONTINUES]: run.name for run in runs if CONTINUES in run.provenance}

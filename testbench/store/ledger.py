@@ -21,6 +21,7 @@ from typing import Annotated, Any
 from balance.results import Key
 
 from ..errors import NotConfirmedError, StoreError
+from ..recording import Finding
 from . import atomic_files
 from .atomic_files import one_at_a_time
 
@@ -73,6 +74,12 @@ class Ledger:
     """Runs whose logs have more than was stored."""
     not_stored: dict[str, str] = field(default_factory=dict)
     """Why, of each run of a run table that could not be stored and has neither been since nor been given up."""
+
+    @property
+    def lacking(self) -> list[Finding]:
+        """A finding for each of them."""
+        named = ((file.removesuffix(".h5"), why) for file, why in self.not_stored.items())
+        return [Finding("not_stored", None, n, f"{n}: is in the run table and not stored: {why}") for n, why in named]
 
     @property
     def head(self) -> str | None:

@@ -96,12 +96,9 @@ def pairs(runs: Iterable["Run"]) -> tuple[list[Pair], list[Finding]]:
     """
     runs = list(runs)
     groups: dict[ConditionKey, dict[tuple[tuple[str, float], ...], list[Run]]] = defaultdict(lambda: defaultdict(list))
-    findings: list[Finding] = []
     needed = [name for name in _COMPARED if name == "motion" or any(name in run.conditions for run in runs)]
     ledgers = {folder: read_ledger(folder) for folder in sorted({run.path.parent for run in runs})}
-    for file, why in ((file, why) for one in ledgers.values() for file, why in one.not_stored.items()):
-        name = file.removesuffix(".h5")
-        findings.append(Finding("not_stored", None, name, f"{name}: is in the run table and not stored: {why}"))
+    findings = [finding for ledger in ledgers.values() for finding in ledger.lacking]
     for run in runs:
         if run.path.name in ledgers[run.path.parent].grown:
             more = "its log has grown since it was stored: ingest it again, which stores its next version"

@@ -95,7 +95,7 @@ def test_logs_of_runs_that_are_stored_need_not_be_given_again(ingest, tmp_path):
     table.write_text(table.read_text() + "e_daq.csv,r3,x\n")
     assert ingest("d_daq.csv", "--runs", "runs.csv")[1]["e_daq.csv"] == ["log_missing"]
     lacking = json.loads(call(main, "testbench", "list", "c", "--json").out)["not_stored"]
-    assert lacking == ["r3: not stored: its log was not given"]
+    assert lacking == ["r3: is in the run table and not stored: its log was not given"]
     table.write_text("file,run,motion\na_daq.csv,r1,y\nb_forces.csv,r1,y\nd_daq.csv,r2,x\n")
     assert ingest("d_daq.csv", "--runs", "runs.csv")[1]["a_daq.csv"] == ["conditions_differ"]
 

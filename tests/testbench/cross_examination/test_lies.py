@@ -24,7 +24,7 @@ from testbench.rig import load_rig
 from testbench.rig.sensors import Accelerometer, Encoder, ForceSensor, Wrench
 from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign
-from testbench.store.ledger import read_ledger
+from testbench.store.ledger import enter_not_stored, read_ledger
 from testbench.vibration.metrics import Measure
 from testbench.vibration.reduction import analyze, verdict
 
@@ -668,7 +668,7 @@ def test_doctor(brief, command):
 
 
 def test_doctor_repeats_what_ingest_found(command, tmp_path):
-    """A sensor that was clipped is named with its run, also in the first line and in the document; exit code 3."""
+    """A clipped sensor with its run, and a run not stored, in the first line and in the document; exit code 3."""
     wave = np.clip(np.sin(np.arange(4000) * 0.02) + np.random.default_rng(0).normal(0.0, 0.02, 4000), -0.6, 0.6)
     rows = "\n".join(f"{i / 1000},{value:.4f}" for i, value in enumerate(wave))
     (tmp_path / "r001.csv").write_text(f"t (s),AccX (g)\n{rows}\n", encoding="utf-8")
@@ -681,10 +681,15 @@ def test_doctor_repeats_what_ingest_found(command, tmp_path):
     assert made[0] == 3, made
     code, out, _ = command("doctor", tmp_path / "c")
     assert code == 3
-    assert "In the logs themselves: clipping_suspected." in out.splitlines()[0]
+    assert "Found by ingest: clipping_suspected." in out.splitlines()[0]
     assert "clipping_suspected: r001: AccX" in out
-    (told,) = json.loads(command("doctor", tmp_path / "c", "--json")[1])["as_read"]
-    assert told["code"] == "clipping_suspected"
+    enter_not_stored(tmp_path / "c", "r002.h5", "its log was not given")
+    out = command("doctor", tmp_path / "c")[1]
+    assert "Found by ingest: clipping_suspected, not_stored." in out.splitlines()[0]
+    assert "not_stored: r002: is in the run table and not stored: its log was not given" in out
+    told = json.loads(command("doctor", tmp_path / "c", "--json")[1])["as_read"]
+    assert [one["code"] for one in told] == ["not_stored", "clipping_suspected"]
+    assert len(json.loads(command("doctor", tmp_path / "c", "r001", "--json")[1])["as_read"]) == 1
 
 
 def test_doctor_enters_what_a_person_accepts(pair_built, command, monkeypatch, tmp_path):
