@@ -116,10 +116,11 @@ class Examination(Shown, rows="statements"):
         heard = {s.subject for s in about}
         found = [subject for subject in WITNESSED if subject not in heard and (subject != "copy" or len(self.runs) < 2)]
         for sensor, channels in self.sensors.get(run, {}).items():
-            told = {s.subject for s in about if s.channel in channels}
-            found += [
-                f"{subject} of {sensor}" for subject in ("axis", "sign") if subject in heard and subject not in told
-            ]
+            axes, signs = ({s.channel for s in about if s.subject == subject} for subject in ("axis", "sign"))
+            unsigned = [channel for channel in channels if channel not in signs]
+            found += [f"axis of {sensor}"] if "axis" in heard and axes.isdisjoint(channels) else []
+            if "sign" in heard and unsigned:
+                found.append(f"sign of {sensor if len(unsigned) == len(channels) else ', '.join(unsigned)}")
         return found
 
     def why_unwitnessed(self, run: str) -> str:
