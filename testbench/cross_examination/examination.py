@@ -135,7 +135,11 @@ class Examination(Shown, rows="statements"):
         return replace(self, accepted=self.accepted | ({code for _, code in recorded} - still_open))
 
     def verdict(self, shown: Sequence[str]) -> str:
-        """In one sentence, of the runs ``shown``."""
+        """In one sentence, of the runs ``shown``; and before it what changed where nobody knows which side is right."""
+        if changes := list(dict.fromkeys(s.witnessed for run in shown for s in self.about(run) if s.is_of_one_side)):
+            other = replace(self, statements=tuple(s for s in self.statements if not s.is_of_one_side))
+            also = f" {other.verdict(shown)}" if any(map(other.about, shown)) else ""
+            return f"{'; '.join(changes[:3])}{'; and others' * (len(changes) > 3)}.{also}"
         doubtful, unheard = [run for run in shown if self.about(run)], [run for run in shown if run in self.unexamined]
         if len(unheard) == len(shown):
             return f"None of {len(shown)} runs can be examined: nothing is known of them."
@@ -245,7 +249,8 @@ def _since(statements: Sequence[Statement], runs: Sequence[str]) -> list[Stateme
         wrong = {at[o.run] for o in about if (o.subject, o.code) == (s.subject, s.code)}
         right = {at[o.run] for o in about if o.code is None and s.subject.startswith(o.subject)} - wrong
         changed = len(wrong) > 1 and bool(right) and max(right) < min(wrong)
-        found.append(replace(s, changed=f"{runs[max(right)]} and {runs[min(wrong)]}") if changed else s)
+        between = f"{runs[max(right)]} and {runs[min(wrong)]}" if changed else s.changed
+        found.append(replace(s, changed=between))
     return found
 
 

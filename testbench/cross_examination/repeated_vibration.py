@@ -7,6 +7,7 @@ from itertools import combinations, permutations
 import numpy as np
 
 from balance.arrays import Floats
+from balance.results import first_of
 
 from .mounting import Signs, exchanged_axes, exchanges, signs_of
 from .observation import Observation
@@ -86,8 +87,8 @@ def repeated_vibration(
     """Axes of an accelerometer that in one run show, each, what another shows in a repeat, or its opposite, as those of
     a sensor do that was turned; and single axes that show the opposite.
 
-    Which of the two is wrong other runs of the motion tell, that show the same; else both are named. A run and channel
-    that is known to be ``wrong`` is no witness.
+    Which of the two is wrong other runs of the motion tell, that show the same; else both are named, and all where it
+    changed from a run on. A run and channel that is known to be ``wrong`` is no witness.
     """
     from scipy.fft import next_fast_len
 
@@ -111,31 +112,35 @@ def repeated_vibration(
 def _statements(channels: tuple[str, ...], chosen: list[int], having: Sequence[_Vibration]) -> list[Statement]:
     """Of two or three axes that may be exchanged, or of one that may be reversed."""
     same, exchanged = dict[str, str](), dict[str, dict[str, str]]()
-    axes = [channels[i] for i in chosen]
+    axes, what = [channels[i] for i in chosen], "axis" if len(chosen) > 1 else "sign"
+    runs, alike, unlike = [one.seen.name for one in having], set[tuple[int, int]](), set[tuple[int, int]]()
     for n, one in enumerate(having):
-        repeats = [other for other in having[n + 1 :] if other.condition == one.condition]
-        for other in repeats[:MOST_REPEATS]:
-            found = one.likeness(other, chosen)
+        repeats = [k for k in range(n + 1, len(having)) if having[k].condition == one.condition]
+        for k in repeats[:MOST_REPEATS]:
+            found = one.likeness(other := having[k], chosen)
             own, crosswise = found.own, found.otherwise
-            names = one.seen.name, other.seen.name
+            names = runs[n], runs[k]
             if own > FOLLOWS and own > crosswise:
                 same |= dict([names, names[::-1]])
+                alike.add((n, k))
             if not (found.is_told and crosswise > FOLLOWS and _remainder(crosswise) < EXCHANGED * _remainder(own)):
                 continue
+            unlike.add((n, k))
             ahead = _votes(one, having, chosen) - _votes(other, having, chosen)
             apart = DECIDED * (crosswise - own)
             seen_from = ((names, ahead, (found.order, found.signs)), (names[::-1], -ahead, found.inverse))
             for (name, beside), more, how in seen_from:
                 if more < apart:
                     exchanged.setdefault(name, {})[beside] = exchanged_axes(axes, *how, "shows", "shows")
-    statements = []
+    if statements := _change(what, axes, runs, alike, unlike):
+        return statements
     for seen in (one.seen for one in having):
         columns = [seen.records[name].column for name in axes if name in seen.records]
         if len(columns) < len(axes) or seen.name not in same | exchanged:
             continue
         others = tuple(sorted(exchanged.get(seen.name, ())))
         both = [name for name in others if seen.name in exchanged.get(name, ())]
-        where, what = ", here or there" * bool(both), "axis" if len(axes) > 1 else "sign"
+        where = ", here or there" * bool(both)
         if not others:
             witnessed = f"they show the same as in {same[seen.name]}"
         elif what == "axis":
@@ -149,6 +154,30 @@ def _statements(channels: tuple[str, ...], chosen: list[int], having: Sequence[_
             for channel in (axes if others else axes[:1])
         ]
     return statements
+
+
+def _change(
+    what: str, axes: Sequence[str], runs: Sequence[str], alike: set[tuple[int, int]], unlike: set[tuple[int, int]]
+) -> list[Statement]:
+    """Statements on all runs where those from one on show otherwise than those before, two or more on each side.
+
+    Most runs do not tell which side is right: as many as the sensor made after it was mounted anew.
+    """
+    last, first = max((n for n, _ in unlike), default=0), min((k for _, k in unlike), default=0)
+    differing = {n for pair in unlike for n in pair}
+    shown = sorted(differing | {n for pair in alike if differing & {*pair} for n in pair})
+    sides = [[runs[n] for n in shown if n <= last], [runs[n] for n in shown if n >= first]]
+    if last >= first or min(map(len, sides)) < 2 or any(n <= last and k >= first for n, k in alike):
+        return []
+    between, either = f"{runs[last]} and {runs[first]}", " or ".join(first_of(s, 6) for s in sorted(sides, key=len))
+    how = "exchange their axes" if what == "axis" else "changes its sign"
+    one = "has them exchanged" if what == "axis" else "is inverted"
+    witnessed = f"{', '.join(axes)} {how} between {between}: one side {one}, {either}"
+    return [
+        Statement(run, what, channel, "as in the rig", witnessed, "its repeats", f"{what}_contradiction", tuple(other),
+                  changed=between)
+        for side, other in (sides, sides[::-1]) for run in side for channel in axes
+    ]  # fmt: skip
 
 
 def _votes(one: _Vibration, having: Sequence[_Vibration], axes: list[int]) -> float:

@@ -92,6 +92,11 @@ class Statement:
     changed: Annotated[str, Key(None, "")] = ""
     """The last run that agrees and the first that contradicts, where no run agrees after it; else empty."""
 
+    @property
+    def is_of_one_side(self) -> bool:
+        """Whether this run contradicts or the ``others``, on the other side of what changed: nobody knows which."""
+        return bool(self.changed and self.others)
+
     def concerns(self, channels: Collection[str | None]) -> bool:
         """Whether it is about one of ``channels``, or the whole run as what is made of encoders is."""
         of_the_run = self.channel is None or self.code in {"encoder_contradiction", "motion_contradiction"}
@@ -102,7 +107,7 @@ class Statement:
         """What to do about a contradiction."""
         if self.code is None:
             return None
-        first = f"find what changed between {self.changed} (later runs show it too); " if self.changed else ""
+        first = f"find what changed between {self.changed}; " if self.changed else ""
         return first + ADVICE[self.because or self.code].format(column=self.column)
 
     @property
