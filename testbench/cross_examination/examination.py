@@ -249,8 +249,7 @@ def _since(statements: Sequence[Statement], runs: Sequence[str]) -> list[Stateme
         wrong = {at[o.run] for o in about if (o.subject, o.code) == (s.subject, s.code)}
         right = {at[o.run] for o in about if o.code is None and s.subject.startswith(o.subject)} - wrong
         changed = len(wrong) > 1 and bool(right) and max(right) < min(wrong)
-        between = f"{runs[max(right)]} and {runs[min(wrong)]}" if changed else s.changed
-        found.append(replace(s, changed=between))
+        found.append(replace(s, changed=f"{runs[max(right)]} and {runs[min(wrong)]}") if changed else s)
     return found
 
 

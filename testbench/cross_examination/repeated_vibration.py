@@ -132,11 +132,11 @@ def _statements(channels: tuple[str, ...], chosen: list[int], having: Sequence[_
             for (name, beside), more, how in seen_from:
                 if more < apart:
                     exchanged.setdefault(name, {})[beside] = exchanged_axes(axes, *how, "shows", "shows")
-    if statements := _change(what, axes, runs, alike, unlike):
-        return statements
+    statements = _change(what, axes, runs, alike, unlike)
+    known = {s.run for s in statements}
     for seen in (one.seen for one in having):
         columns = [seen.records[name].column for name in axes if name in seen.records]
-        if len(columns) < len(axes) or seen.name not in same | exchanged:
+        if len(columns) < len(axes) or seen.name in known or seen.name not in same | exchanged:
             continue
         others = tuple(sorted(exchanged.get(seen.name, ())))
         both = [name for name in others if seen.name in exchanged.get(name, ())]
@@ -161,7 +161,7 @@ def _change(
 ) -> list[Statement]:
     """Statements on all runs where those from one on show otherwise than those before, two or more on each side.
 
-    Most runs do not tell which side is right: as many as the sensor made after it was mounted anew.
+    The larger side need not be the right one: a sensor may be mounted wrong for most of a campaign.
     """
     last, first = max((n for n, _ in unlike), default=0), min((k for _, k in unlike), default=0)
     differing = {n for pair in unlike for n in pair}
