@@ -32,6 +32,10 @@ _LEAST_LINES, _MOST_LINES = 4, 24
 """Limits of the lines used for noise on each side; else half the way to the next order."""
 _APART = 1.25
 """Least distance of a tone from the order, at which a fit still tells them apart [lines]."""
+_FINE = 4
+"""Parts of a line on which tones are looked for."""
+_SIDEBAND = 1e-3
+"""Share of a power of the speed on a line from which that is no place of a tone."""
 _REFINED = 2
 """Gauss-Newton iterations on the frequency of a tone."""
 MOST_TERMS = 4
@@ -40,6 +44,8 @@ _AHEAD = 2
 """Powers looked at beyond the fitted ones: of even or odd ones one may do nothing."""
 _FAST = 0.05
 """Changes of speed a radian of turning above which a resonance may not follow: a period of 20 turns."""
+_HUNTING = 0.065
+"""The same above which lines of the speed are farther apart than a resonance is wide: a period of 15 turns."""
 _NEGLIGIBLE = 0.3
 """Size of a term over the standard deviation of the vector below which it is left out."""
 SEEN = 3.7
@@ -68,7 +74,9 @@ class OrderFit:
     spread: Floats
     """Covariance of the real, as of the imaginary parts of ``powers``, (terms, terms) [unit^2]."""
     left: float
-    """What the powers that are left out do to the vector, where it matters [unit]."""
+    """What the powers that are left out do to the vector [unit]."""
+    is_hunting: bool
+    """Whether the speed changes so fast that the record has lines of the order beside the mean, and none between."""
 
 
 @dataclass
@@ -105,7 +113,9 @@ def fit_orders(
         nearby = record.neighbourhood(solved, tones)
         size = float(np.hypot(solved[order], solved[orders + order]))
         least = 0.5 * record.window.sum() * 0.5 * stepped * size
-        found = _tone(nearby, lines, order * turns, tones, least) if len(tones) < _MOST_TONES else None
+        found = None
+        if len(tones) < _MOST_TONES:
+            found = _tone(nearby, lines, order * turns, tones, least, record.sidebands())
         if found is not None and (refined := record.refined([*tones, _Tone(found)], order * turns)):
             tones = refined
             continue
@@ -116,8 +126,7 @@ def fit_orders(
         scale = record.scale[: record.terms]
         scatter = float(noise.max()) * shape[np.ix_(real, real)] / np.outer(scale, scale)
         left = float(np.abs(ahead) @ _next_powers(size, np.abs(powers), np.sqrt(np.diag(scatter))))
-        left *= left > _NEGLIGIBLE * float(noise.max() * shape[order, order]) ** 0.5
-        if not left or record.terms == MOST_TERMS:
+        if left < _NEGLIGIBLE * float(noise.max() * shape[order, order]) ** 0.5 or record.terms == MOST_TERMS:
             break
         record.terms, tones = record.terms + 1, []  # of sidebands some may have been taken for tones
     rounding = record.rounding(solved, tones)
@@ -126,7 +135,17 @@ def fit_orders(
         noise[1] = max(noise[1], noise[0] + known**2 * len(values) / turns * record.power)
     pick = [order, orders + order]
     covariance = _turned_phase(noise, np.angle(value), shape[np.ix_(pick, pick)]) + rounding * np.eye(2)
-    return OrderFit(value, covariance, spare, tuple(t.line for t in tones), powers, scatter, left)
+    return OrderFit(
+        value, covariance, spare, tuple(t.line for t in tones), powers, scatter, left, record.hunting > _HUNTING
+    )
+
+
+def refit(values: Floats, angle: Floats, turns: int, order: int, shift: Floats | None, terms: int) -> complex:
+    """The vector of an order in ``values`` (n,) [unit], as of ``fit_orders``, by so many powers of the shift alone."""
+    record = _Record(values, angle, turns, order, order, shift)
+    record.terms = terms if shift is not None else 0
+    solved, *_ = record.solve([])
+    return complex(solved[order], solved[2 * order])
 
 
 def _turned_phase(noise: Floats, angle: float, shape: Floats) -> Floats:
@@ -147,7 +166,7 @@ class _Record:
         self.share = (np.arange(len(values)) + 0.5) / len(values)
         self.window = np.sin(np.pi * self.share) ** 2
         self.power = float((self.window**2).sum())
-        self.terms, self.scale = 0, np.ones(0)
+        self.terms, self.scale, self.hunting = 0, np.ones(0), 0.0
         if shift is not None:
             self.grid = np.linspace(0.0, turns, len(shift))
             by = [np.ones(len(shift), dtype=complex)]
@@ -155,7 +174,8 @@ class _Record:
                 by.append(shift * by[-1] - 1j * (1.0 + shift) * np.gradient(by[-1], self.grid) / (2 * np.pi * order))
             self.scale = np.array([np.sqrt(np.mean(np.abs(m) ** 2)) for m in by[1:]])
             self.by = [m / scale for m, scale in zip(by[1:], self.scale, strict=True)]
-            self.terms = 2 if self.scale[1] > _FAST * self.scale[0] else 1
+            self.hunting = float(self.scale[1] / self.scale[0])
+            self.terms = 2 if self.hunting > _FAST else 1
 
     def _chunks(self, tones: list[_Tone]) -> Iterator[tuple[slice, Floats]]:
         """Columns: 1; cos, then -sin of the orders; cos, sin of each tone and its derivative by frequency; cos, -sin of
@@ -241,9 +261,21 @@ class _Record:
     def neighbourhood(self, solved: Floats, tones: list[_Tone]) -> NDArray[np.complex128]:
         """The windowed residual demodulated by the order, summed in blocks of equal length, (blocks,) [unit]."""
         residual = self.values - self._explained(solved, tones)
-        turned = self.window * residual * np.exp(-2j * np.pi * self.order * self.angle)
-        edges = np.linspace(0, len(residual), min(_BLOCKS, len(residual)) + 1).astype(int)[:-1]
-        return np.asarray(np.add.reduceat(turned, edges))
+        return self._blocks(residual * np.exp(-2j * np.pi * self.order * self.angle))
+
+    def _blocks(self, turned: Floats | NDArray[np.complex128]) -> NDArray[np.complex128]:
+        edges = np.linspace(0, len(turned), min(_BLOCKS, len(turned)) + 1).astype(int)[:-1]
+        return np.asarray(np.add.reduceat(self.window * turned, edges))
+
+    def sidebands(self) -> Floats:
+        """Size of the powers ahead on fine lines about the order, over that of one power on its line, (lines,) [-];
+        empty at a steady speed.
+        """
+        if not self.terms:
+            return np.zeros(0)
+        ahead = [self._blocks(np.interp(self.angle, self.grid, m)) for m in self.by[: self.terms + _AHEAD]]
+        spectra = np.abs(np.fft.fft(ahead, _FINE * len(ahead[0])))
+        return np.asarray(spectra.max(axis=0) / self.window.sum())
 
 
 def _next_powers(size: float, powers: Floats, deviation: Floats) -> Floats:
@@ -260,14 +292,18 @@ def _next_powers(size: float, powers: Floats, deviation: Floats) -> Floats:
     return np.asarray(last * ratio ** np.arange(1, _AHEAD + 1))
 
 
-def _tone(nearby: NDArray[np.complex128], lines: int, order: int, tones: list[_Tone], least: float) -> float | None:
+def _tone(
+    nearby: NDArray[np.complex128], lines: int, order: int, tones: list[_Tone], least: float, sidebands: Floats
+) -> float | None:
     """Periods per record of the strongest tone on quarter lines near the order; None where all may be noise.
 
-    A tone of amplitude A reads A / 2 times the window's sum; below ``least`` in these units it counts as none.
+    A tone of amplitude A reads A / 2 times the window's sum; below ``least`` in these units it counts as none, as where
+    ``sidebands`` (fine lines,) [-] of the order are.
     """
-    fine = 4
+    fine = _FINE
     power = np.abs(np.fft.fft(nearby, fine * len(nearby))) ** 2
     at = np.arange(-fine * lines, fine * lines + 1)
+    at = at[sidebands[at] < _SIDEBAND] if len(sidebands) else at
     at = at[(np.abs(at) >= fine * _APART) & (order + at / fine > 0.5)]
     at = at[[all(abs(order + k / fine - tone.line) > 1.0 for tone in tones) for k in at]]
     if not len(at):

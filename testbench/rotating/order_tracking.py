@@ -26,7 +26,7 @@ from ..runs.si_run import physical
 from ..signal import Metric
 from ..store import Run, open_run
 from ..store.run import StoredGroup
-from .order_fit import MAIN_LOBE, MOST_TERMS, SEEN, fit_orders
+from .order_fit import MAIN_LOBE, MOST_TERMS, SEEN, fit_orders, refit
 from .tachometer import STEADY_WITHIN, Mark, Turns, encoder_mark, steady_turns
 
 METRICS: dict[Metric, float] = {"peak": 1.0, "peak_to_peak": 2.0, "rms": 0.5**0.5}
@@ -36,10 +36,12 @@ _ROUNDING = 1e-9
 """Angle that counts as rounding [deg]."""
 _COARSE = 0.01
 """Share of an order's amplitude that rounding of the pulses, or powers left out, take, from which a finding says so."""
-_BY_SPEED = 4.0
-"""Relative change of a vector by that of the speed, where the record does not show it: 2 by the force of unbalance,
-twice that below a resonance at 1.4 times the speed.
-"""
+_LEAST_DAMPING = 0.025
+"""Damping ratio of the sharpest resonance that is reckoned with where the record does not show one."""
+_BY_SPEED = np.array([2.0 + 0.5 / _LEAST_DAMPING, 1.0 / _LEAST_DAMPING])
+"""Largest relative change along and across a vector by that of the speed, by such a resonance and unbalance [-]."""
+_REDRAWN = 12
+"""Times that the pulses are drawn anew."""
 _MAINS = (50.0, 60.0, 100.0, 120.0, 150.0, 180.0)
 """Frequencies of hum [Hz]."""
 _MAINS_WITHIN = 2e-3
@@ -216,13 +218,15 @@ class Vectors(Shown, rows="rows", figure="testbench.figures.rotating:draw_vector
 
     def _off_the_speed(self) -> tuple[str, ...]:
         at, change = self.turns.off_range(self.speed)
-        widened = [v for v in self.vectors if _BY_SPEED * change * abs(v.value) > 0.5 * v.amplitude_within]
+        along, across = _BY_SPEED * change
+        widened = [v for v in self.vectors if along * abs(v.value) > 0.5 * v.amplitude_within]
         if not widened:
             return ()
         return (
             f"the run never turns at {self.asked}: its vectors are those at {60 * at:.6g} rpm, their intervals widened "
-            f"by {100 * _BY_SPEED * change:.2g} % of the amplitude, as the force of unbalance and a resonance at 1.4 "
-            "times the speed would change them; run at one speed, or give one that all runs pass",
+            f"by {100 * along:.2g} % and {np.degrees(across):.2g} deg, as near a resonance of "
+            f"{100 * _LEAST_DAMPING:g} % damping (a sharper one may change them more); run at the speed that is asked, "
+            "or give one that all runs pass",
         )
 
     def _on_the_mains(self) -> tuple[str, ...]:
@@ -450,14 +454,20 @@ def order_vector(
     shrunk, shrunk_within = turns.shrinking(order)
     at, off = turns.off_range(speed or turns.speed)
     shift = None if turns.speeds is None else turns.speeds / at - 1.0
-    angle = turns.angle(time[inside])
-    found = fit_orders(values[inside], angle, turns.count, order, orders, stepped, jitter, shift)
+    found = fit_orders(values[inside], turns.angle(time[inside]), turns.count, order, orders, stepped, jitter, shift)
     value, reach = found.value / shrunk, coverage_factor(found.degrees_of_freedom)
     u = np.array([value.real, value.imag]) / abs(value) if value else np.array([1.0, 0.0])
     along, across = (reach * float(np.sqrt(x @ found.covariance @ x)) for x in (u, np.array([-u[1], u[0]])))
     is_described = found.left < max(along, _COARSE * abs(value))
-    elsewhere = float(np.hypot(found.left, _BY_SPEED * off * abs(value)))
-    along, across = (float(np.hypot(one, elsewhere)) for one in (along, across))
+    off = max(off, abs(at / turns.speed - 1.0)) if found.is_hunting else off
+    elsewhere = _BY_SPEED * off * abs(value)
+    is_described &= not found.is_hunting or bool(elsewhere[0] < max(along, _COARSE * abs(value)))
+    along, across = np.sqrt(np.square([along, across]) + found.left**2 + elsewhere**2).tolist()
+    if shift is not None and turns.is_coarse:  # errors of the pulses move angle, speed and so the vector
+        again = [_again(values, turns.redrawn(k), time, order, at, len(found.powers)) for k in range(_REDRAWN)]
+        moves = np.conj(u @ [1.0, 1.0j]) * np.array(again)
+        spread = coverage_factor(_REDRAWN - 1) * np.array([moves.real.std(ddof=1), moves.imag.std(ddof=1)])
+        along, across = (float(np.hypot(*one)) for one in zip((along, across), spread, strict=True))
     along = float(np.hypot(along, coverage_factor() * abs(value) * shrunk_within))
     if turns.is_synchronous:  # one jump of the phase reduces the mean vector by up to 1 - cos(stepped / 2)
         along = float(np.hypot(along, abs(value) * (1.0 - np.cos(min(np.pi, 0.5 * stepped)))))
@@ -485,6 +495,13 @@ def order_vector(
         ends,
         is_described,
     )
+
+
+def _again(values: Floats, turns: Turns, time: Floats, order: int, at: float, terms: int) -> complex:
+    """The vector by other pulses of the same motion; what other orders leak into it is alike for all pulses."""
+    inside = (time >= turns.pulses[0]) & (time < turns.pulses[-1])
+    shift = None if turns.speeds is None else turns.speeds / at - 1.0
+    return refit(values[inside], turns.angle(time[inside]), turns.count, order, shift, terms)
 
 
 def _quoted(text: str) -> str:

@@ -208,7 +208,7 @@ class Turns:
         """
         from scipy.interpolate import CubicSpline
 
-        if not self.rounding:
+        if not self.rounding or self.speeds is not None:
             return 1.0, 0.0
         motion, scatter = self._motion
         number = np.arange(len(self.pulses))
@@ -276,15 +276,31 @@ class Turns:
         return at, abs(speed / at - 1.0)
 
     def angle(self, time: Floats) -> Floats:
-        """Angle of the rotor since the first pulse at ``time`` (n,) [s], a cubic spline, (n,) [turns].
+        """Angle of the rotor since the first pulse at ``time`` (n,) [s], (n,) [turns]: that of the smooth motion where
+        the speed changes, for errors of single pulses would move the vector with it; else a cubic spline.
 
-        It hands on the pulses' slow timing errors alike up to 0.3 periods a turn (97 % of their power, a line between
-        pulses 60 %), so that the lines near an order show what they do to its phase.
+        The spline hands on the pulses' slow timing errors alike up to 0.3 periods a turn (97 % of their power, a line
+        between pulses 60 %), so that the lines near an order show what they do to its phase.
         """
         from scipy.interpolate import CubicSpline
 
-        found: Floats = CubicSpline(self.pulses, np.arange(len(self.pulses)))(time)
+        motion, number, pulses = self._motion[0], np.arange(len(self.pulses), dtype=float), self.pulses
+        if motion.k > 1:
+            number = np.linspace(0.0, self.count, _STEPS_A_TURN * self.count + 1)
+            pulses = motion(number)
+        found: Floats = CubicSpline(pulses, number)(time)
         return found
+
+    @property
+    def is_coarse(self) -> bool:
+        """Whether the smooth motion leaves errors of the pulses."""
+        return self._motion[1] > _EXACT
+
+    def redrawn(self, seed: int) -> "Turns":
+        """The smooth motion with new errors of its pulses, of the size of those that it leaves."""
+        motion, scatter = self._motion
+        late = np.random.default_rng(seed).normal(0.0, scatter * self.resolution, len(self.pulses))
+        return replace(self, pulses=motion(np.arange(len(self.pulses), dtype=float)) + late)
 
 
 @dataclass(frozen=True)

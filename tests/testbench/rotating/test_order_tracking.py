@@ -156,12 +156,14 @@ def test_sampling_in_step_at_any_place_within_a_sample(flips: int) -> None:
 
 
 def test_slow_timing_errors_of_pulses_are_in_the_angle_as_they_are() -> None:
-    """At a quarter period a turn, where lines tell the noise; straight lines between pulses hand on 0.81 of them."""
+    """At a quarter period a turn, where lines tell the noise; straight lines between pulses hand on 0.81 of them, the
+    smooth motion of a speed that changes 0.95.
+    """
     number = np.arange(81)
     late = 0.01 * np.cos(0.5 * np.pi * number + 0.3)
     time = np.linspace(20.0, 60.0, 4001)[:-1]
     error = Turns(number + late, 0.01).angle(time) - time
-    assert 2.0 * abs(np.mean(error * np.exp(-0.5j * np.pi * time))) == pytest.approx(0.01, rel=0.02)
+    assert 2.0 * abs(np.mean(error * np.exp(-0.5j * np.pi * time))) == pytest.approx(0.01, rel=0.06)
 
 
 @pytest.mark.parametrize("samples", [40, 83])
@@ -329,8 +331,8 @@ def test_a_vector_that_goes_with_the_speed_is_given_at_one(change: float, noise:
         (30.0, 20, 0.010, 0.45, 0.005),
         (30.0, 30, 0.033, 0.45, 0.005),
         (43.0, 8, 0.020, 0.0, 0.002),  # sidebands beyond the resonance: 0.4 % off by powers of the speed alone,
-        (43.0, 12, 0.020, 0.0, 0.002),  # 1.3 %
-        (43.0, 20, 0.030, 0.0, 0.002),  # 5.5 %
+        (43.0, 12, 0.020, 0.0, 0.004),  # 1.3 %
+        (43.0, 20, 0.030, 0.0, 0.004),  # 5.5 %
         (43.0, 8, 0.020, 0.30, 1.0),  # no line of the record is there
     ],
 )
@@ -349,6 +351,42 @@ def test_a_speed_that_hunts_is_followed(
     assert abs(vector.value - response(at)) < 1.5 * 2**0.5 * vector.amplitude_within
     assert vector.amplitude_within < widest * abs(vector.value)
     assert vector.is_described == (widest < 1.0)
+
+
+@pytest.mark.parametrize(
+    ("waves", "pulses", "off", "widest"),
+    [
+        (
+            {0.13: 0.02, 0.31: 0.012},
+            True,
+            0.0,
+            0.02,
+        ),  # 4 of 6 amplitudes held: errors of pulses were in none
+        ({4.5: 0.02}, True, 0.0025, 0.1),  # hunting of 11 turns, off the mean: 1 of 6 phases held
+        ({0.0: 0.0}, True, 0.003, 0.1),  # steady, never at the speed that is asked: no amplitude held
+        ({1.5: 0.02}, False, 0.0, 0.02),  # an encoder: sidebands were taken for 4 tones
+    ],
+)
+def test_above_a_resonance_intervals_hold(waves: dict[float, float], pulses: bool, off: float, widest: float) -> None:
+    """At 1.1 times it, 5 s, 51 samples a turn; the resonance is the truth. Both intervals hold, without a tone."""
+    held = np.zeros(2, dtype=int)
+    for seed in range(6):
+        rng, time = np.random.default_rng(seed), np.arange(15_000) / 2500.0
+        change = sum(size * np.sin(2 * np.pi * f * time + rng.uniform(0, 6.28)) for f, size in waves.items())
+        angle = rng.uniform(0, 6.28) + np.cumsum(2 * np.pi * 49.37 * (1.0 + change)) / 2500.0
+        signal = resonance(angle) + rng.normal(0.0, 0.005, len(time))
+        time, angle, signal, at = time[2500:], angle[2500:], signal[2500:], 49.37 * (1.0 + off)
+        tacho = np.where(angle % (2 * np.pi) < 0.35, 5.0, 0.0) if pulses else np.sin(angle)
+        turns = steady_turns("run", time, tacho, None, False, 0.1)
+        vector = order_vector("A", "acceleration", signal, turns, time, 1, 8, at)
+        ratio = vector.value / complex(response(at))
+        held += [
+            abs(abs(ratio) - 1.0) * abs(vector.value / ratio) < vector.amplitude_within,
+            abs(np.angle(ratio)) < vector.phase_within,
+        ]
+        assert vector.tones == ()
+        assert vector.amplitude_within < widest * abs(vector.value)
+    assert held.min() >= 5
 
 
 @pytest.mark.parametrize(("period", "named"), [(3.3, True), (20.0, False)])
@@ -372,7 +410,7 @@ def test_a_speed_that_the_run_never_had_widens_and_says_so() -> None:
     assert here.amplitude_within < abs(here.value - response(30.0)) < there.amplitude_within
     (finding,) = Vectors(1, turns, (there,), asked="1800rpm").findings()
     assert (
-        "the run never turns at 1800rpm: its vectors are those at 1791 rpm, their intervals widened by 2 %" in finding
+        "the run never turns at 1800rpm: its vectors are those at 1791 rpm, their intervals widened by 11 %" in finding
     )
 
 
