@@ -203,7 +203,12 @@ class Shown:
                 alike, wide = shown.nunique() == 1, sizes > _CELL  # such as lists of runs: last, where lines are broken
                 lines += filter(None, [", ".join(f"{name}: {shown[name].iloc[0]}" for name in shown.columns[alike])])
                 shown = shown[[*shown.columns[~alike & ~wide], *shown.columns[~alike & wide]]]
-        return "\n".join([*lines, shown.to_string(index=bool(shown.index.name), max_rows=20, line_width=_LINE)])
+        text = shown.to_string(index=bool(shown.index.name), max_rows=20, line_width=_LINE)
+        return "\n".join([*lines, text, *self.below()])
+
+    def below(self) -> tuple[str, ...]:
+        """Lines that are printed below the table."""
+        return ()
 
     def _repr_html_(self) -> str:
         return str(self.table().to_html(border=0, na_rep=NO_VALUE))

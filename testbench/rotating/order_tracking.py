@@ -189,6 +189,10 @@ class Vectors(Shown, rows="rows", figure="testbench.figures.rotating:draw_vector
         pulses = (*self._synchronous_sampling(), *self._coarse_pulses(), *self._unfollowed_speed())
         return (*pulses, *self._on_the_mains(), *self._off_the_speed(), *each)
 
+    def below(self) -> tuple[str, ...]:
+        """The findings: what is printed below the table."""
+        return self.findings()
+
     def course(self, vector: OrderVector) -> str:
         """How a vector goes over the speeds of the record, in words; empty where it shows no difference."""
         if vector.at_ends is None:

@@ -408,7 +408,9 @@ def test_a_speed_that_the_run_never_had_widens_and_says_so() -> None:
     here, there = (order_vector("A", "acceleration", signal, turns, time, 1, 8, speed) for speed in (None, 30.0))
     assert here.amplitude_within < 1e-3 < there.amplitude_within
     assert here.amplitude_within < abs(here.value - response(30.0)) < there.amplitude_within
-    (finding,) = Vectors(1, turns, (there,), asked="1800rpm").findings()
+    found = Vectors(1, turns, (there,), asked="1800rpm")
+    (finding,) = found.findings()
+    assert str(found).endswith(finding)
     assert (
         "the run never turns at 1800rpm: its vectors are those at 1791 rpm, their intervals widened by 11 %" in finding
     )
