@@ -70,7 +70,8 @@ class ConditionKey:
     def __str__(self) -> str:
         stated = {" kg": self.payload_kg, " g0": self.peak_acceleration_g, " rad/s2": self.peak_acceleration_rad_s2}
         payload, *peaks = ("" if value is None else f"{value:g}{unit}" for unit, value in stated.items())
-        return ", ".join(filter(None, (payload, masses_text(self.payloads_kg), f"motion {self.motion}", *peaks)))
+        motion = " ".join(dict.fromkeys(("motion", self.motion)))  # one of that name is named once
+        return ", ".join(filter(None, (payload, masses_text(self.payloads_kg), motion, *peaks)))
 
 
 @dataclass(frozen=True)

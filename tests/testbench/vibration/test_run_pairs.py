@@ -1,6 +1,6 @@
 """Which runs are compared with which, and what those lack that are in no pair."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import permutations
 from pathlib import Path
 
@@ -175,6 +175,7 @@ def test_a_condition_that_no_run_states_is_not_needed():
     (pair,), findings = pairs(runs)
     assert (pair.key.payload_kg, pair.key.peak_acceleration_g, findings) == (None, None, [])
     assert str(pair.key) == f"motion {pair.key.motion}"
+    assert str(replace(pair.key, motion="motion")) == "motion"
 
 
 def test_no_rig():
