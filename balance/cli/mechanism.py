@@ -105,15 +105,12 @@ def _print_motion(
 ) -> None:
     """Force, moment and drives' torques, reactions where they are asked for, and what the motion exceeds."""
     from ..dynamics.inverse_dynamics import NOTHING
-    from ..dynamics.regressor import wrench_regressor
+    from ..dynamics.regressor import rounding_of_force
 
     peak, rms = response.peak(), response.rms()
     squares = (response.force**2).sum(axis=1)
     force, largest = float(squares.mean() ** 0.5), float(squares.max() ** 0.5)
-    # The largest force that a body's mass or first moment alone puts into the shaking force, at some instants.
-    some = slice(None, None, max(len(trajectory.time) // 100, 1))
-    regressor = wrench_regressor(model, trajectory.q[some], trajectory.v[some], trajectory.a[some])
-    rounding = _ROUNDING * float(abs(regressor[:, :3] * model.pi).max(initial=0.0))
+    rounding = rounding_of_force(model, trajectory)
     if largest <= rounding:
         say(
             f"{model.name} puts 0 N on its base in motion {motion}: its force is balanced (simulated, weight excluded)."
@@ -145,10 +142,6 @@ def _print_motion(
     if not response.torque:
         say("No drive torque: the file has no <actuator> that names the driven joints.")
     emit_findings(findings)
-
-
-_ROUNDING = 1e-9
-"""Share of the largest part of a sum up to which the sum is rounding [-]."""
 
 
 def _print_reactions(found: "Reactions") -> None:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ..arrays import Floats
+from ..closure import Trajectory
 from ..mechanism.forward_kinematics import Motion, Pose, motion, pose, poses
 from ..mechanism.mechanism import PARAMETERS, Mechanism
 from ..mechanism.pinocchio_engine import PinocchioEngine, refuse_other_than_pinocchio
@@ -20,6 +21,8 @@ Load = Callable[[Floats, Pose, Motion, int], Symbols]
 
 COULOMB_SPEED = 0.005
 """Speed at which dry friction has reached 76 % of its value [rad/s, m/s]: as good as its sign."""
+ROUNDING = 1e-9
+"""Share of the largest part of a sum up to which the sum is rounding [-]."""
 JOINT_TERMS = ("coulomb", "viscous", "offset", "armature")
 """Dry friction [N m], viscous friction [N m s], offset [N m], inertia of the drive [kg m2]; for slides in [N] ..."""
 FRICTION_LAWS: dict[str, tuple[float, ...]] = {
@@ -47,6 +50,15 @@ def wrench_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> F
     """
     program = regressor_program(mechanism, "wrench", lambda *body: 0.0 - body_force(*body), 3)
     return _checked(mechanism, program, "wrench", (q, v, a), PinocchioEngine.wrench_regressor)
+
+
+def rounding_of_force(mechanism: Mechanism, trajectory: Trajectory) -> float:
+    """Shaking force that is rounding [N]: a share of the largest that a body's mass or first moment alone puts into it,
+    at some instants.
+    """
+    some = slice(None, None, max(len(trajectory.time) // 100, 1))
+    regressor = wrench_regressor(mechanism, trajectory.q[some], trajectory.v[some], trajectory.a[some])
+    return ROUNDING * float(abs(regressor[:, :3] * mechanism.pi).max(initial=0.0))
 
 
 def torque_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> Floats:

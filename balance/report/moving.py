@@ -15,7 +15,7 @@ import numpy as np
 from ..arrays import Floats
 from ..closure import Trajectory
 from ..dynamics.inverse_dynamics import simulate
-from ..dynamics.regressor import first_moment
+from ..dynamics.regressor import first_moment, rounding_of_force
 from ..figures.mechanism import plane_of, shapes
 from ..mechanism.mechanism import Mechanism
 from .page import Page
@@ -56,7 +56,10 @@ def moving(
     step = max(1, -(-len(trajectory.time) // FRAMES))
     frames = np.arange(0, len(trajectory.time), step)
     forces = forces or {label: simulate(mechanism, trajectory).force for label, (mechanism, _) in designs.items()}
-    largest = max(float(np.linalg.norm(force, axis=1).max()) for force in forces.values())
+    peaks = {label: float(np.linalg.norm(force, axis=1).max()) for label, force in forces.items()}
+    for label, (mechanism, _) in designs.items():
+        peaks[label] *= peaks[label] > rounding_of_force(mechanism, trajectory)
+    forces, largest = {label: force * (peaks[label] > 0.0) for label, force in forces.items()}, max(peaks.values())
     room_for = trajectory.q[frames] if around is None else np.concatenate([trajectory.q[frames], around])
     view, along = _view(next(iter(designs.values()))[0], room_for, seen_from)
     each = {label: _picture(mechanism, masses, room_for, view) for label, (mechanism, masses) in designs.items()}
@@ -86,7 +89,7 @@ def moving(
             "label": label, "shapes": parts, "count": points.shape[1],
             "points": base64.b64encode(tenths.tobytes()).decode("ascii"),
             "first": (0.1 * tenths[0].astype(float)).tolist(),
-            "largest_N": float(np.linalg.norm(forces[label], axis=1).max()),
+            "largest_N": peaks[label],
             "force_N": [float(f"{value:.4g}") for value in np.linalg.norm(forces[label][frames], axis=1)],
         })  # fmt: skip
     metre = 10.0 ** np.floor(np.log10(0.5 * float(size.max())))

@@ -91,19 +91,24 @@ def test_people_read_a_table(balance):
         assert text in out
 
 
-def test_rounding_is_no_force(balance):
-    """Exact counter-masses leave rounding alone: zero is said and no row of force; a gram too much is a force."""
+def test_rounding_is_no_force(balance, tmp_path):
+    """Exact counter-masses leave rounding alone: zero is said and no row of force; a gram too much is a force.
+
+    A page of it in motion says so too.
+    """
     sized = json.loads(balance("size", "four-bar", "--json").out)["counter_masses"]
     motion = ("simulate", "four-bar", "--motion", "four-bar", "--rate", "1kHz")
-    exact, off = (
-        balance(*motion, *(word for c in sized for word in ("-c", f"{c['site']}={c['mass_kg'] + more!r}kg"))).out
-        for more in (0.0, 1e-3)
+    with_exact, with_more = (
+        [word for c in sized for word in ("-c", f"{c['site']}={c['mass_kg'] + more!r}kg")] for more in (0.0, 1e-3)
     )
+    exact, off = (balance(*motion, *masses).out for masses in (with_exact, with_more))
     assert exact.startswith("four-bar puts 0 N on its base in motion four-bar: its force is balanced")
     assert "Fx [N]" not in exact
     assert "Mz [N m]" in exact
     assert "N RMS in motion" in off
     assert "Fx [N]" in off
+    page = balance("animate", "four-bar", "--motion", "four-bar", *with_exact, "-o", str(tmp_path / "a.html")).out
+    assert ", 0 N with counter-masses" in page
 
 
 def test_without_motors_it_says_so(balance, tmp_path):
