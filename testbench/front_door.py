@@ -272,9 +272,9 @@ def compare(
 def overlay(channel: str, *runs: Runs) -> Overlay:
     """A channel of runs over that of the first, aligned, and what each differs by, with an interval where it is known.
 
-    ``channel``: sensor and axis of the rig (``"base x"``), else as recorded. Runs are aligned by command or encoders,
-    else, of repeats, by what they show the same of, else by where the motion begins, which ``str`` says. Values between
-    samples are interpolated as band-limited, next to ends and gaps linearly.
+    ``channel``: sensor and axis of the rig (``"base x"``), or its name in the log of the first. Runs are aligned by
+    command or encoders, else, of repeats, by what they show the same of, else by where the motion begins, which ``str``
+    says. Values between samples are interpolated as band-limited, next to ends and gaps linearly.
 
     >>> import testbench
     >>> over = testbench.overlay("base_acc x", "campaign")

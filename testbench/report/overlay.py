@@ -188,14 +188,21 @@ class Overlay:
 
 
 def overlay(runs: "Sequence[Run]", channel: str) -> Overlay:
-    """A channel of runs at the instants of the first; AnalysisError for fewer than two, or where one has no such."""
+    """A channel of runs, by its name in the rig or in the log of the first, at the instants of the first.
+
+    AnalysisError for fewer than two, or where one has no such.
+    """
     if len(runs) < 2:
         raise AnalysisError(f"expected at least two runs to overlay, got {len(runs)}")
     traces = RunTraces(runs)
     first, *others = traces.by_name
+    logged = {one.logged: name for name, one in traces.of(first).items()}
+    channel = channel if channel in traces.of(first) else logged.get(channel, channel)
     for name in traces.by_name:
         if channel not in (known := traces.of(name)):
-            raise AnalysisError(f"{name}: has no channel {channel!r}{suggestion(channel, known)}: {', '.join(known)}")
+            raise AnalysisError(
+                f"{name}: has no channel {channel!r}{suggestion(channel, [*known, *logged])}: {', '.join(known)}"
+            )
     one = traces.of(first)[channel]
     time, values = one.read(0, one.samples)
     every, lags, differences = [values], [], []

@@ -77,6 +77,8 @@ class Trace:
     """Bound to its rig, where that names the channel."""
     resolution: float = 0.0
     """That the rig states [unit]; zero where it states none."""
+    logged: str = ""
+    """Its name in the log."""
 
     @cached_property
     def blocks(self) -> tuple[Floats, Floats]:
@@ -163,7 +165,7 @@ def channel_trace(run: SIRun, kind: str, name: str, unit: str, column: Column) -
         time = run.recorded.time(group.name, begin, end) - column.delay
         return time, run.preloaded(needed, begin, end).readings(column)
 
-    return Trace(kind, name, unit, group.samples, read, group.name, run, column.resolution)
+    return Trace(kind, name, unit, group.samples, read, group.name, run, column.resolution, column.channel)
 
 
 def recorded_trace(run: "Run", group: "StoredGroup", index: int) -> Trace:

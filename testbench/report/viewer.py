@@ -1,7 +1,7 @@
 """The viewer: a campaign in the browser, its runs read as they are looked at, its findings accepted by a person.
 
 The page is the report's, its script too; the runs hold no samples, which are asked for by range. One run is drawn over
-another on the clock of the first, later by what :func:`testbench.report.traces.lag` finds, with their difference.
+another on the clock of the first, later by what :class:`.overlay.RunTraces` finds, with their difference.
 """
 
 from collections import Counter

@@ -336,6 +336,7 @@ def test_an_overlay_is_what_the_viewer_draws(shared):
     np.testing.assert_array_equal(table.iloc[:, 4], half := apart.half_width.read(0, len(table))[1])
     assert f"± {half.min():.3g} to {half.max():.3g} N m" in str(found)
     assert [axes.get_ylabel().split("\n")[1] for axes in found.plot().axes] == ["[N m]", "[N m]"]
+    assert str(overlay([first, second], column(first, "motor_A0").channel)) == str(found)
     with pytest.raises(AnalysisError, match="no channel 'motor_a0 A0'; did you mean 'motor_A0 A0'"):
         overlay([first, second], "motor_a0 A0")
     with pytest.raises(AnalysisError, match="at least two runs"):
