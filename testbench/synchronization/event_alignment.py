@@ -89,17 +89,13 @@ def match_events(name: str, reference: Events, own: Events, noun: str) -> tuple[
 
 
 def clock_map_from_events(name: str, reference: Events, own: Events, drift: bool) -> ClockMap:
-    """The map through matching events. Raises AnalysisError where a drift is not determined.
+    """The map through matching events, of one without a drift. Raises AnalysisError where more do not determine it.
 
     Its interval holds every line that passes each event within the sampling steps of both: these errors are common to
     all events where the events keep their phase to the samples, and shrink where their phases vary.
     """
     count, error = len(own.time), float(np.hypot(reference.error, own.error))
-    if drift and count == 1:
-        raise AnalysisError(
-            f"{name}: one event determines an offset and no drift; align the offset alone, --no-drift, which takes the "
-            f"drift to be within {ASSUMED_DRIFT / PPM:g} ppm"
-        )
+    drift = drift and count > 1
     middle = float(own.time.mean())
     lever, difference = own.time - middle, reference.time - own.time
     possible = _lines_within(lever, difference, np.sqrt(3.0) * (reference.error + own.error), drift)
@@ -282,6 +278,7 @@ def by_trigger(shared: SharedSignals, drift: bool = True) -> AlignedClock:
     clock = clock_map_from_events(shared.name, reference.among(one), own.among(other), drift)
     edges, findings = f"{len(one)} edge{'s' * (len(one) > 1)}, {shared.name}", list[str]()
     if len(one) == 1:
+        edges += f"; drift unknown, within {ASSUMED_DRIFT / PPM:g} ppm: {1e3 * ASSUMED_DRIFT:g} ms a second from it"
         match = _matches_through(reference, own, int(one[0]), int(other[0]), 0.0)
         shorter = min(np.ptp(reference.span), np.ptp(own.span))
         if match.common < LEAST_COMMON * shorter:
