@@ -54,6 +54,11 @@ class BaseAcceleration:
     """The channels, (k,)."""
 
     @property
+    def told(self) -> Floats:
+        """A^+: acceleration of the base per reading of each channel, (6, k) [-, 1/m]; what they leave open is zero."""
+        return np.linalg.pinv(self.rows, rcond=_APART)
+
+    @property
     def noise(self) -> Floats:
         """Standard deviations of a sample by the rig, (k,) [m/s2]; zero where it states none."""
         return np.array([column.total_noise for column in self.columns])

@@ -19,6 +19,7 @@ from balance.estimation.first_moment_imbalance import (
 from balance.estimation.identifiability import NotIdentifiable
 
 from ..errors import AnalysisError
+from ..kinematics.base_motion import BaseAcceleration
 from ..kinematics.gaps import GAP_FINDING
 from ..recording import Finding
 from ..rig import Column
@@ -26,7 +27,14 @@ from ..rig.sensors import Torque
 from ..runs.aligned_run import AlignedRun
 from . import sensor_errors
 from .base_coupling import BaseCoupling
-from .load_regression import CUTOFF_HZ, TORQUE_CUTOFF_HZ, force_regression, torque_channels, torque_regression
+from .load_regression import (
+    CUTOFF_HZ,
+    TORQUE_CUTOFF_HZ,
+    force_regression,
+    known_base,
+    torque_channels,
+    torque_regression,
+)
 from .problem import (
     MASS,
     SOURCES,
@@ -189,7 +197,7 @@ def by_wrench(problem: TrimProblem) -> SourceEstimate:
     last = fitted(every)
     every, equations, found = _settled(last, about) if any(one.about_values for one in every) else last
     measured, within = equations.widened(found)
-    base = "the base's motion taken out." if problem.runs[0].base is not None else "the base taken for still."
+    base = _base_text(problem.runs[0].base)
     how = f"Forces and model low-passed alike at {cutoff:g} Hz, clocks of the loggers aligned, {base}"
     doubts = [] if all(run.base is not None or run.rig.bench.fixed for run in problem.runs) else [BASE_UNKNOWN]
     shaken = {str(row)[1] for one in every for row in one.record.rows}
@@ -212,6 +220,10 @@ def _settled(last: _Round, about: Callable[[Floats], _Round]) -> _Round:
             break
     whole = replace(found, covariance=found.covariance + np.outer(change, change))
     return last[0], last[1], replace(last[2], imbalance=whole)
+
+
+def _base_text(base: BaseAcceleration | None) -> str:
+    return "the base's motion taken out." if base is not None else "the base taken for still."
 
 
 def _over_rest(measured: Imbalance, every: Sequence[RunEquations]) -> float:
@@ -241,7 +253,7 @@ def by_torque(problem: TrimProblem) -> SourceEstimate:
     measured, within = equations.widened(found)
     about = (
         f"Motor torques and model low-passed alike at {cutoff:g} Hz; inertias, friction, offsets, drifts and delays "
-        "estimated with the conditions, the base taken for still."
+        f"estimated with the conditions, {_base_text(known_base(problem.runs[0]))}"
     )
     text = (about, *fixed, _jackknife(measured, within))
     return SourceEstimate("torque", measured, text, (), tuple(findings), problem.runs)

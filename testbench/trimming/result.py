@@ -206,7 +206,8 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
         """
         sizes, half = self._lacking(self.conditions.values(mounting.after))
         half = np.where(np.isfinite(half), half, 0.0)
-        low = np.maximum(sizes - half, 0.0).max(initial=0.0)
+        told = any(m.is_significant for m in self.missing)  # else the sites' intervals leave zero of every condition
+        low = told * np.maximum(sizes - half, 0.0).max(initial=0.0)
         return float(sizes.max(initial=0.0)), (float(low), float((sizes + half).max(initial=0.0)))
 
     @property
