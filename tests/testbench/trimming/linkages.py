@@ -2,8 +2,10 @@
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 
+from balance import datasets
 from balance.closure import Closure
 from balance.dynamics.inverse_dynamics import simulate
 from balance.mechanism.mechanism import Mechanism
@@ -38,6 +40,16 @@ channels = { x = "ax", y = "ay", z = "az" }
 unit = "m/s^2"
 position = ["0.3 m", "-0.2 m", "0 m"]
 """
+ON_BASE = """
+[sensors.base_{k}]
+kind = "accelerometer"
+logger = "drive"
+channels = {{ x = "ax{k}", y = "ay{k}" }}
+unit = "m/s^2"
+position = ["{at[0]} m", "{at[1]} m", "0 m"]
+"""
+PLACES = (0.05, -0.2), (-0.2, -0.1)
+"""Of accelerometers on a base that moves in its plane [m]."""
 JOINT = """
 [sensors.encoder_{joint}]
 kind = "encoder"
@@ -66,9 +78,10 @@ def run(
     seconds: float = 4.0,
     rate: float = RATE,
     amplitude: float = 0.25,
+    shaken: bool = False,
 ) -> MemoryRun:
     """A run of sines of an ``amplitude`` [rad] from rest to rest: forces to 0.1 N, positions to 2e-5 rad, torques to
-    0.02 N m.
+    0.02 N m; ``shaken`` on a base that moves as the first joint does, by MuJoCo.
     """
     rng = np.random.default_rng(seed)
     mounted = mechanism.with_counter_mass(counter_masses or {})
@@ -78,6 +91,14 @@ def run(
     data, groups = {}, []
     drive = {f"q_{j}": path.q[:, mounted.coordinate_index(j)] + rng.normal(0, 2e-5, len(time)) for j in mounted.driven}
     drive |= {f"tau_{j}": response.torque[j] + rng.normal(0, 0.02, len(time)) for j in mounted.driven}
+    text = rig_text(mechanism, plate)
+    if shaken:
+        base = path.a[:, :1] * np.array([0.03, -0.02, -0.04])
+        for joint, more in zip(mounted.driven, _base_torques(mounted, path.q, base).T, strict=True):
+            drive[f"tau_{joint}"] += more
+        for k, (x, y) in enumerate(PLACES):
+            drive |= {f"ax{k}": base[:, 0] - y * base[:, 2], f"ay{k}": base[:, 1] + x * base[:, 2]}
+            text += ON_BASE.format(k=k, at=(x, y))
     groups.append(_group("drive", drive, data, rate))
     if plate:
         cut = slice(round(START * rate), None)
@@ -87,8 +108,24 @@ def run(
         forces |= {a: rng.normal(0, 0.005, len(wrench)) for a in ("ax", "ay", "az")}
         groups.append(_group("plate", forces, data, rate))
     conditions = {"counter_masses": counter_masses or {}}
-    text = rig_text(mechanism, plate)
     return MemoryRun(Path("linkage.h5"), tuple(groups), "simulated", conditions, text, (), {"data": data})
+
+
+def _base_torques(mechanism: Mechanism, q: np.ndarray, base: np.ndarray) -> np.ndarray:
+    """Torques (n, joints) [N m] of a planar arm for accelerations (n, 3) [m/s2, rad/s2] of its base in its plane."""
+    text = datasets.find_dataset(mechanism.name, "mechanisms", ".xml").read_text("utf-8").partition("<keyframe>")[0]
+    joints = "<inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>"
+    joints += "<joint type='slide' axis='1 0 0'/><joint type='slide' axis='0 1 0'/><joint/>"
+    engine = mujoco.MjModel.from_xml_string(
+        text.replace('<body name="base">', f'<body name="base">{joints}') + "</mujoco>"
+    )
+    state, found = mujoco.MjData(engine), np.zeros_like(q)
+    for k, (angles, moved) in enumerate(zip(q, base, strict=True)):
+        for sign in (1.0, -1.0):
+            state.qpos[3:], state.qacc[:3] = angles, sign * moved
+            mujoco.mj_inverse(engine, state)
+            found[k] += 0.5 * sign * state.qfrc_inverse[3:]
+    return found
 
 
 def exact_run(mechanism: Mechanism, seconds: float = 6.0, rate: float = 500.0) -> MemoryRun:

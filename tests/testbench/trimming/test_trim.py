@@ -232,11 +232,13 @@ def _system(mechanism, found):
     return np.array(columns).T, -found.conditions.values(mechanism)
 
 
-def test_a_serial_arm_by_torque():
-    """Motor torques of an arm tell what both its joints lack, with 1 kg mounted at each."""
+@pytest.mark.parametrize(("mounted", "shaken"), [({"counter_link_1": 1.0, "counter_link_2": 0.3}, False), ({}, True)])
+def test_a_serial_arm_by_torque(mounted, shaken):
+    """Motor torques of an arm tell what both its joints lack, with 1 kg mounted at each; and on a base that moves, as
+    its accelerometers show.
+    """
     mechanism = load_mechanism("serial-2r")
-    mounted = {"counter_link_1": 1.0, "counter_link_2": 0.3}
-    run = linkages.run(mechanism, counter_masses=mounted, plate=False, seconds=10.0, rate=250.0)
+    run = linkages.run(mechanism, 1, mounted, plate=False, seconds=10.0, rate=250.0, shaken=shaken)
     found = trim_runs(memory.aligned([run], mechanism))
     assert found.source == "torque"
     masses = np.linalg.lstsq(*_system(mechanism.with_counter_mass(mounted), found), rcond=None)[0]
