@@ -282,5 +282,7 @@ def test_the_predicted_residual_has_an_interval(both):
     low, high = both.predicted_residual_interval
     assert low == 0.0
     assert both.predicted_residual < high < 0.2 * MISSING
+    untold = replace(both, missing=())  # no site lacks anything for certain: none is left that is above zero
+    assert untold.predicted_residual_interval[0] == 0.0 < 0.5 * MISSING < untold.predicted_residual
     left = both.remaining()
     assert all(m.interval[0] < 0.0 < m.interval[1] for m in left)
