@@ -22,7 +22,7 @@ from ..runs.si_run import SIRun
 from ..signal.filters import CorrelationPeak, correlation_peaks, without_mean
 from ..synchronization.known_clocks import on_clock_of
 from ..vibration.amplitude import SAME_RATE
-from ..vibration.motion_timing import MARGIN_S, beginning
+from ..vibration.motion_timing import MARGIN_S, beginning, known_beginning
 from ..vibration.run_amplitudes import observed_resolution
 from .page_contents import TRIGGER
 
@@ -58,6 +58,9 @@ LEVELS_APART = 10.0
 """Of a line of two values, in the standard deviations of both together."""
 FOLLOWS = 0.9
 """Correlation from which two runs show the same and are aligned by it; of runs of two conditions it is no sign."""
+
+_RELATE = "log an encoder on its logger, or one trigger on the loggers of both, which the rig names"
+"""What tells when a run moves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +250,12 @@ def _by_related(shared: Pairs, pairs: Pairs, what: str) -> Lag | None:
 
 
 def motion_begins(traces: Sequence[Trace]) -> float | None:
-    """When channels of one logger, but for lines of two values, cease to be at rest [s]; None where it is not seen."""
+    """When channels of one logger cease to be at rest [s], by command or encoders of a clock that is related to its,
+    else by what they show, but for lines of two values; None where it is not seen.
+    """
+    bound = next((trace for trace in traces if trace.run is not None), None)
+    if bound and bound.run and (known := known_beginning(bound.run, bound.group)) is not None:
+        return known
     seen = [trace.beginning for trace in traces if not trace.switched]
     found = beginning([values for _, _, values in seen if np.isfinite(values).all()], seen[0][1]) if seen else None
     return None if found is None else seen[0][0] + found
@@ -409,6 +417,13 @@ def _advice(late: Lag, shown: Trace) -> str:
     return "; testbench align would tell more" if others else "; an encoder on its logger would tell more"
 
 
+def _unknown_noise(moves: float | None) -> str:
+    """Why nothing shows the noise of a run, and what would."""
+    if moves is None:
+        return f"nothing tells until when a run rests, which shows the noise; {_RELATE}"
+    return "a run has no complete record of rest before its motion, which shows the noise; record half a second of it"
+
+
 def difference(first: Trace, second: Trace, late: Lag, moves: Sequence[float | None]) -> Difference:
     """The second less the first at the first's instants, shifted by the lag; its interval by noise at rest, and by the
     most that the second changes by within the 95 % interval of the lag.
@@ -440,7 +455,7 @@ def difference(first: Trace, second: Trace, late: Lag, moves: Sequence[float | N
     if late.deviation is None:
         return Difference(trace, None, f"no interval: aligned by {late.by} alone{_advice(late, first)}")
     if noises[0] is None or noises[1] is None:
-        return Difference(trace, None, "no interval: no rest before the motion shows the noise")
+        return Difference(trace, None, f"no interval: {_unknown_noise(moves[noises[0] is not None])}")
     variances, freedoms = np.array(noises).T
     rest = coverage_factor(effective_degrees_of_freedom(variances, freedoms)) * float(np.sqrt(variances.sum()))
     most = float(np.hypot(rest, np.nanmax(shifted(second.beginning[2]))))

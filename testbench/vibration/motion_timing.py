@@ -51,6 +51,7 @@ _FLICKER = 1.2
 """Steps of an encoder that are no motion yet: it may flicker by one, which rounding may make a little more."""
 _LEAST_MATCH = 0.6
 """Correlation of powers from which a coarse lag counts."""
+_Stated = tuple[str, Floats, Floats, tuple[float, float]]
 
 
 @dataclass(frozen=True)
@@ -82,19 +83,13 @@ class MotionTiming:
         if stated is None:
             begin = beginning(signals, rate)
             return cls(_rest(begin), None if begin is None else (begin, seconds))
-        source, time, power, span = stated
-        if source == group:
-            first, last = (at - run.time(group)[0] for at in span)
-            return cls(_rest(first), (max(first, 0.0), min(last, seconds)), timed=True)
-        related, how = on_clock_of(run, np.array(span), source, group)
-        if related is not None and related[1] <= RELATED_S:
-            first, last = (float(at - run.instants(columns[0])[0]) for at in related[0])
-            if first < seconds and last > 0.0:
-                rest = None if span[0] <= time[0] else _rest(first)
-                return cls(rest, (max(first, 0.0), min(last, seconds)), timed=True, clocks=how)
+        _, time, power, span = stated
+        known, how = _on_clock(run, stated, group)
+        if known is not None:
+            first, last = (at - run.instants(columns[0])[0] for at in known)
+            if not signals or (first < seconds and last > 0.0):
+                return cls(_rest(first), (max(first, 0.0), min(last, seconds)), timed=True, clocks=how)
             how += ", by which nothing moves while the accelerometers record"
-        elif related is not None:
-            how += f", within {1e3 * related[1]:.2g} ms, where {1e3 * RELATED_S:g} ms are needed"
         if span[0] <= time[0]:  # quiet accelerometers are no rest then, but a slow beginning
             return cls(None, (0.0, seconds), clocks=how)
         first, lag = beginning(signals, rate), coarse_lag(signals, rate, time, power)
@@ -111,7 +106,30 @@ def _rest(begin: float | None) -> tuple[float, float] | None:
     return None if begin is None or begin - MARGIN_S < LEAST_REST_S else (0.0, begin - MARGIN_S)
 
 
-def _stated_motion(run: SIRun) -> tuple[str, Floats, Floats, tuple[float, float]] | None:
+def known_beginning(run: SIRun, group: str) -> float | None:
+    """When command or encoders begin to move, on the clock of a group [s]: not after it began to record, where they
+    moved from their first sample on. None where they do not tell, or on a clock that is not related to it.
+    """
+    stated = _stated_motion(run)
+    known = None if stated is None else _on_clock(run, stated, group)[0]
+    return None if known is None else known[0]
+
+
+def _on_clock(run: SIRun, stated: _Stated, group: str) -> tuple[tuple[float, float] | None, str]:
+    """From when to when a stated motion lasts, on the clock of a group, which tells no rest if none was stated [s]; and
+    what relates it to that clock, or why nothing does.
+    """
+    source, time, _, span = stated
+    known, how = ((np.array(span), 0.0), "") if source == group else on_clock_of(run, np.array(span), source, group)
+    if known is None:
+        return None, how
+    if known[1] > RELATED_S:
+        return None, f"{how}, within {1e3 * known[1]:.2g} ms, where {1e3 * RELATED_S:g} ms are needed"
+    first, last = map(float, known[0])
+    return (first if span[0] > time[0] else min(first, float(run.time(group)[0])), last), how
+
+
+def _stated_motion(run: SIRun) -> _Stated | None:
     """Group, instants [s], power of the acceleration (n,) and span of the motion, by the command, else the encoders."""
     for kind in (Target, Encoder):
         columns = [column for column in run.rig.columns_of(kind) if run.holds(column)]

@@ -9,6 +9,7 @@ import pytest
 from balance import datasets
 from studies import simulated_runs as memory
 from testbench import rig as rigs
+from testbench.report.traces import channel_trace, motion_begins
 from testbench.rig.sensors import Accelerometer
 from testbench.runs.si_run import SIRun
 from testbench.synchronization import known_clocks
@@ -47,7 +48,9 @@ def in_a_floor(seed: int, triggers: bool) -> SIRun:
     ],
 )
 def test_command_of_another_logger(by, clocks, monkeypatch):
-    """Where a trigger or a recorded alignment relates the clocks, the command tells it; what is felt does not."""
+    """Where a trigger or a recorded alignment relates the clocks, the command tells it, and the whole rest shows the
+    noise of what is laid over another run; what is felt does not.
+    """
     starts = scene().starts(3)
     moves = scene().bench.time[np.argmax(scene().seen["daq_sync"] > 0.0)]
     begin, rough = moves - starts["daq"]["start"], 0.02 * ("rough" in by)
@@ -55,11 +58,16 @@ def test_command_of_another_logger(by, clocks, monkeypatch):
     clock = ClockMap(0.0, late, 0.0, np.diag([(1e-4 + rough) ** 2, 1e-10]), 1000, (0.0, 1.0))
     maps = {"controller": same_clock((0.0, 0.0)), "daq": clock} if "record" in by else {}
     monkeypatch.setattr(known_clocks, "stored_clock_maps", lambda path: maps)
-    timing = MotionTiming.of(in_a_floor(3, "trigger" in by), "daq")
+    run = in_a_floor(3, "trigger" in by)
+    timing, (column, *_) = MotionTiming.of(run, "daq"), run.rig.columns_of(Accelerometer)
+    shown = channel_trace(run, "", "felt", "m/s2", column)
     assert re.fullmatch(clocks, timing.clocks)
     assert timing.timed == (by not in ("nothing", "rough record"))
     if timing.timed:
         assert timing.moving[0] == pytest.approx(begin, abs=0.004)
         assert timing.rest[1] == pytest.approx(begin - 0.006, abs=0.004)
+        variance, freedom = shown.noise(motion_begins([shown]))
+        assert variance == pytest.approx(np.var(run.readings(column)), rel=5.0 * (2.0 / freedom) ** 0.5)
+        assert freedom > 0.5 * timing.rest[1] * run.rate(column)
     else:
         assert timing.moving is None or abs(timing.moving[0] - begin) > 0.01
