@@ -24,7 +24,7 @@ from ..synchronization.known_clocks import on_clock_of
 from ..vibration.amplitude import SAME_RATE
 from ..vibration.motion_timing import MARGIN_S, beginning, known_beginning
 from ..vibration.run_amplitudes import observed_resolution
-from .page_contents import TRIGGER
+from .page_contents import BASE, TRIGGER
 
 if TYPE_CHECKING:
     from ..store.run import Run, StoredGroup
@@ -49,6 +49,7 @@ LEAST_FREEDOM = 1.0
 """Degrees of freedom of a lag's deviation, from which it is known."""
 RIVALS = 24
 """Peaks of a correlation that are looked at."""
+BEGINNING = "the beginning of the motion"
 PERIODIC = "of a signal that is like itself a period later"
 DOUBTFUL = 10.0
 """Logarithm of the ratio of likelihoods by which one lag is to be likelier than any other."""
@@ -194,14 +195,6 @@ class Lag:
 Pairs = Sequence[tuple[Trace, Trace]]
 
 
-def lag(shared: Pairs, commands: Pairs, telling: Pairs, encoders: Pairs = ()) -> Lag:
-    """Of a logger of a second run against that of a first, by the channels that both have, (first, second) each.
-
-    By what tells the motion, see :func:`motion_lag`, else by what the logger shows, see :func:`shown_lag`.
-    """
-    return motion_lag(shared, commands, encoders) or shown_lag(shared, telling)
-
-
 def motion_lag(shared: Pairs, commands: Pairs, encoders: Pairs) -> Lag | None:
     """By the ``commands`` of both runs, else their ``encoders``, where the logger of the ``shared`` channels recorded
     them or its clock is related to theirs, by a recorded alignment or a trigger; None where none tells it.
@@ -227,7 +220,7 @@ def shown_lag(shared: Pairs, telling: Pairs) -> Lag:
         return same[0]
     begins = [motion_begins([pair[i] for pair in shared]) for i in range(2)]
     if begins[0] is not None and begins[1] is not None:
-        return Lag(begins[1] - begins[0], None, "the beginning of the motion")
+        return Lag(begins[1] - begins[0], None, BEGINNING)
     return Lag(shared[0][1].beginning[0] - shared[0][0].beginning[0], None, "the first sample")
 
 
@@ -410,11 +403,18 @@ class Difference:
 
 
 def _advice(late: Lag, shown: Trace) -> str:
-    """What would tell a lag that is not known."""
+    """What a lag that is not known leaves open, and what would tell it."""
     if PERIODIC in late.by:
         return "; log a trigger, or a motion that does not repeat itself"
-    others = shown.run is not None and any(group.name != shown.group for group in shown.run.groups)
-    return "; testbench align would tell more" if others else "; an encoder on its logger would tell more"
+    meant = ""
+    if late.by == BEGINNING:
+        _, rate, values = shown.beginning
+        line = int(np.argmax(np.abs(np.fft.rfft(np.nan_to_num(values - np.nanmean(values))))))
+        error = len(values) / rate / max(line, 1) / 2.0**0.5
+        meant = (
+            f", ± {1e3 * error:.0f} ms, as each may show it half a period late: differences of vibration mean nothing"
+        )
+    return f"{meant}; {_RELATE}{', or try testbench align' * (shown.kind not in (BASE, 'As recorded'))}"
 
 
 def _unknown_noise(moves: float | None) -> str:

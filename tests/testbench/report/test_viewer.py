@@ -15,7 +15,7 @@ from testbench.errors import AnalysisError, StoreError
 from testbench.recording import Channel, Group, UniformClock
 from testbench.report import traces
 from testbench.report.overlay import RunTraces, overlay
-from testbench.report.traces import AT_ONCE, BLOCK, Lag, Trace, difference, lag, motion_begins
+from testbench.report.traces import AT_ONCE, BLOCK, Lag, Trace, difference, motion_begins, motion_lag, shown_lag
 from testbench.report.viewer import Viewer
 from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign
@@ -32,6 +32,11 @@ def trace(values, start=0.0, rate=RATE, name="a"):
     """A trace of values in memory."""
     time = start + np.arange(len(values)) / rate
     return Trace("kind", name, "N", len(values), lambda begin, end: (time[begin:end], values[begin:end]))
+
+
+def lag(shared, commands, telling, encoders=()):
+    """By what tells the motion, else by what the logger shows."""
+    return motion_lag(shared, commands, encoders) or shown_lag(shared, telling)
 
 
 def decoded(channel):
@@ -301,11 +306,16 @@ def test_encoders_tell_before_what_is_felt(monkeypatch):
 
 
 def test_a_difference_is_found():
-    """Half the size at another rate: aligned by where both begin alone, so that no interval is given."""
+    """Half the size at another rate: aligned by where both begin alone, so that no interval is given: each may show it
+    half a period of its 7 Hz late, and no alignment of base accelerometers would tell more.
+    """
     one, other = trace(pulse(0.0, 1e-4, 1)), trace(pulse(0.1, 1e-4, 2, 1500.0, 0.5), rate=1500.0)
     found = lag([(one, other)], [], [(one, other)])
     assert found.by == "the beginning of the motion"
-    assert difference(one, other, found, [1.0, 1.0]).half_width is None
+    apart = difference(replace(one, kind=traces.BASE), other, found, [1.0, 1.0])
+    assert apart.half_width is None
+    assert float(re.search("± (.*) ms", apart.text)[1]) == pytest.approx(1e3 / 7.0 / 2.0**0.5, rel=0.05)
+    assert "testbench align" not in apart.text
     _, values = difference(one, other, Lag(0.1, 0.0, "command"), [None, None]).trace.read(0, 3800)
     np.testing.assert_allclose(values, -0.5 * pulse(0.0, 0.0, 0)[:3800], atol=2e-3)
 
