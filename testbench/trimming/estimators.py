@@ -32,6 +32,7 @@ from .load_regression import (
     TORQUE_CUTOFF_HZ,
     force_regression,
     known_base,
+    moves_on_base,
     torque_channels,
     torque_regression,
 )
@@ -270,7 +271,7 @@ def by_vibration(problem: TrimProblem) -> SourceEstimate:
     equations = _Equations.channel_by_channel(problem, parts, columns, combinations)
     found, fixed = equations.fit_all_or_at_sites()
     second = [np.zeros_like(part.record.readings) for part in parts]
-    moving = [(i, bases[i], run) for i, run in enumerate(problem.runs) if _moves(run)]
+    moving = [(i, bases[i], run) for i, run in enumerate(problem.runs) if moves_on_base(run)]
     free = found.imbalance.subspace if fixed else None
 
     def about(values: Floats) -> _Round:
@@ -311,11 +312,6 @@ def by_vibration(problem: TrimProblem) -> SourceEstimate:
     text = (*how, *fixed, _jackknife(measured, [*within, STEPS]))
     runs = problem.runs
     return SourceEstimate("vibration", measured, text, tuple(doubts), tuple(findings), runs, by_steps, of_steps=steps)
-
-
-def _moves(run: AlignedRun) -> bool:
-    """Whether the mechanism moves on the base as bodies do; a simulation may hold its inertia."""
-    return run.run.origin != "simulated" or run.rig.bench.coupling == "moving"
 
 
 def _share_of_steps(bases: Sequence[ShakenBase], problem: TrimProblem, found: ImbalanceFit, pi: Floats) -> float:

@@ -231,11 +231,18 @@ def torque_regression(run: AlignedRun, conditions: Conditions, cutoff: float) ->
     )
 
 
+def moves_on_base(run: AlignedRun) -> bool:
+    """Whether the mechanism moves on the base as bodies do; a simulation may hold its inertia."""
+    return run.run.origin != "simulated" or run.rig.bench.coupling == "moving"
+
+
 def known_base(run: AlignedRun) -> BaseAcceleration | None:
-    """What the accelerometers on the base read; None where none is, or one is clipped, or no clock relates them."""
+    """What the accelerometers on the base read of a motion that drives feel; None where none is, or one is clipped, or
+    no clock relates them.
+    """
     with suppress(CounterpoiseError):
         refuse_clipped_base(run.run)
-        if run.base is not None and run.clock(run.base.group):
+        if moves_on_base(run) and run.base is not None and run.clock(run.base.group):
             return run.base
     return None
 

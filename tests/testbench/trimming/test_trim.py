@@ -239,7 +239,8 @@ def test_a_serial_arm_by_torque(mounted, shaken):
     """
     mechanism = load_mechanism("serial-2r")
     run = linkages.run(mechanism, 1, mounted, plate=False, seconds=10.0, rate=250.0, shaken=shaken)
-    found = trim_runs(memory.aligned([run], mechanism))
+    rig = rigs.rig_from_text(run.rig).model_copy(update={"bench": Bench(coupling="moving")})
+    found = trim_runs(memory.aligned([run], mechanism, rig))
     assert found.source == "torque"
     masses = np.linalg.lstsq(*_system(mechanism.with_counter_mass(mounted), found), rcond=None)[0]
     for one, mass in zip(found.missing, masses, strict=True):
