@@ -31,6 +31,7 @@ if _strangers := [
 if TYPE_CHECKING:
     from .balancing.conditions import Conditions as Conditions
     from .balancing.methods import Methods as Methods
+    from .balancing.nested_sizing import NestedSizing as NestedSizing
     from .balancing.sizing import CounterMass as CounterMass, Sizing as Sizing
     from .balancing.sizing_study import SizingStudy as SizingStudy
     from .balancing.sweep import Designs as Designs
@@ -56,6 +57,7 @@ if TYPE_CHECKING:
         shipped as shipped,
         simulate as simulate,
         size as size,
+        size_nested as size_nested,
         sweep as sweep,
         tolerance as tolerance,
         tradeoff as tradeoff,
@@ -95,6 +97,7 @@ def lazy_names(
 
 __all__, __getattr__, __dir__ = lazy_names(__name__, {
     "balancing.conditions": "Conditions",
+    "balancing.nested_sizing": "NestedSizing",
     "balancing.sizing": "CounterMass Sizing",
     "errors": "CounterpoiseError",
     "balancing.sweep": "Designs",
@@ -106,6 +109,6 @@ __all__, __getattr__, __dir__ = lazy_names(__name__, {
     "drives.harmonic_balance": "SteadyRotation",
     "closure": "Trajectory",
     "front_door": "animate assemble check conditions drive engine follow influence linkage load load_motion methods "
-    "rotor shipped simulate size sweep tolerance tradeoff write_report",
+    "rotor shipped simulate size size_nested sweep tolerance tradeoff write_report",
     "units": "si",
 })  # fmt: skip

@@ -26,6 +26,7 @@ from .units import si
 if TYPE_CHECKING:  # what each function needs is imported when it is called: a command starts as quickly as without
     from .balancing.conditions import Conditions
     from .balancing.methods import Methods, MethodSettings
+    from .balancing.nested_sizing import NestedSizing
     from .balancing.sizing import Sizing
     from .balancing.sizing_study import SizingStudy
     from .balancing.sweep import Designs, Problem
@@ -182,6 +183,43 @@ def size(
     return study_sizing(
         model, trajectory, motion=name, sites=sites, stock=stock, limits=_masses(limits), equal=equal, best=best,
         weights=objective, rig=rig, payload_bodies=payload_bodies, added=None if added is None else si(added, "mass"),
+    )  # fmt: skip
+
+
+def size_nested(
+    mechanism: Mechanism | str | Path,
+    payloads: Sequence[Mapping[str, float | str]],
+    motion: Motion | str | Path | None = None,
+    stock: str | None = None,
+    *,
+    sites: Sequence[str] = (),
+    limits: Mapping[str, float | str] | None = None,
+    equal: Sequence[Sequence[str]] = (),
+    objective: Mapping[str, float] | None = None,
+    added: float | str | None = None,
+    fixed: bool = False,
+) -> NestedSizing:
+    """Counter-masses for several payloads: sets that only grow from one to the next, or one ``fixed`` set for all.
+
+    ``payloads``: for each the masses of bodies, ``[{"platform": "1.45 kg"}, {"platform": "5 kg"}]``. A fixed set is for
+    a machine that carries them in turn. Least is the sum over the payloads of what ``size`` makes small; the other
+    arguments are as there, ``limits``, ``equal`` and ``added`` of each set. Least squares within bounds and totals,
+    from plates by mixed-integer search with a proven bound.
+
+    >>> import balance
+    >>> payloads = [{"platform": "1.451 kg"}, {"platform": "5 kg"}]
+    >>> nested = balance.size_nested("parallelogram-6bar", payloads, limits={"counter_A0A": "20 kg"})
+    >>> [round(one.mass, 3) for one in nested.counter_masses if one.site == "counter_A0A"]
+    [10.099, 20.0]
+    """
+    from .balancing.nested_sizing import study_nested
+
+    model = _mechanism(mechanism)
+    trajectory, name = (None, None) if motion is None else (follow(model, motion), _name(motion))
+    return study_nested(
+        model, [_masses(one) for one in payloads], trajectory, motion=name, sites=sites, stock=stock,
+        limits=_masses(limits), equal=equal, weights=objective, added=None if added is None else si(added, "mass"),
+        fixed=fixed,
     )  # fmt: skip
 
 

@@ -21,6 +21,9 @@ _LEVEL = 1e-9
 """Slope, relative to the target, that holds no mass at its bound: equals are sought among sites without one."""
 _TIES = 1e-5
 """Weight of squares relative to masses: sites whose levers differ by more are not equivalent."""
+_STIFF = 3.0
+"""Weight of a total's error relative to that of the target: its square is what a step leaves of it."""
+_STEPS = 100
 
 
 @dataclass(frozen=True)
@@ -36,11 +39,17 @@ class MassDistribution:
 
 
 def distribute_masses(
-    columns: Floats, target: Floats, upper: Floats | None = None, *, removable: bool = False
+    columns: Floats,
+    target: Floats,
+    upper: Floats | None = None,
+    *,
+    removable: bool = False,
+    cost: Floats | None = None,
 ) -> MassDistribution:
     """Masses m with columns (rows, sites) m = target (rows,), in least squares; of equals the lightest.
 
     Each between zero and its ``upper`` (sites,) [kg]; ``removable`` ones may be negative, as far as is added otherwise.
+    ``cost`` (sites,) [-]: what a kilogram counts where the lightest is chosen, one by default.
     Raises SizingError where the solver does not converge.
     """
     count = columns.shape[1]
@@ -61,7 +70,8 @@ def distribute_masses(
         even = (slope <= _LEVEL * float(np.linalg.norm(target))) | (masses > least) & (masses < most)
         if even.any() and np.linalg.matrix_rank(unit[:, even], rtol=_DEPENDENT) < even.sum():
             made = columns[:, even] @ masses[even]
-            masses[even] = _lightest(columns[:, even], made, least[even], most[even])
+            worth = np.ones(count) if cost is None else cost
+            masses[even] = _lightest(columns[:, even], made, least[even], most[even], worth[even])
     free = (masses > least) & (masses < most) & ((masses != 0.0) | unique)
     per_target = np.zeros(columns.T.shape)
     if unique:
@@ -72,47 +82,72 @@ def distribute_masses(
     polished = polished + per_target @ (target - columns @ polished)
     polished = polished + per_target @ (target - columns @ polished)
     masses = polished if ((polished >= least) & (polished <= most)).all() else masses
-    return MassDistribution(masses, per_target, _gap(unit, target, masses * size, masses <= least, masses >= most))
+    gradient = 2.0 * unit.T @ (unit @ (masses * size) - target)
+    return MassDistribution(masses, per_target, _gap(unit, gradient, masses <= least, masses >= most))
 
 
-def distribute_total(
-    columns: Floats, target: Floats, upper: Floats, weight: Floats, total: float
-) -> tuple[Floats, float, float]:
-    """Masses (sites,) [kg] of least J = |columns m - target|^2 with ``weight`` @ masses <= ``total`` [kg] besides.
+def distribute_within(
+    columns: Floats, target: Floats, upper: Floats, weights: Floats, totals: Floats
+) -> tuple[Floats, Floats, float]:
+    """Masses (sites,) [kg] of least J = |columns m - target|^2 with ``weights`` (sums, sites) m <= ``totals`` besides.
 
-    With them the price of that bound, and by how much J may exceed the least of all [square of the target's unit].
-    The price p is its multiplier: J + p (weight @ masses - total) has its least there without that bound. The square of
-    ``weight @ masses - total``, which is zero there, makes that a least-squares problem, also where sites have the same
-    effect (Hestenes, J. Optim. Theory Appl. 4, 1969); its slope is part of p.
+    With them the price of each total [kg], (sums,), and by how much J may exceed the least of all [square of the
+    target's unit]. The price p is its multiplier: J + p (weights m - totals) has its least there without the totals.
+    With what is spare of each, s, as further unknowns, weights m + s = totals: the method of multipliers, each step of
+    which is a least-squares problem (Hestenes, J. Optim. Theory Appl. 4, 1969).
     """
+    upper = np.where(((weights > 0.0) & (totals[:, None] <= 0.0)).any(axis=0), 0.0, upper)
     best = distribute_masses(columns, target, upper)
-    if weight @ best.masses <= total:
-        return best.masses, 0.0, best.gap
-    if not total > 0.0:
-        return np.zeros(len(weight)), 0.0, 0.0
-    size = float(np.linalg.norm(columns, axis=0).max() / weight.max())
-    rows = np.vstack([columns, size * weight])
-    low, high = 0.0, float(2.0 * np.abs(columns.T @ target).max() / weight.min())
-    light = distribute_masses(rows, np.append(target, size * total - 0.5 * high / size), upper)
-    for _ in range(60):
-        price = 0.5 * (low + high)
-        best = distribute_masses(rows, np.append(target, size * total - 0.5 * price / size), upper)
-        if weight @ best.masses > total:
-            low = price
-        else:
-            high, light = price, best
-    made = float(weight @ light.masses)
-    price = max(high - 2.0 * size**2 * (total - made), 0.0)
-    return light.masses, price, light.gap + price * (total - made)
+    prices: Floats = np.zeros(len(totals))
+    if (weights @ best.masses <= totals).all():
+        return best.masses, prices, best.gap
+    count, worst = columns.shape[1], np.full(len(totals), np.inf)
+    size = _STIFF * np.linalg.norm(columns, axis=0).max() / np.linalg.norm(weights, axis=1)
+    most, cost = np.append(upper, np.full(len(totals), np.inf)), np.append(np.ones(count), np.zeros(len(totals)))
+    found: tuple[Floats, Floats, float] = np.zeros(count), prices, float(target @ target)
+    for _ in range(_STEPS):
+        rows = np.block([[columns, np.zeros((len(columns), len(totals)))], [size[:, None] * weights, np.diag(size)]])
+        right = np.append(target, size * totals - 0.5 * prices / size)
+        masses, spare = np.split(distribute_masses(rows, right, most, cost=cost).masses, [count])
+        over = weights @ masses + spare - totals
+        prices = np.where(spare > 0.0, 0.0, np.maximum(prices + 2.0 * size**2 * over, 0.0))
+        one = _within(columns, target, upper, weights, totals, masses, prices)
+        found = one if one[2] <= max(found[2], _ROUNDING * float(target @ target)) else found
+        if (np.abs(over) <= _ROUNDING * (np.abs(weights) @ masses + totals)).all():
+            break
+        size, worst = np.where(np.abs(over) > 0.25 * worst, 10.0 * size, size), np.abs(over)
+    return found
 
 
-def _gap(unit: Floats, target: Floats, x: Floats, low: NDArray[np.bool_], high: NDArray[np.bool_]) -> float:
+def _within(
+    columns: Floats, target: Floats, upper: Floats, weights: Floats, totals: Floats, masses: Floats, prices: Floats
+) -> tuple[Floats, Floats, float]:
+    """Masses that keep the totals where rounding broke them, prices to rounding, and the gap of both."""
+    free = (masses > 0.0) & (masses < upper)
+    for weight, total in zip(weights, totals, strict=True):
+        part, fixed = weight @ (masses * free), weight @ (masses * ~free)
+        if part + fixed > total:
+            share = max(total - fixed, 0.0) / part * (1.0 - 2.0**-52) if part > 0.0 else 0.0
+            masses = np.where(free & (weight > 0.0), masses * share, masses)
+            if fixed > total:
+                masses = np.where(~free & (weight > 0.0), masses * (total / fixed * (1.0 - 2.0**-52)), masses)
+    length = np.linalg.norm(columns, axis=0)
+    length = np.where(length > _DEPENDENT * length.max(), length, length.max())
+    gradient, used = 2.0 * columns.T @ (columns @ masses - target), prices > 0.0
+    sides = (weights[used] / length)[:, free].T
+    if len(sides) and np.linalg.matrix_rank(sides) == used.sum():
+        prices = prices.copy()
+        prices[used] = np.linalg.lstsq(sides, -(gradient / length)[free])[0].clip(min=0.0)
+    gap = _gap(columns / length, (gradient + prices @ weights) / length, masses <= 0.0, masses >= upper)
+    return masses, prices, gap + float(prices @ (totals - weights @ masses).clip(min=0.0))
+
+
+def _gap(unit: Floats, gradient: Floats, low: NDArray[np.bool_], high: NDArray[np.bool_]) -> float:
     """How far |unit x - target|^2 may be above its least within the bounds: J(x + d) = J(x) + g d + |unit d|^2.
 
     Parts of the gradient g that hold x at a bound, ``low`` or ``high``, add nothing below zero; the others, w, at most
     |pinv(unit') w|^2 / 4.
     """
-    gradient = 2.0 * unit.T @ (unit @ x - target)
     wrong = np.where(low & (gradient > 0.0) | high & (gradient < 0.0), 0.0, gradient)
     return float(np.sum((np.linalg.pinv(unit.T, rcond=_DEPENDENT) @ wrong) ** 2)) / 4.0
 
@@ -140,7 +175,7 @@ def _bounded(columns: Floats, target: Floats, upper: Floats) -> Floats:
     return np.where(masses <= near, 0.0, np.where(masses >= upper - near, upper, masses))
 
 
-def _lightest(columns: Floats, made: Floats, least: Floats, most: Floats) -> Floats:
+def _lightest(columns: Floats, made: Floats, least: Floats, most: Floats, cost: Floats) -> Floats:
     """Of all masses with B m = ``made`` the lightest, of these the least in squares.
 
     min sum(p + n) + e (p - n)^2 / 2 of m = p - n, which for a small enough e is the answer of both, one after the
@@ -158,7 +193,7 @@ def _lightest(columns: Floats, made: Floats, least: Floats, most: Floats) -> Flo
     sides = np.vstack([columns @ signs / largest, above[bounded], -above])
     right = np.concatenate([made / largest / size, ends[bounded], np.zeros(len(ends))])
     cones = [("Zero", len(made)), ("Nonnegative", int(bounded.sum()) + len(ends))]
-    solution = conic_optimum(np.ones(len(ends)), sides, right, cones, 1e-11, _TIES * signs.T @ signs)
+    solution = conic_optimum(np.abs(signs).T @ cost, sides, right, cones, 1e-11, _TIES * signs.T @ signs)
     if str(solution.status) not in {"Solved", "AlmostSolved"}:
         raise SizingError(f"counter-masses did not converge: the conic solver stopped at {solution.status}")
     masses = size * (signs @ np.asarray(solution.x))

@@ -14,8 +14,8 @@ from ..errors import SizingError
 from ..mechanism.mechanism import Mechanism, inertia_matrix
 from ..results import Key, Shown, counted, plain
 from .conditions import Conditions
-from .least_masses import distribute_masses, distribute_total
-from .objective import Exact, Objective, unit_masses, workspace_objective
+from .least_masses import distribute_within
+from .objective import Exact, Objective, unit_masses
 
 if TYPE_CHECKING:
     from .stock_plates import Plate
@@ -279,15 +279,8 @@ def exact_sizing(
     """
     names = chosen_sites(mechanism, sites)
     objective = objective or conditions.objective
-    columns, target = objective.system(mechanism, names)
-    groups = site_groups(names, equal)
-    upper = upper_limits(names, limits)
-    share = np.array([[1.0 / len(group) if i in group else 0.0 for group in groups] for i in range(len(names))])
-    most = np.array([len(group) * upper[list(group)].min() for group in groups])
-    found, _, gap = distribute_total(columns @ share, target, most, np.ones(len(groups)), total_limit(added))
-    bound = max(float(np.sum((columns @ share @ found - target) ** 2)) - gap, 0.0)
-    masses = dict(zip(names, share @ found, strict=True))
-    return sizing_of_given(conditions, mechanism, masses, None, objective, bound)
+    masses, bound = of_any_mass(sizing_system([(objective, mechanism)], names, limits, equal, added))
+    return sizing_of_given(conditions, mechanism, dict(zip(names, masses, strict=True)), None, objective, bound)
 
 
 def upper_limits(names: Sequence[str], limits: Mapping[str, float] | None) -> Floats:
@@ -339,46 +332,13 @@ def best_sets_from_stock(
 
     names = chosen_sites(mechanism, sites)
     objective = objective or conditions.objective
-    system, groups = _stock_system([(objective, mechanism)], names, plates), site_groups(names, equal)
-    upper, total = upper_limits(names, limits), total_limit(added)
-    found = best_plates(**system, limits=upper, equal=groups, best=best, exact=exact, added=total)
+    each = [(objective, mechanism)]
+    system = sizing_system(each, names, limits, equal, added) | stock_system(each, names, plates)
+    found = best_plates(**system, best=best, exact=exact)
     sets = []
     for one in found.selections:
-        masses, piles = dict(zip(names, one.masses, strict=True)), _piles(names, one.counts, plates)
+        masses, piles = dict(zip(names, one.masses, strict=True)), piles_of(names, one.counts, plates)
         sets.append(sizing_of_given(conditions, mechanism, masses, piles, objective, found.bound))
-    return tuple(sets)
-
-
-def nested_sizing(
-    conditions: Conditions,
-    mechanisms: Sequence[Mechanism],
-    plates: "Sequence[Plate] | None" = None,
-    sites: Sequence[str] = (),
-    objectives: Sequence[Objective] = (),
-) -> tuple[Sizing, ...]:
-    """Counter-masses for each of ``mechanisms`` (one mechanism, payloads rising), as sets that only grow.
-
-    Of any mass, or of ``plates``, each set holding the one before it. Least is the sum of the objectives, one for each
-    payload; the sets have a ``bound`` where that is proven.
-    """
-    names, loads = chosen_sites(mechanisms[0], sites), len(mechanisms)
-    objectives = objectives or [workspace_objective(mechanism) for mechanism in mechanisms]
-    each = list(zip(objectives, mechanisms, strict=True))
-    system = _stock_system(each, names, plates or ())
-    if plates is None:
-        added, proven = distribute_masses(system["columns"], system["target"]).masses.reshape(loads, len(names)), True
-        masses = np.cumsum(added, axis=0)
-    else:
-        from .stock_search import best_plates  # late: masses of any size are found without it
-
-        found = best_plates(**system)
-        counts = np.cumsum(found.selections[0].counts.reshape(loads, len(names), len(plates)), axis=0)
-        masses, proven = counts @ system["masses"], not found.gap > 0.0
-    sets = []
-    for k, (objective, mechanism) in enumerate(each):
-        piles = None if plates is None else _piles(names, counts[k], plates)
-        one = sizing_of_given(conditions, mechanism, dict(zip(names, masses[k], strict=True)), piles, objective)
-        sets.append(replace(one, bound=objective.value(one.after)) if proven else one)
     return tuple(sets)
 
 
@@ -430,26 +390,27 @@ def stock_use(
     equal: Sequence[Sequence[str]] = (),
     is_linear: bool = True,
     added: float | None = None,
+    fixed: bool = False,
 ) -> StockUse:
-    """Use of a stock by one set, or by ``sets`` that only grow.
+    """Use of a stock by one set, or by ``sets`` that only grow, or are ``fixed``, one for each payload.
 
-    ``limits``, ``added`` [kg] and ``equal``, of one, as it was sized.
+    ``limits``, ``added`` [kg] and ``equal`` as they were sized.
 
     Of which kinds more would help is left open where what is made small is not linear in the masses.
     """
     from .stock_search import with_more  # late: masses of any size are found without it
 
     names = [one.site for one in sets[0].counter_masses]
-    piles = [[[c.plates.count(plate.name) for plate in plates] for c in one.counter_masses] for one in sets]
+    made = sets[:1] if fixed else sets
+    piles = [[[c.plates.count(plate.name) for plate in plates] for c in one.counter_masses] for one in made]
     counts = np.diff(np.array(piles), axis=0, prepend=0).reshape(-1, len(plates))
     more, whole = max(map(len, equal), default=1), 1.0
     found, unknown = dict[int, "StockOptimum"](), list[int]()
     if is_linear:
         each = [(one.objective or one.conditions.objective, one.before) for one in sets]
-        upper, groups = np.tile(upper_limits(names, limits), len(sets)), site_groups(names, equal) if equal else ()
-        system, total = _stock_system(each, names, plates), total_limit(added)
+        system = sizing_system(each, names, limits, equal, added, fixed) | stock_system(each, names, plates, fixed)
         whole = float(np.sum(system["target"] ** 2))
-        found, unknown = with_more(**system, counts=counts, more=more, limits=upper, equal=groups, added=total)
+        found, unknown = with_more(**system, counts=counts, more=more)
     unproven = [*unknown, *(kind for kind, one in found.items() if one.gap > 0.0)]
     return StockUse(
         dict(zip((plate.name for plate in plates), counts.sum(axis=0).tolist(), strict=True)),
@@ -461,35 +422,72 @@ def stock_use(
     )
 
 
-def _stock_system(
-    each: Sequence[tuple[Objective, Mechanism]], names: Sequence[str], plates: "Sequence[Plate]"
+def sizing_system(
+    each: Sequence[tuple[Objective, Mechanism]],
+    names: Sequence[str],
+    limits: Mapping[str, float] | None,
+    equal: Sequence[Sequence[str]],
+    added: float | None,
+    fixed: bool = False,
 ) -> dict[str, Any]:
-    """What ``best_plates`` is asked by name, for sets that only grow, one for each load.
+    """What ``best_plates`` is asked by name, but for the plates, for each of several payloads.
+
+    Unknown is what each set adds to the one before it, or the one set that is ``fixed``; limited is what all of them
+    add, at a site and in all.
+    """
+    systems, sites = [objective.system(mechanism, names) for objective, mechanism in each], len(names)
+    steps, groups, upper = 1 if fixed else len(each), site_groups(names, equal), upper_limits(names, limits)
+    parts, totals = np.tile(np.vstack([np.eye(sites), np.ones(sites)]), steps), np.append(upper, total_limit(added))
+    used = np.isfinite(totals) & (np.append(np.full(sites, steps > 1), True))
+    return {
+        "columns": _arranged([own for own, _ in systems], fixed),
+        "target": np.concatenate([own for _, own in systems]),
+        "limits": np.tile(upper, steps),
+        "equal": [[k * sites + i for i in group] for k in range(steps) for group in groups],
+        "sums": (parts[used], totals[used]),
+    }
+
+
+def of_any_mass(system: Mapping[str, Any]) -> tuple[Floats, float]:
+    """Masses (sites times loads,) [kg] of least square error, and what no others are below [square of its unit]."""
+    groups, parts = system["equal"], system["sums"]
+    share = np.zeros((len(system["limits"]), len(groups)))
+    for k, group in enumerate(groups):
+        share[group, k] = 1.0 / len(group)
+    most = np.array([len(group) * system["limits"][group].min() for group in groups])
+    columns = system["columns"] @ share
+    found, _, gap = distribute_within(columns, system["target"], most, parts[0] @ share, parts[1])
+    return share @ found, max(float(np.sum((columns @ found - system["target"]) ** 2)) - gap, 0.0)
+
+
+def stock_system(
+    each: Sequence[tuple[Objective, Mechanism]], names: Sequence[str], plates: "Sequence[Plate]", fixed: bool = False
+) -> dict[str, Any]:
+    """What ``best_plates`` is asked of plates, for what ``sizing_system`` is of.
 
     Plates as drawn have an inertia beyond their mass at the sites' radii of gyration, (sites, kinds) [kg m2].
     """
-    systems = [objective.system(mechanism, names) for objective, mechanism in each]
-    per_turning = _growing([objective.turning(mechanism, names) for objective, mechanism in each])
+    per_turning = _arranged([objective.turning(mechanism, names) for objective, mechanism in each], fixed)
     masses = np.array([plate.mass for plate in plates])
     squares = np.array([[each[0][1].site(name).radius_of_gyration ** 2] for name in names])
     drawn = np.array([np.nan if plate.inertia is None else plate.inertia for plate in plates])
     inertia = np.nan_to_num(drawn - squares * masses)
     return {
-        "columns": _growing([own for own, _ in systems]),
-        "target": np.concatenate([own for _, own in systems]),
         "masses": masses,
         "quantities": np.array([plate.quantity for plate in plates], dtype=np.intp),
-        "turning": (per_turning, np.tile(inertia, (len(each), 1))),
+        "turning": (per_turning, np.tile(inertia, (per_turning.shape[1] // len(names), 1))),
     }
 
 
-def _growing(columns: Sequence[Floats]) -> Floats:
-    """Columns of each load (rows, sites) as those of what each set adds to the one before (rows, loads times sites)."""
-    loads = len(columns)
-    return np.block([[one if j <= k else np.zeros_like(one) for j in range(loads)] for k, one in enumerate(columns)])
+def _arranged(columns: Sequence[Floats], fixed: bool) -> Floats:
+    """Columns of each payload (rows, sites) as those of what each set adds to the one before, or of one set for all."""
+    if fixed:
+        return np.vstack(columns)
+    count = len(columns)
+    return np.block([[one if j <= k else np.zeros_like(one) for j in range(count)] for k, one in enumerate(columns)])
 
 
-def _piles(names: Sequence[str], counts: Indices, plates: "Sequence[Plate]") -> "dict[str, list[Plate]]":
+def piles_of(names: Sequence[str], counts: Indices, plates: "Sequence[Plate]") -> "dict[str, list[Plate]]":
     """Plates at each site, in the order of the stock; ``counts`` (sites, kinds)."""
     return {
         name: [plate for plate, count in zip(plates, row, strict=True) for _ in range(count)]

@@ -1,7 +1,7 @@
 """Which whole plates at which sites: the least square error, proven by a search through all that plates can make.
 
-J(m) = |columns m - target|^2 over masses m that plates make. With m* the best of any masses within the limits and a
-total, that of the stock or less, g the gradient there and R' R = columns' columns (R triangular),
+J(m) = |columns m - target|^2 over masses m that plates make. With m* the best of any masses within the limits and
+totals, that of the stock among them, g the gradient there and R' R = columns' columns (R triangular),
 
     J(m) >= J(m*) + g (m - m*) + |R (m - m*)|^2,   each g_i (m_i - m*_i) >= 0,
 
@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats, Indices
-from .least_masses import distribute_total
+from .least_masses import distribute_within
 from .objective import Exact
 
 TIME_LIMIT_S = 8.0
@@ -53,6 +53,10 @@ _WORTHWHILE = 1e-3
 """Part of the root of J by which one more plate must lessen it to be worth naming."""
 _TIE = 1e-12
 """Difference of J, relative to J without counter-masses, that is rounding: the lighter is better then."""
+
+
+Sums = tuple[Floats, Floats]
+"""Of the sites, in what is limited together, (sums, sites) [-], and what that may weigh, (sums,) [kg]."""
 
 
 @dataclass(frozen=True)
@@ -96,16 +100,16 @@ def best_plates(
     best: int = 1,
     turning: tuple[Floats, Floats] | None = None,
     exact: Exact | None = None,
-    added: float = np.inf,
+    sums: Sums | None = None,
     time_limit: float | None = None,
 ) -> StockOptimum:
     """Plates at the sites of least |columns m - target|^2; of equals the lightest.
 
     ``columns`` (rows, sites), ``target`` (rows,); kinds of plates have ``masses`` (kinds,) [kg] and ``quantities``
-    (kinds,), for all sites together; ``limits`` (sites,) [kg]; all masses together are at most ``added``
-    [kg]. Sites whose indices are in one group of ``equal`` carry equal masses. The ``best`` few sets of masses are
-    given. ``turning``: columns (rows, sites) [unit / kg m2] of what plates have of inertia beyond their mass times that
-    of the columns, (sites, kinds) [kg m2]; it is added. With ``exact`` all selections are looked at.
+    (kinds,), for all sites together; ``limits`` (sites,) [kg]; ``sums`` of masses are limited, too. Sites whose indices
+    are in one group of ``equal`` carry equal masses. The ``best`` few sets of masses are given. ``turning``: columns
+    (rows, sites) [unit / kg m2] of what plates have of inertia beyond their mass times that of the columns, (sites,
+    kinds) [kg m2]; it is added. With ``exact`` all selections are looked at.
     A search ends after ``time_limit`` [s] (default TIME_LIMIT_S).
     """
     sites = columns.shape[1]
@@ -114,8 +118,10 @@ def best_plates(
     groups = _groups(sites, equal)
     most = np.full(sites, np.inf) if limits is None else limits
     used = quantities > 0
+    parts, totals = sums or (np.zeros((0, sites)), np.zeros(0))
+    sums = parts[np.isfinite(totals)], totals[np.isfinite(totals)]
     if exact is not None or selections(quantities, sites) * sites <= _MOST_SELECTIONS:
-        return _best_of_all(columns, target, masses, quantities, most, groups, best, turning, exact, added)
+        return _best_of_all(columns, target, masses, quantities, most, groups, best, turning, exact, sums)
     if turning is not None:
         # The best of those that a search finds with one radius of gyration for all plates; the bound is of masses of
         # any size, each of any of the plates' radii of gyration.
@@ -123,21 +129,21 @@ def best_plates(
         squares = inertia[:, quantities > 0] / masses[quantities > 0]
         middle = columns + per_turning * (inertia @ quantities / (masses @ quantities))
         sought = best_plates(
-            middle, target, masses, quantities, most, equal, best + _CANDIDATES, added=added, time_limit=time_limit
+            middle, target, masses, quantities, most, equal, best + _CANDIDATES, sums=sums, time_limit=time_limit
         )
         whole = []
         for one in sought.selections:
             made = columns @ one.masses + per_turning @ (inertia * one.counts).sum(axis=1)
             whole.append(replace(one, value=float(np.sum((made - target) ** 2))))
         ends = np.hstack([columns + per_turning * square for square in (squares.min(axis=1), squares.max(axis=1))])
-        least, _, gap = distribute_total(ends, target, np.tile(most, 2), np.ones(2 * sites), added)
+        least, _, gap = distribute_within(ends, target, np.tile(most, 2), np.tile(sums[0], 2), sums[1])
         bound = float(np.sum((ends @ least - target) ** 2)) - gap
         return StockOptimum(tuple(sorted(whole, key=lambda one: one.value)[:best]), max(bound, 0.0))
     few, steps = np.prod(quantities + 1.0) <= _MOST_PILES, masses[used] / _STEP_KG
     counted = used.any() and np.abs(steps - np.round(steps)).max() <= _STEP_ROUNDING
     kind = _Search if few and not counted else _UnitSearch
     longest = TIME_LIMIT_S if time_limit is None else time_limit
-    search = kind(columns, target, masses[used], quantities[used], most, groups, best, added, longest)
+    search = kind(columns, target, masses[used], quantities[used], most, groups, best, sums, longest)
     found = search.run()
     whole = [Selection(_padded(one.counts, used), one.masses, one.value) for one in found]
     bound = search.bound if search.bound < found[0].value - search.tie else found[0].value
@@ -154,7 +160,7 @@ def with_more(
     limits: Floats | None = None,
     equal: Sequence[Sequence[int]] = (),
     turning: tuple[Floats, Floats] | None = None,
-    added: float = np.inf,
+    sums: Sums | None = None,
 ) -> tuple[dict[int, StockOptimum], list[int]]:
     """The best plates with ``more`` of one kind, by kind, the best first, where they leave less than ``counts``.
 
@@ -175,7 +181,7 @@ def with_more(
             break
         larger = quantities + more * (np.arange(len(quantities)) == kind)
         one = best_plates(
-            columns, target, masses, larger, limits, equal, 1, turning, None, added, left / (len(kinds) - place)
+            columns, target, masses, larger, limits, equal, 1, turning, None, sums, left / (len(kinds) - place)
         )
         if one.selections[0].value < worthwhile:
             found[kind] = one
@@ -199,7 +205,7 @@ def _best_of_all(
     best: int,
     turning: tuple[Floats, Floats] | None,
     exact: Exact | None,
-    added: float,
+    sums: Sums,
 ) -> StockOptimum:
     """Of all ways to share the plates among the sites."""
     sites, edge = columns.shape[1], _ROUNDING * max(float(plates @ quantities), 1e-12)
@@ -209,7 +215,7 @@ def _best_of_all(
     for counts, plate, own in zip(shared, plates, inertia.T, strict=True):
         made = (made[:, None] + plate * counts[None]).reshape(-1, sites)
         turned = (turned[:, None] + own * counts[None]).reshape(-1, sites)
-    allowed = (made <= limits + edge).all(axis=1) & (made.sum(axis=1) <= added + edge)
+    allowed = (made <= limits + edge).all(axis=1) & (made @ sums[0].T <= sums[1] + edge).all(axis=1)
     for group in groups:
         allowed &= np.ptp(made[:, list(group)], axis=1) <= edge
     ways = np.flatnonzero(allowed)
@@ -259,8 +265,8 @@ class _Search:
     limits: Floats
     groups: Sequence[Sequence[int]]
     best: int
-    added: float
-    """What all plates that are placed may weigh together [kg]."""
+    sums: Sums
+    """What plates may weigh together."""
     time_limit: float
     """Longest search [s]."""
     found: list[Selection] = field(default_factory=list)
@@ -285,16 +291,17 @@ class _Search:
             self.share[group, k] = 1.0
         stock = float(self.plates @ self.quantities)
         self.edge = _ROUNDING * max(stock, 1e-12)
-        self.total = min(stock, self.added)
-        self.most = self.added if self.added < stock else np.inf
-        """What plates may weigh together, where they could weigh more [kg]."""
+        self.parts, self.totals = self.sums[0] @ self.share, self.sums[1]
+        """Of the groups, in what is limited together, (sums, groups) [-], and what that may weigh, (sums,) [kg]."""
         self.tie = _TIE * (float(np.sum(self.target**2)) or 1.0)
         columns, weight = self.columns @ self.share, self.share.sum(axis=0)
-        most = [min(self.limits[list(g)].min(), self.total / len(g)) for g in self.groups]
+        every, self.within = np.vstack([self.parts, weight]), np.append(self.totals, stock)
+        alone = np.divide(self.within[:, None], every, out=np.full(every.shape, np.inf), where=every > 0.0)
+        most = np.minimum([self.limits[list(group)].min() for group in self.groups], alone.min(axis=0))
         upper = np.array([_largest_mass(self.plates, self.quantities, limit, self.edge) for limit in most])
-        centre, self.price, gap = distribute_total(columns, self.target, upper, weight, self.total)
+        centre, self.prices, gap = distribute_within(columns, self.target, upper, every, self.within)
         self.relaxed = float(np.sum((columns @ centre - self.target) ** 2)) - gap
-        gradient = 2.0 * columns.T @ (columns @ centre - self.target) + self.price * weight
+        gradient = 2.0 * columns.T @ (columns @ centre - self.target) + self.prices @ every
         pushed = np.where(centre <= 0.0, gradient.clip(min=0.0), np.where(centre >= upper, gradient.clip(max=0.0), 0.0))
         free, steep = np.flatnonzero(pushed == 0.0), np.flatnonzero(pushed)
         order = [*free[_search_order(columns[:, free])], *steep[np.argsort(np.abs(pushed[steep]))]]
@@ -305,11 +312,12 @@ class _Search:
         padded = np.vstack([columns[:, order], np.zeros((len(order), len(order)))])
         self.triangle: Floats = np.asarray(np.linalg.qr(padded, mode="r"))
         self.weight, self.upper = weight[order], upper[order]
+        self.parts, self.every = self.parts[:, order], every[:, order]
 
     def run(self) -> list[Selection]:
         """Search through all masses that piles of plates make."""
-        self.sums, self.piles = _piles(self.plates, self.quantities, self.edge)
-        return self._search(self.sums[np.concatenate([[True], np.diff(self.sums) > self.edge])])
+        self.pile_masses, self.piles = _piles(self.plates, self.quantities, self.edge)
+        return self._search(self.pile_masses[np.concatenate([[True], np.diff(self.pile_masses) > self.edge])])
 
     def _search(self, distinct: Floats) -> list[Selection]:
         """Search through the ``distinct`` masses that plates make, rising [kg]; no plates are always a selection."""
@@ -335,6 +343,7 @@ class _Search:
         """Plates (sites, kinds) that a descent finds: each moved, heavy ones first, as long as that lessens J."""
         size = np.array([0, *(len(group) for group in self.groups)])  # the stock, then the groups
         columns = np.column_stack([np.zeros(len(self.target)), self.columns @ self.share])
+        parts = np.column_stack([np.zeros(len(self.totals)), self.sums[0] @ self.share])
         room = np.array([np.inf, *(float(self.limits[list(group)].min()) for group in self.groups)]) + self.edge
         counts, left, moved = np.zeros((len(size), len(self.plates)), dtype=np.intp), self.quantities.copy(), True
         while moved:
@@ -343,8 +352,9 @@ class _Search:
                 mass, short = self.plates[kind], columns @ (counts @ self.plates) - self.target
                 here = (counts[:, kind] > 0) | (size == 0)
                 allowed = here[:, None] & (left[kind] + size[:, None] >= size) & (counts @ self.plates + mass <= room)
-                heavier = mass * (size - size[:, None])
-                allowed &= counts @ self.plates @ size + heavier <= self.most + self.edge
+                heavier = mass * (parts[:, None, :] - parts[:, :, None])
+                together = (parts @ (counts @ self.plates))[:, None, None] + heavier
+                allowed &= (together <= self.totals[:, None, None] + self.edge).all(axis=0)
                 change = mass * (columns[:, None, :] - columns[:, :, None])
                 values = np.where(allowed, np.sum((short[:, None, None] + change) ** 2, axis=0), np.inf)
                 one, other = np.unravel_index(np.argmin(values), values.shape)
@@ -378,12 +388,12 @@ class _Search:
         """Choose the mass of one site after the other; ``offset`` from the centre [kg]."""
         row = self.triangle[level]
         pull = float(row[level + 1 :] @ offset[level + 1 :])
-        masses = self._window(level, pull, cost, float(self.weight[level + 1 :] @ (self.centre + offset)[level + 1 :]))
+        masses = self._window(level, pull, cost, (self.centre + offset)[level + 1 :])
         steps = masses - self.centre[level]
         costs = cost + (row[level] * steps + pull) ** 2 + self.gradient[level] * steps
         if level == 0:
-            chosen = self.weight[1:] @ (self.centre + offset)[1:] + self.weight[0] * masses
-            costs = costs + self.price * (self.total - chosen)
+            chosen = self.every[:, 1:] @ (self.centre + offset)[1:] + self.every[:, :1].T * masses[:, None]
+            costs = costs + (self.within - chosen) @ self.prices
         for k in np.lexsort((masses, costs)):
             done = self._is_done() or (self.first and self.found[0].masses.any())
             if done or costs[k] > self._budget():
@@ -405,8 +415,8 @@ class _Search:
                 self._offer(counts)
         offset[level] = 0.0
 
-    def _window(self, level: int, pull: float, cost: float, chosen: float) -> Floats:
-        """Masses of a site that may lead to a better selection, rising; ``chosen`` [kg] is what the others have."""
+    def _window(self, level: int, pull: float, cost: float, chosen: Floats) -> Floats:
+        """Masses of a site that may lead to a better selection, rising; ``chosen`` [kg] are those of others so far."""
         masses, left = self.reachable[level], self._budget() - cost
         reach, steep, centre = abs(self.triangle[level, level]), self.gradient[level], self.centre[level]
         low, high = 0.0, np.inf
@@ -418,8 +428,10 @@ class _Search:
                 (low, min(high, centre + left / steep)) if steep > 0.0 else (max(low, centre + left / steep), high)
             )
         if self._worst() <= self.relaxed + self.tie:  # none is better, but one may be lighter
-            high = min(high, (self.found[-1].masses.sum() - chosen) / self.weight[level])
-        high = min(high, (self.most - chosen) / self.weight[level])
+            high = min(high, (self.found[-1].masses.sum() - self.weight[level + 1 :] @ chosen) / self.weight[level])
+        parts = self.parts[:, level]
+        room = self.totals - self.parts[:, level + 1 :] @ chosen
+        high = min(high, (room[parts > 0.0] / parts[parts > 0.0]).min(initial=np.inf))
         first, last = np.searchsorted(masses, [low - self.edge, high + self.edge])
         return masses[first:last]
 
@@ -439,7 +451,7 @@ class _Search:
     def _offer(self, counts: Indices) -> None:
         """Keep plates ``counts`` (sites, kinds), if they are among the best, and others than are kept."""
         made = counts @ self.plates
-        if made.sum() > self.most + self.edge:  # of plates that are rounded
+        if (self.sums[0] @ made > self.sums[1] + self.edge).any():  # of plates that are rounded
             return
         one = Selection(counts, made, float(np.sum((self.columns @ made - self.target) ** 2)))
         if any(np.allclose(made, other.masses, rtol=0.0, atol=self.edge) for other in self.found):
@@ -486,7 +498,7 @@ class _Search:
 
     def _subsets(self, mass: float, available: Indices) -> Iterator[Indices]:
         """Plates (kinds,) of those ``available`` that make a mass [kg], few first; each takes one of the ``steps``."""
-        first, last = np.searchsorted(self.sums, [mass - self.edge, mass + self.edge])
+        first, last = np.searchsorted(self.pile_masses, [mass - self.edge, mass + self.edge])
         piles = self.piles[first:last]
         for pile in piles[(piles <= available).all(axis=1)]:
             self.steps -= 1

@@ -1,8 +1,6 @@
-"""``balance size``: counter-masses for one payload, or sets that only grow for several payloads of one body."""
+"""``balance size``: counter-masses for one payload, or for several payloads of one body."""
 
-from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
 from math import inf
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +13,7 @@ from .options import print_responses, response_summary
 from .printing import Detail, emit_table, mass, say
 
 if TYPE_CHECKING:
+    from ..balancing.nested_sizing import NestedSizing
     from ..balancing.sizing_study import SizingStudy
     from ..mechanism.mechanism import Mechanism
 
@@ -26,6 +25,7 @@ OBJECTIVE = option(
     "weight times (RMS / RMS without)^2; vibration too, with --rig [default: force].",
     metavar="NAME=WEIGHT",
 )
+FIXED = option("One set for all payloads, which the machine carries in turn, instead of sets that only grow.")
 RIG = option("A rig's file, or a shipped one: the base whose vibration is made small.", metavar="RIG")
 
 
@@ -39,6 +39,7 @@ Examples:
   balance size five-bar --motion five-bar --objective force --objective torque=2 --json
   balance size parallelogram-6bar -p platform=5kg --motion x --objective vibration --rig parallelogram-6bar
   balance size parallelogram-6bar -p platform=1.451kg -p platform=3.4116kg -p platform=5kg --stock kiper2019
+  balance size parallelogram-6bar -p platform=1.451kg -p platform=5kg --fixed --limit counter_A0A=15kg
 
 \b
 Vibration: of the base on its mounts as the rig has it, the mechanism locked as the motion starts; RMS of the sum of
@@ -47,7 +48,8 @@ squares of what the accelerometers on the base measure. The masses that are foun
 \b
 Least is the mean square of the shaking force vector, weight excluded: over the motion given, all samples of a file
 or 10 kHz alike; without a motion, of the momentum per root of kinetic energy over the workspace. Of equals the
-lightest. Several payloads of one body: sets that only grow with the payload, least in the sum over the payloads.
+lightest. Several payloads of one body: sets that only grow with the payload, or with --fixed one set for all, least
+in the sum over the payloads; limits and equal masses hold for each set.
 
 \b
 Exit code 3: no masses at these sites balance it completely, or plates leave more than 5 % where other masses would.""",
@@ -66,6 +68,7 @@ def size(
     motion: str | None = option("The motion whose force is made small, and compared before and after.", metavar="TOML"),
     objective: tuple[str, ...] = OBJECTIVE,
     rig: str | None = RIG,
+    fixed: bool = FIXED,
     closed_form: bool = option("parallelogram-6bar by its published formula, without Pinocchio."),
     figure: str | None = options.FIGURE,
 ) -> Answer:
@@ -77,16 +80,30 @@ def size(
     if best > 1 and not stock:
         raise click.UsageError("--best lists sets of plates: give --stock; of any mass one set is the best")
     if closed_form:
-        if site or without or stock or limit or equal or motion or objective or rig or figure or added is not None:
+        if (
+            site
+            or without
+            or stock
+            or limit
+            or equal
+            or motion
+            or objective
+            or rig
+            or figure
+            or fixed
+            or added is not None
+        ):
             raise click.UsageError("--closed-form reads no model: give only --payload and --json with it")
         return _closed_form(mechanism, payload)
     payloads = _growing(payload)
     if len(payloads) > 1:
-        if limit or equal or without or best > 1 or rig or figure or added is not None:
-            raise click.UsageError(
-                "--limit, --added, --equal, --without, --best, --rig and --figure are for one payload of a body"
-            )
-        return _size_growing(mechanism, payloads, site, stock, motion, _weights(objective, motion, rig))
+        if best > 1 or rig or figure:
+            raise click.UsageError("--best, --rig and --figure are for one payload of a body")
+        nested = _nested(mechanism, payloads, motion, stock, site, without, limit, added, equal, objective, fixed)
+        published = _published(nested) if nested.stock == "kiper2019" and not (site or limit or equal or fixed) else {}
+        return Answer(nested.document() | published, lambda: _print_nested(nested, published), nested.has_finding)
+    if fixed:
+        raise click.UsageError("--fixed is for several payloads of one body: give --payload again, one for each")
     model = options.load_mechanism_option(mechanism, payloads[0])
     found = sized(model, payloads[0], motion, stock, site, without, limit, added, equal, objective, rig, best)
     options.draw(figure, found.plot)
@@ -115,8 +132,8 @@ def sized(
 
     return size(
         model, motion, stock, sites=_sites(model, site, without), limits=limit, added=added, best=best, rig=rig,
-        equal=[[name.strip() for name in group.split(",")] for group in equal],
-        objective=_weights(objective, motion, rig), payload_bodies=options.payload_bodies(model, payload),
+        equal=_groups(equal), objective=_weights(objective, motion, rig),
+        payload_bodies=options.payload_bodies(model, payload),
     )  # fmt: skip
 
 
@@ -182,6 +199,11 @@ def _growing(pairs: options.Pairs) -> list[options.Masses]:
     if len(set(masses)) < len(masses):
         raise click.UsageError(f"--payload names the same mass of {again[0]!r} twice")
     return [{**rest, again[0]: mass} for mass in masses]
+
+
+def _groups(equal: tuple[str, ...]) -> list[list[str]]:
+    """Groups of sites of equal masses."""
+    return [[name.strip() for name in group.split(",")] for group in equal]
 
 
 def _weights(texts: Sequence[str], motion: str | None, rig: str | None) -> dict[str, float]:
@@ -251,64 +273,32 @@ def _closed_form(mechanism: str, payload: options.Pairs) -> Answer:
     return Answer(document, lambda: say(text))
 
 
-def _size_growing(
+def _nested(
     mechanism: str,
     payloads: Sequence[options.Masses],
-    sites: tuple[str, ...],
-    stock: str | None,
     motion: str | None,
-    weights: dict[str, float],
-) -> Answer:
-    """Size a set for each of ``payloads``, which rise."""
-    from ..balancing.conditions import balance_conditions
-    from ..balancing.objective import MADE_SMALL, motion_objective, workspace_objective
-    from ..balancing.sizing import exact_sizing, nested_sizing, sizing_document, stock_use
-    from ..balancing.sizing_study import STEPS
-    from ..balancing.stock_plates import load_stock
-    from ..front_door import follow
+    stock: str | None,
+    site: tuple[str, ...],
+    without: tuple[str, ...],
+    limit: options.Masses,
+    added: float | None,
+    equal: tuple[str, ...],
+    objective: tuple[str, ...],
+    fixed: bool,
+) -> "NestedSizing":
+    """A set for each of ``payloads``, which rise, by the options of the command."""
+    from ..front_door import size_nested
 
     models = [options.load_mechanism_option(mechanism, payload) for payload in payloads]
-    found, along = balance_conditions(models[0]), follow(models[0], motion) if motion else None
-    objectives = [motion_objective(m, along, weights) if along else workspace_objective(m) for m in models]
-    plates = load_stock(stock) if stock else None
-    nested = nested_sizing(found, models, plates, sites, objectives)
-    use = stock_use(nested, plates) if plates else None
-    sets, mounted = [], dict[str, float]()
-    for model, payload, one in zip(models, payloads, nested, strict=True):
-        masses = {counter.site: counter.mass for counter in one.counter_masses}
-        alone = exact_sizing(one.conditions, one.before, sites, objective=one.objective)
-        sets.append(
-            {"payload_kg": payload}
-            | sizing_document(replace(one, payload_bodies=options.payload_bodies(model, payload)))
-            | {"increments_kg": {site: more - mounted.get(site, 0.0) for site, more in masses.items()}}
-            | {"balanced": one.is_complete(), "remaining_percent": one.remaining_percent()}
-            | {"attainable_with_any_mass": alone.is_complete(), "proven": one.bound is not None}
-        )
-        mounted = masses
-    published = _published(models, payloads) if stock == "kiper2019" and not sites else {}
-    complete = all(one["balanced"] for one in sets)
-
-    def show() -> None:
-        left = ", ".join(per_cent_text(one["remaining_percent"]) for one in sets)
-        what = "momentum" if motion is None else " and ".join(MADE_SMALL[name] for name in weights)
-        say(
-            "Balanced completely with each payload."
-            if complete
-            else f"Not balanced completely: {left} of the RMS {what} remains with the payloads below."
-        )
-        if use and not complete:
-            for sentence in use.sentences(lambda part: f"{per_cent_text(100.0 * part)} over all payloads"):
-                say(sentence)
-        _print_nested(models[0].name, sets, stock, published.get("published"))
-
-    largest = max(one["remaining_percent"] or 0.0 for one in sets)
-    is_enough = complete or (bool(stock) and largest <= 100.0 * STEPS)
-    shown = {"mechanism": models[0].name, "stock": stock, "sets": sets, **(use.document() if use else {}), **published}
-    return Answer(shown, show, not is_enough)
+    return size_nested(
+        models[0], payloads, motion, stock, sites=_sites(models[0], site, without), limits=limit, added=added,
+        equal=_groups(equal), objective=_weights(objective, motion, None), fixed=fixed,
+    )  # fmt: skip
 
 
-def _published(models: "Sequence[Mechanism]", payloads: Sequence[options.Masses]) -> dict[str, Any]:
+def _published(nested: "NestedSizing") -> dict[str, Any]:
     """Sets that the source built, for the source's manipulator with its payloads; else empty."""
+    models, payloads = [one.before for one in nested.sets], nested.payloads
     if not models[0].name.startswith("parallelogram-6bar") or any(list(one) != ["platform"] for one in payloads):
         return {}
     from ..balancing import closed_forms
@@ -319,35 +309,25 @@ def _published(models: "Sequence[Mechanism]", payloads: Sequence[options.Masses]
     return {"published": {"sets": sets, "increments_kg": increments}} if sets else {}
 
 
-def _print_nested(name: str, sets: list[dict[str, Any]], stock: str | None, published: dict[str, Any] | None) -> None:
-    rows, mounted = [], dict[str, list[str]]()
-    for found in sets:
-        payload = ", ".join(f"{body} {mass(value)}" for body, value in found["payload_kg"].items())
-        for counter in found["counter_masses"]:
-            site = counter["site"]
-            row = [payload, site, mass(counter["mass_kg"]), mass(found["increments_kg"][site])]
-            new = Counter(counter["plates"]) - Counter(mounted.get(site, ()))
-            mounted[site] = counter["plates"]
-            rows.append([*row, " + ".join(new.elements()) or "-"] if stock else row)
-            payload = ""
-    title = f"Counter-masses for {name}" + (f" from {stock}" if stock else "") + ", sets that only grow"
-    header = ["payload [kg]", "site", "mass [kg]", "added [kg]"]
-    emit_table(title, [*header, "plates added"] if stock else header, rows)
-    for found in sets:
-        payload = ", ".join(f"{body} = {mass(value)} kg" for body, value in found["payload_kg"].items())
-        if found["attainable_with_any_mass"]:
-            residual = f"{found['residual_first_moment_kgm']:.4g} kg m"
-            say(f"First-moment residual at {payload}  {residual}  ({per_cent_text(found['residual_percent'])})")
-    if not any(found["attainable_with_any_mass"] for found in sets):
-        say("No masses at these sites balance it completely with any of these payloads.")
-    if stock:
-        proof = "proven" if all(one["proven"] for one in sets) else "the best found in the time, not proven"
-        say(f"Least in the sum over the payloads of all sets that only grow: {proof}.")
-    if published:
+def _print_nested(nested: "NestedSizing", published: dict[str, Any]) -> None:
+    """The verdict, the masses by payload and site, what each leaves; what the source built."""
+    from ..balancing.nested_sizing import PayloadMass
+
+    say(str(nested))
+    kind = "one set for all payloads" if nested.fixed else "sets that only grow"
+    of = f" from {nested.stock}" if nested.stock else ""
+    of_table = ("payload", "site", "mass", "added", "plates")[: None if nested.stock else -1]
+    emit_table(
+        f"Counter-masses for {nested.sets[0].before.name}{of}, {kind}",
+        *table(PayloadMass, nested.counter_masses, *of_table),
+    )
+    for line in nested.below():
+        say(line)
+    if source := published.get("published"):
         say("Built by the source, and its residual:")
-        for found in published["sets"]:
+        for found in source["sets"]:
             plates = f"{' + '.join(found['plates'])} = {mass(found['mass_kg'])} kg"
             say(f"  {mass(found['payload_kg'])} kg  {plates}  {found['residual_first_moment_kgm']:.4g} kg m")
-        increments = " and ".join(f"{value:g}" for value in published["increments_kg"])
+        increments = " and ".join(f"{value:g}" for value in source["increments_kg"])
         masses = "differences of its published counter-masses, not of plates"
         say(f"Its published increments, {increments} kg, are {masses}.")

@@ -1,7 +1,7 @@
 """Counter-masses of any mass and from stock plates: residuals, optima, and how equals are decided."""
 
 from dataclasses import replace
-from itertools import pairwise, product
+from itertools import product
 
 import numpy as np
 import pytest
@@ -14,7 +14,6 @@ from balance.balancing.sizing import (
     balanced_payload,
     best_sets_from_stock,
     exact_sizing,
-    nested_sizing,
     sizing_of_given,
     stock_use,
 )
@@ -266,38 +265,6 @@ def test_payloads_of_other_bodies() -> None:
     sized = exact_sizing(found, mechanism)
     payload = balanced_payload(found, sized.after, "AC")
     assert payload == pytest.approx(0.58909, abs=1e-9)
-
-
-def test_sets_that_grow_for_the_payloads_of_the_source() -> None:
-    """M1 + M2, + M4, + M3: as the built sets at 1.451 and 5 kg, better than the built one between."""
-    found, _ = carrying(1.451)
-    sets = nested_sizing(found, [carrying(p)[1] for p in BUILT], stock_plates.load_stock("kiper2019"))
-    assert [c.counter_masses[0].plates for c in sets] == [
-        ("M1", "M2"),
-        ("M1", "M2", "M4"),
-        ("M1", "M2", "M3", "M4"),
-    ]
-    for sizing, (_, built, _) in zip(sets, BUILT.values(), strict=True):
-        assert sizing.residual() <= built + 5e-7
-
-
-def test_exact_sets_that_grow() -> None:
-    """Any mass: each payload's own exact counter-mass, the order of payloads rising; nothing is sizing."""
-    found, _ = carrying(1.451)
-    sets = nested_sizing(found, [carrying(p)[1] for p in EXACT])
-    assert [s.counter_masses[1].mass for s in sets] == pytest.approx(list(EXACT.values()), abs=1e-6)
-    for less, more in pairwise(sets):
-        assert more.added_mass > less.added_mass
-        assert more.residual() < 1e-12
-
-
-def test_sets_for_loads_that_ask_for_less_stay_as_they_are() -> None:
-    """Payloads that fall: the best compromise never shrinks, and lies between what each asks for."""
-    found, _ = carrying(1.451)
-    falling = nested_sizing(found, [carrying(5.0)[1], carrying(1.451)[1]])
-    first, second = ([c.mass for c in sizing.counter_masses] for sizing in falling)
-    assert second == pytest.approx(first, abs=1e-9)
-    assert all(EXACT[1.451] < mass < EXACT[5.0] for mass in first)
 
 
 def test_plates_as_drawn_bring_their_own_inertia() -> None:

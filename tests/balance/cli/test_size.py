@@ -367,6 +367,19 @@ def test_exact_sets_that_grow(balance):
     assert "First-moment residual at platform = 5.0000 kg" in balance("size", "parallelogram-6bar", *PAYLOADS).out
 
 
+def test_one_set_for_all_payloads_within_a_limit(balance):
+    """The same masses in each row, none beyond its limit; what remains with each payload is said first."""
+    arguments = ("size", "parallelogram-6bar", *PAYLOADS, "--fixed", "--limit", "counter_A0A=15kg")
+    code, out, _ = balance(*arguments)
+    assert code == 3
+    assert out.startswith("Not balanced completely: ")
+    assert "one set for all payloads" in out
+    sets = json.loads(balance(*arguments, "--json").out)["sets"]
+    masses = [[one["mass_kg"] for one in each["counter_masses"]] for each in sets]
+    assert masses[0] == masses[1] == masses[2]
+    assert max(row[0] for row in masses) <= 15.0
+
+
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -379,7 +392,8 @@ def test_exact_sets_that_grow(balance):
         ("parallelogram-6bar", "--motion", "x", "--objective", "noise"),
         ("parallelogram-6bar", "--without", "C_AC"),
         ("parallelogram-6bar", "--without", "counter_A0A", "--without", "counter_B0B"),
-        ("parallelogram-6bar", *PAYLOADS, "--limit", "counter_A0A=5kg"),
+        ("parallelogram-6bar", *PAYLOADS, "--best", "2", "--stock", "kiper2019"),
+        ("parallelogram-6bar", "-p", "platform=5kg", "--fixed"),
         ("parallelogram-6bar", *PAYLOADS, "-p", "AC=1kg", "-p", "AC=2kg"),
         ("parallelogram-6bar", *PAYLOADS, "-p", "platform=5kg"),
     ],
