@@ -55,6 +55,26 @@ class PayloadMass:
     """Stock plates that are added."""
 
 
+@dataclass(frozen=True)
+class PayloadRemainder:
+    """What remains with one of several payloads.
+
+    >>> import balance
+    >>> nested = balance.size_nested("four-bar", [{"AB": "1 kg"}, {"AB": "2 kg"}], "four-bar", fixed=True)
+    >>> [one.after < one.before for one in nested.remainders]
+    [True, True]
+    """
+
+    payload: Annotated[Mapping[str, float], Key("payload_kg", "payload [kg]", lambda given: _masses(given))]
+    """Masses of bodies [kg]."""
+    before: Annotated[float, Key("rms_before", "without", ".4g")]
+    """Root mean square of what is made small without counter-masses [its unit]."""
+    after: Annotated[float, Key("rms", "with", ".4g")]
+    """With them."""
+    percent: Annotated[float | None, Key("remaining_percent", "remain", per_cent_text)]
+    """Part of it that remains [%]; None where there is nothing to balance."""
+
+
 def _masses(masses: Mapping[str, float]) -> str:
     return ", ".join(f"{body} {mass:.4f}" for body, mass in masses.items())
 
@@ -96,6 +116,25 @@ class NestedSizing(Shown, rows="counter_masses"):
         return tuple(found)
 
     @property
+    def remainders(self) -> tuple[PayloadRemainder, ...]:
+        """What remains with each payload."""
+        return tuple(
+            PayloadRemainder(payload, *one.root_mean_squares(), 0.0 if one.is_complete() else one.remaining_percent())
+            for payload, one in zip(self.payloads, self.sets, strict=True)
+        )
+
+    @property
+    def made_small(self) -> str:
+        """What is made small, in words."""
+        return "momentum" if self.motion is None else " and ".join(MADE_SMALL[name] for name in self.weights)
+
+    @property
+    def unit(self) -> str:
+        """Of what is made small over a motion; empty for several quantities, and for the momentum."""
+        objective = self.sets[0].objective
+        return objective.unit if objective and self.motion and len(self.weights) == 1 else ""
+
+    @property
     def proven(self) -> bool:
         """Whether no other sets that are allowed have a lesser sum."""
         return all(one.bound is not None for one in self.sets)
@@ -113,11 +152,12 @@ class NestedSizing(Shown, rows="counter_masses"):
 
     def document(self) -> dict[str, Any]:
         """For JSON: units in the keys."""
-        sets, rows = [], self.counter_masses
+        sets, rows, unit = [], self.counter_masses, f"_{self.unit}" if self.unit else ""
         for payload, one, alone in zip(self.payloads, self.sets, self.any_mass, strict=True):
             added = {row.site: row.added for row in rows if row.payload is payload}
             sets.append(
                 {"payload_kg": dict(payload)}
+                | dict(zip((f"rms_before{unit}", f"rms{unit}"), one.root_mean_squares(), strict=True))
                 | sizing_document(one)
                 | {"increments_kg": added, "balanced": one.is_complete(), "remaining_percent": one.remaining_percent()}
                 | {"attainable_with_any_mass": alone.is_complete(), "proven": one.bound is not None}
@@ -130,14 +170,14 @@ class NestedSizing(Shown, rows="counter_masses"):
         return "\n".join(self._sentences())
 
     def _sentences(self) -> Iterator[str]:
-        left = ", ".join("0 %" if one.is_complete() else per_cent_text(one.remaining_percent()) for one in self.sets)
-        what = "momentum" if self.motion is None else " and ".join(MADE_SMALL[name] for name in self.weights)
         if self.balanced:
             yield "Balanced completely with each payload."
             return
-        before, after = (np.array([one.root_mean_squares() for one in self.sets]) ** 2).sum(axis=0) ** 0.5
-        whole = f", {per_cent_text(100.0 * after / before)} over all payloads" if before > 0.0 else ""
-        yield f"Not balanced completely: {left} of the RMS {what} remains with the payloads below{whole}."
+        each = self.remainders
+        left = ", ".join(f"{per_cent_text(one.percent)} with {_masses(one.payload)} kg" for one in each)
+        whole = 100.0 * (sum(one.after**2 for one in each) / sum(one.before**2 for one in each)) ** 0.5
+        over = f"{per_cent_text(whole)} of the RMS {self.made_small} remains over all payloads"
+        yield f"Not balanced completely: {over} ({left})."
         if self.stock_use:
             yield from self.stock_use.sentences(lambda part: f"{per_cent_text(100.0 * part)} over all payloads")
 

@@ -311,16 +311,18 @@ def _published(nested: "NestedSizing") -> dict[str, Any]:
 
 def _print_nested(nested: "NestedSizing", published: dict[str, Any]) -> None:
     """The verdict, the masses by payload and site, what each leaves; what the source built."""
-    from ..balancing.nested_sizing import PayloadMass
+    from ..balancing.nested_sizing import PayloadMass, PayloadRemainder
 
     say(str(nested))
     kind = "one set for all payloads" if nested.fixed else "sets that only grow"
     of = f" from {nested.stock}" if nested.stock else ""
-    of_table = ("payload", "site", "mass", "added", "plates")[: None if nested.stock else -1]
-    emit_table(
-        f"Counter-masses for {nested.sets[0].before.name}{of}, {kind}",
-        *table(PayloadMass, nested.counter_masses, *of_table),
-    )
+    columns = ("site", "mass", "plates") if nested.fixed else ("payload", "site", "mass", "added", "plates")
+    rows = nested.counter_masses[: len(nested.sets[0].counter_masses) if nested.fixed else None]
+    shown = table(PayloadMass, rows, *columns[: None if nested.stock else -1])
+    emit_table(f"Counter-masses for {nested.sets[0].before.name}{of}, {kind}", *shown)
+    unit = {"N": "N", "Nm": "N m"}.get(nested.unit, "")
+    remain = table(PayloadRemainder, nested.remainders, *("payload", "before", "after", "percent")[:: 1 if unit else 3])
+    emit_table(f"RMS {nested.made_small} with each payload" + (f" [{unit}]" if unit else ""), *remain)
     for line in nested.below():
         say(line)
     if source := published.get("published"):
