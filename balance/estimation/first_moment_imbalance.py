@@ -122,8 +122,10 @@ class Imbalance:
     regression: RegressionFit | None = None
     """Behind the values; its first unknowns are the subspace's coordinates."""
     by_file: Floats | None = None
-    """How the values change by one standard deviation of each condition's value in the mechanism's file, from which the
+    """How the values change by one standard deviation of each independent error of the mechanism's file, from which the
     rest was fixed, (rank, rank) [kg m]: the same errors in all sources, contained in the covariance; None for none."""
+    parts: tuple[tuple[Floats, "Imbalance"], ...] = ()
+    """Sources that these values are the weighted mean of, each behind how the values follow its own, (rank, rank)."""
 
     def unexplained_of(self, values: Floats) -> float:
         """What is not explained as a part of what values (rank,) [kg m] of the conditions make [-]; infinite where no
@@ -165,13 +167,19 @@ class Imbalance:
         Those of the jackknife, times the square of the variance over the part that the jackknife estimates (Welch,
         Satterthwaite): what stated errors of sensors add is known.
         """
-        if self.regression is None:
-            return self.constant_degrees_of_freedom
-        own = self.coordinates(combination, len(self.regression.values))
-        estimated = float(own @ self.regression.covariance @ own)
         whole = float(combination @ self.covariance @ combination)
-        added = whole / max(estimated, 1e-9 * whole, 1e-300)
-        return min(self.regression.degrees_of_freedom(own) * max(added, 1.0) ** 2, 1e6)
+        estimated, freedom = self._by_noise(combination)
+        return freedom * min(max(whole / max(estimated, 1e-9 * whole, 1e-300), 1.0) ** 2, max(1e6 / freedom, 1.0))
+
+    def _by_noise(self, combination: Floats) -> tuple[float, float]:
+        """The part of a combination's variance that is estimated, and its degrees of freedom."""
+        if self.parts:
+            each = np.array([one._by_noise(combination @ gain) for gain, one in self.parts])
+            return float(each[:, 0].sum()), effective_degrees_of_freedom(*each.T)
+        if self.regression is None:
+            return float(combination @ self.covariance @ combination), self.constant_degrees_of_freedom
+        own = self.coordinates(combination, len(self.regression.values))
+        return float(own @ self.regression.covariance @ own), self.regression.degrees_of_freedom(own)
 
     @property
     def weight(self) -> Floats:
@@ -331,8 +339,6 @@ def combine(sources: Sequence[Imbalance]) -> CombinedImbalance:
     values = fixed + covariance @ away
     chi = _disagreement(sources, weights, fixed)
     freedom = sum(int(np.linalg.matrix_rank(w, hermitian=True)) for w in weights) - rank
-    shares = np.array([np.trace(w @ covariance) / rank for w in weights])
-    each = np.array([one.degrees_of_freedom for one in sources])
     sizes, directions = np.linalg.eigh(covariance)
     subspace = Subspace(directions[:, sizes > _NO_VARIANCE * sizes[-1]].T, fixed)
     by_file = _by_file(sources, gains, subspace)
@@ -346,10 +352,11 @@ def combine(sources: Sequence[Imbalance]) -> CombinedImbalance:
         subspace,
         np.eye(len(subspace.directions)),
         max(one.unexplained for one in sources),
-        effective_degrees_of_freedom(shares, each),
         by_file=by_file,
+        parts=tuple(zip(gains, sources, strict=True)),
     )
-    probability = f_tail(chi / freedom, freedom, float(each.min())) if freedom > 0 else 1.0
+    fewest = min(one.degrees_of_freedom for one in sources)
+    probability = f_tail(chi / freedom, freedom, fewest) if freedom > 0 else 1.0
     return CombinedImbalance(combined, chi, freedom, probability, gains)
 
 

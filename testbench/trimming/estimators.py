@@ -154,12 +154,19 @@ class _Equations:
         return self.fit(subspace), (FIXED_WITHIN,)
 
     def _by_file(self, found: ImbalanceFit) -> Floats:
-        """Of the conditions' values, (rank, rank) [kg m], by what the file may be wrong by in what is fixed."""
-        space, every = found.imbalance.subspace, np.eye(self.problem.conditions.rank)
+        """Of the conditions' values, (rank, rank) [kg m], by what the file may be wrong by in what is fixed: in first
+        moments of bodies, alike and along all axes, so that what one body lacks is wrong by FILE_KNOWN at most.
+        """
+        space, conditions = found.imbalance.subspace, self.problem.conditions
+        every, largest = np.eye(conditions.rank), self.problem.largest
         pairs = zip(found.gains(), self.records, strict=True)
         followed = np.sum([np.einsum("nrk,nrj->kj", g, r.columns[:, :, : len(every)]) for g, r in pairs], axis=0)
         per_fixed = (every - followed) @ (every - space.directions.T @ space.directions)
-        return np.asarray(per_fixed * (FILE_KNOWN * self.problem.largest / 3.0**0.5))
+        moments = conditions.matrix.reshape(len(every), -1, 10)[:, :, 1:4].reshape(len(every), -1)
+        moments /= max(np.linalg.norm(conditions.lacking @ moments, 2, axis=(1, 2)).max(), 1e-300)
+        of_masses = np.diag([unit != "kg m" for unit in conditions.units])
+        errors = np.hstack([moments, of_masses]) * largest[:, None] * (FILE_KNOWN / 3.0**0.5)
+        return np.asarray(per_fixed @ np.transpose(np.linalg.qr(errors.T, mode="r")))
 
     def widened(self, found: ImbalanceFit) -> tuple[Imbalance, list[str]]:
         """With what the errors leave open, and what that is called."""

@@ -156,10 +156,12 @@ class RunEquations:
     ) -> "RunEquations":
         """In blocks of equal information on the ``rank`` conditions; arguments as of ``RegressionRecord``.
 
+        Information is leverage, the same however conditions are combined: their form follows the order of bodies.
         ``rest`` (m, rows) are readings before the motion.
         """
         period = 1.0 / (cutoff * valid.grid.step)
-        blocks = equal_blocks(np.sum(columns[:, :, :rank] ** 2, axis=(1, 2)), period, BLOCKS)
+        told = columns[:, :, :rank] @ excited_combinations([columns[:, :, :rank]])
+        blocks = equal_blocks(np.sum(told**2 / np.sum(told**2, axis=(0, 1)), axis=(1, 2)), period, BLOCKS)
         record = RegressionRecord.of(columns, readings, blocks, nuisance, used, motion=motion, rows=rows)
         at_rest, freedom = None, 0.0
         if rest is not None and len(rest) >= LEAST_REST_PERIODS * period:

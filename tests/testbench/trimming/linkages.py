@@ -15,6 +15,8 @@ from testbench.simulator.simulated_logs import MemoryRun
 from testbench.store.run import StoredGroup
 
 RATE = 1000.0
+STEP = 1e-4
+"""Over which the motion is differentiated [s]: to 1e-6."""
 START = 0.213
 """When the forces' logger started, on the encoders' clock [s]."""
 
@@ -172,8 +174,13 @@ def _motion(mechanism: Mechanism, time: np.ndarray, rng: np.random.Generator, am
     omega = 2 * np.pi * rng.uniform(0.8, 4.0, (3, len(home)))
     phase = rng.uniform(0, 2 * np.pi, omega.shape)
     end = time[-1]
-    window = np.where((time > 0.4) & (time < end - 0.4), np.sin(np.pi * (time - 0.4) / (end - 0.8)) ** 4, 0.0)[:, None]
-    wave = sum(amplitude * np.sin(np.multiply.outer(time, w) + p) for w, p in zip(omega, phase, strict=True))
-    q = home + window * wave
-    v = np.gradient(q, time, axis=0)
-    return Samples(time, q, v, np.gradient(v, time, axis=0), mechanism.driven)
+
+    def position(at: np.ndarray) -> np.ndarray:
+        window = np.where((at > 0.4) & (at < end - 0.4), np.sin(np.pi * (at - 0.4) / (end - 0.8)) ** 4, 0.0)[:, None]
+        return home + window * sum(
+            amplitude * np.sin(np.multiply.outer(at, w) + p) for w, p in zip(omega, phase, strict=True)
+        )
+
+    # differences over samples at 250 Hz are 0.3 % low in a wave of 4 Hz, which would seem to be missing
+    before, q, after = (position(time + by) for by in (-STEP, 0.0, STEP))
+    return Samples(time, q, (after - before) / (2.0 * STEP), (after - 2.0 * q + before) / STEP**2, mechanism.driven)

@@ -6,11 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from balance import datasets
 from balance.balancing import stock_plates
 from balance.balancing.conditions import balance_conditions
 from balance.balancing.sizing import sizing_of_given
 from balance.errors import CounterpoiseError
-from balance.estimation.first_moment_imbalance import Imbalance, ImbalanceFit, Subspace, with_condition_values
+from balance.estimation.first_moment_imbalance import Imbalance, ImbalanceFit, Subspace, combine, with_condition_values
 from balance.mechanism.mjcf_parser import load_mechanism, mechanism_from_text
 from studies import simulated_runs as memory
 from testbench import rig as rigs
@@ -357,6 +358,39 @@ def test_residuals_are_those_of_the_definition_in_any_order_of_bodies(parts, qpo
     assert found.unbalanced == pytest.approx(max(lacking), rel=1e-6)
     assert found.residual_with(sizing_of_given(conditions, model, {}))[0] == pytest.approx(max(lacking), rel=1e-6)
     assert found.residual_share == pytest.approx(most / max(lacking), rel=1e-5)
+
+
+def test_intervals_do_not_depend_on_the_order_of_bodies():
+    """By torque, with what the file tells, and of two sources together; equal as far as equations of a condition of
+    1e4 are, squared.
+    """
+    text = datasets.find_dataset("four-bar", "mechanisms", ".xml").read_text("utf-8")
+    head, crank = text.split('<body name="A0A">')
+    crank, rocker = crank.split('<body name="B0B" pos="0.25 0 0">')
+    rocker, tail = rocker.split("</body>", 1)
+    turned = f'{head}<body name="B0B" pos="0.25 0 0">{rocker}</body><body name="A0A">{crank}{tail}'
+    angles = text.partition('qpos="')[2].partition('"')[0].split()
+    turned = turned.replace(" ".join(angles), " ".join([angles[2], *angles[:2]]))
+    run, widths = linkages.run(load_mechanism("four-bar"), seconds=6.0, plate=False), []
+    for model in (load_mechanism("four-bar"), mechanism_from_text(turned, "four-bar")):
+        found = trim_runs(memory.aligned([run], model), sites=["counter_A0A", "counter_B0B"])
+        assert any(FIXED_WITHIN in line for line in found.about)
+        both = combine([found.imbalance] * 2).imbalance.missing(model, ["counter_A0A", "counter_B0B"])
+        widths.append([one.first_moment.half_width() for one in (*found.missing, *both)])
+    assert widths[0] == pytest.approx(widths[1], rel=1e-7)
+
+
+def test_intervals_of_torque_hold():
+    """Over seeds of noise, of an arm whose torques and encoders share a logger: unbiased, and as often as promised."""
+    arm = load_mechanism("serial-2r")
+    runs = [linkages.run(arm, seed, plate=False, seconds=10.0, rate=250.0) for seed in range(16)]
+    found = [trim_runs(memory.aligned([run], arm)) for run in runs]
+    masses = np.linalg.lstsq(*_system(arm, found[0]), rcond=None)[0]
+    for k, mass in enumerate(masses):
+        every = [one.missing[k] for one in found]
+        away = [one.first_moment.value - mass * one.lever_arm for one in every]
+        assert abs(np.mean(away)) < 4.0 * np.std(away, ddof=1) / len(away) ** 0.5
+        assert_holds(sum(abs(by) < one.first_moment.half_width() for by, one in zip(away, every, strict=True)), 16)
 
 
 @pytest.mark.parametrize("mounted", [{}, {"counter_link_1": 5.0, "counter_link_2": 0.9}])
