@@ -32,7 +32,7 @@ from .encoder_motion import rest_before
 NEAR = 1e-3
 """Lever below which the base's rotation is not taken out [m]."""
 RATE_LEVER = 0.02
-"""Lever below which forces do not tell how fast the base turns [m]."""
+"""Lever below which forces, or accelerometers by their difference, do not tell how fast the base turns [m]."""
 _APART = 0.02
 """Singular value of A, relative to the largest, below which accelerometers do not tell the base's motion."""
 _ROUNDED = 1e-9
@@ -55,8 +55,15 @@ class BaseAcceleration:
 
     @property
     def told(self) -> Floats:
-        """A^+: acceleration of the base per reading of each channel, (6, k) [-, 1/m]; what they leave open is zero."""
-        return np.linalg.pinv(self.rows, rcond=_APART)
+        """Acceleration of the base per reading of each channel, (6, k) [-, 1/m]: it turns as readings differ, so that
+        what one accelerometer shows is no turning, wherever the origin of the base frame is.
+        """
+        shown, turning = self.rows[:, :3], self.rows[:, 3:]
+        moved = np.linalg.pinv(shown, rcond=_APART)
+        left, sizes, right = np.linalg.svd(turning - shown @ moved @ turning, full_matrices=False)
+        apart = sizes > RATE_LEVER
+        turned = (right[apart].T / sizes[apart]) @ left[:, apart].T
+        return np.vstack([moved @ (np.eye(len(shown)) - turning @ turned), turned])
 
     @property
     def noise(self) -> Floats:

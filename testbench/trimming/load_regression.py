@@ -176,7 +176,10 @@ TORQUE_POSITION_BANDWIDTH = 4.0
 
 
 def torque_regression(run: AlignedRun, conditions: Conditions, cutoff: float) -> RunEquations:
-    """The equations of a run. Raises AnalysisError where a joint has no torque or encoder, or gaps leave nothing."""
+    """The equations of a run.
+
+    Raises AnalysisError where a joint has no torque or encoder, a sensor is clipped, or gaps leave nothing.
+    """
     model, bandwidth = run.mechanism, TORQUE_POSITION_BANDWIDTH * cutoff
     channels = torque_channels(run)
     groups = run.run.groups_of(channels)
@@ -237,13 +240,14 @@ def moves_on_base(run: AlignedRun) -> bool:
 
 
 def known_base(run: AlignedRun) -> BaseAcceleration | None:
-    """What the accelerometers on the base read of a motion that drives feel; None where none is, or one is clipped, or
-    no clock relates them.
+    """What the accelerometers on the base read of a motion that drives feel; None where none is, or no clock relates
+    them. Raises AnalysisError where one is clipped: the base moves, and how is not known.
     """
+    if not moves_on_base(run) or run.base is None:
+        return None
+    refuse_clipped_base(run.run)
     with suppress(CounterpoiseError):
-        refuse_clipped_base(run.run)
-        if moves_on_base(run) and run.base is not None and run.clock(run.base.group):
-            return run.base
+        return run.base if run.clock(run.base.group) else None
     return None
 
 

@@ -36,7 +36,7 @@ LEAST_EXCITATION = 1e-2
 PUSHES = 1e-6
 """Share of the largest component of the wrench below which one is none."""
 LEAST_CHANGE = 0.02
-"""Change of a site's first moment by trial masses, as a part of what it lacks without counter-masses."""
+"""Change of a site's mass by trial masses, as a part of the most that any site lacks without counter-masses."""
 _ROUNDED = 1e-9
 """A trial mass at a site, as a part of the largest anywhere, that is rounding of the others."""
 
@@ -54,8 +54,7 @@ class _Seen:
         self.reading = run.on_grid(base.group, base.time, base.values)
         self.wrench = wrench_regressor(model, path.q, path.v, path.a)
         heavier = locked_inertia(model, path.q[0]) - locked_inertia(first, path.q[0])
-        moved = self.reading @ np.linalg.pinv(base.rows, rcond=1e-6).T
-        self.known = self.wrench @ (model.pi - first.pi) - moved @ heavier.T
+        self.known = self.wrench @ (model.pi - first.pi) - self.reading @ base.told.T @ heavier.T
 
 
 def without_gaps(problem: TrimProblem) -> tuple[TrimProblem, tuple[Finding, ...]]:

@@ -250,6 +250,31 @@ def test_a_serial_arm_by_torque(mounted, shaken):
         assert one.first_moment.value == pytest.approx(moment, rel=0.1)
 
 
+@pytest.mark.parametrize("at", [0.1, 1.0])
+def test_one_accelerometer_tells_no_turning(at, monkeypatch):
+    """A base that only translates: wherever its accelerometer is, what is missing is the same.
+
+    Clipped, it is refused.
+    """
+    arm, torques, places = load_mechanism("serial-2r"), linkages._base_torques, ((at, -0.2),)
+    monkeypatch.setattr(linkages, "PLACES", places)
+    monkeypatch.setattr(linkages, "_base_torques", lambda m, q, base: torques(m, q, base * np.array([1.0, 1.0, 0.0])))
+    run = linkages.run(arm, 1, plate=False, seconds=10.0, rate=250.0, shaken=True)
+    first = run.channel("ax0") / (0.03 + 0.04 * -0.2)  # less what the turning adds
+    for name, part in (("ax0", 0.03), ("ay0", -0.02)):
+        run = memory.with_values(run, name, part * first)
+    limit = f'unit = "m/s^2"\nrange = "{0.5 * np.abs(part * first).max()} m/s^2"'
+    rig, clipped = (
+        rigs.rig_from_text(text).model_copy(update={"bench": Bench(coupling="moving")})
+        for text in (run.rig, run.rig.replace('unit = "m/s^2"', limit))
+    )
+    found = trim_runs(memory.aligned([run], arm, rig))
+    assert [m.first_moment.value for m in found.missing] == pytest.approx([0.735, 0.099], rel=5e-3)
+    assert all(m.first_moment.half_width() < 0.01 * m.first_moment.value for m in found.missing)
+    with pytest.raises(AnalysisError, match="end of its range"):
+        trim_runs(memory.aligned([memory.with_values(run, "ax0", np.clip(first, -1.0, 1.0))], arm, clipped))
+
+
 def test_a_centre_off_the_line_of_the_file_is_in_the_interval():
     """In a small motion gravity tells little of where a centre lies across its link: that is taken from the file, and
     how wrong that may be, a hundredth of the largest first moment, is in the interval.
