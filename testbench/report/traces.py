@@ -153,11 +153,10 @@ class Trace:
         if count < 8:
             return None
         resting = values[:count] - values[:count].mean()
-        spectrum = np.abs(np.fft.rfft(resting, 2 * count)) ** 2
-        correlation = np.fft.irfft(spectrum)[: count // 4] / max(float(resting @ resting), 1e-300)
-        freedom = max(count / (2.0 * float(correlation @ correlation) - 1.0) - 1.0, 1.0)
+        power = np.abs(np.fft.rfft(resting))[1:] ** 2  # two degrees of freedom each: the mean square counts twice
+        freedom = np.clip(4.0 * power.sum() ** 2 / max(float(power @ power), 1e-300) - 3.0, 1.0, count - 1.0)
         shown, steps = float(resting.var(ddof=1)), max(observed_resolution(values), self.resolution) ** 2 / 12.0
-        return (shown, freedom) if shown > steps else (steps, np.inf)
+        return (shown, float(freedom)) if shown > steps else (steps, np.inf)
 
 
 def channel_trace(run: SIRun, kind: str, name: str, unit: str, column: Column) -> Trace:

@@ -87,6 +87,18 @@ def held(apart, begin, end, truth=0.0):
     return np.abs(values - truth) <= half
 
 
+@pytest.mark.parametrize(("pole", "within"), [(0.0, 0.02), (0.5, 0.1), (0.9, 0.2)])
+def test_degrees_of_freedom_of_noise_at_rest(pole, within):
+    """Of noise of one pole n (1 - pole^2) / (1 + pole^2) less that of the mean (Bartlett); the larger the pole, the
+    fewer frequencies tell it, and the mean takes some of the lowest off.
+    """
+    from scipy.signal import lfilter
+
+    values = lfilter([1.0], [1.0, -pole], np.random.default_rng(4).normal(size=(60, 700)))[:, 200:]
+    found = [trace(np.append(one, np.zeros(50))).noise(0.5065)[1] for one in values]
+    assert np.median(found) == pytest.approx(500 * (1 - pole**2) / (1 + pole**2) - 1.0, rel=within)
+
+
 @pytest.mark.parametrize("late", [0.0, 0.0123, -0.2])
 def test_repeats_differ_by_their_noise(late):
     """Repeats that begin at other times are aligned to far below a sample, and 95 % of intervals of their difference
