@@ -165,7 +165,8 @@ def enter_not_stored(campaign: Path, file: str, reason: str) -> None:
     campaign.mkdir(parents=True, exist_ok=True)
     with one_at_a_time(campaign):
         ledger = read_ledger(campaign)
-        if not ledger.holds(file) and ledger.not_stored.get(file) != reason:
+        there = ledger.holds(file) or (campaign / file).exists()  # of a campaign whose ledger begins
+        if not there and ledger.not_stored.get(file) != reason:
             enter(campaign, "not_stored", file, "", {"reason": reason})
 
 

@@ -62,6 +62,16 @@ def test_what_was_not_stored_stays_open_until_it_is_stored_or_given_up(campaign,
     assert read_ledger(campaign).not_stored == {"c.h5": "torn"}
 
 
+def test_of_a_campaign_whose_ledger_begins_what_is_there_is_stored(campaign):
+    """Not so because a run table's log is refused: the run of that name was stored before there was a ledger."""
+    (campaign / FILE).unlink()
+    enter_not_stored(campaign, "a.h5", "its log was not given")
+    enter_not_stored(campaign, "c.h5", "its log was not given")
+    found = read_ledger(campaign)
+    assert list(found.not_stored) == ["c.h5"]
+    assert found.holds("a.h5")
+
+
 def gone(*names):
     """Remove files by hand."""
 
