@@ -20,13 +20,12 @@ from balance.results import first_of
 
 from ..errors import AnalysisError
 from ..kinematics.gaps import Gaps
-from ..recording import common_origin, mounted_masses
+from ..recording import common_origin, mounted_masses, payload_text
 from ..runs.aligned_run import AlignedRun, trigger_notes
 from .estimators import ESTIMATORS, further_sources, present_sources
 from .problem import SOURCES, Source, SourceEstimate, TrimProblem
 from .result import Share, Trim
 
-_Mounted = Literal["payload_kg", "payloads", "counter_masses"]
 _STATES = 40
 """States of a motion for each of the mechanism's coordinates."""
 _AMPLITUDES, _NO_PART = (1.2, 0.6, 0.3, 0.1), 1e-6
@@ -41,8 +40,8 @@ SLIDES = (
     "first moments are made zero. `balance size --motion` finds the least force of one motion."
 )
 RESOLUTION = 0.25
-"""Half of an interval, as a part of the first moment that the site lacks without counter-masses, from which a record
-cannot tell what is missing."""
+"""Half of an interval, as a part of the largest first moment that a site lacks without counter-masses, from which a
+record cannot tell what is missing."""
 
 
 def trim_runs(
@@ -64,7 +63,7 @@ def trim_runs(
     found, failed = _estimated(problem, _sources(problem, named), bool(named))
     both = combine([one.imbalance for one in found]) if len(found) > 1 else None
     measured = both.imbalance if both else found[0].imbalance
-    bare = _unbalanced(problem)
+    bare, carried = _unbalanced(problem.runs[0]), mounted_masses(problem.runs[0].conditions, "counter_masses")
     shares = [
         Share(
             source=one.source,
@@ -91,6 +90,10 @@ def trim_runs(
         findings=tuple(finding for one in found for finding in one.findings),
         estimates=tuple(one.imbalance for one in found),
         unbalanced=problem.conditions.first_moment_residual(bare),
+        removable={
+            site: carried.get(site, 0.0) * bare.lever_arm(site) + max(-moment, 0.0)
+            for site, moment in zip(names, lacking(problem), strict=True)
+        },
     )
 
 
@@ -130,7 +133,7 @@ def trim_problem(runs: Sequence[AlignedRun], sites: Sequence[str], cutoff: float
 
 def _sources(problem: TrimProblem, named: list[Source]) -> list[Source]:
     """The sources that are named, if the runs are fit for them, else those that the rig has for these runs."""
-    payload, masses = _differs(problem, "payload_kg", "payloads"), _differs(problem, "counter_masses")
+    payload, masses = _differs(problem, "payload"), _differs(problem, "counter-masses")
     if "trials" in named and len(named) > 1:
         raise AnalysisError("trial masses are runs of several mountings, other sources take runs of one: name one")
     if named == ["trials"]:
@@ -152,18 +155,20 @@ def _sources(problem: TrimProblem, named: list[Source]) -> list[Source]:
     )
 
 
-def _differs(problem: TrimProblem, *keys: _Mounted) -> str:
+def _differs(problem: TrimProblem, what: Literal["payload", "counter-masses"]) -> str:
     """What differs between the mountings; empty if nothing does."""
 
-    def carried(run: AlignedRun, key: _Mounted) -> object:
-        stated = run.conditions
-        return stated.get(key, "none") if key == "payload_kg" else mounted_masses(stated, key) or "none"
+    def carried(run: AlignedRun) -> tuple[object, str]:
+        if what == "payload":  # however it is stated
+            return _unbalanced(run).parameters.tolist(), payload_text(run.conditions)
+        masses = mounted_masses(run.conditions, "counter_masses")
+        return masses, payload_text({"payloads": masses})
 
     first, *others = problem.runs
     for run in others:
-        for key in keys:
-            if (here := carried(run, key)) != (there := carried(first, key)):
-                return f"{run.name}: {key} is {here}, that of {first.name} {there}"
+        (here, text), (there, other) = carried(run), carried(first)
+        if here != there:
+            return f"{run.name}: {what} {text or 'none'}, that of {first.name} {other or 'none'}"
     return ""
 
 
@@ -248,15 +253,14 @@ def _refuse_wide(estimate: SourceEstimate, problem: TrimProblem) -> None:
             )
 
 
-def _unbalanced(problem: TrimProblem) -> Mechanism:
-    """With the payload of the runs and without counter-masses."""
-    stated = problem.runs[0].conditions
-    return problem.mechanism.with_payload(stated.get("payloads", {}), stated.get("payload_kg"))
+def _unbalanced(run: AlignedRun) -> Mechanism:
+    """With the payload of a run and without counter-masses."""
+    return run.unloaded.with_payload(run.conditions.get("payloads", {}), run.conditions.get("payload_kg"))
 
 
 def lacking(problem: TrimProblem) -> list[float]:
     """What each site lacks without counter-masses, by the model [kg m]."""
-    bare = _unbalanced(problem)
+    bare = _unbalanced(problem.runs[0])
     values = problem.conditions.values(bare)
     masses = masses_per_value(problem.conditions, bare, problem.sites, values) @ values
     return [float(mass) * bare.lever_arm(site) for mass, site in zip(masses, problem.sites, strict=True)]

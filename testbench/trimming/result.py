@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any
 
@@ -107,6 +107,8 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
     """Contradictions that a person accepted."""
     unbalanced: float = 0.0
     """First-moment residual without counter-masses, by the model [kg m]."""
+    removable: Mapping[str, float] = field(default_factory=dict)
+    """By site, first moment of what is mounted there, and of what it has too much of, by run table and file [kg m]."""
 
     @property
     def budgets(self) -> list[Budget]:
@@ -283,8 +285,14 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
             for share in self.shares
             if share.doubtful and self.residual_share > _BALANCED  # else balanced, whatever it is that it leaves
         ]
+        beyond = [
+            f"{m.site}: at least {-m.interval[1]:.2g} kg m too much, where run table and file have {most:.2g} kg m to "
+            "take off: what was mounted is not what the run table says, or a body is not what its file says"
+            for m in self.missing
+            if -m.interval[1] > _BALANCED * self.unbalanced + (most := self.removable.get(m.site, np.inf))
+        ]
         others = [finding.message for finding in self.findings if finding.code != GAP_FINDING]
-        return [*self.doubts_before, *unexplained, *others]
+        return [*self.doubts_before, *unexplained, *beyond, *others]
 
     @property
     def gaps(self) -> tuple[str, ...]:

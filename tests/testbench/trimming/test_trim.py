@@ -114,6 +114,16 @@ def test_too_much_is_said(manipulator):
     assert not found.addition.counter_masses
 
 
+def test_more_to_take_off_than_is_mounted_is_doubtful():
+    """A third too much at each site: taken off where the run table has it mounted, doubtful where it has nothing."""
+    arm = load_mechanism("serial-2r")
+    run = linkages.run(arm, 1, {"counter_link_1": 13.0, "counter_link_2": 2.2}, plate=False, seconds=10.0, rate=250.0)
+    assert trim_runs(memory.aligned([run], arm)).verdict == "remove"
+    found = trim_runs(memory.aligned([replace(run, conditions={"counter_masses": {}})], arm))
+    assert found.verdict == "doubtful"
+    assert all(f"{m.site}: at least" in doubt for m, doubt in zip(found.missing, found.doubts(), strict=True))
+
+
 def test_the_residual_is_that_of_the_mounting_that_is_told(manipulator):
     """A kilogram too much on one arm, one missing on the other: what is told leaves little; adding alone is apart."""
     uneven = memory.scene("triangle", masses={"counter_A0A": 18.931, "counter_B0B": 16.931})
@@ -202,8 +212,19 @@ def test_runs_of_two_mountings_are_refused(manipulator, triangle):
     """Runs with other counter-masses are of another mechanism."""
     other = triangle.run(1)
     other = replace(other, conditions={**other.conditions, "counter_masses": {}})
-    with pytest.raises(AnalysisError, match="one mounting"):
+    said = (
+        "counter-masses none, that of .* counter_A0A 17.1105 kg, counter_B0B 17.1105 kg: expected runs of one mounting"
+    )
+    with pytest.raises(AnalysisError, match=said):
         trim_runs(memory.aligned([triangle.run(0), other], manipulator), source="wrench")
+
+
+def test_a_payload_that_is_stated_by_its_body_is_the_same(manipulator, triangle):
+    """``payload_platform_kg`` in one run table, ``payload_kg`` in another."""
+    one = triangle.run(1)
+    stated = {k: v for k, v in one.conditions.items() if k != "payload_kg"}
+    other = replace(one, conditions={**stated, "payloads": {"platform": one.conditions["payload_kg"]}})
+    assert trim_runs(memory.aligned([triangle.run(0), other], manipulator), source="wrench").missing
 
 
 def test_zero_is_the_mounting_of_a_run_that_names_none(manipulator, triangle):
