@@ -57,7 +57,6 @@ _NOTHING = 0.05
 """Share of a half width by which a run must narrow it to be worth making."""
 _SIDES: tuple[Literal[0], Literal[1]] = (0, 1)
 """With counter-masses and without."""
-_UNDETERMINED = Estimate.single(0.0, math.inf)
 
 
 @dataclass(frozen=True)
@@ -438,9 +437,8 @@ class _Source:
     def predicted(cls, source: Source, problem: TrimProblem, made: "_Source | None") -> "_Source":
         """The same of runs of which one is simulated: what they determine is told by their design, not by readings."""
         found = cls.of(source, replace(problem, at_sites=False), made)
-        every = [found.estimate(row) for row in np.eye(problem.conditions.rank)]
         whole = made is not None and made.imbalance.subspace.is_whole
-        if whole or problem.determined(one or _UNDETERMINED for one in every):
+        if whole or problem.determined(found.imbalance, found.estimate):
             return found
         return cls.of(source, replace(problem, at_sites=True), made)
 

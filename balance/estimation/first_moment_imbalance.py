@@ -191,6 +191,12 @@ class Imbalance:
         return _inverse(own @ self.covariance @ own)
 
     @property
+    def lacking(self) -> list[Floats]:
+        """What each body lacks along the principal axes of its covariance, (3, rank) [-, m] for each body."""
+        every = self.conditions.lacking
+        return [np.linalg.svd(rows @ self.covariance @ rows.T)[0].T @ rows for rows in every]
+
+    @property
     def covariance_by_file(self) -> Floats:
         """Part of the covariance that the mechanism's file makes, (rank, rank) [kg2 m2]."""
         return np.zeros_like(self.covariance) if self.by_file is None else self.by_file @ self.by_file.T

@@ -147,9 +147,8 @@ class _Equations:
         subspace = Subspace.at_sites(problem.conditions, problem.mounted, problem.sites)
         if problem.at_sites is False or subspace.is_whole:
             return whole, ()
-        rows = np.eye(problem.conditions.rank)
         with suppress(NotIdentifiable):
-            if not problem.at_sites and problem.determined(whole.imbalance.estimate(row) for row in rows):
+            if not problem.at_sites and problem.determined(whole.imbalance, whole.imbalance.estimate):
                 return whole, ()
         return self.fit(subspace), (FIXED_WITHIN,)
 

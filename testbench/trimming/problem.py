@@ -1,6 +1,6 @@
 """What is asked of the runs, the equations of one run in one form for all sources, and what a source estimates."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
@@ -70,7 +70,7 @@ LEAST_REST_PERIODS = 2.0
 NOTHING = 1e-12
 """Length of a column, relative to the longest, that is rounding."""
 DETERMINED = 0.02
-"""Half of an interval of a condition, as a part of the largest of the mechanism without counter-masses, up to which a
+"""Half of an interval of what a body lacks, as a part of the most that one does without counter-masses, up to which a
 source determines it; else the file's value is taken where no mass at the sites changes it."""
 Entry = tuple[str, int, int]
 """Of a sensor's sensitivity matrix: the sensor, which of its channels shows, and which is exposed."""
@@ -110,9 +110,13 @@ class TrimProblem:
         """
         return np.array([self.conditions.residual(unit, self.mechanism) for unit in self.conditions.units])
 
-    def determined(self, values: Iterable[Estimate]) -> bool:
-        """Whether a source determines all conditions, which it estimates so."""
-        return all(one.half_width() <= DETERMINED * most for one, most in zip(values, self.largest, strict=True))
+    def determined(self, found: Imbalance, estimate: Callable[[Floats], Estimate | None]) -> bool:
+        """Whether what each body lacks, and conditions on masses alone, are determined, which a source estimates so."""
+        kinds = zip(np.eye(self.conditions.rank), self.conditions.units, self.largest, strict=True)
+        asked = [(row, most) for row, unit, most in kinds if unit != "kg m"]
+        asked += [(row, self.conditions.residual("kg m", self.mechanism)) for rows in found.lacking for row in rows]
+        each = ((estimate(row), most) for row, most in asked)
+        return all(one is not None and one.half_width() <= DETERMINED * most for one, most in each)
 
     @property
     def names(self) -> str:

@@ -244,11 +244,11 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
         """Size of the first moment that each body lacks by ``values`` (rank,), and half of its interval in the
         direction in which that is widest, infinite where the runs do not tell it, (nb,) [kg m] each.
         """
-        half = np.zeros(len(self.conditions.lacking))
-        for body, rows in enumerate(self.conditions.lacking):
-            axes = np.linalg.svd(rows @ self.imbalance.covariance @ rows.T)[0].T
-            half[body] = max(one.half_width() if (one := self._estimate(axis @ rows)) else np.inf for axis in axes)
-        return np.linalg.norm(self.conditions.lacking @ values, axis=1), half
+        half = [
+            max(e.half_width() if (e := self._estimate(row)) else np.inf for row in own)
+            for own in self.imbalance.lacking
+        ]
+        return np.linalg.norm(self.conditions.lacking @ values, axis=1), np.array(half)
 
     def _estimate(self, combination: Floats, unit: str = "kg m") -> Estimate | None:
         """A combination (rank,) of the conditions' values [kg m, or ``unit``]; None where the runs do not tell it."""
