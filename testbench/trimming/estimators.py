@@ -204,7 +204,7 @@ def by_wrench(problem: TrimProblem) -> SourceEstimate:
     last = fitted(every)
     every, equations, found = _settled(last, about) if any(one.about_values for one in every) else last
     measured, within = equations.widened(found)
-    base = _base_text(problem.runs[0].base)
+    base = _base_text([run.base for run in problem.runs])
     how = f"Forces and model low-passed alike at {cutoff:g} Hz, clocks of the loggers aligned, {base}"
     doubts = [] if all(run.base is not None or run.rig.bench.fixed for run in problem.runs) else [BASE_UNKNOWN]
     shaken = {str(row)[1] for one in every for row in one.record.rows}
@@ -229,8 +229,11 @@ def _settled(last: _Round, about: Callable[[Floats], _Round]) -> _Round:
     return last[0], last[1], replace(last[2], imbalance=whole)
 
 
-def _base_text(base: BaseAcceleration | None) -> str:
-    return "the base's motion taken out." if base is not None else "the base taken for still."
+def _base_text(bases: Sequence[BaseAcceleration | None]) -> str:
+    """What of the base's motion was done with each run."""
+    if all(base is None for base in bases):
+        return "the base taken for still."
+    return f"the base's motion taken out{' of the runs that show it' * (None in bases)}."
 
 
 def _over_rest(measured: Imbalance, every: Sequence[RunEquations]) -> float:
@@ -260,7 +263,7 @@ def by_torque(problem: TrimProblem) -> SourceEstimate:
     measured, within = equations.widened(found)
     about = (
         f"Motor torques and model low-passed alike at {cutoff:g} Hz; inertias, friction, offsets, drifts and delays "
-        f"estimated with the conditions, {_base_text(known_base(problem.runs[0]))}"
+        f"estimated with the conditions, {_base_text([known_base(run) for run in problem.runs])}"
     )
     text = (about, *fixed, _jackknife(measured, within))
     return SourceEstimate("torque", measured, text, (), tuple(findings), problem.runs)
@@ -389,7 +392,7 @@ def _each(
         except left_out_by as error:
             if len(problem.runs) == 1:
                 raise
-            code = GAP_FINDING if isinstance(error, NoValidMotion) else "not_aligned"
+            code = GAP_FINDING if isinstance(error, NoValidMotion) else "not_analyzed"
             findings.append(Finding(code, None, run.name, f"left out: {error}"))
     if not every:
         raise AnalysisError("no run can tell:\n" + "\n".join(f"  {f.message}" for f in findings))

@@ -194,6 +194,15 @@ def test_runs_that_cannot_tell_are_refused(manipulator, triangle, change, says):
         trim_runs(memory.aligned([change(triangle.run(0))], manipulator), source="wrench")
 
 
+def test_a_run_with_a_clipped_force_is_left_out(manipulator, triangle):
+    """Beside one that is whole: the result is that one's, and doubtful by a finding that is documented."""
+    found = trim_runs(memory.aligned([triangle.run(0), clipped(triangle.run(1))], manipulator), source="wrench")
+    alone = trim_runs(memory.aligned([triangle.run(0)], manipulator), source="wrench")
+    assert [(one.code, one.where) for one in found.findings] == [("not_analyzed", "seed1")]
+    assert found.verdict == "doubtful"
+    assert found.imbalance.values == pytest.approx(alone.imbalance.values)
+
+
 def test_a_motion_that_does_not_excite_is_refused(manipulator):
     """The y move alone, with one accelerometer on the base, does not tell the arms apart: what to add is said."""
     with pytest.raises(AnalysisError, match=r"cannot tell what is missing.*another direction"):
