@@ -223,18 +223,24 @@ class Conditions:
 
     @cached_property
     def on_first_moments(self) -> Floats:
-        """T: ``T @ values`` are the conditions without those on masses alone, which no first moment meets, (k, rank).
+        """T: ``T @ values`` are the conditions without those on masses alone that no masses meet, (rank, rank).
 
-        Of these that part counts whose momentum is like that of first moments, one driven joint moving at a time over
+        Of these that part counts whose momentum is like that of the others, one driven joint moving at a time over
         the workspace: a ram's mass along the arm that carries it, about its place at home, and nothing of the mass
-        that a slide moves along its own axis, whatever turns on it [-, m].
+        that a slide moves along its own axis, whatever turns on it [-, m]. Slides that move against each other, which
+        a mass on one of them balances, are among the others.
         """
         masses = np.array([unit == "kg" for unit in self.units], dtype=bool)
-        rows = np.eye(self.rank)[~masses]
+        kept, whole = np.eye(self.rank), np.eye(self.rank)
         if masses.any():
+            from scipy.optimize import nnls  # late: most mechanisms have no such condition
+
+            of = self.matrix[masses, :: len(PARAMETERS)]
+            met = [nnls(of, -column)[1] <= _ZERO * np.linalg.norm(column) for column in of.T]  # by masses on others
+            kept[np.ix_(masses, masses)] = of[:, met] @ np.linalg.pinv(of[:, met], rcond=_ZERO)
             each = self._momentum_of_single_motions @ np.linalg.pinv(self.matrix)
-            rows[:, masses] = np.linalg.pinv(each[:, ~masses]) @ each[:, masses]
-        return rows
+            kept = kept + np.linalg.pinv(each @ kept, rcond=_ZERO) @ each @ (whole - kept)
+        return kept
 
     @cached_property
     def _momentum_of_single_motions(self) -> Floats:

@@ -93,7 +93,7 @@ class MissingMass:
     @property
     def is_significant(self) -> bool:
         """Whether the interval leaves out zero."""
-        low, high = self.interval
+        low, high = self.mass.interval()
         return not low <= 0.0 <= high
 
     def with_added(self, mass: float) -> "MissingMass":
@@ -273,7 +273,7 @@ def masses_per_value(conditions: Conditions, mechanism: Mechanism, sites: Sequen
 
     weights = conditions.on_first_moments
     if mechanism.loops:
-        weights = conditions.weights[:, [unit != "kg" for unit in conditions.units]] @ weights
+        weights = conditions.weights @ weights
     columns = weights @ site_columns(conditions, mechanism, sites)
     return -distribute_masses(columns, -weights @ values, removable=True).per_target @ weights
 

@@ -121,7 +121,7 @@ def _verdict(result: "Trim", stock: str | None) -> str:
             f"counter-masses is left{simulated}; nothing need be added. Verdict: balanced."
         )
     added = [c for c in result.addition.counter_masses if c.mass > 0.0]
-    lacking = [m for m in result.missing if m.is_significant and m.first_moment.value > 0.0]
+    lacking = [m for m in result.missing if m.is_significant and m.mass.value > 0.0]
     together = {m.site: m.mass.value for m in result.missing}
     untouched = first_of([site for site in together if site not in result.changes], 3)
     simulated = ", of simulated runs" if result.origin == "simulated" else ""

@@ -265,6 +265,36 @@ def test_what_turns_on_a_slide_is_balanced_about_its_own_joints(along):
     assert f"zero with {upper:.4f} kg at counter_upper, {tip:.4f} kg at counter_tip" in str(sized)
 
 
+SLIDE = '<joint name="{0}" type="slide" axis="{1}"/>'
+TIE = '<equality><joint joint1="b" joint2="{0}" polycoef="0 {1} 0 0 0"/></equality>'
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_slides_that_move_against_each_other_are_balanced_by_masses(order):
+    """Carriage b goes half as far as a, against it: of 2 kg and 1.5 kg, b lacks 2.5 kg, which are told and balance."""
+    slides = [
+        models.link(f'<site name="counter_{n}"/>', n, SLIDE.format(n, "1 0 0"), mass=m)
+        for n, m in (("a", 2.0), ("b", 1.5))
+    ]
+    machine = models.model(models.mjcf("".join(slides[::order]), TIE.format("a", -0.5) + models.motors("a")))
+    found = conditions.balance_conditions(machine)
+    masses = masses_per_value(found, machine, ["counter_b"], found.values()) @ found.values()
+    assert masses == pytest.approx([2.5], rel=1e-9)
+    balanced = machine.with_counter_mass({"counter_b": masses[0]})
+    assert np.abs(found.values(balanced)).max() < 1e-9
+
+
+def test_what_no_masses_meet_is_left_out_whatever_the_rows():
+    """Slide a along x carries b, which goes along y as c does: m[a] - m[c] = 0 alone could be met, both never."""
+    inner = models.link("", "b", SLIDE.format("b", "0 1 0"))
+    bodies = models.link(inner, "a", SLIDE.format("a", "1 0 0")) + models.link("", "c", SLIDE.format("c", "0 1 0"))
+    found = conditions.balance_conditions(
+        models.model(models.mjcf(bodies, TIE.format("c", 1) + models.motors("a", "c")))
+    )
+    assert [found.text(row) for row in range(2)] == ["m[a] - m[c] = 0", "m[b] + m[c] = 0"]
+    assert not found.on_first_moments.any()
+
+
 @pytest.mark.parametrize("stroke", ["", 'range="-0.04 0.04"', 'range="-0.1 0.1"'])
 def test_a_ram_counts_where_it_begins(stroke):
     """In the middle of its stroke: 0.12 m beyond its guide at 0.3 m, whatever the stroke."""

@@ -63,7 +63,8 @@ def test_an_addition_that_is_not_the_tables_mass_says_why(repeats):
     table = {one.site: one.mass.value for one in found.missing}
     assert "only together with" not in _verdict(found, None)
     unknown = replace(first.first_moment, covariance=np.eye(1))
-    alone = replace(found, missing=(replace(first, first_moment=unknown), *others))
+    mass = replace(first.mass, covariance=np.eye(1) / first.lever_arm**2)
+    alone = replace(found, missing=(replace(first, first_moment=unknown, mass=mass), *others))
     for added in alone.addition.counter_masses:
         text = (
             f"Add {added.mass:.3f} kg at {added.site} (the table's {table[added.site]:.3f} kg only together with its "
