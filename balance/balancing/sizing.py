@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 COMPLETE = 1e-6
 """Share of the root mean square without counter-masses up to which a mechanism counts as balanced completely."""
 BALANCES = 0.01
-"""Residual, relative to the payload's own first moment, up to which a payload counts as balanced."""
+"""Residual, relative to what bodies lack of the payload alone, up to which a payload counts as balanced."""
 _ROUNDING = 1e-9
 """Part of a vector in which a component is rounding."""
 
@@ -192,14 +192,18 @@ class Sizing(Shown, rows="counter_masses", figure="balance.figures.mechanism:dra
 
 
 def balanced_payload(conditions: Conditions, mechanism: Mechanism, body: str) -> float | None:
-    """Mass of ``body`` that the rest balances, by least squares [kg]; None if none meets the conditions (BALANCES)."""
-    per_kilogram = conditions.matrix @ _per_kilogram(mechanism, body)
-    if not np.abs(per_kilogram).max(initial=0.0) > 0.0:
+    """Mass of ``body`` with which bodies lack least, in squares [kg]; None if none meets the conditions (BALANCES)."""
+    per_kilogram = conditions.lacking @ (conditions.matrix @ _per_kilogram(mechanism, body))
+    missing = conditions.lacking @ conditions.values(mechanism)
+    mass = mechanism.mass(body) - float(np.sum(per_kilogram * missing) / (np.sum(per_kilogram**2) or np.inf))
+    largest = BALANCES * mass * float(np.linalg.norm(per_kilogram, axis=1).max())
+    if not largest > 0.0:
         return None
-    without = conditions.values(mechanism) - per_kilogram * mechanism.mass(body)
-    mass = -float(per_kilogram @ without / (per_kilogram @ per_kilogram))
-    residual = float(np.abs(without + per_kilogram * mass).max())
-    return mass if mass > 0.0 and residual <= BALANCES * float(np.abs(per_kilogram).max()) * mass else None
+    loaded = mechanism.with_payload({body: mass})
+    is_met = (
+        conditions.first_moment_residual(loaded) <= largest and conditions.residual("kg", loaded) <= BALANCES * mass
+    )
+    return mass if is_met else None
 
 
 def _per_kilogram(mechanism: Mechanism, body: str) -> Floats:
