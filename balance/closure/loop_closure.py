@@ -17,7 +17,7 @@ from ..mechanism.pinocchio_engine import PinocchioEngine
 from ..motion import Samples
 from ..motion.driven_coordinates import Drive
 from .assembly import CLOSED_LIMIT, RANK_LIMIT, Configuration, nearest_closed, starts
-from .newton import LoopSystem
+from .newton import LoopSystem, loop_scales
 from .trajectory import Trajectory, follow
 
 FAR = 0.2
@@ -56,10 +56,10 @@ class Closure:
         self.length = float(max(steps, default=0.0)) or 1.0
         self.scales = np.where(self.engine.turning, 1.0, self.length)
         self.home = self._closed_home(search)
-        self.rows = independent_rows(self.engine.constraint_jacobian(self.home))
+        self.rows = independent_rows(self._jacobians(self.home[None])[0])
         self.dof = mechanism.tree.size - len(self.rows)
         near = self._near_home()
-        if near is not None and len(independent_rows(self.engine.constraint_jacobian(near))) > len(self.rows):
+        if near is not None and len(independent_rows(self._jacobians(near[None])[0])) > len(self.rows):
             name, branch = self.mechanism.name, self.mechanism.branch
             raise ClosureError(
                 f"{name} is singular at {branch!r}: its branches meet there; give another closed configuration as "
@@ -111,19 +111,20 @@ class Closure:
     def states(self, count: int, seed: int = 0, step: float = 0.15) -> Floats:
         """Closed configurations of the home branch, well apart from singular ones, (count, nv) [rad, m].
 
-        A random walk that keeps its heading: tangent steps, each projected back, refused near a singularity.
+        A random walk that keeps its heading: tangent steps of ``step`` [rad, lengths of the mechanism], each projected
+        back, refused near a singularity.
         """
         rng = np.random.default_rng(seed)
-        reach = self._distance_to_singularity(self.home)
+        reach = 0.2 * self._singular_values(self.home[None])[0]
         q, found, heading = self.home, [self.home], np.zeros_like(self.home)
         for _ in range(40 * count):
             if len(found) == count:
                 return np.array(found)
-            tangent = _null_space(self.engine.constraint_jacobian(q)[self.rows])
+            tangent = self.tangents(q[None])[0] / self.scales[:, None]
             heading = tangent @ (tangent.T @ heading + 0.5 * rng.normal(size=tangent.shape[1]))
             heading /= max(float(np.linalg.norm(heading)), 1e-12)
             trial = self._stepped(q, step * heading)
-            if trial is None or self._distance_to_singularity(trial) < 0.2 * reach:
+            if trial is None or self._singular_values(trial[None])[0] < reach:
                 heading = -heading
                 continue
             q = trial
@@ -132,20 +133,19 @@ class Closure:
 
     def _near_home(self) -> Floats | None:
         """A closed configuration in general position near home, (nv,) [rad, m]; None where there is none."""
-        free = _null_space(self.engine.constraint_jacobian(self.home)[self.rows])
-        return self._stepped(self.home, 0.02 * free @ np.random.default_rng(0).normal(size=free.shape[1]))
+        return self._stepped(self.home, 0.02 * self.velocities(self.home[None])[0] / self.scales)
 
     def _stepped(self, q: Floats, step: Floats) -> Floats | None:
-        trial, residual = nearest_closed(self.engine, q + step, self.length)
-        if residual > CLOSED_LIMIT * self.length:
-            return None
-        return trial if np.linalg.norm(trial - q) < 2 * np.linalg.norm(step) else None
+        """The closed configuration a ``step`` (nv,) [rad, lengths of the mechanism] from ``q``; None where it is not
+        near."""
+        trial, residual = nearest_closed(self.engine, q + step * self.scales, self.length)
+        far = np.linalg.norm((trial - q) / self.scales) >= 2 * np.linalg.norm(step)
+        return None if far or residual > CLOSED_LIMIT * self.length else trial
 
     def velocities(self, q: Floats, seed: int = 0) -> Floats:
         """Random velocities that the loops allow at closed configurations ``q``, (n, nv) [rad/s, m/s]."""
-        rng = np.random.default_rng(seed)
-        spaces = [_null_space(self.engine.constraint_jacobian(state)[self.rows]) for state in q]
-        return np.array([space @ rng.normal(size=space.shape[1]) for space in spaces])
+        sizes = np.random.default_rng(seed).normal(size=(len(q), self.dof))
+        return np.asarray(np.einsum("nij,nj->ni", self.tangents(q), sizes))
 
     def tangents(self, q: Floats) -> Floats:
         """Directions that the loops allow at closed configurations ``q`` (n, nv), (n, nv, dof) [rad, m].
@@ -189,10 +189,10 @@ class Closure:
         return np.linalg.svd(self._jacobians(q), compute_uv=False)[:, rank - 1] if rank else np.full(len(q), np.inf)
 
     def _jacobians(self, q: Floats) -> Floats:
-        """Of the loops, (n, rows, nv), at configurations (n, nv), per ``scales`` of the coordinates."""
-        rows = len(self.engine.constraint_jacobian(self.home))
-        found = [self.engine.constraint_jacobian(state) * self.scales for state in q]
-        return np.array(found).reshape(len(q), rows, q.shape[1])
+        """Of the loops, (n, rows, nv), at configurations (n, nv), in the scales of rows and coordinates [-]."""
+        rows = loop_scales(self.mechanism, self.scales, self.length)[:, None]
+        found = [self.engine.constraint_jacobian(state) * self.scales / rows for state in q]
+        return np.array(found).reshape(len(q), len(rows), q.shape[1])
 
     def _idle(self, drive: Drive) -> tuple[str, ...]:
         """Coordinates of the freedoms that move neither ``drive``, nor a centre of mass, nor a counter-mass's site.
@@ -250,7 +250,7 @@ class Closure:
 
         Home is A. They are sought from random starts, so that one may be missed; each was found, and differs.
         """
-        home, turning, fixed = self.home, self.engine.turning, self.free_coordinates()
+        home, turning, fixed = self.home, self.engine.turning, self.independent_coordinates()
         free = np.setdiff1d(np.arange(len(home)), fixed)
         found = [(0.0, home, float(self.residual(home[None])[0]))]
         for start in starts(self.mechanism, self.length, _STARTS) if len(free) else ():
@@ -269,12 +269,11 @@ class Closure:
             for k, (far, q, residual) in enumerate(found)
         ]
 
-    def free_coordinates(self) -> Indices:
+    def independent_coordinates(self) -> Indices:
         """Indices of the driven coordinates, or of as many others that leave no freedom, (dof,)."""
         mechanism = self.mechanism
         fixed = np.array([mechanism.coordinate_index(name) for name in mechanism.driven], dtype=np.intp)
-        free = _null_space(self.engine.constraint_jacobian(self.home)[self.rows])
-        free /= self.scales[:, None]
+        free = self.tangents(self.home[None])[0] / self.scales[:, None]
         rates = np.linalg.svd(free[fixed], compute_uv=False)
         if len(fixed) != self.dof or not (rates > RANK_LIMIT * np.linalg.norm(free, axis=1).max(initial=0.0)).all():
             fixed = independent_rows(free)
@@ -299,11 +298,6 @@ class Closure:
             self.mechanism = replace(model, branch=f"{model.branch}, closed {far:.3g} rad or m from it")
         return home
 
-    def _distance_to_singularity(self, q: Floats) -> float:
-        """Smallest singular value of the independent rows; zero at a singular configuration."""
-        rows = self.engine.constraint_jacobian(q)[self.rows]
-        return float(np.linalg.svd(rows, compute_uv=False)[-1]) if len(rows) else np.inf
-
 
 def independent_rows(matrix: Floats) -> Indices:
     """Indices (rank,) of a largest set of independent rows of ``matrix`` (rows, nv) [-, m].
@@ -322,10 +316,3 @@ def independent_rows(matrix: Floats) -> Indices:
         rest[best] = 0.0
         chosen = np.append(chosen, best)
     return np.sort(chosen)
-
-
-def _null_space(rows: Floats) -> Floats:
-    """Orthonormal directions that the rows allow, (nv, dof); the rows are independent."""
-    if not len(rows):
-        return np.eye(rows.shape[1])
-    return np.linalg.svd(rows)[2][len(rows) :].T

@@ -46,6 +46,13 @@ Order = tuple[tuple[int, int], ...]
 """Pivots in turn: row and column."""
 
 
+def loop_scales(mechanism: Mechanism, scales: Floats, length: float) -> Floats:
+    """Of the loops' rows, (rows,) [rad, m]: a ``length`` [m] of places; of couplings that of the coordinate, (nv,)."""
+    loops = [[length] * 3 + [1.0] * (loop.size - 3) for loop in mechanism.closed_loops]
+    ties = [scales[[loop.first]] for loop in mechanism.loops if isinstance(loop, Coupling)]
+    return np.concatenate([np.empty(0), *loops, *ties])
+
+
 @dataclass(frozen=True)
 class LoopSystem:
     """Loop constraints and driven coordinates as one system of equations, redundant rows among them."""
@@ -63,9 +70,8 @@ class LoopSystem:
     @cached_property
     def row_scales(self) -> Floats:
         """Of all rows, (rows + dof,) [rad, m]: those of the loops, then of the driven coordinates."""
-        loops = [[self.length] * 3 + [1.0] * (loop.size - 3) for loop in self.mechanism.closed_loops]
-        ties = [self.scales[[loop.first]] for loop in self.mechanism.loops if isinstance(loop, Coupling)]
-        return np.concatenate([*loops, *ties, self.drive.scales(self.scales, self.length)])
+        loops = loop_scales(self.mechanism, self.scales, self.length)
+        return np.concatenate([loops, self.drive.scales(self.scales, self.length)])
 
     def gaps(self, q: Floats, target: Floats) -> Floats:
         """Residuals of all loop rows, then of the driven coordinates to ``target`` (dof,), at ``q`` (nv,) [m, rad]."""

@@ -104,7 +104,7 @@ class MechanismView:
             if self.sites:
                 raise
             self.unmounted = str(error)
-        self._free = self.closure.free_coordinates()
+        self._free = self.closure.independent_coordinates()
         self.joints = [self.mechanism.coordinates[i] for i in self._free]
         self.units = ["rad" if self.mechanism.tree.joints[i].revolute else "m" for i in self._free]
         self.scales = np.array([1.0 if unit == "rad" else self.closure.length for unit in self.units])

@@ -197,6 +197,19 @@ def reframed(text: str, world: np.ndarray, seed: int = 0) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
+def scaled(text: str, times: float) -> str:
+    """The same machine with all lengths ``times`` as large, masses as they are; slides without limits."""
+    root = ElementTree.fromstring(text)
+    slides = [joint.get("type") == "slide" for joint in root.iter("joint") if joint.get("type")]
+    for key, factor in {"pos": times, "diaginertia": times**2, "fullinertia": times**2}.items():
+        for one in root.iterfind(f".//*[@{key}]"):
+            one.set(key, " ".join(repr(factor * float(value)) for value in one.get(key, "").split()))
+    for one in root.iter("key"):
+        values = zip(one.get("qpos", "").split(), slides, strict=True)
+        one.set("qpos", " ".join(repr((times if slide else 1.0) * float(value)) for value, slide in values))
+    return ElementTree.tostring(root, encoding="unicode")
+
+
 def serial_chain(count: int, seed: int) -> str:
     """A serial chain in no file of the project: random lengths, masses, centres off the line."""
     rng = np.random.default_rng(seed)

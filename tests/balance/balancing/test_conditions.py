@@ -275,6 +275,16 @@ def test_the_residual_depends_neither_on_the_order_of_conditions_nor_on_axes(nam
         np.testing.assert_allclose(other.required_first_moments(), required, atol=1e-9)
 
 
+@pytest.mark.parametrize("times", [1e-4, 1e4])
+@pytest.mark.parametrize("name", ["delta", "inverted-slider-crank", "4-rrr"])
+def test_a_machine_of_another_size_has_the_same_conditions(name: str, times: float) -> None:
+    """A delta of 30 um, a slider-crank written in millimetres as if these were metres: moments go with the length."""
+    text = models.load(name).text
+    found, other = (balance_conditions(models.model(one)) for one in (text, models.scaled(text, times)))
+    assert (other.rank, other.dof, other.rank_by) == (found.rank, found.dof, found.rank_by)
+    assert other.first_moment_residual() / times == pytest.approx(found.first_moment_residual(), rel=1e-9)
+
+
 @pytest.mark.parametrize("name", [name for name in models.SHIPPED if name != "stewart"])  # its objective takes seconds
 def test_the_required_first_moments_leave_no_momentum_that_masses_alone_do_not(name: str) -> None:
     """Added to the file's bodies they meet the conditions; along z a quill's momentum stays, and in x and y none."""
