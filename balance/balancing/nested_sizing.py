@@ -25,6 +25,7 @@ from .sizing import (
     exact_sizing,
     of_any_mass,
     piles_of,
+    refuse_swinging,
     sizing_document,
     sizing_of_given,
     sizing_system,
@@ -223,6 +224,7 @@ def study_nested(
         raise SizingError(f"the objective {', '.join(unlike)} is of a motion and of one payload")
     models, names = [mechanism.with_payload(one) for one in payloads], chosen_sites(mechanism, sites)
     conditions, plates = balance_conditions(models[0]), load_stock(stock) if stock else None
+    refuse_swinging(conditions, models[0], names)
     objectives = [motion_objective(m, trajectory, weights) if trajectory else workspace_objective(m) for m in models]
     each, steps = list(zip(objectives, models, strict=True)), 1 if fixed else len(models)
     system = sizing_system(each, names, limits, equal, added, fixed)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from ..arrays import Floats, Indices
+from ..closure import Closure
 from ..errors import SizingError
 from ..mechanism.mechanism import Mechanism, inertia_matrix
 from ..results import Key, Shown, counted, plain
@@ -259,6 +260,16 @@ def chosen_sites(mechanism: Mechanism, sites: Sequence[str]) -> list[str]:
     for name in names:
         mechanism.with_counter_mass({name: 0.0})
     return names
+
+
+def refuse_swinging(conditions: Conditions, mechanism: Mechanism, sites: Sequence[str]) -> None:
+    """Raise SizingError where a body that turns idly would swing with masses at ``sites``."""
+    if conditions.idle and Closure(mechanism.with_counter_mass(dict.fromkeys(sites, 1.0))).idle != conditions.idle:
+        raise SizingError(
+            f"{mechanism.name}: with masses at {', '.join(sites)}, bodies that turn idly "
+            f"({', '.join(conditions.idle)}) would swing, which no motor determines: leave those sites out, or put "
+            "them on the line they turn about"
+        )
 
 
 def site_columns(conditions: Conditions, mechanism: Mechanism, names: Sequence[str]) -> Floats:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Floats, conic_optimum, root_mean_square
-from ..closure import Closure, Trajectory
+from ..closure import Trajectory
 from ..dynamics.inverse_dynamics import Response, simulate
 from ..errors import SizingError
 from ..mechanism.mechanism import PARAMETERS, Mechanism, Site
@@ -26,6 +26,7 @@ from .sizing import (
     best_sets_from_stock,
     chosen_sites,
     exact_sizing,
+    refuse_swinging,
     site_groups,
     sizing_document,
     stock_use,
@@ -495,11 +496,7 @@ def study_sizing(
     weights = weights or {"force": 1.0}
     _refuse_unlike(weights, trajectory, rig, best if stock is None else 1)
     conditions, sites = balance_conditions(model), chosen_sites(model, sites)
-    if conditions.idle and Closure(model.with_counter_mass(dict.fromkeys(sites, 1.0))).idle != conditions.idle:
-        raise SizingError(
-            f"{model.name}: with masses at {', '.join(sites)}, bodies that turn idly ({', '.join(conditions.idle)}) "
-            "would swing, which no motor determines: leave those sites out, or put them on the line they turn about"
-        )
+    refuse_swinging(conditions, model, sites)
     left_out: tuple[str, ...] = ()
     if rig and trajectory:
         from . import base_vibration  # late: forces are balanced without reading a rig

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from balance.balancing.objective import workspace_objective
+from balance.balancing.nested_sizing import study_nested
+from balance.balancing.sizing_study import study_sizing
 from balance.closure import Closure, independent_rows
 from balance.dynamics.inverse_dynamics import simulate
-from balance.errors import ClosureError, DataError
+from balance.errors import ClosureError, DataError, SizingError
 from balance.mechanism.forward_kinematics import motion, pose
 from balance.mechanism.loop_constraints import constraint_bias, constraints_at
 from balance.mechanism.tape import Symbols
@@ -193,6 +195,15 @@ def test_a_rod_that_would_swing_is_not_idle(old: str, new: str) -> None:
     model = models.model(ROD_SPINS.replace(old, new, 1))
     with pytest.raises(ClosureError, match=r"9 degrees of freedom, idle spin_1b, .*; nothing moves spin_1a"):
         Closure(model).follow(load_motion("delta").sample(200.0))
+
+
+def test_a_mass_with_which_an_idle_rod_would_swing_is_refused_for_one_payload_and_for_several() -> None:
+    """Sets that only grow had masses there, sized as if the rod were fixed."""
+    model = models.model(ROD_SPINS.replace('<site name="C1a"', '<site name="off" pos="0.1 0.02 0"/><site name="C1a"'))
+    with pytest.raises(SizingError, match="with masses at off, bodies that turn idly"):
+        study_sizing(model, sites=["off"])
+    with pytest.raises(SizingError, match="with masses at off, bodies that turn idly"):
+        study_nested(model, [{"platform": 0.2}, {"platform": 0.4}], sites=["off"])
 
 
 @pytest.mark.parametrize("joint", ['type="hinge" axis="0 0 1"', 'type="ball"'])
