@@ -61,7 +61,7 @@ def cylinder_document(
         "best_fraction": {
             model: {"fraction": b.fraction, "largest_force_N": b.largest * inline} for model, b in best.items()
         },
-        "least_rms_fraction": slider_crank.least_rms_fraction(crank),
+        "least_rms_fraction": slider_crank.LEAST_RMS_FRACTION,
         "second_order_error_largest_N": error * inline,
         "second_order_error_of_first_order_percent": 100.0 * error,
     }

@@ -314,9 +314,8 @@ def best_fraction(crank: SliderCrank, model: Model = "exact") -> BestCounterweig
     return BestCounterweight(fraction, float(np.sqrt(largest(fraction)[0])))
 
 
-def least_rms_fraction(crank: SliderCrank) -> float:
-    """The fraction of least mean square: c_1 / 2 of the exact series, a half for any cylinder without offset."""
-    return exact_series(crank, 1)[1].real / 2.0
+LEAST_RMS_FRACTION = 0.5
+"""The fraction of least mean square, Re c_1 / 2: beside r cos theta, s depends on sin theta alone, so Re c_1 = 1."""
 
 
 @dataclass(frozen=True)
