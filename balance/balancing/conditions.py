@@ -197,9 +197,13 @@ class Conditions:
         return self.matrix @ (mechanism or self.mechanism).pi
 
     def residual(self, unit: str, mechanism: Mechanism | None = None) -> float:
-        """The first-moment residual, in kg m; of other units the largest absolute value of the conditions of it."""
+        """The first-moment residual, in kg m; in kg the largest mass that a body lacks alike, by conditions on masses
+        alone; in kg m2 the largest absolute value of the conditions of it."""
         if unit == "kg m":
             return self.first_moment_residual(mechanism)
+        if unit == "kg":
+            masses = self._of_each_body(np.eye(self.rank)[[one == unit for one in self.units]], slice(1))
+            return float(np.abs(masses @ self.values(mechanism)).max(initial=0.0))
         return float(np.abs(self.values(mechanism)[[one == unit for one in self.units]]).max(initial=0.0))
 
     def first_moment_residual(self, mechanism: Mechanism | None = None) -> float:
@@ -208,18 +212,19 @@ class Conditions:
 
     @cached_property
     def lacking(self) -> Floats:
-        """L: ``L @ values`` is the first moment that each body lacks, in its frame [kg m], (nb, 3, rank) [-, m].
+        """L: ``L @ values`` is the first moment that each body lacks, in its frame [kg m], (nb, 3, rank) [-, m]."""
+        return self._of_each_body(self.on_first_moments, slice(1, 4))
 
-        Of all combinations of the conditions in which the body's own first moment has weight 1, the left-hand side of
-        the one whose weights of the other bodies' first moments are least in squares.
+    def _of_each_body(self, rows: Floats, part: slice) -> Floats:
+        """L: ``L @ values`` is what each body lacks of a ``part`` of its parameters, (nb, size of part, rank).
+
+        Of all combinations of the ``rows @ values`` (k, rank) in which the body's own part has weight 1, the left-hand
+        side of the one whose weights of the other bodies' parts are least in squares.
         """
-        rows = self.on_first_moments
-        bodies = len(self.mechanism.bodies)
-        whole = (rows @ self.matrix).reshape(len(rows), bodies, len(PARAMETERS))
-        weights = whole[:, :, 1:4].reshape(len(rows), 3 * bodies)
-        least = np.linalg.pinv(weights, rcond=_ZERO)
-        blocks = zip(least.reshape(bodies, 3, len(rows)), weights.T.reshape(bodies, 3, len(rows)), strict=True)
-        return np.array([np.linalg.pinv(own @ weight.T, rcond=_ZERO) @ own @ rows for own, weight in blocks])
+        weights = (self.matrix.T @ rows.T).reshape(len(self.mechanism.bodies), len(PARAMETERS), len(rows))[:, part]
+        least = np.linalg.pinv(np.concatenate(weights).T, rcond=_ZERO).reshape(weights.shape)
+        own = least @ weights.transpose(0, 2, 1)
+        return np.asarray(np.linalg.pinv(own, rcond=_ZERO) @ least @ rows)
 
     @cached_property
     def on_first_moments(self) -> Floats:

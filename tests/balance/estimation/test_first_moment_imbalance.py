@@ -280,6 +280,7 @@ def test_slides_that_move_against_each_other_are_balanced_by_masses(order):
     found = conditions.balance_conditions(machine)
     masses = masses_per_value(found, machine, ["counter_b"], found.values()) @ found.values()
     assert masses == pytest.approx([2.5], rel=1e-9)
+    assert found.residual("kg") == pytest.approx(2.5, rel=1e-9)  # and not 1.25 where a is first
     balanced = machine.with_counter_mass({"counter_b": masses[0]})
     assert np.abs(found.values(balanced)).max() < 1e-9
 
