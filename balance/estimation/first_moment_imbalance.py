@@ -1,8 +1,8 @@
 """What first moment is missing where, from measured shaking forces: least squares on the balance conditions.
 
-The shaking force is linear in pi and vanishes where the conditions C pi = c are zero: F = W_F pi = W_F[pivots] c. So c
-is what is measured, one number a condition, and counter-masses m that would balance are those of C pi + B m = 0 with
-the measured c in place of C pi.
+The shaking force is linear in pi and vanishes where the conditions C pi = c are zero: F = W_F pi = W_F C^+ c. So c is
+what is measured, one number a condition, and counter-masses m that would balance are those of C pi + B m = 0 with the
+measured c in place of C pi.
 
 Several sources are weighted by their covariances: c = (sum L_i)^-1 sum L_i c_i with L_i the inverse covariance of
 source i, zero where it determines nothing: what it takes from a file is no measurement. What the file may be wrong by
@@ -304,8 +304,7 @@ def with_condition_values(conditions: Conditions, mechanism: Mechanism, values: 
 
 def condition_columns(conditions: Conditions, regressor: Floats) -> Floats:
     """Columns of a force regressor (n, 3, 10 nb) [N / parameter] that the conditions' values multiply, (n, 3, rank)."""
-    pivots = [int(np.flatnonzero(row)[0]) for row in conditions.matrix]
-    return np.asarray(regressor[:, :, pivots])
+    return np.asarray(regressor @ np.linalg.pinv(conditions.matrix))
 
 
 CONTRADICT = 1e-3

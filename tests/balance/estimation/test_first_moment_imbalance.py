@@ -265,6 +265,16 @@ def test_what_turns_on_a_slide_is_balanced_about_its_own_joints(along):
     assert f"zero with {upper:.4f} kg at counter_upper, {tip:.4f} kg at counter_tip" in str(sized)
 
 
+def test_the_force_follows_from_the_conditions_where_a_mass_stands_before_the_first_moment_that_leads():
+    """A body with two hinges 0.3 m apart, geared to the next one: 0.3 m[x] + mcx[y] = 0, and the file has x first."""
+    hinges = '<joint name="a" axis="0 0 1"/><joint name="b" axis="0 0 1" pos="0.3 0 0"/>'
+    gear = '<equality><joint joint1="y" joint2="a" polycoef="0 1 0 0 0"/></equality>' + models.motors("a", "b")
+    machine = models.model(models.mjcf(models.link("", "x", hinges) + models.link("", "y"), gear))
+    found, columns, force = equations(machine, 20)
+    assert "0.3 m[x] + mcx[y] = 0" in found.table()["condition"].tolist()
+    np.testing.assert_allclose(columns @ found.values(), force, atol=1e-12 * np.abs(force).max())
+
+
 SLIDE = '<joint name="{0}" type="slide" axis="{1}"/>'
 TIE = '<equality><joint joint1="b" joint2="{0}" polycoef="0 {1} 0 0 0"/></equality>'
 
