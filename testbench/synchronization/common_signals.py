@@ -18,6 +18,7 @@ from balance.balancing import conditions
 from balance.closure import Trajectory
 from balance.dynamics.moving_base import acceleration_in_body
 from balance.dynamics.regressor import wrench_regressor
+from balance.estimation.first_moment_imbalance import condition_columns
 from balance.mechanism.forward_kinematics import poses
 from balance.mechanism.loop_constraints import Anchor
 from balance.mechanism.mechanism import Mechanism
@@ -172,8 +173,8 @@ def support_forces(
     """
     grid, path = motion.trajectory
     mechanism, time = motion.loaded_mechanism, motion.run.instants(columns[0])
-    pivots = [int(np.flatnonzero(row)[0]) for row in conditions.balance_conditions(mechanism).matrix]
-    regressor = wrench_regressor(mechanism, path.q, path.v, path.a)[:, :3, pivots]
+    shaking = wrench_regressor(mechanism, path.q, path.v, path.a)[:, :3]
+    regressor = condition_columns(conditions.balance_conditions(mechanism), shaking)
     loads, noise = _sums(motion, columns)
     own_signals, fixed, doubt = loads, np.zeros((grid.count, 3)), 0.0
     base = restored_base_acceleration(motion.run)

@@ -1,7 +1,7 @@
 """Regression of the measured forces, and of the motor torques, of a run on the balance conditions.
 
-Forces, both sides low-passed alike: P (F + 2 phi' x p) + m P a = P W_F[pivots] c (see ``shaking_wrench``), with the
-momentum p = W_p[pivots] c on a base that turns at phi'. What of phi' is seen by the forces depends on c as well: the
+Forces, both sides low-passed alike: P (F + 2 phi' x p) + m P a = P W_F C^+ c (see ``shaking_wrench``), with the
+momentum p = W_p C^+ c on a base that turns at phi'. What of phi' is seen by the forces depends on c as well: the
 equations are those of first order about values of c. What of the first moment differs from the file's is held as well,
 -phi'' x H (c - c_file), and m is an unknown near the file's. Offsets and slow drifts of each row, and small errors of
 the clocks (a delay of the forces, one of the accelerations), are nuisances.
