@@ -223,9 +223,10 @@ class Closure:
 
         def directions(q: Floats) -> Floats:
             fixed = [self.engine.point(q, *place)[1] / self.length for place in places]
-            rows = [self.engine.constraint_jacobian(q)[self.rows], drive.rates(self.engine, q), *fixed]
-            rows.append(np.eye(len(q))[list(still)])
-            _, sizes, turned = np.linalg.svd(np.concatenate(rows))
+            rates = drive.rates(self.engine, q) / drive.scales(self.scales, self.length)[:, None]
+            rows = np.concatenate([rates, *fixed]) * self.scales
+            others = self._jacobians(q[None])[0][self.rows], np.eye(len(q))[list(still)]
+            _, sizes, turned = np.linalg.svd(np.concatenate([rows, *others]))
             return turned[int((sizes > RANK_LIMIT * sizes.max(initial=0.0)).sum()) :].T
 
         found, near = directions(self.home), self._near_home()

@@ -200,7 +200,7 @@ def reframed(text: str, world: np.ndarray, seed: int = 0) -> str:
 def scaled(text: str, times: float) -> str:
     """The same machine with all lengths ``times`` as large, masses as they are; slides without limits."""
     root = ElementTree.fromstring(text)
-    slides = [joint.get("type") == "slide" for joint in root.iter("joint") if joint.get("type")]
+    slides = [joint.get("type") == "slide" for joint in root.iterfind("worldbody//joint")]
     for key, factor in {"pos": times, "diaginertia": times**2, "fullinertia": times**2}.items():
         for one in root.iterfind(f".//*[@{key}]"):
             one.set(key, " ".join(repr(factor * float(value)) for value in one.get(key, "").split()))

@@ -183,6 +183,13 @@ def test_rods_that_spin_idly_change_nothing() -> None:
     assert workspace_objective(free).value(free) == pytest.approx(value, rel=1e-9)
 
 
+@pytest.mark.parametrize("times", [1e-4, 1e4])
+def test_rods_spin_idly_in_a_machine_of_any_size(times: float) -> None:
+    """Of a delta of 30 um, and of kilometres."""
+    free, scaled = (Closure(models.model(text)) for text in (ROD_SPINS, models.scaled(ROD_SPINS, times)))
+    assert (scaled.dof, scaled.idle) == (free.dof, free.idle)
+
+
 @pytest.mark.parametrize(
     ("old", "new"),
     [
