@@ -181,12 +181,14 @@ class Samples:
 def _by_noise(rough: Floats, changes: Floats) -> Floats:
     """RMS acceleration that noise of positions makes in each of equal parts, (parts,); 0 of jumps alone.
 
-    By squares of differences and changes, (n,); each part has ``_PART`` of them at least, or all.
+    By squares of differences and changes, (n,); each part has ``_PART`` of them at least, or all. The last ends with
+    them: parts overlap by what is over.
     """
     count = max(len(rough) // _PART, 1)
-    squares, sizes = (x[: len(rough) // count * count].reshape(count, -1) for x in (rough, changes[: len(rough)]))
-    by_squares = np.sqrt(np.quantile(squares, 0.75, axis=1) / _OF_NOISE)
-    return np.asarray(np.minimum(by_squares, _OF_CHANGES * np.quantile(sizes, _JUMPS, axis=1)))
+    size = -(-len(rough) // count)
+    parts = np.linspace(0, len(rough) - size, count).astype(int)[:, None] + np.arange(size)
+    by_squares = np.sqrt(np.quantile(rough[parts], 0.75, axis=1) / _OF_NOISE)
+    return np.asarray(np.minimum(by_squares, _OF_CHANGES * np.quantile(changes[parts], _JUMPS, axis=1)))
 
 
 def _common_step(values: Floats) -> float:

@@ -285,6 +285,17 @@ def test_rough_samples_are_told(tmp_path: Path, case) -> None:
     assert all(re.search(str(message), one) for one in said)
 
 
+@pytest.mark.parametrize("end", [slice(49), slice(-49, None)])
+def test_noise_is_told_as_well_at_the_end_as_at_the_beginning(tmp_path: Path, end) -> None:
+    """Of 40 joints, each rough in 49 of 3054 samples: the last ones were in no part that noise is sought in."""
+    names, time = [f"J{i}" for i in range(40)], np.arange(3054) * 1e-3
+    values = np.tile(np.sin(6.28 * time)[:, None], 40)
+    values[end] += 3e-6 * np.random.default_rng(1).standard_normal((49, 40))
+    written(tmp_path, Samples(time, values, values, values), tuple(f"{name} (rad)" for name in names))
+    (tmp_path / "path.toml").write_text(f'driven = "joints"\njoints = {names}\nsamples = "path.csv"\n', "utf-8")
+    assert len(load_motion(tmp_path / "path.toml").recorded.coarse) == 40
+
+
 def test_the_ends_are_as_good_as_the_middle(tmp_path: Path) -> None:
     """Noise of the first and last sample makes no more than twice the acceleration that it makes elsewhere."""
     names, time = [f"J{i}" for i in range(60)], np.arange(100) * 1e-3
