@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from balance.balancing.objective import workspace_objective
 from balance.balancing.nested_sizing import study_nested
+from balance.balancing.objective import workspace_objective
 from balance.balancing.sizing_study import study_sizing
 from balance.closure import Closure, independent_rows
 from balance.dynamics.inverse_dynamics import simulate
