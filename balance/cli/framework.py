@@ -179,13 +179,16 @@ def _answering(function: Callable[..., Answer]) -> Callable[..., int]:
 
     @wraps(function)
     def answered(*, as_json: bool, **given: Any) -> int:  # noqa: ANN401
-        with warnings.catch_warnings(record=True) as heard:
-            warnings.simplefilter("always", CoarseSamples)
-            answer = function(**given)
+        heard = list[warnings.WarningMessage]()
+        try:
+            with warnings.catch_warnings(record=True) as heard:
+                warnings.simplefilter("always", CoarseSamples)
+                answer = function(**given)
+        finally:  # of what is refused, too: a warning may say why
+            for one in heard:
+                if one.category is not CoarseSamples:
+                    warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
         coarse = list(dict.fromkeys(str(one.message) for one in heard if one.category is CoarseSamples))
-        for one in heard:
-            if one.category is not CoarseSamples:
-                warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
         if as_json:
             emit_json(({"coarse_samples": coarse} if coarse else {}) | dict(answer.document))
         else:

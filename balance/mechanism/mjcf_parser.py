@@ -6,7 +6,9 @@ The environment's ``COUNTERPOISE_CACHE=off`` switches that off.
 
 import hashlib
 import json
+import math
 import os
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
@@ -29,12 +31,22 @@ _LIMIT, _COUNT = 2_000_000, 100
 def load_mechanism(name: str | Path) -> Mechanism:
     """Load a shipped mechanism by name, or a file: MJCF (.xml, .mjcf), URDF (.urdf) or SDF (.sdf).
 
-    Raises DataError for a name that is neither, ModelError for a file that cannot be understood.
+    Raises DataError for a name that is neither, ModelError for a file that cannot be understood. Warns of a hinge more
+    than a turn from zero in its keyframe: degrees, most likely, where MuJoCo reads radians whatever the file's angles.
     """
     path = datasets.find_dataset(name, "mechanisms", ".xml")
     if path.suffix.lower() not in {".xml", ".mjcf", ".urdf", ".sdf"}:
         raise ModelError(f"{path.name}: expected a MJCF (.xml, .mjcf), URDF (.urdf) or SDF (.sdf) file")
-    return _mechanism(read_text(path), path.stem, path.name, path)
+    found = _mechanism(read_text(path), path.stem, path.name, path)
+    joints = zip(found.coordinates, found.tree.joints, found.home, strict=True)
+    if wound := {name: at for name, joint, at in joints if joint.revolute and abs(at) > 2.0 * math.pi}:
+        stated = ", ".join(f"{name} = {at:.6g} rad ({math.radians(at):.4g} if degrees)" for name, at in wound.items())
+        warnings.warn(
+            f"{path.name}: in {found.branch!r} hinges are more than one turn (6.283 rad) from zero: {stated}; "
+            'keyframes are in radians, with <compiler angle="degree"/> too: write these if degrees were meant',
+            stacklevel=2,
+        )
+    return found
 
 
 def mechanism_from_text(text: str, name: str) -> Mechanism:

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -201,3 +202,25 @@ def test_joints_of_one_body_keep_their_names() -> None:
     """Two slides on the platform are two coordinates, each with its own name."""
     assert models.load("parallelogram-6bar").coordinates == ("A0", "A", "B0", "B", "platform_x", "platform_y")
     assert models.model(models.skew_arm()).coordinates == ("turn", "reach", "w1", "w2")
+
+
+@pytest.mark.parametrize(
+    ("keyframe", "said"),
+    [
+        (
+            "110 6.2",
+            r"m\.xml: in 'start' hinges are more than one turn \(6\.283 rad\) from zero: j = 110 rad \(1\.92 if",
+        ),
+        ("0.2 -90", r"zero: j2 = -90 rad \(-1\.571 if degrees\); keyframes are in radians, with <compiler angle="),
+        ("-6.2 6.2", None),
+    ],
+)
+def test_degrees_in_a_keyframe_are_warned_of(tmp_path, keyframe, said) -> None:
+    """MuJoCo takes a keyframe's angles as radians whatever the file's; a slide may go as far as it likes."""
+    inner = models.link("", "s", '<joint name="s" type="slide" axis="1 0 0"/>')
+    hinges = models.link(models.link(inner, "j2"), "j")
+    text = models.mjcf(hinges, models.key([*map(float, keyframe.split()), 50.0], "start"))
+    (tmp_path / "m.xml").write_text(text.replace('"radian"', '"degree"'), encoding="utf-8")
+    with pytest.warns(UserWarning, match=said) if said else nullcontext():
+        mechanism = load_mechanism(tmp_path / "m.xml")
+    assert mechanism.home.tolist() == [*map(float, keyframe.split()), 50.0]  # as MuJoCo reads them
