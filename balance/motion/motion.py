@@ -21,7 +21,9 @@ _MAX_SAMPLES = 50_000_000
 _LEAST_STEP = 1e-9
 """Share of a range below which a common step is not told from rounding of binary numbers."""
 _MOST_OF_STEPS = 4.0
-"""Acceleration, in steps a squared interval, below which steps make it: rounding alone makes about 1.4 of them RMS."""
+"""Acceleration, in steps a squared interval, below which steps make it."""
+_MADE_BY_STEPS = 1.4
+"""RMS acceleration, in the same, that rounding alone makes."""
 _GAP = 10.0
 """Step of time, in the median step, from which something is missing."""
 _FALSE = 0.03
@@ -51,18 +53,26 @@ A jump of a true acceleration is in three of these changes at most: six samples 
 """
 _ROUGH = 0.5
 """Correlation of what changes from sample to sample, above which a clock that errs makes it."""
+_EFFECT = (
+    ": what this acceleration makes of forces, moments and torques is wrong by about {share:.2g} % of its RMS value "
+    "from sample to sample, which adds {more:.2g} % to that RMS value; "
+)
+"""Of an error that is uncorrelated with the motion: squares add."""
 _SAID = {
     "clock": "{name}: the instants of the samples are wrong by about {away:.2g} s, which makes {made:.3g} {unit}/s2 of "
-    "the acceleration's {size:.3g} {unit}/s2 RMS: what follows from it, torques and moments above all, is the clock's; "
-    "write the time with more digits, of evenly spaced samples evenly, or the motion as [[moves]]",
+    "the acceleration's {size:.3g} {unit}/s2 RMS"
+    + _EFFECT
+    + "write the time with more digits, of evenly spaced samples evenly, or the motion as [[moves]]",
     "steps": "{name}: the samples go in steps of {step:.3g} {unit}, each of which makes {made:.3g} {unit}/s2 "
-    "(step / dt2, dt = {dt:.3g} s) of the acceleration's {size:.3g} {unit}/s2 RMS: forces and torques are those of "
-    "rounding; write more digits, or the motion as [[moves]]",
+    "(step / dt2, dt = {dt:.3g} s) of the acceleration's {size:.3g} {unit}/s2 RMS"
+    + _EFFECT
+    + "write more digits, or the motion as [[moves]]",
     "gap": "{name}: no sample between {begin:.6g} s and {end:.6g} s: a smooth curve is laid through, and forces there "
     "are those of the curve; record the motion without a gap",
     "noise": "{name}: the samples are rough{where}: {made:.3g} {unit}/s2 of the acceleration's {size:.3g} {unit}/s2 "
-    "RMS, and some four times as much of its peak, change from sample to sample as noise does: what follows from it, "
-    "torques and moments above all, is that of noise; smooth the samples, or write the motion as [[moves]]",
+    "RMS, and some four times as much of its peak, change from sample to sample as noise does"
+    + _EFFECT
+    + "smooth the samples, or write the motion as [[moves]]",
     "value": "{name}: one value does not fit, about {instant:.6g} s: it makes an acceleration of {peak:.3g} {unit}/s2, "
     "and forces and torques there are its own; correct it, or leave its row out",
     "values": "{name}: several values do not fit{where}: they make an acceleration of {peak:.3g} {unit}/s2, and forces "
@@ -112,10 +122,14 @@ class Samples:
     @cached_property
     def coarse(self) -> list[str]:
         """What is said of each driven coordinate whose acceleration is that of a fault: the first of ``_SAID``."""
-        said = []
+        said = list[str]()
         for i, name in enumerate(self.joints or self.axes):
             unit = "rad" if self.joints and not any(self.sliding[i : i + 1]) else "m"
-            said += [_SAID[kind].format(name=name, unit=unit, **of) for kind, of in islice(self._faults(i), 1)]
+            for kind, of in islice(self._faults(i), 1):
+                made = float(of.get("made", 0.0)) * (_MADE_BY_STEPS if kind == "steps" else 1.0)
+                share = min(made / float(of.get("size", 1.0)), 1.0)
+                effect = {"share": 100.0 * share, "more": 100.0 * (1.0 - math.sqrt(1.0 - share**2))}
+                said.append(_SAID[kind].format(name=name, unit=unit, **of, **effect))
         return said
 
     def _faults(self, i: int) -> Iterator[tuple[str, dict[str, float | str]]]:

@@ -2,6 +2,7 @@
 
 import re
 import warnings
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -478,3 +479,26 @@ def test_joints_that_turn_and_that_slide_in_one_motion():
     for peak, refusal in (("50 rad/s^2", "expected a list"), (["50 rad/s^2"], "has 1 values: expected one")):
         with pytest.raises(DataError, match=refusal):
             motion_from_table(keys | {"peak_acceleration": peak})
+
+
+@pytest.mark.parametrize(("noise", "seed"), [*product([1.5e-7, 4e-7, 2e-6], range(3))])
+def test_what_noise_makes_is_told_in_size(tmp_path: Path, noise, seed) -> None:
+    """The share that is stated is the part of the acceleration that is not the motion's; of an RMS it is its square."""
+    time, rng = np.arange(3000) * 1e-3, np.random.default_rng(seed)
+    clean = 0.3 * np.sin(19.0 * time)[:, None] + 0.1 * np.cos(7.0 * time)[:, None]
+    (tmp_path / "path.toml").write_text('driven = "joints"\njoints = ["A0"]\nsamples = "path.csv"\n', encoding="utf-8")
+    made = []
+    for values in (clean, clean + noise * rng.standard_normal(clean.shape)):
+        written(tmp_path, Samples(time, values, values, values), ("A0 (rad)",))
+        made.append(load_motion(tmp_path / "path.toml").recorded)
+    true, rough = (one.acceleration for one in made)
+    size = np.sqrt(np.mean(rough**2))
+    share, more = 100.0 * np.sqrt(np.mean((rough - true) ** 2)) / size, 100.0 * (1.0 - np.sqrt(np.mean(true**2)) / size)
+    if not made[1].coarse:
+        assert share < 5.0  # 3 % are told, with the uncertainty of telling it
+        return
+    stated = re.search(
+        r"wrong by about ([\d.]+) % of its RMS value from sample to sample, which adds ([\d.]+) %", made[1].coarse[0]
+    )
+    assert float(stated[1]) == pytest.approx(share, rel=0.35, abs=1.5)  # parts below 3 % are not counted in it
+    assert float(stated[2]) == pytest.approx(more, rel=0.8, abs=0.1)
