@@ -94,7 +94,8 @@ class Problem:
             if variable.name not in known:
                 what = "site or moving body" if variable.part == "mass" else "site or body with a place"
                 raise ModelError(
-                    f"{self.mechanism.name} has no {what} {variable.name!r}: there are {', '.join(sorted(known))}"
+                    f"{self.mechanism.name} has no {what} {variable.name!r}{self._meant(variable)}: there are "
+                    f"{', '.join(sorted(known))}"
                 )
             if variable.name in sites.intersection(self.mechanism.own_mass):
                 raise ModelError(
@@ -144,6 +145,14 @@ class Problem:
             if element.get("name") == name:
                 return float((element.get("pos") or "0 0 0").split()[AXES.index(axis)])
         raise ModelError(f"{self.mechanism.name} states no place of {name!r}")
+
+    def _meant(self, variable: Variable) -> str:
+        """What is said of the name of a joint in place of that of the body that it moves."""
+        if variable.name not in self.mechanism.coordinates:
+            return ""
+        index, tree = self.mechanism.coordinate_index(variable.name), self.mechanism.tree
+        body = next(name for name, at in zip(self.mechanism.bodies, tree.bodies, strict=True) if index in tree.path(at))
+        return f", which is a joint of body {body}; {body}.{variable.part} is that of the body, with its joint"
 
     @cached_property
     def trajectory(self) -> Trajectory:

@@ -99,9 +99,9 @@ Examples:
   balance sweep four-bar --motion four-bar --vary B_AB.x=250mm:270mm:21 -o sweep --scheduler local
 
 \b
-NAME.mass is the counter-mass at a site, or the mass of a body; NAME.x, .y, .z the place of a site or a body in the body
-that carries it, as its MJCF file writes it. Values: first:last:count, or a list. The driven joints move alike in all
-designs, the loops closed anew.
+NAME.mass is the counter-mass at a site, or the mass of a body; NAME.x, .y, .z the place of a site or a body (not of a
+joint) in the body that carries it, as its MJCF file writes it. Values: first:last:count, or a list. The driven joints
+move alike in all designs, the loops closed anew.
 \b
 Columns: each variable; rms_F_N, peak_F_N of the force vector; rms_M_Nm, peak_M_Nm of the moment about the base's
 origin; the same of each component and drive; added_mass_kg. A folder (-o) holds them as Parquet; a sweep goes on there
@@ -201,7 +201,8 @@ def tolerance(
 ) -> Answer:
     """What errors of masses and places cost: the RMS shaking force that mechanisms made within tolerances keep.
 
-    NAME.PART: mass of a body, or of a site's counter-mass; x, y, z of the place of a site, or of a body's joint.
+    NAME.PART: mass of a body, or of a site's counter-mass; x, y, z of the place of a site, or of a body with its joint,
+    in the body that carries it, as the MJCF file writes it. NAME is that of the site or body, not of the joint.
     """
     from ..balancing.tolerance import ToleranceEffect
     from ..front_door import tolerance as toleranced

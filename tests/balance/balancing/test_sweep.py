@@ -154,6 +154,7 @@ def test_a_sweep_goes_on_where_it_ended(tmp_path, monkeypatch, pool):
     [
         ((Variable("nowhere", "mass", np.ones(1)),), r"body 'nowhere': there are A0A, AB, B0B, B_A", {}),
         ((Variable("rod", "x", np.ones(1)),), r"no site or body with a place 'rod'", {}),
+        ((Variable("A0", "x", np.ones(1)),), r"'A0', which is a joint of body A0A; A0A\.x is that of the body", {}),
         ((MASS, MASS), r"counter_A0A.mass is varied twice", {}),
         ((Variable("AB", "x", np.ones(1)),), r"AB.x: four-bar has a site and a body of", {"counter_A0A": "AB"}),
         (
