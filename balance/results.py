@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
 NO_VALUE = "-"
 """Cell of a table for what has no value."""
+_ROUNDING = 1e-9
+"""Part of a vector in which a component is rounding."""
 
 
 class Key(NamedTuple):
@@ -62,6 +64,17 @@ class Key(NamedTuple):
 
 
 INLINE = Key(inline=True)
+
+
+def along_axes(vector: Any, digits: int = 5) -> str:  # noqa: ANN401
+    """Components of a vector (3,) [any unit] that are not zero, in ``digits``, such as ``x 130, z 4``."""
+    least = _ROUNDING * max(map(abs, vector))
+    shown = [f"{axis} {x:.{digits}g}" for axis, x in zip("xyz", vector, strict=True) if abs(x) > least]
+    return ", ".join(shown) or "0"
+
+
+IN_BODY = Key("position_m", "in body [mm]", lambda at: along_axes(1e3 * at))
+"""How a place (3,) [m] in the frame of a body as in the file is shown."""
 
 
 def per_cent(share: Any) -> Any:  # noqa: ANN401

@@ -13,7 +13,7 @@ from ..arrays import Floats, Indices
 from ..closure import Closure
 from ..errors import SizingError
 from ..mechanism.mechanism import Mechanism, inertia_matrix
-from ..results import Key, Shown, counted, plain
+from ..results import IN_BODY, Key, Shown, along_axes, counted, plain
 from .conditions import Conditions
 from .least_masses import distribute_within
 from .objective import Exact, Objective, unit_masses
@@ -26,15 +26,6 @@ COMPLETE = 1e-6
 """Share of the root mean square without counter-masses up to which a mechanism counts as balanced completely."""
 BALANCES = 0.01
 """Residual, relative to what bodies lack of the payload alone, up to which a payload counts as balanced."""
-_ROUNDING = 1e-9
-"""Part of a vector in which a component is rounding."""
-
-
-def along_axes(vector: Floats, digits: int = 5) -> str:
-    """Components of a vector (3,) [any unit] that are not zero, in ``digits``, such as ``x 130, z 4``."""
-    kept = np.abs(vector) > _ROUNDING * np.abs(vector).max()
-    shown = [f"{axis} {value:.{digits}g}" for axis, value, keep in zip("xyz", vector, kept, strict=True) if keep]
-    return ", ".join(shown) or "0"
 
 
 @dataclass(frozen=True)
@@ -50,8 +41,8 @@ class CounterMass:
     site: Annotated[str, Key("", "site")]
     mass: Annotated[float, Key("mass_kg", "mass [kg]", ".4f")]
     """[kg]"""
-    position: Annotated[Floats, Key("position_m", "in body [mm]", lambda at: along_axes(1e3 * at))]
-    """Position of the site in its body's frame, (3,) [m]."""
+    position: Annotated[Floats, IN_BODY]
+    """Of the site, in the frame of its body as in the file, (3,) [m]."""
     plates: Annotated[tuple[str, ...], Key("", "plates", counted)] = ()
     """Stock plates that it is made of."""
     inertia: float | None = None
@@ -59,16 +50,18 @@ class CounterMass:
 
     None where no plate is drawn: then the site's radius of gyration holds.
     """
+    from_joint: Floats | None = None
+    """From the body's joint to the site, along the body's axes, (3,) [m]; None where that is ``position``."""
 
     @property
     def first_moment(self) -> Annotated[Floats, Key("first_moment_kgm", "moment [kg m]", along_axes)]:
-        """First moment of mass about the body's joint, (3,) [kg m]."""
-        return self.mass * self.position
+        """First moment of mass about the body's joint, along the body's axes as in the file, (3,) [kg m]."""
+        return self.mass * (self.position if self.from_joint is None else self.from_joint)
 
 
 @dataclass(frozen=True)
 class BodyMoment:
-    """First moment of mass that a body has of counter-masses, and lacks with them, in its own frame.
+    """First moment of mass about its joint that a body has of counter-masses, and lacks with them, along its own axes.
 
     >>> import balance
     >>> one = balance.check("four-bar", {"counter_A0A": "1 kg"}).first_moments()[0]
@@ -90,7 +83,8 @@ def body_moments(
     """What each body of ``mechanism``, with its ``counter_masses``, is given and misses; none where both are zero."""
     given = np.zeros((len(mechanism.bodies), 3))
     for one in counter_masses:
-        given[mechanism.site(one.site).body] += one.first_moment
+        site = mechanism.site(one.site)
+        given[site.body] += one.mass * site.position
     carrying = list(dict.fromkeys(mechanism.bodies[mechanism.site(one.site).body] for one in counter_masses))
     missing = conditions.required_first_moments(mechanism, carrying)
     every = zip(mechanism.bodies, given, missing, strict=True)
@@ -230,7 +224,8 @@ def sizing_of_given(
         square, own = site.radius_of_gyration**2, [(plate.mass, plate.inertia) for plate in stack]
         inertia = sum(m * square if i is None else i for m, i in own) if any(i is not None for _, i in own) else None
         names = tuple(plate.name for plate in stack)
-        found.append(CounterMass(name, float(mass), site.position, names, inertia))
+        place, from_joint = mechanism.place(name), mechanism.from_joint(name)
+        found.append(CounterMass(name, float(mass), place, names, inertia, from_joint))
     return Sizing(conditions, mechanism, tuple(found), mechanism.payload_bodies, objective, bound)
 
 

@@ -109,13 +109,17 @@ def needed_sites(sizing: Sizing, restrictions: Restrictions) -> tuple[tuple[Sizi
 def _with_sites_on(bodies: Sequence[str], sizing: Sizing, restrictions: Restrictions) -> Sizing:
     """The sizing with further sites, each named after its body; far out where that leaves less by _FARTHER.
 
-    Their places are rounded as far as that loses nothing: what remains is with them as they are stated.
+    Their places in the file's frames are rounded as far as that loses nothing: what remains is with them as stated.
     """
     model, names, (limits, equal, added) = sizing.before, [one.site for one in sizing.counter_masses], restrictions
     best, rounding = sizing, COMPLETE * sizing.root_mean_squares()[0]
 
-    def sized(places: Mapping[str, Floats]) -> tuple[float, Sizing]:
-        sites = {f"on {body}": Site(f"on {body}", model.body_index(body), place) for body, place in places.items()}
+    def sized(places: Mapping[str, Floats], digits: int | None = None) -> tuple[float, Sizing]:
+        sites = dict[str, Site]()
+        for body, place in places.items():
+            stated = place if digits is None else np.round(model.in_file(body, place), digits) + 0.0
+            at = place if digits is None else model.anchor(body, stated).position
+            sites[f"on {body}"] = Site(f"on {body}", model.body_index(body), at, on=body)
         wider = replace(model, sites={**model.sites, **sites})
         one = exact_sizing(sizing.conditions, wider, [*names, *sites], limits, sizing.objective, equal, added)
         return one.root_mean_squares()[1], one
@@ -124,7 +128,7 @@ def _with_sites_on(bodies: Sequence[str], sizing: Sizing, restrictions: Restrict
         places = _best_places(bodies, times, sizing, restrictions)
         exact, _ = sized(places)
         if times == REACHES[0] or exact < (1.0 - _FARTHER) * best.root_mean_squares()[1] - rounding:
-            rounded = (sized({body: np.round(at, k) + 0.0 for body, at in places.items()}) for k in range(4, 12))
+            rounded = (sized(places, k) for k in range(4, 12))
             best = next((one for left, one in rounded if left <= exact + 0.5 * rounding), best)
     return best
 

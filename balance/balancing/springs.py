@@ -26,16 +26,20 @@ class End:
     body: int
     """Index of the body, -1 for the base."""
     position: Floats
-    """In the body's frame, (3,) [m]."""
+    """In the frame of the body's joint, (3,) [m]."""
 
     def joint(self, mechanism: Mechanism) -> int:
         """Elementary joint whose frame it is fixed in, -1 for the base."""
         return -1 if self.body < 0 else mechanism.tree.bodies[self.body]
 
+    def place(self, mechanism: Mechanism) -> Floats:
+        """In the body's frame as in the file, (3,) [m]."""
+        return self.position if self.body < 0 else mechanism.in_file(mechanism.bodies[self.body], self.position)
+
     def text(self, mechanism: Mechanism) -> str:
-        """The place for people, in the body's frame."""
+        """The place for people, in the body's frame as in the file."""
         where = "base" if self.body < 0 else mechanism.bodies[self.body]
-        x, y, z = self.position + 0.0  # -0 is 0
+        x, y, z = self.place(mechanism) + 0.0  # -0 is 0
         return f"{where} ({x:.4g}, {y:.4g}{'' if z == 0 else f', {z:.4g}'})"
 
 
@@ -93,7 +97,7 @@ class EndTable(Table):
     body: Text
     """Body that it is fixed in, or ``base``."""
     at: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
-    """Place in the body's frame [m]."""
+    """Place in the body's frame, as in the mechanism's file [m]."""
 
     def end(self, mechanism: Mechanism) -> End:
         """The end. Raises ModelError for a body that the mechanism does not have."""

@@ -264,8 +264,9 @@ def conditions(
     """Find the conditions that balance MECH, and their present values.
 
     MECH is the name of a shipped mechanism or a MJCF, URDF or SDF file. Balanced is where every left-hand side is
-    zero; mcx[A] is the first moment of mass of body A along x of its own frame, m[A] its mass. With --moment the exit
-    code is 3 where no positive masses, wherever they are added on the bodies, can meet all conditions.
+    zero; mcx[A] is the first moment of mass of body A about its joint, along x of its frame as in the file, m[A] its
+    mass. With --moment the exit code is 3 where no positive masses, wherever they are added on the bodies, can meet all
+    conditions.
     """
     from ..balancing.feasibility import feasibility
     from ..balancing.sizing import BodyMoment, body_moments

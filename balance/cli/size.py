@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..results import counted, per_cent_text, plain, table
+from ..results import along_axes, counted, per_cent_text, plain, table
 from . import options
 from .framework import Answer, command, option
 from .options import print_responses, response_summary
@@ -139,7 +139,7 @@ def sized(
 
 def _print(found: "SizingStudy", best: int, beside: str) -> None:
     """The verdict, the masses by site, the motion before and after; what sites lack; with --all the rest."""
-    from ..balancing.sizing import BodyMoment, CounterMass, along_axes
+    from ..balancing.sizing import BodyMoment, CounterMass
     from ..balancing.sizing_study import REACHES
 
     say(str(found))
@@ -156,14 +156,16 @@ def _print(found: "SizingStudy", best: int, beside: str) -> None:
     if rows:
         note = (
             "Each with its masses by site is a design by itself, the lightest there; farther out less mass may do. "
-            f"Places are sought up to {REACHES[-1]:g} times as far from a body's joint as its own points."
+            "Places are in the frame of the body as in its file. "
+            f"They are sought up to {REACHES[-1]:g} times as far from a body's joint as its own points."
         )
         header = ["body", "mass [kg]", "in body [mm]", "by site as above [kg]", "remain"]
         emit_table("Further sites", header, rows, note)
     if (Detail.everything or not found.verdict.attainable) and (moments := found.best.first_moments()):
         note = (
             "Missing once the masses above are mounted, which count on the bodies that carry them, too; balance "
-            "conditions counts none. The least, all together; other shares that meet the conditions do as well."
+            "conditions counts none. The least, all together; other shares that meet the conditions do as well. About "
+            "the body's joint, along the body's axes as in its file."
         )
         emit_table("First moments of the bodies", *table(BodyMoment, moments, "body", "given", "missing"), note)
     if found.responses:

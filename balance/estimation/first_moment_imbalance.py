@@ -22,7 +22,7 @@ import numpy as np
 from ..arrays import Floats
 from ..balancing.conditions import Conditions
 from ..mechanism.mechanism import Mechanism
-from ..results import Key, first_of
+from ..results import IN_BODY, Key, first_of
 from .estimate import Estimate, effective_degrees_of_freedom, f_tail
 from .identifiability import NotIdentifiable
 from .regression import LEAST_BLOCKS, RegressionFit, RegressionRecord, fit
@@ -74,8 +74,8 @@ class MissingMass:
     """What a site lacks for balance; negative where it has too much."""
 
     site: Annotated[str, Key("", "site")]
-    position: Annotated[Floats, Key("position_m", "site at x [mm]", lambda position: f"{position[0] * 1e3:.2f}")]
-    """In its body's frame, (3,) [m]."""
+    position: Annotated[Floats, IN_BODY]
+    """In the frame of its body as in the file, (3,) [m]."""
     lever_arm: float
     """Distance from the axis of its body's joint [m]."""
     mass: Annotated[Estimate, Key("mass_kg", "that is [kg]", ".3f", to=_VALUE)]
@@ -211,9 +211,7 @@ class Imbalance:
         rows = masses_per_value(self.conditions, mechanism, sites, self.values)
         levers = [mechanism.lever_arm(site) for site in sites]
         return [
-            MissingMass(
-                site, mechanism.site(site).position, lever, self.estimate(row, "kg"), self.estimate(lever * row)
-            )
+            MissingMass(site, mechanism.place(site), lever, self.estimate(row, "kg"), self.estimate(lever * row))
             for site, lever, row in zip(sites, levers, rows, strict=True)
         ]
 

@@ -146,7 +146,8 @@ def link_points(mechanism: Mechanism, at: Pose, body: int) -> Floats:
     ends = [end for loop in mechanism.closed_loops for end in (loop.first, loop.second) if end.joint == joint]
     points += [at.point(end.joint, end.position) for end in ends]
     if len(points) < 2:
-        places = [place for name, (_, place) in mechanism.fixed.items() if mechanism.own_mass[name][0] == body]
+        fixed = [name for name, (index, _) in mechanism.own_mass.items() if index == body]
+        places = [mechanism.frames[name][1] for name in fixed if name != mechanism.bodies[body]]
         sites = [site for site in mechanism.sites.values() if site.body == body and not site.name.startswith("counter")]
         points += [at.point(joint, place) for place in (*places, *(site.position for site in sites))]
     if len(points) < 2 or np.allclose(points, points[0], rtol=0.0, atol=1e-9):

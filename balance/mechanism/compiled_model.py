@@ -123,6 +123,7 @@ class _Parts:
                 frozen(self._site(i).position),
                 radii.get(name, 0.0),
                 frozen(tree.normal(self.placed[body].joint, self.placed[body].rotation)),
+                bodies[self._stated_on(i)] if body else "",
             )
             for i, name in enumerate(self.names["site"])
             if name and not name.startswith(LOOP_END)
@@ -155,10 +156,10 @@ class _Parts:
             limits=frozen(np.array(self.limits)),
             lengths=self._numerics(_LENGTH),
             left_out=(*self._left_out(), *notes),
-            fixed={
-                name: (frozen(self.placed[body].rotation), frozen(self.placed[body].position))
-                for body, name in enumerate(bodies)
-                if name in own_mass and name not in {bodies[head] for head in heads}
+            frames={
+                name: (frozen(at.rotation), frozen(at.position))
+                for name, at in zip(bodies, self.placed, strict=True)
+                if name in own_mass
             },
         )
 
@@ -230,6 +231,12 @@ class _Parts:
     def _site(self, site: int) -> Anchor:
         model = self.model
         return _moved(self.placed[model.site_bodyid[site]], _rotation(model.site_quat[site]), model.site_pos[site])
+
+    def _stated_on(self, site: int) -> int:
+        """The body in whose frame the file states a site's place: what a robot's link that is a site is fixed to."""
+        model, body = self.model, self.model.site_bodyid[site]
+        is_link = self.names["site"][site] == self.names["body"][body] and not model.body_mass[body]
+        return int(model.body_parentid[body] if is_link and not model.body_jntnum[body] else body)
 
     def _loop(self, k: int) -> Constraint:
         model, data, kind = self.model, self.model.eq_data[k], self.model.eq_type[k]

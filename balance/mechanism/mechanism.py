@@ -26,7 +26,7 @@ FAR = 20.0
 LIMIT_ROUNDING = 1e-9
 """How far a joint may pass its limit by rounding [rad, m]."""
 PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
-"""Inertial parameters of a body in Pinocchio's order, inertia about the origin of the joint's frame."""
+"""Inertial parameters of a body in Pinocchio's order, first moments and inertia about its joint, along its own axes."""
 
 
 def mass_at(place: Floats, gyration: float, axis: Floats) -> Floats:
@@ -60,11 +60,13 @@ class Site:
     body: int
     """Index of the body, -1 for the base."""
     position: Floats
-    """Position in the body's frame, (3,) [m]."""
+    """In the frame of the joint that carries the body, (3,) [m]; as in the file: ``Mechanism.place``."""
     radius_of_gyration: float = 0.0
     """Of a counter-mass mounted here, about its own centre and ``axis`` [m]."""
     axis: Floats = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
-    """Normal of a counter-mass mounted here, in the body's frame, (3,): see ``Tree.normal``."""
+    """Normal of a counter-mass mounted here, in that frame, (3,): see ``Tree.normal``."""
+    on: str = ""
+    """Body of the file in whose frame its place is stated; empty for the base."""
 
     def unit_mass(self) -> Floats:
         """PARAMETERS of 1 kg mounted here, a disc normal to ``axis``, (10,) [-, m, m2]."""
@@ -118,8 +120,8 @@ class Mechanism(Brief):
     """Forces that the file has and no torque computed from it, such as springs; balance does not depend on them."""
     loose_base: str = ""
     """The link that is taken as the base, fixed to the world, though the SDF file leaves it free to move."""
-    fixed: Mapping[str, tuple[Floats, Floats]] = field(default_factory=dict)
-    """Of bodies without a joint of their own: axes (3, 3) and origin (3,) [m] in the frame of what carries them."""
+    frames: Mapping[str, tuple[Floats, Floats]] = field(default_factory=dict)
+    """Of the file's bodies: axes (3, 3) and origin (3,) [m] in the frame of the joint that carries them."""
 
     def beyond_limits(self, q: Floats) -> dict[str, tuple[float, float]]:
         """For each joint beyond its limits at the configurations ``q`` (n, nv): its least and largest [rad, m]."""
@@ -206,13 +208,32 @@ class Mechanism(Brief):
         return self.own_mass[body][0]
 
     def anchor(self, body: str, position: Floats) -> Anchor:
-        """A frame at a ``position`` (3,) [m] in a body's own frame: its joint's, or the file's of one without a joint.
+        """A frame at a ``position`` (3,) [m] in a body's frame as in the file, along its axes, fixed in its joint's.
 
         Raises ModelError, listing the bodies, if there is none.
         """
         joint = self.tree.bodies[self.body_index(body)]
-        rotation, origin = self.fixed.get(body, (np.eye(3), np.zeros(3)))
+        rotation, origin = self._frame(body)
         return Anchor(joint, rotation, origin + rotation @ position)
+
+    def in_file(self, body: str, position: Floats) -> Floats:
+        """A ``position`` (3,) [m] in the frame of a body's joint, in the body's frame as in the file, (3,) [m].
+
+        Turns ``anchor`` round: every place that is shown comes from here, every one that is read goes there.
+        """
+        rotation, origin = self._frame(body)
+        return np.asarray(rotation.T @ (position - origin))
+
+    def place(self, site: str) -> Floats:
+        """A site in the frame of the file's body that it is on, (3,) [m]. Raises ModelError as ``site`` does."""
+        return self.in_file(self.site(site).on, self.site(site).position)
+
+    def from_joint(self, site: str) -> Floats:
+        """From the joint to a site, along the axes of the file's body that it is on, (3,) [m]."""
+        return np.asarray(self._frame(self.site(site).on)[0].T @ self.site(site).position)
+
+    def _frame(self, body: str) -> tuple[Floats, Floats]:
+        return self.frames.get(body, (np.eye(3), np.zeros(3)))
 
     def coordinate_index(self, joint: str) -> int:
         """Position of a joint in q. Raises ModelError, listing the joints, if there is none."""
@@ -280,7 +301,7 @@ class Mechanism(Brief):
         return float(self.own_mass[body][1][0])
 
     def centre(self, body: str) -> Floats:
-        """Own centre of mass of a body in the frame of its joint, (3,) [m]."""
+        """Own centre of mass of a body in the frame of the joint that carries it, (3,) [m]."""
         self.body_index(body)
         own = self.own_mass[body][1]
         if own[0] <= 0.0:

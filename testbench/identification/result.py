@@ -28,7 +28,7 @@ from balance.estimation.estimate import (
 from balance.estimation.first_moment_imbalance import masses_per_value
 from balance.estimation.identifiability import NotIdentifiable
 from balance.mechanism.mechanism import Mechanism
-from balance.results import Key, Shown, first_of
+from balance.results import IN_BODY, Key, Shown, first_of
 
 from ..errors import AnalysisError
 from ..loads.shaking_wrench import COMPONENTS
@@ -134,8 +134,8 @@ class CounterMassValue:
     """A counter-mass that would balance the mechanism as identified."""
 
     site: Annotated[str, Key("", "site")]
-    position: Annotated[Floats, Key("position_m", "x [mm]", lambda position: f"{position[0] * 1e3:.4g}")]
-    """Of the site in its body's frame, (3,) [m]."""
+    position: Annotated[Floats, IN_BODY]
+    """Of the site, in the frame of its body as in the file, (3,) [m]."""
     mass: Annotated[Value, Key("mass_kg", "mass [kg]", ".3f", to=attrgetter("value"))]
     first_moment: Annotated[Value, Key("first_moment_kgm", "first moment [kg m]", ".4f", to=attrgetter("value"))]
     """Mass times the distance of the site from the joint's axis [kg m]."""
@@ -372,7 +372,7 @@ class Identification(Shown, rows="values", figure="testbench.figures.estimates:d
             except NotIdentifiable as error:
                 raise NotIdentifiable(f"no counter-mass for {site}: {error}") from error
             moment = self.value(lever * whole, f"first_moment[{site}]", "kg m")
-            masses.append(CounterMassValue(site, self.mechanism.site(site).position, mass, moment))
+            masses.append(CounterMassValue(site, self.mechanism.place(site), mass, moment))
         return masses
 
     def moment_ratios(self) -> list[Ratio]:

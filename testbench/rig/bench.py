@@ -115,16 +115,17 @@ class ElasticJoint(Table):
 class ElasticLink(Table):
     """A body that bends: two parts, a hinge and a spring between; what is mounted farther out is on the part beyond.
 
-    So is a body that is fixed to it, if its centre of mass is farther out. The frame is that of their joint.
+    So is a body that is fixed to it, if its centre of mass is farther out. Places are in the body's frame as in the
+    mechanism's file, and along its axes.
 
     A bar of length L and bending stiffness EI that is clamped at one end and loaded across the other bends like a hinge
     of 2.25 EI / L at 0.15 L from the clamp (Howell, "Compliant mechanisms", 2001: pseudo-rigid-body model).
     """
 
     at: key_types.Point
-    """Place of the hinge in the body's frame, not at its joint; farther out is beyond it, along the line there [m]."""
+    """Place of the hinge, not at the body's joint; farther out is beyond it, along the line from the joint [m]."""
     axis: Direction = (0.0, 0.0, 1.0)
-    """Axis of the hinge in the body's frame."""
+    """Axis of the hinge, along the body's axes."""
     stiffness: key_types.TurningStiffness
     """Stiffness of the hinge [N m/rad]."""
     damping: Damping
@@ -132,7 +133,7 @@ class ElasticLink(Table):
     mass: key_types.Mass
     """Mass of the part beyond the hinge, of what the mechanism's file gives the body [kg]."""
     centre: key_types.Point
-    """Its centre of mass in the body's frame, as in the file [m]."""
+    """Its centre of mass [m]."""
     inertia: Annotated[tuple[key_types.Inertia, key_types.Inertia, key_types.Inertia], key_types.EACH_AXIS]
     """Its inertia about that centre, along the axes of the body [kg m2]."""
 

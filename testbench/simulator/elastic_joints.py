@@ -162,7 +162,7 @@ def with_elastic_links(
             raise RigError(
                 f"bench.links.{body}: is fixed to {holder.removesuffix(_BEYOND)}: expected one hinge of both"
             )
-        if not any(link.at):
+        if not mechanism.anchor(body, np.array(link.at)).position.any():
             raise RigError(f"bench.links.{body}.at: expected a place off the body's joint: that of its hinge")
         mechanism = _bent(mechanism, body, link, planes.get(body, 0.0))
     return mechanism
@@ -170,24 +170,21 @@ def with_elastic_links(
 
 def _bent(mechanism: Mechanism, body: str, link: ElasticLink, plane: float) -> Mechanism:
     row, own = mechanism.own_mass[body]
-    joint, at = mechanism.tree.bodies[row], np.array(link.at)
-    part = inertial_parameters(
-        link.mass,
-        np.array(link.centre) + plane * mechanism.anchor(body, np.zeros(3)).rotation[:, 2],
-        np.diag(link.inertia),
-    )
+    joint, axes = mechanism.tree.bodies[row], mechanism.anchor(body, np.zeros(3)).rotation
+    at, centre = (mechanism.anchor(body, np.array(place)).position for place in (link.at, link.centre))
+    part = inertial_parameters(link.mass, centre + plane * axes[:, 2], axes @ np.diag(link.inertia) @ axes.T)
     if np.linalg.eigvalsh(pseudo_inertia(own - part))[0] < -1e-9 * own[0]:
         raise RigError(
             f"bench.links.{body}: of its {own[0]:.4g} kg no body is left on the joint's side of the hinge: expected "
             "mass, centre and inertia of a part of it; state less mass, or less inertia"
         )
     new, beyond, farther = beyond_hinge(body), moved_frame(part, -at), part.copy()
-    others, fixed = dict[str, tuple[int, Floats]](), dict(mechanism.fixed)
+    others, frames = dict[str, tuple[int, Floats]](), dict(mechanism.frames)
     for name, (index, mass) in mechanism.own_mass.items():
         others[name] = index + (index > row), mass
         if index == row and name != body and mass[0] > 0.0 and _is_beyond(mass[1:4] / mass[0], at):  # fixed to it
             others[name] = row + 1, moved_frame(mass, -at)
-            fixed[name] = mechanism.fixed[name][0], mechanism.fixed[name][1] - at
+            frames[name] = frames[name][0], frames[name][1] - at
             farther += mass
     parameters = np.insert(mechanism.parameters, row + 1, moved_frame(farther, -at), axis=0)  # in order of the joints
     parameters[row] -= farther
@@ -206,13 +203,13 @@ def _bent(mechanism: Mechanism, body: str, link: ElasticLink, plane: float) -> M
     }
     split = replace(
         mechanism,
-        tree=_beyond_joint(mechanism.tree, joint, link.at, link.axis),
+        tree=_beyond_joint(mechanism.tree, joint, tuple(at), tuple(axes @ link.axis)),
         loops=_tied_anew(mechanism.loops, moved, anchored),
         bodies=(*mechanism.bodies[: row + 1], new, *mechanism.bodies[row + 1 :]),
         parameters=parameters,
         own_mass={**others, body: (row, own - part), new: (row + 1, beyond)},
         sites=sites,
-        fixed=fixed,
+        frames=frames,
     )
     return _with_coordinates(split, joint + 1, (new,))
 

@@ -415,6 +415,43 @@ def test_body_that_is_fixed_farther_out_is_beyond_the_hinge():
         with_elastic_links(mechanism_from_text(carrying, "arm.xml"), links, {})
 
 
+def split_arm(body: str, shift: float, tool: tuple[float, float], cosine: float):
+    """An arm with a tool, one of them in two parts: the arm's frame ``shift`` behind its joint, the tool's at ``tool``.
+
+    The latter is turned by an angle of that ``cosine``; places are 0.1 m and 0.35 m of the arm, 0.5 m and 0.65 m of the
+    tool from the joint, along the arm.
+    """
+    sine = (1.0 - cosine**2) ** 0.5
+    axes = np.array([[cosine, -sine], [sine, cosine]])
+    quat = ((1.0 + cosine) / 2.0) ** 0.5, ((1.0 - cosine) / 2.0) ** 0.5
+
+    def place(x: float, name: str = body) -> list[float]:
+        on_arm = np.array([x + shift, 0.0])
+        return [*(on_arm if name == "arm" else axes.T @ (on_arm - tool)).tolist(), 0.0]
+
+    centre = " ".join(map(repr, place(0.6, "tool")))
+    text = ARM.replace('axis="0 0 1"', f'axis="0 0 1" pos="{shift} 0 0"').replace('"0.25 0', f'"{0.25 + shift} 0')
+    text = text.replace(
+        "</body>",
+        f'<body name="tool" pos="{tool[0]} {tool[1]} 0" quat="{quat[0]!r} 0 0 {quat[1]!r}"><inertial pos="{centre}" '
+        'mass="2" diaginertia="0.02 0.02 0.03"/></body></body>',
+    )
+    at, middle = (0.1, 0.35) if body == "arm" else (0.5, 0.65)
+    part = {"mass": "0.4 kg", "inertia": ("1e-4 kg m^2",) * 3, "stiffness": "1 kN m/rad", "damping": "1 N m s/rad"}
+    part |= {key: tuple(f"{x!r} m" for x in place(far)) for key, far in (("at", at), ("centre", middle))}
+    links = Bench.model_validate({"links": {body: part}}).links
+    return with_elastic_links(mechanism_from_text(text, "arm.xml"), links, {})
+
+
+@pytest.mark.parametrize("body", ["arm", "tool"])
+@pytest.mark.parametrize(("shift", "tool", "cosine"), [(0.3, (0.7, 0.0), 1.0), (-0.2, (0.9, 0.1), 0.28)])
+def test_hinge_of_a_link_is_placed_in_the_frame_of_the_file(body, shift, tool, cosine):
+    """However frames lie, the link is split where it was, into the same parts."""
+    one, other = split_arm(body, 0.0, (0.4, 0.0), 1.0), split_arm(body, shift, tool, cosine)
+    np.testing.assert_allclose(other.parameters, one.parameters, atol=1e-14)
+    np.testing.assert_allclose(other.tree.joints[1].position, one.tree.joints[1].position, atol=1e-14)
+
+
 @pytest.mark.parametrize(
     ("body", "x", "part", "there"),
     [("arm", 0.05, "arm", 0.05), ("arm", 0.4, "arm beyond its hinge", 0.3), ("tool", 0.0, "arm beyond its hinge", 0.4)],
