@@ -69,9 +69,8 @@ def distribute_masses(
         slope = np.abs(unit.T @ (unit @ (masses * size) - target))
         even = (slope <= _LEVEL * float(np.linalg.norm(target))) | (masses > least) & (masses < most)
         if even.any() and np.linalg.matrix_rank(unit[:, even], rtol=_DEPENDENT) < even.sum():
-            made = columns[:, even] @ masses[even]
             worth = np.ones(count) if cost is None else cost
-            masses[even] = _lightest(columns[:, even], made, least[even], most[even], worth[even])
+            masses[even] = _lightest(columns[:, even], masses[even], least[even], most[even], worth[even])
     free = (masses > least) & (masses < most) & ((masses != 0.0) | unique)
     per_target = np.zeros(columns.T.shape)
     if unique:
@@ -175,23 +174,27 @@ def _bounded(columns: Floats, target: Floats, upper: Floats) -> Floats:
     return np.where(masses <= near, 0.0, np.where(masses >= upper - near, upper, masses))
 
 
-def _lightest(columns: Floats, made: Floats, least: Floats, most: Floats, cost: Floats) -> Floats:
-    """Of all masses with B m = ``made`` the lightest, of these the least in squares.
+def _lightest(columns: Floats, like: Floats, least: Floats, most: Floats, cost: Floats) -> Floats:
+    """Of all masses that do what those ``like`` (sites,) [kg] do the lightest, of these the least in squares.
 
+    What they do is told by orthonormal rows: of dependent ones rounding leaves no solution.
     min sum(p + n) + e (p - n)^2 / 2 of m = p - n, which for a small enough e is the answer of both, one after the
     other (Mangasarian, Meyer, SIAM J. Control Optim. 17, 1979).
     """
     if not columns.any():
         return np.zeros(len(least))
-    unit = np.eye(len(least))
+    length, unit = np.linalg.norm(columns, axis=0), np.eye(len(least))
+    length = np.where(length > _DEPENDENT * length.max(), length, length.max())
+    _, values, right_vectors = np.linalg.svd(columns / length, full_matrices=False)
+    rows = np.linalg.qr((right_vectors[values > _DEPENDENT * values[0]] * length / length.max()).T).Q.T
+    made = rows @ like
     signs = np.hstack([unit, -unit[:, least < 0.0]])  # a part that is zero leaves no interior
-    largest = float(np.abs(columns).max())
-    size = max(float(np.abs(made).max(initial=0.0)) / largest, 1e-12)
+    size = max(float(np.abs(made).max(initial=0.0)), 1e-12)
     ends = np.minimum(np.append(most, -least[least < 0.0]) / size, 1e9)
     bounded = ends < 1e9
     above = np.eye(len(ends))
-    sides = np.vstack([columns @ signs / largest, above[bounded], -above])
-    right = np.concatenate([made / largest / size, ends[bounded], np.zeros(len(ends))])
+    sides = np.vstack([rows @ signs, above[bounded], -above])
+    right = np.concatenate([made / size, ends[bounded], np.zeros(len(ends))])
     cones = [("Zero", len(made)), ("Nonnegative", int(bounded.sum()) + len(ends))]
     solution = conic_optimum(np.abs(signs).T @ cost, sides, right, cones, 1e-11, _TIES * signs.T @ signs)
     if str(solution.status) not in {"Solved", "AlmostSolved"}:

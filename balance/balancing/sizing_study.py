@@ -1,7 +1,6 @@
 """Counter-masses with all there is to say of them: how good they are, what remains and why, a motion with them."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
 from pathlib import PurePath
@@ -81,21 +80,23 @@ Restrictions = tuple[Mapping[str, float] | None, Sequence[Sequence[str]], float 
 """Of a sizing: limits [kg] by site, groups of sites of equal masses, and the limit of all masses [kg]."""
 
 
-def needed_sites(sizing: Sizing, restrictions: Restrictions) -> tuple[tuple[Sizing, ...], ...]:
+def needed_sites(sizing: Sizing, restrictions: Restrictions) -> tuple[tuple[tuple[Sizing, ...], ...], dict[str, str]]:
     """The sizing with further sites: one on the body where it helps most, then with a second one on another, and so on.
 
     Until nothing is left or nothing helps. Each further site is where on its body a counter-mass lessens most what is
     left, and is sized with the others. Of bodies that do as well all are given, by name; the next site is beside that
-    on the first.
+    on the first. Beside them, of bodies of which it was not found, why.
     """
     before, left = sizing.root_mean_squares()
-    found, chosen = list[tuple[Sizing, ...]](), list[str]()
+    found, chosen, unknown = list[tuple[Sizing, ...]](), list[str](), dict[str, str]()
     while left > COMPLETE * before and len(chosen) < len(sizing.before.bodies):
         rest = sorted(set(sizing.before.bodies) - set(chosen))
         trials = dict[str, Sizing]()
         for body in rest:
-            with suppress(SizingError):  # a trial whose solver does not converge gives no advice
+            try:
                 trials[body] = _with_sites_on([*chosen, body], sizing, restrictions)
+            except SizingError as error:
+                unknown.setdefault(body, str(error))
         remain = {body: one.root_mean_squares()[1] for body, one in trials.items()}
         if not min(remain.values(), default=left) < (1.0 - _LESS) * left:
             break
@@ -103,7 +104,7 @@ def needed_sites(sizing: Sizing, restrictions: Restrictions) -> tuple[tuple[Sizi
         best = [body for body in remain if remain[body] <= left + COMPLETE * before]
         found.append(tuple(trials[body] for body in best))
         chosen.append(best[0])
-    return tuple(found)
+    return tuple(found), unknown
 
 
 def _with_sites_on(bodies: Sequence[str], sizing: Sizing, restrictions: Restrictions) -> Sizing:
@@ -180,6 +181,8 @@ def _best_places(bodies: Sequence[str], times: float, sizing: Sizing, restrictio
     cones = [("SecondOrder", 1 + len(triangle)), *[("SecondOrder", 4)] * len(bodies)]
     cones.append(("Nonnegative", len(rows) - 1 - len(triangle) - 4 * len(bodies)))
     found = conic_optimum(np.append(_LIGHT * weight, 1.0), rows, np.concatenate(right), cones, 1e-12)
+    if str(found.status) not in {"Solved", "AlmostSolved"}:
+        raise SizingError(f"its place did not converge: the conic solver stopped at {found.status}")
     masses = np.asarray(found.x)[sites:-1].reshape(-1, 4)
     return {
         body: moment / mass * r
@@ -206,6 +209,8 @@ class Verdict:
     needed: tuple[tuple[Sizing, ...], ...]
     """``needed_sites``. Empty where masses of any size at these sites would do, or their total is what holds them, or
     where not the force alone is made small: what is mounted adds to moment and torque by its inertia, which is open."""
+    unknown: Mapping[str, str] = field(default_factory=dict)
+    """Of bodies on which the best further site was not found, why."""
 
     @property
     def has_finding(self) -> bool:
@@ -233,9 +238,10 @@ def verdict_of(
         () if balanced or samples is None else remaining_directions(samples(found.before), samples(found.after))
     )
     is_full = added is not None and any_mass.added_mass >= added * (1.0 - COMPLETE)
-    needed = () if attainable or is_full or samples is None else needed_sites(any_mass, (limits, equal, added))
+    has_needs = not (attainable or is_full or samples is None)
+    needed, unknown = needed_sites(any_mass, (limits, equal, added)) if has_needs else ((), {})
     least = None if found.bound is None else min(found.bound**0.5, after)
-    return Verdict(balanced, attainable, before, after, least, directions, needed)
+    return Verdict(balanced, attainable, before, after, least, directions, needed, unknown)
 
 
 @dataclass(frozen=True)
@@ -370,6 +376,7 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
                 for equals in verdict.needed
                 for one in equals
             ],
+            "sites_unknown": dict(verdict.unknown),
         }
         if self.stock_use:
             found |= self.stock_use.document()
@@ -444,6 +451,8 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
             sites = f"further sites, on {' and '.join([*others, bodies])}" if others else f"a further site, on {bodies}"
             left = "nothing" if equals[0].is_complete() else per_cent_text(equals[0].remaining_percent())
             yield f"With {sites}: {left} would remain."
+        for body, why in verdict.unknown.items():
+            yield f"Whether a further site on {body} would do better was not found ({why}): try sites there by --site."
         if self.without_slides:
             masses = ", ".join(f"{one.mass:.4f} kg at {one.site}" for one in self.without_slides.counter_masses)
             yield (
@@ -451,7 +460,7 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
                 f"moments are zero with {masses}; a motion tells which of both shakes less."
             )
         elif verdict.directions and not verdict.attainable and not verdict.needed and self.added is None:
-            yield "No counter-mass on any body would lessen it."
+            yield f"No counter-mass on any {'other ' * bool(verdict.unknown)}body would lessen it."
 
     def further(self, one: Sizing) -> list[tuple[str, CounterMass]]:
         """Body and counter-mass at each of the further sites of one of the verdict's ``needed``."""

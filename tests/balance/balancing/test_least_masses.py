@@ -4,6 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from balance.balancing import stock_search
 from balance.balancing.least_masses import distribute_masses, distribute_within
@@ -345,3 +346,26 @@ def test_sets_for_several_loads_are_the_best_of_all_that_grow():
     found = best_plates(stacked, loads.ravel(), masses, quantities).selections[0]
     every = by_looking_at_all(stacked, loads.ravel(), masses, quantities, np.full(4, np.inf), [])
     assert (found.value, found.masses.sum()) == pytest.approx(every[0], abs=1e-8)
+
+
+@pytest.mark.parametrize("seeds", [range(0, 50), range(50, 100), [265]])
+def test_the_lightest_of_many_equals_that_little_tells_apart(seeds):
+    """More sites than effects, levers and effects two decades apart, rows that depend on others: a linear programme
+    tells what the lightest weigh, and they do what the true ones do.
+    """
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        rank = int(rng.integers(2, 7))
+        sites = rank + int(rng.integers(1, 4))
+        effects = np.triu(rng.standard_normal((12, rank)) * 10.0 ** rng.uniform(-1, 1, rank))
+        mix = rng.standard_normal((rank, sites)) * 10.0 ** rng.uniform(-1, 1, sites)
+        turned = np.linalg.qr(rng.standard_normal((12, 12))).Q if seed % 2 else np.eye(12)
+        columns = turned @ effects @ mix
+        true = np.where(rng.random(sites) < 0.4, 0.0, rng.random(sites) * 10.0 ** rng.uniform(-2, 1, sites))
+        if not true.any():
+            continue
+        found = distribute_masses(columns, columns @ true).masses
+        assert np.linalg.norm(columns @ (found - true)) <= 1e-10 * np.linalg.norm(columns @ true), seed
+        same = np.linalg.svd(columns, full_matrices=False)[2][:rank]
+        least = linprog(np.ones(sites), A_eq=same, b_eq=same @ true, bounds=(0.0, None), method="highs-ds").fun
+        assert found.sum() == pytest.approx(least, rel=1e-4), seed  # ties are weighed with 1e-5

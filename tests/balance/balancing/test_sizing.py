@@ -7,7 +7,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from balance.balancing import stock_plates
+import balance
+from balance.balancing import sizing_study, stock_plates
 from balance.balancing.conditions import Conditions, balance_conditions
 from balance.balancing.least_masses import distribute_masses
 from balance.balancing.sizing import (
@@ -313,3 +314,22 @@ def test_places_are_printed_along_the_axes_they_are_on():
     rows = table(CounterMass, [CounterMass("s", 2.0, np.array(place)) for place in at], "position", "first_moment")[1]
     expected = [["z 40", "z 0.08"], ["x -100, z 20", "x -0.2, z 0.04"], ["0", "0"], ["x 0.0012346", "x 2.4691e-06"]]
     assert rows == expected
+
+
+def test_a_further_site_that_is_not_found_is_said(monkeypatch):
+    """What one trial fails by takes nothing from the advice on the others; no body is passed over without a word."""
+    tried = sizing_study._with_sites_on
+
+    def failing(bodies, *arguments):
+        if bodies[-1] == "AB":
+            raise SizingError("counter-masses did not converge: stopped")
+        return tried(bodies, *arguments)
+
+    whole = balance.size("four-bar", sites=["counter_A0A"])
+    assert "was not found" not in str(whole)
+    assert not whole.document()["sites_unknown"]
+    monkeypatch.setattr(sizing_study, "_with_sites_on", failing)
+    study = balance.size("four-bar", sites=["counter_A0A"])
+    assert study.document()["sites_unknown"] == {"AB": "counter-masses did not converge: stopped"}
+    assert "further site on AB would do better was not found" in str(study)
+    assert "With a further site, on B0B" in str(study)
