@@ -2,6 +2,7 @@
 
 import json
 import re
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -351,6 +352,22 @@ def test_samples_in_steps_are_a_finding(balance, tmp_path):
     assert (
         len(json.loads(balance("simulate", "four-bar", "--motion", str(motion), "--json").out)["coarse_samples"]) == 1
     )
+
+
+def test_degrees_in_a_keyframe_are_warned_of_where_they_are_refused(balance, tmp_path):
+    """A command that refuses says its warnings, too: they may be why."""
+    text = (datasets.ROOT / "mechanisms/four-bar.xml").read_text(encoding="utf-8")
+    keyframe = re.search(r'qpos="([^"]*)"', text)
+    degrees = " ".join(f"{np.degrees(float(x)):.3f}" for x in keyframe[1].split())
+    (tmp_path / "m.xml").write_text(text.replace(keyframe[0], f'qpos="{degrees}"'), encoding="utf-8")
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        code, _, said = balance("simulate", tmp_path / "m.xml", "--motion", "nowhere")
+    assert code == 1
+    assert (
+        "m.xml: in 'home' hinges are more than one turn (6.283 rad) from zero: A0 = 57.296 rad (1 if degrees)" in said
+    )
+    assert "nowhere" in said
 
 
 def test_springs_of_a_file_are_said_to_be_left_out_of_torques(balance, tmp_path):
