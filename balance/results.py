@@ -238,8 +238,9 @@ def frame(results: Iterable[Any]) -> "pandas.DataFrame":
 
 
 def with_units(of: "pandas.DataFrame") -> "pandas.DataFrame":
-    """The same DataFrame with the units that its columns name in ``.attrs["units"]``."""
-    units = {name: next(filter(None, (name_and_unit(part)[1] for part in str(name).split("."))), "") for name in of}
+    """The same DataFrame, in ``.attrs["units"]`` the units that its columns name; a half width has its value's."""
+    parts = {name: [part.removesuffix("_within") for part in str(name).split(".")] for name in of}
+    units = {name: next(filter(None, (name_and_unit(part)[1] for part in own)), "") for name, own in parts.items()}
     of.attrs["units"] = {name: unit for name, unit in units.items() if unit}
     return of
 

@@ -74,6 +74,8 @@ def parse(text: str, dimension: str) -> float:
     expected = SI_UNITS[dimension]
     match = _QUANTITY.fullmatch(text)
     if match is None:
+        if re.match(r"\s*[+-]?(nan|inf)", text, re.IGNORECASE):
+            raise UnitError(f"{text!r} is no finite number: expected one with a unit, such as '1 {expected}'")
         raise UnitError(f"{text!r} is no {dimension}: expected a number and a unit, such as '1 {expected}'")
     if match[2].startswith(","):
         raise UnitError(_comma_message(text))

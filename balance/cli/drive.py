@@ -148,7 +148,7 @@ def _print(result: dict[str, Any]) -> None:
     from ..drives.time_integration import Turn
 
     steady = [row for row in result["steady"] if row["reached_from_rest"]] or result["steady"]
-    parts = [f"{row['fluctuation']['nominal']:.4f} at {', '.join(_setting(row)[:2])}" for row in steady[:3]]
+    parts = [f"{row['fluctuation']['nominal']:.4f} at {' rpm, '.join(_setting(row)[:2])}" for row in steady[:3]]
     more = f" and {len(steady) - 3} more" if len(steady) > 3 else ""
     meaning = "speed fluctuates over a turn, (n_max - n_min) / n_nominal, by"
     none = "no steady rotation as it is, as the findings say"
