@@ -22,7 +22,7 @@ from .rewritten_columns import (
 )
 from .row_parser import RowParser
 from .table import Table, find_multiple_time_columns
-from .text_blocks import Encoding, first_line, read_first_lines, read_last_lines
+from .text_blocks import MOST_LINES, Encoding, first_line, read_first_lines, read_last_lines
 
 _ROWS_AT_END = 100
 
@@ -188,13 +188,14 @@ class _Text:
 
 def understood(path: Path, options: ReadOptions) -> _Text:
     """The text at ``path``. Raises Refusal where its first lines have several readings, or hold no rows."""
-    encoding, lines = read_first_lines(path, options.encoding)
+    stated = options.description
+    lines_stated = [] if stated is None else [*(stated.names or []), stated.units or 0, stated.data or 0]
+    encoding, lines = read_first_lines(path, options.encoding, max([0, *lines_stated]))
     try:
         dialect = detect_dialect(lines, options.delimiter, options.decimal)
         if dialect.doubt:  # the first lines do not tell: perhaps a later one does
             told = first_line(path, encoding, lambda line: settles(line, dialect.delimiter))
             dialect = detect_dialect([*lines, *told], options.delimiter, options.decimal)
-        stated = options.description
         if stated is None or (stated.names is None and stated.units is None and stated.data is None):
             header = read_header(lines, dialect, options.header)
         else:
@@ -208,6 +209,9 @@ def understood(path: Path, options: ReadOptions) -> _Text:
         written = sum(bool(line.strip()) for line in lines)
         message = f"no row of numbers in its first {written} {'line' if written == 1 else 'lines'} with text; "
         message += "expected rows of as many numbers each, under a header or not"
+        if len(lines) >= MOST_LINES:
+            message += "; where they begin further down, state the lines of the names and of the first row of numbers, "
+            message += "names = LINE and data = LINE, in an import description (--as)"
         raise Refusal(path.name, Finding("no_data", None, None, message)) from error
     rows = [dialect.split(line) for line in lines[header.first_data_line - 1 :]]
     ends = [dialect.split(line) for line in read_last_lines(path, encoding)]

@@ -19,7 +19,9 @@ BLOCK_BYTES = 8 << 20
 SAMPLE_BYTES = 256 << 10
 LONGEST_LINE = 4 << 20
 """A line longer than this is no row of a log [bytes]."""
-_MOST_LINES, _LAST_BYTES, _LOOK_BACK = 400, 64 << 10, 4096
+MOST_LINES = 400
+"""First lines, in which names and the first row of data are sought."""
+_LAST_BYTES, _LOOK_BACK = 64 << 10, 4096
 
 _NUL_RUN = re.compile(rb"\0{16,}")
 _BYTE_ORDER_MARKS = (
@@ -109,14 +111,21 @@ def _stated_encoding(path: Path, head: bytes, name: str) -> Encoding:
     return Encoding("utf-16-le" if known == "utf-16" else known)
 
 
-def read_first_lines(path: Path, stated_encoding: str | None = None) -> tuple[Encoding, tuple[str, ...]]:
+def read_first_lines(
+    path: Path, stated_encoding: str | None = None, above: int = 0
+) -> tuple[Encoding, tuple[str, ...]]:
     """The encoding and the first whole lines of the file at ``path``, from which dialect and header are detected.
 
-    A stated encoding is not detected. Raises Refusal if it is no text.
+    A stated encoding is not detected. ``above`` is how many lines a person states to stand above the data: the first
+    lines begin anew below them. Raises Refusal if it is no text.
     """
     with path.open("rb") as stream:
         head = stream.read(SAMPLE_BYTES)
-        more = bool(stream.peek(1)) if len(head) == SAMPLE_BYTES else False
+        while above and head.count(b"\n") < above and (further := stream.readline(LONGEST_LINE)):
+            head += further
+        if above:
+            head += stream.read(SAMPLE_BYTES)
+        more = bool(stream.peek(1)) if len(head) >= SAMPLE_BYTES else False
         if more and head.count(b"\n") < 3:
             head += stream.read(LONGEST_LINE)
             more = bool(stream.peek(1))
@@ -136,7 +145,7 @@ def read_first_lines(path: Path, stated_encoding: str | None = None) -> tuple[En
         raise _too_long(path, len(lines))
     if more or len(lines) > 2:
         lines.pop()  # it may be cut
-    return encoding, tuple(lines[:_MOST_LINES])
+    return encoding, tuple(lines[: above + MOST_LINES])
 
 
 def first_line(path: Path, encoding: Encoding, wanted: Callable[[str], bool]) -> list[str]:
