@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from balance.results import Brief, Key, document
+from balance.results import Brief, Key, document, first_of
 
 from .errors import RecordingError
 
@@ -42,6 +42,7 @@ _ERRORS = {
     "ambiguous_date": "Dates in which day and month cannot be distinguished; their times are left out if accepted.",
     "ragged_row": "A row with more or fewer fields than the header; its values are NaN if accepted.",
     "time_not_increasing": "Time that falls or stands still.",
+    "time_unit_assumed": "The time column carries no unit, and nothing that is known of the run shows which it is.",
     "origin_contradiction": "The log says simulated, the run table says otherwise.",
     "count_contradiction": "The header declares another number of samples than the file holds.",
     "cut_file": "The file ends before its own structure says: samples that were recorded are missing.",
@@ -64,7 +65,6 @@ _WARNINGS = {
     "no_header": "The first row is data; the columns are named col0, col1, ...",
     "duplicate_names": "Several channels of one name.",
     "several_clocks": "Several columns of time in one table: each with the columns behind it is a group of its own.",
-    "time_unit_assumed": "The time column carries no unit; seconds were assumed for the rate alone.",
     "time_unit_unknown": "The unit of the time column is no unit of time; there is no rate.",
     "time_coarse": "Times written so coarsely that they repeat: a channel, and no clock.",
     "time_unreadable": "Times that are no finite number; the steps next to them are not counted.",
@@ -94,6 +94,8 @@ _WARNINGS = {
     "run_not_opened": "A run of the campaign cannot be opened; whether it holds this recording too is unknown.",
     "log_missing": "The run table names a log that was not given: its run is not stored yet.",
     "condition_contradiction": "A peak acceleration of a kind that the motion has not, or a payload without a body.",
+    "duration_contradiction": "A log that lasts less than a tenth of the motion that the run table names.",
+    "unknown_motion": "A motion of the run table that is no file, and nearly the name of one; none is stored.",
     "input_not_stored": "The mechanism or the motion of the run cannot be read, so it is not stored with the run.",
     "conditions_differ": "The run table has another run, origin or condition than is stored, which never changes.",
     "rig_differs": "The run is stored with another rig, or without one, and never changes: take another folder.",
@@ -124,6 +126,7 @@ _NOTES = {
     "thousands_marks": "Numbers with marks between thousands, which were taken off beyond doubt.",
     "number_notation": "Numbers such as 1.5D+03, 0x1F, or with a typographic minus, read as what they say.",
     "time_jitter": "Steps of time that scatter.",
+    "time_unit_confirmed": "The time column carries no unit: seconds, by a stated rate, another clock or the motion.",
     "empty_group": "Channels without a single sample; left out.",
     "rate_rounded": "Rate or step of time is written in few digits, or differs a little from the time column.",
     "time_resolution": "Timestamps are finer than seconds in float64; what is finer is in a channel of its own.",
@@ -282,10 +285,28 @@ class Channel:
         return frozenset({self.name, self.label})
 
 
-def by_name(channels: "Iterable[Channel]") -> "dict[str, Channel]":
-    """Channels by what a rig may call them; a name as written comes before another's without its unit."""
-    every = list(channels)
-    return {c.label: c for c in every} | {c.name: c for c in every}
+def by_name(channels: "Iterable[Channel]") -> "dict[str, list[int]]":
+    """Places of channels, from zero, by what a rig may call them: several where that does not tell one.
+
+    A name as written comes before another's without its unit.
+    """
+    labels, names = dict[str, list[int]](), dict[str, list[int]]()
+    for place, channel in enumerate(channels):
+        labels.setdefault(channel.label, []).append(place)
+        names.setdefault(channel.name, []).append(place)
+    return labels | names
+
+
+def of_one_name(channels: "Sequence[Channel]", places: "Sequence[int]") -> str:
+    """That channels at these places have one name, and what tells one of them."""
+    named = list(dict.fromkeys(channels[place].name for place in places))
+    shown = first_of((f"channel {place + 1} ({channels[place].name!r})" for place in places), 4)
+    cure = f"name one as it is written, such as {named[0]!r}"
+    if len(named) < len(places):
+        last, other = places[-1] + 1, f"{channels[places[-1]].label} {len(places)}"
+        cure = f'give all but one another name, "channel {last}" = "{other}" and so on, below [channels] of an import '
+        cure += "description (testbench describe LOG writes one; --as)"
+    return f"{shown} have this name: {cure}"
 
 
 @dataclass(frozen=True)

@@ -71,6 +71,7 @@ def ingest(
     Where logs lie in the campaign's folder, a pattern may name its runs too: they are left alone.
     """
     from ..ingestion.log_sources import own_files
+    from ..ingestion.planned_runs import other_run_tables
 
     _refuse_patterns(files)
     own = own_files(files, campaign)
@@ -79,6 +80,10 @@ def ingest(
             f"{campaign}: {len(own)} of the files given are the campaign's own runs and no logs; they are left alone"
         )
     logs = [file for file in files if file not in own]
+    tables = other_run_tables(logs, run_table)
+    for other, why in tables.items():
+        complain(f"{other}: {why}")
+    logs = [file for file in logs if file not in tables]
     work = _work(campaign, rig, accept, options.acceptance(accept, by, reason), reading)
     outcomes = _ingest(logs, work, run_table, scheduler)
     reasons: dict[str, dict[str, None]] = {}  # each once, with the runs that were refused for it

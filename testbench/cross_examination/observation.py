@@ -317,7 +317,8 @@ def _keep_speeds(seen: Observation, run: SIRun, columns: list[Column]) -> None:
     smooth = low_pass(position, min(SPEED_BAND_HZ, HIGHEST_CUTOFF * grid.rate), grid.rate)
     at = np.arange(time[0], time[-1], 1.0 / SPEED_RATE_HZ)
     path = np.column_stack([np.interp(at, time, values) for values in smooth.T])
-    seen.encoder_speeds = np.gradient(path, 1.0 / SPEED_RATE_HZ, axis=0).astype(np.float32)
+    speeds = np.gradient(path, 1.0 / SPEED_RATE_HZ, axis=0) if len(path) > 1 else np.zeros_like(path)
+    seen.encoder_speeds = speeds.astype(np.float32)
     seen.encoders = tuple(column.channel for column in columns)
     if stored := run.recorded.inputs.get("motion"):
         motion = motion_from_texts(*stored)

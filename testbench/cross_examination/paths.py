@@ -189,6 +189,10 @@ def _by_stored_motion(seen: Observation) -> Lacking | None:
     whole = np.column_stack([seen.commanded_speeds[name] for name in names])
     if any(_moving_ends(whole, "motion")):
         return None
+    if len(part) < LEAST_S * SPEED_RATE_HZ < len(whole):  # too short to be laid over anything
+        moved = np.ptp(np.flatnonzero(_moving(whole, "motion"))) / SPEED_RATE_HZ
+        stated = f"the motion that is stored with the run goes on for {moved:.3g} s"
+        return "its encoders", stated, f"the record lasts {len(part) / SPEED_RATE_HZ:.2g} s or less"
     lacks = _lacks(part, whole, "motion")
     return _said("its encoders", "the motion that is stored with the run", part, whole, lacks, "motion")
 

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 from balance.results import Key
 
 from ..errors import NotConfirmedError, RecordingError, StoreError
-from ..quality import rig_checks
-from ..quality.group_checks import RecordingCheck
+from ..quality import durations, rig_checks
+from ..quality.group_checks import GroupCheck, RecordingCheck
 from ..readers import ReadOptions
-from ..recording import Finding, Group, Origin, Refusal, findings_by_group, refusing_findings
+from ..recording import Finding, Origin, Refusal, findings_by_group, refusing_findings
 from ..store import atomic_files, ledger, open_run
 from ..store.campaign import CONTINUES, StoredSources
 from ..store.writer import RunWriter
@@ -275,19 +275,25 @@ class Ingest:
             sources[0].findings.append(Finding("continued", None, None, message))
         conditions, rig = planned.conditions or {}, None if self.rig is None else self.rig.text
         inputs: dict[str, tuple[str, ...]] = {}
+        motion: durations.Motion = None
         if self.rig is not None or "motion" in conditions:
-            from .run_inputs import run_inputs  # late: a log alone needs none of it
+            from .run_inputs import motion_duration, run_inputs  # late: a log alone needs none of it
 
             folders = [planned.folder, None if self.rig is None else self.rig.folder]
             inputs, lacking = run_inputs(self.rig, conditions, [folder for folder in folders if folder is not None])
+            motion = motion_duration(inputs, conditions)
             sources[0].findings.extend(lacking)
         # What `testbench recover` must know if this process is killed.
         intent = {"origin": origin, "conditions": conditions, "rig": rig, "inputs": inputs,
                   "sources": [source.provenance() for source in sources]}  # fmt: skip
         with RunWriter(self.folder, planned.name, intent) as writer:
-            groups = [self._copy(source, writer) for source in sources]
-            for source, own in zip(sources, groups, strict=True):
-                source.findings = findings_by_group(source.findings, own, sum(map(len, groups)) > 1)
+            checks = [self._copy(source, writer) for source in sources]
+            every = [check for own in checks for check in own]
+            measured = set() if self.rig is None else {column.channel for column in self.rig.columns()}
+            for source, own in zip(sources, checks, strict=True):
+                found = durations.with_units_confirmed(source.findings, every, self.rig, motion)
+                found += durations.duration_findings(own, measured, motion)
+                source.findings = findings_by_group(found, [check.group for check in own], len(every) > 1)
             if self.rig is not None:
                 recordings = [source.recording for source in sources]
                 sources[0].findings.extend(rig_checks.rig_findings(self.rig, recordings, self.sibling_log))
@@ -311,8 +317,8 @@ class Ingest:
                 target = writer.commit().name
         return [Outcome(target, s.path.name, s.sha256, origin, "stored", tuple(s.findings)) for s in sources]
 
-    def _copy(self, source: Source, writer: RunWriter) -> list[Group]:
-        """Read one file to its end, checking and writing each block; the groups that it held."""
+    def _copy(self, source: Source, writer: RunWriter) -> list[GroupCheck]:
+        """Read one file to its end, checking and writing each block; the checks of the groups that it held."""
         check = RecordingCheck(source.recording, rig_checks.channel_ranges(self.rig, source.recording))
         source.findings += self.reading.checked(source.description, source.recording.findings)
         done, groups = 0, len(check.groups)
@@ -336,7 +342,7 @@ class Ingest:
             source.findings = source.description.with_normal_as_notes(source.findings)
         for group in check.groups.values():
             writer.group(group.group).finish(group.rate_hz, group.rate_source, group.start_time)
-        return [group.group for group in check.groups.values()]
+        return list(check.groups.values())
 
     def _provenance(self, sources: Sequence[Source], begun: str | None) -> dict[str, Any]:
         accepted = sorted(self.accepted & {finding.code for source in sources for finding in source.findings})

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
@@ -91,6 +92,29 @@ def plan_rows(rows: "Sequence[RunTableRow]", files: Sequence[Path], run_table: P
         for path in files
         if path not in named
     ]
+
+
+def other_run_tables(files: Sequence[Path], run_table: Path | None) -> dict[Path, str]:
+    """Run tables among the files of a command, beside the one that it names, and what is said of each.
+
+    None are told apart where no file but these is given, for then somebody means them.
+    """
+    found = dict[Path, str]()
+    for path in files:
+        if run_table is None and is_run_table(path):
+            found[path] = "is a run table and no log, and left alone: if it is that of these logs, give it with --runs"
+        elif run_table is not None and not same_file(path, run_table):
+            if _same_content(path, run_table):
+                found[path] = f"is a copy of the run table {run_table.name} and no log, and is left alone"
+            elif is_run_table(path):
+                found[path] = f"is a run table and no log, and is left alone: what runs were made with says {run_table}"
+    return found if len(found) < len(files) else {}
+
+
+def _same_content(one: Path, other: Path) -> bool:
+    with suppress(OSError):
+        return one.stat().st_size == other.stat().st_size and one.read_bytes() == other.read_bytes()
+    return False
 
 
 def is_run_table(path: Path) -> bool:

@@ -4,13 +4,16 @@ A mechanism that is made of several files (includes, meshes, the loops of a robo
 same. What cannot be found or read is a finding: the logs are stored nevertheless.
 """
 
+import re
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from balance import datasets
-from balance.errors import CounterpoiseError
+from balance.errors import CounterpoiseError, suggestion
 from balance.input_files import read_text
+from balance.units import G0
 
 from ..recording import Conditions, Finding, payload_body
 from ..rig.rig import NONE, mechanism_file
@@ -25,12 +28,20 @@ Inputs = dict[str, tuple[str, ...]]
 def run_inputs(rig: "Rig | None", conditions: Conditions, folders: Iterable[Path]) -> tuple[Inputs, list[Finding]]:
     """The rig's mechanism, and the motion that the run table names, looked for in ``folders``, then among the shipped.
 
-    A motion that is no file's name is a label, and none is stored. A peak acceleration of another kind than that of the
-    motion is a finding, and so is a payload that no body is named for.
+    A motion that is no file's name is a label, and none is stored; one near to a file's name is a finding. So is a
+    peak acceleration of another kind than that of the motion, and a payload that no body is named for.
     """
     found, findings = Inputs(), list[Finding]()
     mechanism = None if rig is None or rig.mechanism == NONE else mechanism_file(rig.mechanism, rig.folder)
-    for kind, path in (("mechanism", mechanism), ("motion", _motion(conditions.get("motion"), folders))):
+    folders, stated = list(folders), conditions.get("motion")
+    motion = _motion(stated, folders)
+    if stated and motion is None and (near := suggestion(stated, _known_motions(folders)) or _lost(stated)):
+        message = f"motion {stated!r} of the run table is no file beside it or the rig, nor a shipped one{near}; "
+        message += (
+            "correct the run table, take the run out by testbench remove, and ingest again; if it is a label, leave it"
+        )
+        findings.append(Finding("unknown_motion", None, None, message))
+    for kind, path in (("mechanism", mechanism), ("motion", motion)):
         if path is None:
             continue
         try:
@@ -49,6 +60,22 @@ def run_inputs(rig: "Rig | None", conditions: Conditions, folders: Iterable[Path
             findings.append(Finding("input_not_stored", None, None, message))
     findings += _peak_findings(found["motion"], conditions) if "motion" in found else []
     return found, findings + (_payload_findings(found["mechanism"], conditions) if "mechanism" in found else [])
+
+
+def motion_duration(inputs: Inputs, conditions: Conditions) -> tuple[str, float] | None:
+    """The file of the motion that is stored, and its duration [s] at the peak acceleration that is stated.
+
+    None where there is none, or it cannot be used as stated, which is told where it is used.
+    """
+    if "motion" not in inputs:
+        return None
+    from balance.motion.motion_files import motion_from_texts  # late: a log alone needs none of it
+
+    peak = conditions.get("peak_acceleration_rad_s2") or G0 * conditions.get("peak_acceleration_g", 0.0)
+    with suppress(CounterpoiseError):
+        motion = motion_from_texts(*inputs["motion"])
+        return inputs["motion"][0], (motion.with_peak_acceleration(peak) if peak else motion).duration
+    return None
 
 
 def _payload_findings(mechanism: tuple[str, ...], conditions: Conditions) -> list[Finding]:
@@ -90,6 +117,23 @@ def _motion(name: str | None, folders: Iterable[Path]) -> Path | None:
         return None
     own = (path for folder in folders for path in _named(folder, name))
     return next((path for path in [*own, *_named(datasets.ROOT / "motions", name)] if path.is_file()), None)
+
+
+def _known_motions(folders: Iterable[Path]) -> list[str]:
+    """Names of the motions in these folders: files that say how they are driven; and of the shipped ones."""
+    own = (path for folder in folders for path in folder.glob("*.toml"))
+    shipped = (name for name in datasets.dataset_names("motions", ".toml") if len(name) > 2)  # x and y are near to much
+    return [*(path.stem for path in own if _says_driven(path)), *shipped]
+
+
+def _says_driven(path: Path) -> bool:
+    with suppress(CounterpoiseError, OSError):
+        return re.search(r"^\s*driven\s*=", read_text(path), re.MULTILINE) is not None
+    return False
+
+
+def _lost(name: str) -> str:
+    return ": no such file" if name.endswith(".toml") else ""
 
 
 def _named(folder: Path, name: str) -> Iterator[Path]:

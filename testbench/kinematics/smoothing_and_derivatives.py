@@ -20,6 +20,8 @@ ORDER = 4
 """Of the low-pass, each way."""
 LARGEST_STEP = 5.0
 """Longest step between samples, in median steps, that a spline may bridge."""
+FEWEST_INSTANTS = 4
+"""Of a clock on which something is interpolated: the spline is cubic."""
 _EVEN = 1e-6
 """Share of the longest step by which steps of an even clock may differ: its step is then their mean."""
 HIGHEST_CUTOFF = 0.4
@@ -65,12 +67,14 @@ class Rates:
 def grid_of(time: Floats, what: str, bridged: bool = False) -> Grid:
     """The even grid over recorded instants (n,) [s], of their median step; ``what`` names them in messages.
 
-    Raises AnalysisError where time does not increase, or has a gap that the caller does not mask (``bridged``).
+    Raises AnalysisError for fewer than FEWEST_INSTANTS, where time does not increase, or has a gap that the caller does
+    not mask (``bridged``).
     """
     steps = np.diff(time)
     least, most = float(steps.min(initial=np.inf)), float(steps.max(initial=-np.inf))
-    if len(time) < 2 or not np.isfinite(most - least):
-        raise AnalysisError(f"{what}: {len(time)} instants, or some that are not numbers: expected a clock")
+    if len(time) < FEWEST_INSTANTS or not np.isfinite(most - least):
+        expected = f"expected a clock of {FEWEST_INSTANTS} or more; export the log again, or repeat the run"
+        raise AnalysisError(f"{what}: {len(time)} instants, or some that are not numbers: {expected}")
     if not least > 0.0:
         worst = int(np.argmin(steps)) + 1
         raise AnalysisError(f"{what}: time does not increase at sample {worst} ({time[worst]:.9g} s)")

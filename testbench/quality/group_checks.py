@@ -2,7 +2,6 @@
 
 import math
 import re
-from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -24,6 +23,8 @@ from ..recording import (
     StartTime,
     TimeColumn,
     UniformClock,
+    by_name,
+    of_one_name,
 )
 from ..units import is_unit, same_unit, seconds_per
 from .clipping import Clipping, CodedValues
@@ -31,8 +32,23 @@ from .time_steps import GAP, MANY, RATE_TOLERANCE, ClockStats, Sampling, samplin
 
 _SAME_RATE = 1e-6
 """Rates that differ by less than this share of them are one."""
+ONE_UNIT = 0.1
+"""Share by which rates may differ that are of times in one unit."""
 _FEW_GAPS = 10
 """So few gaps are said as they are."""
+
+
+def unit_assumed(name: str, rate_hz: float | None, stated_hz: float | None, stated_by: str) -> Finding:
+    """Of a column of time without a unit: that it is in seconds, where a rate is stated that says so, else a question.
+
+    Rates [Hz], None where there is none. Any other unit would be sixty times off, or more.
+    """
+    if rate_hz and stated_hz and abs(rate_hz / stated_hz - 1.0) < ONE_UNIT:
+        message = f"carries no unit: seconds, by the rate of {stated_hz:g} Hz that {stated_by} states"
+        return Finding("time_unit_confirmed", name, None, message)
+    message = "carries no unit, and nothing shows that it is in s; write Time (s) into the header, or state time and "
+    message += "time_unit in an import description (testbench describe LOG writes one; --as), or the logger's rate in "
+    return Finding("time_unit_assumed", name, None, message + "the rig (loggers.NAME.rate)")
 
 
 @dataclass(frozen=True)
@@ -78,11 +94,7 @@ class TimeCheck:
         """What the time column shows."""
         found, clock = [], self.clock
         if self.column.assumed:
-            message = (
-                "carries no unit; seconds were assumed for the rate and the clock, the column is kept as written; "
-                "state it in the header, Time (s), or as time_unit in an import description (testbench describe)"
-            )
-            found.append(Finding("time_unit_assumed", self._name, None, message))
+            found.append(unit_assumed(self._name, self.rate_hz, self.stated_rate_hz, self.stated_by))
         if self.column.seconds_per_unit is None:
             message = "names no unit of time that is known: there is no rate, and the clock is given as written"
             found.append(Finding("time_unit_unknown", self._name, None, message))
@@ -386,11 +398,10 @@ def clock_findings(group: Group) -> list[Finding]:
 
 def header_findings(group: Group, reported: Collection[str | None] = ()) -> list[Finding]:
     """What the names and units of a group show, but missing units of the channels in ``reported``."""
-    names = Counter(channel.name for channel in group.channels)
     found = [
-        Finding("duplicate_names", name, None, f"{count} channels have this name")
-        for name, count in names.items()
-        if count > 1
+        Finding("duplicate_names", name, None, of_one_name(group.channels, places))
+        for name, places in by_name(group.channels).items()
+        if len(places) > 1 and group.channels[places[0]].name == name
     ]
     without = [
         c.name

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 from balance.errors import suggestion
 from balance.results import first_of
+from balance.units import SI_UNITS
 
-from ..recording import Channel, Finding, Recording, SensorRange, by_name
+from ..recording import Channel, Finding, Group, Recording, SensorRange, by_name, of_one_name
 from ..units import same_unit
 from .group_checks import GroupCheck, clock_findings
 from .time_steps import RATE_TOLERANCE
@@ -101,7 +102,8 @@ def rig_findings(
     logs that were looked at. ``sibling_log`` names a log outside the run that holds one of these channels.
     """
     recordings = list(recordings)
-    channels = by_name(c for r in recordings for g in r.groups for c in g.channels)
+    groups = [group for recording in recordings for group in recording.groups]
+    channels = {name: g.channels[at[-1]] for g in groups for name, at in by_name(g.channels).items()}
     labels = list(dict.fromkeys(c.label for c in channels.values()))
     known = {column.channel for column in rig.columns()}
     strange = [one for one in recordings if known.isdisjoint(by_name(c for g in one.groups for c in g.channels))]
@@ -118,6 +120,7 @@ def rig_findings(
                 _absent(logger, columns, recordings, strange) if other is None else _apart(logger, columns, other)
             )
         found += _units(present, channels)
+    found += _of_several(rig.columns(), groups)
     found += _logged_twice({column.channel: column.logger for column in rig.columns()}, recordings)
     found += _taken_twice([column for column in rig.columns() if column.channel in channels], channels)
     if len(absent) == sum(any(rig.columns(logger)) for logger in rig.loggers):
@@ -127,6 +130,20 @@ def rig_findings(
         )
         return [*found, Finding(_CODE, None, None, message)]
     return found + absent
+
+
+def _of_several(columns: "Iterable[Column]", groups: Iterable[Group]) -> list[Finding]:
+    """Channels that the rig calls by what several of one group are called: nobody knows which is the sensor's."""
+    named = [(group, by_name(group.channels)) for group in groups]
+    return [
+        Finding(
+            _CODE, column.channel, None,
+            f"the rig names it in sensors.{column.sensor}, and {of_one_name(group.channels, places)}",
+        )
+        for column in columns
+        for group, known in named
+        if len(places := known.get(column.channel, [])) > 1
+    ]  # fmt: skip
 
 
 def _logged_twice(loggers: Mapping[str, str], recordings: "Sequence[Recording]") -> list[Finding]:
@@ -249,9 +266,12 @@ def _unit(column: "Column", channel: Channel) -> list[Finding]:
     if is_electrical(unit):
         message = f"is in {unit!r}, and sensors.{column.sensor} has no calibration: testbench calibrate adds one"
         return [Finding("uncalibrated", channel.name, None, message)]
-    message = f"sensors.{column.sensor}: {unit!r} in the log is no {' or '.join(column.dimensions)}"
+    message = (
+        f"sensors.{column.sensor}: {unit!r} in the log is no {' or '.join(column.dimensions)}: expected a unit such "
+    )
+    message += f"as {' or '.join(SI_UNITS[one] for one in column.dimensions)}"
     if unit_of_log(unit, "stated") is None:
-        message += f": nobody knows this unit; state which it is in the rig, as unit of sensors.{column.sensor}"
+        message += f"; nobody knows this unit: state which it is in the rig, as unit of sensors.{column.sensor}"
     return [Finding(_CODE, channel.name, None, message)]
 
 

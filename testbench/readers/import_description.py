@@ -48,6 +48,7 @@ from ..recording import (
     StartTime,
     TimeColumn,
     UniformClock,
+    by_name,
     point_in_time,
 )
 from ..units import seconds_per
@@ -99,7 +100,11 @@ class ImportDescription(Table):
     missing: list[str | float] = Field(default_factory=list)
     """Words and numbers that stand for no value, such as OVERFLOW or -9999."""
     channels: dict[str, Text] = Field(default_factory=dict)
-    """Names of channels as written, and instead of each a name with its unit in brackets."""
+    """Names of channels as written, and instead of each a name with its unit in brackets.
+
+    Where several have one name, ``channel 4`` is the fourth of the log if it is one of them, ``GROUP/channel 4`` that
+    of a group.
+    """
     dbc: str = ""
     """Database of a CAN bus in the same folder, by which its frames are decoded; they are kept too."""
     normal: list[str] = Field(default_factory=list)
@@ -194,7 +199,7 @@ class ImportDescription(Table):
         names = list(dict.fromkeys(channel.name for channel in channels))
         lacking = list[Finding]()
         for key in self.channels:
-            if any(key in channel.names for channel in channels):
+            if any(key in channel.names for channel in channels) or any(key in plan.by_place for plan in known):
                 continue
             place = f"the import description's channels.{key}"
             if key in type(self).model_fields:
@@ -277,9 +282,13 @@ class _Plan:
         if self.places and self._units[0] is not None:
             first = channels[self.places[0]]
             channels[self.places[0]] = Channel(first.name, self._units[0].split(_SINCE)[0], first.label)
+        stated, alone = description.channels, len(recording.groups) == 1
+        shared = [place for places in by_name(channels).values() if len(places) > 1 for place in places]
+        self.by_place = {f"{before.name}/channel {place + 1}": place for place in shared}
+        self.by_place |= {f"channel {place + 1}": place for place in shared if alone}
+        of_place = {place: stated[key] for key, place in self.by_place.items() if key in stated}
         for i, channel in enumerate(channels):
-            stated = description.channels
-            if (other := stated.get(channel.name) or stated.get(channel.label)) is not None:
+            if (other := of_place.get(i) or stated.get(channel.name) or stated.get(channel.label)) is not None:
                 renamed = named_channels([other], [""])[0]
                 channels[i] = replace(renamed, unit=renamed.unit or channel.unit)
         zero = self._zero(firsts.get(before.name, 0.0))
@@ -385,11 +394,9 @@ def _no_clock(column: TimeColumn, times: Samples | None) -> str:
 
 
 def _place(group: Group, name: str) -> int | None:
-    """The channel of this name as written, or without its unit."""
-    for names in ([c.name for c in group.channels], [c.label for c in group.channels]):
-        if names.count(name) == 1:
-            return names.index(name)
-    return None
+    """The only channel of this name as written, or without its unit."""
+    places = by_name(group.channels).get(name, [])
+    return places[0] if len(places) == 1 else None
 
 
 def _point(text: str) -> StartTime | None:

@@ -24,8 +24,10 @@ from ..recording import (
     TextSeries,
     TimeColumn,
     UniformClock,
+    by_name,
     clock_from_dict,
     earliest,
+    of_one_name,
 )
 from . import atomic_files, encodings, layout, safe_hdf5
 from .chunk_io import Digests, digests_from
@@ -105,15 +107,20 @@ class StoredGroup(Group):
         return values[begin - first : end - first]
 
     def index(self, name: str) -> int | None:
-        """The channel of this name as written; else of this name without its unit; else of this HDF5 name."""
-        return self._index_by_name.get(name)
+        """The channel of this name as written; else of this name without its unit; else of this HDF5 name.
+
+        None where there is none, or not only one.
+        """
+        found = self.indices(name)
+        return found[0] if len(found) == 1 else None
+
+    def indices(self, name: str) -> list[int]:
+        """All channels of this name, by which :meth:`index` goes."""
+        return self._indices_by_name.get(name, [])
 
     @cached_property
-    def _index_by_name(self) -> dict[str, int]:
-        found: dict[str, int] = {}
-        for names in (list(self.keys), [c.label for c in self.channels], [c.name for c in self.channels]):
-            found |= {name: k for k, name in enumerate(names) if names.count(name) == 1}
-        return found
+    def _indices_by_name(self) -> dict[str, list[int]]:
+        return {key: [k] for k, key in enumerate(self.keys)} | by_name(self.channels)
 
     def attributes(self, index: int) -> dict[str, str]:
         """``long_name`` and, where the log has one, ``units`` of a channel, as xarray and netCDF name them."""
@@ -193,8 +200,12 @@ class Run(Shown, rows="groups", figure="testbench.figures.runs:draw_run"):
                 f"{self.path.name}: channel {channel!r} is in several groups, {groups}: name one, or rename it in the "
                 "other's log by an import description (channels) and ingest into another folder"
             )
+        for one in among:
+            if places := one.indices(channel):
+                several = f"channel {channel!r} is not one in group {one.name!r}: {of_one_name(one.channels, places)}"
+                raise StoreError(f"{self.path.name}: {several}, and ingest into another folder")
         known = _listed(c.name for g in among for c in g.channels)
-        raise StoreError(f"{self.path.name}: no channel {channel!r}, or not only one; there are {known}")
+        raise StoreError(f"{self.path.name}: no channel {channel!r}; there are {known}")
 
     def channel(self, name: str, group: str | None = None) -> Samples:
         """The values of a channel as recorded, in its unit as written, (n,)."""

@@ -180,7 +180,7 @@ def _groups(stem: str, file: File, sets: Sequence[Streams]) -> dict[int, Group]:
         if names[records.name] > 1:
             name = f"{name} {numbers[records.name]}"
         own = members.get(id(records), records.members)
-        clock = next((recorded_time(i, member.unit) for i, member in enumerate(own) if member.is_time), None)
+        clock = next((recorded_time(i, member.unit or "s") for i, member in enumerate(own) if member.is_time), None)
         groups[id(records)] = Group(name, tuple(Channel(m.name, m.unit) for m in own), clock, file.zero)
     return groups
 

@@ -80,11 +80,11 @@ def test_with_a_sheet_only_the_run_counts(ingest, tmp_path):
 def test_logs_of_runs_that_are_stored_need_not_be_given_again(ingest, tmp_path):
     """Of one run or several; only what is neither given nor stored is missing, and what the sheet says anew is said."""
     table = tmp_path / "runs.csv"
-    table.write_text("file,run,motion\na_daq.csv,r1,x\nb_forces.csv,r1,x\n")
+    table.write_text("file,run,motion\na_daq.csv,r1,left\nb_forces.csv,r1,left\n")
     assert ingest("a_daq.csv", "b_forces.csv", "--runs", "runs.csv")[0] == 0
     (tmp_path / "d_daq.csv").write_text("Time (s),AccX (g),AccY (g)\n0,1,2\n0.001,2,1\n0.002,1,2\n0.003,0,1\n")
     (tmp_path / "d_forces.csv").write_text("Time (s),Fz (N)\n0,1\n0.001,2\n0.002,1\n0.003,0\n")
-    table.write_text(table.read_text() + "d_daq.csv,r2,x\nd_forces.csv,r2,x\n")
+    table.write_text(table.read_text() + "d_daq.csv,r2,left\nd_forces.csv,r2,left\n")
     stored = {"a_daq.csv": [], "b_forces.csv": [], "d_daq.csv": [], "d_forces.csv": []}
     assert ingest("d_daq.csv", "d_forces.csv", "--runs", "runs.csv") == (0, stored)
     found = call(main, "testbench", "ingest", "d_daq.csv", "--runs", "runs.csv", "--rig", "rig.toml", "-o", "c")
@@ -92,11 +92,11 @@ def test_logs_of_runs_that_are_stored_need_not_be_given_again(ingest, tmp_path):
         "Logs: 4 already stored in 2 runs.",
         3,
     )  # one of them was given again
-    table.write_text(table.read_text() + "e_daq.csv,r3,x\n")
+    table.write_text(table.read_text() + "e_daq.csv,r3,left\n")
     assert ingest("d_daq.csv", "--runs", "runs.csv")[1]["e_daq.csv"] == ["log_missing"]
     lacking = json.loads(call(main, "testbench", "list", "c", "--json").out)["not_stored"]
     assert lacking == ["r3: is in the run table and not stored: its log was not given"]
-    table.write_text("file,run,motion\na_daq.csv,r1,y\nb_forces.csv,r1,y\nd_daq.csv,r2,x\n")
+    table.write_text("file,run,motion\na_daq.csv,r1,right\nb_forces.csv,r1,right\nd_daq.csv,r2,left\n")
     assert ingest("d_daq.csv", "--runs", "runs.csv")[1]["a_daq.csv"] == ["conditions_differ"]
 
 

@@ -70,7 +70,7 @@ CASES = {
     "recorded abscissae, more rows than declared": (
         segment(TIMED, n=3, dx="0.125").replace("0.001000000", "0.125"), {"x": "One"},
         {"run": (TimeColumn(0, 1.0, assumed=True), [i / 8 for i in range(6)], list(range(6)), M)},
-        {"appended_blocks", "time_unit_assumed"},
+        {"appended_blocks", "time_unit_confirmed"},
     ),
     "abscissae of each channel": (
         MULTI, {"x": "Multi"},

@@ -105,7 +105,7 @@ def test_lines_that_are_no_rows_are_shown(log, row, said):
 
 def test_a_mark_that_changes_is_an_error(log):
     """Numbers with the other decimal mark, or with two marks, are never converted."""
-    found = log("t;F\n0,1;2,5\n0,2;1.234,5\n0,3;2,75\n0.4;2.25\n0,5;7,04\n")
+    found = log("t (s);F\n0,1;2,5\n0,2;1.234,5\n0,3;2,75\n0.4;2.25\n0,5;7,04\n")
     errors = {f.code: f.where for f in found.findings if f.severity == 2}
     assert errors == {"decimal_mark_changes": "line 5", "ambiguous_number": "line 3"}
     assert np.isnan(found.column("F")).tolist() == [False, True, False, True, False]

@@ -83,7 +83,7 @@ def test_thousands_that_leave_no_doubt(log, name):
 )
 def test_thousands_in_doubt_are_refused(log, texts):
     """One mark with three digits, two readings in one column, one number grouped and one not: errors by name."""
-    found = log("t;F (N)\n" + "".join(f"0,{i};{text}\n" for i, text in enumerate(texts)))
+    found = log("t (s);F (N)\n" + "".join(f"0,{i};{text}\n" for i, text in enumerate(texts)))
     assert {f.code for f in found.findings if f.severity == 2} <= {"ambiguous_number", "decimal_mark_changes"}
     assert [f for f in found.findings if f.severity == 2]
     assert not np.isin(found.column("F (N)"), [1.234, 5.678]).any()
