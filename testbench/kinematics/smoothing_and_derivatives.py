@@ -20,8 +20,8 @@ ORDER = 4
 """Of the low-pass, each way."""
 LARGEST_STEP = 5.0
 """Longest step between samples, in median steps, that a spline may bridge."""
-FEWEST_INSTANTS = 4
-"""Of a clock on which something is interpolated: the spline is cubic."""
+FEWEST_INSTANTS = 6
+"""Of a clock on which something is interpolated: the highest spline is of degree five."""
 _EVEN = 1e-6
 """Share of the longest step by which steps of an even clock may differ: its step is then their mean."""
 HIGHEST_CUTOFF = 0.4
