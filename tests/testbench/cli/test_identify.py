@@ -34,7 +34,7 @@ def run(tmp_path_factory):
     torque = torque_regressor(model, q, v, a) @ model.pi + np.random.default_rng(0).normal(0, 0.05, q.shape)
     log = folder / "swing.csv"
     table = np.column_stack([time, q, torque])
-    np.savetxt(log, table, "%.9f", ",", header="# origin: simulated\ntime,pos1,pos2,tau1,tau2", comments="")
+    np.savetxt(log, table, "%.9f", ",", header="# origin: simulated\ntime (s),pos1,pos2,tau1,tau2", comments="")
     assert Ingest(folder, rigs.load_rig(ARM)).run(PlannedRun("swing", (log,)))[0].status == "stored"
     return folder / "swing.h5"
 
