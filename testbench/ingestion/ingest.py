@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from balance.results import Key
 
 from ..errors import NotConfirmedError, RecordingError, StoreError
-from ..quality import durations, rig_checks
+from ..quality import rig_checks
 from ..quality.group_checks import GroupCheck, RecordingCheck
 from ..readers import ReadOptions
 from ..recording import Finding, Origin, Refusal, findings_by_group, refusing_findings
@@ -275,7 +275,7 @@ class Ingest:
             sources[0].findings.append(Finding("continued", None, None, message))
         conditions, rig = planned.conditions or {}, None if self.rig is None else self.rig.text
         inputs: dict[str, tuple[str, ...]] = {}
-        motion: durations.Motion = None
+        motion: rig_checks.Motion = None
         if self.rig is not None or "motion" in conditions:
             from .run_inputs import motion_duration, run_inputs  # late: a log alone needs none of it
 
@@ -291,8 +291,8 @@ class Ingest:
             every = [check for own in checks for check in own]
             measured = set() if self.rig is None else {column.channel for column in self.rig.columns()}
             for source, own in zip(sources, checks, strict=True):
-                found = durations.with_units_confirmed(source.findings, every, self.rig, motion)
-                found += durations.duration_findings(own, measured, motion)
+                found = rig_checks.with_units_confirmed(source.findings, every, self.rig, motion)
+                found += rig_checks.duration_findings(own, measured, motion)
                 source.findings = findings_by_group(found, [check.group for check in own], len(every) > 1)
             if self.rig is not None:
                 recordings = [source.recording for source in sources]

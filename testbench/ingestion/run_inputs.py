@@ -133,7 +133,7 @@ def _says_driven(path: Path) -> bool:
 
 
 def _lost(name: str) -> str:
-    return ": no such file" if name.endswith(".toml") else ""
+    return ": there is none of this name" if name.endswith(".toml") else ""
 
 
 def _named(folder: Path, name: str) -> Iterator[Path]:

@@ -32,23 +32,27 @@ from .time_steps import GAP, MANY, RATE_TOLERANCE, ClockStats, Sampling, samplin
 
 _SAME_RATE = 1e-6
 """Rates that differ by less than this share of them are one."""
-ONE_UNIT = 0.1
-"""Share by which rates may differ that are of times in one unit."""
+ONE_UNIT, OTHER_UNIT = 0.1, 10.0
+"""Share by which rates may differ that are of times in one unit; and the factor from which on they are in others."""
 _FEW_GAPS = 10
 """So few gaps are said as they are."""
 
 
 def unit_assumed(name: str, rate_hz: float | None, stated_hz: float | None, stated_by: str) -> Finding:
-    """Of a column of time without a unit: that it is in seconds, where a rate is stated that says so, else a question.
+    """Of a column of time without a unit: that it is in seconds by a stated rate, or against it, or that none shows it.
 
     Rates [Hz], None where there is none. Any other unit would be sixty times off, or more.
     """
+    cure = "write Time (s) into the header, or state time and time_unit in an import description (testbench describe "
+    cure += "LOG writes one; --as)"
     if rate_hz and stated_hz and abs(rate_hz / stated_hz - 1.0) < ONE_UNIT:
         message = f"carries no unit: seconds, by the rate of {stated_hz:g} Hz that {stated_by} states"
         return Finding("time_unit_confirmed", name, None, message)
-    message = "carries no unit, and nothing shows that it is in s; write Time (s) into the header, or state time and "
-    message += "time_unit in an import description (testbench describe LOG writes one; --as), or the logger's rate in "
-    return Finding("time_unit_assumed", name, None, message + "the rig (loggers.NAME.rate)")
+    if rate_hz and stated_hz and not 1.0 / OTHER_UNIT < rate_hz / stated_hz < OTHER_UNIT:
+        message = f"carries no unit; in seconds its rate is {rate_hz:.4g} Hz, and {stated_by} states {stated_hz:g} Hz: "
+        return Finding("time_unit_contradiction", name, None, message + cure)
+    message = "carries no unit: seconds are assumed, which neither a stated rate, another logger nor the motion shows; "
+    return Finding("time_unit_assumed", name, None, message + cure + ", or the logger's rate in the rig")
 
 
 @dataclass(frozen=True)

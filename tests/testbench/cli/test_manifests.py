@@ -13,7 +13,7 @@ ANSWERS = {
         "cut_file",
         ["the file ends at byte 970283", "segment 2586", "Time 12940", "Load Cell 4040. 1 12930"],
     ),
-    "b03_cut_mid_row.csv": (1, "cut_last_row", ["line 1502: 9 of 21 fields and no line end"]),
+    "b03_cut_mid_row.csv": (3, "cut_last_row", ["line 1502: 9 of 21 fields and no line end"]),
     "b04_nan_inf_tokens.csv": (3, "not_a_number", ["in line 11"]),
     "b05_header_repeated.csv": (3, "repeated_header", ["0.00735983"]),
     "b06_time_not_monotonic.csv": (1, "time_not_increasing", ["line 202", "line 401", "-0.9949996471 s at line 601"]),

@@ -159,8 +159,7 @@ def test_reading_needs_no_mechanics():
 @pytest.mark.parametrize("name", ["08_phyphox_linear_acc.csv", "10_double_pendulum_C1_154548.csv"])
 def test_public_recordings_from_hdf5(command, tmp_path, name):
     """Their known values, after ingest."""
-    accepted = ("--accept", "time_unit_assumed")  # some of these logs state no unit of their time
-    assert command("ingest", reading.real(name), *accepted, "-o", tmp_path / "c")[0] in (0, 3)
+    assert command("ingest", reading.real(name), "-o", tmp_path / "c")[0] in (0, 3)
     run = open_run(tmp_path / "c" / f"{Path(name).stem}.h5")
     for channel, expected in reading.known(name).items():
         if "t_first" in expected:

@@ -65,10 +65,10 @@ def test_the_cure_that_is_said_leaves_the_name_to_one(ingest, tmp_path):
         ("Time (s),ax (g)", 1e-3, "slide", "", None),
         ("Time (ms),ax (g)", 1e-3, "slide", "", "duration_contradiction"),  # values in seconds
         ("time,ax (g)", 1e-3, "slide", "", "time_unit_confirmed"),
-        ("time,ax (g)", 1.0, "slide", "", "time_unit_assumed"),  # values in milliseconds
+        ("time,ax (g)", 1.0, "slide", "", "time_unit_contradiction"),  # values in milliseconds
         ("time,ax (g)", 1e-3, "", "", "time_unit_assumed"),
         ("time,ax (g)", 1e-3, "", 'rate = "1 kHz"', "time_unit_confirmed"),
-        ("time,ax (g)", 1.0, "", 'rate = "1 kHz"', "time_unit_assumed"),
+        ("time,ax (g)", 1.0, "", 'rate = "1 kHz"', "time_unit_contradiction"),
         ("Time (s),ax (g)", 1e-3, "slde", "", "unknown_motion"),
         ("Time (s),ax (g)", 1e-3, "by hand", "", None),
     ],
@@ -78,8 +78,9 @@ def test_what_time_and_motion_say_of_each_other(ingest, tmp_path, header, step, 
     (tmp_path / "rig.toml").write_text(RIG.replace("[loggers.daq]", f"[loggers.daq]\n{rig}"))
     found = ingest(log(header, step), "--rig", "rig.toml", "--json", motion=motion)
     kept = {"duration_contradiction", "time_unit_confirmed", "time_unit_assumed", "unknown_motion"}
+    kept |= {"time_unit_contradiction"}
     assert {one for one in kept if f'"{one}"' in found.out} == ({code} if code else set())
-    assert (found.code == 1) is (code == "time_unit_assumed")
+    assert (found.code == 1) is (code == "time_unit_contradiction")
 
 
 def test_a_header_of_any_length_is_read_where_its_lines_are_stated(ingest, tmp_path):

@@ -70,10 +70,12 @@ def test_mechanism_and_motion_come_back(folder):
 
 
 def test_a_label_is_no_file(folder):
-    """A motion of which there is no file is a label; one outside the folder is not looked for."""
+    """A motion of which there is no file is a label; one outside the folder is not looked for, which is said."""
     (folder / "inner").mkdir()
     for name in ("as by hand", "../swing", str(folder / "swing.toml")):
-        assert run_inputs(None, {"motion": name}, [folder / "inner"]) == ({}, [])
+        inputs, findings = run_inputs(None, {"motion": name}, [folder / "inner"])
+        assert inputs == {}
+        assert [one.code for one in findings] == ["unknown_motion"] * name.endswith(".toml")
     assert "motion" in run_inputs(None, {"motion": "swing"}, [folder])[0]
 
 
