@@ -1,6 +1,11 @@
-"""Shipped data: in a wheel the folder ``balance/_datasets``, in a checkout ``datasets``."""
+"""Shipped data, in a wheel ``balance/_datasets``, in a checkout ``datasets``; and digests of files that are read."""
 
+import hashlib
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
+from typing import NamedTuple
 
 from .errors import DataError, suggestion
 
@@ -52,3 +57,44 @@ def find_dataset(name: str | Path, folder: str, *suffixes: str) -> Path:
     )
     given = str(name) or repr("")
     raise DataError(f"{given}: no such file, and no shipped one of that name in {folder}{meant} (there are: {known})")
+
+
+_READ: ContextVar[list["FileDigest"] | None] = ContextVar("files read", default=None)
+
+
+class FileDigest(NamedTuple):
+    """A file that was read."""
+
+    name: str
+    """Without its folder."""
+    sha256: str
+    """Of its bytes as they were read, 64 hexadecimal digits."""
+
+
+@contextmanager
+def files_read() -> Iterator[list[FileDigest]]:
+    """What is read within, in order, each content once; an enclosing context does not have it."""
+    found: list[FileDigest] = []
+    token = _READ.set(found)
+    try:
+        yield found
+    finally:
+        _READ.reset(token)
+
+
+def note_files(files: Iterable[FileDigest]) -> None:
+    """Enter files among those that are read in this context, if there is one."""
+    found = _READ.get()
+    if found is not None:
+        found += [one for one in dict.fromkeys(files) if one not in found]
+
+
+def text_of(path: Path, encoding: str = "utf-8") -> str:
+    """The text of a file, each end of line as one newline; it is entered among those that are read.
+
+    Raises OSError and UnicodeDecodeError as ``Path.read_text`` does.
+    """
+    content = path.read_bytes()
+    text = content.decode(encoding)
+    note_files([FileDigest(path.name, hashlib.sha256(content).hexdigest())])
+    return text.replace("\r\n", "\n").replace("\r", "\n")

@@ -38,6 +38,7 @@ from pydantic import (
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
+from .datasets import text_of
 from .errors import CounterpoiseError, DataError, UnitError, suggestion
 from .units import SI_UNITS, dimension_of, example, factor_to_si, parse, parse_vector
 
@@ -239,7 +240,7 @@ def read_text(path: Path, error: type[CounterpoiseError] = DataError, largest: i
         size = path.stat().st_size
         if size > largest:
             raise error(f"{path.name}: is {size / 1e6:.0f} MB: expected at most {largest / 1e6:.0f} MB")
-        return path.read_text(encoding="utf-8")
+        return text_of(path)
     except FileNotFoundError as missing:
         raise error(f"no such file {path.name!r}") from missing
     except IsADirectoryError as folder:

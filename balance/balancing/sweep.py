@@ -137,7 +137,8 @@ class Problem:
         given = self.mechanism
         anew = mechanism_from_text(ElementTree.tostring(root, encoding="unicode"), given.name)
         masses = {body: given.mass(body) for body in given.own_mass if given.mass(body) != anew.mass(body)}
-        return replace(self, mechanism=anew.with_payload(masses))
+        mounted = {name: mass for name, mass in given.payload.items() if name not in masses}
+        return replace(self, mechanism=anew.with_payload(mounted | masses))
 
     def place(self, name: str, axis: str) -> float:
         """Where the file has a site or a body, along one axis of the body that carries it [m]."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats, frozen
+from ..datasets import FileDigest
 from ..errors import ModelError, suggestion
 from ..results import Brief
 from ..units import si
@@ -122,6 +123,10 @@ class Mechanism(Brief):
     """The link that is taken as the base, fixed to the world, though the SDF file leaves it free to move."""
     frames: Mapping[str, tuple[Floats, Floats]] = field(default_factory=dict)
     """Of the file's bodies: axes (3, 3) and origin (3,) [m] in the frame of the joint that carries them."""
+    files: tuple[FileDigest, ...] = ()
+    """Those that it was read from."""
+    payload: Mapping[str, float] = field(default_factory=dict)
+    """Payload that :meth:`with_payload` stated, by body or site [kg]."""
 
     def beyond_limits(self, q: Floats) -> dict[str, tuple[float, float]]:
         """For each joint beyond its limits at the configurations ``q`` (n, nv): its least and largest [rad, m]."""
@@ -340,12 +345,19 @@ class Mechanism(Brief):
                 mechanism = mechanism._with_body_mass(name, mass)
             elif name in self.sites:
                 mechanism = mechanism.with_counter_mass({name: mass})
+                mass += mechanism.payload.get(name, 0.0)
             else:
                 raise ModelError(
                     f"{self.name} has no body or site {name!r}{suggestion(name, known)}: bodies are "
                     f"{', '.join(self.own_mass)}, sites {', '.join(self.sites) or 'none'}"
                 )
+            mechanism = replace(mechanism, payload={**mechanism.payload, name: mass})
         return mechanism
+
+    @property
+    def carried(self) -> dict[str, float]:
+        """Payload by body or site: that stated, and what the file gives to bodies that carry it [kg]."""
+        return {body: self.mass(body) for body in self.payload_bodies if self.mass(body)} | dict(self.payload)
 
     def _with_body_mass(self, body: str, mass: float) -> "Mechanism":
         index = self.body_index(body)

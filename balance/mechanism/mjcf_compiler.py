@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from ..datasets import text_of
 from ..errors import ModelError
 
 TEXT_LIMIT = 20_000_000
@@ -66,7 +67,7 @@ def read_text(path: Path) -> str:
     if size > TEXT_LIMIT:
         raise ModelError(f"{path.name}: has {size} bytes; at most {TEXT_LIMIT} are read")
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = text_of(path, "utf-8-sig")
     except UnicodeDecodeError as error:
         raise ModelError(f"{path.name}: not in UTF-8: {error}") from error
     for found, what in (("\0", "a NUL character"), ("<!ENTITY", "entities (<!ENTITY>)")):

@@ -19,6 +19,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from .. import datasets
+from ..datasets import FileDigest, files_read, note_files
 from ..errors import ModelError
 from .compiled_model import Compilation, mechanism_of
 from .mechanism import Mechanism
@@ -37,7 +38,8 @@ def load_mechanism(name: str | Path) -> Mechanism:
     path = datasets.find_dataset(name, "mechanisms", ".xml")
     if path.suffix.lower() not in {".xml", ".mjcf", ".urdf", ".sdf"}:
         raise ModelError(f"{path.name}: expected a MJCF (.xml, .mjcf), URDF (.urdf) or SDF (.sdf) file")
-    found = _mechanism(read_text(path), path.stem, path.name, path)
+    with files_read() as files:
+        found = _mechanism(read_text(path), path.stem, path.name, path)
     joints = zip(found.coordinates, found.tree.joints, found.home, strict=True)
     if wound := {name: at for name, joint, at in joints if joint.revolute and abs(at) > 2.0 * math.pi}:
         stated = ", ".join(f"{name} = {at:.6g} rad ({math.radians(at):.4g} if degrees)" for name, at in wound.items())
@@ -46,7 +48,7 @@ def load_mechanism(name: str | Path) -> Mechanism:
             'keyframes are in radians, with <compiler angle="degree"/> too: write these if degrees were meant',
             stacklevel=2,
         )
-    return found
+    return replace(found, files=tuple(files))
 
 
 def mechanism_from_text(text: str, name: str) -> Mechanism:
@@ -75,8 +77,9 @@ def _mechanism(text: str, name: str, file: str, path: Path | None) -> Mechanism:
             model, files = compile_spec(spec, text, file, folder)
             return Compilation.of(model, with_inertials(text, spec, model), files)
 
-    found = mechanism_of(compiled() if folder is None else _compiled_once(text, folder, compiled), file, name)
-    return replace(found, loose_base=loose_base)
+    compilation = compiled() if folder is None else _compiled_once(text, folder, compiled)
+    note_files(FileDigest(Path(mesh).name, digest) for mesh, digest in compilation.files.items() if digest)
+    return replace(mechanism_of(compilation, file, name), loose_base=loose_base)
 
 
 def _compiled_once(text: str, folder: Path, compiled: Callable[[], Compilation]) -> Compilation:

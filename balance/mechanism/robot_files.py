@@ -15,6 +15,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from pydantic import Field
 
+from ..datasets import files_read, note_files
 from ..errors import ModelError
 from ..input_files import Table, json_document, model_from_table
 from .mjcf_compiler import read_text
@@ -79,7 +80,8 @@ def _sidecar(path: Path) -> dict[str, Any]:
         of_another = not own and other.with_suffix(".urdf").is_file()
         if of_another or not other.resolve().is_relative_to(path.parent.resolve()):
             continue
-        text = read_text(other)
+        with files_read() as files:
+            text = read_text(other)
         if "closed_loop" not in text and not own:
             continue
         try:
@@ -98,7 +100,9 @@ def _sidecar(path: Path) -> dict[str, Any]:
             raise ModelError(
                 f"{path.name}: the YAML file {other.name} states loops; name it {path.stem}.yaml if it is meant"
             )
-        found = {key: data[key] for key in _SIDECAR_KEYS if key in data} if own else found
+        if own:
+            found = {key: data[key] for key in _SIDECAR_KEYS if key in data}
+            note_files(files)
     stated = {key: value for key, value in found.items() if value is not None}
     return model_from_table(RobotLoops, stated, f"{path.stem}.yaml", ModelError).model_dump(exclude_unset=True)
 

@@ -10,6 +10,7 @@ from itertools import islice
 import numpy as np
 
 from ..arrays import Floats
+from ..datasets import FileDigest
 from ..errors import CoarseSamples, DataError
 from ..mechanism.mechanism import Mechanism
 from .driven_coordinates import Drive
@@ -245,6 +246,8 @@ class Motion:
     """Whether each driven joint is given in lengths, not angles; empty where a point is driven."""
     source: str = "motion"
     """What messages call it."""
+    files: tuple[FileDigest, ...] = ()
+    """Those that it was read from."""
 
     def with_peak_acceleration(self, acceleration: float) -> "Motion":
         """The same path with another peak acceleration [m/s2 or rad/s2]; recorded samples are as they are.

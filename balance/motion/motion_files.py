@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -10,6 +11,7 @@ from pydantic import Discriminator, Field, Tag
 
 from .. import datasets
 from ..arrays import Floats
+from ..datasets import files_read
 from ..errors import DataError
 from ..input_files import (
     Measured,
@@ -149,7 +151,9 @@ class MotionTable(Table):
 def load_motion(name: str | Path) -> Motion:
     """Load a shipped motion by name, or a TOML file. Raises DataError, naming the key that is wrong."""
     path = datasets.find_dataset(name, "motions", ".toml")
-    return motion_from_texts(path.name, *motion_texts(path))
+    with files_read() as files:
+        found = motion_from_texts(path.name, *motion_texts(path))
+    return replace(found, files=tuple(files))
 
 
 def motion_texts(path: Path) -> tuple[str, ...]:

@@ -45,6 +45,22 @@ def test_as_mechanisms_that_are_made():
     assert costs == sorted(costs, reverse=True)
 
 
+def test_a_payload_at_a_site_stays_where_a_place_is_in_error():
+    """Joint A out of place, 1 kg at B of the coupler: as with a body of that mass in the file, fixed there."""
+    filed = load("four-bar")
+    body = '<body name="load" pos="0.26 0 0"><inertial pos="0 0 0" mass="1" diaginertia="1e-9 1e-9 1e-9"/></body>'
+    site = '<site name="B_AB" pos="0.26 0 0"/>'
+    assert site in filed.text
+    written = mechanism_from_text(filed.text.replace(site, site + body), "written")
+    samples, errors = load_motion("four-bar").sample(300.0), [Tolerance("AB", "x", 2e-4)]
+    found, expected = (
+        analyze_tolerances(Problem(one, samples, {"counter_A0A": 1.0}), errors, 1000, 1)
+        for one in (filed.with_payload({"B_AB": 1.0}), written)
+    )
+    assert found.nominal == pytest.approx(expected.nominal, rel=1e-9)
+    assert found.percentiles == pytest.approx(expected.percentiles, rel=1e-9)
+
+
 def test_one_error_in_closed_form():
     """One counter-mass wrong by t: the force is |error| times that of 1 kg there, rectangular: 95 % within 0.95 t."""
     found = analyze_tolerances(manipulator(), TOLERANCES[:1], 20_000, 1)
